@@ -1,0 +1,68 @@
+"""One family of errors, in the words of the test engineer: the thing, the number, the way out.
+
+The core raises these; only the command line turns them into a sentence and an exit code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+
+class PipelineError(Exception):
+    """Anything we can explain in one sentence.
+
+    Attributes:
+        exit_code: What the command line returns for it, see the README.
+    """
+
+    exit_code = 1
+
+
+class UsageError(PipelineError):
+    """The command or its options cannot be carried out as given."""
+
+    exit_code = 2
+
+
+class InputError(PipelineError):
+    """Input was rejected: names the file, the line, the thing and the way out.
+
+    Attributes:
+        file: File name relative to the campaign folder, or None.
+        line: Line in that file counted from 1, or None.
+        thing: What is wrong there.
+        way_out: What to do about it.
+    """
+
+    exit_code = 5
+
+    def __init__(
+        self, thing: str, way_out: str, *, file: str | None = None, line: int | None = None
+    ) -> None:
+        """Compose the one sentence from its parts."""
+        self.file, self.line, self.thing, self.way_out = file, line, thing, way_out
+        super().__init__(f"{place(file, line)}{thing}; {way_out}.")
+
+
+class TableMismatch(PipelineError):
+    """A table does not keep the promise of its schema."""
+
+
+class ModelMisfit(PipelineError):
+    """With --strict: the model does not fit the data."""
+
+    exit_code = 4
+
+
+def place(file: str | None, line: int | None) -> str:
+    """Where it is, as `file:line: `, or nothing."""
+    if file is None:
+        return ""
+    return f"{file}: " if line is None else f"{file}:{line}: "
+
+
+def listed(names: Iterable[str], most: int = 12) -> str:
+    """Names for a sentence, `a, b, c and 4 more`."""
+    names = list(names)
+    shown = ", ".join(names[:most]) or "none"
+    return shown if len(names) <= most else f"{shown} and {len(names) - most} more"

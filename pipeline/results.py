@@ -1,0 +1,144 @@
+"""Frozen records that travel in memory between the stages; arrays inside are read-only."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse
+
+Array = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+Bools = npt.NDArray[np.bool_]
+Strings = npt.NDArray[np.object_]
+
+
+class Locked:
+    """A frozen dataclass whose arrays cannot be written to."""
+
+    def __post_init__(self) -> None:
+        """Replace every array by a read-only view of it."""
+        for field in dataclasses.fields(self):  # type: ignore[arg-type]
+            value = getattr(self, field.name)
+            if isinstance(value, np.ndarray):
+                view = value.view()
+                view.flags.writeable = False
+                object.__setattr__(self, field.name, view)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One unknown of a model.
+
+    Attributes:
+        name: As in result.json, `c_r1`, `c_roll`.
+        unit: Its unit, `m/N`, `rad/(N m)`.
+        typical: Its usual size, in that unit; scales columns and priors.
+        lower: Physical lower bound (0 for a compliance).
+        upper: Physical upper bound.
+    """
+
+    name: str
+    unit: str
+    typical: float
+    lower: float = -np.inf
+    upper: float = np.inf
+
+
+@dataclass(frozen=True, eq=False)
+class Rows(Locked):
+    """What each row of c and B is: one coordinate of one target in one pull.
+
+    Attributes:
+        pose: Pose number, shape (M,).
+        repeat: Pull number within the pose, shape (M,).
+        target: Name of the target, shape (M,).
+        axis: 0, 1, 2 for x, y, z of F_b, shape (M,).
+        pull: Index of the pull in `Pulls`, shape (M,).
+    """
+
+    pose: Ints
+    repeat: Ints
+    target: Strings
+    axis: Ints
+    pull: Ints
+
+    def __len__(self) -> int:
+        """Number of rows M."""
+        return len(self.pose)
+
+
+@dataclass(frozen=True, eq=False)
+class Errors:
+    """Every source of error of c, as independent unit errors e: the error of c is G e.
+
+    Attributes:
+        G: Sensitivity times standard uncertainty [m], sparse, shape (M, E).
+        source: Source of each column: `tracker`, `zero`, `force_reading`, `direction`,
+            `registration`, `force_gain`, shape (E,).
+        common: True where one error moves more than one pose (registration, gain), shape (E,).
+    """
+
+    G: scipy.sparse.csr_array
+    source: Strings
+    common: Bools
+
+
+@dataclass(frozen=True, eq=False)
+class System(Locked):
+    """The linear system c = B x + G e, Eqs. (19), (20), in F_b, SI.
+
+    Attributes:
+        parameters: Name and unit of each entry of x.
+        rows: What each row is.
+        B: Derivative of the displacements by x, shape (M, k).
+        c: Displacements loaded minus unloaded [m], shape (M,).
+        errors: Where c may be wrong and by how much.
+        noise_stated: False when the campaign states no noise; G then is one unit per row.
+    """
+
+    parameters: tuple[Parameter, ...]
+    rows: Rows
+    B: Array
+    c: Array
+    errors: Errors
+    noise_stated: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate(Locked):
+    """What the data say about x.
+
+    Attributes:
+        parameters: Name and unit of each entry of x.
+        value: Best estimate, shape (k,).
+        cov: Covariance of `value`, shape (k, k); infinite on the diagonal where undetermined.
+        identifiable: True where the data determine the entry to better than its typical size, (k,).
+        residual: c - B x [m], shape (M,).
+        chi2: Weighted sum of squared residuals; about `dof` if the model is true. In units of
+            the estimated variance (hence equal to dof) when no noise is stated.
+        dof: Rows minus determined parameters.
+        p_value: Probability of a chi2 this large or larger; None when no noise is stated.
+        noise_from: `stated`, `replicates` or `residuals`.
+        residual_std_m: Unweighted residual standard deviation, sqrt(r'r / dof) [m].
+        quantile: Half width of a 95 % interval in standard deviations (normal or Student).
+    """
+
+    parameters: tuple[Parameter, ...]
+    value: Array
+    cov: Array
+    identifiable: Bools
+    residual: Array
+    chi2: float
+    dof: int
+    p_value: float | None
+    noise_from: str
+    residual_std_m: float
+    quantile: float
+
+    @property
+    def std(self) -> Array:
+        """Standard uncertainty of `value`, shape (k,)."""
+        return np.sqrt(np.diag(self.cov))

@@ -1,0 +1,186 @@
+"""campaign.toml: what was measured, where, with what. Checked once, typed from there on."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+
+from pipeline.errors import InputError
+
+Point = tuple[float, float, float]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+
+class Strict(BaseModel):
+    """A table that tells about words it does not know instead of overlooking them."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class InstrumentNoise(Strict):
+    """Standard uncertainty of one reading in the beam's frame, constant and per metre of range."""
+
+    range_m: NotNegative
+    range_per_m: NotNegative = 0.0
+    transverse_m: NotNegative
+    transverse_per_m: NotNegative = 0.0
+
+
+class Tracker(Strict):
+    """The tracker's exports and its noise; without noise it is estimated from the residuals."""
+
+    files: list[str] = Field(min_length=1)
+    unit: Literal["mm", "m", "in"] | None = None
+    sigma_m: Positive | None = None
+    noise: InstrumentNoise | Literal["paper"] | None = None
+
+    @model_validator(mode="after")
+    def one_noise(self) -> Tracker:
+        """sigma_m or noise, not both."""
+        if self.sigma_m is not None and self.noise is not None:
+            raise ValueError("sigma_m and noise are both given; keep one of them")
+        return self
+
+
+class Naming(Strict):
+    """How group and target names are read."""
+
+    group: str = r"pose(?P<pose>[0-9]+)_rep(?P<repeat>[0-9]+)_(?P<state>unloaded|loaded)"
+    measured: list[str] = Field(default=["P1", "P2", "P3"], min_length=1)
+    chain: list[str] = Field(default=["Pl1", "Pl2"], min_length=2, max_length=2)
+
+    @field_validator("group")
+    @classmethod
+    def names_its_parts(cls, pattern: str) -> str:
+        """The pattern must compile and name pose, repeat and state."""
+        try:
+            named = set(re.compile(pattern).groupindex)
+        except re.error as problem:
+            raise ValueError(f"not a regular expression ({problem})") from problem
+        if not {"pose", "repeat", "state"} <= named:
+            raise ValueError("needs the named parts (?P<pose>...), (?P<repeat>...), (?P<state>...)")
+        return pattern
+
+
+class Scale(Strict):
+    """The spring scale: its log and its uncertainty."""
+
+    file: str = "loads.csv"
+    sigma_n: NotNegative = 0.0
+    sigma_rel: NotNegative = 0.0
+    gain_sigma: NotNegative = 0.0
+
+
+class JointLog(Strict):
+    """The controller's joint log."""
+
+    file: str = "joints.csv"
+
+
+class Displacements(Strict):
+    """A campaign that arrives already reduced."""
+
+    file: str = "displacements.csv"
+    forces: str = "forces.csv"
+    sigma_m: Positive | None = None
+
+
+class TestPose(Strict):
+    """Where a good prediction matters most, Eqs. (12), (13); m and degrees, N."""
+
+    __test__ = False
+
+    q: list[float]
+    force_n: Point
+
+
+class Model(Strict):
+    """What the forward model takes into account."""
+
+    equilibrium: Literal["undeformed", "deformed"] = "undeformed"
+
+
+class Settings(Strict):
+    """A whole campaign.toml."""
+
+    format: Literal[1]
+    name: str = Field(min_length=1, max_length=200)
+    robot: str
+    tracker: Tracker | None = None
+    naming: Naming = Naming()
+    base_frame: dict[str, Point] = {}
+    scale: Scale | None = None
+    joints: JointLog = JointLog()
+    displacements: Displacements | None = None
+    tool: dict[str, Point]
+    test_pose: TestPose | None = None
+    model: Model = Model()
+
+    @model_validator(mode="after")
+    def raw_or_reduced(self) -> Settings:
+        """Either [tracker] and [scale], or [displacements]."""
+        if self.displacements is None and (self.tracker is None or self.scale is None):
+            raise ValueError("needs the tables [tracker] and [scale], or [displacements]")
+        if self.displacements is not None and (self.tracker is not None or self.scale is not None):
+            raise ValueError("has [displacements] beside [tracker] or [scale]; keep one way in")
+        return self
+
+    @model_validator(mode="after")
+    def tool_has_its_points(self) -> Settings:
+        """The load point and every measured target need nominal coordinates."""
+        lacking = [name for name in ("load_point", *self.measured) if name not in self.tool]
+        if lacking:
+            raise ValueError(f"[tool] lacks {', '.join(lacking)}")
+        return self
+
+    @property
+    def measured(self) -> list[str]:
+        """Targets whose displacement is measured; a reduced campaign has those of its tool."""
+        if self.displacements is not None and "measured" not in self.naming.model_fields_set:
+            return [name for name in self.tool if name != "load_point"]
+        return self.naming.measured
+
+
+def parse(text: str) -> Settings:
+    """Settings from the text of campaign.toml.
+
+    Raises:
+        InputError: Not TOML, an unknown word, a missing table or a value of the wrong kind.
+    """
+    try:
+        content: dict[str, Any] = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as problem:
+        raise InputError(
+            f"not valid TOML ({problem})", "correct that place", file="campaign.toml"
+        ) from problem
+    try:
+        return Settings.model_validate(content)
+    except ValidationError as problem:
+        first = problem.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        message = first["msg"].removeprefix("Value error, ")
+        raise InputError(
+            f"{where}: {message}" if where else message,
+            "correct it as docs/campaign.md describes",
+            file="campaign.toml",
+            line=_line(text, [str(part) for part in first["loc"]]),
+        ) from problem
+
+
+def _line(text: str, path: list[str]) -> int | None:
+    """The line on which the last known word of a path stands, as good as text search can tell."""
+    table = None
+    for number, line in enumerate(text.splitlines(), 1):
+        header = re.match(r"\s*\[([^\]]+)\]", line)
+        if header:
+            table = header[1].strip()
+            if path == [table]:
+                return number
+        key = re.match(r'\s*"?([^"=\s]+)"?\s*=', line)
+        if key and path and key[1] == path[-1] and (len(path) == 1 or table == ".".join(path[:-1])):
+            return number
+    return None
