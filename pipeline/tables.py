@@ -99,9 +99,12 @@ REGISTRATION = promise(
 PLACED = promise(
     "placed",
     "file,line",
-    [*READINGS],
+    [
+        READINGS.field(name).with_nullable(READINGS.field(name).nullable and name == "time")
+        for name in READINGS.names
+    ],
 )
-"""Readings of the targets moved into F_b, covariance included; columns as in `readings`."""
+"""Readings of the poses moved into F_b, covariance included; columns as in `readings`."""
 
 FORCES = promise(
     "forces",
@@ -143,6 +146,7 @@ DISPLACEMENTS = promise(
         col("zero_x_m", F64, "m", "unloaded position, F_b, NaN when only displacements are known"),
         col("zero_y_m", F64, "m", "as zero_x_m"),
         col("zero_z_m", F64, "m", "as zero_x_m"),
+        col("zero_count", I32, "1", "unloaded readings in the zero, 0 when only displacements are known"),
         col("zero_time_s", F64, "s", "mean time of the zero after the first reading"),
     ],
 )

@@ -1,0 +1,38 @@
+"""3x3 covariances in table columns, and factors of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from pipeline.results import Array
+
+PAIRS = ("xx", "xy", "xz", "yy", "yz", "zz")
+I, J = np.triu_indices(3)
+
+
+def columns(before: str = "c", after: str = "_m2") -> list[str]:
+    """Names of the six columns that hold a covariance."""
+    return [f"{before}{pair}{after}" for pair in PAIRS]
+
+
+def matrices(table: pd.DataFrame, names: Sequence[str] | None = None) -> Array:
+    """Six columns of a table as matrices, shape (rows, 3, 3)."""
+    upper = table[list(names or columns())].to_numpy(dtype=float)
+    out = np.empty((len(table), 3, 3))
+    out[:, I, J] = upper
+    out[:, J, I] = upper
+    return out
+
+
+def flat(matrices: Array) -> Array:
+    """Matrices (m, 3, 3) as six columns (m, 6), in the order of `columns`."""
+    return matrices[:, I, J]
+
+
+def factors(matrices: Array) -> Array:
+    """L with L L' = C for positive semidefinite C, shape (m, 3, 3); rank may be less than 3."""
+    values, vectors = np.linalg.eigh(matrices)
+    return vectors * np.sqrt(np.clip(values, 0.0, None))[:, None, :]

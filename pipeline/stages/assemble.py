@@ -1,0 +1,248 @@
+"""Stage 5. Joint values, forces and displacements in, c = B x + G e out: Eqs. (19), (20)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+import scipy.sparse
+
+from pipeline import covariance, tables
+from pipeline.cell import Cell, jacobian, predict
+from pipeline.effects import Pulls
+from pipeline.results import Array, Bools, Errors, Ints, Locked, Rows, Strings, System
+from pipeline.robot import Robot
+
+FORCE = ["fx_n", "fy_n", "fz_n"]
+DELTA = ["dx_m", "dy_m", "dz_m"]
+
+
+@dataclass(frozen=True, eq=False)
+class Measured(Locked):
+    """One campaign's measurements as arrays, in F_b, SI: all that the systems are made from.
+
+    Attributes:
+        pulls: What was set and read in each pull, m of them.
+        pull: Pull of each displacement, shape (d,).
+        target: Index of its target in the tool, shape (d,).
+        name: Name of its target, shape (d,).
+        delta: Displacements [m], shape (d, 3).
+        unloaded: Unloaded positions [m], NaN when unknown, shape (d, 3).
+        loaded_cov: Covariance of the loaded readings [m^2], shape (d, 3, 3).
+        zero_cov: Covariance of the zeros [m^2], shape (d, 3, 3).
+        zero: Number of the zero that the displacement is measured from, shape (d,).
+        reading_std: Standard uncertainty of the scale readings [N], shape (m,).
+        direction_cov: Covariance of the direction cosines, shape (m, 3, 3).
+        rotation_cov: Covariance of the registration's rotation [rad^2], shape (3, 3).
+        gain_std: Relative standard uncertainty of the scale's gain.
+        noise_stated: False: the covariances of readings are relative, 1 m^2 each.
+    """
+
+    pulls: Pulls
+    pull: Ints
+    target: Ints
+    name: Strings
+    delta: Array
+    unloaded: Array
+    loaded_cov: Array
+    zero_cov: Array
+    zero: Ints
+    reading_std: Array
+    direction_cov: Array
+    rotation_cov: Array
+    gain_std: float
+    noise_stated: bool
+
+
+def measured(
+    robot: Robot,
+    targets: Strings,
+    joints: pd.DataFrame,
+    forces: pd.DataFrame,
+    displacements: pd.DataFrame,
+    rotation_cov: Array,
+    gain_std: float,
+) -> Measured:
+    """Join the tables of a campaign into arrays; rows without a partner are left out.
+
+    Args:
+        robot: The robot, for the names of its joints.
+        targets: Names of the tool's targets, shape (t,).
+        joints: Table of joint values, `tables.joints(robot)`.
+        forces: Table FORCES.
+        displacements: Table DISPLACEMENTS.
+        rotation_cov: As in `Measured`.
+        gain_std: As in `Measured`.
+    """
+    pulls = forces.merge(joints, on="pose").sort_values(["pose", "repeat"], ignore_index=True)
+    key = pd.MultiIndex.from_frame(pulls[["pose", "repeat"]])
+    rows = displacements[displacements["target"].isin(targets)]
+    pull = key.get_indexer(pd.MultiIndex.from_frame(rows[["pose", "repeat"]]))
+    target = pd.Index(targets).get_indexer(rows["target"])
+    order = np.lexsort((target, pull))
+    order = order[pull[order] >= 0]
+    rows, pull, target = rows.iloc[order], pull[order], target[order]
+    zero_time = rows.groupby(pull)["zero_time_s"].mean().reindex(range(len(pulls))).to_numpy()
+    loaded_cov, zero_cov, stated = _covariances(rows)
+    values = [tables.joint_column(j.name, j.prismatic) for j in robot.joints]
+    return Measured(
+        pulls=Pulls(
+            pose=pulls["pose"].to_numpy(np.int64),
+            repeat=pulls["repeat"].to_numpy(np.int64),
+            q=pulls[values].to_numpy(float),
+            force=pulls[FORCE].to_numpy(float),
+            branch=pulls["branch"].to_numpy(float),
+            approach=pulls["approach"].to_numpy(float),
+            time=pulls["time_s"].to_numpy(float),
+            time_zero=zero_time,
+        ),
+        pull=pull,
+        target=target,
+        name=rows["target"].to_numpy(object),
+        delta=rows[DELTA].to_numpy(float),
+        unloaded=rows[["zero_x_m", "zero_y_m", "zero_z_m"]].to_numpy(float),
+        loaded_cov=loaded_cov,
+        zero_cov=zero_cov,
+        zero=rows.groupby(["pose", "target"]).ngroup().to_numpy(),
+        reading_std=pulls["reading_std_n"].to_numpy(float),
+        direction_cov=covariance.matrices(pulls, covariance.columns("u", "")),
+        rotation_cov=rotation_cov,
+        gain_std=gain_std,
+        noise_stated=stated,
+    )
+
+
+def _covariances(rows: pd.DataFrame) -> tuple[Array, Array, bool]:
+    loaded = covariance.matrices(rows, covariance.columns("loaded_c"))
+    zero = covariance.matrices(rows, covariance.columns("zero_c"))
+    if np.isfinite(loaded).all() and np.isfinite(zero).all():
+        return loaded, zero, True
+    count = rows["zero_count"].to_numpy(float)
+    share = np.divide(1.0, count, out=np.zeros_like(count), where=count > 0)
+    unit = np.broadcast_to(np.eye(3), loaded.shape)
+    return unit.copy(), unit * share[:, None, None], False
+
+
+def assemble(cell: Cell, data: Measured, values: Array) -> System:
+    """The linear system about `values`, with every source of error as a factor of its covariance.
+
+    c is corrected so that c = B x holds for a model that is not linear; for the paper's model
+    nothing is corrected. Rows are sorted by pose, repeat, target and axis.
+
+    Args:
+        cell: The model.
+        data: The measurements.
+        values: Parameters about which B and the force errors are taken, shape (k,).
+    """
+    values = np.asarray(values, dtype=float)
+    k = len(values)
+    B = jacobian(cell, data.pulls, values)[data.pull, data.target].reshape(-1, k)
+    model = predict(cell, data.pulls, values).displacement[data.pull, data.target].ravel()
+    return System(
+        parameters=cell.parameters,
+        rows=_rows(data),
+        B=B,
+        c=data.delta.ravel() + (B @ values - model),
+        errors=errors(cell, data, values),
+        noise_stated=data.noise_stated,
+    )
+
+
+def _rows(data: Measured) -> Rows:
+    pull = np.repeat(data.pull, 3)
+    return Rows(
+        pose=data.pulls.pose[pull],
+        repeat=data.pulls.repeat[pull],
+        target=np.repeat(data.name, 3),
+        axis=np.tile(np.arange(3), len(data.pull)),
+        pull=pull,
+    )
+
+
+def errors(cell: Cell, data: Measured, values: Array) -> Errors:
+    """G of c = B x + G e: tracker, shared zero, force reading and direction, registration, gain.
+
+    Where no noise of the tracker is stated, only tracker and zero remain, relative to it.
+    """
+    d, m = len(data.pull), len(data.pulls)
+    blocks = [
+        _Block("tracker", False, covariance.factors(data.loaded_cov), np.arange(d), d),
+        _Block("zero", False, covariance.factors(data.zero_cov), data.zero, data.zero.max() + 1),
+    ]
+    if data.noise_stated:
+        force = data.pulls.force
+        size = np.linalg.norm(force, axis=1, keepdims=True)
+        reading = (force / size * data.reading_std[:, None])[:, None, :]
+        direction = np.swapaxes(covariance.factors(data.direction_cov), 1, 2) * size[:, None, :]
+        turn = covariance.factors(data.rotation_cov[None])[0].T
+        blocks += [
+            _Block("force_reading", False, _moved(cell, data, values, reading), data.pull, m),
+            _Block("direction", False, _moved(cell, data, values, direction), data.pull, m),
+            _Block("registration", True, _turned(cell, data, values, turn), np.zeros(d, int), 1),
+            _Block(
+                "force_gain",
+                True,
+                _moved(cell, data, values, force[:, None, :] * data.gain_std),
+                np.zeros(d, int),
+                1,
+            ),
+        ]
+    parts = [_sparse(block) for block in blocks]
+    return Errors(
+        G=scipy.sparse.hstack([part for part, *_ in parts], format="csr"),
+        source=np.concatenate([source for _, source, _ in parts]),
+        common=np.concatenate([common for *_, common in parts]),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """Errors of one source: displacement d feels `factor[d]` (3, r) times error group `owner[d]`."""
+
+    source: str
+    common: bool
+    factor: Array
+    owner: Ints
+    owners: int
+
+
+def _sparse(block: _Block) -> tuple[scipy.sparse.csr_array, Strings, Bools]:
+    d, _, r = block.factor.shape
+    row = np.broadcast_to(np.arange(3 * d).reshape(d, 3, 1), (d, 3, r))
+    column = np.broadcast_to((block.owner[:, None] * r + np.arange(r))[:, None, :], (d, 3, r))
+    shape = (3 * d, block.owners * r)
+    coo = scipy.sparse.coo_array((block.factor.ravel(), (row.ravel(), column.ravel())), shape)
+    coo.eliminate_zeros()
+    used = np.flatnonzero(np.bincount(coo.col, minlength=shape[1]))
+    return (
+        coo.tocsc()[:, used],
+        np.full(len(used), block.source, dtype=object),
+        np.full(len(used), block.common),
+    )
+
+
+def _moved(cell: Cell, data: Measured, values: Array, modes: Array) -> Array:
+    """What small changes of the force, modes (m, r, 3) [N], do to c; shape (d, 3, r) [m].
+
+    The model is asked at the force as read, so c - B x moves against the change.
+    """
+    out = [_force_difference(cell, data, values, modes[:, r]) for r in range(modes.shape[1])]
+    return -np.stack(out, axis=-1)
+
+
+def _turned(cell: Cell, data: Measured, values: Array, turns: Array) -> Array:
+    """What small rotations (r, 3) [rad] of the tracker do: displacement and force turn together."""
+    out = []
+    for turn in turns:
+        moved = np.cross(turn, data.delta)
+        out.append(moved - _force_difference(cell, data, values, np.cross(turn, data.pulls.force)))
+    return np.stack(out, axis=-1)
+
+
+def _force_difference(cell: Cell, data: Measured, values: Array, change: Array) -> Array:
+    ahead, behind = (
+        predict(cell, replace(data.pulls, force=data.pulls.force + sign * change), values)
+        for sign in (0.5, -0.5)
+    )
+    return (ahead.displacement - behind.displacement)[data.pull, data.target]

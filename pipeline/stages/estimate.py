@@ -1,0 +1,101 @@
+"""Stage 6. c = B x + G e in, x with its uncertainty out: generalised least squares."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy import stats
+
+from pipeline.results import Array, Estimate, System
+from pipeline.stages.whiten import Whitener, whitener
+
+DARK = 1e-8
+"""A mix of parameters that moves the data this much less than the strongest one is undetermined."""
+
+
+def solve(system: System, start: Array, white: Whitener | None = None) -> Estimate:
+    """Generalised least squares with columns in their typical size.
+
+    The singular values then read "how many standard uncertainties this mix of parameters moves
+    the data at typical size", and a column of rounding noise stays what it is. Mixes that move
+    nothing keep `start`, and the parameters in them have infinite uncertainty.
+
+    Args:
+        system: The system; its covariance is used in full.
+        start: Where undetermined parameters stay, shape (k,).
+        white: The system's whitener, if it is at hand.
+    """
+    white = white or whitener(system.errors, system.rows.pose)
+    typical = np.array([p.typical for p in system.parameters])
+    U, s, Vt = np.linalg.svd(white(system.B) * typical, full_matrices=False)
+    seen = s > DARK * s[0]
+    misfit = white(system.c - system.B @ start)
+    value = start + typical * (Vt[seen].T @ (U[:, seen].T @ misfit / s[seen]))
+    half = typical[:, None] * Vt[seen].T / s[seen]
+    cov = half @ half.T
+    lost = (np.abs(Vt[~seen]) > 1e-4).any(axis=0)
+    residual = system.c - system.B @ value
+    chi2 = float(np.sum(white(residual) ** 2))
+    dof = len(system.rows) - int(seen.sum())
+    scale = 1.0 if system.noise_stated else chi2 / max(dof, 1)
+    cov = cov * scale
+    cov[lost, lost] = np.inf
+    std = np.sqrt(np.diag(cov))
+    return Estimate(
+        parameters=system.parameters,
+        value=value,
+        cov=cov,
+        identifiable=2 * std < np.maximum(typical, np.abs(value)),
+        residual=residual,
+        chi2=chi2 / scale if scale else 0.0,
+        dof=dof,
+        p_value=float(stats.chi2.sf(chi2, dof)) if system.noise_stated else None,
+        noise_from="stated" if system.noise_stated else "residuals",
+        residual_std_m=float(np.sqrt(residual @ residual / max(dof, 1))),
+        quantile=float(stats.norm.ppf(0.975) if system.noise_stated else stats.t.ppf(0.975, dof)),
+    )
+
+
+def iterate(
+    assembled: Callable[[Array], System], start: Array, rounds: int = 12
+) -> tuple[System, Estimate]:
+    """Solve, take B and the covariance at the solution, and solve again until x stands still.
+
+    Args:
+        assembled: The system about given parameter values.
+        start: First values, shape (k,).
+        rounds: At most so many.
+    """
+    value = np.asarray(start, dtype=float)
+    for _ in range(rounds):
+        system = assembled(value)
+        estimate = solve(system, np.asarray(start, dtype=float))
+        step = np.abs(estimate.value - value)
+        value = estimate.value
+        if np.all(step <= 1e-12 * np.abs(value)):
+            break
+    return system, estimate
+
+
+def left_out(system: System, white: Whitener | None = None) -> Array:
+    """Residuals of each pose when that pose with all its pulls is left out of the estimate.
+
+    Errors common to all poses are estimated beside x from the poses that stay.
+
+    Returns:
+        Unweighted residuals [m], shape (M,); NaN where the rest does not determine x.
+    """
+    white = white or whitener(system.errors, system.rows.pose)
+    typical = np.array([p.typical for p in system.parameters])
+    k, r = len(typical), white.common.shape[1]
+    A = np.hstack([white.by_pose(system.B) * typical, white.common])
+    y = white.by_pose(system.c)
+    poses = len(white.inverse)
+    N, g = np.zeros((poses, k + r, k + r)), np.zeros((poses, k + r))
+    np.add.at(N, white.pose, A[:, :, None] * A[:, None, :])
+    np.add.at(g, white.pose, A * y[:, None])
+    prior = np.diag([0.0] * k + [1.0] * r)
+    rest = N.sum(axis=0) + prior - N
+    x = np.einsum("pij,pj->pi", np.linalg.pinv(rest, rcond=1e-14, hermitian=True), g.sum(0) - g)
+    return system.c - np.einsum("mk,mk->m", system.B * typical, x[white.pose, :k])

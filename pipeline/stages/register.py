@@ -1,0 +1,147 @@
+"""Stage 2. Readings of base reflectors in, the tracker's place in F_b and placed readings out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from pipeline import covariance
+from pipeline.errors import InputError
+from pipeline.results import Array, Locked
+from pipeline.settings import Settings
+
+XYZ = ["x_m", "y_m", "z_m"]
+
+
+@dataclass(frozen=True, eq=False)
+class Registration(Locked):
+    """Where the tracker stands: p_b = R p_t + t.
+
+    Attributes:
+        R: Rotation from the tracker's frame into F_b, shape (3, 3).
+        t: Origin of the tracker in F_b [m], shape (3,).
+        cov: Covariance of (rotation vector in F_b [rad], shift at `centre` [m]), shape (6, 6).
+        centre: Centre of the base reflectors in F_b [m], shape (3,).
+        table: Table REGISTRATION, residuals of every base reading; empty without a base frame.
+        chi2: Weighted sum of squared residuals; None without stated noise or base frame.
+        dof: Coordinates minus six.
+    """
+
+    R: Array
+    t: Array
+    cov: Array
+    centre: Array
+    table: pd.DataFrame
+    chi2: float | None
+    dof: int
+
+
+def register(settings: Settings, readings: pd.DataFrame) -> Registration:
+    """Fit the tracker's place to the nominal base reflectors by weighted least squares.
+
+    Rigid motion, Gauss-Newton from the unweighted closed form (Kabsch); every reading weighs
+    with its own 3x3 covariance. Without [base_frame] the readings are in F_b already.
+
+    Args:
+        settings: The campaign; `base_frame` has the nominal coordinates [m].
+        readings: Table READINGS.
+
+    Raises:
+        InputError: Fewer than three reflectors, or all of them on one line.
+    """
+    base = readings[readings["pose"].isna() & readings["target"].isin(list(settings.base_frame))]
+    if not settings.base_frame:
+        nothing = base.assign(dx_m=0.0, dy_m=0.0, dz_m=0.0)
+        zero = np.zeros(3)
+        return Registration(np.eye(3), zero, np.zeros((6, 6)), zero, nothing, None, 0)
+    nominal = np.array([settings.base_frame[target] for target in base["target"]]).reshape(-1, 3)
+    _enough(base, nominal)
+    points = base[XYZ].to_numpy()
+    C = covariance.matrices(base)
+    stated = bool(np.isfinite(C).all())
+    if not stated:
+        C = np.broadcast_to(np.eye(3), C.shape)
+    R, t = _kabsch(points, nominal)
+    for _ in range(20):
+        step, cov, chi2, centre = _gauss_newton(R, t, points, nominal, C)
+        turn = _rotation(step[:3])
+        R, t = turn @ R, turn @ (t - centre) + centre + step[3:]
+        if np.abs(step).max() < 1e-15:
+            break
+    dof = 3 * len(base) - 6
+    if not stated:
+        cov = cov * (chi2 / dof if dof > 0 else 0.0)
+    placed = points @ R.T + t
+    table = base.assign(
+        **dict(zip(XYZ, placed.T, strict=True)),
+        **dict(zip(["dx_m", "dy_m", "dz_m"], (placed - nominal).T, strict=True)),
+    )
+    return Registration(R, t, cov, centre, table, chi2 if stated else None, dof)
+
+
+def place(registration: Registration, readings: pd.DataFrame) -> pd.DataFrame:
+    """Table PLACED: the readings of the poses moved into F_b, with their covariances."""
+    poses = readings[readings["pose"].notna()]
+    R = registration.R
+    moved = poses[XYZ].to_numpy() @ R.T + registration.t
+    C = R @ covariance.matrices(poses) @ R.T
+    return poses.assign(
+        **dict(zip(XYZ, moved.T, strict=True)),
+        **dict(zip(covariance.columns(), covariance.flat(C).T, strict=True)),
+    )
+
+
+def _enough(base: pd.DataFrame, nominal: Array) -> None:
+    names = sorted(set(base["target"]))
+    if len(names) < 3:
+        raise InputError(
+            f"only {len(names)} base reflectors were measured ({', '.join(names) or 'none'})",
+            "measure at least three that stand in [base_frame]",
+            file="campaign.toml",
+        )
+    spread = np.linalg.svd(nominal - nominal.mean(axis=0), compute_uv=False)
+    if spread[1] < 1e-3 * spread[0]:
+        raise InputError(
+            f"the base reflectors {', '.join(names)} lie on one line",
+            "add one beside that line, or the tracker's roll about it stays unknown",
+            file="campaign.toml",
+        )
+
+
+def _kabsch(points: Array, nominal: Array) -> tuple[Array, Array]:
+    a, b = points - points.mean(axis=0), nominal - nominal.mean(axis=0)
+    U, _, Vt = np.linalg.svd(a.T @ b)
+    flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))])
+    R = (U @ flip @ Vt).T
+    return R, nominal.mean(axis=0) - R @ points.mean(axis=0)
+
+
+def _gauss_newton(
+    R: Array, t: Array, points: Array, nominal: Array, C: Array
+) -> tuple[Array, Array, float, Array]:
+    """One step (rotation, shift at the centre), covariance of it, chi2, centre."""
+    placed = points @ R.T + t
+    centre = placed.mean(axis=0)
+    lever = placed - centre
+    D = np.zeros((len(points), 3, 6))
+    for axis in range(3):
+        D[:, :, axis] = np.cross(np.eye(3)[axis], lever)
+    D[:, :, 3:] = np.eye(3)
+    W = np.linalg.inv(R @ C @ R.T)
+    residual = nominal - placed
+    N = np.einsum("mia,mij,mjb->ab", D, W, D)
+    step = np.linalg.solve(N, np.einsum("mia,mij,mj->a", D, W, residual))
+    chi2 = float(np.einsum("mi,mij,mj->", residual, W, residual))
+    return step, np.linalg.inv(N), chi2, centre
+
+
+def _rotation(vector: Array) -> Array:
+    """Rotation matrix of a rotation vector (Rodrigues)."""
+    angle = float(np.linalg.norm(vector))
+    x, y, z = vector
+    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    if angle < 1e-12:
+        return np.eye(3) + K
+    return np.eye(3) + np.sin(angle) / angle * K + (1 - np.cos(angle)) / angle**2 * K @ K

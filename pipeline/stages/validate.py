@@ -1,0 +1,116 @@
+"""Stage 8. How far the uncertainty of x makes deflections uncertain: Eqs. (22), (23)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from pipeline.cell import Cell, columns, load
+from pipeline.effects import Elastic, Pulls
+from pipeline.results import Array, Estimate
+
+AROUND_M, AROUND_RAD = 0.25, np.deg2rad(10.0)
+"""Half width of the box around the test pose; the paper does not give its own."""
+
+
+@dataclass(frozen=True, eq=False)
+class Where:
+    """The user's test pose.
+
+    Attributes:
+        q: Joint values [m] or [rad], shape (n,).
+        force: [N], F_b, shape (3,).
+    """
+
+    q: Array
+    force: Array
+
+
+def validate(
+    cell: Cell, estimate: Estimate, test: Where, rng: np.random.Generator, poses: int = 1000
+) -> pd.DataFrame:
+    """Relative deflection errors mu of Eq. (22) around the test pose and in the workspace.
+
+    Every pose has a draw of its own, once from the full covariance of the compliances and once
+    as in Eq. (23), each stiffness by itself. Parameters without a finite uncertainty stay put.
+
+    Args:
+        cell: The paper's model.
+        estimate: Its parameters with their covariance.
+        test: Test pose and force; the force is the same at all poses.
+        rng: Source of the draws.
+        poses: Number of poses in each set.
+
+    Returns:
+        Table VALIDATION.
+    """
+    sets = {
+        "test_pose": _around(cell, test, rng, poses),
+        "global": rng.uniform(*_limits(cell), (poses, cell.robot.n)),
+    }
+    draws = {"covariance": _full(estimate, rng, poses), "independent": _each(estimate, rng, poses)}
+    out = []
+    for name, q in sets.items():
+        A = deflections(cell, q, np.broadcast_to(test.force, (poses, 3)))
+        nominal = A @ estimate.value
+        for kind, x in draws.items():
+            wrong = np.einsum("mtik,mk->mti", A, x - estimate.value)
+            mu = np.linalg.norm(wrong, axis=2) / np.linalg.norm(nominal, axis=2)
+            out.append(_table(name, kind, mu, list(cell.tool.targets)))
+    return pd.concat(out, ignore_index=True)
+
+
+def deflections(cell: Cell, q: Array, force: Array) -> Array:
+    """A_i of Eq. (7) at joint values q (m, n) under force (m, 3), shape (m, t, 3, k)."""
+    m = len(q)
+    none, zero = np.zeros(m), np.zeros(m, dtype=np.int64)
+    pulls = Pulls(zero, zero, q, np.asarray(force, float), none, none, none, none)
+    loaded = load(cell, pulls, np.zeros(len(cell.parameters)))
+    return np.concatenate(
+        [columns(effect, loaded) for effect in cell.effects if isinstance(effect, Elastic)], axis=-1
+    )
+
+
+def _limits(cell: Cell) -> tuple[Array, Array]:
+    far = np.where(cell.robot.prismatic, 1.0, np.pi)
+    lower, upper = cell.robot.lower, cell.robot.upper
+    return np.where(np.isfinite(lower), lower, -far), np.where(np.isfinite(upper), upper, far)
+
+
+def _around(cell: Cell, test: Where, rng: np.random.Generator, poses: int) -> Array:
+    half = np.where(cell.robot.prismatic, AROUND_M, AROUND_RAD)
+    return np.clip(test.q + rng.uniform(-half, half, (poses, len(half))), *_limits(cell))
+
+
+def _full(estimate: Estimate, rng: np.random.Generator, poses: int) -> Array:
+    known = np.isfinite(estimate.std)
+    x = np.tile(estimate.value, (poses, 1))
+    std = estimate.std[known]  # compliances differ by powers of ten: factor the correlations
+    values, vectors = np.linalg.eigh(estimate.cov[np.ix_(known, known)] / np.outer(std, std))
+    half = std[:, None] * vectors * np.sqrt(np.clip(values, 0, None))
+    x[:, known] += rng.standard_normal((poses, known.sum())) @ half.T
+    return x
+
+
+def _each(estimate: Estimate, rng: np.random.Generator, poses: int) -> Array:
+    """Eq. (23): stiffnesses, each normal by itself; only those that have a positive value."""
+    x = np.tile(estimate.value, (poses, 1))
+    known = np.isfinite(estimate.std) & (estimate.value > 0)
+    k = 1 / estimate.value[known]
+    x[:, known] = 1 / (k + rng.standard_normal((poses, len(k))) * estimate.std[known] * k**2)
+    return x
+
+
+def _table(name: str, kind: str, mu: Array, targets: list[str]) -> pd.DataFrame:
+    m, t = mu.shape
+    return pd.DataFrame(
+        {
+            "set": name,
+            "draw": kind,
+            "index": np.repeat(np.arange(1, m + 1), t),
+            "target": targets * m,
+            "mu": mu.ravel(),
+        }
+    )
