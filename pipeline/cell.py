@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.effects import Effect, Elastic, Geometry, Loaded, Observation, Pulls, Wrench
 from pipeline.effects import baseline as baseline_effects
-from pipeline.results import Array, Locked, Parameter, Strings
+from pipeline.results import Array, Ints, Locked, Parameter, Strings
 from pipeline.robot import Robot, configure
 from pipeline.robot.configuration import torque, velocity
 
@@ -158,9 +158,7 @@ def _undeformed(cell: Cell, loaded: Loaded, values: Array) -> tuple[Array, Array
     return moved[:, :-1], loaded.load_point + moved[:, -1]
 
 
-def _deformed(
-    cell: Cell, loaded: Loaded, values: Array, rounds: int = 30
-) -> tuple[Array, Array]:
+def _deformed(cell: Cell, loaded: Loaded, values: Array, rounds: int = 30) -> tuple[Array, Array]:
     """Equilibrium on the deflected robot, by products of exponentials of the virtual screws."""
     parts = _elastic(cell, values)
     twists = np.concatenate([effect.twists(loaded) for effect, _ in parts], axis=1)
@@ -190,7 +188,7 @@ def _deformed(
     return moved[:, :-1], at
 
 
-def _chain(twists: Array, deflection: Array, order: Array) -> tuple[Array, Array]:
+def _chain(twists: Array, deflection: Array, order: Ints) -> tuple[Array, Array]:
     """Each screw after the deflection of all before it, and the motion behind the last."""
     motion = np.broadcast_to(np.eye(4), (len(twists), 4, 4))
     bent = np.empty_like(twists)

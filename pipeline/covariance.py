@@ -10,7 +10,7 @@ import pandas as pd
 from pipeline.results import Array
 
 PAIRS = ("xx", "xy", "xz", "yy", "yz", "zz")
-I, J = np.triu_indices(3)
+ROW, COLUMN = np.triu_indices(3)
 
 
 def columns(before: str = "c", after: str = "_m2") -> list[str]:
@@ -22,14 +22,14 @@ def matrices(table: pd.DataFrame, names: Sequence[str] | None = None) -> Array:
     """Six columns of a table as matrices, shape (rows, 3, 3)."""
     upper = table[list(names or columns())].to_numpy(dtype=float)
     out = np.empty((len(table), 3, 3))
-    out[:, I, J] = upper
-    out[:, J, I] = upper
+    out[:, ROW, COLUMN] = upper
+    out[:, COLUMN, ROW] = upper
     return out
 
 
 def flat(matrices: Array) -> Array:
     """Matrices (m, 3, 3) as six columns (m, 6), in the order of `columns`."""
-    return matrices[:, I, J]
+    return matrices[:, ROW, COLUMN]
 
 
 def factors(matrices: Array) -> Array:

@@ -7,6 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+MISFIT = 4
+"""Exit code of `run --strict` when the model does not fit; a verdict, not an error."""
+
 
 class PipelineError(Exception):
     """Anything we can explain in one sentence.
@@ -32,26 +35,28 @@ class InputError(PipelineError):
         line: Line in that file counted from 1, or None.
         thing: What is wrong there.
         way_out: What to do about it.
+        passing: True when trying again a little later may help.
     """
 
     exit_code = 5
 
     def __init__(
-        self, thing: str, way_out: str, *, file: str | None = None, line: int | None = None
+        self,
+        thing: str,
+        way_out: str,
+        *,
+        file: str | None = None,
+        line: int | None = None,
+        passing: bool = False,
     ) -> None:
         """Compose the one sentence from its parts."""
         self.file, self.line, self.thing, self.way_out = file, line, thing, way_out
+        self.passing = passing
         super().__init__(f"{place(file, line)}{thing}; {way_out}.")
 
 
 class TableMismatch(PipelineError):
     """A table does not keep the promise of its schema."""
-
-
-class ModelMisfit(PipelineError):
-    """With --strict: the model does not fit the data."""
-
-    exit_code = 4
 
 
 def place(file: str | None, line: int | None) -> str:

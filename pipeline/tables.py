@@ -1,4 +1,4 @@
-"""What every table promises: columns, types, units and meaning; the units travel in the Parquet file."""
+"""What every table promises: columns, types, units, meaning; units travel in the Parquet file."""
 
 from __future__ import annotations
 
@@ -51,7 +51,13 @@ READINGS = promise(
         col("z_m", F64, "m", "tracker frame"),
         *COVARIANCE,
         col("covariance_from", STR, "1", "file | instrument | stated | paper | none"),
-        col("time", pa.timestamp("us"), "UTC or local, as exported", "time of reading", nullable=True),
+        col(
+            "time",
+            pa.timestamp("us"),
+            "UTC or local, as exported",
+            "time of reading",
+            nullable=True,
+        ),
     ],
 )
 """Readings in the frame of the tracker, in the order of the files; covariance of the reading."""
@@ -63,7 +69,13 @@ LOADS = promise(
         POSE,
         REPEAT,
         col("force_n", F64, "N", "reading of the spring scale"),
-        col("branch", STR, "1", "up or down: which way the turnbuckle was last turned", nullable=True),
+        col(
+            "branch",
+            STR,
+            "1",
+            "up or down: which way the turnbuckle was last turned",
+            nullable=True,
+        ),
         *SOURCE_LINE,
     ],
 )
@@ -91,7 +103,13 @@ REGISTRATION = promise(
         col("dx_m", F64, "m", "reading minus nominal, F_b"),
         col("dy_m", F64, "m", "reading minus nominal, F_b"),
         col("dz_m", F64, "m", "reading minus nominal, F_b"),
-        col("time", pa.timestamp("us"), "UTC or local, as exported", "time of reading", nullable=True),
+        col(
+            "time",
+            pa.timestamp("us"),
+            "UTC or local, as exported",
+            "time of reading",
+            nullable=True,
+        ),
     ],
 )
 """Readings of the base reflectors after registration, with their residuals."""
@@ -115,7 +133,9 @@ FORCES = promise(
         col("fx_n", F64, "N", "force on the robot at the load point, F_b, Eqs. (10), (11)"),
         col("fy_n", F64, "N", "as fx_n"),
         col("fz_n", F64, "N", "as fx_n"),
-        col("reading_std_n", F64, "N", "standard uncertainty of the scale reading, along the force"),
+        col(
+            "reading_std_n", F64, "N", "standard uncertainty of the scale reading, along the force"
+        ),
         *[
             col(f"u{ab}", F64, "1", f"covariance of direction cosines {ab[0]} and {ab[1]}")
             for ab in ("xx", "xy", "xz", "yy", "yz", "zz")
@@ -136,17 +156,26 @@ DISPLACEMENTS = promise(
         col("dy_m", F64, "m", "loaded minus unloaded, F_b"),
         col("dz_m", F64, "m", "loaded minus unloaded, F_b"),
         *[
-            col(f"loaded_{f.name}", F64, "m^2", f"loaded reading: {f.metadata[b'meaning'].decode()}")
+            col(
+                f"loaded_{f.name}", F64, "m^2", f"loaded reading: {f.metadata[b'meaning'].decode()}"
+            )
             for f in COVARIANCE
         ],
         *[
-            col(f"zero_{f.name}", F64, "m^2", f"zero of the pose: {f.metadata[b'meaning'].decode()}")
+            col(
+                f"zero_{f.name}", F64, "m^2", f"zero of the pose: {f.metadata[b'meaning'].decode()}"
+            )
             for f in COVARIANCE
         ],
         col("zero_x_m", F64, "m", "unloaded position, F_b, NaN when only displacements are known"),
         col("zero_y_m", F64, "m", "as zero_x_m"),
         col("zero_z_m", F64, "m", "as zero_x_m"),
-        col("zero_count", I32, "1", "unloaded readings in the zero, 0 when only displacements are known"),
+        col(
+            "zero_count",
+            I32,
+            "1",
+            "unloaded readings in the zero, 0 when only displacements are known",
+        ),
         col("zero_time_s", F64, "s", "mean time of the zero after the first reading"),
     ],
 )
@@ -208,7 +237,9 @@ VALIDATION = promise(
 def joints(robot: Robot) -> pa.Schema:
     """Promise of the table of joint values of a robot: pose, r1_m, theta2_rad, ..., approach."""
     values = [
-        col(joint_column(j.name, j.prismatic), F64, "m" if j.prismatic else "rad", f"joint {j.name}")
+        col(
+            joint_column(j.name, j.prismatic), F64, "m" if j.prismatic else "rad", f"joint {j.name}"
+        )
         for j in robot.joints
     ]
     approach = col("approach", I32, "1", "1 or -1: how the carriage came along the rail, 0 unknown")
@@ -247,7 +278,10 @@ def covariance(parameters: Sequence[Parameter]) -> pa.Schema:
         "parameter",
         [
             col("parameter", STR, "1", "row"),
-            *[col(p.name, F64, f"unit of the row times {p.unit}", "covariance") for p in parameters],
+            *[
+                col(p.name, F64, f"unit of the row times {p.unit}", "covariance")
+                for p in parameters
+            ],
         ],
     )
 
@@ -259,16 +293,17 @@ def conform(table: pd.DataFrame | pa.Table, schema: pa.Schema) -> pa.Table:
         TableMismatch: A promised column is missing, has another type or holds nulls it must not.
     """
     name = schema.metadata[b"table"].decode()
-    if isinstance(table, pd.DataFrame):
-        missing = [column for column in schema.names if column not in table.columns]
-        if not missing:
-            table = pa.Table.from_pandas(table[schema.names], preserve_index=False)
-    else:
-        missing = [column for column in schema.names if column not in table.column_names]
+    here = table.columns if isinstance(table, pd.DataFrame) else table.column_names
+    missing = [column for column in schema.names if column not in here]
     if missing:
         raise TableMismatch(f"table {name} lacks the columns {listed(missing)}")
     try:
-        cast = table.select(schema.names).replace_schema_metadata(None).cast(schema)
+        arrow = (
+            pa.Table.from_pandas(table[schema.names], preserve_index=False)
+            if isinstance(table, pd.DataFrame)
+            else table
+        )
+        cast = arrow.select(schema.names).replace_schema_metadata(None).cast(schema)
     except (pa.ArrowInvalid, pa.ArrowTypeError, ValueError) as problem:
         raise TableMismatch(f"table {name} does not keep its promise: {problem}") from problem
     for field in schema:

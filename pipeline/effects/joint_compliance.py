@@ -12,7 +12,9 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
             name="joint_compliance",
             where=None,
             parameters=tuple(
-                Parameter(f"c_{joint.name}", joint.compliance_unit, 1 / joint.typical_stiffness, 0.0)
+                Parameter(
+                    f"c_{joint.name}", joint.compliance_unit, 1 / joint.typical_stiffness, 0.0
+                )
                 for joint in robot.joints
             ),
             signature="every joint gives way about its own axis in proportion to its torque",

@@ -1,0 +1,1 @@
+"""Tracker exports, one file per dialect."""

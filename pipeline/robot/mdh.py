@@ -21,7 +21,7 @@ from pipeline.results import Array, Bools, Locked
 SHIPPED = ("kr500_rail", "kr500_rail_kuka", "fanuc_r2000ic")
 
 CONVENTIONS = {
-    "khalil": "Rx(alpha) Tx(d) Rz(theta) Tz(r): modified DH in the letters of Khalil and Kleinfinger",
+    "khalil": "Rx(alpha) Tx(d) Rz(theta) Tz(r): modified DH, letters of Khalil and Kleinfinger",
     "craig": "Rx(alpha) Tx(a) Rz(theta) Tz(d): modified DH in the letters of Craig, rows i-1 | i",
     "standard": "Rz(theta) Tz(d) Tx(a) Rx(alpha): the classic (distal) DH table",
 }
@@ -58,9 +58,13 @@ class JointRow(BaseModel):
             else (self.lower_m, self.upper_m, self.stiffness_n_per_m)
         )
         if any(value is not None for value in wrong):
-            raise ValueError(f"joint {self.name} is {self.type}: its limits or stiffness have the other unit")
+            raise ValueError(
+                f"joint {self.name} is {self.type}: its limits or stiffness have the other unit"
+            )
         if self.lower >= self.upper:
-            raise ValueError(f"joint {self.name}: lower limit {self.lower} is not below upper {self.upper}")
+            raise ValueError(
+                f"joint {self.name}: lower limit {self.lower} is not below upper {self.upper}"
+            )
         return self
 
     @property
@@ -249,14 +253,18 @@ def parse(text: str, file: str) -> Robot:
     try:
         table: dict[str, Any] = tomllib.loads(text)
     except tomllib.TOMLDecodeError as problem:
-        raise InputError(f"not valid TOML ({problem})", "correct that place", file=file) from problem
+        raise InputError(
+            f"not valid TOML ({problem})", "correct that place", file=file
+        ) from problem
     try:
         content = RobotFile.model_validate(table)
         placement, flange = placements(content.joint, content.convention)
     except ValidationError as problem:
         first = problem.errors()[0]
         where = ".".join(str(part) for part in first["loc"]) or "the robot"
-        raise InputError(f"{where}: {first['msg']}", "correct the robot file", file=file) from problem
+        raise InputError(
+            f"{where}: {first['msg']}", "correct the robot file", file=file
+        ) from problem
     except ValueError as problem:
         raise InputError(str(problem), "correct the row or the convention", file=file) from problem
     joints = tuple(
@@ -297,7 +305,8 @@ def _controller(
     matrix = np.array(controller.matrix, dtype=float) if controller.matrix else np.zeros((0, 0))
     if matrix.shape != (n, len(controller.axes)):
         raise InputError(
-            f"controller.matrix has shape {matrix.shape}, not {n} joints x {len(controller.axes)} axes",
+            f"controller.matrix has shape {matrix.shape}, "
+            f"not {n} joints x {len(controller.axes)} axes",
             "give one row per joint and one column per axis",
             file=file,
         )
@@ -316,7 +325,9 @@ def load(name: str, folder: Path | None = None) -> Robot:
         InputError: There is no such robot; lists those that ship.
     """
     if name in SHIPPED:
-        return parse((resources.files(__package__) / f"{name}.toml").read_text("utf-8"), f"{name}.toml")
+        return parse(
+            (resources.files(__package__) / f"{name}.toml").read_text("utf-8"), f"{name}.toml"
+        )
     path = (folder or Path()) / name
     if path.suffix != ".toml" or not path.is_file():
         raise InputError(

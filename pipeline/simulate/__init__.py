@@ -1,0 +1,1 @@
+"""The virtual cell: from a plan to a raw campaign."""

@@ -1,0 +1,1 @@
+"""The stages of run.py: named tables in, named tables out."""

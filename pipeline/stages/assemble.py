@@ -79,7 +79,7 @@ def measured(
     key = pd.MultiIndex.from_frame(pulls[["pose", "repeat"]])
     rows = displacements[displacements["target"].isin(targets)]
     pull = key.get_indexer(pd.MultiIndex.from_frame(rows[["pose", "repeat"]]))
-    target = pd.Index(targets).get_indexer(rows["target"])
+    target = pd.Index(targets).get_indexer(pd.Index(rows["target"]))
     order = np.lexsort((target, pull))
     order = order[pull[order] >= 0]
     rows, pull, target = rows.iloc[order], pull[order], target[order]
@@ -104,7 +104,7 @@ def measured(
         unloaded=rows[["zero_x_m", "zero_y_m", "zero_z_m"]].to_numpy(float),
         loaded_cov=loaded_cov,
         zero_cov=zero_cov,
-        zero=rows.groupby(["pose", "target"]).ngroup().to_numpy(),
+        zero=rows.groupby(["pose", "target"]).ngroup().to_numpy(np.int64),
         reading_std=pulls["reading_std_n"].to_numpy(float),
         direction_cov=covariance.matrices(pulls, covariance.columns("u", "")),
         rotation_cov=rotation_cov,
@@ -198,7 +198,7 @@ def errors(cell: Cell, data: Measured, values: Array) -> Errors:
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """Errors of one source: displacement d feels `factor[d]` (3, r) times error group `owner[d]`."""
+    """Errors of one source: displacement d feels `factor[d]` (3, r) by `owner[d]`."""
 
     source: str
     common: bool

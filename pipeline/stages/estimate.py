@@ -7,7 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from scipy import stats
 
+from pipeline.cell import Cell
 from pipeline.results import Array, Estimate, System
+from pipeline.stages.assemble import Measured, assemble
 from pipeline.stages.whiten import Whitener, whitener
 
 DARK = 1e-8
@@ -55,6 +57,11 @@ def solve(system: System, start: Array, white: Whitener | None = None) -> Estima
         residual_std_m=float(np.sqrt(residual @ residual / max(dof, 1))),
         quantile=float(stats.norm.ppf(0.975) if system.noise_stated else stats.t.ppf(0.975, dof)),
     )
+
+
+def identify(cell: Cell, data: Measured, start: Array) -> tuple[System, Estimate]:
+    """The parameters of a cell from one campaign's measurements; x starts at `start`."""
+    return iterate(lambda values: assemble(cell, data, values), start)
 
 
 def iterate(

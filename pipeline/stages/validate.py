@@ -9,7 +9,10 @@ import pandas as pd
 
 from pipeline.cell import Cell, columns, load
 from pipeline.effects import Elastic, Pulls
+from pipeline.errors import InputError
 from pipeline.results import Array, Estimate
+from pipeline.robot import Robot
+from pipeline.settings import TestPose
 
 AROUND_M, AROUND_RAD = 0.25, np.deg2rad(10.0)
 """Half width of the box around the test pose; the paper does not give its own."""
@@ -22,10 +25,31 @@ class Where:
     Attributes:
         q: Joint values [m] or [rad], shape (n,).
         force: [N], F_b, shape (3,).
+        stated: False when campaign.toml has no [test_pose] and a measured pose stands in.
     """
 
     q: Array
     force: Array
+    stated: bool
+
+
+def place_of_interest(stated: TestPose | None, robot: Robot, pulls: Pulls) -> Where:
+    """The campaign's test pose, or its strongest pull where campaign.toml has none.
+
+    Raises:
+        InputError: The test pose has another number of joints than the robot.
+    """
+    if stated is None:
+        strongest = int(np.argmax(np.linalg.norm(pulls.force, axis=1)))
+        return Where(pulls.q[strongest], pulls.force[strongest], stated=False)
+    if len(stated.q) != robot.n:
+        raise InputError(
+            f"test_pose.q has {len(stated.q)} values, the robot {robot.n} joints",
+            f"give one value per joint: {', '.join(joint.name for joint in robot.joints)}",
+            file="campaign.toml",
+        )
+    q = np.where(robot.prismatic, stated.q, np.deg2rad(stated.q))
+    return Where(q, np.array(stated.force_n), stated=True)
 
 
 def validate(

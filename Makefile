@@ -1,0 +1,72 @@
+# Everything here runs in .venv, which the first target you ask for builds from requirements.lock.
+#
+#   make run      every new or changed campaign under data/raw, to its report
+#   make test     the tests                 make test ARGS='-k rail -m slow'
+#   make check    format, lint, types
+#   make bench    how good and how fast, side by side with the alternatives
+#   make league   every hidden cause against the diagnosis
+#   make lock     write requirements.lock anew from pyproject.toml      make lock UPGRADE=--upgrade
+#   make clean    remove .venv and the caches; data and reports stay
+
+.DELETE_ON_ERROR:
+.PHONY: run test check bench league lock clean
+
+PYTHON ?=
+ARGS ?=
+UPGRADE ?=
+PY := .venv/bin/python
+PIP := $(PY) -m pip -qq --disable-pip-version-check --no-input
+
+run: .venv/.ready
+	@.venv/bin/pipeline run $(ARGS)
+
+# One BLAS thread per worker: two workers with all cores each are slower than either alone.
+# loadgroup, because tests that share a server carry an xdist_group and must meet in one worker.
+test: .venv/.ready
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PY) -m pytest -q -n 2 --dist loadgroup $(ARGS)
+
+check: .venv/.ready
+	@$(PY) -m ruff format --check .
+	@$(PY) -m ruff check .
+	@$(PY) -m mypy
+
+bench: .venv/.ready
+	@$(PY) -m bench $(ARGS)
+
+league: .venv/.ready
+	@.venv/bin/pipeline league $(ARGS)
+
+# No address goes into the file: whoever installs decides where packages come from, the hashes decide which.
+lock: .venv/.ready
+	@.venv/bin/uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 \
+		--generate-hashes --no-header --no-config --no-emit-index-url --no-emit-find-links \
+		--quiet $(UPGRADE) --output-file requirements.lock
+
+clean:
+	@rm -rf .venv build dist *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis .prefect
+	@find . -path ./data -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# Two stamps, each written last, so that an interrupted step is started over:
+# .installed costs a minute and follows the lock; .ready costs seconds and follows pyproject.toml.
+.venv/.ready: .venv/.installed pyproject.toml
+	@$(PIP) install --no-deps --no-build-isolation --no-index --editable .
+	@touch $@
+
+# pip compiles one file at a time and some settings forbid Python to do it later: compile here, on all cores.
+# A few packages carry templates that are no valid Python; these stay uncompiled, hence `|| true`.
+.venv/.installed: requirements.lock
+	@set -e; \
+	for python in $(if $(PYTHON),"$(PYTHON)",python3 python3.14 python3.13 python3.12 python3.11); do \
+		if "$$python" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 15))' 2>/dev/null; \
+		then found=$$python; break; fi; \
+	done; \
+	if [ -z "$${found-}" ]; then \
+		echo "This project needs Python 3.11 to 3.14 and found none; name one with: make PYTHON=/path/to/python3.11" >&2; \
+		exit 1; \
+	fi; \
+	echo "Building .venv with $$("$$found" --version), which takes a minute or two, once."; \
+	rm -rf .venv; \
+	"$$found" -m venv .venv; \
+	$(PIP) install --require-hashes --only-binary :all: --no-compile -r requirements.lock; \
+	$(PY) -W ignore -m compileall -qq -j 0 .venv/lib || true
+	@touch $@

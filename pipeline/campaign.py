@@ -1,0 +1,296 @@
+"""A campaign on disk: where its files are, how they are read, kept and recognised again.
+
+Raw files are only ever read. Tables go to data/processed/<campaign>, answers to
+reports/<campaign>, and the manifest, written last, says from which inputs and code they came.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from importlib import metadata, resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+from filelock import FileLock
+
+from pipeline import files, tables
+from pipeline.errors import InputError, PipelineError, UsageError, listed
+from pipeline.robot import Robot
+from pipeline.robot import load as load_robot
+from pipeline.settings import Settings
+from pipeline.settings import parse as parse_settings
+
+LIBRARIES = ("numpy", "scipy", "pandas", "pyarrow", "pin", "prefect", "matplotlib", "typst")
+MANIFEST = "manifest.json"
+LARGEST_FILE = 4 * 2**30
+
+
+@dataclass(frozen=True, eq=False)
+class Raw:
+    """What a campaign folder holds.
+
+    Attributes:
+        settings: campaign.toml, checked.
+        robot: Its robot.
+        files: Name relative to the folder -> bytes, of everything that campaign.toml names.
+        key: Hash over all of it and over the code; equal keys give equal results.
+    """
+
+    settings: Settings
+    robot: Robot
+    files: Mapping[str, bytes]
+    key: str
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """One campaign folder.
+
+    Attributes:
+        root: The project's root, where data/processed and reports are.
+        folder: The folder with campaign.toml.
+    """
+
+    root: Path
+    folder: Path
+
+    @property
+    def name(self) -> str:
+        """The folder's name; tables and reports carry it."""
+        return self.folder.name
+
+    @property
+    def processed(self) -> Path:
+        """Where its tables are."""
+        return self.root / "data" / "processed" / self.name
+
+    @property
+    def reports(self) -> Path:
+        """Where its answers are."""
+        return self.root / "reports" / self.name
+
+    def read(self) -> Raw:
+        """Read everything that campaign.toml names, once.
+
+        Raises:
+            InputError: A file is missing, unreadable, too large, or changes while it is read.
+        """
+        toml = self._bytes("campaign.toml")
+        try:
+            settings = parse_settings(toml.decode("utf-8-sig"))
+        except UnicodeDecodeError as problem:
+            raise InputError("is not UTF-8", "save it as UTF-8", file="campaign.toml") from problem
+        robot = load_robot(settings.robot, self.folder)
+        content = {"campaign.toml": toml}
+        for name in self._named(settings):
+            content[name] = self._bytes(name)
+        return Raw(settings, robot, content, _key(content, robot))
+
+    def _named(self, settings: Settings) -> list[str]:
+        """Names of the files that campaign.toml asks for, relative to the folder."""
+        if settings.displacements is not None:
+            return [
+                settings.displacements.file,
+                settings.displacements.forces,
+                settings.joints.file,
+            ]
+        assert settings.tracker is not None  # Settings sees to that
+        assert settings.scale is not None
+        names: list[str] = []
+        for pattern in settings.tracker.files:
+            if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
+                raise InputError(
+                    f'tracker file "{pattern}" lies outside the campaign folder',
+                    "put the export beside campaign.toml",
+                    file="campaign.toml",
+                )
+            found = sorted(p.relative_to(self.folder).as_posix() for p in self.folder.glob(pattern))
+            if not found:
+                raise InputError(
+                    f'no tracker file matches "{pattern}"',
+                    "copy the export into the campaign folder or correct [tracker] files",
+                    file="campaign.toml",
+                )
+            names += [name for name in found if name not in names]
+        return [*names, settings.scale.file, settings.joints.file]
+
+    def _bytes(self, name: str) -> bytes:
+        path = self.folder / name
+        if Path(name).is_absolute() or ".." in Path(name).parts:
+            raise InputError(
+                f'"{name}" lies outside the campaign folder',
+                "put it beside campaign.toml",
+                file="campaign.toml",
+            )
+        try:
+            before = path.stat()
+            if before.st_size > LARGEST_FILE:
+                raise InputError(
+                    f"has {before.st_size / 2**30:.1f} GiB, more than {LARGEST_FILE / 2**30:.0f}",
+                    "split the export",
+                    file=name,
+                )
+            data = path.read_bytes()
+            after = path.stat()
+        except FileNotFoundError as problem:
+            raise InputError(
+                "file is missing",
+                f"copy it into {self.folder.name} or correct campaign.toml",
+                file=name,
+            ) from problem
+        except OSError as problem:
+            raise InputError(
+                f"cannot be read ({problem.strerror})",
+                "check the file and its permissions",
+                file=name,
+                passing=True,
+            ) from problem
+        if (before.st_size, before.st_mtime_ns) != (after.st_size, after.st_mtime_ns):
+            raise InputError(
+                "changed while it was read",
+                "run again when the export is finished",
+                file=name,
+                passing=True,
+            )
+        return data
+
+    def keep(self, name: str, table: pd.DataFrame | pa.Table, promise: pa.Schema) -> pd.DataFrame:
+        """Check a table against its promise, write it as Parquet, and give it on as promised."""
+        kept = tables.conform(table, promise)
+        sink = io.BytesIO()
+        pq.write_table(kept, sink, compression="zstd")
+        files.write(self.processed / f"{name}.parquet", sink.getvalue())
+        return kept.to_pandas()
+
+    def table(self, name: str, promise: pa.Schema) -> pd.DataFrame:
+        """Read one of its tables and check it against its promise."""
+        path = self.processed / f"{name}.parquet"
+        if not path.is_file():
+            raise UsageError(
+                f"{self.name} has no table {name}: run `pipeline run {self.name}` first"
+            )
+        found = pq.read_table(path)
+        for field in promise:
+            here = found.schema.field(field.name) if field.name in found.schema.names else None
+            if here is None or (here.metadata or {}).get(b"unit") != field.metadata[b"unit"]:
+                raise PipelineError(
+                    f"{path.name}: column {field.name} in {field.metadata[b'unit'].decode()} is "
+                    f"missing; run `pipeline run {self.name} --force`"
+                )
+        return tables.conform(found, promise).to_pandas()
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Hold the campaign for one run; a second run waits for the first."""
+        self.processed.mkdir(parents=True, exist_ok=True)
+        with FileLock(self.processed / ".lock"):
+            for folder in (self.processed, self.reports):
+                if folder.is_dir():
+                    files.sweep(folder)
+            yield
+
+    def done(self, key: str) -> dict[str, Any] | None:
+        """The result of an earlier run with the same key whose outputs are all intact."""
+        manifest = self.manifest()
+        if manifest is None or manifest.get("key") != key:
+            return None
+        for name, digest in manifest["outputs"].items():
+            path = self.root / name
+            if not path.is_file() or files.sha256(path.read_bytes()) != digest:
+                return None
+        return self.result()
+
+    def manifest(self) -> dict[str, Any] | None:
+        """What the last finished run was made from; None when there is none."""
+        try:
+            found: dict[str, Any] = json.loads((self.processed / MANIFEST).read_bytes())
+        except (FileNotFoundError, ValueError):
+            return None
+        return found
+
+    def result(self) -> dict[str, Any]:
+        """Its result.json."""
+        path = self.reports / "result.json"
+        if not path.is_file():
+            raise UsageError(f"{self.name} has no result: run `pipeline run {self.name}` first")
+        found: dict[str, Any] = json.loads(path.read_bytes())
+        return found
+
+    def finish(self, key: str, answers: Mapping[str, bytes]) -> None:
+        """Write the answers, then the manifest that makes them count."""
+        (self.processed / MANIFEST).unlink(missing_ok=True)
+        for name, data in answers.items():
+            files.write(self.reports / name, data)
+        kept = [self.reports / name for name in answers]
+        kept += sorted(self.processed.glob("*.parquet"))
+        outputs = {
+            path.relative_to(self.root).as_posix(): files.sha256(path.read_bytes()) for path in kept
+        }
+        manifest = {"key": key, "outputs": outputs, "code": code_version(), "versions": versions()}
+        files.write(self.processed / MANIFEST, dump(manifest))
+
+
+def dump(content: object) -> bytes:
+    """JSON as we write it: no NaN, UTF-8, one final newline."""
+    return (json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
+
+
+def find(root: Path, name: str) -> Campaign:
+    """A campaign by its name under data/raw, or by path.
+
+    Raises:
+        InputError: There is no such folder, or no campaign.toml in it; lists those there are.
+    """
+    for folder in (root / "data" / "raw" / name, Path(name)):
+        if (folder / "campaign.toml").is_file():
+            return Campaign(root, folder.resolve())
+    if (root / "data" / "raw" / name).is_dir() or Path(name).is_dir():
+        raise InputError(
+            f"{name} has no campaign.toml", f"write one, for example with `pipeline init {name}`"
+        )
+    known = listed(campaign.name for campaign in every(root))
+    raise InputError(f'there is no campaign "{name}"', f"known under data/raw: {known}")
+
+
+def every(root: Path) -> list[Campaign]:
+    """All campaigns under data/raw, by name."""
+    return [
+        Campaign(root, path.parent.resolve())
+        for path in sorted((root / "data" / "raw").glob("*/campaign.toml"))
+    ]
+
+
+def versions() -> dict[str, str]:
+    """Versions of the libraries that numbers and pages depend on."""
+    from pipeline import __version__
+
+    return {"pipeline": __version__} | {name: metadata.version(name) for name in LIBRARIES}
+
+
+@cache
+def code_version() -> str:
+    """Hash of every file of the package, so that changed code never meets an old result."""
+    return files.sha256("".join(_sources(resources.files("pipeline"))).encode())
+
+
+def _sources(folder: Traversable) -> Iterator[str]:
+    for item in sorted(folder.iterdir(), key=lambda entry: entry.name):
+        if item.is_dir() and item.name != "__pycache__":
+            yield from _sources(item)
+        elif item.is_file() and not item.name.endswith(".pyc"):
+            yield f"{item.name}:{files.sha256(item.read_bytes())}\n"
+
+
+def _key(content: Mapping[str, bytes], robot: Robot) -> str:
+    parts = [f"{name}:{files.sha256(data)}" for name, data in sorted(content.items())]
+    parts += [robot.text, code_version(), json.dumps(versions())]
+    return files.sha256("\n".join(parts).encode())

@@ -1,0 +1,118 @@
+"""Typer: parse, call, print. stdout is data, stderr is progress; exit codes are in the README."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer.exceptions import Abort, TyperException
+
+from pipeline.errors import MISFIT, PipelineError, UsageError
+
+if TYPE_CHECKING:
+    from pipeline.shell import Outcome
+
+app = typer.Typer(
+    help="Joint stiffnesses of a robot from tracker campaigns, and how far to trust them.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+Root = Annotated[Path, typer.Option(help="Project root with data/ and reports/.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON on stdout, one line each.")]
+
+
+@app.command()
+def run(
+    campaigns: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[CAMPAIGN]...", help="Name under data/raw, or a path."),
+    ] = None,
+    as_json: AsJson = False,
+    engine: Annotated[str, typer.Option(help="prefect or local.")] = "prefect",
+    force: Annotated[
+        bool, typer.Option("--force", help="Compute even if nothing changed.")
+    ] = False,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Exit 4 when the model does not fit.")
+    ] = False,
+    root: Root = Path(),
+) -> None:
+    """Bring campaigns up to date (all new or changed ones by default) and say where reports are."""
+    from pipeline import shell
+
+    if engine not in ("prefect", "local"):
+        raise UsageError(f'there is no engine "{engine}": use prefect or local')
+    worst = 0
+    for outcome in shell.run_all(root, campaigns or [], engine, force):
+        worst = max(worst, outcome.exit_code, MISFIT if strict and outcome.misfit else 0)
+        _show(outcome, as_json)
+    raise typer.Exit(worst)
+
+
+@app.command()
+def check(campaign: str, as_json: AsJson = False, root: Root = Path()) -> None:
+    """Read a campaign, say what would be used and what is wrong; compute nothing."""
+    from pipeline import shell
+
+    outcome = shell.check(root, campaign)
+    _show(outcome, as_json)
+    raise typer.Exit(outcome.exit_code)
+
+
+@app.command()
+def status(as_json: AsJson = False, root: Root = Path()) -> None:
+    """List the campaigns under data/raw: new, changed or done, with their verdicts."""
+    from pipeline import shell
+
+    for outcome in shell.status(root):
+        _show(outcome, as_json)
+
+
+@app.command()
+def init(
+    name: str,
+    robot: Annotated[str, typer.Option(help="A robot that ships, or a robot file.")] = "kr500_rail",
+    root: Root = Path(),
+) -> None:
+    """Prepare the folder of a new campaign: campaign.toml to fill in, loads.csv, joints.csv."""
+    from pipeline import shell
+
+    typer.echo(shell.init(root, name, robot))
+
+
+def _show(outcome: Outcome, as_json: bool) -> None:
+    typer.echo(outcome.as_json() if as_json else outcome.as_text())
+    for line in outcome.complaints:
+        typer.secho(line, err=True, fg="red")
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line; every way out has a documented exit code and no traceback."""
+    sys.exit(_exit_code(arguments))
+
+
+def _exit_code(arguments: list[str] | None) -> int:
+    try:
+        code: Any = app(args=arguments, standalone_mode=False, prog_name="pipeline")
+        return code if isinstance(code, int) else 0
+    except PipelineError as problem:
+        return _say(str(problem), problem.exit_code)
+    except (Abort, KeyboardInterrupt):
+        return _say("Interrupted; run it again to go on, nothing half-written counts.", 130)
+    except TyperException as problem:
+        return _say(f"{problem} Try `pipeline --help`.", UsageError.exit_code)
+    except BrokenPipeError:
+        return 0
+    except Exception as problem:  # the last net: a sentence for the engineer, the rest in a file
+        from pipeline.shell import record_crash
+
+        return _say(record_crash(problem), 1)
+
+
+def _say(sentence: str, code: int) -> int:
+    typer.secho(sentence, err=True, fg="red")
+    return code

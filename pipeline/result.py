@@ -1,0 +1,364 @@
+"""What leaves the pipeline: result.json as the campaign contract words it, and result tables."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from pipeline import files
+from pipeline.campaign import Raw, versions
+from pipeline.cell import Cell, predict
+from pipeline.results import Array, Estimate, System
+from pipeline.robot import Joint
+from pipeline.stages.assemble import Measured
+from pipeline.stages.estimate import left_out
+from pipeline.stages.register import Registration
+from pipeline.stages.validate import Where, deflections
+from pipeline.stages.whiten import whitener
+
+TRACKER_MEASURES_M = 1e-4
+"""A laser tracker measures displacements in a hall to this or better (MPE of the AT500 class)."""
+
+SURE = 0.01
+"""A misfit that chance produces less often than this is a misfit."""
+
+AXES = np.array(["x", "y", "z"], dtype=object)
+
+
+def rows_table(system: System) -> pd.DataFrame:
+    """What each row of a system is."""
+    rows = system.rows
+    return pd.DataFrame(
+        {
+            "row": np.arange(len(rows)),
+            "pose": rows.pose,
+            "repeat": rows.repeat,
+            "target": rows.target,
+            "axis": AXES[rows.axis],
+        }
+    )
+
+
+def system_table(system: System) -> pd.DataFrame:
+    """Table `tables.system`."""
+    columns = {f"B_{p.name}": system.B[:, k] for k, p in enumerate(system.parameters)}
+    return rows_table(system).assign(c_m=system.c, **columns)
+
+
+def errors_table(system: System) -> pd.DataFrame:
+    """Table ERRORS."""
+    G = system.errors.G.tocoo()
+    return pd.DataFrame(
+        {
+            "error": G.col,
+            "source": system.errors.source[G.col],
+            "common": system.errors.common[G.col],
+            "row": G.row,
+            "value_m": G.data,
+        }
+    )
+
+
+def residuals_table(system: System, estimate: Estimate) -> pd.DataFrame:
+    """Table RESIDUALS; without stated noise, whitened by their own scatter."""
+    white = whitener(system.errors, system.rows.pose)
+    whitened = white(estimate.residual)
+    if not system.noise_stated:
+        whitened = whitened / np.sqrt(np.sum(whitened**2) / max(estimate.dof, 1))
+    return rows_table(system).assign(
+        residual_m=estimate.residual, whitened=whitened, left_out_m=left_out(system, white)
+    )
+
+
+def estimate_table(estimate: Estimate) -> pd.DataFrame:
+    """Table ESTIMATE."""
+    return pd.DataFrame(
+        {
+            "parameter": [p.name for p in estimate.parameters],
+            "unit": [p.unit for p in estimate.parameters],
+            "value": estimate.value,
+            "std": estimate.std,
+            "identifiable": estimate.identifiable,
+        }
+    )
+
+
+def covariance_table(estimate: Estimate) -> pd.DataFrame:
+    """Table `tables.covariance`."""
+    names = [p.name for p in estimate.parameters]
+    return pd.DataFrame(estimate.cov, columns=names).assign(parameter=names)
+
+
+def answer(
+    campaign: str,
+    raw: Raw,
+    cell: Cell,
+    data: Measured,
+    registration: Registration,
+    system: System,
+    estimate: Estimate,
+    residuals: pd.DataFrame,
+    where: Where,
+    checked: pd.DataFrame,
+    rejected: pd.DataFrame,
+) -> dict[str, Any]:
+    """result.json of a campaign."""
+    stiffness = stiffness_entries(cell, system, estimate)
+    fit = fit_entry(cell, data, estimate)
+    verdict = "adequate" if fits(estimate) else "unexplained"
+    return {
+        "format": 1,
+        "campaign": campaign,
+        "name": raw.settings.name,
+        "robot": raw.settings.robot,
+        "verdict_sentence": sentences(verdict, stiffness, estimate, residuals),
+        "stiffness": stiffness,
+        "fit": fit,
+        "diagnosis": {"verdict": verdict, "causes": [], "blind_spots": [], "next_poses": []},
+        "extended": {"stiffness": stiffness, "fit": fit},
+        "validation": validation_entry(checked, residuals, where),
+        "rejected": rejected_entries(rejected),
+        "findings": [entry["finding"] for entry in stiffness if entry["finding"]],
+        "registration": registration_entry(registration),
+        "test_pose_deflection": deflection_entries(cell, estimate, where),
+        "model": {"equilibrium": cell.equilibrium},
+        "assumptions": assumptions(raw, where),
+        "inputs": [
+            {"file": name, "sha256": files.sha256(content), "bytes": len(content)}
+            for name, content in sorted(raw.files.items())
+        ],
+        "versions": versions(),
+    }
+
+
+def fits(estimate: Estimate) -> bool:
+    """Whether chance alone may have made the misfit; without stated noise, a tracker's noise."""
+    if estimate.p_value is None:
+        return estimate.residual_std_m < TRACKER_MEASURES_M
+    return estimate.p_value >= SURE
+
+
+def stiffness_entries(cell: Cell, system: System, estimate: Estimate) -> list[dict[str, Any]]:
+    """One entry per joint: the stiffness, or why there is none."""
+    lever = np.linalg.norm(system.B, axis=0)
+    return [
+        _stiffness(number, joint, estimate, number - 1, float(lever[number - 1]))
+        for number, joint in enumerate(cell.robot.joints, 1)
+    ]
+
+
+def _stiffness(
+    number: int, joint: Joint, estimate: Estimate, k: int, lever: float
+) -> dict[str, Any]:
+    x, std = float(estimate.value[k]), float(estimate.std[k])
+    identifiable = bool(estimate.identifiable[k])
+    low, high = x - estimate.quantile * std, x + estimate.quantile * std
+    has_value = identifiable and x > 0
+    return {
+        "joint": number,
+        "name": f"k_{joint.name}",
+        "unit": joint.stiffness_unit,
+        "value": 1 / x if has_value else None,
+        "std": std / x**2 if has_value else None,
+        "ci95": [1 / high if 0 < high < np.inf else None, 1 / low if low > 0 else None],
+        "identifiable": identifiable,
+        "joint_type": "prismatic" if joint.prismatic else "revolute",
+        "compliance": x if np.isfinite(std) else None,
+        "compliance_std": finite(std),
+        "compliance_unit": joint.compliance_unit,
+        "relative_std": std / x if has_value else None,
+        "nominal": joint.stiffness,
+        "finding": _finding(joint, x, std, low, high, identifiable, lever),
+    }
+
+
+def _finding(
+    joint: Joint, x: float, std: float, low: float, high: float, identifiable: bool, lever: float
+) -> str | None:
+    name = f"k_{joint.name}"
+    work = "pulls along the rail" if joint.prismatic else "pulls with a lever about its axis"
+    if not np.isfinite(std):
+        if lever * x < 1e-12:
+            return (
+                f"{name} is not identifiable: in every pose the line of pull has no lever about "
+                f"joint {joint.name}; attach the chain off that joint's axis."
+            )
+        return f"{name} is not identifiable: these poses mix it with another joint; add {work}."
+    if high < 0:
+        return (
+            f"The compliance of {joint.name} is negative ({x:.2g} +- {std:.1g} "
+            f"{joint.compliance_unit}), which no spring can be: the model misses something that "
+            f"acts there, so no stiffness is stated."
+        )
+    if not identifiable:
+        return (
+            f"{name} is not identifiable: its compliance is {x:.2g} +- {std:.1g} "
+            f"{joint.compliance_unit}; add {work}, or pull harder."
+        )
+    if low <= 0:
+        return (
+            f"{name} has no upper limit: its compliance of {x:.2g} +- {std:.1g} "
+            f"{joint.compliance_unit} may be zero; add {work}, or pull harder."
+        )
+    return None
+
+
+def fit_entry(cell: Cell, data: Measured, estimate: Estimate) -> dict[str, Any]:
+    """How well the model meets the data."""
+    return {
+        "rms_mm": rms_mm(estimate.residual),
+        "chi2": estimate.chi2,
+        "dof": estimate.dof,
+        "p_value": estimate.p_value,
+        "noise_from": estimate.noise_from,
+        "residual_std_mm": 1e3 * estimate.residual_std_m,
+        "second_order_rms_mm": second_order_mm(cell, data, estimate),
+        "noise_statement": noise_statement(estimate),
+    }
+
+
+def second_order_mm(cell: Cell, data: Measured, estimate: Estimate) -> float:
+    """How far the deflected robot's geometry would move the targets, rms [mm]; c = B x omits it."""
+    x = np.clip(estimate.value, 0.0, None)
+    flat, bent = (
+        predict(replace(cell, equilibrium=kind), data.pulls, x).displacement
+        for kind in ("undeformed", "deformed")
+    )
+    return rms_mm((bent - flat)[data.pull, data.target])
+
+
+def noise_statement(estimate: Estimate) -> str:
+    """One sentence on where the noise comes from and what depends on it."""
+    if estimate.noise_from == "stated":
+        return (
+            "Uncertainties, chi-squared and its p-value rest on the noise stated in campaign.toml."
+        )
+    std = 1e3 * estimate.residual_std_m
+    more = (
+        "; a laser tracker measures better than that, so the model does not fit as well as a "
+        "tracker measures"
+        if not fits(estimate)
+        else ""
+    )
+    return (
+        f"No noise is stated, so every uncertainty rests on the residuals' own scatter of "
+        f"{std:.3f} mm, there is no independent test of the model{more}."
+    )
+
+
+def sentences(
+    verdict: str, stiffness: list[dict[str, Any]], estimate: Estimate, residuals: pd.DataFrame
+) -> list[str]:
+    """The verdict in two sentences."""
+    good = [entry["name"] for entry in stiffness if entry["value"] is not None]
+    some = "all" if len(good) == len(stiffness) else f"{len(good)} of {len(stiffness)}"
+    error = rms_mm(residuals["left_out_m"].to_numpy())
+    if verdict == "adequate":
+        first = "The joint stiffness model explains the measured deflections."
+    elif estimate.p_value is None:
+        first = (
+            f"The joint stiffness model does not fit as well as a tracker measures: "
+            f"{1e3 * estimate.residual_std_m:.3f} mm remain."
+        )
+    else:
+        first = (
+            f"The joint stiffness model does not explain the measured deflections "
+            f"(p = {estimate.p_value:.1g}): do not rely on the stated uncertainties."
+        )
+    return [
+        first,
+        f"{some.capitalize()} stiffnesses have a value, and poses left out of the estimate are "
+        f"predicted to {error:.3f} mm.",
+    ]
+
+
+def validation_entry(
+    checked: pd.DataFrame, residuals: pd.DataFrame, where: Where
+) -> dict[str, Any]:
+    """Means of Eq. (22) per target, from the full covariance and as in Eq. (23)."""
+    mean = checked.groupby(["draw", "set", "target"], sort=False)["mu"].mean()
+
+    def both(draw: str) -> dict[str, dict[str, float]]:
+        sets = ("test_pose", "global")
+        return {name: {t: float(v) for t, v in mean[draw, name].items()} for name in sets}
+
+    return {
+        **both("covariance"),
+        "held_out_rms_mm": rms_mm(residuals["left_out_m"].to_numpy()),
+        "independent": both("independent"),
+        "poses": int(checked["index"].max()),
+        "test_pose_stated": where.stated,
+    }
+
+
+def rejected_entries(rejected: pd.DataFrame) -> list[dict[str, Any]]:
+    """What was left out, where it stands and why."""
+    return [
+        {
+            "file": row["file"],
+            "line": None if pd.isna(row["line"]) else int(row["line"]),
+            "reason": row["reason"],
+        }
+        for row in rejected.to_dict("records")
+    ]
+
+
+def registration_entry(registration: Registration) -> dict[str, Any] | None:
+    """How well the base reflectors fit; None when the readings are in F_b already."""
+    from scipy import stats
+
+    table = registration.table
+    if table.empty:
+        return None
+    miss = np.linalg.norm(table[["dx_m", "dy_m", "dz_m"]].to_numpy(), axis=1)
+    std = np.sqrt(np.diag(registration.cov))
+    chi2, dof = registration.chi2, registration.dof
+    return {
+        "rms_mm": 1e3 * float(np.sqrt(np.mean(miss**2))),
+        "max_mm": 1e3 * float(miss.max()),
+        "chi2": chi2,
+        "dof": dof,
+        "p_value": None if chi2 is None or dof < 1 else float(stats.chi2.sf(chi2, dof)),
+        "rotation_std_rad": std[:3].tolist(),
+        "translation_std_m": std[3:].tolist(),
+    }
+
+
+def deflection_entries(cell: Cell, estimate: Estimate, where: Where) -> list[dict[str, Any]]:
+    """Predicted deflection at the test pose with its standard uncertainty."""
+    A = deflections(cell, where.q[None], where.force[None])[0]
+    known = np.isfinite(estimate.std)
+    cov = estimate.cov[np.ix_(known, known)]
+    out = []
+    for name, rows in zip(cell.tool.targets, A, strict=True):
+        move = 1e3 * rows @ estimate.value
+        std = 1e3 * np.sqrt(np.diag(rows[:, known] @ cov @ rows[:, known].T))
+        axes = dict(zip(("dx_mm", "dy_mm", "dz_mm"), move.tolist(), strict=True))
+        out.append({"target": name, **axes, "std_mm": std.tolist()})
+    return out
+
+
+def assumptions(raw: Raw, where: Where) -> list[str]:
+    """What the numbers rest on beside the data."""
+    out = list(raw.robot.assumptions)
+    if not where.stated:
+        out.append("campaign.toml has no [test_pose]: the strongest pull of the campaign stands in")
+    out.append(
+        "validation poses lie within 0.25 m and 10 deg of the test pose, or anywhere within the "
+        "joint limits, always under the test pose's force"
+    )
+    return out
+
+
+def rms_mm(values: Array) -> float:
+    """Root mean square over coordinates [mm], unweighted."""
+    values = np.asarray(values, dtype=float)
+    return 1e3 * float(np.sqrt(np.nanmean(values**2)))
+
+
+def finite(value: float) -> float | None:
+    """A number JSON can hold."""
+    return float(value) if np.isfinite(value) else None

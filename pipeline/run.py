@@ -1,0 +1,118 @@
+"""START HERE: the order of the stages. Tracker exports in, stiffnesses and a report out.
+
+Every stage is a function from named tables to named tables (tables.py); this file puts them in
+order and keeps every table. How a stage is carried out (plainly, or as a Prefect task) is `step`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numpy as np
+
+from pipeline import result, tables
+from pipeline.campaign import Campaign, Raw, dump
+from pipeline.cell import Tool, paper_cell
+from pipeline.report.render import render
+from pipeline.settings import Settings
+from pipeline.stages.assemble import measured
+from pipeline.stages.displacements import displacements
+from pipeline.stages.estimate import identify
+from pipeline.stages.forces import forces
+from pipeline.stages.ingest import ingest
+from pipeline.stages.register import place, register
+from pipeline.stages.validate import place_of_interest, validate
+
+T = TypeVar("T")
+Step = Callable[[Callable[..., T]], Callable[..., T]]
+SEED = 20261103
+
+
+def plain(stage: Callable[..., T]) -> Callable[..., T]:
+    """Carry a stage out as it is."""
+    return stage
+
+
+def run(campaign: Campaign, step: Step[Any] = plain, force: bool = False) -> dict[str, Any]:
+    """Bring one campaign up to date and give its result.json.
+
+    Nothing is computed when inputs, code and libraries are those of the last finished run.
+    """
+    with campaign.locked():
+        raw = step(campaign.read)()
+        found = None if force else campaign.done(raw.key)
+        return found or _compute(campaign, raw, step)
+
+
+def _compute(campaign: Campaign, raw: Raw, step: Step[Any]) -> dict[str, Any]:
+    began = time.perf_counter()
+    settings, robot, keep = raw.settings, raw.robot, campaign.keep
+    cell = paper_cell(robot, tool(settings))
+
+    got = step(ingest)(settings, robot, raw.files)
+    readings = keep("10_readings", got.readings, tables.READINGS)
+    loads = keep("11_loads", got.loads, tables.LOADS)
+    joints = keep("12_joints", got.joints, tables.joints(robot))
+    rejected = keep("13_rejected", got.rejected, tables.REJECTED)
+
+    registration = step(register)(settings, readings)
+    keep("20_registration", registration.table, tables.REGISTRATION)
+    placed = keep("21_placed", place(registration, readings), tables.PLACED)
+    if settings.displacements is None:
+        pulled = step(forces)(settings, placed, loads)
+        moved = step(displacements)(settings, placed)
+    else:
+        pulled, moved = got.forces, got.displacements
+    pulled = keep("22_forces", pulled, tables.FORCES)
+    moved = keep("23_displacements", moved, tables.DISPLACEMENTS)
+
+    gain = settings.scale.gain_sigma if settings.scale else 0.0
+    data = measured(robot, cell.tool.targets, joints, pulled, moved, registration.cov[:3, :3], gain)
+    system, estimate = step(identify)(cell, data, robot.nominal_compliance)
+    keep("30_system", result.system_table(system), tables.system(system.parameters))
+    keep("31_errors", result.errors_table(system), tables.ERRORS)
+    keep("40_estimate", result.estimate_table(estimate), tables.ESTIMATE)
+    keep("41_covariance", result.covariance_table(estimate), tables.covariance(estimate.parameters))
+    residuals = keep("42_residuals", result.residuals_table(system, estimate), tables.RESIDUALS)
+
+    where = place_of_interest(settings.test_pose, robot, data.pulls)
+    checked = step(validate)(cell, estimate, where, np.random.default_rng(SEED))
+    checked = keep("60_validation", checked, tables.VALIDATION)
+
+    answer = result.answer(
+        campaign.name,
+        raw,
+        cell,
+        data,
+        registration,
+        system,
+        estimate,
+        residuals,
+        where,
+        checked,
+        rejected,
+    )
+    shown = {
+        "readings": readings,
+        "registration": registration.table,
+        "forces": pulled,
+        "displacements": moved,
+        "residuals": residuals,
+        "validation": checked,
+        "rejected": rejected,
+    }
+    pages = step(render)(answer, shown, time.perf_counter() - began)
+    campaign.finish(raw.key, {"result.json": dump(answer), **pages})
+    return answer
+
+
+def tool(settings: Settings) -> Tool:
+    """The effector of a campaign: its load point and the targets that are measured."""
+    names = settings.measured
+    return Tool(
+        load_point=np.array(settings.tool["load_point"]),
+        targets=np.array(names, dtype=object),
+        points=np.array([settings.tool[name] for name in names]),
+    )

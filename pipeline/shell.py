@@ -1,0 +1,250 @@
+"""What the commands do, without a word about how they are typed or printed."""
+
+from __future__ import annotations
+
+import json
+import sys
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from pipeline import campaign as campaigns
+from pipeline import files
+from pipeline.campaign import Campaign
+from pipeline.errors import InputError, PipelineError, UsageError
+
+NAME = "letters, digits, dot, dash and underscore"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one campaign.
+
+    Attributes:
+        campaign: Its name as asked for.
+        content: What --json prints.
+        text: What is printed otherwise, one or more lines.
+        exit_code: 0 done, 1 internal, 5 rejected in whole or in part.
+        misfit: The model does not fit.
+        complaints: Sentences for stderr.
+    """
+
+    campaign: str
+    content: dict[str, Any]
+    text: str
+    exit_code: int = 0
+    misfit: bool = False
+    complaints: list[str] = field(default_factory=list)
+
+    def as_json(self) -> str:
+        """One line of JSON."""
+        return json.dumps(self.content, ensure_ascii=False, allow_nan=False)
+
+    def as_text(self) -> str:
+        """For people."""
+        return self.text
+
+
+def run_all(root: Path, names: list[str], engine: str, force: bool) -> Iterator[Outcome]:
+    """Bring campaigns up to date; one that fails stops none of the others."""
+    everyone = names or [found.name for found in campaigns.every(root)]
+    if not everyone:
+        raise InputError(
+            f"there is no campaign under {root / 'data' / 'raw'}",
+            "make a folder with `pipeline init NAME` or `pipeline simulate`",
+        )
+    for name in everyone:
+        with progress(name):
+            outcome = _guarded(name, partial(_run, root, name, engine, force))
+        yield outcome
+
+
+def _run(root: Path, name: str, engine: str, force: bool) -> Outcome:
+    campaign = campaigns.find(root, name)
+    if engine == "local" or (not force and current(campaign)):
+        from pipeline.run import run
+
+        answer = run(campaign, force=force)
+    else:
+        from pipeline.flow import identify
+
+        answer = identify(campaign, force=force)
+    rejected = answer["rejected"]
+    lines = [
+        f"{name}: {' '.join(answer['verdict_sentence'])}",
+        f"  {campaign.reports / 'index.html'}",
+    ]
+    return Outcome(
+        campaign=name,
+        content=answer,
+        text="\n".join(lines),
+        exit_code=InputError.exit_code if rejected else 0,
+        misfit=answer["diagnosis"]["verdict"] != "adequate",
+        complaints=[f"{name}: {sentence(entry)}" for entry in rejected],
+    )
+
+
+def current(campaign: Campaign) -> bool:
+    """Whether the campaign's last run still stands, so that no engine needs to start."""
+    return campaign.done(campaign.read().key) is not None
+
+
+def sentence(rejected: dict[str, Any]) -> str:
+    """One rejected row in words."""
+    line = "" if rejected["line"] is None else f":{rejected['line']}"
+    return f"{rejected['file']}{line}: {rejected['reason']}"
+
+
+def _guarded(name: str, work: Callable[[], Outcome]) -> Outcome:
+    try:
+        return work()
+    except PipelineError as problem:
+        return _failed(name, problem, str(problem), problem.exit_code)
+    except Exception as problem:  # one broken campaign must not stop the others
+        return _failed(name, problem, record_crash(problem), 1)
+
+
+def _failed(name: str, problem: Exception, words: str, code: int) -> Outcome:
+    error = {"kind": type(problem).__name__, "message": words, "exit_code": code}
+    if isinstance(problem, InputError):
+        error |= {"file": problem.file, "line": problem.line}
+        error |= {"thing": problem.thing, "way_out": problem.way_out}
+    return Outcome(
+        name,
+        {"campaign": name, "error": error},
+        f"{name}: rejected",
+        code,
+        complaints=[f"{name}: {words}"],
+    )
+
+
+def record_crash(problem: Exception) -> str:
+    """Keep the traceback in a file and give the sentence for the screen."""
+    import tempfile
+
+    text = "".join(traceback.format_exception(problem)).encode()
+    path = Path(tempfile.gettempdir()) / f"pipeline-crash-{files.sha256(text)[:8]}.txt"
+    try:
+        files.write(path, text)
+    except OSError as worse:
+        return f"internal error ({problem!r}); its details could not be kept ({worse})."
+    return f"internal error ({type(problem).__name__}: {problem}); please report it with {path}."
+
+
+def check(root: Path, name: str) -> Outcome:
+    """Ingest a campaign and say what would be used; write nothing."""
+    return _guarded(name, partial(_check, root, name))
+
+
+def _check(root: Path, name: str) -> Outcome:
+    from pipeline.result import rejected_entries
+    from pipeline.stages.ingest import ingest
+
+    raw = campaigns.find(root, name).read()
+    got = ingest(raw.settings, raw.robot, raw.files)
+    rejected = rejected_entries(got.rejected)
+    reduced = raw.settings.displacements is not None
+    used = {
+        "readings": len(got.displacements if reduced else got.readings),
+        "pulls": len(got.forces if reduced else got.loads),
+        "poses": len(got.joints),
+        "rejected": len(rejected),
+    }
+    text = f"{name}: " + ", ".join(f"{count} {what}" for what, count in used.items())
+    return Outcome(
+        campaign=name,
+        content={"campaign": name, **used},
+        text=text,
+        exit_code=InputError.exit_code if rejected else 0,
+        complaints=[f"{name}: {sentence(entry)}" for entry in rejected],
+    )
+
+
+def status(root: Path) -> Iterator[Outcome]:
+    """State of every campaign under data/raw."""
+    for campaign in campaigns.every(root):
+        yield _guarded(campaign.name, partial(_status, campaign))
+
+
+def _status(campaign: Campaign) -> Outcome:
+    before = campaign.manifest()
+    answer = campaign.done(campaign.read().key)
+    state = "done" if answer else "changed" if before else "new"
+    verdict = answer["diagnosis"]["verdict"] if answer else None
+    content = {"campaign": campaign.name, "state": state, "verdict": verdict}
+    report = str(campaign.reports / "index.html") if answer else ""
+    return Outcome(
+        campaign.name, content, f"{campaign.name:24} {state:8} {verdict or '':12} {report}".rstrip()
+    )
+
+
+TEMPLATE = """\
+format = 1
+name   = "{name}"
+robot  = "{robot}"          # {shipped}, or the path of a robot file
+
+[tracker]
+files   = ["tracker*.csv", "tracker*.txt"]
+# unit  = "mm"              # only where the export itself does not say: mm | m | in
+sigma_m = 3.0e-5            # standard uncertainty per axis of one reading [m]
+
+[base_frame]                # fixed reflectors, nominal coordinates in F_b [m]: at least three
+# B1 = [0.6, -0.5, -0.30]
+
+[scale]
+file       = "loads.csv"
+sigma_n    = 2.0            # standard uncertainty of one reading [N]
+sigma_rel  = 0.0
+gain_sigma = 0.0            # relative standard uncertainty of the scale's gain (certificate)
+
+[joints]
+file = "joints.csv"
+
+[tool]                      # points of the effector in the flange frame [m]: measure them
+load_point = [0.15, 0.0, 0.25]
+P1 = [0.20, 0.05, 0.12]
+P2 = [-0.12, 0.19, 0.10]
+P3 = [-0.10, -0.18, 0.22]
+
+# [test_pose]               # where the prediction matters: m and degrees, N
+# q = [{q}]
+# force_n = [0, 0, -300]
+"""
+
+
+def init(root: Path, name: str, robot: str) -> Path:
+    """Make the folder of a new campaign.
+
+    Raises:
+        UsageError: The name is no folder name, or the folder is there already.
+        InputError: There is no such robot.
+    """
+    from pipeline.robot import SHIPPED, load
+
+    if not name or name.startswith(".") or not all(c.isalnum() or c in "._-" for c in name):
+        raise UsageError(f'"{name}" cannot name a campaign: use {NAME}')
+    folder = root / "data" / "raw" / name
+    if folder.exists():
+        raise UsageError(f"{folder} is there already: choose another name")
+    joints = load(robot, folder).joints
+    columns = [f"{j.name}_m" if j.prismatic else f"{j.name}_deg" for j in joints]
+    text = TEMPLATE.format(
+        name=name, robot=robot, shipped=", ".join(SHIPPED), q=", ".join("0" for _ in joints)
+    )
+    files.write(folder / "loads.csv", b"pose,repeat,force_n,branch\n")
+    files.write(folder / "joints.csv", f"pose,{','.join(columns)},approach\n".encode())
+    files.write(folder / "campaign.toml", text.encode())
+    return folder
+
+
+def progress(name: str) -> AbstractContextManager[Any]:
+    """A moving sign on stderr while a campaign is computed; on a terminal only."""
+    if not sys.stderr.isatty():
+        return nullcontext()
+    from rich.console import Console
+
+    return Console(stderr=True).status(f"{name} ...")
