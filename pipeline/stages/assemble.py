@@ -104,7 +104,7 @@ def measured(
         unloaded=rows[["zero_x_m", "zero_y_m", "zero_z_m"]].to_numpy(float),
         loaded_cov=loaded_cov,
         zero_cov=zero_cov,
-        zero=rows.groupby(["pose", "target"]).ngroup().to_numpy(np.int64),
+        zero=np.asarray(rows.groupby(["pose", "target"]).ngroup(), dtype=np.int64),
         reading_std=pulls["reading_std_n"].to_numpy(float),
         direction_cov=covariance.matrices(pulls, covariance.columns("u", "")),
         rotation_cov=rotation_cov,

@@ -65,7 +65,7 @@ def whitener(errors: Errors, pose: Ints) -> Whitener:
     blocks[:] = np.eye(count.max())
     blocks[index, place, place] = 0.0
     blocks[index[V.row], place[V.row], place[V.col]] = V.data
-    inverse = np.linalg.inv(np.linalg.cholesky(blocks))
+    inverse = np.linalg.inv(np.linalg.cholesky(blocks)).astype(np.float64)
     inner = Whitener(
         index, place, inverse, np.zeros((len(pose), 0)), np.zeros((len(pose), 0)), np.zeros(0)
     )

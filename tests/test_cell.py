@@ -1,0 +1,110 @@
+"""The forward model against slow, plain computations of the same physics."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from pipeline.cell import Tool, jacobian, paper_cell, predict
+from pipeline.effects import Pulls
+from pipeline.robot import load
+from pipeline.robot.model import model
+
+TARGETS = {"P1": [0.20, 0.05, 0.12], "P2": [-0.12, 0.19, 0.10], "P3": [-0.10, -0.18, 0.22]}
+
+
+def pulls(robot, m, seed=11, size=3000.0):
+    rng = np.random.default_rng(seed)
+    force = rng.normal(size=(m, 3))
+    force *= size / np.linalg.norm(force, axis=1, keepdims=True)
+    none = np.zeros(m)
+    q = rng.uniform(robot.lower, robot.upper, (m, robot.n))
+    return Pulls(np.arange(m), np.ones(m, int), q, force, none, none, none, none)
+
+
+def cell(load_point=(0.15, 0.0, 0.25), robot="kr500_rail"):
+    tool = Tool(
+        np.array(load_point), np.array(list(TARGETS), object), np.array(list(TARGETS.values()))
+    )
+    return paper_cell(load(robot), tool)
+
+
+def test_displacement_is_eq_5_by_pinocchio_pose_by_pose():
+    """J_m K^-1 J_l' f with Pinocchio's Jacobians and the stiffnesses of Table III."""
+    here = cell()
+    k = np.array([8e7, 3.8e6, 6.6e6, 3.9e6, 5.6e5, 6.6e5, 4.7e5])
+    asked = pulls(here.robot, 10)
+    ours = predict(here, asked, 1 / k).displacement
+    built = model(here.robot, {"load": here.tool.load_point, **TARGETS})
+    data = built.createData()
+
+    def J(q, frame):
+        return pin.computeFrameJacobian(
+            built, data, q, built.getFrameId(frame), pin.LOCAL_WORLD_ALIGNED
+        )[:3]
+
+    for i in range(10):
+        q, f = asked.q[i], asked.force[i]
+        for t, name in enumerate(TARGETS):
+            expected = J(q, name) @ np.diag(1 / k) @ J(q, "load").T @ f
+            assert np.abs(ours[i, t] - expected).max() < 1e-14
+
+
+def test_B_is_the_derivative_of_the_displacements():
+    """Central differences of predict by each compliance."""
+    here = cell()
+    asked, x = pulls(here.robot, 4), here.robot.nominal_compliance
+    B = jacobian(here, asked, x)
+
+    for k in range(7):
+        h = np.zeros(7)
+        h[k] = 0.1 * x[k]
+        moved = predict(here, asked, x + h).displacement - predict(here, asked, x - h).displacement
+        assert np.abs(moved / (0.2 * x[k]) - B[..., k]).max() < 1e-9 * np.abs(B[..., k]).max()
+
+
+def test_a_pull_through_the_axis_of_joint_7_does_not_turn_it():
+    """The column of joint 7 is zero, and only that one."""
+    here = cell(load_point=(0.0, 0.0, 0.25))
+    B = jacobian(here, pulls(here.robot, 30), here.robot.nominal_compliance)
+    size = np.abs(B).max(axis=(0, 1, 2))
+
+    assert size[6] < 1e-12 * size[5]
+    assert (size[:6] > 1e-3 * size[5] * here.robot.nominal_compliance[5]).all()
+
+
+def test_the_deflected_robot_is_in_equilibrium():
+    """Potential energy of springs and load is stationary at the deflected joints (Pinocchio)."""
+    here = replace(cell(), equilibrium="deformed")
+    x = here.robot.nominal_compliance
+    asked = pulls(here.robot, 5)
+    answer = predict(here, asked, x)
+    built = model(here.robot, {"load": here.tool.load_point, **TARGETS})
+    data = built.createData()
+    frame = built.getFrameId("load")
+
+    for i in range(5):
+        dq = np.zeros(7)
+        for _ in range(50):  # Newton-free fixed point on the real joints
+            J = pin.computeFrameJacobian(
+                built, data, asked.q[i] + dq, frame, pin.LOCAL_WORLD_ALIGNED
+            )[:3]
+            dq = x * (J.T @ asked.force[i])
+        pin.framesForwardKinematics(built, data, asked.q[i] + dq)
+        for t, name in enumerate(TARGETS):
+            there = data.oMf[built.getFrameId(name)].translation
+            assert np.abs(answer.loaded[i, t] - there).max() < 1e-12
+
+
+def test_second_order_vanishes_with_the_load():
+    """Deflected and undeflected geometry differ by the square of the load."""
+    here = cell()
+    x = here.robot.nominal_compliance
+
+    def gap(size):
+        asked = pulls(here.robot, 20, size=size)
+        bent = predict(replace(here, equilibrium="deformed"), asked, x).displacement
+        return np.abs(bent - predict(here, asked, x).displacement).max()
+
+    assert gap(2000.0) / gap(1000.0) == pytest.approx(4.0, rel=0.02)
