@@ -1,0 +1,73 @@
+"""The walls of the house, read from the code's own imports."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1] / "pipeline"
+CORE = ("robot", "effects", "stages", "design", "readers", "simulate", "diagnosis")
+OUTSIDE = {"prefect", "typer", "matplotlib", "filelock", "jinja2", "typst"}
+LATE = ("pinocchio", "prefect", "matplotlib", "scipy", "pandas", "pyarrow", "numpy")
+
+
+def imports(path):
+    """Every module that a file imports, also inside functions."""
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (name.name for name in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            yield node.module
+
+
+FILES = sorted(p for part in CORE for p in (PACKAGE / part).rglob("*.py"))
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: p.relative_to(PACKAGE).as_posix())
+def test_the_core_knows_no_shell(path):
+    """Stages, effects, robots and their like import nothing that runs, draws or prints."""
+    assert OUTSIDE.isdisjoint(name.split(".")[0] for name in imports(path))
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: p.relative_to(PACKAGE).as_posix())
+def test_the_core_does_not_open_files(path):
+    """Bytes come in and go out as values; only a robot file is found by path."""
+    names = {
+        node.func.id
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
+    }
+
+    assert "open" not in names
+    assert "print" not in names
+    if path.name != "mdh.py":
+        assert "pathlib" not in set(imports(path))
+
+
+def test_help_imports_nothing_slow():
+    """`pipeline --help` answers before numpy would be there."""
+    code = (
+        "import sys, pipeline.cli\n"
+        "try: pipeline.cli.main(['--help'])\n"
+        "except SystemExit: pass\n"
+        f"print([name for name in {LATE!r} if name in sys.modules], file=sys.stderr)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PACKAGE.parent
+    )
+
+    assert "run" in done.stdout
+    assert done.stderr.strip() == "[]"
+
+
+def test_prefect_is_imported_by_the_flow_only():
+    """One file knows Prefect."""
+    knowing = {
+        path.relative_to(PACKAGE).as_posix()
+        for path in PACKAGE.rglob("*.py")
+        if any(name.split(".")[0] == "prefect" for name in imports(path))
+    }
+
+    assert knowing == {"flow.py"}

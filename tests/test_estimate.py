@@ -1,0 +1,146 @@
+"""The estimate against textbook formulas on dense matrices, and its promises when data are poor."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse
+from scipy import stats
+
+from pipeline.results import Errors, Parameter, Rows, System
+from pipeline.stages.estimate import left_out, solve
+from pipeline.stages.whiten import whitener
+
+X = np.array([1.25e-8, 2.6e-7, 2.1e-6])
+TYPICAL = np.array([1.3e-8, 3.0e-7, 2.0e-6])
+
+
+def system(rng, poses=(6, 9, 3, 6), stated=True):
+    """Poses of unequal size, own noise per row, one shared zero per pose, two common errors."""
+    pose = np.repeat(np.arange(len(poses)) * 3 + 1, poses)
+    M = len(pose)
+    B = rng.normal(size=(M, 3)) * 3e-3 / TYPICAL
+    own = np.diag(rng.uniform(2e-5, 5e-5, M))
+    zero = (pose[:, None] == np.unique(pose)).astype(float) * 3e-5
+    common = np.column_stack([B @ X * 2e-3, 1e-5 * rng.normal(size=M)])
+    G = np.hstack([own, zero, common])
+    source = ["tracker"] * M + ["zero"] * len(poses) + ["force_gain", "registration"]
+    shared = np.array([name in ("force_gain", "registration") for name in source])
+    rows = Rows(pose, np.ones(M, int), np.full(M, "P1", object), np.arange(M) % 3, np.arange(M))
+    return System(
+        parameters=tuple(Parameter(f"c{k}", "m/N", t, 0.0) for k, t in enumerate(TYPICAL)),
+        rows=rows,
+        B=B,
+        c=B @ X + G @ rng.standard_normal(G.shape[1]),
+        errors=Errors(scipy.sparse.csr_array(G), np.array(source, object), shared),
+        noise_stated=stated,
+    )
+
+
+def dense(made, keep=slice(None)):
+    """x, its covariance and chi2 by the textbook, with V inverted as it stands."""
+    V = (made.errors.G @ made.errors.G.T).toarray()[keep][:, keep]
+    B, c = made.B[keep] * TYPICAL, made.c[keep]
+    W = np.linalg.inv(V)
+    cov = np.linalg.inv(B.T @ W @ B)
+    x = cov @ B.T @ W @ c
+    r = c - B @ x
+    return TYPICAL * x, TYPICAL[:, None] * cov * TYPICAL, r @ W @ r
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(17)
+
+
+def test_whitening_is_the_inverse_root_of_the_whole_covariance(rng):
+    """W V W' = I with shared zeros and errors common to all poses."""
+    made = system(rng)
+    V = (made.errors.G @ made.errors.G.T).toarray()
+    white = whitener(made.errors, made.rows.pose)
+
+    assert np.abs(white(white(V).T) - np.eye(len(V))).max() < 1e-12
+
+
+def test_rows_of_a_pose_need_not_be_neighbours(rng):
+    """Shuffled rows give the same estimate."""
+    made = system(rng)
+    order = rng.permutation(len(made.rows))
+    rows = Rows(
+        *(getattr(made.rows, f)[order] for f in ("pose", "repeat", "target", "axis", "pull"))
+    )
+    errors = replace(made.errors, G=made.errors.G[order])
+    mixed = replace(made, rows=rows, B=made.B[order], c=made.c[order], errors=errors)
+
+    assert solve(mixed, X).value == pytest.approx(solve(made, X).value, rel=1e-10)
+
+
+def test_the_estimate_is_generalised_least_squares(rng):
+    """Value, covariance and chi2 are those of the textbook on dense matrices."""
+    made = system(rng)
+    x, cov, chi2 = dense(made)
+    found = solve(made, TYPICAL)
+
+    assert found.value == pytest.approx(x, rel=1e-9)
+    assert found.cov == pytest.approx(cov, rel=1e-9)
+    assert found.chi2 == pytest.approx(chi2, rel=1e-9)
+    assert found.dof == 24 - 3
+    assert found.p_value == pytest.approx(stats.chi2.sf(chi2, 21))
+
+
+def test_left_out_poses_are_estimated_without_themselves(rng):
+    """The closed form equals refitting on the other poses with the textbook."""
+    made = system(rng)
+    ours = left_out(made)
+
+    for pose in np.unique(made.rows.pose):
+        out = made.rows.pose == pose
+        x, *_ = dense(made, ~out)
+        assert ours[out] == pytest.approx(made.c[out] - made.B[out] @ x, abs=1e-12)
+
+
+def test_noise_that_is_not_stated_comes_from_the_residuals(rng):
+    """Doubling every error column changes nothing; intervals are Student's."""
+    made = system(rng, stated=False)
+    louder = replace(made, errors=replace(made.errors, G=made.errors.G * 2))
+    one, two = solve(made, TYPICAL), solve(louder, TYPICAL)
+
+    assert one.std == pytest.approx(two.std, rel=1e-9)
+    assert one.p_value is None
+    assert one.noise_from == "residuals"
+    assert one.quantile == pytest.approx(stats.t.ppf(0.975, 21))
+
+
+def test_a_column_of_rounding_noise_is_not_identifiable_and_spoils_nothing(rng):
+    """The others keep their values; the dark one has no finite uncertainty."""
+    made = system(rng)
+    B = made.B.copy()
+    B[:, 1] = rng.normal(size=len(B)) * 1e-16 / TYPICAL[1]
+    two = replace(made, B=B[:, [0, 2]], parameters=(made.parameters[0], made.parameters[2]))
+    found, alone = solve(replace(made, B=B), TYPICAL), solve(two, TYPICAL[[0, 2]])
+
+    assert found.identifiable.tolist() == [True, False, True]
+    assert np.isinf(found.std[1])
+    assert found.value[[0, 2]] == pytest.approx(alone.value, rel=1e-9)
+    assert found.std[[0, 2]] == pytest.approx(alone.std, rel=1e-9)
+
+
+def test_twins_are_not_identifiable_and_the_rest_is_given(rng):
+    """Two equal columns: neither has a value of its own, the third has."""
+    made = system(rng)
+    B = made.B.copy()
+    B[:, 1] = B[:, 0] * TYPICAL[0] / TYPICAL[1]
+    found = solve(replace(made, B=B), TYPICAL)
+
+    assert found.identifiable.tolist() == [False, False, True]
+
+
+def test_weak_data_are_said_to_be_weak(rng):
+    """An unknown whose typical size moves the data by less than a sigma is not identifiable."""
+    made = system(rng)
+    B = made.B.copy()
+    B[:, 0] *= 1e-3
+    found = solve(replace(made, B=B, c=made.c + (B - made.B) @ X), TYPICAL)
+
+    assert found.identifiable.tolist() == [False, True, True]
+    assert np.isfinite(found.std).all()

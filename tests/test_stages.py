@@ -1,0 +1,223 @@
+"""Stages on small tables whose answer is known without them."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from pipeline import covariance
+from pipeline.errors import InputError
+from pipeline.settings import parse
+from pipeline.stages.displacements import displacements
+from pipeline.stages.forces import forces
+from pipeline.stages.register import place, register
+
+SETTINGS = """
+format = 1
+name = "t"
+robot = "kr500_rail"
+[tracker]
+files = ["t.csv"]
+sigma_m = 3e-5
+[scale]
+sigma_n = 2.0
+sigma_rel = 0.001
+[base_frame]
+B1 = [0.6, -0.5, -0.30]
+B2 = [0.6, 18.5, -0.30]
+B3 = [-0.6, 18.5, -0.28]
+B4 = [2.0, 9.0, 3.0]
+[tool]
+load_point = [0.15, 0.0, 0.25]
+P1 = [0.20, 0.05, 0.12]
+P2 = [-0.12, 0.19, 0.10]
+P3 = [-0.10, -0.18, 0.22]
+"""
+START = pd.Timestamp("2026-11-03T08:00:00")
+
+
+def readings(rows, cov=None):
+    """Table READINGS from (group, target, pose, repeat, state, xyz, seconds)."""
+    frame = pd.DataFrame(
+        rows, columns=["group", "target", "pose", "repeat", "state", "xyz", "seconds"]
+    )
+    xyz = np.array(frame.pop("xyz").tolist(), dtype=float)
+    C = np.broadcast_to(np.eye(3) * 9e-10, (len(frame), 3, 3)) if cov is None else cov
+    return frame.assign(
+        file="t.csv",
+        line=np.arange(2, len(frame) + 2),
+        **dict(zip(["x_m", "y_m", "z_m"], xyz.T, strict=True)),
+        **dict(zip(covariance.columns(), covariance.flat(C).T, strict=True)),
+        covariance_from="stated",
+        time=START + pd.to_timedelta(frame.pop("seconds"), unit="s"),
+    )
+
+
+@pytest.fixture
+def settings():
+    return parse(SETTINGS)
+
+
+def base_rows(settings, R, t, rng=None, sigma=0.0):
+    """Base reflectors as a tracker at (R, t) reads them: p_t = R' (p_b - t)."""
+    rows = []
+    for i, (name, at) in enumerate(settings.base_frame.items()):
+        seen = R.T @ (np.array(at) - t) + (sigma * rng.standard_normal(3) if rng else 0.0)
+        rows.append(("base_start", name, None, None, None, seen, i))
+    return rows
+
+
+R0 = Rotation.from_euler("zyx", [130, 2, -3], degrees=True).as_matrix()
+T0 = np.array([4.0, 7.5, 1.4])
+
+
+def test_exact_base_readings_give_back_the_trackers_place(settings):
+    """Rotation and origin to rounding, residuals zero."""
+    found = register(settings, readings(base_rows(settings, R0, T0)))
+
+    assert np.abs(found.R - R0).max() < 1e-14
+    assert np.abs(found.t - T0).max() < 1e-13
+    assert found.table[["dx_m", "dy_m", "dz_m"]].abs().to_numpy().max() < 1e-13
+
+
+def test_weighted_registration_is_the_maximum_of_the_likelihood(settings):
+    """With unequal full covariances the fit equals a generic optimiser's; so does its covariance."""
+    rng = np.random.default_rng(5)
+    table = readings(base_rows(settings, R0, T0, rng, 2e-4))
+    half = rng.normal(size=(len(table), 3, 3)) * 1e-4
+    C = half @ np.swapaxes(half, 1, 2) + 1e-9 * np.eye(3)
+    table[covariance.columns()] = covariance.flat(C)
+    nominal = np.array(list(settings.base_frame.values()))
+    points = table[["x_m", "y_m", "z_m"]].to_numpy()
+    W = [np.linalg.cholesky(np.linalg.inv(c)).T for c in C]
+
+    def misfit(p):  # in the tracker's frame, where the covariances are given
+        R = Rotation.from_rotvec(p[:3]).as_matrix() @ R0
+        t = T0 + p[3:]
+        back = (nominal - t) @ R
+        return np.concatenate([w @ (x - y) for w, x, y in zip(W, points, back, strict=True)])
+
+    best = least_squares(misfit, np.zeros(6), xtol=1e-15, ftol=1e-15, gtol=1e-15, x_scale=1e-4)
+    found = register(settings, table)
+    expected = Rotation.from_rotvec(best.x[:3]).as_matrix() @ R0
+
+    assert np.abs(found.R - expected).max() < 1e-8
+    assert np.abs(found.t - T0 - best.x[3:]).max() < 1e-7
+    assert found.chi2 == pytest.approx(2 * best.cost, rel=1e-6)
+    assert found.dof == 3 * 4 - 6
+
+
+def test_registration_claims_the_scatter_it_has(settings):
+    """Over 400 noisy registrations the rotation scatters as its covariance says."""
+    rng = np.random.default_rng(9)
+    turns, claims = [], []
+    for _ in range(400):
+        found = register(settings, readings(base_rows(settings, R0, T0, rng, 3e-5)))
+        turns.append(Rotation.from_matrix(found.R @ R0.T).as_rotvec())
+        claims.append(np.diag(found.cov)[:3])
+
+    ratio = np.var(turns, axis=0) / np.mean(claims, axis=0)
+
+    assert (np.abs(ratio - 1) < 5 * np.sqrt(2 / 400)).all()
+
+
+def test_two_base_reflectors_are_refused(settings):
+    """The sentence says how many there are."""
+    with pytest.raises(InputError, match="only 2 base reflectors"):
+        register(settings, readings(base_rows(settings, R0, T0)[:2]))
+
+
+def test_base_reflectors_on_a_line_are_refused():
+    """Three reflectors that leave the roll free."""
+    text = SETTINGS.replace("B3 = [-0.6, 18.5, -0.28]\nB4 = [2.0, 9.0, 3.0]", "B3 = [0.6, 9, -0.3]")
+    settings = parse(text)
+    with pytest.raises(InputError, match="on one line"):
+        register(settings, readings(base_rows(settings, R0, T0)))
+
+
+def test_placing_turns_points_and_covariances(settings):
+    """A reading known in F_b comes back there; its covariance turns with it."""
+    p = np.array([1.0, 5.0, 0.7])
+    C = np.diag([1e-10, 4e-10, 9e-10])
+    rows = [
+        *base_rows(settings, R0, T0),
+        ("pose01_rep1_loaded", "P1", 1, 1, "loaded", R0.T @ (p - T0), 9),
+    ]
+    table = readings(rows)
+    table.loc[len(table) - 1, covariance.columns()] = covariance.flat(C[None])[0]
+
+    placed = place(register(settings, table), table)
+
+    assert np.abs(placed[["x_m", "y_m", "z_m"]].to_numpy() - p).max() < 1e-12
+    assert np.abs(covariance.matrices(placed)[0] - R0 @ C @ R0.T).max() < 1e-20
+
+
+LOADS = pd.DataFrame(
+    {"pose": [1], "repeat": [1], "force_n": [3000.0], "branch": ["down"], "file": "l", "line": 2}
+)
+
+
+def chain_rows(near, far):
+    return [
+        ("pose01_rep1_loaded", "Pl1", 1, 1, "loaded", near, 10),
+        ("pose01_rep1_loaded", "Pl2", 1, 1, "loaded", far, 20),
+    ]
+
+
+def test_force_points_from_the_robot_to_the_anchor(settings):
+    """Eqs. (10), (11): 3000 N along (2, -1, -2)/3 from Pl1 to Pl2."""
+    near = np.array([1.0, 2.0, 1.5])
+    table = forces(settings, readings(chain_rows(near, near + [0.4, -0.2, -0.4])), LOADS)
+
+    assert table[["fx_n", "fy_n", "fz_n"]].to_numpy()[0] == pytest.approx([2000, -1000, -2000])
+    assert table["branch"][0] == -1
+    assert table["reading_std_n"][0] == pytest.approx(np.sqrt(2.0**2 + 3.0**2))
+
+
+def test_direction_covariance_is_the_scatter_of_the_direction(settings):
+    """Monte Carlo of the two chain reflectors with unequal covariances."""
+    rng = np.random.default_rng(3)
+    near, far = np.array([1.0, 2.0, 1.5]), np.array([1.3, 1.9, 1.1])
+    C = np.array([np.diag([4e-10, 1e-10, 9e-10]), np.diag([1e-10, 16e-10, 1e-10])])
+    table = forces(settings, readings(chain_rows(near, far), C), LOADS)
+    noise = rng.standard_normal((2, 40000, 3)) * np.sqrt([np.diag(c) for c in C])[:, None, :]
+    chain = far + noise[1] - near - noise[0]
+    u = chain / np.linalg.norm(chain, axis=1, keepdims=True)
+
+    claimed = covariance.matrices(table, covariance.columns("u", ""))[0]
+
+    assert np.abs(np.cov(u.T) - claimed).max() < 0.03 * np.abs(claimed).max()
+
+
+def test_zeros_before_and_after_are_averaged_and_shared(settings):
+    """Displacement is loaded minus the mean zero; the zero's variance halves; time is its mean."""
+    rows = []
+    for repeat, state, x, seconds in [
+        (0, "unloaded", 1.000, 0),
+        (1, "loaded", 1.010, 60),
+        (2, "loaded", 1.020, 120),
+        (3, "unloaded", 1.002, 180),
+    ]:
+        group = f"pose01_rep{repeat}_{state}"
+        rows.append((group, "P1", 1, repeat, state, np.array([x, 2.0, 3.0]), seconds))
+
+    table = displacements(settings, readings(rows))
+
+    assert table["dx_m"].to_numpy() == pytest.approx([0.009, 0.019])
+    assert table["zero_cxx_m2"].to_numpy() == pytest.approx([4.5e-10, 4.5e-10])
+    assert table["loaded_cxx_m2"].to_numpy() == pytest.approx([9e-10, 9e-10])
+    assert (table["zero_time_s"] == 90).all()
+    assert (table["zero_count"] == 2).all()
+
+
+def test_a_target_without_a_zero_has_no_displacement(settings):
+    """P2 was not shot unloaded: its loaded reading is of no use."""
+    at = np.array([1.0, 2.0, 3.0])
+    rows = [
+        ("pose01_rep0_unloaded", "P1", 1, 0, "unloaded", at, 0),
+        ("pose01_rep1_loaded", "P1", 1, 1, "loaded", at, 60),
+        ("pose01_rep1_loaded", "P2", 1, 1, "loaded", at, 70),
+    ]
+
+    assert displacements(settings, readings(rows))["target"].tolist() == ["P1"]
