@@ -54,7 +54,7 @@ def robot(request):
 
 
 def test_flange_is_the_product_of_the_rows_and_what_pinocchio_says(robot):
-    """numpy product, batched frames and Pinocchio agree to 1e-12 m."""
+    """Numpy product, batched frames and Pinocchio agree to 1e-12 m."""
     rows = tomllib.loads((resources.files("pipeline.robot") / f"{robot.name}.toml").read_text())
     q = inside(robot, 50)
     batched = configure(robot, q).points(POINT[None])[:, 0]

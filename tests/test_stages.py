@@ -82,7 +82,7 @@ def test_exact_base_readings_give_back_the_trackers_place(settings):
 
 
 def test_weighted_registration_is_the_maximum_of_the_likelihood(settings):
-    """With unequal full covariances the fit equals a generic optimiser's; so does its covariance."""
+    """With unequal full covariances the fit is that of a generic optimiser."""
     rng = np.random.default_rng(5)
     table = readings(base_rows(settings, R0, T0, rng, 2e-4))
     half = rng.normal(size=(len(table), 3, 3)) * 1e-4
@@ -168,7 +168,7 @@ def chain_rows(near, far):
 def test_force_points_from_the_robot_to_the_anchor(settings):
     """Eqs. (10), (11): 3000 N along (2, -1, -2)/3 from Pl1 to Pl2."""
     near = np.array([1.0, 2.0, 1.5])
-    table = forces(settings, readings(chain_rows(near, near + [0.4, -0.2, -0.4])), LOADS)
+    table = forces(settings, readings(chain_rows(near, near + np.array([0.4, -0.2, -0.4]))), LOADS)
 
     assert table[["fx_n", "fy_n", "fz_n"]].to_numpy()[0] == pytest.approx([2000, -1000, -2000])
     assert table["branch"][0] == -1
