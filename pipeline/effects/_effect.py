@@ -136,9 +136,12 @@ class Observation(Effect):
 
     Attributes:
         observe: loaded, points (m, t, 3) in F_b, time (m,) [s], values (k,) -> points as read.
+        instrument: The base reflectors are read in the same way (the tracker moves); False when
+            only the robot is concerned (F_b is not where the base reflectors say).
     """
 
     observe: Callable[[Loaded, Array, Array, Array], Array]
+    instrument: bool = False
 
 
 @dataclass(frozen=True)

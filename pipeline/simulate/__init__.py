@@ -1,1 +1,23 @@
-"""The virtual cell: from a plan to a raw campaign."""
+"""The virtual cell: poses, pulls, noise and hidden effects become the files of a raw campaign."""
+
+from pipeline.simulate.campaign import RawCampaign, raw_files, readings, simulate, truth
+from pipeline.simulate.hidden import Planted, plant
+from pipeline.simulate.plan import Plan, parse, revised
+from pipeline.simulate.scene import Draws, Scene, build, draw
+
+__all__ = [
+    "Draws",
+    "Plan",
+    "Planted",
+    "RawCampaign",
+    "Scene",
+    "build",
+    "draw",
+    "parse",
+    "plant",
+    "raw_files",
+    "readings",
+    "revised",
+    "simulate",
+    "truth",
+]

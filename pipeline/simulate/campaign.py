@@ -1,0 +1,240 @@
+"""A plan in, the files of a complete raw campaign and the sealed truth out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pipeline.results import Array
+from pipeline.robot import SHIPPED, Robot
+from pipeline.robot import load as load_robot
+from pipeline.simulate.exports import Readings, export, numbers
+from pipeline.simulate.hidden import Planted
+from pipeline.simulate.plan import Plan
+from pipeline.simulate.poses import in_log_units
+from pipeline.simulate.scene import Draws, Scene, build, draw
+
+
+@dataclass(frozen=True)
+class RawCampaign:
+    """What the operator takes home, and what only the simulator knows.
+
+    Attributes:
+        name: Name of the campaign's folder.
+        files: Content of every file of the raw folder, by name.
+        truth: What is true, JSON-able; belongs outside the raw folder.
+    """
+
+    name: str
+    files: Mapping[str, bytes]
+    truth: Mapping[str, Any]
+
+
+def simulate(
+    plan: Plan,
+    rng: np.random.Generator | None = None,
+    robot: Robot | None = None,
+    hidden: tuple[Planted, ...] = (),
+) -> RawCampaign:
+    """Run a virtual campaign.
+
+    Args:
+        plan: What to measure, and what is true.
+        rng: Source of all draws; seeded by the plan when not given.
+        robot: The robot, when it is not one that ships with the pipeline.
+        hidden: Effects beyond those that the plan names.
+
+    Raises:
+        InputError: A pose of the plan is out of limits, or no feasible one was found.
+        UsageError: An effect or dialect has no such name.
+    """
+    for_scene, for_draw = (rng or np.random.default_rng(plan.seed)).spawn(2)
+    scene = build(plan, robot or load_robot(plan.robot), for_scene, hidden)
+    draws = draw(scene, for_draw)
+    return RawCampaign(plan.name, raw_files(scene, draws), truth(scene, draws))
+
+
+def raw_files(scene: Scene, draws: Draws, which: int = 0) -> dict[str, bytes]:
+    """The files of one of the drawn campaigns."""
+    plan = scene.plan
+    dialect, tracker = export(
+        plan.tracker.dialect, readings(scene, draws, which), plan.tracker.digits
+    )
+    files = {
+        "campaign.toml": _campaign_toml(scene, dialect.file, dialect.unit),
+        dialect.file: tracker,
+        "loads.csv": _loads(scene, draws.reading_n[which]),
+        "joints.csv": _joints(scene),
+    }
+    if plan.robot not in SHIPPED:
+        files["robot.toml"] = scene.robot.text.encode()
+    return files
+
+
+def readings(scene: Scene, draws: Draws, which: int = 0) -> Readings:
+    """All readings of one drawn campaign in the order in which they were taken."""
+    plan, m = scene.plan, len(scene.pulls)
+    base, zeros = list(plan.base_frame), draws.zero.shape[2]
+    per_pose = m // len(scene.anchor)
+    wide = max(2, len(str(len(scene.anchor))))
+    names = [f"pose{p + 1:0{wide}d}_rep" for p in range(len(scene.anchor))]
+    last = [0, per_pose + 1]
+    group = [
+        *(name for name in ("base_start", "base_end") for _ in base),
+        *(f"{n}{last[z]}_unloaded" for n in names for z in range(zeros) for _ in plan.targets),
+        *(
+            f"{names[p]}{repeat}_loaded"
+            for p, repeat in zip(scene.pose_of, scene.pulls.repeat, strict=True)
+            for _ in range(len(plan.targets) + 2)
+        ),
+    ]
+    target = [
+        *base * 2,
+        *plan.targets * (len(scene.anchor) * zeros),
+        *[*plan.targets, "Pl1", "Pl2"] * m,
+    ]
+    loaded = np.concatenate([draws.loaded[which], draws.chain[which]], axis=1)
+    xyz = np.concatenate([a.reshape(-1, 3) for a in (draws.base[which], draws.zero[which], loaded)])
+    times = (scene.schedule.base, scene.schedule.zero, scene.schedule.loaded)
+    time = np.concatenate([t.ravel() for t in times])
+    order = np.argsort(time, kind="stable")
+    return Readings(
+        group=[group[i] for i in order],
+        target=[target[i] for i in order],
+        xyz=xyz[order],
+        time=time[order],
+        start=plan.clock.start,
+    )
+
+
+def _loads(scene: Scene, reading_n: Array) -> bytes:
+    digits = "full" if scene.plan.tracker.digits == "full" else 2
+    force = [row[0] for row in numbers(reading_n[:, None], digits)]
+    branch = np.where(scene.pulls.branch > 0, "up", "down")
+    rows = zip(scene.pulls.pose, scene.pulls.repeat, force, branch, strict=True)
+    body = [f"{pose},{repeat},{shown},{way}\n" for pose, repeat, shown, way in rows]
+    return "".join(["pose,repeat,force_n,branch\n", *body]).encode()
+
+
+def _joints(scene: Scene) -> bytes:
+    joints = scene.robot.joints
+    head = ["pose", *(f"{j.name}_{'m' if j.prismatic else 'deg'}" for j in joints), "approach"]
+    first = np.flatnonzero(scene.pulls.repeat == 1)
+    digits = "full" if scene.plan.tracker.digits == "full" else 6
+    q = numbers(in_log_units(scene.robot, scene.pulls.q[first]), digits)
+    approach = scene.pulls.approach[first].astype(int)
+    rows = zip(scene.pulls.pose[first], q, approach, strict=True)
+    body = [f"{pose},{','.join(values)},{way}\n" for pose, values, way in rows]
+    return "".join([",".join(head) + "\n", *body]).encode()
+
+
+def _campaign_toml(scene: Scene, file: str, unit: str | None) -> bytes:
+    plan = scene.plan
+    tracker: dict[str, Any] = {"files": [file]} | ({"unit": unit} if unit else {})
+    if plan.tracker.stated:
+        model = plan.tracker.model
+        stated = {"sigma_m": model} if isinstance(model, float) else {"noise": model}
+        tracker |= {
+            k: v if isinstance(v, float | str) else v.model_dump() for k, v in stated.items()
+        }
+    scale = plan.scale
+    content: dict[str, Any] = {
+        "format": 1,
+        "name": plan.name,
+        "robot": plan.robot if plan.robot in SHIPPED else "robot.toml",
+        "tracker": tracker,
+        "naming": {"measured": plan.targets, "chain": ["Pl1", "Pl2"]},
+        "base_frame": plan.base_frame,
+        "scale": {
+            "file": "loads.csv",
+            "sigma_n": scale.sigma_n,
+            "sigma_rel": scale.sigma_rel,
+            "gain_sigma": scale.gain_sigma,
+        },
+        "joints": {"file": "joints.csv"},
+        "tool": plan.tool,
+    }
+    if plan.test_pose is not None:
+        content["test_pose"] = plan.test_pose.model_dump()
+    return toml_text({key: value for key, value in content.items() if value != {}}).encode()
+
+
+def toml_text(content: Mapping[str, Any]) -> str:
+    """TOML of a record with tables one level deep; tables inside them are written inline."""
+    top = [f"{k} = {_toml(v)}" for k, v in content.items() if not isinstance(v, Mapping)]
+    tables = [
+        "\n".join([f"\n[{name}]", *(f"{_key(k)} = {_toml(v)}" for k, v in table.items())])
+        for name, table in content.items()
+        if isinstance(table, Mapping)
+    ]
+    return "\n".join([*top, *tables, ""])
+
+
+def _key(name: str) -> str:
+    return (
+        name
+        if name.replace("_", "").replace("-", "").isalnum() and name.isascii()
+        else json.dumps(name)
+    )
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{_key(k)} = {_toml(v)}" for k, v in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_toml(v) for v in value) + "]"
+    return json.dumps(value, ensure_ascii=False)
+
+
+def truth(scene: Scene, draws: Draws, which: int = 0) -> dict[str, Any]:
+    """What is true of one drawn campaign, in SI, JSON-able."""
+    plan, robot, tool = scene.plan, scene.robot, scene.cell.tool
+    stiffness = 1 / scene.values[: robot.n]
+    return {
+        "format": 1,
+        "campaign": plan.name,
+        "robot": plan.robot,
+        "plan": plan.model_dump(mode="json"),
+        "stiffness": [
+            {"joint": i, "name": f"k_{joint.name}", "unit": joint.stiffness_unit, "value": value}
+            for i, (joint, value) in enumerate(
+                zip(robot.joints, stiffness.tolist(), strict=True), 1
+            )
+        ],
+        "effects": [_planted(one) for one in scene.planted],
+        "equilibrium": scene.cell.equilibrium,
+        "tool": {
+            "load_point": tool.load_point.tolist(),
+            **dict(zip(tool.targets, tool.points.tolist(), strict=True)),
+        },
+        "tracker": {
+            "position_m": scene.tracker_origin.tolist(),
+            "axes": scene.tracker_axes.tolist(),
+            "noise_scale": plan.tracker.noise_scale,
+        },
+        "scale": {
+            "gain_error": float(draws.gain_error[which]),
+            "noise_scale": plan.scale.noise_scale,
+        },
+        "pulls": [
+            {"pose": int(pose), "repeat": int(repeat), "force_n": force}
+            for pose, repeat, force in zip(
+                scene.pulls.pose, scene.pulls.repeat, draws.force_n[which].tolist(), strict=True
+            )
+        ],
+    }
+
+
+def _planted(one: Planted) -> dict[str, Any]:
+    return {
+        "name": one.effect.name,
+        "where": one.effect.where,
+        "parameters": [
+            {"name": p.name, "unit": p.unit, "value": value}
+            for p, value in zip(one.effect.parameters, one.values.tolist(), strict=True)
+        ],
+    }

@@ -1,0 +1,249 @@
+"""A measurement plan: what a virtual campaign measures, and what is true in it. TOML text in."""
+
+from __future__ import annotations
+
+import tomllib
+from datetime import datetime
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, ValidationError, model_validator
+
+from pipeline.errors import InputError
+from pipeline.settings import InstrumentNoise, NotNegative, Point, Positive, Scale, Strict, TestPose
+
+Step = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+TOOL: dict[str, Point] = {
+    "load_point": (0.15, 0.0, 0.25),
+    "P1": (0.20, 0.05, 0.12),
+    "P2": (-0.12, 0.19, 0.10),
+    "P3": (-0.10, -0.18, 0.22),
+}
+"""The effector of the reference set-up [m], flange frame."""
+
+BASE: dict[str, Point] = {
+    "B1": (0.6, -0.5, -0.30),
+    "B2": (0.6, 18.5, -0.30),
+    "B3": (-0.6, 18.5, -0.28),
+    "B4": (-0.6, -0.5, -0.28),
+}
+"""Fixed reflectors at the ends of the rail's bed [m], F_b."""
+
+
+class Poses(Strict):
+    """Where the robot stands: joint values, or how many feasible poses are to be drawn.
+
+    Attributes:
+        count: How many poses are drawn when `q` is not given.
+        q: Joint values of each pose, prismatic joints in m, revolute in degrees.
+        approach: Which way the carriage came, +1 or -1 per pose; alternating when not given.
+    """
+
+    count: int = Field(default=16, ge=1, le=100_000)
+    q: list[list[float]] | None = Field(default=None, min_length=1)
+    approach: list[Literal[1, -1]] | None = None
+
+    @property
+    def number(self) -> int:
+        """Number of poses."""
+        return self.count if self.q is None else len(self.q)
+
+    @model_validator(mode="after")
+    def one_approach_per_pose(self) -> Poses:
+        """As many approaches as poses."""
+        if self.approach is not None and len(self.approach) != self.number:
+            raise ValueError(f"approach has {len(self.approach)} entries for {self.number} poses")
+        return self
+
+
+class Pull(Strict):
+    """How the chain is pulled at every pose.
+
+    Attributes:
+        steps_n: What the scale shows at each load step, in the order of tightening.
+        repeats: How often the steps are run through, the chain released in between.
+        zero: Whether the unloaded targets are read only before the pulls or after them too.
+        anchors: Attachment points on the floor [m], F_b; spread along the robot when not given.
+        anchor: Index into `anchors` per pose; in turn for drawn poses, else the nearest in reach.
+        setting_sd_n: How closely the operator meets a step with the turnbuckle [N].
+    """
+
+    steps_n: list[Step] = Field(default=[1200.0, 3000.0, 2000.0], min_length=1)
+    repeats: int = Field(default=1, ge=1)
+    zero: Literal["before", "before_after"] = "before_after"
+    anchors: list[Point] | None = Field(default=None, min_length=1)
+    anchor: list[int] | None = None
+    setting_sd_n: NotNegative = 15.0
+
+
+class Instrument(Strict):
+    """The tracker: where it stands, how it scatters, what its software writes.
+
+    Attributes:
+        position: Of its origin [m], F_b.
+        yaw_deg: Rotation of its frame about z, then `pitch_deg` about y, then `roll_deg` about x.
+        sigma_m: Standard uncertainty per axis; this, or `noise`.
+        noise: `paper` for Eq. (18), or range and transverse parts in the beam's frame.
+        noise_scale: True scatter over stated scatter; 0 for readings without noise.
+        stated: False leaves the noise out of campaign.toml.
+        dialect: Form of the export.
+        digits: Decimals of a coordinate in the unit of the export, or `full`.
+    """
+
+    position: Point = (6.5, 8.0, 0.7)
+    yaw_deg: float = 132.0
+    pitch_deg: float = 0.4
+    roll_deg: float = -0.3
+    sigma_m: Positive | None = None
+    noise: InstrumentNoise | Literal["paper"] | None = None
+    noise_scale: NotNegative = 1.0
+    stated: bool = True
+    dialect: str = "plain"
+    digits: Annotated[int, Field(ge=0, le=15)] | Literal["full"] = 4
+
+    @model_validator(mode="after")
+    def one_noise(self) -> Instrument:
+        """sigma_m or noise, not both."""
+        if self.sigma_m is not None and self.noise is not None:
+            raise ValueError("sigma_m and noise are both given; keep one of them")
+        return self
+
+    @property
+    def model(self) -> float | InstrumentNoise | Literal["paper"]:
+        """The noise model in use; 0.03 mm per axis when none is given."""
+        return self.noise or self.sigma_m or 3e-5
+
+
+class SpringScale(Scale):
+    """The spring scale as certified, and what is true of it.
+
+    Attributes:
+        noise_scale: True scatter over stated scatter.
+        gain_error: True relative gain error; drawn from `gain_sigma` when not given.
+    """
+
+    sigma_n: NotNegative = 2.0
+    noise_scale: NotNegative = 1.0
+    gain_error: float | None = None
+
+
+class Clock(Strict):
+    """When the readings are taken."""
+
+    start: datetime = datetime(2026, 11, 3, 8, 0, 8)
+    reading_s: Positive = 8.0
+    pull_s: NotNegative = 60.0
+    pose_s: NotNegative = 120.0
+
+
+class Hidden(Strict):
+    """What is true and stands in no file of the campaign.
+
+    Attributes:
+        stiffness: Of every joint [N/m] or [N m/rad]; nominal when not given.
+        stiffness_spread: Every stiffness is off by a random factor within 1 +- this.
+        tool_sd_m: The tool's points are off by normal errors of this size per axis.
+        equilibrium: Whether the wrench acts on the undeformed or on the deflected robot.
+        effects: What else acts, `rail_roll`, `joint_tilt:2=2x`, `scale_zero=20`.
+    """
+
+    stiffness: list[Positive] | None = None
+    stiffness_spread: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    tool_sd_m: NotNegative = 0.0
+    equilibrium: Literal["undeformed", "deformed"] = "undeformed"
+    effects: list[str] = Field(default=[])
+
+
+class Plan(Strict):
+    """A whole virtual campaign; with the seed it determines every byte that is written."""
+
+    name: str = Field(default="kr500_demo", pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$")
+    robot: str = "kr500_rail"
+    seed: int = Field(default=1, ge=0)
+    tool: dict[str, Point] = Field(default=TOOL)
+    base_frame: dict[str, Point] = Field(default=BASE)
+    poses: Poses = Poses()
+    pulls: Pull = Pull()
+    tracker: Instrument = Instrument()
+    scale: SpringScale = SpringScale()
+    clock: Clock = Clock()
+    hidden: Hidden = Hidden()
+    test_pose: TestPose | None = None
+
+    @model_validator(mode="after")
+    def tool_is_complete(self) -> Plan:
+        """A load point and at least one target; three base reflectors, or none."""
+        if "load_point" not in self.tool or len(self.tool) < 2:
+            raise ValueError("tool needs load_point and at least one target")
+        if 0 < len(self.base_frame) < 3:
+            raise ValueError("base_frame needs at least three reflectors, or none")
+        return self
+
+    @model_validator(mode="after")
+    def anchors_are_there(self) -> Plan:
+        """One anchor index per pose, each of them in the list."""
+        chosen, anchors = self.pulls.anchor, self.pulls.anchors
+        if chosen is None:
+            return self
+        if anchors is None or len(chosen) != self.poses.number:
+            raise ValueError("pulls.anchor needs pulls.anchors and one index per pose")
+        if not all(0 <= index < len(anchors) for index in chosen):
+            raise ValueError(f"pulls.anchor counts from 0 to {len(anchors) - 1}")
+        return self
+
+    @property
+    def targets(self) -> list[str]:
+        """Names of the measured reflectors."""
+        return [name for name in self.tool if name != "load_point"]
+
+    def without_noise(self) -> Plan:
+        """The same campaign with readings that are exact to the last digit written."""
+        return revised(
+            self,
+            {
+                "tracker": {"noise_scale": 0.0, "digits": "full"},
+                "scale": {"noise_scale": 0.0, "gain_error": 0.0},
+            },
+        )
+
+
+def parse(text: str, file: str = "plan.toml") -> Plan:
+    """A plan from its TOML text.
+
+    Raises:
+        InputError: Not TOML, an unknown word or a value out of range; names the place.
+    """
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as problem:
+        raise InputError(
+            f"not valid TOML ({problem})", "correct that place", file=file
+        ) from problem
+    return _validated(content, file)
+
+
+def revised(plan: Plan, changes: dict[str, Any]) -> Plan:
+    """The plan with some entries changed; tables inside `changes` are merged, not replaced.
+
+    Raises:
+        InputError: A change is an unknown word or out of range.
+    """
+    return _validated(_merged(plan.model_dump(exclude_unset=True), changes), "plan")
+
+
+def _merged(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
+    out = dict(old)
+    for key, value in new.items():
+        both = isinstance(value, dict) and isinstance(out.get(key), dict)
+        out[key] = _merged(out[key], value) if both else value
+    return out
+
+
+def _validated(content: dict[str, Any], file: str) -> Plan:
+    try:
+        return Plan.model_validate(content)
+    except ValidationError as problem:
+        first = problem.errors()[0]
+        where = ".".join(str(part) for part in first["loc"]) or "the plan"
+        message = first["msg"].removeprefix("Value error, ")
+        raise InputError(f"{where}: {message}", "correct the plan", file=file) from problem

@@ -1,0 +1,131 @@
+"""Feasible poses: where the arm can stand, with the effector above the floor and a free chain."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.errors import InputError
+from pipeline.results import Array, Bools, Ints
+from pipeline.robot import Configuration, Robot, configure
+
+CHAIN_M = (1.2, 4.5)
+"""Shortest and longest sensible chain, scale and turnbuckle included."""
+CLEARANCE_M = 0.3
+"""Joints, load point and targets stay this far above the floor."""
+COLUMN_M = 0.6
+"""The chain passes the robot's column at least this far away."""
+RAIL_REACH_M = 2.5
+"""The carriage stands at most this far along the rail from the anchor."""
+
+
+def default_anchors(robot: Robot) -> Array:
+    """Floor points to pull to: on both sides of a rail every 3 m, or around a fixed robot [m].
+
+    The floor is 0.891 m below F_b at a rail (Eq. (17)) and at z = 0 for a robot on the floor.
+    """
+    if not robot.joints[0].prismatic:
+        angle = np.arange(6) * np.pi / 3
+        return np.stack([2.5 * np.cos(angle), 2.5 * np.sin(angle), 0 * angle], axis=-1)
+    along = np.arange(robot.lower[0] + 1.5, robot.upper[0], 3.0)
+    side = np.where(np.arange(len(along)) % 2 == 0, 2.5, -2.5)
+    return np.stack([side, along, np.full_like(along, -0.891)], axis=-1)
+
+
+def rounded(robot: Robot, q: Array, decimals: int = 6) -> Array:
+    """Joint values [m] or [rad] that a log in m and degrees with so many decimals holds exactly."""
+    logged = np.round(in_log_units(robot, q), decimals)
+    return from_log_units(robot, logged)
+
+
+def in_log_units(robot: Robot, q: Array) -> Array:
+    """Joint values as joints.csv has them: prismatic in m, revolute in degrees."""
+    return np.where(robot.prismatic, q, np.rad2deg(q))
+
+
+def from_log_units(robot: Robot, q: Array) -> Array:
+    """The inverse of `in_log_units`, to m and rad."""
+    return np.where(robot.prismatic, q, np.deg2rad(q))
+
+
+def draw_poses(
+    robot: Robot, tool: Array, anchors: Array, which: Ints, rng: np.random.Generator
+) -> Array:
+    """One random feasible pose per entry of `which`.
+
+    Args:
+        robot: The robot.
+        tool: Load point and targets in the flange frame [m], shape (1 + t, 3).
+        anchors: Floor points [m], F_b, shape (a, 3).
+        which: Anchor of each pose, shape (p,).
+        rng: Source of the draws.
+
+    Returns:
+        Joint values [m] or [rad], shape (p, n).
+
+    Raises:
+        InputError: An anchor is out of reach.
+    """
+    found = np.full((len(which), robot.n), np.nan)
+    for _ in range(200):
+        open_poses = np.flatnonzero(np.isnan(found[:, 0]))
+        if not len(open_poses):
+            return found
+        pose = np.repeat(open_poses, 16)
+        candidates = rounded(robot, _candidates(robot, anchors[which[pose]], rng))
+        good = feasible(robot, candidates, tool, anchors[which[pose]])
+        found[pose[good][::-1]] = candidates[good][::-1]
+    at = anchors[which[open_poses[0]]].tolist()
+    raise InputError(
+        f"no feasible pose found for the anchor at {at} m",
+        "give an anchor within reach of the arm, or the joint values of the poses",
+        file="plan",
+    )
+
+
+def _candidates(robot: Robot, anchor: Array, rng: np.random.Generator) -> Array:
+    full_turn = np.where(robot.prismatic, np.inf, np.pi)
+    lower, upper = np.maximum(robot.lower, -full_turn), np.minimum(robot.upper, full_turn)
+    lower = np.broadcast_to(lower, (len(anchor), robot.n)).copy()
+    upper = np.broadcast_to(upper, (len(anchor), robot.n)).copy()
+    if robot.joints[0].prismatic:
+        lower[:, 0] = np.maximum(lower[:, 0], anchor[:, 1] - RAIL_REACH_M)
+        upper[:, 0] = np.minimum(upper[:, 0], anchor[:, 1] + RAIL_REACH_M)
+    return rng.uniform(lower, upper)
+
+
+def feasible(robot: Robot, q: Array, tool: Array, anchor: Array) -> Bools:
+    """Which poses stand clear of the floor with a sensible, free chain to their anchor.
+
+    Args:
+        robot: The robot.
+        q: Joint values [m] or [rad], shape (m, n).
+        tool: Load point and targets in the flange frame [m], shape (1 + t, 3).
+        anchor: Floor point of each pose [m], shape (m, 3).
+    """
+    configuration = configure(robot, q)
+    points = configuration.points(tool)
+    lowest = np.minimum(points[..., 2].min(axis=1), configuration.origin[:, 2:, 2].min(axis=1))
+    length = np.linalg.norm(anchor - points[:, 0], axis=1)
+    return (
+        (lowest > anchor[:, 2] + CLEARANCE_M)
+        & (length > CHAIN_M[0])
+        & (length < CHAIN_M[1])
+        & (_column_distance(robot, configuration, points[:, 0], anchor) > COLUMN_M)
+        & np.all((q >= robot.lower) & (q <= robot.upper), axis=1)
+    )
+
+
+def _column_distance(robot: Robot, at: Configuration, start: Array, end: Array) -> Array:
+    """Horizontal distance of the chain from the axis of the first turning joint [m]."""
+    first = int(np.argmin(robot.prismatic))
+    column = at.origin[:, first, :2]
+    a, b = start[:, :2] - column, end[:, :2] - column
+    along = b - a
+    share = np.clip(-np.sum(a * along, axis=1) / np.sum(along**2, axis=1).clip(1e-12), 0, 1)
+    return np.linalg.norm(a + share[:, None] * along, axis=1)
+
+
+def nearest_in_reach(load_point: Array, anchors: Array) -> Ints:
+    """For each load point (p, 3) the nearest anchor that leaves room for a chain, shape (p,)."""
+    length = np.linalg.norm(load_point[:, None] - anchors, axis=-1)
+    return np.argmin(np.where(length < CHAIN_M[0], np.inf, length), axis=1)

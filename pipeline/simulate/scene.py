@@ -1,0 +1,439 @@
+"""The virtual cell: a plan becomes poses, pulls, a schedule and a true cell; draws are readings.
+
+Everything physical is asked of `pipeline.cell`; this file knows what an operator does: choose an
+anchor, tighten until the scale shows the step, read targets and chain, read the zeros again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from pipeline import cell as forward
+from pipeline.cell import Cell, Tool
+from pipeline.effects import Noise, Observation, Pulls
+from pipeline.errors import InputError
+from pipeline.results import Array, Ints, Locked
+from pipeline.robot import Robot, configure
+from pipeline.simulate import noise
+from pipeline.simulate.hidden import Planted, plant
+from pipeline.simulate.plan import Plan
+from pipeline.simulate.poses import (
+    default_anchors,
+    draw_poses,
+    from_log_units,
+    in_log_units,
+    nearest_in_reach,
+)
+
+CHAIN_POINTS_M = (0.1, 0.5)
+"""Where Pl1 and Pl2 sit on the chain, from the load point."""
+
+
+@dataclass(frozen=True, eq=False)
+class Schedule(Locked):
+    """When what is read, in seconds after the first reading.
+
+    Attributes:
+        base: Base reflectors at start and end, shape (2, b).
+        zero: Targets unloaded, per pose before (and after) the pulls, shape (p, z, t).
+        loaded: Targets, then the two points of the chain, per pull, shape (m, t + 2).
+    """
+
+    base: Array
+    zero: Array
+    loaded: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Scene(Locked):
+    """A virtual campaign before anything scatters, in F_b, SI.
+
+    Attributes:
+        plan: What it was made from.
+        robot: Its robot.
+        cell: What is true: robot, true tool points, springs and planted effects.
+        values: Parameters of all effects of `cell`, shape (k,).
+        planted: The planted effects with their values.
+        pose_of: Index of the pose of each pull, shape (m,).
+        pulls: Nominal pulls, the force as the scale is meant to show it along the chain, m of them.
+        anchor: Where each pose's chain is attached [m], shape (p, 3).
+        schedule: When what is read.
+        tracker_origin: Where the tracker stands [m], shape (3,).
+        tracker_axes: Axes of its frame as columns, shape (3, 3).
+    """
+
+    plan: Plan
+    robot: Robot
+    cell: Cell
+    values: Array
+    planted: tuple[Planted, ...]
+    pose_of: Ints
+    pulls: Pulls
+    anchor: Array
+    schedule: Schedule
+    tracker_origin: Array
+    tracker_axes: Array
+
+    def in_tracker(self, points: Array) -> Array:
+        """Points of F_b (..., 3) in the frame of the tracker [m]."""
+        return (points - self.tracker_origin) @ self.tracker_axes
+
+
+@dataclass(frozen=True, eq=False)
+class Draws(Locked):
+    """Readings of n campaigns of one scene, points in the frame of the tracker [m].
+
+    Attributes:
+        reading_n: What the scale showed [N], shape (n, m).
+        force_n: Force along the chain as the scale should have shown it, F_b [N], shape (n, m, 3).
+        gain_error: True relative gain error of the scale, shape (n,).
+        base: Base reflectors at start and end, shape (n, 2, b, 3).
+        zero: Unloaded targets, shape (n, p, z, t, 3).
+        loaded: Loaded targets, shape (n, m, t, 3).
+        chain: Pl1 and Pl2, shape (n, m, 2, 3).
+    """
+
+    reading_n: Array
+    force_n: Array
+    gain_error: Array
+    base: Array
+    zero: Array
+    loaded: Array
+    chain: Array
+
+
+def build(
+    plan: Plan, robot: Robot, rng: np.random.Generator, hidden: tuple[Planted, ...] = ()
+) -> Scene:
+    """Fix everything that is true of a campaign: poses, anchors, schedule, cell.
+
+    Args:
+        plan: The plan.
+        robot: Its robot.
+        rng: Draws poses, then what is off from its nominal value.
+        hidden: Further effects, beyond those that the plan names.
+
+    Raises:
+        InputError: A pose or an effect of the plan cannot be.
+    """
+    for_poses, for_truth = rng.spawn(2)
+    q, anchor = _stand(plan, robot, for_poses)
+    planted = (*(plant(text, robot) for text in plan.hidden.effects), *hidden)
+    truth, values = _truth(plan, robot, planted, for_truth)
+    schedule = _schedule(plan)
+    steps, branch = _steps(plan)
+    pose_of = np.repeat(np.arange(len(q)), len(steps))
+    pulls = Pulls(
+        pose=pose_of + 1,
+        repeat=np.tile(np.arange(1, len(steps) + 1), len(q)),
+        q=q[pose_of],
+        force=np.zeros((len(pose_of), 3)),
+        branch=np.tile(branch, len(q)),
+        approach=_approach(plan)[pose_of],
+        time=schedule.loaded.mean(axis=1),
+        time_zero=schedule.zero.mean(axis=(1, 2))[pose_of],
+    )
+    shown = np.tile(steps, len(q))
+    return Scene(
+        plan=plan,
+        robot=robot,
+        cell=truth,
+        values=values,
+        planted=planted,
+        pose_of=pose_of,
+        pulls=_along_chain(truth, values, pulls, shown, anchor[pose_of]),
+        anchor=anchor,
+        schedule=schedule,
+        tracker_origin=np.array(plan.tracker.position),
+        tracker_axes=_axes(plan),
+    )
+
+
+def draw(scene: Scene, rng: np.random.Generator, n: int = 1) -> Draws:
+    """Readings of n campaigns: same poses and truth, other scatter.
+
+    The operator meets each step only nearly; the scale errs, so another force acts than it shows.
+    """
+    plan, m = scene.plan, len(scene.pulls)
+    for_scale, for_tracker = rng.spawn(2)
+    reading, gain_error, acting = _scale(scene, for_scale, n)
+    pulls, load_point, loaded = _pulled(scene, acting)
+    exact = [
+        _base(scene)[None],
+        _zeros(scene)[None],
+        _observed(scene, pulls, loaded, np.tile(scene.schedule.loaded, (n, 1)), plan.targets),
+        _chain(scene, pulls, load_point, n),
+    ]
+    exact[2:] = [points.reshape(n, m, -1, 3) for points in exact[2:]]
+    at = [scene.in_tracker(points) for points in exact]
+    size = plan.tracker.noise_scale * _scaled(scene.cell, scene.values, "tracker")
+    base, zero, loaded, chain = (
+        _scattered(plan, np.broadcast_to(points, (n, *points.shape[1:])), size, part)
+        for points, part in zip(at, for_tracker.spawn(4), strict=True)
+    )
+    return Draws(reading, pulls.force.reshape(n, m, 3), gain_error, base, zero, loaded, chain)
+
+
+def _scattered(plan: Plan, points: Array, size: float, rng: np.random.Generator) -> Array:
+    if size == 0:
+        return points
+    return points + size * noise.tracker_errors(plan.tracker.model, points, rng)
+
+
+def _stand(plan: Plan, robot: Robot, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Joint values (p, n) and anchor (p, 3) of every pose."""
+    anchors = default_anchors(robot) if plan.pulls.anchors is None else np.array(plan.pulls.anchors)
+    points = np.array([plan.tool["load_point"], *(plan.tool[name] for name in plan.targets)])
+    if plan.poses.q is None:
+        which = _in_turn(plan, len(anchors))
+        return draw_poses(robot, points, anchors, which, rng), anchors[which]
+    q = _given(plan, robot)
+    if plan.pulls.anchor is not None:
+        return q, anchors[plan.pulls.anchor]
+    return q, anchors[nearest_in_reach(configure(robot, q).points(points)[:, 0], anchors)]
+
+
+def _in_turn(plan: Plan, anchors: int) -> Ints:
+    """The anchor of each pose: as the plan says, else one after the other, over and over."""
+    if plan.pulls.anchor is not None:
+        return np.array(plan.pulls.anchor)
+    if plan.poses.count < anchors:
+        return np.linspace(0, anchors - 1, plan.poses.count).round().astype(np.int64)
+    return np.arange(plan.poses.count) % anchors
+
+
+def _approach(plan: Plan) -> Array:
+    """Alternating, with a shift every sixth pose, so that no anchor is met from one side only."""
+    if plan.poses.approach is not None:
+        return np.array(plan.poses.approach, dtype=float)
+    pose = np.arange(plan.poses.number)
+    return np.where((pose + pose // 6) % 2 == 0, 1.0, -1.0)
+
+
+def _given(plan: Plan, robot: Robot) -> Array:
+    """The plan's own poses [m] or [rad], each checked against the robot."""
+    for number, row in enumerate(plan.poses.q or [], 1):
+        if len(row) != robot.n:
+            raise InputError(
+                f"pose {number} has {len(row)} joint values, {robot.name} has {robot.n} joints",
+                "give one value per joint",
+                file="plan",
+            )
+    q = from_log_units(robot, np.array(plan.poses.q))
+    outside = (q < robot.lower) | (q > robot.upper)
+    if outside.any():
+        pose, joint = np.argwhere(outside)[0]
+        raise InputError(
+            f"pose {pose + 1} puts joint {robot.joints[joint].name} at "
+            f"{in_log_units(robot, q)[pose, joint]:g}, outside its limits",
+            "move it inside",
+            file="plan",
+        )
+    return q
+
+
+def _truth(
+    plan: Plan, robot: Robot, planted: tuple[Planted, ...], rng: np.random.Generator
+) -> tuple[Cell, Array]:
+    """The true cell and all its parameters."""
+    wish = plan.hidden
+    stiffness = 1 / robot.nominal_compliance if wish.stiffness is None else np.array(wish.stiffness)
+    if len(stiffness) != robot.n:
+        raise InputError(
+            f"hidden.stiffness has {len(stiffness)} entries, {robot.name} has {robot.n} joints",
+            "give one per joint",
+            file="plan",
+        )
+    stiffness = stiffness * rng.uniform(
+        1 - wish.stiffness_spread, 1 + wish.stiffness_spread, robot.n
+    )
+    points = np.array([plan.tool["load_point"], *(plan.tool[name] for name in plan.targets)])
+    points = points + wish.tool_sd_m * rng.standard_normal(points.shape)
+    tool = Tool(points[0], np.array(plan.targets, dtype=object), points[1:])
+    truth = replace(forward.paper_cell(robot, tool), equilibrium=wish.equilibrium)
+    truth = truth.with_effects(*(one.effect for one in planted))
+    return truth, np.concatenate([1 / stiffness, *(one.values for one in planted)])
+
+
+def _steps(plan: Plan) -> tuple[Array, Array]:
+    """What the scale is to show at each pull of a pose, and the branch; each run starts slack."""
+    steps = np.array(plan.pulls.steps_n)
+    branch = np.ones(len(steps))
+    for k in range(1, len(steps)):
+        change = np.sign(steps[k] - steps[k - 1])
+        branch[k] = change or branch[k - 1]
+    return np.tile(steps, plan.pulls.repeats), np.tile(branch, plan.pulls.repeats)
+
+
+def _schedule(plan: Plan) -> Schedule:
+    """Lay the readings along the clock: base, poses with zeros and pulls, base."""
+    clock, poses, t = plan.clock, plan.poses.number, len(plan.targets)
+    pulls = len(plan.pulls.steps_n) * plan.pulls.repeats
+    zeros = 2 if plan.pulls.zero == "before_after" else 1
+    one = clock.reading_s
+    zero_s, pull_s = t * one, clock.pull_s + (t + 2) * one
+    pose_s = clock.pose_s + pulls * pull_s + zeros * zero_s + (zeros - 1) * clock.pull_s
+    start = len(plan.base_frame) * one + pose_s * np.arange(poses) + clock.pose_s
+    reading = one * np.arange(t + 2)
+    loaded = start + zero_s + clock.pull_s + pull_s * np.arange(pulls)[:, None]
+    after = zero_s + pulls * pull_s + clock.pull_s
+    zero = start[:, None, None] + np.array([0.0, after])[:zeros, None] + reading[:t]
+    ends = np.array([0.0, len(plan.base_frame) * one + pose_s * poses])
+    return Schedule(
+        base=ends[:, None] + one * np.arange(len(plan.base_frame)),
+        zero=zero,
+        loaded=loaded.T.reshape(-1, 1) + reading,
+    )
+
+
+def _axes(plan: Plan) -> Array:
+    """Axes of the tracker's frame in F_b: yaw about z, then pitch about y, then roll about x."""
+    at = np.deg2rad([plan.tracker.yaw_deg, plan.tracker.pitch_deg, plan.tracker.roll_deg])
+    (cy, cp, cr), (sy, sp, sr) = np.cos(at), np.sin(at)
+    yaw = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    pitch = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    roll = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    return yaw @ pitch @ roll
+
+
+def _aimed(pulls: Pulls, size: Array, load_point: Array, anchor: Array) -> Pulls:
+    """The pulls with forces of that size [N] from the load point to the anchor, both (m, 3)."""
+    chain = anchor - load_point
+    unit = chain / np.linalg.norm(chain, axis=1, keepdims=True)
+    return replace(pulls, force=size[:, None] * unit)
+
+
+def _along_chain(cell: Cell, values: Array, pulls: Pulls, shown: Array, anchor: Array) -> Pulls:
+    """Point each force from the load point under load, where it ends up, to the anchor."""
+    at = forward.load(cell, pulls, values).load_point
+    for _ in range(4):  # the load point moves millimetres on metres of chain: three digits a round
+        pulls = _aimed(pulls, shown, at, anchor)
+        at = forward.predict(cell, pulls, values).load_point
+    return pulls
+
+
+def _pulled(scene: Scene, acting: Array) -> tuple[Pulls, Array, Array]:
+    """What happens under n campaigns' true chain forces (n, m) [N], before anyone looks.
+
+    Returns:
+        Pulls with the force along the chain, load point (n m, 3) and targets (n m, t, 3) in F_b.
+    """
+    n = len(acting)
+    still, values = _still(scene)
+    anchor = np.tile(scene.anchor[scene.pose_of], (n, 1))
+    nominal = np.linalg.norm(scene.pulls.force, axis=1)
+    pulls = _tiled(scene.pulls, (acting / nominal)[..., None] * scene.pulls.force)
+    at = forward.predict(still, pulls, values).load_point
+    pulls = _aimed(pulls, acting.ravel(), at, anchor)
+    moved = forward.predict(still, pulls, values)
+    return pulls, moved.load_point, moved.loaded
+
+
+def _scale(scene: Scene, rng: np.random.Generator, n: int) -> tuple[Array, Array, Array]:
+    """What the scale shows (n, m), its gain error (n,), what acts along the chain (n, m)."""
+    plan = scene.plan
+    operator, gain, error = rng.spawn(3)
+    nominal = np.linalg.norm(scene.pulls.force, axis=1)
+    reading = nominal + operator.normal(0.0, plan.pulls.setting_sd_n, (n, len(nominal)))
+    reading = np.maximum(reading, 0.1 * nominal)
+    if plan.tracker.digits != "full":
+        reading = np.round(reading, 2)
+    drawn = gain.normal(0.0, plan.scale.gain_sigma, n)
+    gain_error = drawn if plan.scale.gain_error is None else np.full(n, plan.scale.gain_error)
+    size = plan.scale.noise_scale * _scaled(scene.cell, scene.values, "force_reading")
+    acting = reading * (1 + gain_error[:, None])
+    acting = acting + size * noise.scale_errors(plan.scale, reading, error)
+    return reading, gain_error, acting
+
+
+def _scaled(cell: Cell, values: Array, source: str) -> float:
+    """How much larger than stated planted noise effects make a source of error."""
+    factor = 1.0
+    for effect, part in cell.split(values):
+        if isinstance(effect, Noise) and source in effect.source_scaled:
+            factor *= 1.0 + float(part.sum())
+    return factor
+
+
+def _tiled(pulls: Pulls, force: Array) -> Pulls:
+    """The pulls of n campaigns in one table; `force` has shape (n, m, 3)."""
+    n = len(force)
+    return Pulls(
+        pose=np.tile(pulls.pose, n),
+        repeat=np.tile(pulls.repeat, n),
+        q=np.tile(pulls.q, (n, 1)),
+        force=force.reshape(-1, 3),
+        branch=np.tile(pulls.branch, n),
+        approach=np.tile(pulls.approach, n),
+        time=np.tile(pulls.time, n),
+        time_zero=np.tile(pulls.time_zero, n),
+    )
+
+
+def _still(scene: Scene) -> tuple[Cell, Array]:
+    """The true cell without anyone looking at it: positions as they are, not as they are read."""
+    parts = [(e, v) for e, v in scene.cell.split(scene.values) if not isinstance(e, Observation)]
+    still = replace(scene.cell, effects=tuple(effect for effect, _ in parts))
+    return still, np.concatenate([part for _, part in parts])
+
+
+def _observed(
+    scene: Scene,
+    pulls: Pulls,
+    points: Array,
+    times: Array,
+    names: list[str],
+    instrument_only: bool = False,
+) -> Array:
+    """Points (m, t, 3) as they are read, each at its own time (m, >= t)."""
+    seen = [
+        (effect, part)
+        for effect, part in scene.cell.split(scene.values)
+        if isinstance(effect, Observation) and (effect.instrument or not instrument_only)
+    ]
+    if not seen:
+        return points
+    loaded = forward.load(scene.cell, pulls, scene.values)
+    loaded = replace(loaded, targets=np.array(names, dtype=object), points=points)
+    for effect, part in seen:
+        read = [effect.observe(loaded, points, time, part) for time in times.T[: len(names)]]
+        points = np.stack([at[:, k] for k, at in enumerate(read)], axis=1)
+    return points
+
+
+def _chain(scene: Scene, pulls: Pulls, load_point: Array, n: int) -> Array:
+    """Pl1 and Pl2 as read, in F_b, shape (len(pulls), 2, 3)."""
+    unit = pulls.force / np.linalg.norm(pulls.force, axis=1, keepdims=True)
+    points = load_point[:, None] + np.array(CHAIN_POINTS_M)[:, None] * unit[:, None]
+    times = np.tile(scene.schedule.loaded[:, -2:], (n, 1))
+    return _observed(scene, pulls, points, times, ["Pl1", "Pl2"])
+
+
+def _zeros(scene: Scene) -> Array:
+    """Unloaded targets as read before and after the pulls, in F_b, shape (p, z, t, 3)."""
+    still, values = _still(scene)
+    pulls = _rows(scene.pulls, np.flatnonzero(scene.pulls.repeat == 1))
+    points = forward.predict(still, pulls, values).unloaded
+    times = np.moveaxis(scene.schedule.zero, 1, 0)
+    names = scene.plan.targets
+    return np.stack([_observed(scene, pulls, points, time, names) for time in times], axis=1)
+
+
+def _base(scene: Scene) -> Array:
+    """Base reflectors as read at start and end, in F_b, shape (2, b, 3)."""
+    points = np.array(list(scene.plan.base_frame.values())).reshape(-1, 3)
+    pulls = _rows(scene.pulls, np.array([0, len(scene.pulls) - 1]))
+    return _observed(
+        scene,
+        pulls,
+        np.stack([points, points]),
+        scene.schedule.base,
+        list(scene.plan.base_frame),
+        instrument_only=True,
+    )
+
+
+def _rows(pulls: Pulls, rows: Ints) -> Pulls:
+    return Pulls(**{field.name: getattr(pulls, field.name)[rows] for field in fields(pulls)})

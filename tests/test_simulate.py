@@ -1,0 +1,379 @@
+"""The virtual cell writes what a robot on a rail would have made an operator write."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import tomllib
+from datetime import datetime
+
+import numpy as np
+import pytest
+
+from pipeline import settings
+from pipeline.effects import Observation, Wrench
+from pipeline.errors import InputError, UsageError
+from pipeline.results import Parameter
+from pipeline.robot import load
+from pipeline.settings import InstrumentNoise
+from pipeline.simulate import Plan, Planted, build, draw, parse, plant, revised, simulate
+from pipeline.simulate.noise import tracker_errors
+
+TABLE_I = [  # alpha [deg], d [m], r [m]; joint 1 slides along its z axis
+    (-90, 0.0, 0.0),
+    (90, 0.0, 1.048),
+    (90, 0.5, 0.0),
+    (0, 1.3, 0.0),
+    (90, 0.055, 1.525),
+    (-90, 0.0, 0.0),
+    (90, 0.0, 0.290),
+]
+TABLE_III = np.array([8.0e7, 3.8e6, 6.6e6, 3.9e6, 5.6e5, 6.6e5, 4.7e5])
+SEED = 20261103
+
+
+def place(q, point):
+    """A tool point in F_b by multiplying out Table I, row by row, for one pose [m], [rad]."""
+    T = np.eye(4)
+    for j, (alpha, d, r) in enumerate(TABLE_I):
+        a = np.radians(alpha)
+        slide, turn = (q[j], 0.0) if j == 0 else (r, q[j])
+        T = T @ np.array(
+            [
+                [1, 0, 0, 0],
+                [0, np.cos(a), -np.sin(a), 0],
+                [0, np.sin(a), np.cos(a), 0],
+                [0, 0, 0, 1],
+            ]
+        )
+        T = T @ np.array([[1, 0, 0, d], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+        T = T @ np.array(
+            [
+                [np.cos(turn), -np.sin(turn), 0, 0],
+                [np.sin(turn), np.cos(turn), 0, 0],
+                [0, 0, 1, 0],
+                [0, 0, 0, 1],
+            ]
+        )
+        T = T @ np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, slide], [0, 0, 0, 1]])
+    return (T @ [*point, 1.0])[:3]
+
+
+def slopes(q, point, h=1e-6):
+    """How a tool point moves per unit of each joint, by central differences, shape (3, 7)."""
+    return np.stack(
+        [(place(q + e, point) - place(q - e, point)) / (2 * h) for e in h * np.eye(7)], axis=1
+    )
+
+
+def rows(campaign, file):
+    """The rows of a written CSV file."""
+    return list(csv.DictReader(io.StringIO(campaign.files[file].decode())))
+
+
+def to_base(campaign):
+    """Rotation and shift of the tracker's readings into F_b from the written base reflectors."""
+    nominal = tomllib.loads(campaign.files["campaign.toml"].decode())["base_frame"]
+    seen = [r for r in rows(campaign, "tracker.csv") if r["group"].startswith("base")]
+    here = np.array([[float(r[f"{a}_mm"]) / 1000 for a in "xyz"] for r in seen])
+    there = np.array([nominal[r["target"]] for r in seen])
+    U, _, Vt = np.linalg.svd((here - here.mean(0)).T @ (there - there.mean(0)))
+    R = (U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt).T
+    return R, there.mean(0) - R @ here.mean(0)
+
+
+def positions(campaign):
+    """(group, target) -> position in F_b [m], from the files alone."""
+    R, t = to_base(campaign)
+    return {
+        (r["group"], r["target"]): R @ [float(r[f"{a}_mm"]) / 1000 for a in "xyz"] + t
+        for r in rows(campaign, "tracker.csv")
+    }
+
+
+def joint_values(campaign):
+    """Pose -> joint values [m], [rad] from the written log."""
+    return {
+        int(r["pose"]): np.array(
+            [float(r["r1_m"])] + [np.radians(float(r[f"theta{j}_deg"])) for j in range(2, 8)]
+        )
+        for r in rows(campaign, "joints.csv")
+    }
+
+
+@pytest.fixture(scope="module")
+def exact():
+    """The demo campaign without noise, all digits written."""
+    return simulate(Plan(seed=SEED).without_noise())
+
+
+def test_displacements_follow_the_paper_from_the_files_alone(exact):
+    """Loaded minus unloaded in the written files is J_m K^-1 J_l' f of Table I and Table III."""
+    tool = tomllib.loads(exact.files["campaign.toml"].decode())["tool"]
+    at, q = positions(exact), joint_values(exact)
+    worst = 0.0
+    for r in rows(exact, "loads.csv"):
+        pose, group = int(r["pose"]), f"pose{int(r['pose']):02d}_rep{r['repeat']}_loaded"
+        chain = at[group, "Pl2"] - at[group, "Pl1"]
+        force = float(r["force_n"]) * chain / np.linalg.norm(chain)
+        bend = slopes(q[pose], tool["load_point"]).T @ force / TABLE_III
+        for name in ("P1", "P2", "P3"):
+            zero = at[f"pose{pose:02d}_rep0_unloaded", name]
+            assert zero == pytest.approx(place(q[pose], tool[name]), abs=1e-11)
+            moved = at[group, name] - zero
+            worst = max(worst, np.abs(moved - slopes(q[pose], tool[name]) @ bend).max())
+
+    assert worst < 1e-11  # deflections are up to 5 mm; finite differences leave some 1e-12 m
+
+
+def test_the_chain_ends_at_an_anchor_on_the_floor(exact):
+    """Pl1 and Pl2 lie on the line from the load point under load to a point of the floor."""
+    tool = tomllib.loads(exact.files["campaign.toml"].decode())["tool"]
+    at, q = positions(exact), joint_values(exact)
+    anchors = set()
+    for r in rows(exact, "loads.csv"):
+        group = f"pose{int(r['pose']):02d}_rep{r['repeat']}_loaded"
+        one, two = at[group, "Pl1"], at[group, "Pl2"]
+        force = float(r["force_n"]) * (two - one) / np.linalg.norm(two - one)
+        J = slopes(q[int(r["pose"])], tool["load_point"])
+        load_point = place(q[int(r["pose"])], tool["load_point"]) + J @ (J.T @ force / TABLE_III)
+
+        assert np.linalg.norm(two - one) == pytest.approx(0.4, abs=1e-11)
+        assert np.linalg.norm(one - load_point) == pytest.approx(0.1, abs=1e-10)
+        down = (-0.891 - one[2]) / (two - one)[2]
+        anchors.add(tuple(np.round(one + down * (two - one), 6)))
+
+    assert anchors == {(2.5 * (-1) ** k, 1.5 + 3 * k, -0.891) for k in range(6)}
+
+
+def test_same_seed_same_bytes():
+    """A plan with its seed determines every byte; another seed gives other poses."""
+    one, two, other = (simulate(Plan(seed=s)) for s in (SEED, SEED, SEED + 1))
+
+    assert dict(one.files) == dict(two.files)
+    assert one.truth == two.truth
+    assert one.files["joints.csv"] != other.files["joints.csv"]
+
+
+def test_noise_leaves_the_poses_alone():
+    """Another noise model changes readings, not what was measured."""
+    quiet = simulate(Plan(seed=SEED))
+    loud = simulate(revised(Plan(seed=SEED), {"tracker": {"noise": "paper"}}))
+
+    assert quiet.files["joints.csv"] == loud.files["joints.csv"]
+    assert quiet.files["tracker.csv"] != loud.files["tracker.csv"]
+
+
+def test_the_truth_is_json_and_stays_out_of_the_raw_folder():
+    """No file of the raw folder gives away the stiffnesses, the gain error or the seed."""
+    plan = revised(
+        Plan(seed=SEED), {"hidden": {"stiffness_spread": 0.25}, "scale": {"gain_sigma": 0.01}}
+    )
+    campaign = simulate(plan)
+    json.dumps(campaign.truth)
+    told = b"".join(campaign.files.values()).decode()
+
+    assert set(campaign.files) == {"campaign.toml", "tracker.csv", "loads.csv", "joints.csv"}
+    for secret in [
+        *(k["value"] for k in campaign.truth["stiffness"]),
+        campaign.truth["scale"]["gain_error"],
+    ]:
+        assert f"{secret:.6g}" not in told
+    for word in ("stiffness", "seed", "hidden", "truth"):
+        assert word not in told
+
+
+def test_the_campaign_file_keeps_the_contract():
+    """campaign.toml of a simulated campaign is accepted and says what the plan says."""
+    plan = revised(
+        Plan(seed=SEED),
+        {
+            "tracker": {"noise": {"range_m": 8e-6, "transverse_m": 7.5e-6}},
+            "scale": {"gain_sigma": 0.005},
+        },
+    )
+    read = settings.parse(simulate(plan).files["campaign.toml"].decode())
+
+    assert read.tracker.noise == InstrumentNoise(range_m=8e-6, transverse_m=7.5e-6)
+    assert read.scale.gain_sigma == 0.005
+    assert read.tool == plan.tool
+    assert read.base_frame == plan.base_frame
+
+
+def test_one_line_per_pull_and_pose(exact):
+    """Every pull has its load, branch and five readings; every pose its joints and two zeros."""
+    seen = [r["group"] for r in rows(exact, "tracker.csv")]
+    loads = rows(exact, "loads.csv")
+
+    assert [(r["pose"], r["repeat"], r["branch"]) for r in loads[:4]] == [
+        ("1", "1", "up"), ("1", "2", "up"), ("1", "3", "down"), ("2", "1", "up"),
+    ]  # fmt: skip
+    assert len(loads) == 48
+    assert len(rows(exact, "joints.csv")) == 16
+    assert all(seen.count(f"pose{int(r['pose']):02d}_rep{r['repeat']}_loaded") == 5 for r in loads)
+    assert seen.count("pose07_rep0_unloaded") == seen.count("pose07_rep4_unloaded") == 3
+    times = [r["time"] for r in rows(exact, "tracker.csv")]
+    assert times == sorted(times)
+    assert len(set(times)) == len(times)
+
+
+def test_drawn_poses_stand_clear_inside_the_limits():
+    """Random poses keep limits, floor clearance and a sensible chain, and use the whole rail."""
+    plan = Plan(seed=SEED, poses={"count": 60})
+    campaign = simulate(plan.without_noise())
+    robot, q = load("kr500_rail"), np.array(list(joint_values(campaign).values()))
+    targets = [p for (group, name), p in positions(campaign).items() if name in plan.tool]
+
+    assert np.all((q >= robot.lower) & (q <= robot.upper))
+    assert min(p[2] for p in targets) > -0.891 + 0.29
+    assert np.ptp(q[:, 0]) > 12.0
+
+
+@pytest.mark.parametrize(
+    ("model", "at", "cov_um2"),
+    [
+        (3e-5, [3.0, 1.0, 2.0], np.diag([900.0, 900.0, 900.0])),
+        ("paper", [3.0, 1.0, 2.0], np.diag([225.0, 225.0, 450.0])),
+        (
+            InstrumentNoise(
+                range_m=8e-6, range_per_m=1e-6, transverse_m=7e-6, transverse_per_m=3e-6
+            ),
+            [0.0, -10.0, 0.0],
+            np.diag([37.0**2, 18.0**2, 37.0**2]),
+        ),
+    ],
+    ids=["isotropic", "paper", "instrument"],
+)
+def test_readings_scatter_as_stated(model, at, cov_um2):
+    """The covariance of many drawn readings is that of the noise model, in the tracker's frame."""
+    n = 200_000
+    errors = 1e6 * tracker_errors(model, np.tile(at, (n, 1)), np.random.default_rng(SEED))
+
+    assert np.cov(errors.T) == pytest.approx(cov_um2, abs=5 * cov_um2.max() * np.sqrt(3 / n))
+    assert errors.mean(axis=0) == pytest.approx(0.0, abs=5 * np.sqrt(cov_um2.max() / n))
+
+
+def test_draws_scatter_around_the_exact_readings():
+    """Many drawn campaigns differ by tracker noise and by the scale's errors, in the right size."""
+    plan = revised(
+        Plan(seed=SEED), {"scale": {"sigma_n": 4.0, "sigma_rel": 0.002, "gain_sigma": 0.01}}
+    )
+    scene = build(plan, load(plan.robot), np.random.default_rng(SEED))
+    drawn = draw(scene, np.random.default_rng(SEED), 400)
+    acting = np.linalg.norm(drawn.force_n, axis=2)
+    error = acting - drawn.reading_n * (1 + drawn.gain_error[:, None])
+
+    assert drawn.base.std(axis=0).mean() == pytest.approx(3e-5, rel=0.05)
+    assert drawn.zero.std(axis=0).mean() == pytest.approx(3e-5, rel=0.02)
+    assert drawn.gain_error.std() == pytest.approx(0.01, rel=0.15)
+    stated = np.sqrt(4.0**2 + (0.002 * drawn.reading_n) ** 2)
+    assert (error / stated).std() == pytest.approx(1.0, rel=0.02)
+
+
+def pulled(at):
+    """Displacement of P1 under every pull."""
+    return {
+        group: p - at[group[:6] + "_rep0_unloaded", "P1"]
+        for (group, name), p in at.items()
+        if name == "P1" and group.endswith("_loaded")
+    }
+
+
+def test_the_scale_is_wrong_not_the_pull_in_the_log():
+    """With a gain error the robot bends by what acts while loads.csv shows the reading."""
+    base = Plan(seed=SEED).without_noise()
+    true, wrong = simulate(base), simulate(revised(base, {"scale": {"gain_error": 0.05}}))
+    bend = [pulled(positions(campaign)) for campaign in (true, wrong)]
+
+    assert true.files["loads.csv"] == wrong.files["loads.csv"]
+    for key, moved in bend[0].items():
+        assert bend[1][key] == pytest.approx(1.05 * moved, rel=5e-3, abs=1e-6)
+
+
+def extra_weight():
+    """A lump of 40 N hangs at the load point: a wrench that no scale shows."""
+    effect = Wrench(
+        "lump", None, (Parameter("w", "N", 40.0),), "", "", "",
+        wrench=lambda loaded, w: (loaded.load_point, loaded.force - w * np.array([0, 0, 1.0])),
+    )  # fmt: skip
+    return Planted(effect, np.array([40.0]))
+
+
+def test_a_hidden_effect_shows_in_the_data_and_only_there():
+    """A weight at the load point adds its own deflection to every pull; logs stay as they were."""
+    plan = Plan(seed=SEED).without_noise()
+    clean, hidden = simulate(plan), simulate(plan, hidden=(extra_weight(),))
+    tool, q = plan.tool, joint_values(clean)
+    at, seen = positions(clean), positions(hidden)
+    for (group, name), p in seen.items():
+        if group.startswith("base") or name in ("Pl1", "Pl2"):
+            continue
+        pose = int(group[4:6])
+        J_m, J_l = slopes(q[pose], tool[name]), slopes(q[pose], tool["load_point"])
+        own = (
+            J_m @ (J_l.T @ [0, 0, -40.0] / TABLE_III) if group.endswith("_loaded") else np.zeros(3)
+        )
+        assert p - at[group, name] == pytest.approx(own, abs=2e-7)
+    # 0.1 mm of load point on 1.2 m of chain turns 3 kN by 0.2 N at 1 um/N: the tolerance
+
+    assert clean.files["joints.csv"] == hidden.files["joints.csv"]
+    assert hidden.truth["effects"][0]["parameters"][0]["value"] == 40.0
+
+
+def test_the_clock_drives_what_drifts():
+    """A drift of 1 um/s moves each reading by its own time since the first one."""
+    drift = Observation(
+        "drift", None, (Parameter("v", "m/s", 1e-6),), "", "", "",
+        observe=lambda loaded, p, time, v: p + (v * time)[:, None, None] * np.array([1.0, 0, 0]),
+    )  # fmt: skip
+    plan = Plan(seed=SEED).without_noise()
+    clean, moved = (
+        positions(simulate(plan)),
+        positions(simulate(plan, hidden=(Planted(drift, np.array([1e-6])),))),
+    )
+    stamps = {(r["group"], r["target"]): r["time"] for r in rows(simulate(plan), "tracker.csv")}
+    for key in clean:
+        if "pose" in key[0]:
+            seconds = (datetime.fromisoformat(stamps[key]) - plan.clock.start).total_seconds()
+            assert moved[key][0] - clean[key][0] == pytest.approx(1e-6 * seconds, abs=1e-10)
+
+
+def test_unknown_words_are_answered_with_the_known_ones():
+    """A wrong effect, size, dialect or entry is named together with what there is."""
+    robot = load("kr500_rail")
+    with pytest.raises(UsageError, match='no effect "rail_rol"'):
+        plant("rail_rol", robot)
+    with pytest.raises(UsageError, match="plain, spatialanalyzer"):
+        simulate(revised(Plan(), {"tracker": {"dialect": "morse"}}))
+    with pytest.raises(InputError, match=r"pulls\.stepsn"):
+        parse("[pulls]\nstepsn = [1.0]\n")
+    with pytest.raises(InputError, match="pose 1 puts joint theta3 at 140"):
+        simulate(parse("poses.q = [[3.0, 0, 140, 0, 0, 0, 0]]\n"))
+
+
+def test_the_branch_turns_with_the_load():
+    """Less than before is down, more is up; every run through the steps starts slack, so up."""
+    plan = Plan(
+        pulls={"steps_n": [1000, 2000, 2000, 1500, 1500, 3000], "repeats": 2}, poses={"count": 1}
+    )
+    branch = [r["branch"] for r in rows(simulate(plan), "loads.csv")]
+
+    assert branch == ["up", "up", "up", "down", "down", "up"] * 2
+
+
+def test_spatialanalyzer_writes_the_same_numbers():
+    """The same readings in SpatialAnalyzer's ASCII form, unit stated in campaign.toml."""
+    plan = Plan(seed=SEED)
+    plain = rows(simulate(plan), "tracker.csv")
+    campaign = simulate(revised(plan, {"tracker": {"dialect": "spatialanalyzer"}}))
+    body = [
+        line
+        for line in campaign.files["tracker.txt"].decode().split("\r\n")
+        if line and not line.startswith("//")
+    ]
+
+    assert tomllib.loads(campaign.files["campaign.toml"].decode())["tracker"]["unit"] == "mm"
+    assert [line.split(", ")[:4] for line in body] == [
+        [f"A::{r['group']}::{r['target']}", r["x_mm"], r["y_mm"], r["z_mm"]] for r in plain
+    ]
