@@ -5,11 +5,12 @@ Simulator, B of Eq. (19), score tests, extended model and pose design all ask th
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.effects import Effect, Elastic, Geometry, Loaded, Observation, Pulls, Wrench
+from pipeline.effects import Effect, Elastic, Geometry, Loaded, Noise, Observation, Pulls, Wrench
 from pipeline.effects import baseline as baseline_effects
 from pipeline.results import Array, Ints, Locked, Parameter, Strings
 from pipeline.robot import Robot, configure
@@ -58,9 +59,14 @@ class Cell:
         return replace(self, effects=self.effects + more)
 
     def split(self, values: Array) -> list[tuple[Effect, Array]]:
-        """Each effect with its part of the parameter vector."""
+        """Each facet of each effect with its part of the parameter vector."""
         ends = np.cumsum([len(effect.parameters) for effect in self.effects])
-        return list(zip(self.effects, np.split(np.asarray(values, float), ends[:-1]), strict=True))
+        parts = np.split(np.asarray(values, float), ends[:-1])
+        return [
+            (facet, part)
+            for effect, part in zip(self.effects, parts, strict=True)
+            for facet in effect.facets
+        ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +123,11 @@ def columns(effect: Elastic, loaded: Loaded) -> Array:
     """
     twists = effect.twists(loaded)
     response = effect.response(loaded, torque(twists, loaded.load_point, loaded.force))
-    return np.moveaxis(velocity(twists, loaded.points), 2, 3) * response[:, None, None, :]
+    moved = np.moveaxis(velocity(twists, loaded.points), 2, 3) * response[:, None, None, :]
+    if not effect.shared:
+        return moved
+    of = np.eye(len(effect.parameters))[list(effect.shared)]
+    return moved @ of
 
 
 def predict(cell: Cell, pulls: Pulls, values: Array) -> Prediction:
@@ -163,7 +173,7 @@ def _deformed(cell: Cell, loaded: Loaded, values: Array, rounds: int = 30) -> tu
     parts = _elastic(cell, values)
     twists = np.concatenate([effect.twists(loaded) for effect, _ in parts], axis=1)
     order = np.argsort(np.concatenate([effect.carrier for effect, _ in parts]), kind="stable")
-    ends = np.cumsum([len(part) for _, part in parts])[:-1]
+    ends = np.cumsum([len(effect.carrier) for effect, _ in parts])[:-1]
     m, k = twists.shape[:2]
     ends_points = np.concatenate([loaded.points, loaded.load_point[:, None]], axis=1)
     bent, at = twists, loaded.load_point
@@ -172,7 +182,7 @@ def _deformed(cell: Cell, loaded: Loaded, values: Array, rounds: int = 30) -> tu
         tau = torque(bent, at, loaded.force)
         amount = np.concatenate(
             [
-                effect.response(loaded, tau_e) * part
+                effect.response(loaded, tau_e) * part[list(effect.parameter_of)]
                 for (effect, part), tau_e in zip(parts, np.split(tau, ends, axis=1), strict=True)
             ],
             axis=1,
@@ -235,6 +245,33 @@ def jacobian(cell: Cell, pulls: Pulls, values: Array) -> Array:
         else:
             out.append(_differences(cell, pulls, values, range(start, start + k)))
         start += k
+    return np.concatenate(out, axis=-1)
+
+
+def sensitivity(cell: Cell, pulls: Pulls, values: Array, effects: Sequence[Effect]) -> Array:
+    """Derivative of the displacements by effects that are not in the cell, where they are zero.
+
+    Args:
+        cell: The model without them.
+        pulls: What was set and read.
+        values: Parameters of the cell, shape (k,).
+        effects: The effects, with K parameters in all; effects of noise have none that move.
+
+    Returns:
+        Shape (m, t, 3, K), zero in the columns of effects that move nothing.
+    """
+    loaded = load(cell, pulls, values)
+    out = []
+    for effect in effects:
+        n = len(effect.parameters)
+        if isinstance(effect, Noise):
+            out.append(np.zeros((*loaded.points.shape, n)))
+        elif isinstance(effect, Elastic) and cell.equilibrium == "undeformed":
+            out.append(columns(effect, loaded))
+        else:
+            more = np.concatenate([values, np.zeros(n)])
+            which = range(len(values), len(more))
+            out.append(_differences(cell.with_effects(effect), pulls, more, which))
     return np.concatenate(out, axis=-1)
 
 

@@ -63,9 +63,12 @@ class Loaded(Locked):
     targets: Strings
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Effect:
     """What every effect says of itself.
+
+    One cause may stand in the catalogue in several mathematical forms (a dead zone, a rounded
+    step): they share name and place, and the diagnosis names the cause, not the form.
 
     Attributes:
         name: A word of the list of causes, `rail_roll`.
@@ -74,6 +77,7 @@ class Effect:
         signature: What an engineer sees when it is there, and what tells it from its neighbours.
         needs: The measurement or sensor that would settle it.
         source: Where formula and typical size come from.
+        form: Which of several mathematical forms of this cause it is; empty for the only one.
     """
 
     name: str
@@ -82,6 +86,12 @@ class Effect:
     signature: str
     needs: str
     source: str
+    form: str = ""
+
+    @property
+    def facets(self) -> tuple[Effect, ...]:
+        """The places of the cell where it acts, all with the same parameters."""
+        return (self,)
 
     @property
     def label(self) -> str:
@@ -89,26 +99,33 @@ class Effect:
         return self.name if self.where is None else f"{self.name}:{self.where}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Elastic(Effect):
     """Virtual joints that yield under load: parameter k moves virtual joint k.
 
-    The deflection of virtual joint k is parameter k times `response(loaded, tau)[:, k]`, where tau
-    is the torque (force) that the pull exerts about (along) it.
+    The deflection of virtual joint v is its parameter times `response(loaded, tau)[:, v]`, where
+    tau is the torque (force) that the pull exerts about (along) each of them.
 
     Attributes:
-        carrier: The joint 0..n that carries each virtual joint (0 is the rail's bed), one per
-            parameter; virtual joints of one carrier come after its own motion.
-        twists: loaded -> unit screws of the virtual joints in F_b, shape (m, k, 6).
-        response: loaded, tau (m, k) -> deflection per unit parameter, shape (m, k).
+        carrier: The joint 0..n that carries each virtual joint (0 is the rail's bed);
+            virtual joints of one carrier come after its own motion.
+        twists: loaded -> unit screws of the virtual joints in F_b, shape (m, v, 6).
+        response: loaded, tau (m, v) -> deflection per unit parameter, shape (m, v).
+        shared: Parameter of each virtual joint where several have one; empty for one each.
     """
 
     carrier: tuple[int, ...]
     twists: Callable[[Loaded], Array]
     response: Callable[[Loaded, Array], Array]
+    shared: tuple[int, ...] = ()
+
+    @property
+    def parameter_of(self) -> tuple[int, ...]:
+        """Index of the parameter of each virtual joint."""
+        return self.shared or tuple(range(len(self.carrier)))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Wrench(Effect):
     """The force that acts is not the force that was read.
 
@@ -119,7 +136,7 @@ class Wrench(Effect):
     wrench: Callable[[Loaded, Array], tuple[Array, Array]]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Geometry(Effect):
     """The robot is not where its joint log and table say.
 
@@ -130,7 +147,7 @@ class Geometry(Effect):
     geometry: Callable[[Robot, Pulls, Array], Array]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Observation(Effect):
     """What is read is not where the point is.
 
@@ -144,7 +161,7 @@ class Observation(Effect):
     instrument: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Noise(Effect):
     """Readings scatter otherwise than stated.
 
@@ -154,6 +171,22 @@ class Noise(Effect):
     """
 
     source_scaled: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compound(Effect):
+    """One cause that acts in several places of the cell at once.
+
+    Attributes:
+        acts: Its facets; each gets all the parameters.
+    """
+
+    acts: tuple[Effect, ...]
+
+    @property
+    def facets(self) -> tuple[Effect, ...]:
+        """The places of the cell where it acts, all with the same parameters."""
+        return self.acts
 
 
 def linear(loaded: Loaded, tau: Array) -> Array:

@@ -1,0 +1,122 @@
+"""Which causes can be told apart: never (twins), or not by this campaign (overlap)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from pipeline.cell import Cell, Tool, paper_cell, sensitivity
+from pipeline.effects import Effect, Pulls, catalogue
+from pipeline.results import Array
+from pipeline.robot import Robot
+
+SAME = 1e-8
+"""Two directions that differ by less than this, relative to their size, are one."""
+
+NOTHING_M = 1e-12
+"""A typical effect that moves the reflectors less than this [m] does not move them."""
+
+
+@dataclass(frozen=True)
+class Twins:
+    """What tip loading can never tell, whatever the poses.
+
+    Attributes:
+        of_stiffness: Effects whose every signature is one of the joint springs.
+        pairs: Pairs of effects that leave the same signature beside the joint springs.
+        unmoved: Effects that move nothing when the robot is pulled.
+    """
+
+    of_stiffness: tuple[str, ...]
+    pairs: tuple[tuple[str, str], ...]
+    unmoved: tuple[str, ...]
+
+
+def rich_pulls(robot: Robot, rng: np.random.Generator, pulls: int = 80) -> Pulls:
+    """Pulls as varied as they can be: all joints, directions, sizes, branches, approaches, times.
+
+    Args:
+        robot: The robot; joints without limits turn by up to 180 degrees.
+        rng: Source of the draws.
+        pulls: How many, four to a pose.
+    """
+    far = np.where(robot.prismatic, 1.0, np.pi)
+    lower = np.where(np.isfinite(robot.lower), np.maximum(robot.lower, -far * 20), -far)
+    upper = np.where(np.isfinite(robot.upper), np.minimum(robot.upper, far * 20), far)
+    pose = np.arange(pulls) // 4
+    u = rng.standard_normal((pulls, 3))
+    force = u / np.linalg.norm(u, axis=1, keepdims=True) * rng.uniform(300, 4000, (pulls, 1))
+    return Pulls(
+        pose=pose,
+        repeat=np.arange(pulls) % 4,
+        q=rng.uniform(lower, upper, (pose.max() + 1, robot.n))[pose],
+        force=force,
+        branch=rng.choice([-1.0, 1.0], pulls),
+        approach=rng.choice([-1.0, 1.0], pose.max() + 1)[pose],
+        time=np.sort(rng.uniform(0, 2e4, pulls)),
+        time_zero=rng.uniform(0, 2e4, pose.max() + 1)[pose],
+    )
+
+
+def rich_tool(rng: np.random.Generator) -> Tool:
+    """Load point and three reflectors at no special place."""
+    points = rng.uniform(-0.4, 0.4, (4, 3)) + [0, 0, 0.2]
+    return Tool(points[0], np.array(["P1", "P2", "P3"], dtype=object), points[1:])
+
+
+def twins(robot: Robot) -> Twins:
+    """Find the twins among the causes of a robot by the ranks of a rich random design."""
+    rng = np.random.default_rng(20)
+    cell, pulls = paper_cell(robot, rich_tool(rng)), rich_pulls(robot, rng)
+    x = robot.nominal_compliance * rng.uniform(0.7, 1.4, robot.n)
+    effects = catalogue(robot)
+    baseline = _matrix(cell, pulls, x, cell.effects)
+    signature = {i: _matrix(cell, pulls, x, [effect]) for i, effect in enumerate(effects)}
+    return _compare(effects, baseline, signature)
+
+
+def _matrix(cell: Cell, pulls: Pulls, x: Array, effects: Sequence[Effect]) -> Array:
+    """Columns [m] at typical size, shape (rows, parameters)."""
+    Z = sensitivity(cell, pulls, x, effects)
+    typical = [p.typical for effect in effects for p in effect.parameters]
+    return Z.reshape(-1, Z.shape[-1]) * np.array(typical)
+
+
+def _compare(effects: Sequence[Effect], B: Array, signature: dict[int, Array]) -> Twins:
+    Q = np.linalg.qr(B)[0]
+    own, unmoved, hidden = {}, [], []
+    for i, Z in signature.items():
+        left = Z - Q @ (Q.T @ Z)
+        left = left - Q @ (Q.T @ left)
+        if np.abs(Z).max() < NOTHING_M:
+            unmoved.append(effects[i].label)
+        elif np.linalg.norm(left) < SAME * np.linalg.norm(Z):
+            hidden.append(effects[i].label)
+        else:
+            own[i] = span(left, SAME * np.linalg.norm(Z))
+    pairs = [
+        (effects[a].label, effects[b].label)
+        for a, b in combinations(own, 2)
+        if effects[a].label != effects[b].label and same_span(own[a], own[b])
+    ]
+    return Twins(_once(hidden), tuple(dict.fromkeys(pairs)), _once(unmoved))
+
+
+def _once(names: list[str]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(names))
+
+
+def span(columns: Array, least: float) -> Array:
+    """Orthonormal basis of what columns span beyond `least`, shape (rows, rank)."""
+    U, s, _ = np.linalg.svd(columns, full_matrices=False)
+    return U[:, s > least]
+
+
+def same_span(a: Array, b: Array) -> bool:
+    """True when two orthonormal bases span one space."""
+    if a.shape[1] != b.shape[1]:
+        return False
+    return bool(np.linalg.norm(a - b @ (b.T @ a)) < 1e3 * SAME)

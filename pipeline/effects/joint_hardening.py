@@ -1,0 +1,41 @@
+"""A gear grows stiffer (or softer) with its torque: a law that is not a straight line.
+
+Beside c tau the joint turns by h tau (|tau| / tau_rated)^e, e = 2 (cubic) or 1 (quadratic). A
+negative h is a hardening gear.
+"""
+
+import numpy as np
+
+from pipeline.effects._anatomy import compliance, joint_screw, rated_torque, turning
+from pipeline.effects._effect import Elastic, Loaded
+from pipeline.results import Array, Parameter
+from pipeline.robot import Robot
+
+EXPONENT = {"cubic": 2, "quadratic": 1}
+
+
+def effects(robot: Robot) -> tuple[Elastic, ...]:
+    """One effect for each revolute joint, in each form."""
+    return tuple(_effect(robot, joint, form) for joint in turning(robot) for form in EXPONENT)
+
+
+def _effect(robot: Robot, joint: int, form: str) -> Elastic:
+    c, rated = compliance(robot, joint), rated_torque(robot, joint)
+
+    def response(loaded: Loaded, torque: Array) -> Array:
+        return np.asarray(torque * np.abs(torque / rated) ** EXPONENT[form])
+
+    return Elastic(
+        name="joint_hardening",
+        where=joint,
+        form=form,
+        parameters=(Parameter(f"h_{joint}", "rad/(N m)", 0.15 * c, -2 * c, 2 * c),),
+        signature=f"displacement over force at joint {joint} changes with the force: "
+        "odd in the load, no jump at zero",
+        needs="three load levels at one pose that turns this joint",
+        source="the torsion curve of a strain-wave or cycloidal gear steepens with torque; "
+        "15 % at rated torque is an estimate, rated torque taken as 1 mrad of twist",
+        carrier=(joint,),
+        twists=lambda loaded: joint_screw(loaded, joint),
+        response=response,
+    )

@@ -1,0 +1,48 @@
+"""The rack and pinion of the rail has play: a step of constant width, missing from Eq. (3).
+
+Where the carriage came to rest within the play decides how far it can go:
+
+    travel along the rail = b (s(f_y) - rest) / 2,   s(f) = tanh(f / f_0),
+
+with rest = +1 at the end of the play that a positive pull runs into, -1 at the other one.
+"""
+
+import numpy as np
+
+from pipeline.effects._anatomy import joint_screw, rail
+from pipeline.effects._effect import Elastic, Loaded
+from pipeline.results import Array, Parameter
+from pipeline.robot import Robot
+
+FULL_PLAY_FORCE_N = 150.0
+
+REST = {"held by friction": -1.0, "held by the brake": 1.0, "centred": 0.0}
+"""Where the carriage rests after coming along +y: friction stops it with the pushing flank in
+contact, a braking drive with the other one; centred when nothing says which."""
+
+
+def effects(robot: Robot) -> tuple[Elastic, ...]:
+    """The play of the rail's drive, for each way the carriage may come to rest."""
+    return tuple(_effect(form, rest) for form, rest in REST.items()) if rail(robot) else ()
+
+
+def _effect(form: str, rest: float) -> Elastic:
+    def travel(loaded: Loaded, force: Array) -> Array:
+        start = rest * loaded.pulls.approach[:, None]
+        return (np.tanh(force / FULL_PLAY_FORCE_N) - start) / 2
+
+    return Elastic(
+        name="rail_backlash",
+        where=None,
+        form=form,
+        parameters=(Parameter("b_rail", "m", 2e-4, 0.0, 2e-3),),
+        signature="a step along the rail, the same for all reflectors and all forces, "
+        "that depends on the sign of the pull and on the way the carriage came",
+        needs="pulls both ways along the rail at poses approached both ways, recorded in "
+        "joints.csv",
+        source="play of 0.20 to 0.24 mm set with +-400 N: operating manual of a rack-driven "
+        "linear unit of this class (KUKA KL 1500-3)",
+        carrier=(1,),
+        twists=lambda loaded: joint_screw(loaded, 1),
+        response=travel,
+    )

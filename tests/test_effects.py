@@ -1,0 +1,272 @@
+"""The catalogue: every cause of the list is there, written once, and means what it says."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.spatial.transform import Rotation
+
+from pipeline import cell as forward
+from pipeline.diagnosis.isolability import rich_pulls, rich_tool, twins
+from pipeline.effects import Compound, Elastic, Geometry, Noise, catalogue
+from pipeline.robot import load, model
+
+NAMES = """
+rail_lateral rail_vertical rail_roll rail_pitch rail_yaw rail_backlash rail_stiffness_varies
+joint_tilt link_bending tool_flex joint_hardening joint_lost_motion joint_hysteresis compensator
+wrist_coupling scale_gain scale_zero scale_curvature chain_weight chain_offset joint_offset
+base_rotation tracker_drift gravity_sag load_point_offset tracker_noise force_noise
+""".split()
+
+KR500, FANUC = load("kr500_rail"), load("fanuc_r2000ic")
+EFFECTS = catalogue(KR500)
+IDS = [f"{e.label}-{e.form}" for e in EFFECTS]
+LINEAR = [
+    e
+    for e in EFFECTS
+    if e.name in ("rail_lateral", "rail_vertical", "rail_roll", "rail_pitch", "rail_yaw")
+    or e.name in ("joint_tilt", "link_bending", "tool_flex", "wrist_coupling")
+]
+
+
+@pytest.fixture(scope="module")
+def bench():
+    rng = np.random.default_rng(7)
+    cell = forward.paper_cell(KR500, rich_tool(rng))
+    return cell, rich_pulls(KR500, rng), KR500.nominal_compliance
+
+
+def test_every_word_for_a_cause_has_its_effect():
+    """The list of causes and the catalogue are the same list, in the same order."""
+    assert list(dict.fromkeys(e.name for e in EFFECTS)) == NAMES
+
+
+def test_a_robot_without_a_rail_has_no_rail_effects():
+    """On a robot that stands on the floor nothing is blamed on a rail, and joints count from 1."""
+    effects = catalogue(FANUC)
+
+    assert not [e for e in effects if e.name.startswith("rail_")]
+    assert [e.where for e in effects if e.name == "joint_tilt"] == [1, 2, 3, 4, 5, 6]
+
+
+def test_places_are_joint_numbers_of_the_robot():
+    """Gears are blamed at joints 2 to 7: joint 1 is the rail."""
+    for name in ("joint_tilt", "joint_hardening", "joint_lost_motion", "joint_hysteresis"):
+        assert sorted({e.where for e in EFFECTS if e.name == name}) == [2, 3, 4, 5, 6, 7]
+
+
+def test_labels_with_forms_are_unique():
+    """No cause stands twice in the catalogue in the same form."""
+    assert len(set(IDS)) == len(IDS)
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=IDS)
+def test_zero_means_absent(bench, effect):
+    """With all parameters zero the cell does what it did without the effect."""
+    cell, pulls, x = bench
+    more = np.concatenate([x, np.zeros(len(effect.parameters))])
+
+    with_it = forward.predict(cell.with_effects(effect), pulls, more)
+
+    without = forward.predict(cell, pulls, x)
+    np.testing.assert_allclose(with_it.displacement, without.displacement, atol=1e-15)
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=IDS)
+def test_columns_are_the_derivative_of_the_simulator(bench, effect):
+    """What accuses an effect is the derivative of what simulates it (five-point formula)."""
+    cell, pulls, x = bench
+    whole = cell.with_effects(effect)
+    Z = forward.sensitivity(cell, pulls, x, [effect])
+
+    for k, parameter in enumerate(effect.parameters):
+        h = 0.02 * parameter.typical
+
+        def at(step, k=k, h=h):
+            values = np.concatenate([x, np.zeros(len(effect.parameters))])
+            values[len(x) + k] = step * h
+            return forward.predict(whole, pulls, values).displacement
+
+        slope = (8 * (at(1) - at(-1)) - (at(2) - at(-2))) / (12 * h)
+        scale = np.abs(slope).max() + 1e-12 / parameter.typical
+        np.testing.assert_allclose(Z[..., k], slope, atol=1e-7 * scale)
+
+
+@pytest.mark.parametrize("effect", LINEAR, ids=lambda e: e.label)
+def test_springs_keep_maxwells_reciprocity(bench, effect):
+    """What pull 1 does along pull 2 is what pull 2 does along pull 1: the springs store energy."""
+    cell, pulls, _ = bench
+    rng = np.random.default_rng(3)
+    more = rng.uniform(0.5, 2, len(effect.parameters)) * [p.typical for p in effect.parameters]
+    alone = replace(cell, effects=(effect,))
+    other = replace(pulls, force=pulls.force[::-1])
+
+    def moved(given):
+        now = forward.predict(alone, given, more)
+        return now.load_point - forward.load(alone, given, more).load_point
+
+    there, back = moved(pulls), moved(other)
+    work, work_back = np.sum(there * other.force, 1), np.sum(back * pulls.force, 1)
+    np.testing.assert_allclose(work, work_back, rtol=1e-9, atol=1e-12 * np.abs(work).max())
+    if effect.name != "wrist_coupling":
+        assert (np.sum(there * pulls.force, axis=1) > -1e-12).all()
+
+
+SCREWS = {
+    "rail_roll": lambda r, q: (np.array([0, q[0], 0]), [[0, 1, 0]]),
+    "rail_pitch": lambda r, q: (np.array([0, q[0], 0]), [[1, 0, 0]]),
+    "rail_yaw": lambda r, q: (np.array([0, q[0], 0]), [[0, 0, 1]]),
+}
+
+
+def _frames(robot, q):
+    """Joint frames by Pinocchio."""
+    built = model.model(robot)
+    data = built.createData()
+    pin.forwardKinematics(built, data, q)
+    return [data.oMi[j + 1] for j in range(robot.n)]
+
+
+def _screw(effect, q):
+    """Where and about which axes a rotation effect turns, by hand from Pinocchio's frames."""
+    if effect.name in SCREWS:
+        return SCREWS[effect.name](KR500, q)
+    frames = _frames(KR500, q)
+    if effect.name == "joint_tilt":
+        at = frames[effect.where - 1]
+        return at.translation, at.rotation.T[:2]
+    if effect.name == "tool_flex":
+        return frames[-1].translation, frames[-1].rotation.T[:2]
+    near, far = (2, 3) if effect.where == "upper_arm" else (3, 5)
+    hinge = frames[near].rotation[:, 2]
+    link = frames[far].translation - frames[near].translation
+    side = np.cross(hinge, link)
+    middle = frames[near].translation + link / 2
+    return middle, [hinge, side / np.linalg.norm(side)]
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [e for e in LINEAR if e.name in (*SCREWS, "joint_tilt", "link_bending", "tool_flex")],
+    ids=lambda e: e.label,
+)
+def test_rotations_turn_where_and_how_they_say(bench, effect):
+    """A rotation effect moves the reflectors as turning the rigid rest of the robot by hand does."""
+    cell, pulls, _ = bench
+    alone = replace(cell, effects=(effect,))
+    for k, parameter in enumerate(effect.parameters):
+        values = np.zeros(len(effect.parameters))
+        values[k] = parameter.typical
+        now = forward.predict(alone, pulls, values)
+        before = forward.load(alone, pulls, values)
+        for i in (0, 17, 53):
+            at, axes = _screw(effect, pulls.q[i])
+            axis = np.asarray(axes[k], float)
+            moment = np.cross(before.load_point[i] - at, pulls.force[i]) @ axis
+            turn = Rotation.from_rotvec(axis * parameter.typical * moment)
+            moved = turn.apply(before.points[i] - at) + at - before.points[i]
+
+            np.testing.assert_allclose(now.displacement[i], moved, atol=2e-6, rtol=5e-3)
+
+
+def test_gravity_stiffens_as_the_potential_energy_says(bench):
+    """Sag and its change under load are the derivatives of the energy of two hanging masses."""
+    sag = next(e for e in EFFECTS if e.name == "gravity_sag")
+    cell, pulls, x = bench
+    masses = np.array([420.0, 310.0])
+    geometry = next(f for f in sag.facets if isinstance(f, Geometry))
+    elastic = next(f for f in sag.facets if isinstance(f, Elastic))
+
+    def energy(q):
+        frames = _frames(KR500, q)
+        heights = [(frames[a].translation + frames[b].translation)[2] / 2 for a, b in ((2, 3), (3, 5))]
+        return 9.80665 * masses @ heights
+
+    loaded = forward.load(cell, pulls, x)
+    i, h = 11, 1e-4
+    steps = np.eye(7) * h
+    q = pulls.q[i]
+    torque = np.array([-(energy(q + s) - energy(q - s)) / (2 * h) for s in steps])
+    shift = geometry.geometry(KR500, pulls, masses)[i] - q
+    np.testing.assert_allclose(shift, KR500.nominal_compliance * torque, rtol=1e-5, atol=1e-9)
+
+    stiffening = np.array(
+        [
+            [
+                -(energy(q + a + b) - energy(q + a - b) - energy(q - a + b) + energy(q - a - b))
+                / (4 * h * h)
+                for b in steps
+            ]
+            for a in steps
+        ]
+    )
+    tau = np.einsum("ki,i->k", loaded.configuration.twists[i, :, 3:], pulls.force[i]) + np.einsum(
+        "ki,i->k", loaded.configuration.twists[i, :, :3], np.cross(loaded.load_point[i], pulls.force[i])
+    )
+    c = KR500.nominal_compliance
+    joints = [j - 1 for j in elastic.carrier]
+    response = elastic.response(loaded, np.tile(tau[joints], (len(pulls), 1)))[i]
+    total = np.zeros(7)
+    np.add.at(total, joints, response * masses[list(elastic.parameter_of)])
+    expected = c * (stiffening[:, 1:4] @ (c * tau)[1:4])
+    np.testing.assert_allclose(total[1:4], expected[1:4], rtol=2e-4, atol=1e-9)
+
+
+def test_backlash_depends_on_where_the_carriage_came_from(bench):
+    """Pulled onward after coming along +y, the carriage runs through its play; pulled back, not."""
+    cell, pulls, _ = bench
+    held = next(e for e in EFFECTS if e.name == "rail_backlash" and e.form == "held by friction")
+    force = np.array([[0, 2000.0, 0], [0, -2000.0, 0], [0, 2000.0, 0], [0, -2000.0, 0]])
+    four = replace(
+        pulls,
+        **{f: getattr(pulls, f)[:4] for f in ("pose", "repeat", "q", "branch", "time", "time_zero")},
+        force=force,
+        approach=np.array([1.0, 1, -1, -1]),
+    )
+
+    moved = forward.predict(replace(cell, effects=(held,)), four, np.array([2e-4])).displacement
+
+    np.testing.assert_allclose(moved[:, 0], [[0, 2e-4, 0], [0] * 3, [0] * 3, [0, -2e-4, 0]], atol=1e-9)
+
+
+def test_twins_are_found_by_rank():
+    """What can never be told apart comes out of the ranks, not out of a list."""
+    found = twins(KR500)
+
+    assert set(found.of_stiffness) == {"rail_yaw", "scale_gain"}
+    assert set(found.pairs) == {("joint_tilt:5", "joint_tilt:6"), ("joint_tilt:7", "tool_flex")}
+    assert set(found.unmoved) == {"joint_offset:1", "tracker_noise", "force_noise"}
+
+
+def test_structural_twins_hold_to_rounding(bench):
+    """The twins are equal to 1e-10 of their size on a rich design, at stiffnesses of any size."""
+    cell, pulls, x = bench
+    by = {e.label: e for e in EFFECTS}
+
+    def left(effect, *rivals):
+        B = [forward.jacobian(cell, pulls, x), *[forward.sensitivity(cell, pulls, x, [r]) for r in rivals]]
+        B = np.concatenate(B, axis=-1).reshape(-1, sum(b.shape[-1] for b in B))
+        Z = forward.sensitivity(cell, pulls, x, [effect]).reshape(len(B), -1)
+        Q = np.linalg.qr(B / np.linalg.norm(B, axis=0))[0]
+        rest = Z - Q @ (Q.T @ Z)
+        return np.linalg.norm(rest - Q @ (Q.T @ rest)) / np.linalg.norm(Z)
+
+    assert left(by["rail_yaw"]) < 1e-10
+    assert left(by["scale_gain"]) < 1e-10
+    assert left(by["joint_tilt:5"], by["joint_tilt:6"]) < 1e-10
+    assert left(by["joint_tilt:7"], by["tool_flex"]) < 1e-10
+    assert left(by["joint_tilt:5"]) > 1e-3
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=IDS)
+def test_every_effect_tells_what_it_is(effect):
+    """Each effect has a signature, a way to settle it, a source, and bounds around zero."""
+    assert effect.signature
+    assert effect.needs
+    assert effect.source
+    for parameter in effect.parameters:
+        assert parameter.lower <= 0 < parameter.upper
+        assert parameter.typical < parameter.upper
+    assert isinstance(effect, Noise) or effect.facets
+    assert not isinstance(effect, Compound) or len(effect.facets) > 1
