@@ -63,7 +63,7 @@ def rich_pulls(robot: Robot, rng: np.random.Generator, pulls: int = 80) -> Pulls
 
 def rich_tool(rng: np.random.Generator) -> Tool:
     """Load point and three reflectors at no special place."""
-    points = rng.uniform(-0.4, 0.4, (4, 3)) + [0, 0, 0.2]
+    points = rng.uniform([-0.4, -0.4, -0.2], [0.4, 0.4, 0.6], (4, 3))
     return Tool(points[0], np.array(["P1", "P2", "P3"], dtype=object), points[1:])
 
 
@@ -96,7 +96,7 @@ def _compare(effects: Sequence[Effect], B: Array, signature: dict[int, Array]) -
         elif np.linalg.norm(left) < SAME * np.linalg.norm(Z):
             hidden.append(effects[i].label)
         else:
-            own[i] = span(left, SAME * np.linalg.norm(Z))
+            own[i] = span(left, SAME * float(np.linalg.norm(Z)))
     pairs = [
         (effects[a].label, effects[b].label)
         for a, b in combinations(own, 2)
