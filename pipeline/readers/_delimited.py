@@ -1,0 +1,414 @@
+"""Delimited rows into typed columns: fast while all is well, row by row where something is wrong.
+
+Both ways give the same values for the same text; the slow one exists to name line and reason.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any, Literal
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from pyarrow import csv as arrow_csv
+
+from pipeline.errors import InputError
+from pipeline.readers._text import Text
+from pipeline.results import Bools, Ints, Locked
+
+NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+ISO_TIME = re.compile(
+    r"[0-9]{4}-[0-9]{2}-[0-9]{2}[T ]"
+    r"[0-9]{2}:[0-9]{2}(:[0-9]{2}(\.[0-9]{1,9})?)?(Z|[+-][0-9]{2}:?[0-9]{2})?"
+)
+GROUPED = re.compile(r"[+-]?[0-9]{1,3}(,[0-9]{3})+")
+DELIMITERS = (",", ";", "\t", "|")
+
+NAMES = pa.dictionary(pa.int32(), pa.string())
+MOMENT = pa.timestamp("us")
+
+Kind = Literal["name", "number", "time", "blank", "any"]
+
+
+@dataclass(frozen=True)
+class Field:
+    """One column of a row.
+
+    Attributes:
+        name: What it is called in the result and in messages.
+        kind: `name`, `number`, `time`, `blank` (must be empty) or `any` (not looked at).
+        needed: Whether the cell may not be empty.
+    """
+
+    name: str
+    kind: Kind
+    needed: bool = True
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How rows are written.
+
+    Attributes:
+        fields: The columns, left to right.
+        delimiter: What separates them.
+        first: Line of the first row, counted from 1.
+        decimal: `.` or `,`, or None to find out.
+        comment: Start of a line that is no row.
+        moment: Text of a cell to a time, or None when it is none; None for ISO 8601.
+    """
+
+    fields: tuple[Field, ...]
+    delimiter: str
+    first: int
+    decimal: str | None = None
+    comment: str | None = None
+    moment: Callable[[str], datetime | None] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Rows(Locked):
+    """Typed columns of the rows that could be read.
+
+    Attributes:
+        columns: By name; dictionaries of strings, float64 and timestamps.
+        line: Line of each row, shape (n,).
+        rejected: Line and reason of the rows that could not be read.
+    """
+
+    columns: dict[str, pa.Array]
+    line: Ints
+    rejected: tuple[tuple[int, str], ...]
+
+
+def rows(text: Text, layout: Layout) -> Rows:
+    """Read all rows from line `layout.first` on.
+
+    Raises:
+        InputError: The decimal mark cannot be told.
+    """
+    fast = _fast(text, layout)
+    return _careful(text, layout) if fast is None else fast
+
+
+# --- fast -----------------------------------------------------------------------------------------
+
+
+def _fast(text: Text, layout: Layout) -> Rows | None:
+    """All rows at once, or None as soon as anything is not as expected."""
+    begin = text.starts[layout.first - 1] if layout.first <= len(text) else len(text.data)
+    if layout.decimal == "," or layout.moment is not None or b'"' in text.data:
+        return None
+    special = _special(text, layout)
+    line = np.arange(layout.first, len(text) + 1)[~special]
+    body = (
+        _without(text, layout.first, special) if special.any() else pa.py_buffer(text.data)[begin:]
+    )
+    if not len(line):
+        return None
+    try:
+        table = _read(body, layout)
+        if len(table) != len(line):
+            return None
+        columns = {
+            f.name: _column(table, f) for f in layout.fields if f.kind in ("name", "number", "time")
+        }
+    except (pa.ArrowInvalid, pa.ArrowKeyError, _Unexpected):
+        return None
+    if cut_off(text, layout, line):
+        return None
+    return Rows(columns, line, ())
+
+
+class _Unexpected(Exception):
+    """A cell that needs a closer look."""
+
+
+def _special(text: Text, layout: Layout) -> Bools:
+    """Lines from the first row on that are blank or a comment, shape (lines,)."""
+    first = np.frombuffer(text.data, dtype=np.uint8)[text.starts[layout.first - 1 : -1]]
+    special = np.isin(first, np.frombuffer(b"\r\n", dtype=np.uint8))
+    if layout.comment:
+        special |= first == ord(layout.comment[0])
+    for k in np.flatnonzero(special | (first == ord(" ")) | (first == ord("\t"))):
+        special[k] = _is_special(text.line(layout.first + int(k)), layout)
+    return special
+
+
+def _is_special(line: str, layout: Layout) -> bool:
+    bare = line.strip() if layout.delimiter != "\t" else line.strip(" \r\n")
+    return not bare or bool(layout.comment and bare.startswith(layout.comment))
+
+
+def _without(text: Text, first: int, special: Bools) -> pa.Buffer:
+    """The lines from `first` on that are not special, in one piece."""
+    starts = text.starts[first - 1 :]
+    edge = np.flatnonzero(np.diff(np.concatenate([[True], special, [True]])))
+    data = memoryview(text.data)
+    return pa.py_buffer(b"".join(data[starts[a] : starts[b]] for a, b in edge.reshape(-1, 2)))
+
+
+def _read(body: pa.Buffer, layout: Layout) -> pa.Table:
+    kinds = {"name": NAMES, "number": pa.float64(), "time": pa.string(), "blank": pa.null()}
+    keys = [str(k) for k in range(len(layout.fields))]
+    wanted = {
+        key: kinds[f.kind] for key, f in zip(keys, layout.fields, strict=True) if f.kind != "any"
+    }
+    return arrow_csv.read_csv(
+        pa.BufferReader(body),
+        arrow_csv.ReadOptions(column_names=keys, block_size=1 << 22),
+        arrow_csv.ParseOptions(delimiter=layout.delimiter, quote_char=False),
+        arrow_csv.ConvertOptions(
+            column_types=wanted,
+            include_columns=list(wanted),
+            null_values=[""],
+            strings_can_be_null=False,
+            check_utf8=False,
+        ),
+    ).rename_columns([layout.fields[int(key)].name for key in wanted])
+
+
+def _column(table: pa.Table, field: Field) -> pa.Array:
+    column = table[field.name]
+    if field.kind == "name":
+        return _names(column, field)
+    if field.kind == "time":
+        return _moments(column, field)
+    values = column.combine_chunks()
+    if values.null_count and field.needed:
+        raise _Unexpected
+    numbers = values.to_numpy(zero_copy_only=False)
+    if not np.isfinite(numbers.sum()) and not np.isfinite(numbers[values.is_valid()]).all():
+        raise _Unexpected
+    return values
+
+
+def _names(column: pa.ChunkedArray, field: Field) -> pa.DictionaryArray:
+    whole = column.unify_dictionaries().combine_chunks()
+    trimmed = pc.utf8_trim_whitespace(whole.dictionary)
+    if field.needed and pc.any(pc.equal(trimmed, "")).as_py():
+        raise _Unexpected
+    if trimmed.equals(whole.dictionary):
+        return whole
+    return (
+        pa.DictionaryArray.from_arrays(whole.indices, trimmed).cast(pa.string()).dictionary_encode()
+    )
+
+
+def _moments(column: pa.ChunkedArray, field: Field) -> pa.TimestampArray:
+    cells = column.combine_chunks()
+    length = pc.min_max(pc.binary_length(cells)).as_py()
+    if length["max"] == 0 and not field.needed:
+        return pa.nulls(len(cells), MOMENT)
+    if (length["min"] or 0) < len("2000-01-01T00:00"):
+        raise _Unexpected
+    try:
+        return cells.cast(MOMENT)
+    except pa.ArrowInvalid:
+        return cells.cast(pa.timestamp("us", "UTC")).cast(MOMENT)
+
+
+# --- careful --------------------------------------------------------------------------------------
+
+
+class _Bad(Exception):
+    """Why a row is left out."""
+
+
+def _careful(text: Text, layout: Layout) -> Rows:
+    decimal = layout.decimal or _decimal(text, layout)
+    kept: list[list[Any]] = []
+    line: list[int] = []
+    rejected: list[tuple[int, str]] = []
+    zoned: set[bool] = set()
+    for number, content in text.lines(layout.first):
+        if _is_special(content, layout):
+            continue
+        try:
+            kept.append(_row(content, layout, decimal, zoned))
+            line.append(number)
+        except _Bad as reason:
+            rejected.append((number, str(reason)))
+    if len(zoned) > 1:
+        raise InputError(
+            "some times have a zone and some have none",
+            "export all times in the same form",
+            file=text.name,
+        )
+    if line and cut_off(text, layout, np.array(line)):
+        kept.pop()
+        rejected.append((line.pop(), "the file ends inside this line; export it again"))
+    columns = {
+        f.name: _array([row[k] for row in kept], f.kind)
+        for k, f in enumerate(layout.fields)
+        if f.kind in ("name", "number", "time")
+    }
+    return Rows(columns, np.array(line, dtype=np.int64), tuple(rejected))
+
+
+def _array(values: list[Any], kind: Kind) -> pa.Array:
+    if kind == "name":
+        return pa.array(values, pa.string()).dictionary_encode()
+    return pa.array(values, pa.float64() if kind == "number" else MOMENT)
+
+
+def cells(line: str, delimiter: str) -> list[str]:
+    """The cells of a line, quotes resolved, without blanks around them."""
+    if '"' not in line:
+        return [cell.strip() for cell in line.split(delimiter)]
+    try:
+        found = next(csv.reader([line], delimiter=delimiter, strict=True, skipinitialspace=True))
+    except (csv.Error, StopIteration):
+        raise _Bad("has a quotation mark that is not closed; close or remove it") from None
+    return [cell.strip() for cell in found]
+
+
+def _row(line: str, layout: Layout, decimal: str, zoned: set[bool]) -> list[Any]:
+    found = cells(line, layout.delimiter)
+    if len(found) != len(layout.fields):
+        raise _Bad(_wrong_count(found, layout))
+    return [
+        _cell(cell, field, layout, decimal, zoned)
+        for cell, field in zip(found, layout.fields, strict=True)
+    ]
+
+
+def _wrong_count(found: Sequence[str], layout: Layout) -> str:
+    said = f"has {len(found)} fields where {len(layout.fields)} are expected"
+    if layout.delimiter == "," and len(found) > len(layout.fields):
+        return (
+            f"{said}, as if a comma stood where a decimal point belongs; write numbers with a point"
+        )
+    return f"{said}; write the row again or remove it"
+
+
+def _cell(cell: str, field: Field, layout: Layout, decimal: str, zoned: set[bool]) -> Any:
+    if field.kind == "any":
+        return None
+    if field.kind == "blank":
+        if cell:
+            raise _Bad(f'has "{shown(cell)}" behind the last column; remove it')
+        return None
+    if not cell:
+        if field.needed:
+            raise _Bad(f"has nothing in column {field.name}; fill it in or remove the row")
+        return None if field.kind != "name" else ""
+    if field.kind == "name":
+        return cell
+    if field.kind == "number":
+        return _number(cell, field, decimal)
+    return _moment(cell, field, layout, zoned)
+
+
+def _number(cell: str, field: Field, decimal: str) -> float:
+    written = cell.replace(",", ".") if decimal == "," and "." not in cell else cell
+    if NUMBER.fullmatch(written):
+        value = float(written)
+        if np.isfinite(value):
+            return value
+        raise _Bad(
+            f'{field.name} is "{shown(cell)}", too large for a number; correct or remove the row'
+        )
+    if cell.lower().lstrip("+-") in (
+        "nan",
+        "inf",
+        "infinity",
+        "na",
+        "n/a",
+        "null",
+        "none",
+        "1.#qnan",
+    ):
+        raise _Bad(
+            f'{field.name} is "{shown(cell)}", not a number; measure it again or remove the row'
+        )
+    if NUMBER.fullmatch(cell.replace(",", ".")) or (decimal == "," and "." in cell):
+        raise _Bad(
+            f'{field.name} is "{shown(cell)}": this file has the decimal mark "{decimal}"; '
+            "write all numbers the same way"
+        )
+    raise _Bad(f'{field.name} is "{shown(cell)}", not a number; correct or remove the row')
+
+
+def _moment(cell: str, field: Field, layout: Layout, zoned: set[bool]) -> datetime:
+    found = layout.moment(cell) if layout.moment else iso_moment(cell)
+    if found is None:
+        raise _Bad(f'{field.name} is "{shown(cell)}", not a time; correct or remove the row')
+    zoned.add(found.tzinfo is not None)
+    return found if found.tzinfo is None else found.astimezone(UTC).replace(tzinfo=None)
+
+
+def iso_moment(cell: str) -> datetime | None:
+    """A time as ISO 8601 writes it, `2026-11-03T08:00:48`, or None."""
+    if not ISO_TIME.fullmatch(cell):
+        return None
+    try:
+        return datetime.fromisoformat(cell)
+    except ValueError:
+        return None
+
+
+def shown(cell: str, most: int = 40) -> str:
+    """A cell for a message: control characters out, not longer than a glance."""
+    plain = "".join(c if c.isprintable() else "?" for c in cell)
+    return plain if len(plain) <= most else plain[: most - 1] + "…"
+
+
+def _decimal(text: Text, layout: Layout) -> str:
+    """The decimal mark of a file, from all its numbers.
+
+    Raises:
+        InputError: Every comma could as well stand between thousands.
+    """
+    numeric = [k for k, field in enumerate(layout.fields) if field.kind == "number"]
+    comma, doubtful = 0, None
+    for number, line in text.lines(layout.first):
+        if "," not in line or _is_special(line, layout):
+            continue
+        try:
+            found = cells(line, layout.delimiter)
+        except _Bad:
+            continue
+        for k in numeric:
+            if k < len(found) and "," in found[k] and "." not in found[k]:
+                if GROUPED.fullmatch(found[k]):
+                    doubtful = doubtful or (number, found[k])
+                else:
+                    comma += NUMBER.fullmatch(found[k].replace(",", ".")) is not None
+    if comma and layout.delimiter != ",":
+        return ","
+    if doubtful and not comma:
+        raise InputError(
+            f'"{doubtful[1]}" may be {doubtful[1].replace(",", ".", 1)} '
+            f"or {doubtful[1].replace(',', '')}",
+            'say which with decimal = "," or decimal = "." in [tracker] of campaign.toml',
+            file=text.name,
+            line=doubtful[0],
+        )
+    return "."
+
+
+def cut_off(text: Text, layout: Layout, line: Ints) -> bool:
+    """Whether the file ends inside its last row.
+
+    Told where the last line lacks its end and its last cell, a number or a time, is shorter than
+    every one before, all of which are written alike.
+    """
+    if text.ended() or line[-1] != len(text) or len(line) < 6:
+        return False
+    kind = layout.fields[-1].kind
+    if kind not in ("number", "time"):
+        return False
+    before = {_precision(text.line(int(number)), layout, kind) for number in line[-51:-1]}
+    here = _precision(text.line(len(text)), layout, kind)
+    return len(before) == 1 and here < before.pop()
+
+
+def _precision(line: str, layout: Layout, kind: str) -> int:
+    last = line.rsplit(layout.delimiter, 1)[-1].strip(' "')
+    return len(last) if kind == "time" else len(re.sub(r"^[^.,]*[.,]?", "", last))

@@ -1,0 +1,139 @@
+"""Bytes of a file as text whose lines can be counted: encoding, line ends and limits, once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.errors import InputError
+from pipeline.results import Ints, Locked
+
+MAX_BYTES = 2_000_000_000
+MAX_LINE_BYTES = 10_000
+CHUNK = 1 << 24
+
+MARKS = {b"\xef\xbb\xbf": "utf-8", b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
+
+
+@dataclass(frozen=True, eq=False)
+class Text(Locked):
+    r"""A text file; lines are counted from 1 as an editor does.
+
+    Attributes:
+        name: File name relative to the campaign folder.
+        data: Its content as UTF-8, without byte order mark; lines end in \n or \r\n.
+        encoding: What the file was written in.
+        starts: Byte offset of each line in `data`, then the end of `data`, shape (lines + 1,).
+    """
+
+    name: str
+    data: bytes
+    encoding: str
+    starts: Ints
+
+    def __len__(self) -> int:
+        """Number of lines."""
+        return len(self.starts) - 1
+
+    def line(self, number: int) -> str:
+        """Line `number`, counted from 1, without its end."""
+        raw = self.data[self.starts[number - 1] : self.starts[number]]
+        return raw.decode("utf-8").rstrip("\r\n")
+
+    def lines(self, first: int = 1, most: int | None = None) -> Iterator[tuple[int, str]]:
+        """Line numbers and lines from line `first` on."""
+        last = len(self) if most is None else min(len(self), first + most - 1)
+        for number in range(first, last + 1):
+            yield number, self.line(number)
+
+    def ended(self) -> bool:
+        """Whether the last line has its line end."""
+        return self.data.endswith(b"\n")
+
+
+def text(name: str, data: bytes) -> Text:
+    """Settle encoding, line ends and limits of a file.
+
+    Raises:
+        InputError: Empty, too large, a line too long, or no text.
+    """
+    if len(data) > MAX_BYTES:
+        raise InputError(
+            f"the file has {len(data) / 1e9:.1f} GB, more than the {MAX_BYTES / 1e9:.0f} GB read",
+            "split it into several exports and list them in [tracker] files",
+            file=name,
+        )
+    data, encoding = _as_utf8(name, data)
+    if data.count(b"\r") != data.count(b"\r\n"):  # Arrow takes a lone \r for a line end, so do we
+        data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    if not data.strip():
+        raise InputError("the file is empty", "export it again", file=name)
+    starts = _starts(data)
+    _short_lines(name, starts)
+    return Text(name, data, encoding, starts)
+
+
+def _as_utf8(name: str, data: bytes) -> tuple[bytes, str]:
+    for mark, encoding in MARKS.items():
+        if data.startswith(mark):
+            return _recoded(name, data[len(mark) :], encoding)
+    if data.isascii():
+        return _without_nul(name, data), "ascii"
+    try:
+        data.decode("utf-8")
+    except UnicodeDecodeError:
+        return _recoded(name, data, "cp1252")
+    return _without_nul(name, data), "utf-8"
+
+
+def _recoded(name: str, data: bytes, encoding: str) -> tuple[bytes, str]:
+    try:
+        text = data.decode(encoding)
+    except UnicodeDecodeError as problem:
+        if encoding == "cp1252":  # five bytes have no meaning there, in latin-1 all have
+            return _recoded(name, data, "latin-1")
+        raise InputError(
+            f"not valid {encoding} at byte {problem.start}", "export it again as UTF-8", file=name
+        ) from problem
+    return _without_nul(name, text.encode("utf-8")), encoding
+
+
+def _without_nul(name: str, data: bytes) -> bytes:
+    if b"\0" in data:
+        raise InputError(
+            "the file is not text (it holds zero bytes)", "export it as text", file=name
+        )
+    return data
+
+
+def _starts(data: bytes) -> Ints:
+    """Where lines start; in pieces, so that the temporary arrays stay small."""
+    found = [np.zeros(1, dtype=np.int64)]
+    for begin in range(0, len(data), CHUNK):
+        piece = np.frombuffer(
+            data, dtype=np.uint8, count=min(CHUNK, len(data) - begin), offset=begin
+        )
+        found.append(np.flatnonzero(piece == ord("\n")) + begin + 1)
+    starts = np.concatenate(found)
+    return starts if starts[-1] == len(data) else np.append(starts, len(data))
+
+
+def _short_lines(name: str, starts: Ints) -> None:
+    length = np.diff(starts)
+    longest = int(length.argmax())
+    if length[longest] > MAX_LINE_BYTES:
+        raise InputError(
+            f"the line has {length[longest]} bytes, more than the {MAX_LINE_BYTES} allowed",
+            "check that this is a text export with one reading per line",
+            file=name,
+            line=longest + 1,
+        )
+
+
+def replaced(text: Text, old: bytes, new: bytes) -> Text:
+    """The text with a mark exchanged for another inside its lines."""
+    data = text.data.replace(old, new)
+    starts = text.starts if len(old) == len(new) else _starts(data)
+    return Text(text.name, data, text.encoding, starts)

@@ -1,0 +1,297 @@
+"""All tracker readings of a campaign as arrays: what each is, and which to leave out and why."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pyarrow as pa
+
+from pipeline.errors import InputError, listed
+from pipeline.readers import Export
+from pipeline.readers._delimited import shown
+from pipeline.results import Array, Bools, Ints, Locked
+from pipeline.settings import Settings
+
+BASE, STRANGE = -1, -2
+"""Roles of a target beside 0..t-1: a base reflector, and a name nobody knows."""
+
+CERTAIN_FACTORS = {
+    1000.0: "are 1000 times too large, as if millimetres were taken for metres",
+    1e-3: "are 1000 times too small, as if metres were taken for millimetres",
+    25.4: "are 25.4 times too large, as if millimetres were taken for inches",
+    1 / 25.4: "are 25.4 times too small, as if inches were taken for millimetres",
+    1000 / 25.4: "are 39.4 times too large, as if inches were taken for metres",
+    25.4 / 1000: "are 39.4 times too small, as if metres were taken for inches",
+}
+NEAR = 0.2
+"""A ratio within 20 % of a factor is that factor; reflectors are placed better than that."""
+
+Rejection = tuple[str, int | None, str]
+
+
+@dataclass(frozen=True, eq=False)
+class Shots(Locked):
+    """Readings of all files, in their order.
+
+    Attributes:
+        files: Names of the files.
+        file: Index into `files`, shape (n,).
+        line: Line in the file, shape (n,).
+        group: Names, dictionary of strings, length n.
+        target: Names, dictionary of strings, length n.
+        position: Frame of the export [m], shape (n, 3).
+        covariance: Of the file, six numbers [m^2], NaN where it has none, shape (n, 6); or None.
+        time: Timestamps, length n.
+        role: Place in `Settings.naming` measured + chain, or BASE, or STRANGE, shape (n,).
+        slot: Index into pose, repeat, loaded of the state read, -1 for base readings, shape (n,).
+        pose: Pose of each slot, shape (s,).
+        repeat: Pull of each slot, shape (s,).
+        loaded: Whether a slot is a loaded state, shape (s,).
+    """
+
+    files: tuple[str, ...]
+    file: Ints
+    line: Ints
+    group: pa.DictionaryArray
+    target: pa.DictionaryArray
+    position: Array
+    covariance: Array | None
+    time: pa.TimestampArray
+    role: Ints
+    slot: Ints
+    pose: Ints
+    repeat: Ints
+    loaded: Bools
+
+    def __len__(self) -> int:
+        """Number of readings."""
+        return len(self.line)
+
+    def only(self, good: Bools) -> Shots:
+        """The readings that are good."""
+        if good.all():
+            return self
+        mask = pa.array(good)
+        return replace(
+            self,
+            file=self.file[good],
+            line=self.line[good],
+            group=self.group.filter(mask),
+            target=self.target.filter(mask),
+            position=self.position[good],
+            covariance=None if self.covariance is None else self.covariance[good],
+            time=self.time.filter(mask),
+            role=self.role[good],
+            slot=self.slot[good],
+        )
+
+    def named(self, slot: int) -> str:
+        """A slot for a message."""
+        state = "loaded" if self.loaded[slot] else "unloaded"
+        return f"pose {self.pose[slot]} repeat {self.repeat[slot]} {state}"
+
+    def place(self, k: int) -> str:
+        """File and line of a reading."""
+        return f"{self.files[self.file[k]]}:{self.line[k]}"
+
+    def rejections(self, which: Ints, reason: str) -> list[Rejection]:
+        """The same reason for some readings."""
+        return [(self.files[self.file[k]], int(self.line[k]), reason) for k in which]
+
+
+def gather(exports: Mapping[str, Export], settings: Settings) -> Shots:
+    """Put the readings of all files together and look up what they are."""
+    group = _joined([export.group for export in exports.values()])
+    target = _joined([export.target for export in exports.values()])
+    names = group.dictionary.to_pylist()
+    slot_of_group, pose, repeat, loaded = _slots(names, settings.naming.group)
+    role_of_target = _roles(target.dictionary.to_pylist(), settings)
+    role = role_of_target[np.asarray(target.indices)]
+    slot = slot_of_group[np.asarray(group.indices)]
+    sizes = [len(export.line) for export in exports.values()]
+    return Shots(
+        files=tuple(exports),
+        file=np.repeat(np.arange(len(sizes)), sizes),
+        line=np.concatenate([export.line for export in exports.values()]),
+        group=group,
+        target=target,
+        position=np.concatenate([export.position for export in exports.values()]),
+        covariance=_covariances(list(exports.values())),
+        time=pa.chunked_array([export.time for export in exports.values()]).combine_chunks(),
+        role=role,
+        slot=np.where(role == BASE, -1, slot),
+        pose=pose,
+        repeat=repeat,
+        loaded=loaded,
+    )
+
+
+def _joined(parts: Sequence[pa.DictionaryArray]) -> pa.DictionaryArray:
+    return pa.chunked_array(parts).unify_dictionaries().combine_chunks()
+
+
+def _covariances(exports: Sequence[Export]) -> Array | None:
+    if all(export.covariance is None for export in exports):
+        return None
+    return np.concatenate(
+        [
+            np.full((len(e.line), 6), np.nan) if e.covariance is None else e.covariance
+            for e in exports
+        ]
+    )
+
+
+def _slots(names: Sequence[str], pattern: str) -> tuple[Ints, Ints, Ints, Bools]:
+    """Slot of each group name, -1 where it is none, and what the slots are."""
+    compiled = re.compile(pattern)
+    index: dict[tuple[int, int, bool], int] = {}
+    slot = np.full(len(names), -1, dtype=np.int64)
+    for k, name in enumerate(names):
+        match = compiled.fullmatch(name)
+        if match:
+            slot[k] = index.setdefault(_key(match, name), len(index))
+    pose, repeat, loaded = np.array(list(index), dtype=np.int64).reshape(-1, 3).T
+    return slot, pose, repeat, loaded == 1
+
+
+def _key(match: re.Match[str], name: str) -> tuple[int, int, bool]:
+    pose, repeat, state = match["pose"], match["repeat"], match["state"].lower()
+    try:
+        key = int(pose), int(repeat)
+    except (TypeError, ValueError):
+        key = -1, -1
+    if min(key) < 0 or max(key) >= 2**31 or state not in ("unloaded", "loaded"):
+        raise InputError(
+            f'naming.group reads pose "{pose}", repeat "{repeat}" and state "{state}" '
+            f'from group "{shown(name)}"',
+            "let it find two whole numbers and unloaded or loaded",
+            file="campaign.toml",
+        )
+    return *key, state == "loaded"
+
+
+def _roles(names: Sequence[str], settings: Settings) -> Ints:
+    place = {name: k for k, name in enumerate([*settings.measured, *settings.naming.chain])}
+    place |= dict.fromkeys(settings.base_frame, BASE)
+    return np.array([place.get(name, STRANGE) for name in names], dtype=np.int64)
+
+
+def known(shots: Shots, settings: Settings) -> tuple[Shots, list[Rejection]]:
+    """Only readings of reflectors whose use is known."""
+    base = settings.base_frame
+    strange = shots.role == STRANGE
+    lost = ~strange & (shots.slot < 0) & (shots.role != BASE)
+    rejected = shots.rejections(
+        np.flatnonzero(strange),
+        "this target is neither in naming.measured nor in naming.chain nor in [base_frame]; "
+        "add it there or rename it",
+    )
+    rejected += shots.rejections(
+        np.flatnonzero(lost),
+        "the group does not match naming.group, so it holds base reflectors only, and this target "
+        f"is none of {listed(base)}; rename the group or the target",
+    )
+    return shots.only(~strange & ~lost), rejected
+
+
+def once(shots: Shots, width: int) -> tuple[Shots, list[Rejection]]:
+    """Readings that are there once; equal ones are kept once, contradicting ones not at all.
+
+    Base reflectors may be read as often as one likes; only true copies are dropped there.
+
+    Args:
+        width: Number of roles.
+    """
+    repeated = np.flatnonzero(_repeated(shots, width)).tolist()
+    good = np.ones(len(shots), dtype=bool)
+    rejected: list[Rejection] = []
+    same: dict[tuple[object, ...], list[int]] = {}
+    for k in repeated:
+        same.setdefault(_identity(shots, k), []).append(k)
+    for rows in same.values():
+        first, *more = rows
+        equal = all((shots.position[k] == shots.position[first]).all() for k in more)
+        for k in more if equal else rows if more else ():
+            good[k] = False
+            other = shots.place(first if k != first else more[0])
+            reason = (
+                f"repeats {other}; remove one of them"
+                if equal
+                else f"contradicts {other}, the same target in the same state; keep the right one"
+            )
+            rejected += shots.rejections(np.array([k]), reason)
+    return shots.only(good), rejected
+
+
+def _repeated(shots: Shots, width: int) -> Bools:
+    """Readings that may be there more than once, shape (n,)."""
+    state = shots.slot >= 0
+    key = np.where(state, shots.slot * width + shots.role, 0)
+    count = np.bincount(key[state], minlength=1)
+    out = state & (count[key] > 1)
+    base = np.flatnonzero(~state)
+    _, first, number = np.unique(shots.position[base, 0], return_inverse=True, return_counts=True)
+    out[base] = number[first] > 1
+    return out
+
+
+def _identity(shots: Shots, k: int) -> tuple[object, ...]:
+    if shots.slot[k] >= 0:
+        return int(shots.slot[k]), int(shots.role[k])
+    x, y, z = shots.position[k]
+    return -1, shots.target[k].as_py(), shots.group[k].as_py(), shots.time[k].as_py(), x, y, z
+
+
+def check_units(shots: Shots, settings: Settings) -> None:
+    """Distances between reflectors must have the size that campaign.toml states.
+
+    Raises:
+        InputError: They are off by a factor that only a wrong unit explains.
+    """
+    tool = np.array([settings.tool[name] for name in settings.measured])
+    zero = (shots.slot >= 0) & (shots.role >= 0) & (shots.role < len(tool))
+    zero[zero] = ~shots.loaded[shots.slot[zero]]
+    _check_size(shots, zero, shots.slot, tool[np.where(zero, shots.role, 0)], "[tool]")
+    if not settings.base_frame:
+        return
+    names = shots.target.dictionary.to_pylist()
+    nominal = np.array([settings.base_frame.get(name, (np.nan,) * 3) for name in names])
+    base = shots.role == BASE
+    group = np.asarray(shots.group.indices, dtype=np.int64)
+    _check_size(shots, base, group, nominal[np.asarray(shots.target.indices)], "[base_frame]")
+
+
+def _check_size(shots: Shots, mask: Bools, together: Ints, nominal: Array, said: str) -> None:
+    """Compare the spread of what was read together with the spread of its nominal points."""
+    rows = np.flatnonzero(mask)
+    if not len(rows):
+        return
+    count = int(together[rows].max()) + 1
+    label = together[rows] + count * shots.file[rows]
+    member = np.unique(label, return_inverse=True)[1]
+    seen, expected = (_spread(points[rows], member) for points in (shots.position, nominal))
+    enough = (expected > 1e-3) & (seen > 0)
+    ratio = np.where(enough, seen, 1.0) / np.where(enough, expected, 1.0)
+    for factor, meaning in CERTAIN_FACTORS.items():
+        hit = np.flatnonzero(enough & (np.abs(np.log(ratio / factor)) < NEAR))
+        if len(hit):
+            first = rows[member == hit[0]][0]
+            raise InputError(
+                f"distances between reflectors {meaning} ({ratio[hit[0]]:.4g} of those in {said})",
+                "correct the unit of the export, in its column names or in [tracker]",
+                file=shots.files[shots.file[first]],
+                line=int(shots.line[first]),
+            )
+
+
+def _spread(points: Array, member: Ints) -> Array:
+    """Root of the summed squared distances from the mean of each set [m], shape (sets,)."""
+    count = np.bincount(member)
+    total = np.zeros(len(count))
+    for axis in range(3):
+        mean = np.bincount(member, points[:, axis]) / count
+        total += np.bincount(member, (points[:, axis] - mean[member]) ** 2)
+    return np.sqrt(total)

@@ -1,0 +1,496 @@
+"""A small raw campaign, written as text here, and everything that can be wrong with it."""
+
+import numpy as np
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.robot import load
+from pipeline.settings import parse
+from pipeline.stages.ingest import ingest
+
+TOML = """
+format = 1
+name = "small"
+robot = "kr500_rail"
+[tracker]
+files = ["tracker.csv"]
+sigma_m = 3.0e-5
+[base_frame]
+B1 = [0.6, -0.5, -0.30]
+B2 = [0.6, 18.5, -0.30]
+B3 = [-0.6, 18.5, -0.28]
+[scale]
+sigma_n = 2.0
+[tool]
+load_point = [0.15, 0.0, 0.25]
+P1 = [0.20, 0.05, 0.12]
+P2 = [-0.12, 0.19, 0.10]
+P3 = [-0.10, -0.18, 0.22]
+"""
+LOADS = "pose,repeat,force_n,branch\n1,1,702.31,up\n1,2,1403.5,up\n2,1,698.0,down\n"
+JOINTS = (
+    "pose,r1_m,theta2_deg,theta3_deg,theta4_deg,theta5_deg,theta6_deg,theta7_deg,approach\n"
+    "1,5.3,-37.3,50,10,20,30,-82.2,1\n2,7.5,-10,35,39,81,22,-10,-1\n"
+)
+TOOL = {"P1": (200, 50, 120), "P2": (-120, 190, 100), "P3": (-100, -180, 220)}
+BASE = {"B1": (600, -500, -300), "B2": (600, 18500, -300), "B3": (-600, 18500, -280)}
+CHAIN = {"Pl1": (150, 0, 250), "Pl2": (150, 0, -350)}
+
+
+def tracker_rows():
+    """Group, target and coordinates [mm] of a campaign of two poses with three pulls."""
+    rows = [("base_start", name, *at) for name, at in BASE.items()]
+    for pose, offset in ((1, 1000.0), (2, 2000.0)):
+        for repeat in range(3 if pose == 1 else 2):
+            group = f"pose{pose:02d}_rep{repeat}_{'loaded' if repeat else 'unloaded'}"
+            for name, (x, y, z) in {**TOOL, **(CHAIN if repeat else {})}.items():
+                rows.append((group, name, x + offset + repeat * 0.5, y + 0.0625, z))
+    return rows
+
+
+def tracker_csv(rows=None):
+    """The plain CSV of some rows."""
+    start = "2026-11-03T08:"
+    lines = [
+        f"{g},{t},{x:.4f},{y:.4f},{z:.4f},{start}{k // 60:02d}:{k % 60:02d}"
+        for k, (g, t, x, y, z) in enumerate(rows or tracker_rows())
+    ]
+    return "\n".join(["group,target,x_mm,y_mm,z_mm,time", *lines, ""])
+
+
+def read(tracker=None, toml=TOML, loads=LOADS, joints=JOINTS, **more):
+    """Ingest the campaign, with some of its files replaced; None leaves a file away."""
+    raw = {
+        "tracker.csv": tracker or tracker_csv(),
+        "loads.csv": loads,
+        "joints.csv": joints,
+        **more,
+    }
+    raw = {
+        name: content.encode() if isinstance(content, str) else content
+        for name, content in raw.items()
+        if content is not None
+    }
+    settings = parse(toml)
+    return ingest(settings, load(settings.robot), raw)
+
+
+def change(**files):
+    """What is different from the clean campaign."""
+    return files
+
+
+def reasons(got):
+    """File, line and reason of everything that was left out."""
+    return [tuple(row.values()) for row in got.rejected.to_pylist()]
+
+
+def line_of(text, *words):
+    """Number of the only line with all these words."""
+    (number,) = [n for n, line in enumerate(text.splitlines(), 1) if all(w in line for w in words)]
+    return number
+
+
+def without(text, *words):
+    """The text without the only line that has all these words."""
+    lines = text.splitlines(keepends=True)
+    del lines[line_of(text, *words) - 1]
+    return "".join(lines)
+
+
+def test_a_clean_campaign_is_read_whole():
+    """Every reading, force and joint value arrives, in SI, with its line."""
+    got = read()
+    readings = got.readings.to_pandas()
+
+    assert reasons(got) == []
+    assert len(readings) == len(tracker_rows())
+    row = readings[(readings.target == "Pl2") & (readings.repeat == 2)].iloc[0]
+    assert (row.x_m, row.y_m, row.z_m) == (1.151, 0.0000625, -0.35)
+    assert (row.pose, row.state, row.line) == (1, "loaded", line_of(tracker_csv(), "rep2", "Pl2"))
+    assert str(row.time) == "2026-11-03 08:00:15"
+    assert (
+        readings[readings.group == "base_start"][["pose", "repeat", "state"]].isna().all(axis=None)
+    )
+    assert got.loads.to_pydict()["force_n"] == [702.31, 1403.5, 698.0]
+    joints = got.joints.to_pandas()
+    assert joints.r1_m.tolist() == [5.3, 7.5]
+    assert joints.theta7_rad.tolist() == pytest.approx(
+        [np.radians(-82.2), np.radians(-10)], rel=1e-15
+    )
+    assert joints.approach.tolist() == [1, -1]
+
+
+@pytest.mark.parametrize(
+    ("noise", "source", "variance"),
+    [
+        ("sigma_m = 3.0e-5", "stated", (9e-10, 9e-10, 9e-10)),
+        ('noise = "paper"', "paper", (2.25e-10, 2.25e-10, 4.5e-10)),
+        ("", "none", (np.nan,) * 3),
+    ],
+)
+def test_the_stated_noise_is_the_covariance_of_every_reading(noise, source, variance):
+    """What [tracker] says about noise arrives at each reading, and where it is from."""
+    readings = read(toml=TOML.replace("sigma_m = 3.0e-5", noise)).readings.to_pandas()
+
+    assert set(readings.covariance_from) == {source}
+    np.testing.assert_allclose(
+        readings[["cxx_m2", "cyy_m2", "czz_m2"]], np.tile(variance, (len(readings), 1)), rtol=1e-12
+    )
+
+
+def test_the_instrument_model_turns_with_the_beam():
+    """A reading straight above the tracker is uncertain along z by the range part only."""
+    noise = "range_m = 1e-5, range_per_m = 1e-6, transverse_m = 2e-5, transverse_per_m = 5e-6"
+    rows = [*tracker_rows(), ("base_end", "B1", 0.0, 0.0, 2000.0)]
+    got = read(tracker_csv(rows), toml=TOML.replace("sigma_m = 3.0e-5", f"noise = {{ {noise} }}"))
+    row = got.readings.to_pandas().iloc[-1]
+
+    assert row.covariance_from == "instrument"
+    assert np.sqrt([row.cxx_m2, row.cyy_m2, row.czz_m2]) == pytest.approx([3e-5, 3e-5, 1.2e-5])
+    assert [row.cxy_m2, row.cxz_m2, row.cyz_m2] == pytest.approx([0, 0, 0], abs=1e-20)
+
+
+def test_spatial_analyzer_gives_the_same_readings():
+    """The same campaign as SpatialAnalyzer writes it."""
+    lines = [f"A::{g}::{t}, {x:.4f}, {y:.4f}, {z:.4f}" for g, t, x, y, z in tracker_rows()]
+    text = "\r\n".join(["// Job: small", "// Units: mm", *lines, ""])
+    columns = ["group", "target", "pose", "repeat", "state", "x_m", "y_m", "z_m"]
+
+    plain = read().readings.select(columns)
+    assert read(text).readings.select(columns).equals(plain)
+
+
+@pytest.mark.parametrize(
+    "written",
+    [
+        lambda text: text.replace("\n", "\r\n"),
+        lambda text: text.replace("\n", "\r"),
+        lambda text: "\ufeff" + text,
+        lambda text: text.encode("utf-16"),
+        lambda text: text.replace(",", ";").replace(".", ","),
+        lambda text: text.replace(",", "\t"),
+        lambda text: text.replace("P1,", '"P1",'),
+        lambda text: text.replace("P1,", "P1 ,  "),
+        lambda text: text.replace("x_mm", "X_MM"),
+    ],
+    ids=["crlf", "cr", "bom", "utf16", "semicolon", "tab", "quotes", "blanks", "capitals"],
+)
+def test_how_a_program_writes_does_not_matter(written):
+    """Line ends, encodings, delimiters, quotes: the same readings."""
+    assert read(written(tracker_csv())).readings.equals(read().readings)
+
+
+def test_blank_lines_do_not_shift_line_numbers():
+    """The line of a reading is the one an editor shows."""
+    text = tracker_csv().replace("base_start,B2", "\n   \nbase_start,B2")
+    numbers = read(text).readings.to_pydict()["line"]
+
+    assert numbers[:3] == [2, 5, 6]
+
+
+def test_latin_1_names_are_read():
+    """A group name with an umlaut in cp1252."""
+    rows = [
+        ("Sockel für Basis", *row[1:]) if row[0] == "base_start" else row for row in tracker_rows()
+    ]
+    groups = read(tracker_csv(rows).encode("cp1252")).readings.to_pydict()["group"]
+
+    assert groups[0] == "Sockel für Basis"
+
+
+# --- a row is lost, the rest stays ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("pose01_rep2_loaded,P2,881.0000", "pose01_rep2_loaded,P2,nan", "not a number"),
+        ("pose01_rep2_loaded,P2,881.0000", "pose01_rep2_loaded,P2,inf", "not a number"),
+        (
+            "pose01_rep2_loaded,P2,881.0000",
+            "pose01_rep2_loaded,P2,881,0000",
+            "decimal point belongs",
+        ),
+        ("pose01_rep2_loaded,P2,881.0000", "pose01_rep2_loaded,P2,88l.0000", "not a number"),
+        ("pose01_rep2_loaded,P2,881.0000", "pose01_rep2_loaded,P2,8_81.0000", "not a number"),
+        ("pose01_rep2_loaded,P2,881.0000", "pose01_rep2_loaded,P2,", "has nothing in column x_mm"),
+        ("pose01_rep2_loaded,P2,881.0000", "pose01_rep2_loaded,P2,1e999", "too large"),
+        (
+            "pose01_rep2_loaded,P2,881.0000",
+            "pose01_rep2_loaded,,881.0000",
+            "nothing in column target",
+        ),
+        ("pose01_rep2_loaded,P2,881.0000", "pose01_rep2_loaded,P2", "has 5 fields where 6"),
+        ("pose01_rep2_loaded,P2,881.0000", "pose01_rep2_loaded,P4,881.0000", "neither in naming"),
+        (
+            "pose01_rep2_loaded,P2,881.0000",
+            "pose01_rep2_loade,P2,881.0000",
+            "does not match naming.group",
+        ),
+    ],
+)
+def test_a_bad_row_is_left_out_and_named(old, new, said):
+    """One bad row costs that reading only; its line and the reason are listed."""
+    clean = tracker_csv()
+    assert old in clean
+    got = read(clean.replace(old, new))
+    bad = [r for r in reasons(got) if said in r[2]]
+
+    assert [r[:2] for r in bad] == [("tracker.csv", line_of(clean, "rep2_loaded", "P2"))]
+    kept, whole = got.readings.to_pydict()["line"], read().readings.to_pydict()["line"]
+    assert sorted(set(whole) - set(kept)) == [bad[0][1]]
+    assert len(got.loads) == 3
+
+
+def test_an_unreadable_time_costs_its_row():
+    """A row with a damaged time is not trusted."""
+    clean = tracker_csv()
+    got = read(clean.replace("2026-11-03T08:00:05", "2026-11-33T08:00:05"))
+
+    assert [r[1] for r in reasons(got) if "not a time" in r[2]] == [line_of(clean, "08:00:05")]
+
+
+def test_a_missing_target_is_said_and_the_others_used():
+    """P2 missing in one pull: its other targets are used."""
+    text = without(tracker_csv(), "rep2_loaded", "P2")
+    got = read(text)
+
+    ((file, line, reason),) = reasons(got)
+    assert (file, line) == ("tracker.csv", line_of(text, "rep2_loaded", "P1"))
+    assert "pose 1 repeat 2 loaded has no reading of P2" in reason
+    assert len(got.readings) == len(tracker_rows()) - 1
+
+
+def test_a_missing_zero_costs_its_target_only():
+    """P2 was not read unloaded in pose 1: its two loaded readings go."""
+    text = without(tracker_csv(), "pose01_rep0", "P2")
+    got = read(text)
+
+    lines = [line_of(text, f"pose01_rep{k}", "P2") for k in (1, 2)]
+    assert [r[1] for r in reasons(got) if "P2 was not read unloaded in pose 1" in r[2]] == lines
+    assert not set(lines) & set(got.readings.to_pydict()["line"])
+
+
+@pytest.mark.parametrize(
+    ("changed", "pull", "said"),
+    [
+        (
+            change(tracker=without(tracker_csv(), "rep2_loaded", "Pl2")),
+            (1, 2),
+            "no loaded reading of Pl2",
+        ),
+        (change(loads=without(LOADS, "1,2,")), (1, 2), "pose 1 repeat 2 has no force in loads.csv"),
+        (change(joints=without(JOINTS, "2,7.5")), (2, 1), "pose 2 has no row in joints.csv"),
+        (change(loads=LOADS.replace("698.0", "-698.0")), (2, 1), "force is not above zero"),
+        (
+            change(
+                tracker=tracker_csv([r for r in tracker_rows() if r[0] != "pose02_rep0_unloaded"])
+            ),
+            (2, 1),
+            "pose 2 has no unloaded reading",
+        ),
+    ],
+    ids=["chain", "load", "joints", "negative force", "zero"],
+)
+def test_an_incomplete_pull_goes_as_a_whole(changed, pull, said):
+    """Without chain, force, joints or zero a pull is of no use; the others stay."""
+    got = read(**changed)
+    loads, readings = got.loads.to_pandas(), got.readings.to_pandas()
+
+    assert any(said in reason for _, _, reason in reasons(got))
+    assert len(loads) == 2
+    assert pull not in set(zip(loads.pose, loads.repeat, strict=True))
+    loaded = readings[readings.state == "loaded"]
+    assert pull not in set(zip(loaded.pose, loaded.repeat, strict=True))
+    assert all(";" in reason for _, _, reason in reasons(got)), "each reason has its way out"
+
+
+def test_a_load_without_reading_is_left_out():
+    """loads.csv has a pull that the tracker never saw."""
+    got = read(loads=LOADS + "2,7,500.0,up\n")
+
+    assert [(f, n) for f, n, _ in reasons(got)] == [("loads.csv", 5)]
+    assert "pose 2 repeat 7 has no loaded tracker reading" in reasons(got)[0][2]
+
+
+def test_equal_copies_are_kept_once():
+    """The same line twice: one is kept, the other listed."""
+    text = tracker_csv()
+    copy = text.splitlines()[line_of(text, "rep2_loaded", "P2") - 1]
+    got = read(text + copy + "\n")
+
+    assert [r[:2] for r in reasons(got)] == [("tracker.csv", len(text.splitlines()) + 1)]
+    assert got.readings.equals(read().readings)
+
+
+def test_contradicting_duplicates_are_both_left_out():
+    """The same target twice with other coordinates: neither can be trusted."""
+    text = tracker_csv() + "pose01_rep2_loaded,P2,882.0,190.0,100.0,2026-11-03T09:00:00\n"
+    got = read(text)
+
+    lines = [line_of(text, "rep2_loaded", "P2", "881.0"), len(text.splitlines())]
+    assert [r[1] for r in reasons(got) if "contradicts" in r[2]] == lines
+    assert not set(lines) & set(got.readings.to_pydict()["line"])
+
+
+def test_base_reflectors_may_be_read_again_and_again():
+    """Two readings of B1 in one group are two readings."""
+    text = tracker_csv() + "base_start,B1,600.01,-500.0,-300.0,2026-11-03T09:00:00\n"
+    got = read(text)
+
+    assert reasons(got) == []
+    assert len(got.readings) == len(tracker_rows()) + 1
+
+
+def test_a_cut_off_last_line_is_not_believed():
+    """A file that ends inside a number, `-350.00`, may have lost digits."""
+    text = "\n".join(line.rsplit(",", 1)[0] for line in tracker_csv().splitlines())
+    got = read(text[:-2])
+
+    assert "ends inside this line" in " ".join(r[2] for r in reasons(got))
+    assert (2, 1) not in set(
+        zip(*(got.loads.to_pydict()[k] for k in ("pose", "repeat")), strict=True)
+    )
+
+
+# --- nothing can be trusted -----------------------------------------------------------------------
+
+
+SCALED = {
+    "mm taken for m": lambda text: text.replace("_mm", "_m"),
+    "m taken for mm": lambda text: tracker_csv(
+        [(g, t, x / 1e3, y / 1e3, z / 1e3) for g, t, x, y, z in tracker_rows()]
+    ),
+    "mm taken for in": lambda text: text.replace("_mm", "_in"),
+}
+
+
+@pytest.mark.parametrize("scaled", SCALED.values(), ids=SCALED)
+def test_a_wrong_unit_is_refused(scaled):
+    """Reflector distances that are off by 1000 or 25.4 stop the campaign."""
+    with pytest.raises(InputError, match=r"tracker.csv:\d+: .*times too (large|small).*unit"):
+        read(scaled(tracker_csv()))
+
+
+def test_a_wrong_unit_in_one_file_of_two_is_refused():
+    """Base reflectors in m beside poses in mm, both called mm."""
+    rows = tracker_rows()
+    base = tracker_csv([(g, t, x / 1e3, y / 1e3, z / 1e3) for g, t, x, y, z in rows[:3]])
+    toml = TOML.replace('["tracker.csv"]', '["t*.csv"]')
+    with pytest.raises(InputError, match=r"t2.csv:2: .*1000 times too small"):
+        read(tracker_csv(rows[3:]), toml=toml, **{"t2.csv": base})
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        (change(loads=None), "loads.csv: the file is missing; "),
+        (change(joints=None), "joints.csv: the file is missing; "),
+        (change(toml=TOML.replace('["tracker.csv"]', '["other.csv"]')), "other.csv: .*missing; "),
+        (change(tracker=" \n"), "tracker.csv: the file is empty; "),
+        (change(loads=""), "loads.csv: the file is empty; "),
+        (
+            change(tracker=tracker_csv().replace("z_mm", "w_mm")),
+            "tracker.csv:1: .*no column z_mm.*; ",
+        ),
+        (change(loads=LOADS.replace("force_n", "force")), "loads.csv:1: .*does not say its unit; "),
+        (change(loads=LOADS.replace("force_n", "f")), "loads.csv:1: .*no column force_n.*; "),
+        (
+            change(joints=JOINTS.replace("theta4_deg", "t4")),
+            "joints.csv:1: .*no column theta4_deg.*; ",
+        ),
+        (
+            change(joints=JOINTS.replace(",50,", ",250,")),
+            "joints.csv:2: joint theta3 is at 250 deg.*; ",
+        ),
+        (
+            change(tracker=tracker_csv(tracker_rows()[1:])),
+            "tracker.csv: only 2 base reflectors.*; ",
+        ),
+        (
+            change(
+                tracker=tracker_csv().replace("x_mm", "x").replace("y_mm", "y").replace("z_mm", "z")
+            ),
+            "unit",
+        ),
+        (
+            change(tracker=tracker_csv().replace("x_mm", "x_m")),
+            "tracker.csv:1: .*different units.*; ",
+        ),
+        (change(tracker="some;text\n"), "tracker.csv:1: .*none of the exports.*; "),
+        (change(tracker=b"group,target\0"), "not text"),
+        (change(tracker=tracker_csv() + "x" * 20000), "tracker.csv:.*20000 bytes, more than.*; "),
+        (
+            change(tracker=tracker_csv(tracker_rows()[:3])),
+            "no group of the export is a loaded state",
+        ),
+        (change(tracker=tracker_csv().replace("Pl2", "Pl3")), "nothing usable is left"),
+    ],
+)
+def test_what_cannot_be_trusted_is_refused_in_one_sentence(changed, message):
+    """A broken file or an empty campaign: file, line, thing and way out."""
+    with pytest.raises(InputError, match=message) as refused:
+        read(**changed)
+
+    assert "\n" not in str(refused.value)
+    assert refused.value.way_out
+
+
+# --- joint logs -----------------------------------------------------------------------------------
+
+
+def test_controller_axes_are_translated():
+    """A log of KUKA's axes gives the same joint values as the model's own angles."""
+    toml = TOML.replace('"kr500_rail"', '"kr500_rail_kuka"')
+    own = "pose,r1_mm,theta2_rad,theta3_deg,theta4_deg,theta5_deg,theta6_deg,theta7_deg\n"
+    a, b = (float(np.radians(angle)) for angle in (-37.3, -10))
+    own += f"1,5300,{a!r},50,10,20,30,-82.2\n2,7500,{b!r},35,39,81,22,-10\n"
+    axes = "pose,E1_m,A1_deg,A2_deg,A3_deg,A4_deg,A5_deg,A6_deg\n"
+    axes += "1,5.3,37.3,-50,80,-20,-30,82.2\n2,7.5,10,-35,51,-81,-22,10\n"
+
+    a, b = (read(toml=toml, joints=text).joints.to_pandas().iloc[:, 1:8] for text in (own, axes))
+    np.testing.assert_allclose(a, b, rtol=1e-14)
+    assert a.iloc[0, 1] == pytest.approx(np.radians(-37.3))
+
+
+# --- already reduced ------------------------------------------------------------------------------
+
+REDUCED = (
+    TOML[: TOML.index("[tracker]")] + "[displacements]\nSIGMA\n" + TOML[TOML.index("[tool]") :]
+)
+MOVED = "pose,repeat,target,dx_m,dy_m,dz_m\n1,1,P1,1e-3,2e-3,-3e-3\n2,1,P1,2e-3,1e-3,-1e-3\n"
+FORCES = "pose,repeat,fx_n,fy_n,fz_n\n1,1,10,20,-30\n2,1,15,25,-35\n"
+
+
+@pytest.mark.parametrize(("sigma", "variance"), [("sigma_m = 2e-5", 4e-10), ("", np.nan)])
+def test_a_reduced_campaign_arrives(sigma, variance):
+    """Displacements and forces are taken as they are; without sigma_m their covariance is NaN."""
+    got = read(
+        toml=REDUCED.replace("SIGMA", sigma), **{"displacements.csv": MOVED, "forces.csv": FORCES}
+    )
+    moved, forces = got.displacements.to_pandas(), got.forces.to_pandas()
+
+    assert moved[["dx_m", "dy_m", "dz_m"]].to_numpy().tolist() == [
+        [1e-3, 2e-3, -3e-3],
+        [2e-3, 1e-3, -1e-3],
+    ]
+    np.testing.assert_allclose(moved.loaded_cyy_m2, [variance] * 2, rtol=1e-12)
+    assert (moved[[c for c in moved if c.endswith("_m2") and c.startswith("zero")]] == 0).all(
+        axis=None
+    )
+    assert forces[["fx_n", "fy_n", "fz_n"]].to_numpy().tolist() == [[10, 20, -30], [15, 25, -35]]
+    assert len(got.readings) == len(got.loads) == len(got.rejected) == 0
+
+
+def test_a_reduced_pull_without_force_is_left_out():
+    """A displacement without its force is listed; the other stays."""
+    files = {"displacements.csv": MOVED, "forces.csv": FORCES.replace("2,1,", "2,2,")}
+    got = read(toml=REDUCED.replace("SIGMA", ""), **files)
+
+    assert [(f, n) for f, n, _ in reasons(got)] == [
+        ("displacements.csv", 3),
+        ("forces.csv", 3),
+        ("joints.csv", 3),
+    ]
+    assert len(got.displacements) == len(got.forces) == 1
