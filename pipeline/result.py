@@ -279,11 +279,11 @@ def validation_entry(
     checked: pd.DataFrame, residuals: pd.DataFrame, where: Where
 ) -> dict[str, Any]:
     """Means of Eq. (22) per target, from the full covariance and as in Eq. (23)."""
-    mean = checked.groupby(["draw", "set", "target"], sort=False)["mu"].mean()
+    mean = checked.groupby(["draw", "set", "target"], sort=False)["mu"].mean().unstack("target")
 
     def both(draw: str) -> dict[str, dict[str, float]]:
         sets = ("test_pose", "global")
-        return {name: {t: float(v) for t, v in mean[draw, name].items()} for name in sets}
+        return {name: mean.loc[(draw, name)].to_dict() for name in sets}
 
     return {
         **both("covariance"),

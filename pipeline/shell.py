@@ -116,7 +116,7 @@ def _failed(name: str, problem: Exception, words: str, code: int) -> Outcome:
     return Outcome(
         name,
         {"campaign": name, "error": error},
-        f"{name}: rejected",
+        f"{name}: {'rejected' if code == InputError.exit_code else 'failed'}",
         code,
         complaints=[f"{name}: {words}"],
     )

@@ -7,7 +7,9 @@ baseline), the score that accuses the effect, the extended model and the smalles
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+
+import numpy as np
 
 from pipeline.results import Array, Ints, Locked, Parameter, Strings
 from pipeline.robot import Configuration, Robot
@@ -40,6 +42,18 @@ class Pulls(Locked):
     def __len__(self) -> int:
         """Number of pulls m."""
         return len(self.pose)
+
+    def under(self, forces: Array) -> Pulls:
+        """The same pulls under n sets of forces, one set after the other.
+
+        Args:
+            forces: [N], F_b, shape (n, m, 3).
+        """
+        n = len(forces)
+        tiled = {
+            field.name: np.concatenate([getattr(self, field.name)] * n) for field in fields(self)
+        }
+        return Pulls(**tiled | {"force": np.asarray(forces, float).reshape(-1, 3)})
 
 
 @dataclass(frozen=True, eq=False)

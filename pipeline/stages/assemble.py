@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -175,18 +175,14 @@ def errors(cell: Cell, data: Measured, values: Array) -> Errors:
         size = np.linalg.norm(force, axis=1, keepdims=True)
         reading = (force / size * data.reading_std[:, None])[:, None, :]
         direction = np.swapaxes(covariance.factors(data.direction_cov), 1, 2) * size[:, None, :]
+        gain = force[:, None, :] * data.gain_std
+        moved = _moved(cell, data, values, np.concatenate([reading, direction, gain], axis=1))
         turn = covariance.factors(data.rotation_cov[None])[0].T
         blocks += [
-            _Block("force_reading", False, _moved(cell, data, values, reading), data.pull, m),
-            _Block("direction", False, _moved(cell, data, values, direction), data.pull, m),
+            _Block("force_reading", False, moved[..., :1], data.pull, m),
+            _Block("direction", False, moved[..., 1:4], data.pull, m),
             _Block("registration", True, _turned(cell, data, values, turn), np.zeros(d, int), 1),
-            _Block(
-                "force_gain",
-                True,
-                _moved(cell, data, values, force[:, None, :] * data.gain_std),
-                np.zeros(d, int),
-                1,
-            ),
+            _Block("force_gain", True, moved[..., 4:], np.zeros(d, int), 1),
         ]
     parts = [_sparse(block) for block in blocks]
     return Errors(
@@ -227,22 +223,21 @@ def _moved(cell: Cell, data: Measured, values: Array, modes: Array) -> Array:
 
     The model is asked at the force as read, so c - B x moves against the change.
     """
-    out = [_force_difference(cell, data, values, modes[:, r]) for r in range(modes.shape[1])]
-    return -np.stack(out, axis=-1)
+    return -_force_differences(cell, data, values, modes)
 
 
 def _turned(cell: Cell, data: Measured, values: Array, turns: Array) -> Array:
     """What small rotations (r, 3) [rad] of the tracker do: displacement and force turn together."""
-    out = []
-    for turn in turns:
-        moved = np.cross(turn, data.delta)
-        out.append(moved - _force_difference(cell, data, values, np.cross(turn, data.pulls.force)))
-    return np.stack(out, axis=-1)
+    moved = np.stack([np.cross(turn, data.delta) for turn in turns], axis=-1)
+    modes = np.stack([np.cross(turn, data.pulls.force) for turn in turns], axis=1)
+    return moved - _force_differences(cell, data, values, modes)
 
 
-def _force_difference(cell: Cell, data: Measured, values: Array, change: Array) -> Array:
-    ahead, behind = (
-        predict(cell, replace(data.pulls, force=data.pulls.force + sign * change), values)
-        for sign in (0.5, -0.5)
-    )
-    return (ahead.displacement - behind.displacement)[data.pull, data.target]
+def _force_differences(cell: Cell, data: Measured, values: Array, modes: Array) -> Array:
+    """Central differences of the displacements by force modes (m, r, 3), shape (d, 3, r)."""
+    change = np.moveaxis(modes, 1, 0) / 2
+    ahead, behind = data.pulls.force + change, data.pulls.force - change
+    pulls = data.pulls.under(np.concatenate([ahead, behind]))
+    moved = predict(cell, pulls, values).displacement
+    moved = moved.reshape(2, len(change), len(data.pulls), *moved.shape[1:])
+    return np.moveaxis((moved[0] - moved[1])[:, data.pull, data.target], 0, -1)
