@@ -58,34 +58,62 @@ def configure(robot: Robot, q: Array) -> Configuration:
     """
     q = np.asarray(q, dtype=float)
     m, n = q.shape
-    cos, sin = np.cos(q), np.sin(q)
-    axes, origin = np.empty((m, n, 3, 3)), np.empty((m, n, 3))
-    R, o = np.broadcast_to(np.eye(3), (m, 3, 3)), np.zeros((m, 3))
+    values = np.ascontiguousarray(q.T)
+    cos, sin = np.cos(values), np.sin(values)
+    axes, origin = np.empty((n, 3, 3, m)), np.empty((n, 3, m))  # joint, which axis, xyz, pose
+    R, o = np.repeat(np.eye(3)[:, :, None], m, axis=2), np.zeros((3, m))
     for j, joint in enumerate(robot.joints):
-        o = o + R @ robot.placement[j, :3, 3]
-        R = R @ robot.placement[j, :3, :3]
+        R, o = _moved(R, o, robot.placement[j])
         if joint.prismatic:
-            o = o + R[:, :, 2] * q[:, j, None]
+            axes[j], o = R, o + R[2] * values[j]
         else:
-            x, y = R[:, :, 0], R[:, :, 1]
-            c, s = cos[:, j, None], sin[:, j, None]
-            R = np.stack([c * x + s * y, c * y - s * x, R[:, :, 2]], axis=-1)
-        axes[:, j], origin[:, j] = R, o
+            np.add(cos[j] * R[0], sin[j] * R[1], out=axes[j, 0])
+            np.subtract(cos[j] * R[1], sin[j] * R[0], out=axes[j, 1])
+            axes[j, 2] = R[2]
+        R, origin[j] = axes[j], o
+    flange_axes, flange_origin = _moved(R, o, robot.flange)
     return Configuration(
         q=q,
-        axes=axes,
-        origin=origin,
-        flange_axes=R @ robot.flange[:3, :3],
-        flange_origin=o + R @ robot.flange[:3, 3],
-        twists=_joint_twists(robot, axes[..., 2], origin),
+        axes=axes.transpose(3, 0, 2, 1),
+        origin=origin.transpose(2, 0, 1),
+        flange_axes=flange_axes.transpose(2, 1, 0),
+        flange_origin=flange_origin.T,
+        twists=_joint_twists(robot, axes[:, 2], origin),
     )
 
 
+def _moved(R: Array, o: Array, step: Array) -> tuple[Array, Array]:
+    """The frame (axes (3, 3, m), origin (3, m)) after a constant step (4, 4) in it."""
+    m = R.shape[-1]
+    flat = R.reshape(3, 3 * m)
+    o = o + (step[:3, 3] @ flat).reshape(3, m)
+    return (step[:3, :3].T @ flat).reshape(3, 3, m), o
+
+
 def _joint_twists(robot: Robot, z: Array, origin: Array) -> Array:
-    slides = robot.prismatic[None, :, None]
-    omega = np.where(slides, 0.0, z)
-    v = np.where(slides, z, np.cross(origin, z))
-    return np.concatenate([omega, v], axis=-1)
+    """Unit screws, shape (m, n, 6), from z axes and origins (n, 3, m)."""
+    slides = robot.prismatic
+    twists = np.empty((len(z), 6, z.shape[-1]))
+    twists[:, :3] = z
+    twists[:, 3:] = cross(origin.transpose(2, 0, 1), z.transpose(2, 0, 1)).transpose(1, 2, 0)
+    twists[slides, :3], twists[slides, 3:] = 0.0, z[slides]
+    return twists.transpose(2, 0, 1)
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Vector product over the last axis, for shapes (m, ..., 3).
+
+    Like all arrays of a `Configuration` the product lies in memory with the poses side by side:
+    numpy then works on long rows, three times as fast as its own product on rows of three.
+    """
+    m, *inner = np.broadcast_shapes(a.shape, b.shape)
+    out = np.moveaxis(np.empty((*inner, m)), -1, 0)
+    x, y, z = a[..., 0], a[..., 1], a[..., 2]
+    u, v, w = b[..., 0], b[..., 1], b[..., 2]
+    np.subtract(y * w, z * v, out=out[..., 0])
+    np.subtract(z * u, x * w, out=out[..., 1])
+    np.subtract(x * v, y * u, out=out[..., 2])
+    return out
 
 
 def rotation_about(origin: Array, axis: Array) -> Array:
@@ -109,7 +137,9 @@ def velocity(twists: Array, points: Array) -> Array:
         Shape (m, t, k, 3).
     """
     omega, v = twists[:, None, :, :3], twists[:, None, :, 3:]
-    return np.cross(omega, points[:, :, None, :]) + v
+    moved = cross(omega, points[:, :, None, :])
+    moved += v
+    return moved
 
 
 def torque(twists: Array, point: Array, force: Array) -> Array:
@@ -120,7 +150,6 @@ def torque(twists: Array, point: Array, force: Array) -> Array:
         point: Where the force acts [m], shape (m, 3).
         force: [N], shape (m, 3).
     """
-    moment = np.cross(point, force)
-    return np.einsum("mki,mi->mk", twists[..., :3], moment) + np.einsum(
-        "mki,mi->mk", twists[..., 3:], force
-    )
+    moment = cross(point, force)
+    work = np.concatenate([moment, force], axis=-1)
+    return sum(twists[..., i] * work[:, None, i] for i in range(6))
