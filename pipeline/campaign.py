@@ -163,7 +163,9 @@ class Campaign:
             )
         return data
 
-    def keep(self, name: str, table: pd.DataFrame | pa.Table, promise: pa.Schema) -> pd.DataFrame:
+    def keep(
+        self, name: str, table: pd.DataFrame | pa.Table | None, promise: pa.Schema
+    ) -> pd.DataFrame:
         """Check a table against its promise, write it as Parquet, and give it on as promised."""
         kept = tables.conform(table, promise)
         sink = io.BytesIO()

@@ -279,11 +279,14 @@ def validation_entry(
     checked: pd.DataFrame, residuals: pd.DataFrame, where: Where
 ) -> dict[str, Any]:
     """Means of Eq. (22) per target, from the full covariance and as in Eq. (23)."""
-    mean = checked.groupby(["draw", "set", "target"], sort=False)["mu"].mean().unstack("target")
 
-    def both(draw: str) -> dict[str, dict[str, float]]:
-        sets = ("test_pose", "global")
-        return {name: mean.loc[(draw, name)].to_dict() for name in sets}
+    def both(draw: str) -> dict[str, dict[Any, float]]:
+        drawn = checked[checked["draw"] == draw]
+        sets = {name: drawn[drawn["set"] == name] for name in ("test_pose", "global")}
+        return {
+            name: rows.groupby("target", sort=False)["mu"].mean().to_dict()
+            for name, rows in sets.items()
+        }
 
     return {
         **both("covariance"),

@@ -8,25 +8,29 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
+import pandas as pd
+import pyarrow as pa
 
 from pipeline import result, tables
 from pipeline.campaign import Campaign, Raw, dump
 from pipeline.cell import Tool, paper_cell
 from pipeline.report.render import render
 from pipeline.settings import Settings
-from pipeline.stages.assemble import measured
+from pipeline.stages.assemble import Measured, measured
 from pipeline.stages.displacements import displacements
 from pipeline.stages.estimate import identify
 from pipeline.stages.forces import forces
 from pipeline.stages.ingest import ingest
-from pipeline.stages.register import place, register
+from pipeline.stages.register import Registration, place, register
 from pipeline.stages.validate import place_of_interest, validate
 
 T = TypeVar("T")
 Step = Callable[[Callable[..., T]], Callable[..., T]]
+Keep = Callable[[str, pd.DataFrame | pa.Table | None, pa.Schema], pd.DataFrame]
 SEED = 20261103
 
 
@@ -46,11 +50,24 @@ def run(campaign: Campaign, step: Step[Any] = plain, force: bool = False) -> dic
         return found or _compute(campaign, raw, step)
 
 
-def _compute(campaign: Campaign, raw: Raw, step: Step[Any]) -> dict[str, Any]:
-    began = time.perf_counter()
-    settings, robot, keep = raw.settings, raw.robot, campaign.keep
-    cell = paper_cell(robot, tool(settings))
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """A campaign's measurements, brought into F_b.
 
+    Attributes:
+        data: Pulls and displacements as arrays.
+        registration: Where the tracker stands.
+        shown: The tables a reader wants to see, by name.
+    """
+
+    data: Measured
+    registration: Registration
+    shown: dict[str, pd.DataFrame]
+
+
+def reduce(raw: Raw, keep: Keep, step: Step[Any] = plain) -> Reduced:
+    """The first half: from raw files to forces and displacements in F_b."""
+    settings, robot = raw.settings, raw.robot
     got = step(ingest)(settings, robot, raw.files)
     readings = keep("10_readings", got.readings, tables.READINGS)
     loads = keep("11_loads", got.loads, tables.LOADS)
@@ -58,7 +75,7 @@ def _compute(campaign: Campaign, raw: Raw, step: Step[Any]) -> dict[str, Any]:
     rejected = keep("13_rejected", got.rejected, tables.REJECTED)
 
     registration = step(register)(settings, readings)
-    keep("20_registration", registration.table, tables.REGISTRATION)
+    base = keep("20_registration", registration.table, tables.REGISTRATION)
     placed = keep("21_placed", place(registration, readings), tables.PLACED)
     if settings.displacements is None:
         pulled = step(forces)(settings, placed, loads)
@@ -69,15 +86,37 @@ def _compute(campaign: Campaign, raw: Raw, step: Step[Any]) -> dict[str, Any]:
     moved = keep("23_displacements", moved, tables.DISPLACEMENTS)
 
     gain = settings.scale.gain_sigma if settings.scale else 0.0
-    data = measured(robot, cell.tool.targets, joints, pulled, moved, registration.cov[:3, :3], gain)
-    system, estimate = step(identify)(cell, data, robot.nominal_compliance)
+    rotation = registration.cov[:3, :3]
+    names = tool(settings).targets
+    data = measured(robot, names, joints, pulled, moved, rotation, gain)
+    shown = {
+        "readings": readings,
+        "rejected": rejected,
+        "registration": base,
+        "forces": pulled,
+        "displacements": moved,
+    }
+    return Reduced(data, registration, shown)
+
+
+def _compute(campaign: Campaign, raw: Raw, step: Step[Any]) -> dict[str, Any]:
+    """The second half: from displacements to stiffnesses, their trustworthiness and a report."""
+    began = time.perf_counter()
+    keep = campaign.keep
+    reduced = reduce(raw, keep, step)
+    data, shown = reduced.data, reduced.shown
+    cell = replace(
+        paper_cell(raw.robot, tool(raw.settings)), equilibrium=raw.settings.model.equilibrium
+    )
+
+    system, estimate = step(identify)(cell, data, raw.robot.nominal_compliance)
     keep("30_system", result.system_table(system), tables.system(system.parameters))
     keep("31_errors", result.errors_table(system), tables.ERRORS)
     keep("40_estimate", result.estimate_table(estimate), tables.ESTIMATE)
     keep("41_covariance", result.covariance_table(estimate), tables.covariance(estimate.parameters))
     residuals = keep("42_residuals", result.residuals_table(system, estimate), tables.RESIDUALS)
 
-    where = place_of_interest(settings.test_pose, robot, data.pulls)
+    where = place_of_interest(raw.settings.test_pose, raw.robot, data.pulls)
     checked = step(validate)(cell, estimate, where, np.random.default_rng(SEED))
     checked = keep("60_validation", checked, tables.VALIDATION)
 
@@ -86,23 +125,15 @@ def _compute(campaign: Campaign, raw: Raw, step: Step[Any]) -> dict[str, Any]:
         raw,
         cell,
         data,
-        registration,
+        reduced.registration,
         system,
         estimate,
         residuals,
         where,
         checked,
-        rejected,
+        shown["rejected"],
     )
-    shown = {
-        "readings": readings,
-        "registration": registration.table,
-        "forces": pulled,
-        "displacements": moved,
-        "residuals": residuals,
-        "validation": checked,
-        "rejected": rejected,
-    }
+    shown = shown | {"residuals": residuals, "validation": checked}
     pages = step(render)(answer, shown, time.perf_counter() - began)
     campaign.finish(raw.key, {"result.json": dump(answer), **pages})
     return answer

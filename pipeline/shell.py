@@ -142,16 +142,17 @@ def check(root: Path, name: str) -> Outcome:
 
 def _check(root: Path, name: str) -> Outcome:
     from pipeline.result import rejected_entries
-    from pipeline.stages.ingest import ingest
+    from pipeline.run import reduce
+    from pipeline.tables import conform
 
     raw = campaigns.find(root, name).read()
-    got = ingest(raw.settings, raw.robot, raw.files)
-    rejected = rejected_entries(got.rejected)
-    reduced = raw.settings.displacements is not None
+    reduced = reduce(raw, lambda _, table, promise: conform(table, promise).to_pandas())
+    rejected = rejected_entries(reduced.shown["rejected"])
     used = {
-        "readings": len(got.displacements if reduced else got.readings),
-        "pulls": len(got.forces if reduced else got.loads),
-        "poses": len(got.joints),
+        "readings": len(reduced.shown["readings"]),
+        "poses": len(set(reduced.data.pulls.pose)),
+        "pulls": len(reduced.data.pulls),
+        "displacements": len(reduced.data.delta),
         "rejected": len(rejected),
     }
     text = f"{name}: " + ", ".join(f"{count} {what}" for what, count in used.items())

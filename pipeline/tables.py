@@ -286,13 +286,15 @@ def covariance(parameters: Sequence[Parameter]) -> pa.Schema:
     )
 
 
-def conform(table: pd.DataFrame | pa.Table, schema: pa.Schema) -> pa.Table:
+def conform(table: pd.DataFrame | pa.Table | None, schema: pa.Schema) -> pa.Table:
     """Order and cast the columns as promised, stamp the units on, drop the rest.
 
     Raises:
         TableMismatch: A promised column is missing, has another type or holds nulls it must not.
     """
     name = schema.metadata[b"table"].decode()
+    if table is None:
+        raise TableMismatch(f"table {name} was not made")
     here = table.columns if isinstance(table, pd.DataFrame) else table.column_names
     missing = [column for column in schema.names if column not in here]
     if missing:
