@@ -84,6 +84,58 @@ def init(
     typer.echo(shell.init(root, name, robot))
 
 
+@app.command()
+def simulate(
+    plan: Annotated[
+        Path | None, typer.Argument(help="Plan file; without it the plan of the demo.")
+    ] = None,
+    name: Annotated[str | None, typer.Option(help="Name of the campaign.")] = None,
+    robot: Annotated[str | None, typer.Option(help="A robot that ships, or a robot file.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Determines every byte.")] = None,
+    poses: Annotated[int | None, typer.Option(help="Draw so many feasible poses.")] = None,
+    step: Annotated[
+        list[float] | None, typer.Option(help="Load step [N]; repeat it for more, up and down.")
+    ] = None,
+    repeats: Annotated[int | None, typer.Option(help="Runs through the steps.")] = None,
+    noise: Annotated[
+        str | None, typer.Option(help="paper, instrument, or metres per axis.")
+    ] = None,
+    noise_scale: Annotated[
+        float | None, typer.Option(help="True over stated scatter of the tracker.")
+    ] = None,
+    exact: Annotated[bool, typer.Option("--exact", help="No noise, all digits.")] = False,
+    spread: Annotated[
+        float | None, typer.Option(help="True stiffnesses are off by up to this fraction.")
+    ] = None,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(help="NAME[:where][=size], size in SI or like 2x; repeat it for more."),
+    ] = None,
+    dialect: Annotated[str | None, typer.Option(help="Form of the tracker export.")] = None,
+    digits: Annotated[str | None, typer.Option(help="Decimals in the export, or full.")] = None,
+    truth: Annotated[
+        Path | None, typer.Option(help="Truth file; data/processed/NAME.truth.json.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace a campaign.")] = False,
+    root: Root = Path(),
+) -> None:
+    """Write a raw campaign of a virtual cell; what is true in it goes to a file elsewhere."""
+    from pipeline import virtual
+
+    changes = {
+        "name": name,
+        "robot": robot,
+        "seed": seed,
+        "poses": {"count": poses},
+        "pulls": {"steps_n": step, "repeats": repeats},
+        "tracker": {"noise_scale": noise_scale, "dialect": dialect, "digits": digits},
+        "hidden": {"stiffness_spread": spread, "effects": effect},
+    }
+    written = virtual.write(root, plan, changes, noise, exact, truth, force)
+    typer.echo(written.folder)
+    typer.secho(f"truth: {written.truth}", err=True)
+
+
 def _show(outcome: Outcome, as_json: bool) -> None:
     typer.echo(outcome.as_json() if as_json else outcome.as_text())
     for line in outcome.complaints:

@@ -294,7 +294,8 @@ def test_the_scale_is_wrong_not_the_pull_in_the_log():
 def extra_weight():
     """A lump of 40 N hangs at the load point: a wrench that no scale shows."""
     effect = Wrench(
-        "lump", None, (Parameter("w", "N", 40.0),), "", "", "",
+        name="lump", where=None, parameters=(Parameter("w", "N", 40.0),),
+        signature="", needs="", source="",
         wrench=lambda loaded, w: (loaded.load_point, loaded.force - w * np.array([0, 0, 1.0])),
     )  # fmt: skip
     return Planted(effect, np.array([40.0]))
@@ -321,22 +322,24 @@ def test_a_hidden_effect_shows_in_the_data_and_only_there():
     assert hidden.truth["effects"][0]["parameters"][0]["value"] == 40.0
 
 
-def test_the_clock_drives_what_drifts():
-    """A drift of 1 um/s moves each reading by its own time since the first one."""
+@pytest.mark.parametrize("instrument", [True, False])
+def test_the_clock_drives_what_drifts(instrument):
+    """1 um/s moves each target by its own time since the first reading; base only if all drifts."""
     drift = Observation(
-        "drift", None, (Parameter("v", "m/s", 1e-6),), "", "", "",
+        name="drift", where=None, parameters=(Parameter("v", "m/s", 1e-6),),
+        signature="", needs="", source="", instrument=instrument,
         observe=lambda loaded, p, time, v: p + (v * time)[:, None, None] * np.array([1.0, 0, 0]),
     )  # fmt: skip
     plan = Plan(seed=SEED).without_noise()
-    clean, moved = (
-        positions(simulate(plan)),
-        positions(simulate(plan, hidden=(Planted(drift, np.array([1e-6])),))),
-    )
-    stamps = {(r["group"], r["target"]): r["time"] for r in rows(simulate(plan), "tracker.csv")}
-    for key in clean:
-        if "pose" in key[0]:
-            seconds = (datetime.fromisoformat(stamps[key]) - plan.clock.start).total_seconds()
-            assert moved[key][0] - clean[key][0] == pytest.approx(1e-6 * seconds, abs=1e-10)
+    clean = rows(simulate(plan), "tracker.csv")
+    moved = simulate(plan, hidden=(Planted(drift, np.array([1e-6])),))
+    along_x = np.array(moved.truth["tracker"]["axes"])[0]  # x of F_b in the tracker's frame
+    for before, after in zip(clean, rows(moved, "tracker.csv"), strict=True):
+        by = [(float(after[a]) - float(before[a])) / 1000 for a in ("x_mm", "y_mm", "z_mm")]
+        seconds = (datetime.fromisoformat(after["time"]) - plan.clock.start).total_seconds()
+        still = after["group"].startswith("base") and not instrument
+        own = 5e-6 if after["target"].startswith("Pl") else 1e-11  # one time for both chain points
+        assert by == pytest.approx((not still) * 1e-6 * seconds * along_x, abs=own)
 
 
 def test_unknown_words_are_answered_with_the_known_ones():
@@ -363,17 +366,15 @@ def test_the_branch_turns_with_the_load():
 
 
 def test_spatialanalyzer_writes_the_same_numbers():
-    """The same readings in SpatialAnalyzer's ASCII form, unit stated in campaign.toml."""
+    """The same readings in SpatialAnalyzer's ASCII form, whose header says the unit."""
     plan = Plan(seed=SEED)
     plain = rows(simulate(plan), "tracker.csv")
     campaign = simulate(revised(plan, {"tracker": {"dialect": "spatialanalyzer"}}))
-    body = [
-        line
-        for line in campaign.files["tracker.txt"].decode().split("\r\n")
-        if line and not line.startswith("//")
-    ]
+    head, body = [], []
+    for line in campaign.files["tracker.txt"].decode().split("\r\n")[:-1]:
+        (head if line.startswith("//") else body).append(line)
 
-    assert tomllib.loads(campaign.files["campaign.toml"].decode())["tracker"]["unit"] == "mm"
-    assert [line.split(", ")[:4] for line in body] == [
+    assert "millimeters" in head[1]
+    assert [line.split(", ") for line in body] == [
         [f"A::{r['group']}::{r['target']}", r["x_mm"], r["y_mm"], r["z_mm"]] for r in plain
     ]

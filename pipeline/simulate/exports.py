@@ -59,22 +59,20 @@ def _plain(readings: Readings, mm: list[list[str]]) -> bytes:
 
 
 def _spatial_analyzer(readings: Readings, mm: list[list[str]]) -> bytes:
-    """Cartesian ASCII export with its comment header; the row itself names no unit."""
+    """Cartesian ASCII export with its comment header, without times."""
     head = [
         "// SpatialAnalyzer ASCII point export",
-        "// Units: millimeters, degrees",
-        "// Collection::Group::Target, X, Y, Z, Timestamp",
+        "// Units: millimeters",
+        "// Collection::Group::Target, X, Y, Z",
     ]
-    rows = zip(
-        readings.group, readings.target, mm, readings.stamps("%m/%d/%y %H:%M:%S"), strict=True
-    )
-    body = [f"A::{group}::{target}, {', '.join(xyz)}, {time}" for group, target, xyz, time in rows]
+    rows = zip(readings.group, readings.target, mm, strict=True)
+    body = [f"A::{group}::{target}, {', '.join(xyz)}" for group, target, xyz in rows]
     return "\r\n".join([*head, *body, ""]).encode()
 
 
 DIALECTS: dict[str, Dialect] = {
     "plain": Dialect("tracker.csv", None, _plain),
-    "spatialanalyzer": Dialect("tracker.txt", "mm", _spatial_analyzer),
+    "spatialanalyzer": Dialect("tracker.txt", None, _spatial_analyzer),
 }
 """Every form that the simulator can write, by name."""
 

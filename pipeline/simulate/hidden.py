@@ -1,4 +1,4 @@
-"""Effects to plant, from the words of the command line: NAME[:where][=size]."""
+"""Effects to plant, from the words of the command line: NAME[:where][(form)][=size]."""
 
 from __future__ import annotations
 
@@ -31,20 +31,24 @@ def plant(text: str, robot: Robot) -> Planted:
 
     Args:
         text: `rail_roll` (typical size), `joint_tilt:2=2x` (twice the typical size),
-            `scale_zero=20` (SI), `joint_tilt:2=1e-7,2e-7` (one number per parameter).
+            `scale_zero=20` (SI), `joint_tilt:2=1e-7,2e-7` (one number per parameter),
+            `tracker_drift(warm-up)` (a form of it; the first one where none is named).
         robot: The robot that it acts on.
 
     Raises:
         UsageError: This robot has no such effect (all are listed), or the size is no number.
     """
-    label, _, size = (part.strip() for part in text.partition("="))
-    known = {effect.label: effect for effect in catalogue(robot)}
-    if label not in known:
+    words, _, size = (part.strip() for part in text.partition("="))
+    known: dict[str, Effect] = {}
+    for effect in catalogue(robot):
+        known.setdefault(effect.label, effect)
+        known[f"{effect.label}({effect.form})"] = effect
+    if words not in known:
         raise UsageError(
-            f'there is no effect "{label}" on {robot.name}; choose from '
-            f"{', '.join(known) or 'an empty catalogue'}."
+            f'there is no effect "{words}" on {robot.name}; choose from '
+            f"{', '.join(name for name in known if not name.endswith('()')) or 'none'}."
         )
-    return Planted(known[label], _values(known[label], size, text))
+    return Planted(known[words], _values(known[words], size, text))
 
 
 def _values(effect: Effect, size: str, text: str) -> Array:

@@ -50,7 +50,9 @@ class Poses(Strict):
 
     @model_validator(mode="after")
     def one_approach_per_pose(self) -> Poses:
-        """As many approaches as poses."""
+        """As many approaches as poses, and one way to say how many poses."""
+        if self.q is not None and "count" in self.model_fields_set:
+            raise ValueError("count and q are both given; keep one of them")
         if self.approach is not None and len(self.approach) != self.number:
             raise ValueError(f"approach has {len(self.approach)} entries for {self.number} poses")
         return self

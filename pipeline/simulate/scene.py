@@ -404,11 +404,14 @@ def _observed(
 
 
 def _chain(scene: Scene, pulls: Pulls, load_point: Array, n: int) -> Array:
-    """Pl1 and Pl2 as read, in F_b, shape (len(pulls), 2, 3)."""
+    """Pl1 and Pl2 as read, in F_b, shape (len(pulls), 2, 3).
+
+    The force of a pull is by definition along the chain as read, so only the place is observed.
+    """
+    times = np.tile(scene.schedule.loaded[:, -2:].mean(axis=1, keepdims=True), (n, 1))
+    at = _observed(scene, pulls, load_point[:, None], times, ["load_point"])
     unit = pulls.force / np.linalg.norm(pulls.force, axis=1, keepdims=True)
-    points = load_point[:, None] + np.array(CHAIN_POINTS_M)[:, None] * unit[:, None]
-    times = np.tile(scene.schedule.loaded[:, -2:], (n, 1))
-    return _observed(scene, pulls, points, times, ["Pl1", "Pl2"])
+    return at + np.array(CHAIN_POINTS_M)[:, None] * unit[:, None]
 
 
 def _zeros(scene: Scene) -> Array:
