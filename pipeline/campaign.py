@@ -84,16 +84,10 @@ class Campaign:
         Raises:
             InputError: A file is missing, unreadable, too large, or changes while it is read.
         """
-        toml = self._bytes("campaign.toml")
-        try:
-            settings = parse_settings(toml.decode("utf-8-sig"))
-        except UnicodeDecodeError as problem:
-            raise InputError("is not UTF-8", "save it as UTF-8", file="campaign.toml") from problem
-        robot = load_robot(settings.robot, self.folder)
-        content = {"campaign.toml": toml}
-        for name in self._named(settings):
+        content = {"campaign.toml": self._bytes("campaign.toml")}
+        for name in self._named(_settings(content)):
             content[name] = self._bytes(name)
-        return Raw(settings, robot, content, _key(content, robot))
+        return in_memory(content, self.folder)
 
     def _named(self, settings: Settings) -> list[str]:
         """Names of the files that campaign.toml asks for, relative to the folder."""
@@ -246,6 +240,20 @@ def dump(content: object) -> bytes:
     return (json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
+def in_memory(content: Mapping[str, bytes], folder: Path | None = None) -> Raw:
+    """A campaign from the bytes of its files; `folder` is where a robot file of its own lies."""
+    settings = _settings(content)
+    robot = load_robot(settings.robot, folder)
+    return Raw(settings, robot, content, _key(content, robot))
+
+
+def _settings(content: Mapping[str, bytes]) -> Settings:
+    try:
+        return parse_settings(content["campaign.toml"].decode("utf-8-sig"))
+    except UnicodeDecodeError as problem:
+        raise InputError("is not UTF-8", "save it as UTF-8", file="campaign.toml") from problem
+
+
 def find(root: Path, name: str) -> Campaign:
     """A campaign by its name under data/raw, or by path.
 
@@ -271,6 +279,7 @@ def every(root: Path) -> list[Campaign]:
     ]
 
 
+@cache
 def versions() -> dict[str, str]:
     """Versions of the libraries that numbers and pages depend on."""
     from pipeline import __version__
