@@ -6,7 +6,6 @@ each time and go through raw files and every stage, as a real campaign does.
 
 import os
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
 
 import numpy as np
 from scipy import stats
@@ -16,8 +15,7 @@ from pipeline.cell import paper_cell
 from pipeline.robot import load
 from pipeline.run import reduce, tool
 from pipeline.simulate import Plan, build, draw, raw_files, revised
-from pipeline.stages.estimate import identify, solve
-from pipeline.stages.whiten import whitener
+from pipeline.stages.estimate import identify
 from pipeline.tables import conform
 
 CAMPAIGNS = 2000
