@@ -1,0 +1,197 @@
+"""Title, caption and alternative text of every figure, with the numbers of this campaign in them.
+
+A figure whose data are missing is left out: each writer below answers None for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from pipeline.report.numbers import known, percent, plain
+from pipeline.report.record import Figure
+from pipeline.report.summaries import (
+    Tables,
+    arrows,
+    has,
+    pose_rms,
+    prediction_error,
+    registration_by_target,
+    residual_force,
+    whitened,
+)
+
+Result = Mapping[str, Any]
+
+
+def figures(names: Sequence[str], result: Result, tables: Tables) -> list[Figure]:
+    """The figures of these names that this campaign has data for."""
+    written = [WRITERS[name](result, tables) for name in names]
+    return [figure for figure in written if figure is not None]
+
+
+def comparable(result: Result) -> list[Mapping[str, Any]]:
+    """Stiffnesses that have a value, an uncertainty and a nominal value to be shown beside."""
+    return [
+        joint
+        for joint in result.get("stiffness") or []
+        if joint.get("identifiable", True)
+        and known(joint.get("nominal"))
+        and joint["nominal"]
+        and known(joint.get("value"))
+        and known(joint.get("std"))
+    ]
+
+
+def _stiffness(result: Result, tables: Tables) -> Figure | None:
+    joints = comparable(result)
+    if not joints:
+        return None
+    off = {str(j["name"]): j["value"] / j["nominal"] for j in joints}
+    widest = max(joints, key=lambda j: j["std"] / j["nominal"])
+    softest, stiffest = min(off, key=off.__getitem__), max(off, key=off.__getitem__)
+    said = (
+        f"{softest} is at {percent(off[softest], 3)} and {stiffest} at {percent(off[stiffest], 3)} "
+        f"of its nominal value; {widest['name']} has the widest interval."
+    )
+    return Figure(
+        "stiffness",
+        "Stiffness as a share of the nominal value",
+        f"{said} Bars are 95 % intervals: where one does not reach the line at 100 %, the joint "
+        f"differs from its nominal value by more than the measurement's doubt.",
+        f"Interval plot of {len(joints)} joint stiffnesses relative to nominal. {said}",
+    )
+
+
+def _pose_rms(result: Result, tables: Tables) -> Figure | None:
+    if not has(tables, "residuals"):
+        return None
+    poses = pose_rms(tables["residuals"])
+    worst = poses.iloc[int(poses["fitted"].argmax())]
+    said = (
+        f"Pose {int(worst['pose'])} is the worst with {plain(worst['fitted'])} mm; the middle of "
+        f"all {len(poses)} poses is {plain(poses['fitted'].median())} mm."
+    )
+    left_out = poses["left_out"].dropna()
+    if len(left_out):
+        said += f" Left out of the estimate, the worst is missed by {plain(left_out.max())} mm."
+    return Figure(
+        "pose-rms",
+        "Residual of each pose",
+        f"{said} A diamond far above its bar marks a pose that the others do not predict.",
+        f"Bar chart of the rms residual per pose, with a marker for the pose left out. {said}",
+    )
+
+
+def _residual_force(result: Result, tables: Tables) -> Figure | None:
+    if not (has(tables, "residuals") and has(tables, "forces")):
+        return None
+    points = residual_force(tables["residuals"], tables["forces"])
+    if points.empty:
+        return None
+    low, high = points["force_n"].min(), points["force_n"].max()
+    said = (
+        f"Pulls reach from {plain(low)} N to {plain(high)} N and the largest residual is "
+        f"{plain(points['mm'].abs().max())} mm."
+    )
+    return Figure(
+        "residual-force",
+        "Residual against pull",
+        f"{said} An even band is noise; a band that opens or bends with the pull is an effect that "
+        f"grows with load, such as a joint that hardens.",
+        f"Scatter plot of {len(points)} residual coordinates against the size of the pull. {said}",
+    )
+
+
+def _whitened(result: Result, tables: Tables) -> Figure | None:
+    if not has(tables, "residuals"):
+        return None
+    values = whitened(tables["residuals"])
+    if not len(values):
+        return None
+    spread, beyond = float(np.sqrt(np.mean(values**2))), int(np.sum(np.abs(values) > 3))
+    expected = 0.0027 * len(values)
+    said = (
+        f"Their spread is {plain(spread)} where 1 is expected; {beyond} of {len(values)} lie "
+        f"beyond ±3 where about {plain(expected, 2)} are expected."
+    )
+    return Figure(
+        "whitened",
+        "Residuals in standard deviations",
+        f"{said} Bars that follow the curve are noise as assumed; wide shoulders are a missing "
+        f"effect or a noise stated too small.",
+        f"Histogram of weighted residuals with the normal curve. {said}",
+    )
+
+
+def _arrows(result: Result, tables: Tables) -> Figure | None:
+    if not all(has(tables, name) for name in ("residuals", "displacements", "forces")):
+        return None
+    vectors = arrows(tables["residuals"], tables["displacements"], tables["forces"])
+    if vectors.empty:
+        return None
+    size = np.linalg.norm(vectors[["rx", "ry", "rz"]].to_numpy(float), axis=1)
+    worst = vectors.iloc[int(size.argmax())]
+    said = (
+        f"The longest of {len(vectors)} arrows is {plain(size.max())} mm, at {worst['target']} in "
+        f"pose {int(worst['pose'])}."
+    )
+    return Figure(
+        "arrows",
+        "Residual at each pose, seen in the base frame",
+        f"{said} Each arrow is what is left of one reflector's displacement under the strongest "
+        f"pull of its pose. Arrows in all directions are noise; arrows that agree within a pose or "
+        f"along the rail are an effect.",
+        f"Residual vectors drawn at the poses, from above and from the side. {said}",
+    )
+
+
+def _registration(result: Result, tables: Tables) -> Figure | None:
+    if not has(tables, "registration"):
+        return None
+    by_target = registration_by_target(tables["registration"])
+    worst = by_target.iloc[int(by_target["largest"].argmax())]
+    said = (
+        f"The largest deviation is {plain(worst['largest'])} mm at {worst['target']}, in "
+        f"{len(tables['registration'])} readings of {len(by_target)} reflectors."
+    )
+    return Figure(
+        "registration",
+        "Base reflectors after registration",
+        f"{said} A step or a slope from the first to the last reading is a tracker that moved.",
+        f"Deviation of each base reading from nominal, in order of the readings. {said}",
+    )
+
+
+def _prediction(result: Result, tables: Tables) -> Figure | None:
+    if not has(tables, "validation"):
+        return None
+    errors = prediction_error(tables["validation"])
+    said = "; ".join(
+        f"{SETS.get(where, where)}, {DRAWS.get(draw, draw)}: half below {percent(np.median(mu))}, "
+        f"95 % below {percent(np.quantile(mu, 0.95))}"
+        for (where, draw), mu in errors.items()
+    )
+    return Figure(
+        "prediction",
+        "Relative error of the predicted deflection",
+        f"Share of validation poses whose error stays below a value. {said}. The further left a "
+        f"curve, the better the prediction.",
+        f"Cumulative curves of the relative prediction error of Eq. (22). {said}.",
+    )
+
+
+SETS = {"test_pose": "around the test pose", "global": "over the workspace"}
+DRAWS = {"covariance": "full covariance", "independent": "independent"}
+
+WRITERS: dict[str, Callable[[Result, Tables], Figure | None]] = {
+    "stiffness": _stiffness,
+    "prediction": _prediction,
+    "pose-rms": _pose_rms,
+    "residual-force": _residual_force,
+    "whitened": _whitened,
+    "arrows": _arrows,
+    "registration": _registration,
+}

@@ -1,0 +1,312 @@
+"""The pictures: each draws what its caption in captions.py speaks of, from the same digest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection
+from matplotlib.figure import Figure as Canvas
+from matplotlib.quiver import Quiver
+from matplotlib.ticker import MaxNLocator
+
+from pipeline.report.captions import DRAWS, SETS, comparable
+from pipeline.report.numbers import percent, plain
+from pipeline.report.summaries import (
+    MM,
+    Tables,
+    arrows,
+    pose_rms,
+    prediction_error,
+    residual_force,
+    whitened,
+)
+from pipeline.report.svg import BLUE, GRID, INK, MUTED, RED, SERIES, STYLE, Drawing, finish
+
+mpl.use("Agg")
+
+Result = Mapping[str, Any]
+Tips = dict[str, list[str]]
+MARKERS = ("o", "s", "^", "D", "v", "P")
+
+
+def draw(name: str, result: Result, tables: Tables) -> Drawing:
+    """Draw one of the figures of the report."""
+    with rc_context(STYLE):
+        canvas = Canvas()
+        tips = DRAWERS[name](canvas, result, tables)
+        return finish(canvas, name, tips)
+
+
+def _stiffness(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+    joints = comparable(result)
+    canvas.set_size_inches(5.6, 0.9 + 0.28 * len(joints))
+    axes = canvas.subplots()
+    at = np.arange(len(joints))
+    share = np.array([100 * j["value"] / j["nominal"] for j in joints])
+    bounds = np.array([_bounds(j) for j in joints]).T
+    axes.axvline(100, color=MUTED, linewidth=1, linestyle="--")
+    axes.hlines(at, *bounds, color=BLUE, linewidth=2.2)
+    axes.scatter(share, at, color=BLUE, s=26, gid="share", zorder=3)
+    axes.set_yticks(at, [str(j["name"]) for j in joints])
+    axes.invert_yaxis()
+    axes.grid(axis="y", visible=False)
+    axes.set_xlabel("Stiffness [% of nominal]")
+    said = [
+        f"{j['name']}: {plain(s)} % of nominal, {plain(low)} % to {plain(high)} %"
+        for j, s, low, high in zip(joints, share, *bounds, strict=True)
+    ]
+    return {"share": said}
+
+
+def _bounds(joint: Mapping[str, Any]) -> tuple[float, float]:
+    low, high = joint.get("ci95") or (None, None)
+    if low is None or high is None:
+        low, high = (joint["value"] + sign * 1.96 * joint["std"] for sign in (-1, 1))
+    return 100 * low / joint["nominal"], 100 * high / joint["nominal"]
+
+
+def _pose_rms(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+    poses = pose_rms(tables["residuals"])
+    axes = canvas.subplots()
+    at = np.arange(len(poses))
+    fitted, left_out = poses["fitted"].to_numpy(), poses["left_out"].to_numpy()
+    axes.bar(at, fitted, color=BLUE, alpha=0.8, width=0.7, gid="fitted", label="in the estimate")
+    seen = np.isfinite(left_out)
+    if seen.any():
+        axes.scatter(
+            at[seen],
+            left_out[seen],
+            color=RED,
+            marker="D",
+            s=18,
+            gid="left",
+            label="left out",
+            zorder=3,
+        )
+    _integer_ticks(axes, at, poses["pose"].astype(int).tolist())
+    axes.grid(axis="x", visible=False)
+    axes.set_ylim(0)
+    axes.set_xlabel("Pose")
+    axes.set_ylabel("Rms residual per coordinate [mm]")
+    _legend_above(axes, 2)
+    number = poses["pose"].astype(int)
+    tips = {"fitted": [f"pose {p}: {plain(v)} mm" for p, v in zip(number, fitted, strict=True)]}
+    if seen.any():
+        pairs = zip(number[seen], left_out[seen], strict=True)
+        tips["left"] = [f"pose {p}, left out: {plain(v)} mm" for p, v in pairs]
+    return tips
+
+
+def _integer_ticks(axes: Axes, at: np.ndarray, names: Sequence[int]) -> None:
+    step = max(1, int(np.ceil(len(at) / 22)))
+    axes.set_xticks(at[::step], [str(name) for name in names[::step]])
+
+
+def _legend_above(axes: Axes, columns: int) -> None:
+    handles, labels = axes.get_legend_handles_labels()
+    at = sorted(range(len(labels)), key=lambda i: isinstance(handles[i], PathCollection))
+    axes.legend(
+        [handles[i] for i in at],
+        [labels[i] for i in at],
+        loc="lower left",
+        bbox_to_anchor=(0, 1),
+        ncols=columns,
+        borderaxespad=0.2,
+        markerscale=1.6,
+        handletextpad=0.4,
+    )
+
+
+def _residual_force(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+    points = residual_force(tables["residuals"], tables["forces"])
+    axes = canvas.subplots()
+    axes.axhline(0, color=MUTED, linewidth=0.8)
+    tips = {}
+    for (axis, part), colour, marker in zip(points.groupby("axis"), SERIES, MARKERS, strict=False):
+        key = f"axis-{axis}"
+        axes.scatter(
+            part["force_n"],
+            part["mm"],
+            color=colour,
+            marker=marker,
+            s=11,
+            alpha=0.7,
+            linewidths=0,
+            gid=key,
+            label=f"{axis}",
+        )
+        tips[key] = [
+            f"pose {r.pose}, pull {r.repeat}, {r.target} {r.axis}: "
+            f"{plain(r.mm)} mm at {plain(r.force_n)} N"
+            for r in _rows(part)
+        ]
+    axes.set_xlabel("Size of the pull [N]")
+    axes.set_ylabel("Residual, base frame [mm]")
+    _legend_above(axes, 3)
+    return tips
+
+
+def _whitened(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+    values = whitened(tables["residuals"])
+    reach = float(np.clip(np.abs(values).max(), 4, 12))
+    edges = np.arange(-np.ceil(reach), np.ceil(reach) + 0.25, 0.5)
+    count, _ = np.histogram(np.clip(values, edges[0], edges[-1]), edges)
+    axes = canvas.subplots()
+    axes.bar(
+        edges[:-1],
+        count,
+        width=0.5,
+        align="edge",
+        color=BLUE,
+        alpha=0.75,
+        gid="count",
+        label="readings",
+    )
+    at = np.linspace(edges[0], edges[-1], 241)
+    normal = len(values) * 0.5 * np.exp(-(at**2) / 2) / np.sqrt(2 * np.pi)
+    axes.plot(at, normal, color=RED, linewidth=1.6, label="noise as assumed")
+    axes.set_xlabel("Residual [standard deviations]")
+    axes.set_ylabel("Coordinates")
+    axes.yaxis.set_major_locator(MaxNLocator(6, integer=True))
+    axes.grid(axis="x", visible=False)
+    _legend_above(axes, 2)
+    bars = zip(edges[:-1], count, strict=True)
+    return {"count": [f"{a:g} to {a + 0.5:g} σ: {n}" for a, n in bars]}
+
+
+def _arrows(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+    vectors = arrows(tables["residuals"], tables["displacements"], tables["forces"])
+    longest = np.linalg.norm(vectors[["rx", "ry", "rz"]].to_numpy(float), axis=1).max()
+    wide = np.ptp(vectors["y"]) >= 2 * max(np.ptp(vectors["x"]), np.ptp(vectors["z"]))
+    canvas.set_size_inches(5.6, 4.4 if wide else 3.2)
+    views = canvas.subplots(2, 1, sharex=True) if wide else canvas.subplots(1, 2)
+    spread = max(float(np.ptp(vectors[a])) for a in "xyz") or 1.0
+    scale = max(longest, 1e-9) / (0.11 * spread)
+    tips: Tips = {}
+    keyed: list[Quiver] = []
+    across = "y"
+    for view, up, name in zip(views, "xz", ("from above", "from the side"), strict=True):
+        key = f"view-{up}"
+        quiver = view.quiver(
+            vectors[across],
+            vectors[up],
+            vectors[f"r{across}"],
+            vectors[f"r{up}"],
+            angles="xy",
+            scale_units="xy",
+            scale=scale,
+            width=0.0032 if wide else 0.006,
+            color=RED,
+        )
+        quiver.set_gid(key)  # not earlier: the key below copies all arguments, this one too
+        keyed.append(quiver)
+        view.scatter(vectors[across], vectors[up], s=5, color=INK, linewidths=0)
+        view.set_aspect("equal", adjustable="datalim")
+        view.margins(0.16)
+        view.set_title(name, fontsize=8.5, loc="left")
+        view.set_ylabel(f"{up} [m]")
+        if not wide or up == "z":
+            view.set_xlabel(f"{across} [m]")
+        tips[key] = [
+            f"pose {r.pose}, {r.target}: {plain(r.rx)}, {plain(r.ry)}, {plain(r.rz)} mm"
+            for r in _rows(vectors)
+        ]
+    key_length = _round_down(longest)
+    views[0].quiverkey(
+        keyed[0],
+        0.88,
+        1.07,
+        key_length,
+        f"{key_length:g} mm",
+        labelpos="E",
+        coordinates="axes",
+        color=RED,
+    )
+    return tips
+
+
+def _rows(table: pd.DataFrame) -> Iterator[Any]:
+    """Rows with their columns as attributes."""
+    return table.itertuples()
+
+
+def _round_down(value: float) -> float:
+    """1, 2 or 5 times a power of ten, not above the value."""
+    power = 10.0 ** np.floor(np.log10(max(value, 1e-9)))
+    return float(max(step for step in (1, 2, 5) if step * power <= value * (1 + 1e-12)) * power)
+
+
+def _registration(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+    readings = tables["registration"].reset_index(drop=True)
+    views = canvas.subplots(3, 1, sharex=True, sharey=True)
+    targets = list(dict.fromkeys(readings["target"]))
+    at = np.arange(1, len(readings) + 1)
+    tips = {}
+    for view, axis in zip(views, "xyz", strict=True):
+        mm = MM * readings[f"d{axis}_m"].to_numpy(float)
+        view.axhline(0, color=MUTED, linewidth=0.8)
+        for index, target in enumerate(targets):
+            here = (readings["target"] == target).to_numpy() & np.isfinite(mm)
+            key = f"base-{axis}-{index}"
+            view.scatter(
+                at[here],
+                mm[here],
+                s=14,
+                color=SERIES[index % len(SERIES)],
+                marker=MARKERS[index % len(MARKERS)],
+                linewidths=0,
+                gid=key,
+                label=f" {target}",  # legends leave out what begins with an underscore
+            )
+            tips[key] = [
+                f"reading {n}, {target}: d{axis} = {plain(v)} mm"
+                for n, v in zip(at[here], mm[here], strict=True)
+            ]
+        view.set_ylabel(f"d{axis} [mm]")
+    views[-1].set_xlabel("Reading of a base reflector, in order")
+    views[-1].xaxis.set_major_locator(MaxNLocator(10, integer=True))
+    if len(targets) <= 8:
+        _legend_above(views[0], min(len(targets), 6))
+    return tips
+
+
+def _prediction(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+    errors = prediction_error(tables["validation"])
+    axes = canvas.subplots()
+    tips = {}
+    steps = np.linspace(0, 1, 41)
+    for index, ((where, draw_from), mu) in enumerate(errors.items()):
+        at, key = 100 * np.quantile(mu, steps), f"mu-{index}"
+        name = f"{SETS.get(where, where)}, {DRAWS.get(draw_from, draw_from)}"
+        style = "-" if draw_from == "covariance" else "--"
+        colour = SERIES[list(SETS).index(where) if where in SETS else 2]
+        axes.plot(at, 100 * steps, style, color=colour, linewidth=1.6, label=name)
+        axes.scatter(at[4:-1:4], 100 * steps[4:-1:4], s=9, color=colour, linewidths=0, gid=key)
+        tips[key] = [
+            f"{name}: {plain(100 * s)} % of the poses below {percent(v / 100)}"
+            for s, v in zip(steps[4:-1:4], at[4:-1:4], strict=True)
+        ]
+    axes.set_xscale("log")
+    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.set_xlabel("Relative error of the predicted deflection [%]")
+    axes.set_ylabel("Poses below [%]")
+    axes.grid(color=GRID, linewidth=0.6)
+    _legend_above(axes, 2)
+    return tips
+
+
+DRAWERS: dict[str, Callable[[Canvas, Result, Tables], Tips]] = {
+    "stiffness": _stiffness,
+    "prediction": _prediction,
+    "pose-rms": _pose_rms,
+    "residual-force": _residual_force,
+    "whitened": _whitened,
+    "arrows": _arrows,
+    "registration": _registration,
+}

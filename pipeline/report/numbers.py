@@ -1,0 +1,141 @@
+"""Numbers as a reader wants them: digits that their uncertainty allows, units with prefixes."""
+
+from __future__ import annotations
+
+import math
+import numbers
+import re
+from collections.abc import Iterable
+from decimal import ROUND_HALF_EVEN, Decimal
+from typing import TypeGuard
+
+MISSING = "–"
+
+PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n", -12: "p"}
+
+BINDS = re.compile(
+    r"(?<=\d) (?=(?:%|mm|m|N|µm|µrad|σ|×|±)(?:\W|$))|(?<=[×±=<]) (?=\d)|(?<=\bp) (?=[=<])"
+)
+"""Spaces that belong inside a quantity or a relation."""
+
+SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def known(value: object) -> TypeGuard[float]:
+    """Whether this is a finite number."""
+    return isinstance(value, numbers.Real) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def place_of(std: float, significant: int = 2) -> int:
+    """Decimal exponent of the last digit that an uncertainty justifies.
+
+    Two significant digits of the uncertainty after rounding: 0.0994 counts in 0.001,
+    0.0996 becomes 0.10 and counts in 0.01.
+    """
+    exponent = Decimal(repr(float(std))).adjusted() - significant + 1
+    rounded = _to_place(std, exponent)
+    return exponent + (rounded.adjusted() - exponent - significant + 1)
+
+
+def _to_place(value: float, place: int) -> Decimal:
+    return Decimal(repr(float(value))).quantize(Decimal(1).scaleb(place), ROUND_HALF_EVEN)
+
+
+def at_place(value: float, place: int) -> str:
+    """A number rounded at a decimal place, without an exponent: (1234.5, 1) -> 1230."""
+    text = f"{_to_place(value, place):f}" if place <= 0 else f"{int(_to_place(value, place)):d}"
+    return text.replace("-0", "0", 1) if float(text) == 0 and text.startswith("-") else text
+
+
+def with_std(value: float | None, std: float | None) -> str:
+    """`80.0 ± 1.6`: two significant digits of the uncertainty decide how many the value gets."""
+    if not known(value):
+        return MISSING
+    if not known(std) or std <= 0:
+        return plain(value)
+    if max(abs(value), std) < 1e-3 or max(abs(value), std) >= 1e6:
+        return _scientific(value, std)
+    place = place_of(std)
+    return f"{at_place(value, place)} ± {at_place(std, place)}"
+
+
+def _scientific(value: float, std: float) -> str:
+    power = Decimal(repr(max(abs(value), std))).adjusted()
+    scale = Decimal(10) ** -power
+    scaled = [float(Decimal(repr(float(v))) * scale) for v in (value, std)]
+    place = place_of(scaled[1])
+    return f"({at_place(scaled[0], place)} ± {at_place(scaled[1], place)}) × {ten_to(power)}"
+
+
+def ten_to(power: int) -> str:
+    """10⁻⁸."""
+    return f"10{str(power).translate(SUPERSCRIPT)}"
+
+
+def interval(bounds: Iterable[float | None] | None, std: float | None) -> str:
+    """`76.9 to 83.1` in the digits of the uncertainty, or `above 76.9` without an upper limit."""
+    low, high = [*(bounds or []), None, None][:2]
+    place = place_of(std) if known(std) and std > 0 else None
+    shown = [
+        (plain(b) if place is None else at_place(b, place)) if known(b) else None
+        for b in (low, high)
+    ]
+    if None not in shown:
+        return f"{shown[0]} to {shown[1]}"
+    if shown[0] is None and shown[1] is None:
+        return MISSING
+    return f"below {shown[1]}" if shown[0] is None else f"above {shown[0]}"
+
+
+def plain(value: float | None, significant: int = 3) -> str:
+    """A number that carries no uncertainty, to some significant digits."""
+    if not known(value):
+        return MISSING
+    if value == 0:
+        return "0"
+    if 1e-4 <= abs(value) < 1e6:
+        return at_place(value, min(place_of(abs(value), significant), 0))
+    power = Decimal(repr(abs(float(value)))).adjusted()
+    mantissa = at_place(value / 10.0**power, 1 - significant)
+    return f"{mantissa} × {ten_to(power)}"
+
+
+def percent(ratio: float | None, significant: int = 2) -> str:
+    """A ratio in per cent."""
+    return MISSING if not known(ratio) else f"{plain(100 * ratio, significant)} %"
+
+
+def probability(p: float | None) -> str:
+    """A probability in words that fit one: never 100 % for what is only nearly certain."""
+    if not known(p):
+        return MISSING
+    if p > 0.999:
+        return "over 99.9 %"
+    return "below 0.1 %" if p < 0.001 else f"{plain(100 * p, 3 if p > 0.99 else 2)} %"
+
+
+def p_value(p: float | None) -> str:
+    """`p = 0.33`, or `p < 1 × 10⁻³⁰⁰` where it underflows."""
+    if not known(p):
+        return "p unknown"
+    return f"p = {plain(p, 2)}" if p > 0 else f"p < {ten_to(-300)}"
+
+
+def unbroken(text: str) -> str:
+    """The same words with no line end between a number and its unit or its relation."""
+    return BINDS.sub("\N{NO-BREAK SPACE}", text)
+
+
+def common_prefix(values: Iterable[float | None]) -> tuple[float, str]:
+    """One SI prefix for a whole column, from the middle of the values: its factor and letter."""
+    sizes = sorted(abs(v) for v in values if known(v) and v != 0)
+    if not sizes:
+        return 1.0, ""
+    middle = sizes[len(sizes) // 2]
+    power = min(max(3 * math.floor(math.log10(middle) / 3), -12), 9)
+    return 10.0**power, PREFIXES[power]
+
+
+def prefixed(unit: str, letter: str) -> str:
+    """A unit with a prefix on its first factor, spaces as products: `MN·m/rad`."""
+    return letter + unit.replace(" ", "·") if unit else ""

@@ -1,0 +1,139 @@
+"""The frozen records a report is made of; all text in them is plain, never markup."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from pipeline.report.numbers import MISSING, known, unbroken
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One cell of a table.
+
+    Attributes:
+        text: What is shown.
+        sort: What it is sorted by: a number where it shows one.
+    """
+
+    text: str
+    sort: float | str | None = None
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of a table.
+
+    Attributes:
+        title: Heading, with its unit where all cells share one.
+        numeric: Aligned to the right and sorted as numbers.
+        code: File names and hashes, set in a fixed width.
+    """
+
+    title: str
+    numeric: bool = False
+    code: bool = False
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table with its heading and a note below."""
+
+    kind: ClassVar[str] = "table"
+    name: str
+    title: str
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[Entry, ...], ...]
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Text:
+    """A paragraph; a `finding` is something to act on."""
+
+    kind: ClassVar[str] = "text"
+    text: str
+    tone: str = "plain"
+
+    def __post_init__(self) -> None:
+        """Keep numbers and units together."""
+        object.__setattr__(self, "text", unbroken(self.text))
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A picture that is drawn under this name.
+
+    Attributes:
+        name: File name without ending.
+        title: What it shows.
+        caption: What to see in it.
+        alt: What it shows and says, for who cannot see it.
+    """
+
+    kind: ClassVar[str] = "figure"
+    name: str
+    title: str
+    caption: str
+    alt: str
+
+    def __post_init__(self) -> None:
+        """Keep numbers and units together."""
+        object.__setattr__(self, "caption", unbroken(self.caption))
+
+
+Block = Table | Text | Figure
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading and what stands below it."""
+
+    key: str
+    title: str
+    blocks: tuple[Block, ...]
+
+
+@dataclass(frozen=True)
+class Report:
+    """Everything that is said about one campaign.
+
+    Attributes:
+        campaign: Its name.
+        robot: Name of the robot.
+        verdict: The verdict in a few words.
+        tone: `good`, `attention`, `bad` or `neutral`.
+        sentences: The verdict in two sentences to act on.
+        sections: The rest, in order of use.
+        run_time: How long the run took, or None.
+    """
+
+    campaign: str
+    robot: str
+    verdict: str
+    tone: str
+    sentences: tuple[str, ...]
+    sections: tuple[Section, ...]
+    run_time: str | None = None
+
+    @property
+    def title(self) -> str:
+        """Title of page and PDF."""
+        return f"Joint stiffness of {self.robot}: {self.campaign}"
+
+    @property
+    def figures(self) -> tuple[Figure, ...]:
+        """All figures in order."""
+        return tuple(b for s in self.sections for b in s.blocks if isinstance(b, Figure))
+
+
+def entry(text: str, sort: object = None) -> Entry:
+    """A cell sorted by a number, or by its text where there is none."""
+    return Entry(text, float(sort) if known(sort) else None)
+
+
+def text_entry(value: object, sort: object = None) -> Entry:
+    """A cell of words; empty shows as such."""
+    text = "" if value is None else str(value)
+    return Entry(text or MISSING, float(sort) if known(sort) else text)

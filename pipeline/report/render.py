@@ -1,0 +1,94 @@
+"""From a result and its tables to the bytes of page, PDF and figures; writes nothing."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from importlib.resources import files
+from typing import Any
+
+import jinja2
+import pandas as pd
+from markupsafe import Markup
+
+from pipeline import __version__
+from pipeline.report.model import compose
+from pipeline.report.record import Report
+
+HERE = files("pipeline.report")
+
+
+def render(
+    result: Mapping[str, Any],
+    tables: Mapping[str, pd.DataFrame],
+    run_time_s: float | None = None,
+) -> dict[str, bytes]:
+    """Every file of a report.
+
+    Args:
+        result: The object of result.json.
+        tables: Tables by the lower-case name of their promise, SI; what is missing is left out.
+        run_time_s: How long the run took [s]; the only thing here that may differ between two runs.
+
+    Returns:
+        Content by path below the report's folder: index.html, report.pdf, figures/*.svg.
+    """
+    from pipeline.report.figures import draw  # matplotlib takes half a second to import
+
+    report = compose(result, tables, run_time_s)
+    drawings = {figure.name: draw(figure.name, result, tables) for figure in report.figures}
+    return {
+        "index.html": page(report, {n: d.inline for n, d in drawings.items()}).encode(),
+        "report.pdf": pdf(report, {n: d.svg for n, d in drawings.items()}),
+        **{f"figures/{n}.svg": d.svg.encode() for n, d in drawings.items()},
+    }
+
+
+def page(report: Report, drawings: Mapping[str, str]) -> str:
+    """The report as one HTML page that needs no other file.
+
+    The page forbids every script but its own by hash, so a name that got through the escaping
+    still could not run.
+    """
+    script = _text("page.js")
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    safe = {name: Markup(svg) for name, svg in drawings.items()}
+    return environment.from_string(_text("page.html.jinja")).render(
+        report=report,
+        drawings=safe,
+        style=Markup(_text("page.css")),
+        script=Markup(script),
+        script_hash=digest,
+        version=__version__,
+    )
+
+
+def pdf(report: Report, drawings: Mapping[str, str]) -> bytes:
+    """The report as tagged PDF (PDF/UA-1); all words travel as data, none as markup."""
+    import matplotlib
+    import typst
+
+    said = asdict(report) | {"title": report.title, "version": __version__}
+    for section, spoken in zip(said["sections"], report.sections, strict=True):
+        for block, record in zip(section["blocks"], spoken.blocks, strict=True):
+            block["kind"] = record.kind
+    fonts = f"{matplotlib.get_data_path()}/fonts/ttf"  # the face that the figures are set in
+    compiled = typst.compile(  # type: ignore[call-overload]  # its own stub lacks bytes
+        _text("page.typ").encode(),
+        sys_inputs={"report": json.dumps(said), "figures": json.dumps(dict(drawings))},
+        font_paths=[fonts],
+        ignore_system_fonts=True,
+        pdf_standards="ua-1",
+        timestamp=0,
+    )
+    return bytes(compiled)
+
+
+def _text(name: str) -> str:
+    return HERE.joinpath(name).read_text(encoding="utf-8")

@@ -1,0 +1,102 @@
+"""Digests of the tables that captions and drawings share, so that words and pictures agree."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+
+from pipeline.results import Array
+
+Tables = Mapping[str, pd.DataFrame]
+MM = 1e3
+AXES = ["dx_m", "dy_m", "dz_m"]
+
+
+def has(tables: Tables, name: str) -> bool:
+    """Whether a table is there and not empty."""
+    table = tables.get(name)
+    return table is not None and len(table) > 0
+
+
+def rms(values: pd.Series[float] | Array) -> float:
+    """Root mean square of what is finite, NaN if nothing is."""
+    values = np.asarray(values, dtype=float)
+    values = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
+
+
+def pose_rms(residuals: pd.DataFrame) -> pd.DataFrame:
+    """Rms residual of each pose [mm]: pose, fitted, left_out."""
+    mm = residuals.assign(
+        fitted=MM * residuals["residual_m"], left_out=MM * residuals["left_out_m"]
+    )
+    by_pose: pd.DataFrame = mm.groupby("pose")[["fitted", "left_out"]].agg(rms)
+    return by_pose.reset_index()
+
+
+def residual_force(residuals: pd.DataFrame, forces: pd.DataFrame) -> pd.DataFrame:
+    """Residuals [mm] beside the size of their pull [N]: pose, repeat, target, axis, force_n, mm."""
+    size = np.linalg.norm(forces[["fx_n", "fy_n", "fz_n"]].to_numpy(float), axis=1)
+    joined = residuals.merge(
+        forces[["pose", "repeat"]].assign(force_n=size), on=["pose", "repeat"], how="inner"
+    )
+    joined["mm"] = MM * joined["residual_m"]
+    return _finite(joined, ["mm"])
+
+
+def _finite(table: pd.DataFrame, columns: list[str]) -> pd.DataFrame:
+    keep = np.isfinite(table[columns].to_numpy(float)).all(axis=1)
+    return table.iloc[np.flatnonzero(keep)].reset_index(drop=True)
+
+
+def whitened(residuals: pd.DataFrame) -> Array:
+    """Residuals in standard deviations, the finite ones, shape (M,)."""
+    values: Array = residuals["whitened"].to_numpy(float)
+    return values[np.isfinite(values)]
+
+
+def arrows(
+    residuals: pd.DataFrame, displacements: pd.DataFrame, forces: pd.DataFrame
+) -> pd.DataFrame:
+    """Residual vector of every reflector under the strongest pull of each pose.
+
+    Returns:
+        pose, repeat, target, x, y, z (unloaded position [m], F_b), rx, ry, rz [mm]; empty where the
+        positions are not known.
+    """
+    sized = residual_force(residuals, forces)
+    strongest = sized.loc[sized.groupby("pose")["force_n"].idxmax(), ["pose", "repeat"]]
+    vectors = (
+        sized.merge(strongest, on=["pose", "repeat"])
+        .pivot_table(index=["pose", "repeat", "target"], columns="axis", values="mm")
+        .reindex(columns=["x", "y", "z"])
+        .set_axis(["rx", "ry", "rz"], axis=1)
+        .reset_index()
+    )
+    zeros = displacements.rename(columns={f"zero_{a}_m": a for a in "xyz"})
+    placed = vectors.merge(
+        zeros[["pose", "repeat", "target", *"xyz"]], on=["pose", "repeat", "target"]
+    )
+    return _finite(placed, [*"xyz", "rx", "ry", "rz"])
+
+
+def registration_by_target(registration: pd.DataFrame) -> pd.DataFrame:
+    """Per base reflector [mm]: target, readings, mean dx, dy, dz, rms and largest distance."""
+    mm = registration[["target"]].copy()
+    mm[["dx", "dy", "dz"]] = MM * registration[AXES].to_numpy(float)
+    mm["distance"] = np.linalg.norm(mm[["dx", "dy", "dz"]], axis=1)
+    groups = mm.groupby("target")
+    out = groups[["dx", "dy", "dz"]].mean()
+    out.insert(0, "readings", groups.size())
+    out["rms"] = groups["distance"].agg(rms)
+    out["largest"] = groups["distance"].max()
+    return out.reset_index()
+
+
+def prediction_error(validation: pd.DataFrame) -> dict[tuple[str, str], Array]:
+    """Sorted relative prediction errors of Eq. (22), mean over targets per validation pose."""
+    per_pose = validation.groupby(["set", "draw", "index"])["mu"].mean()
+    pairs = validation[["set", "draw"]].drop_duplicates().itertuples(index=False, name=None)
+    return {(str(s), str(d)): np.sort(per_pose.loc[s, d].to_numpy(float)) for s, d in pairs}

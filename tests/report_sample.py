@@ -1,0 +1,213 @@
+"""A result and its tables as the campaign contract has them, made by code, for the report."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+POSES, REPEATS, TARGETS = 16, 3, ("P1", "P2", "P3")
+NOMINAL = (8.0e7, 3.8e6, 6.6e6, 3.9e6, 5.6e5, 6.6e5, 4.7e5)
+
+
+def result() -> dict[str, Any]:
+    """A campaign whose carriage rolls, with joint 7 left undetermined."""
+    joints = [_joint(number, nominal) for number, nominal in enumerate(NOMINAL, 1)]
+    joints[6] |= {
+        "value": None,
+        "std": None,
+        "ci95": [None, None],
+        "relative_std": None,
+        "identifiable": False,
+        "finding": "k_theta7 is not identifiable: attach the chain off that joint's axis.",
+    }
+    richer = [joint | {"value": joint["value"] * 1.02} for joint in joints[:6]]
+    return {
+        "format": 1,
+        "campaign": "kr500-sample",
+        "robot": "kr500_rail",
+        "verdict_sentence": [
+            "The carriage rolls about the rail and the paper's model does not know it.",
+            "Add it to the model before you correct machining paths.",
+        ],
+        "stiffness": joints,
+        "findings": [joints[6]["finding"]],
+        "fit": {
+            "rms_mm": 0.0312,
+            "chi2": 512.4,
+            "dof": 425,
+            "p_value": 0.0023,
+            "noise_from": "stated",
+            "residual_std_mm": 0.0315,
+            "second_order_rms_mm": 0.0021,
+            "noise_statement": "Uncertainties rest on the noise stated in campaign.toml.",
+        },
+        "diagnosis": _diagnosis(),
+        "extended": {"stiffness": richer, "fit": {"rms_mm": 0.029}},
+        "validation": {
+            "test_pose": {"P1": 0.0016, "P2": 0.0019, "P3": 0.0020},
+            "global": {"P1": 0.0068, "P2": 0.0067, "P3": 0.0069},
+            "held_out_rms_mm": 0.0331,
+            "poses": 1000,
+            "independent": {
+                "test_pose": {"P1": 0.0026, "P2": 0.0029, "P3": 0.0030},
+                "global": {"P1": 0.0088, "P2": 0.0087, "P3": 0.0089},
+            },
+        },
+        "test_pose_deflection": [
+            {
+                "target": target,
+                "dx_mm": -0.1234 - 0.01 * k,
+                "dy_mm": 0.0456,
+                "dz_mm": -0.4021,
+                "std_mm": [0.0012, 0.00094, 0.00236],
+            }
+            for k, target in enumerate(TARGETS)
+        ],
+        "registration": {
+            "rms_mm": 0.041,
+            "max_mm": 0.083,
+            "chi2": 21.3,
+            "dof": 18,
+            "p_value": 0.26,
+            "rotation_std_rad": [2.1e-6, 3.0e-6, 1.9e-6],
+            "translation_std_m": [1.2e-5, 0.9e-5, 1.1e-5],
+        },
+        "rejected": [
+            {"file": "tracker.csv", "line": 17, "reason": "target P9 is not listed; add it"},
+            {"file": "loads.csv", "line": None, "reason": "pose 4 has no load; weigh it again"},
+        ],
+        "model": {"equilibrium": "undeformed"},
+        "assumptions": ["the rail reaches from 0 to 18 m", "Table I is used as printed"],
+        "inputs": [
+            {"file": "tracker.csv", "sha256": "0f" * 32, "bytes": 48123},
+            {"file": "campaign.toml", "sha256": "a1" * 32, "bytes": 812},
+        ],
+        "versions": {"pipeline": "0.1.0", "numpy": "2.4.6"},
+    }
+
+
+def _joint(number: int, nominal: float) -> dict[str, Any]:
+    value, std = nominal * (1 + 0.013 * (number - 3)), nominal * 0.004 * number
+    rail = number == 1
+    return {
+        "joint": number,
+        "name": "k_r1" if rail else f"k_theta{number}",
+        "unit": "N/m" if rail else "N m/rad",
+        "value": value,
+        "std": std,
+        "ci95": [value - 1.9 * std, value + 2.1 * std],
+        "identifiable": True,
+        "joint_type": "prismatic" if rail else "revolute",
+        "compliance": 1 / value,
+        "compliance_std": std / value**2,
+        "compliance_unit": "m/N" if rail else "rad/(N m)",
+        "relative_std": std / value,
+        "nominal": nominal,
+        "finding": None,
+    }
+
+
+def _diagnosis() -> dict[str, Any]:
+    return {
+        "verdict": "explained",
+        "causes": [
+            {
+                "name": "rail_roll",
+                "where": None,
+                "probability": 0.98,
+                "parameters": [
+                    {"name": "c_roll", "value": 2.1e-8, "std": 1e-9, "unit": "rad/(N m)"}
+                ],
+                "p_value": 1e-9,
+                "rivals": [{"name": "joint_tilt", "where": 2, "probability": 0.01}],
+                "gain": {
+                    "held_out_rms_before_mm": 0.19,
+                    "held_out_rms_after_mm": 0.05,
+                    "reduction": 0.74,
+                    "ci95": [0.69, 0.78],
+                    "test_pose_change_mm": 0.011,
+                },
+            }
+        ],
+        "blind_spots": [
+            {
+                "name": "scale_gain",
+                "where": None,
+                "why": "multiplies every stiffness alike",
+                "smallest_visible": None,
+                "unit": "1",
+                "needs": "a known dead weight on the scale",
+            },
+            {
+                "name": "joint_lost_motion",
+                "where": 3,
+                "why": "too few load steps",
+                "smallest_visible": 3.2e-5,
+                "unit": "rad",
+                "needs": "three load steps in one pose",
+            },
+        ],
+        "next_poses": [
+            {
+                "separates": ["compensator", "joint_hardening"],
+                "q": [8.5, -10, 35, 39, 81, 22, -10],
+                "force_n": 3000,
+                "sigmas_before": 0.3,
+                "sigmas_after": 12.0,
+            }
+        ],
+    }
+
+
+def tables(seed: int = 20261103) -> dict[str, pd.DataFrame]:
+    """Tables that look like such a campaign."""
+    rng = np.random.default_rng(seed)
+    pulls = pd.MultiIndex.from_product(
+        [range(1, POSES + 1), range(1, REPEATS + 1)], names=["pose", "repeat"]
+    ).to_frame(index=False)
+    direction = rng.normal(size=(len(pulls), 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    size = np.array([1000.0, 2000.0, 3000.0])[pulls["repeat"] - 1]
+    pulls[["fx_n", "fy_n", "fz_n"]] = size[:, None] * direction
+    points = pulls[["pose", "repeat"]].merge(pd.DataFrame({"target": TARGETS}), how="cross")
+    rail = rng.uniform(0, 18, POSES)[points["pose"] - 1]
+    points[["zero_x_m", "zero_y_m", "zero_z_m"]] = (
+        rng.uniform([1.2, -1, 0.8], [2.6, 1, 2.4], (POSES, 3))[points["pose"] - 1]
+        + np.outer(rail, [0, 1, 0])
+        + 0.15 * rng.normal(size=(len(TARGETS), 3))[np.tile(range(3), len(pulls))]
+    )
+    rows = points.merge(pd.DataFrame({"axis": ["x", "y", "z"]}), how="cross")
+    rows["residual_m"] = 3e-5 * rng.standard_normal(len(rows))
+    rows["whitened"] = rows["residual_m"] / 3e-5
+    rows["left_out_m"] = 1.1 * rows["residual_m"]
+    return {
+        "forces": pulls,
+        "displacements": points,
+        "residuals": rows[
+            ["pose", "repeat", "target", "axis", "residual_m", "whitened", "left_out_m"]
+        ],
+        "registration": _registration(rng),
+        "validation": _validation(rng),
+        "rejected": pd.DataFrame({"file": [], "line": [], "reason": []}),
+    }
+
+
+def _registration(rng: np.random.Generator) -> pd.DataFrame:
+    out = pd.DataFrame({"target": ["B1", "B2", "B3", "B4"] * 6})
+    out[["dx_m", "dy_m", "dz_m"]] = 3e-5 * rng.standard_normal((len(out), 3))
+    return out
+
+
+def _validation(rng: np.random.Generator) -> pd.DataFrame:
+    index = pd.MultiIndex.from_product(
+        [["test_pose", "global"], ["covariance", "independent"], range(1, 1001), TARGETS],
+        names=["set", "draw", "index", "target"],
+    )
+    out = index.to_frame(index=False)
+    size = np.where(out["set"] == "global", 0.007, 0.002) * np.where(
+        out["draw"] == "independent", 1.4, 1.0
+    )
+    out["mu"] = size * np.abs(rng.standard_normal(len(out)))
+    return out

@@ -1,0 +1,341 @@
+from __future__ import annotations
+
+import copy
+import io
+import re
+import xml.etree.ElementTree as ET
+
+import pypdf
+import pytest
+import report_sample
+from pypdf.generic import DictionaryObject
+
+from pipeline.report import numbers
+from pipeline.report.model import compose
+from pipeline.report.record import Table
+from pipeline.report.render import render
+
+HOSTILE = (
+    "<script>alert(1)</script> #panic(\"x\") $x$ *b* _i_ `c` @ref ]] \\u{41} 'q' &amp; {{ 7*7 }}"
+)
+
+
+@pytest.fixture(scope="module")
+def sample():
+    """A result and its tables."""
+    return report_sample.result(), report_sample.tables()
+
+
+@pytest.fixture(scope="module")
+def files(sample):
+    """All files of its report."""
+    return render(*sample, run_time_s=1.234)
+
+
+@pytest.fixture(scope="module")
+def html(files):
+    """Its page."""
+    return files["index.html"].decode()
+
+
+@pytest.fixture(scope="module")
+def reader(files):
+    """Its PDF."""
+    return pypdf.PdfReader(io.BytesIO(files["report.pdf"]))
+
+
+def words(text: str) -> str:
+    """Text without white space, soft breaks and hyphenation, which differ between renderings."""
+    return re.sub(r"[\s\u200b\u00ad\u00a0-]", "", text)
+
+
+def pdf_words(reader: pypdf.PdfReader) -> str:
+    """All text of a PDF, as `words` gives it."""
+    return words("".join(page.extract_text() for page in reader.pages))
+
+
+# --- digits --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "shown"),
+    [
+        (80.0123, 1.6449, "80.0 ± 1.6"),
+        (3.80049, 0.0123, "3.800 ± 0.012"),
+        (1.0, 0.0996, "1.00 ± 0.10"),
+        (1.0, 0.0994, "1.000 ± 0.099"),
+        (12345.6, 321.0, "12350 ± 320"),
+        (-0.00001, 0.0012, "0.0000 ± 0.0012"),
+        (2.1e-8, 1.04e-9, "(2.10 ± 0.10) × 10⁻⁸"),
+        (-3.0e-9, 2.2e-8, "(-0.3 ± 2.2) × 10⁻⁸"),
+        (5.0, None, "5.00"),
+        (None, 1.0, numbers.MISSING),
+        (float("nan"), 1.0, numbers.MISSING),
+    ],
+)
+def test_the_uncertainty_gets_two_digits_and_sets_those_of_the_value(value, std, shown):
+    """Two significant digits of the standard uncertainty, the value rounded at the same place."""
+    assert numbers.with_std(value, std) == shown
+
+
+@pytest.mark.parametrize(
+    ("bounds", "shown"),
+    [
+        ([76.93, 83.11], "76.9 to 83.1"),
+        ([76.93, None], "above 76.9"),
+        ([None, 83.11], "below 83.1"),
+        ([None, None], numbers.MISSING),
+        (None, numbers.MISSING),
+    ],
+)
+def test_an_interval_may_be_open(bounds, shown):
+    """A compliance that may be zero gives a stiffness without an upper limit, and it is said."""
+    assert numbers.interval(bounds, 1.6) == shown
+
+
+@pytest.mark.parametrize(
+    ("p", "shown"),
+    [(0.98, "98 %"), (0.99996, "over 99.9 %"), (0.0, "below 0.1 %"), (0.994, "99.4 %")],
+)
+def test_a_probability_is_never_shown_as_certainty(p, shown):
+    """Rounding must not turn nearly certain into certain."""
+    assert numbers.probability(p) == shown
+
+
+# --- what is said --------------------------------------------------------------------------
+
+
+def test_the_verdict_comes_first_and_the_method_last(sample):
+    """The report is in the order in which an engineer needs it."""
+    keys = [section.key for section in compose(*sample).sections]
+
+    assert keys == [
+        "stiffness",
+        "diagnosis",
+        "test-pose",
+        "validation",
+        "residuals",
+        "registration",
+        "rejected",
+        "method",
+    ]
+
+
+def test_a_joint_that_is_not_determined_gets_no_number(sample):
+    """No stiffness is stated for a joint that the poses do not determine, and the way out is."""
+    report = compose(*sample)
+    table = next(b for b in report.sections[0].blocks if isinstance(b, Table))
+    row = [cell.text for cell in table.rows[6]]
+
+    assert row[:3] == ["k_theta7", "not determined", numbers.MISSING]
+    assert any("attach the chain" in getattr(b, "text", "") for b in report.sections[0].blocks)
+
+
+def test_stiffness_is_shown_in_one_prefix_with_its_unit(sample):
+    """All joints share a prefix, so that their numbers can be compared by eye."""
+    table = next(b for b in compose(*sample).sections[0].blocks if isinstance(b, Table))
+    shown = [(row[1].text, row[3].text) for row in table.rows[:2]]
+
+    assert shown == [("77.92 ± 0.32", "MN/m"), ("3.751 ± 0.030", "MN·m/rad")]
+
+
+def test_a_fallen_key_leaves_its_part_out_and_nothing_else(sample):
+    """Any single key of the result may be missing or null: there still is a report."""
+    whole, tables = sample
+    for key in whole:
+        for fallen in ({k: v for k, v in whole.items() if k != key}, whole | {key: None}):
+            report = compose(fallen, tables)
+            assert report.sections[-1].key == "method"
+
+
+def test_a_bare_result_still_makes_both_renderings():
+    """The contract's keys are all that a report needs, and tables may be missing altogether."""
+    bare = {"campaign": "bare", "robot": "r", "stiffness": report_sample.result()["stiffness"][:2]}
+    for joint in bare["stiffness"]:
+        del joint["nominal"]
+
+    made = render(bare, {})
+
+    assert set(made) == {"index.html", "report.pdf"}
+    assert b"No row of the raw files was rejected" in made["index.html"]
+
+
+def test_captions_carry_the_numbers_of_the_campaign(sample):
+    """A caption names the worst pose and how bad it is, from the residuals themselves."""
+    result, tables = sample
+    spoilt = dict(tables, residuals=tables["residuals"].copy())
+    spoilt["residuals"].loc[spoilt["residuals"]["pose"] == 5, "residual_m"] = 2.5e-4
+
+    caption = next(f for f in compose(result, spoilt).figures if f.name == "pose-rms").caption
+
+    assert caption.replace("\u00a0", " ").startswith("Pose 5 is the worst with 0.250 mm")
+
+
+# --- page ----------------------------------------------------------------------------------
+
+
+def test_every_stiffness_stands_in_page_and_pdf(sample, html, reader):
+    """Both renderings show every joint with the same digits."""
+    table = next(b for b in compose(*sample).sections[0].blocks if isinstance(b, Table))
+    pdf = pdf_words(reader)
+
+    for row in table.rows:
+        for cell in row:
+            assert cell.text in html
+            assert words(cell.text) in pdf
+
+
+def test_page_and_pdf_say_the_same(sample, html, reader):
+    """Every paragraph, caption and cell of the model is in both renderings."""
+    import html as escaping
+
+    page, pdf = words(escaping.unescape(html)), pdf_words(reader)
+    said = []
+    for section in compose(*sample).sections:
+        said.append(section.title)
+        for block in section.blocks:
+            if isinstance(block, Table):
+                said += [block.title, block.note, *(c.text for row in block.rows for c in row)]
+            else:
+                said.append(getattr(block, "text", None) or block.caption)
+
+    assert len(said) > 150
+    assert [text for text in said if words(text) not in page] == []
+    assert [text for text in said if words(text) not in pdf] == []
+
+
+def test_the_page_asks_nobody_for_anything(html):
+    """The page works from a file without a network: it names no address at all."""
+    assert not re.search(r"(?:https?:)?//[a-z0-9]", html.partition("<script>")[0])
+    assert not re.search(
+        r"\b(?:(?:src|srcset|action)=|@import|url\([^#]|fetch\(|XMLHttp|import\()", html
+    )
+    assert all(x.startswith("#") or x == "data:," for x in re.findall(r'href="([^"]*)"', html))
+
+
+def test_ids_are_unique_and_every_link_leads_somewhere(html):
+    """Figures inlined side by side share no ids, and no reference is lost."""
+    ids = re.findall(r'\bid="([^"]*)"', html)
+    wanted = re.findall(r'href="#([^"]+)"', html) + re.findall(r"url\(#([^)]+)\)", html)
+    wanted += re.findall(r'aria-labelledby="([^"]*)"', html)
+
+    assert len(ids) == len(set(ids))
+    assert set(wanted) <= set(ids)
+
+
+def test_figures_follow_the_colours_of_the_page(html):
+    """Inline figures hold no colour of their own, so that they can be light and dark."""
+    pictures = "".join(re.findall(r"<svg.*?</svg>", html, flags=re.DOTALL))
+
+    pictures = re.sub(r'(?:href|id|clip-path)="[^"]*"', "", pictures)
+    assert pictures.count("<svg") == 7
+    assert re.findall(r"#[0-9a-f]{3,6}\b|\brgb\(", pictures) == []
+
+
+def test_every_value_of_a_figure_can_be_read(html, sample):
+    """As many values to hover as there are residual coordinates, each naming pose and target."""
+    tips = re.findall(r'data-tip="(pose \d+, pull \d+, P\d [xyz]: [^"]* mm at [^"]* N)"', html)
+
+    assert len(tips) == len(set(tips)) == len(sample[1]["residuals"])
+
+
+@pytest.mark.parametrize(
+    "where", ["campaign", "robot", "target", "finding", "cause", "file", "input"]
+)
+def test_hostile_names_stay_names(sample, where):
+    """Names from raw files are shown as they are; they are neither HTML, nor Jinja, nor Typst."""
+    result, tables = copy.deepcopy(sample[0]), dict(sample[1])
+    if where in ("campaign", "robot"):
+        result[where] = HOSTILE
+    if where == "finding":
+        result["findings"] = [HOSTILE]
+    if where == "cause":
+        result["diagnosis"]["causes"][0]["name"] = HOSTILE
+    if where == "file":
+        result["rejected"][0]["file"] = result["rejected"][0]["reason"] = HOSTILE
+    if where == "input":
+        result["inputs"][0]["file"] = HOSTILE
+    if where == "target":
+        for name in ("residuals", "displacements", "registration", "validation"):
+            tables[name] = tables[name].assign(target="_" + HOSTILE)
+
+    made = render(result, tables)
+    html = made["index.html"].decode()
+    pdf = pdf_words(pypdf.PdfReader(io.BytesIO(made["report.pdf"])))
+
+    assert html.count("<script>") == 1
+    assert "alert(1)" in html
+    assert "&lt;script&gt;alert(1)" in html
+    assert words("#panic") in pdf
+    assert words("$x$ *b* _i_ `c` @ref ]]") in pdf.replace("\u200b", "")
+
+
+# --- PDF -----------------------------------------------------------------------------------
+
+
+def structure(node: object) -> list[DictionaryObject]:
+    """All elements of a structure tree below a node."""
+    node = node.get_object() if hasattr(node, "get_object") else node
+    if isinstance(node, list):
+        return [found for child in node for found in structure(child)]
+    if not isinstance(node, DictionaryObject):
+        return []
+    return [node, *(structure(node["/K"]) if "/K" in node else [])]
+
+
+def test_the_pdf_is_tagged_and_says_title_and_language(reader, sample):
+    """A screen reader gets a tagged document with its language and title."""
+    root = reader.trailer["/Root"]
+
+    assert root["/MarkInfo"]["/Marked"].value is True
+    assert root["/Lang"] == "en"
+    assert reader.metadata.title == compose(*sample).title
+    assert root["/ViewerPreferences"]["/DisplayDocTitle"].value is True
+
+
+def test_every_figure_of_the_pdf_has_its_alternative_text(reader, sample):
+    """Each picture carries the alternative text of the model, in order."""
+    elements = structure(reader.trailer["/Root"]["/StructTreeRoot"])
+    spoken = [str(e["/Alt"]) for e in elements if e.get("/S") == "/Figure"]
+
+    assert spoken == [figure.alt for figure in compose(*sample).figures]
+    assert all(len(alt) > 60 for alt in spoken)
+
+
+def test_tables_of_the_pdf_have_header_cells(reader, sample):
+    """Every table is a table with headings to a screen reader, not a drawing of one."""
+    kinds = [str(e.get("/S")) for e in structure(reader.trailer["/Root"]["/StructTreeRoot"])]
+    tables = [b for s in compose(*sample).sections for b in s.blocks if isinstance(b, Table)]
+
+    assert kinds.count("/Table") == len(tables)
+    assert kinds.count("/TH") == sum(len(table.columns) for table in tables)
+
+
+# --- bytes ---------------------------------------------------------------------------------
+
+
+def test_two_runs_differ_in_the_stated_run_time_only(files, sample):
+    """The same input gives the same bytes, except for the run time where it is stated."""
+    again = render(*sample, run_time_s=9.876)
+    page, other = files["index.html"].decode(), again["index.html"].decode()
+
+    assert "1.2 s" in page
+    assert page.replace(">1.2 s<", ">9.9 s<") == other
+    assert {k: v for k, v in files.items() if k.startswith("figures/")} == {
+        k: v for k, v in again.items() if k.startswith("figures/")
+    }
+    assert render(*sample, run_time_s=1.234)["report.pdf"] == files["report.pdf"]
+
+
+def test_files_are_small(files):
+    """A report can be mailed: page below 3 MB, PDF below 2 MB."""
+    assert len(files["index.html"]) < 3e6
+    assert len(files["report.pdf"]) < 2e6
+
+
+def test_figures_on_disk_are_whole_svg_files(files):
+    """Each figure is also a file of its own for slides, in light colours."""
+    for name, content in files.items():
+        if name.endswith(".svg"):
+            assert ET.fromstring(content).tag == "{http://www.w3.org/2000/svg}svg"
+            assert b"var(--" not in content
