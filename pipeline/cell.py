@@ -226,6 +226,10 @@ def _exponential(twist: Array, amount: Array) -> Array:
     return total
 
 
+BLOCK = 1024
+"""Pulls computed together: their frames stay in the processor's cache."""
+
+
 def jacobian(cell: Cell, pulls: Pulls, values: Array) -> Array:
     """Derivative of the displacements by the parameters at `values`: B of Eq. (19).
 
@@ -236,6 +240,15 @@ def jacobian(cell: Cell, pulls: Pulls, values: Array) -> Array:
         Shape (m, t, 3, k).
     """
     values = np.asarray(values, dtype=float)
+    m, t = len(pulls), len(cell.tool.targets)
+    B = np.empty((m, t, 3, len(values)))
+    for start in range(0, m, BLOCK):
+        part = slice(start, start + BLOCK)
+        B[part] = _jacobian(cell, pulls.part(part), values)
+    return B
+
+
+def _jacobian(cell: Cell, pulls: Pulls, values: Array) -> Array:
     loaded = load(cell, pulls, values)
     out, start = [], 0
     for effect in cell.effects:

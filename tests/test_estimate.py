@@ -125,6 +125,13 @@ def test_a_column_of_rounding_noise_is_not_identifiable_and_spoils_nothing(rng):
     assert found.std[[0, 2]] == pytest.approx(alone.std, rel=1e-9)
 
 
+def test_fewer_rows_than_unknowns_determine_nothing(rng):
+    """Two rows for three unknowns: no value is called identifiable."""
+    found = solve(system(rng, poses=(2,)), TYPICAL)
+
+    assert not found.identifiable.any()
+
+
 def test_twins_are_not_identifiable_and_the_rest_is_given(rng):
     """Two equal columns: neither has a value of its own, the third has."""
     made = system(rng)

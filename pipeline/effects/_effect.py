@@ -43,6 +43,10 @@ class Pulls(Locked):
         """Number of pulls m."""
         return len(self.pose)
 
+    def part(self, which: slice) -> Pulls:
+        """Some of the pulls."""
+        return Pulls(**{field.name: getattr(self, field.name)[which] for field in fields(self)})
+
     def under(self, forces: Array) -> Pulls:
         """The same pulls under n sets of forces, one set after the other.
 

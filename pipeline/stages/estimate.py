@@ -30,19 +30,11 @@ def solve(system: System, start: Array, white: Whitener | None = None) -> Estima
     """
     white = white or whitener(system.errors, system.rows.pose)
     typical = np.array([p.typical for p in system.parameters])
-    U, s, Vt = np.linalg.svd(white(system.B) * typical, full_matrices=False)
-    seen = s > DARK * s[0]
-    misfit = white(system.c - system.B @ start)
-    value = start + typical * (Vt[seen].T @ (U[:, seen].T @ misfit / s[seen]))
-    half = typical[:, None] * Vt[seen].T / s[seen]
-    cov = half @ half.T
-    lost = (np.abs(Vt[~seen]) > 1e-4).any(axis=0)
+    value, cov, chi2, rank = least_squares(white(system.B), white(system.c), typical, start)
     residual = system.c - system.B @ value
-    chi2 = float(np.sum(white(residual) ** 2))
-    dof = len(system.rows) - int(seen.sum())
+    dof = len(system.rows) - rank
     scale = 1.0 if system.noise_stated else chi2 / max(dof, 1)
-    cov = cov * scale
-    cov[lost, lost] = np.inf
+    cov = np.where(np.isinf(cov), np.inf, cov * scale)  # a perfect fit has scale 0
     std = np.sqrt(np.diag(cov))
     return Estimate(
         parameters=system.parameters,
@@ -57,6 +49,31 @@ def solve(system: System, start: Array, white: Whitener | None = None) -> Estima
         residual_std_m=float(np.sqrt(residual @ residual / max(dof, 1))),
         quantile=float(stats.norm.ppf(0.975) if system.noise_stated else stats.t.ppf(0.975, dof)),
     )
+
+
+def least_squares(
+    A: Array, y: Array, typical: Array, start: Array
+) -> tuple[Array, Array, float, int]:
+    """Least squares on whitened rows, columns in their typical size.
+
+    Args:
+        A: Whitened B, shape (M, k).
+        y: Whitened c, shape (M,).
+        typical: Typical size of each parameter, shape (k,).
+        start: Where undetermined parameters stay, shape (k,).
+
+    Returns:
+        Values (k,), covariance (k, k) with infinite variances where undetermined, chi2, rank.
+    """
+    U, s, Vt = np.linalg.svd(A * typical, full_matrices=False)
+    seen = s > DARK * s[0]
+    value = start + typical * (Vt[seen].T @ (U[:, seen].T @ (y - A @ start) / s[seen]))
+    half = typical[:, None] * Vt[seen].T / s[seen]
+    cov = half @ half.T
+    lost = 1 - np.sum(Vt[seen] ** 2, axis=0) > 1e-8  # its part in mixes that nothing determines
+    cov[lost, lost] = np.inf
+    rest = y - A @ value
+    return value, cov, float(rest @ rest), int(seen.sum())
 
 
 def identify(cell: Cell, data: Measured, start: Array) -> tuple[System, Estimate]:

@@ -1,0 +1,122 @@
+"""Bad input at the command line: one sentence with file, line, thing and way out; exit 5."""
+
+import json
+import re
+
+import pytest
+
+from pipeline import cli
+from pipeline.simulate import Plan, simulate
+
+GOOD = simulate(Plan(name="c", poses={"count": 8})).files
+
+
+def lines(change):
+    """A change of the list of lines of a file."""
+
+    def apply(content):
+        return "\n".join(change(content.decode().splitlines())).encode() + b"\n"
+
+    return apply
+
+
+def without(pattern):
+    """Lines that match are gone."""
+    return lines(lambda rows: [row for row in rows if not re.search(pattern, row)])
+
+
+def replaced(pattern, by):
+    """The first match in the file is replaced."""
+    return lambda content: re.sub(pattern.encode(), by.encode(), content, count=1)
+
+
+def doubled(pattern):
+    """The first line that matches stands there again, moved by a millimetre."""
+
+    def twice(rows):
+        row = next(row for row in rows if re.search(pattern, row)).split(",")
+        row[2] = str(float(row[2]) + 1.0)
+        return [*rows, ",".join(row)]
+
+    return lines(twice)
+
+
+def scaled(factor):
+    """Coordinates by a factor."""
+
+    def scale(rows):
+        out = [rows[0]]
+        for row in rows[1:]:
+            cells = row.split(",")
+            cells[2:5] = [repr(float(cell) * factor) for cell in cells[2:5]]
+            out.append(",".join(cells))
+        return out
+
+    return lines(scale)
+
+
+def first_cell(name, value):
+    """The first value of a column."""
+
+    def change(rows):
+        cells = rows[1].split(",")
+        cells[rows[0].split(",").index(name)] = value
+        return [rows[0], ",".join(cells), *rows[2:]]
+
+    return lines(change)
+
+
+P2 = r"^pose03_rep2_loaded,P2,"
+NUMBER = r"(pose02_rep1_loaded,P1,)[-0-9.]+"
+
+CASES = {
+    "missing file": ("joints.csv", None, ["joints.csv", "missing"]),
+    "missing tracker": ("tracker.csv", None, ["campaign.toml", "tracker"]),
+    "unknown robot": ("campaign.toml", replaced("kr500_rail", "kr9000"), ["kr9000", "kr500_rail"]),
+    "missing P2": ("tracker.csv", without(P2), ["tracker.csv", "pose03_rep2_loaded", "P2"]),
+    "pose without load": ("loads.csv", without("^4,"), ["loads.csv", "4"]),
+    "load without pose": ("tracker.csv", without("^pose05_rep1_loaded"), ["loads.csv", "5"]),
+    "duplicate reading": ("tracker.csv", doubled(P2), ["tracker.csv", "pose03_rep2_loaded", "P2"]),
+    "NaN": ("tracker.csv", replaced(NUMBER, r"\1nan"), ["tracker.csv", "nan"]),
+    "comma": ("tracker.csv", replaced(NUMBER, r"\g<1>1234,5678"), ["tracker.csv:"]),
+    "empty file": ("tracker.csv", lambda content: b"", ["tracker.csv", "empty"]),
+    "empty loads": ("loads.csv", lambda content: b"", ["loads.csv", "empty"]),
+    "metres as mm": ("tracker.csv", scaled(1e-3), ["1000", "unit"]),
+    "two base reflectors": ("tracker.csv", without(",B[34],"), ["base reflectors"]),
+    "joint limit": ("joints.csv", first_cell("theta3_deg", "140.0"), [".csv:2", "theta3", "140"]),
+    "text for a number": ("loads.csv", first_cell("force_n", "12oo"), ["loads.csv:2", "12oo"]),
+    "unknown word": ("campaign.toml", replaced("sigma_m", "sigma_mm"), ["toml:", "sigma_mm"]),
+    "not TOML": ("campaign.toml", replaced("=", "=="), ["campaign.toml", "TOML"]),
+}  # fmt: skip
+
+KEPT = {"missing P2", "pose without load", "load without pose", "duplicate reading", "NaN"}
+"""What costs only its own rows: the rest is estimated and the loss is listed."""
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_bad_input_is_named_and_refused(name, tmp_path, capsys):
+    """Exit 5, every word an engineer needs, no traceback; good rows are kept where that is safe."""
+    file, change, words = CASES[name]
+    folder = tmp_path / "data" / "raw" / "c"
+    folder.mkdir(parents=True)
+    for each, content in GOOD.items():
+        if each != file:
+            (folder / each).write_bytes(content)
+        elif change is not None:
+            assert change(content) != content
+            (folder / each).write_bytes(change(content))
+
+    code = cli._exit_code(["run", "c", "--engine", "local", "--json", "--root", str(tmp_path)])
+    out, err = capsys.readouterr()
+    answer = json.loads(out)
+
+    assert code == 5
+    for word in words:
+        assert word in err
+    assert "Traceback" not in err
+    if name in KEPT:
+        assert answer["rejected"]
+        assert all(entry["value"] for entry in answer["stiffness"][1:])
+    else:
+        assert set(answer) == {"campaign", "error"}
+        assert len(err.splitlines()) == 1

@@ -1,0 +1,242 @@
+"""From a raw folder to result.json, through files and command line, without Prefect."""
+
+import csv
+import json
+import math
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline import campaign as campaigns
+from pipeline.run import run
+from pipeline.simulate import Plan, revised, simulate
+from pipeline.tables import DISPLACEMENTS, FORCES
+
+PROJECT = Path(__file__).parents[1]
+
+
+def pipeline(root, *arguments):
+    """Run the command line as a user does."""
+    return subprocess.run(
+        [sys.executable, "-m", "pipeline", *arguments, "--root", str(root)],
+        capture_output=True,
+        text=True,
+        cwd=PROJECT,
+        timeout=300,
+    )
+
+
+def write(root, files, name="campaign"):
+    """A raw folder of these files, and its campaign."""
+    folder = root / "data" / "raw" / name
+    folder.mkdir(parents=True)
+    for file, content in files.items():
+        (folder / file).write_bytes(content)
+    return campaigns.find(root, name)
+
+
+def exact(changes=None):
+    """A KR500 campaign without any noise, coordinates written in full."""
+    plan = Plan(name="exact")
+    silent = {
+        "tracker": {"noise_scale": 0.0, "digits": "full"},
+        "scale": {"noise_scale": 0.0},
+    }
+    return revised(revised(plan, silent), changes or {})
+
+
+TABLE_III = [8.0e7, 3.8e6, 6.6e6, 3.9e6, 5.6e5, 6.6e5, 4.7e5]
+
+
+def test_exact_data_give_back_the_stiffnesses(tmp_path):
+    """Through the raw files, all seven come back to 1e-9 of Table III."""
+    answer = run(write(tmp_path, simulate(exact()).files))
+    found = [entry["value"] for entry in answer["stiffness"]]
+
+    assert found == pytest.approx(TABLE_III, rel=1e-9)
+    assert [entry["name"] for entry in answer["stiffness"]] == [
+        "k_r1", *(f"k_theta{j}" for j in range(2, 8))
+    ]  # fmt: skip
+    assert answer["diagnosis"]["verdict"] == "adequate"
+
+
+def fanuc_by_hand():
+    """B and c of the FANUC's 43 pulls from the published table, one pose at a time."""
+    folder = PROJECT / "data" / "raw" / "fanuc_r2000ic"
+
+    def rows(name, columns):
+        with open(folder / name, newline="") as file:
+            return np.array([[float(r[c]) for c in columns] for r in csv.DictReader(file)])
+
+    angles = rows("joints.csv", [f"J{j}_rad" for j in range(1, 7)])
+    force = rows("forces.csv", ["fx_n", "fy_n", "fz_n"])
+    moved = rows("displacements.csv", ["dx_m", "dy_m", "dz_m"])
+    half = math.pi / 2
+    table = [
+        (0, 0, 0, 0.670),
+        (-half, 0.312, -half, 0),
+        (0, 1.075, 0, 0),
+        (-half, 0.225, 0, 1.28),
+        (half, 0, 0, 0),
+        (-half, 0, 0, 0.215),
+    ]
+    B = []
+    for (q1, q2, q3, q4, q5, q6), f in zip(angles, force, strict=True):
+        T, axes, at = np.eye(4), [], []
+        for m, (alpha, a, offset, d) in zip(
+            (q1, q2, -(q2 + q3), -q4, -q5, -q6), table, strict=True
+        ):
+            ca, sa, ct, st = (
+                math.cos(alpha), math.sin(alpha), math.cos(m + offset), math.sin(m + offset)
+            )  # fmt: skip
+            T = T @ np.array(
+                [
+                    [ct, -st, 0, a],
+                    [st * ca, ct * ca, -sa, -sa * d],
+                    [st * sa, ct * sa, ca, ca * d],
+                    [0, 0, 0, 1],
+                ]
+            )
+            axes.append(T[:3, 2])
+            at.append(T[:3, 3])
+        p = (T @ [0.0069, 0.2453, 0.3193, 1.0])[:3]
+        J = np.array([np.cross(z, p - o) for z, o in zip(axes, at, strict=True)]).T
+        B.append(J * (J.T @ f))
+    return np.vstack(B), moved.ravel()
+
+
+def test_real_fanuc_pulls_agree_with_an_independent_least_squares(tmp_path):
+    """Equal weights, joints only: k_1..k_6, 0.220 mm left, 0.2339 mm on left-out poses."""
+    B, c = fanuc_by_hand()
+    scale = np.linalg.norm(B, axis=0)
+    x = np.linalg.lstsq(B / scale, c, rcond=None)[0] / scale
+    residual = c - B @ x
+    shutil.copytree(PROJECT / "data/raw/fanuc_r2000ic", tmp_path / "data/raw/fanuc")
+
+    answer = run(campaigns.find(tmp_path, "fanuc"))
+
+    assert [e["value"] for e in answer["stiffness"]] == pytest.approx(1 / x, rel=1e-6)
+    assert answer["fit"]["residual_std_mm"] == pytest.approx(
+        1e3 * math.sqrt(residual @ residual / (129 - 6)), rel=1e-9
+    )
+    assert answer["fit"]["residual_std_mm"] == pytest.approx(0.220, abs=5e-4)
+    assert answer["validation"]["held_out_rms_mm"] == pytest.approx(0.2339, abs=5e-5)
+    assert answer["fit"]["noise_from"] == "residuals"
+    assert answer["fit"]["p_value"] is None
+    assert "does not fit as well as a tracker measures" in answer["verdict_sentence"][0]
+
+
+def test_left_out_error_is_that_of_refitting_without_the_pose(tmp_path):
+    """FANUC: 43 refits by lstsq give the same left-out residuals as the table."""
+    B, c = fanuc_by_hand()
+    scale = np.linalg.norm(B, axis=0)
+    out = np.empty_like(c)
+    for i in range(0, len(c), 3):
+        keep = np.ones(len(c), bool)
+        keep[i : i + 3] = False
+        x = np.linalg.lstsq(B[keep] / scale, c[keep], rcond=None)[0] / scale
+        out[~keep] = (c - B @ x)[~keep]
+    shutil.copytree(PROJECT / "data/raw/fanuc_r2000ic", tmp_path / "data/raw/fanuc")
+
+    answer = run(campaigns.find(tmp_path, "fanuc"))
+
+    assert answer["validation"]["held_out_rms_mm"] == pytest.approx(
+        1e3 * math.sqrt(np.mean(out**2)), rel=1e-9
+    )
+
+
+def test_a_pull_through_the_axis_of_joint_7_is_told_by_name(tmp_path):
+    """The other six are given; k_theta7 is not, and the finding says what to change."""
+    answer = run(write(tmp_path, simulate(exact({"tool": {"load_point": [0.0, 0.0, 0.25]}})).files))
+    entries = {entry["name"]: entry for entry in answer["stiffness"]}
+
+    assert entries["k_theta7"]["value"] is None
+    assert not entries["k_theta7"]["identifiable"]
+    assert "off that joint's axis" in entries["k_theta7"]["finding"]
+    values = [e["value"] for e in answer["stiffness"][:6]]
+    assert values == pytest.approx(TABLE_III[:6], rel=1e-9)
+
+
+def test_a_negative_compliance_is_a_finding_and_no_stiffness(tmp_path):
+    """Rail displacements of the wrong sign: k_r1 has no value, the sentence says why."""
+    files = dict(simulate(exact()).files)
+    answer = run(write(tmp_path, files, "right"))
+    moved = campaigns.find(tmp_path, "right").table("23_displacements", DISPLACEMENTS)
+    forces = campaigns.find(tmp_path, "right").table("22_forces", FORCES)
+    pull = moved.merge(forces, on=["pose", "repeat"])
+    moved["dy_m"] -= 3 * pull["fy_n"] / 8.0e7
+    content = tomllib.loads(files["campaign.toml"].decode())
+    toml = [
+        "format = 1",
+        'name = "wrong"',
+        'robot = "kr500_rail"',
+        "[displacements]",
+        "sigma_m = 3e-5",
+        "[tool]",
+        *(f"{name} = {point}" for name, point in content["tool"].items()),
+    ]
+    reduced = {
+        "campaign.toml": "\n".join(toml).encode(),
+        "joints.csv": files["joints.csv"],
+        "displacements.csv": csv_of(moved, ["pose", "repeat", "target", "dx_m", "dy_m", "dz_m"]),
+        "forces.csv": csv_of(forces, ["pose", "repeat", "fx_n", "fy_n", "fz_n"]),
+    }
+
+    wrong = run(write(tmp_path, reduced, "wrong"))["stiffness"][0]
+
+    assert answer["stiffness"][0]["value"] == pytest.approx(8e7, rel=1e-9)
+    assert wrong["compliance"] == pytest.approx(-2 / 8e7, rel=1e-6)
+    assert wrong["value"] is None
+    assert "negative" in wrong["finding"]
+
+
+def csv_of(table, columns):
+    """Columns of a table as CSV bytes, digits in full."""
+    return table[columns].to_csv(index=False).encode()
+
+
+def test_json_on_stdout_is_the_result_file(tmp_path):
+    """One line per campaign; a bad one has an error, stops nothing, and gives the exit code."""
+    write(tmp_path, simulate(Plan(name="good")).files, "good")
+    write(tmp_path, {"campaign.toml": b"format = 1\n"}, "broken")
+
+    done = pipeline(tmp_path, "run", "--engine", "local", "--json")
+    broken, good = (json.loads(line) for line in done.stdout.splitlines())
+
+    assert done.returncode == 5
+    assert broken["campaign"] == "broken"
+    assert broken["error"]["file"] == "campaign.toml"
+    assert good == json.loads((tmp_path / "reports/good/result.json").read_text())
+    assert "Traceback" not in done.stderr
+
+
+def test_a_second_run_computes_nothing_and_a_changed_input_does(tmp_path):
+    """No file is touched when nothing changed; one changed byte of input makes a new result."""
+    campaign = write(tmp_path, simulate(Plan(name="c")).files)
+    first = run(campaign)
+    stamps = {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*") if p.is_file()}
+
+    again = run(campaign)
+
+    assert again == first
+    watched = {p: s for p, s in stamps.items() if p.name != ".lock"}
+    assert all(p.stat().st_mtime_ns == stamp for p, stamp in watched.items())
+
+    loads = campaign.folder / "loads.csv"
+    loads.write_bytes(loads.read_bytes().replace(b"\n1,1,1", b"\n1,1,2", 1))
+    assert run(campaign)["stiffness"] != first["stiffness"]
+
+
+def test_a_damaged_answer_is_made_again(tmp_path):
+    """The manifest knows what the outputs were."""
+    campaign = write(tmp_path, simulate(Plan(name="c")).files)
+    first = run(campaign)
+    (campaign.reports / "result.json").write_text("{}")
+
+    assert run(campaign) == first
+    assert json.loads((campaign.reports / "result.json").read_text()) == first
