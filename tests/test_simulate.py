@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from pipeline import settings
-from pipeline.effects import Observation, Wrench
+from pipeline.cell import Tool, paper_cell, predict
+from pipeline.effects import Noise, Observation, Wrench, catalogue
 from pipeline.errors import InputError, UsageError
 from pipeline.results import Parameter
 from pipeline.robot import load
@@ -299,6 +300,39 @@ def extra_weight():
         wrench=lambda loaded, w: (loaded.load_point, loaded.force - w * np.array([0, 0, 1.0])),
     )  # fmt: skip
     return Planted(effect, np.array([40.0]))
+
+
+ROBOT = load("kr500_rail")
+
+
+@pytest.mark.parametrize("effect", catalogue(ROBOT), ids=lambda e: f"{e.label} {e.form}".strip())
+def test_what_acts_survives_the_trip_through_the_files(effect, small_plan, read_back):
+    """The model that knows the effect meets the files: branch, approach, times, forces, points."""
+    values = np.array([parameter.typical for parameter in effect.parameters])
+    campaign = simulate(small_plan.without_noise(), hidden=(Planted(effect, values),))
+    data = read_back(campaign).data
+    tool = Tool(
+        np.array(small_plan.tool["load_point"]),
+        np.array(small_plan.targets, dtype=object),
+        np.array([small_plan.tool[name] for name in small_plan.targets]),
+    )
+    cell = paper_cell(ROBOT, tool).with_effects(effect)
+    known = predict(cell, data.pulls, np.concatenate([1 / TABLE_III, values]))
+    ignored = predict(paper_cell(ROBOT, tool), data.pulls, 1 / TABLE_III)
+    drifts = effect.name == "tracker_drift"
+    overlooked = max(
+        miss(ignored.displacement, data, data.delta), miss(ignored.unloaded, data, data.unloaded)
+    )
+
+    # the model gives the readings of one pull one time; the registration follows a drift half-way
+    assert miss(known.displacement, data, data.delta) < (2e-7 if drifts else 1e-12)
+    assert drifts or miss(known.unloaded, data, data.unloaded) < 1e-12
+    assert isinstance(effect, Noise) or overlooked > 3e-7
+
+
+def miss(predicted, data, seen):
+    """Largest distance between what a model predicts and what was read [m]."""
+    return np.abs(predicted[data.pull, data.target] - seen).max()
 
 
 def test_a_hidden_effect_shows_in_the_data_and_only_there():

@@ -43,4 +43,5 @@ def _effect(
         needs="times in the export, and base reflectors measured again and again",
         source="20 to 60 um/h; a cold tracker settles over two hours",
         observe=observe,
+        instrument=True,
     )

@@ -307,7 +307,7 @@ def _aimed(pulls: Pulls, size: Array, load_point: Array, anchor: Array) -> Pulls
 
 def _along_chain(cell: Cell, values: Array, pulls: Pulls, shown: Array, anchor: Array) -> Pulls:
     """Point each force from the load point under load, where it ends up, to the anchor."""
-    at = forward.load(cell, pulls, values).load_point
+    at = configure(cell.robot, pulls.q).points(cell.tool.load_point[None])[:, 0]
     for _ in range(4):  # the load point moves millimetres on metres of chain: three digits a round
         pulls = _aimed(pulls, shown, at, anchor)
         at = forward.predict(cell, pulls, values).load_point
