@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.results import Array
+from pipeline.results import Array, Parameter
 from pipeline.robot import SHIPPED, Robot
 from pipeline.robot import load as load_robot
+from pipeline.simulate.blunders import Notebook, controller_axes
 from pipeline.simulate.exports import Readings, export, numbers
-from pipeline.simulate.hidden import Planted
+from pipeline.simulate.hidden import Planted, blunders
 from pipeline.simulate.plan import Plan
 from pipeline.simulate.poses import in_log_units
 from pipeline.simulate.scene import Draws, Scene, build, draw
@@ -52,25 +53,50 @@ def simulate(
         InputError: A pose of the plan is out of limits, or no feasible one was found.
         UsageError: An effect or dialect has no such name.
     """
-    for_scene, for_draw = (rng or np.random.default_rng(plan.seed)).spawn(2)
-    scene = build(plan, robot or load_robot(plan.robot), for_scene, hidden)
+    for_scene, for_draw, for_blunders = (rng or np.random.default_rng(plan.seed)).spawn(3)
+    robot = robot or load_robot(plan.robot)
+    scene = build(plan, robot, for_scene, hidden)
     draws = draw(scene, for_draw)
-    return RawCampaign(plan.name, raw_files(scene, draws), truth(scene, draws))
+    notes, done = notebook(scene, draws), []
+    for one in blunders(plan.hidden.effects, robot):
+        notes, where = one.blunder.act(notes, one.where, one.size, for_blunders)
+        done.append(_effect(one.blunder.name, where, one.blunder.size, one.size))
+    sealed = truth(scene, draws)
+    return RawCampaign(
+        plan.name, written(scene, notes), sealed | {"effects": sealed["effects"] + done}
+    )
 
 
 def raw_files(scene: Scene, draws: Draws, which: int = 0) -> dict[str, bytes]:
-    """The files of one of the drawn campaigns."""
-    plan = scene.plan
-    dialect, tracker = export(
-        plan.tracker.dialect, readings(scene, draws, which), plan.tracker.digits
+    """The files of one of the drawn campaigns, nothing gone wrong."""
+    return written(scene, notebook(scene, draws, which))
+
+
+def notebook(scene: Scene, draws: Draws, which: int = 0) -> Notebook:
+    """What the operator has to write down of one drawn campaign."""
+    q = scene.pulls.q[scene.pulls.repeat == 1]
+    return Notebook(
+        robot=scene.plan.robot,
+        targets=tuple(scene.plan.targets),
+        readings=readings(scene, draws, which),
+        reading_n=draws.reading_n[which],
+        prismatic=scene.robot.prismatic,
+        joints=in_log_units(scene.robot, q),
+        controller=controller_axes(scene.robot, q),
     )
+
+
+def written(scene: Scene, notes: Notebook) -> dict[str, bytes]:
+    """The files of a notebook."""
+    plan = scene.plan
+    dialect, tracker = export(plan.tracker.dialect, notes.readings, plan.tracker.digits)
     files = {
-        "campaign.toml": _campaign_toml(scene, dialect.file, dialect.unit),
+        "campaign.toml": _campaign_toml(plan, notes.robot, dialect.file, dialect.unit),
         dialect.file: tracker,
-        "loads.csv": _loads(scene, draws.reading_n[which]),
-        "joints.csv": _joints(scene),
+        "loads.csv": _loads(scene, notes.reading_n),
+        "joints.csv": _joints(scene, notes.joints),
     }
-    if plan.robot not in SHIPPED:
+    if notes.robot not in SHIPPED:
         files["robot.toml"] = scene.robot.text.encode()
     return files
 
@@ -120,20 +146,19 @@ def _loads(scene: Scene, reading_n: Array) -> bytes:
     return "".join(["pose,repeat,force_n,branch\n", *body]).encode()
 
 
-def _joints(scene: Scene) -> bytes:
+def _joints(scene: Scene, logged: Array) -> bytes:
     joints = scene.robot.joints
     head = ["pose", *(f"{j.name}_{'m' if j.prismatic else 'deg'}" for j in joints), "approach"]
     first = np.flatnonzero(scene.pulls.repeat == 1)
     digits = "full" if scene.plan.tracker.digits == "full" else 6
-    q = numbers(in_log_units(scene.robot, scene.pulls.q[first]), digits)
+    q = numbers(logged, digits)
     approach = scene.pulls.approach[first].astype(int)
     rows = zip(scene.pulls.pose[first], q, approach, strict=True)
     body = [f"{pose},{','.join(values)},{way}\n" for pose, values, way in rows]
     return "".join([",".join(head) + "\n", *body]).encode()
 
 
-def _campaign_toml(scene: Scene, file: str, unit: str | None) -> bytes:
-    plan = scene.plan
+def _campaign_toml(plan: Plan, robot: str, file: str, unit: str | None) -> bytes:
     tracker: dict[str, Any] = {"files": [file]} | ({"unit": unit} if unit else {})
     if plan.tracker.stated:
         model = plan.tracker.model
@@ -145,7 +170,7 @@ def _campaign_toml(scene: Scene, file: str, unit: str | None) -> bytes:
     content: dict[str, Any] = {
         "format": 1,
         "name": plan.name,
-        "robot": plan.robot if plan.robot in SHIPPED else "robot.toml",
+        "robot": robot if robot in SHIPPED else "robot.toml",
         "tracker": tracker,
         "naming": {"measured": plan.targets, "chain": ["Pl1", "Pl2"]},
         "base_frame": plan.base_frame,
@@ -205,7 +230,10 @@ def truth(scene: Scene, draws: Draws, which: int = 0) -> dict[str, Any]:
                 zip(robot.joints, stiffness.tolist(), strict=True), 1
             )
         ],
-        "effects": [_planted(one) for one in scene.planted],
+        "effects": [
+            _effect(one.effect.name, one.effect.where, one.effect.parameters, one.values)
+            for one in scene.planted
+        ],
         "equilibrium": scene.cell.equilibrium,
         "tool": {
             "load_point": tool.load_point.tolist(),
@@ -229,12 +257,14 @@ def truth(scene: Scene, draws: Draws, which: int = 0) -> dict[str, Any]:
     }
 
 
-def _planted(one: Planted) -> dict[str, Any]:
+def _effect(
+    name: str, where: int | str | None, parameters: tuple[Parameter, ...], values: Array
+) -> dict[str, Any]:
     return {
-        "name": one.effect.name,
-        "where": one.effect.where,
+        "name": name,
+        "where": where,
         "parameters": [
             {"name": p.name, "unit": p.unit, "value": value}
-            for p, value in zip(one.effect.parameters, one.values.tolist(), strict=True)
+            for p, value in zip(parameters, values.tolist(), strict=True)
         ],
     }

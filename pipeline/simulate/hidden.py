@@ -1,16 +1,16 @@
-"""Effects to plant, from the words of the command line: NAME[:where][(form)][=size]."""
+"""What to plant in a virtual campaign, by the words of the command line."""
 
 from __future__ import annotations
 
-import re
+from collections.abc import Iterable
 from dataclasses import dataclass
-
-import numpy as np
 
 from pipeline.effects import Effect, catalogue
 from pipeline.errors import UsageError
 from pipeline.results import Array, Locked
 from pipeline.robot import Robot
+from pipeline.simulate._words import amounts, parts
+from pipeline.simulate.blunders import BLUNDERS, Committed, commit
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,47 +26,40 @@ class Planted(Locked):
     values: Array
 
 
-def plant(text: str, robot: Robot) -> Planted:
-    """The effect that `text` names, at its size.
+def plant(text: str, robot: Robot) -> Planted | Committed:
+    """What `text` names, at its size: an effect that acts, or a blunder of the operator.
 
     Args:
         text: `rail_roll` (typical size), `joint_tilt:2=2x` (twice the typical size),
             `scale_zero=20` (SI), `joint_tilt:2=1e-7,2e-7` (one number per parameter),
-            `tracker_drift(warm-up)` (a form of it; the first one where none is named).
+            `tracker_drift(warm-up)` (a form of it; the first one where none is named),
+            `outlier:pose03_rep1_loaded/P2=5e-4`, `unit_mixup:kgf`.
         robot: The robot that it acts on.
 
     Raises:
         UsageError: This robot has no such effect (all are listed), or the size is no number.
     """
-    words, _, size = (part.strip() for part in text.partition("="))
+    words, size = parts(text)
+    if words.partition(":")[0] in BLUNDERS:
+        return commit(text)
     known: dict[str, Effect] = {}
     for effect in catalogue(robot):
         known.setdefault(effect.label, effect)
-        known[f"{effect.label}({effect.form})"] = effect
+        if effect.form:
+            known[f"{effect.label}({effect.form})"] = effect
     if words not in known:
         raise UsageError(
             f'there is no effect "{words}" on {robot.name}; choose from '
-            f"{', '.join(name for name in known if not name.endswith('()')) or 'none'}."
+            f"{', '.join([*known, *BLUNDERS])}."
         )
-    return Planted(known[words], _values(known[words], size, text))
+    return Planted(known[words], amounts(size, known[words].parameters, text))
 
 
-def _values(effect: Effect, size: str, text: str) -> Array:
-    typical = np.array([parameter.typical for parameter in effect.parameters])
-    times = re.fullmatch(r"(.+?)\s*x", size)
-    try:
-        if not size:
-            return typical
-        if times:
-            return float(times[1]) * typical
-        values = np.array([float(number) for number in size.split(",")])
-    except ValueError as problem:
-        raise UsageError(
-            f'"{text}": {size} is no size; write a number in SI, or 2x for twice the typical size.'
-        ) from problem
-    if len(values) != len(typical) or not np.isfinite(values).all():
-        wanted = ", ".join(f"{p.name} [{p.unit}]" for p in effect.parameters)
-        raise UsageError(
-            f'"{text}": {effect.label} has the parameters {wanted}; give one number each.'
-        )
-    return values
+def effects(texts: Iterable[str], robot: Robot) -> tuple[Planted, ...]:
+    """Those of the named things that act in the cell."""
+    return tuple(one for text in texts if isinstance(one := plant(text, robot), Planted))
+
+
+def blunders(texts: Iterable[str], robot: Robot) -> tuple[Committed, ...]:
+    """Those of the named things that go wrong on the way into the folder."""
+    return tuple(one for text in texts if isinstance(one := plant(text, robot), Committed))

@@ -17,7 +17,7 @@ from pipeline.errors import InputError
 from pipeline.results import Array, Ints, Locked
 from pipeline.robot import Robot, configure
 from pipeline.simulate import noise
-from pipeline.simulate.hidden import Planted, plant
+from pipeline.simulate.hidden import Planted, effects
 from pipeline.simulate.plan import Plan
 from pipeline.simulate.poses import (
     default_anchors,
@@ -120,7 +120,7 @@ def build(
     """
     for_poses, for_truth = rng.spawn(2)
     q, anchor = _stand(plan, robot, for_poses)
-    planted = (*(plant(text, robot) for text in plan.hidden.effects), *hidden)
+    planted = (*effects(plan.hidden.effects, robot), *hidden)
     truth, values = _truth(plan, robot, planted, for_truth)
     schedule = _schedule(plan)
     steps, branch = _steps(plan)

@@ -1,0 +1,45 @@
+"""The words of the command line, `NAME[:where][=size]`, in their parts."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from pipeline.errors import UsageError
+from pipeline.results import Array, Parameter
+
+
+def parts(text: str) -> tuple[str, str]:
+    """What is named, and its size as it was typed."""
+    named, _, size = text.partition("=")
+    return named.strip(), size.strip()
+
+
+def amounts(size: str, parameters: tuple[Parameter, ...], text: str) -> Array:
+    """A size in SI, shape (k,).
+
+    Args:
+        size: Empty for the typical size, `2x` for twice that, or one number per parameter in SI.
+        parameters: What has the size.
+        text: All that was typed, for the message.
+
+    Raises:
+        UsageError: It is none of these.
+    """
+    typical = np.array([parameter.typical for parameter in parameters])
+    times = re.fullmatch(r"(.+?)\s*x", size)
+    try:
+        if not size:
+            return typical
+        if times:
+            return float(times[1]) * typical
+        values = np.array([float(number) for number in size.split(",")])
+    except ValueError as problem:
+        raise UsageError(
+            f'"{text}": {size} is no size; write a number in SI, or 2x for twice the typical size.'
+        ) from problem
+    if len(values) != len(typical) or not np.isfinite(values).all():
+        wanted = ", ".join(f"{p.name} [{p.unit}]" for p in parameters) or "no size"
+        raise UsageError(f'"{text}": it has {wanted}; give one number for each.')
+    return values

@@ -1,0 +1,199 @@
+"""What goes wrong between cell and folder: a beam break, swapped names, wrong units, a wrong sign.
+
+Each blunder changes the operator's notebook, never the cell; the truth says what was done where.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.errors import UsageError, listed
+from pipeline.results import Array, Bools, Locked, Parameter
+from pipeline.robot import Robot
+from pipeline.simulate._words import amounts, parts
+from pipeline.simulate.exports import Readings
+
+KGF_N, LBF_N, INCH_M = 9.80665, 4.4482216152605, 0.0254
+SISTER = {"kr500_rail": "kr500_rail_kuka", "kr500_rail_kuka": "kr500_rail"}
+
+
+@dataclass(frozen=True, eq=False)
+class Notebook(Locked):
+    """What the operator is about to write down.
+
+    Attributes:
+        robot: What campaign.toml will call the robot.
+        targets: Names of the measured targets.
+        readings: Readings of the tracker.
+        reading_n: Readings of the scale [N], shape (m,).
+        prismatic: True for sliding joints, shape (n,).
+        joints: Joint values in the units of the log (m, degrees), shape (p, n).
+        controller: The same poses as values of the controller's axes (m, degrees), or no columns.
+    """
+
+    robot: str
+    targets: tuple[str, ...]
+    readings: Readings
+    reading_n: Array
+    prismatic: Bools
+    joints: Array
+    controller: Array
+
+
+Act = Callable[[Notebook, str, Array, np.random.Generator], tuple[Notebook, str]]
+
+
+@dataclass(frozen=True)
+class Blunder:
+    """One thing that can go wrong.
+
+    Attributes:
+        name: As in result.json, `outlier`.
+        places: What `where` may be; empty when it is a group or group/target of the campaign.
+        size: Its size as a parameter, or none.
+        act: notebook, where (empty: draw it), size, rng -> the wrong notebook and the place.
+    """
+
+    name: str
+    places: tuple[str, ...]
+    size: tuple[Parameter, ...]
+    act: Act
+
+
+@dataclass(frozen=True, eq=False)
+class Committed(Locked):
+    """A blunder with its place and size.
+
+    Attributes:
+        blunder: What goes wrong.
+        where: Where, empty to have it drawn.
+        size: How much, SI, shape (1,) or (0,).
+    """
+
+    blunder: Blunder
+    where: str
+    size: Array
+
+
+def commit(text: str) -> Committed:
+    """The blunder that `text` names, `outlier:pose03_rep1_loaded/P2=3e-4`.
+
+    Raises:
+        UsageError: It has no such place, or the size is no number.
+    """
+    words, size = parts(text)
+    name, _, where = words.partition(":")
+    blunder = BLUNDERS[name]
+    if where and blunder.places:
+        _known(where, blunder.places)
+    return Committed(blunder, where, amounts(size, blunder.size, text))
+
+
+def _outlier(
+    notes: Notebook, where: str, size: Array, rng: np.random.Generator
+) -> tuple[Notebook, str]:
+    """One reading of a target is off by `size` in a random direction."""
+    names = [f"{g}/{t}" for g, t in zip(notes.readings.group, notes.readings.target, strict=True)]
+    of_pose = [i for i, target in enumerate(notes.readings.target) if target in notes.targets]
+    hit = names.index(_known(where, names)) if where else int(rng.choice(of_pose))
+    direction = rng.standard_normal(3)
+    xyz = notes.readings.xyz.copy()
+    xyz[hit] += size * direction / np.linalg.norm(direction)
+    return replace(notes, readings=replace(notes.readings, xyz=xyz)), names[hit]
+
+
+def _label_swap(
+    notes: Notebook, where: str, size: Array, rng: np.random.Generator
+) -> tuple[Notebook, str]:
+    """Two targets of one group carry each other's names."""
+    groups = [g for g, t in zip(notes.readings.group, notes.readings.target, strict=True)]
+    of_pose = sorted({g for g in groups if g.endswith(("loaded", "unloaded"))})
+    group = _known(where, of_pose) if where else str(rng.choice(of_pose))
+    one, two = rng.choice(notes.targets, 2, replace=False)
+    other = {str(one): str(two), str(two): str(one)}
+    target = [
+        other.get(t, t) if g == group else t
+        for g, t in zip(groups, notes.readings.target, strict=True)
+    ]
+    return replace(notes, readings=replace(notes.readings, target=target)), group
+
+
+def _known(where: str, names: Sequence[str]) -> str:
+    if where not in names:
+        raise UsageError(f'there is no "{where}" here; choose from {listed(names)}.')
+    return where
+
+
+def _unit_mixup(
+    notes: Notebook, where: str, size: Array, rng: np.random.Generator
+) -> tuple[Notebook, str]:
+    """Numbers in one unit stand under the name of another."""
+    where = where or str(rng.choice(UNITS))
+    if where in ("inch", "m"):
+        factor = 1e-3 / (INCH_M if where == "inch" else 1.0)
+        readings = replace(notes.readings, xyz=notes.readings.xyz * factor)
+        return replace(notes, readings=readings), where
+    if where in ("kgf", "lbf"):
+        newton = KGF_N if where == "kgf" else LBF_N
+        return replace(notes, reading_n=notes.reading_n / newton), where
+    joints = np.where(notes.prismatic, notes.joints, np.deg2rad(notes.joints))
+    return replace(notes, joints=joints), where
+
+
+def _sign_or_convention(
+    notes: Notebook, where: str, size: Array, rng: np.random.Generator
+) -> tuple[Notebook, str]:
+    """A sign or a convention is not the one that is stated."""
+    possible = [
+        name
+        for name, can in (
+            ("controller_axes", notes.controller.shape[1] == notes.joints.shape[1]),
+            ("left_handed", True),
+            ("pull_reversed", True),
+            ("d_5", notes.robot in SISTER),
+        )
+        if can
+    ]
+    where = _known(where, possible) if where else str(rng.choice(possible))
+    if where == "controller_axes":
+        return replace(notes, joints=notes.controller), where
+    if where == "left_handed":
+        xyz = notes.readings.xyz * [1.0, -1.0, 1.0]
+        return replace(notes, readings=replace(notes.readings, xyz=xyz)), where
+    if where == "d_5":
+        return replace(notes, robot=SISTER[notes.robot]), where
+    other = {"Pl1": "Pl2", "Pl2": "Pl1"}
+    target = [other.get(t, t) for t in notes.readings.target]
+    return replace(notes, readings=replace(notes.readings, target=target)), where
+
+
+UNITS = ("inch", "m", "kgf", "lbf", "rad")
+BLUNDERS: Mapping[str, Blunder] = {
+    blunder.name: blunder
+    for blunder in (
+        Blunder("outlier", (), (Parameter("size", "m", 3e-4),), _outlier),
+        Blunder("label_swap", (), (), _label_swap),
+        Blunder("unit_mixup", UNITS, (), _unit_mixup),
+        Blunder(
+            "sign_or_convention",
+            ("controller_axes", "left_handed", "pull_reversed", "d_5"),
+            (),
+            _sign_or_convention,
+        ),
+    )
+}
+"""Every blunder, by the word for it in result.json."""
+
+
+def controller_axes(robot: Robot, q: Array) -> Array:
+    """Values of the controller's axes (m, degrees) at joint values q [m] or [rad], shape (p, n).
+
+    No columns where the robot file does not map its controller.
+    """
+    if robot.controller_matrix.shape[1] != robot.n:
+        return np.empty((len(q), 0))
+    axes = np.linalg.solve(robot.controller_matrix, (q - robot.controller_offset).T).T
+    return np.where(robot.prismatic, axes, np.rad2deg(axes))
