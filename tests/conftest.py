@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import pytest
 
-from pipeline import settings, tables
-from pipeline.campaign import Raw
-from pipeline.robot import load
+from pipeline import tables
+from pipeline.campaign import in_memory
+from pipeline.run import Reduced, reduce
 from pipeline.simulate import Plan, RawCampaign, simulate
-
-if TYPE_CHECKING:
-    from pipeline.run import Reduced
 
 SEED = 20261103
 
@@ -41,11 +37,9 @@ def exact_campaign(small_plan: Plan) -> RawCampaign:
 @pytest.fixture(scope="session")
 def read_back() -> Callable[[RawCampaign], Reduced]:
     """From a simulated campaign's files to forces and displacements, by the run's own steps."""
-    from pipeline.run import reduce
 
     def through_the_stages(campaign: RawCampaign) -> Reduced:
-        stated = settings.parse(campaign.files["campaign.toml"].decode())
-        raw = Raw(stated, load(stated.robot), campaign.files, key="")
+        raw = in_memory(campaign.files)
         return reduce(raw, lambda _, table, promise: tables.conform(table, promise).to_pandas())
 
     return through_the_stages
