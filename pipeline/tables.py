@@ -300,11 +300,7 @@ def conform(table: pd.DataFrame | pa.Table | None, schema: pa.Schema) -> pa.Tabl
     if missing:
         raise TableMismatch(f"table {name} lacks the columns {listed(missing)}")
     try:
-        arrow = (
-            pa.Table.from_pandas(table[schema.names], preserve_index=False)
-            if isinstance(table, pd.DataFrame)
-            else table
-        )
+        arrow = _arrow(table[schema.names]) if isinstance(table, pd.DataFrame) else table
         cast = arrow.select(schema.names).replace_schema_metadata(None).cast(schema)
     except (pa.ArrowInvalid, pa.ArrowTypeError, ValueError) as problem:
         raise TableMismatch(f"table {name} does not keep its promise: {problem}") from problem
@@ -312,3 +308,12 @@ def conform(table: pd.DataFrame | pa.Table | None, schema: pa.Schema) -> pa.Tabl
         if not field.nullable and cast[field.name].null_count:
             raise TableMismatch(f"table {name}: column {field.name} has empty cells")
     return cast
+
+
+def _arrow(table: pd.DataFrame) -> pa.Table:
+    """A frame whose NaN stay numbers: nobody stated that covariance is not an empty cell."""
+    arrow = pa.Table.from_pandas(table, preserve_index=False)
+    for k, field in enumerate(arrow.schema):
+        if pa.types.is_floating(field.type) and arrow[k].null_count:
+            arrow = arrow.set_column(k, field.name, pa.array(table[field.name].to_numpy(float)))
+    return arrow

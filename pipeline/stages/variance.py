@@ -1,0 +1,416 @@
+"""Stage 6b. How large the noise is, from the data: variance components by restricted likelihood.
+
+V = sum over components of scale^2 G_s G_s' + the rest as stated. What is looked at are contrasts
+that no model of the robot can make: changes of the effector's own triangle, zeros read again, and
+pulls that were repeated. A wrong model of the robot therefore does not pass for noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+import scipy.sparse
+from scipy import stats
+
+from pipeline import covariance
+from pipeline.cell import Cell
+from pipeline.results import Array, Bools, Errors, Estimate, Ints, Locked, Rows, Strings, System
+from pipeline.robot import configure
+from pipeline.settings import Settings
+from pipeline.stages.assemble import Measured
+from pipeline.stages.register import XYZ
+
+SCALED: Mapping[str, tuple[str, ...]] = {
+    "tracker": ("tracker", "zero", "direction"),
+    "force_reading": ("force_reading",),
+}
+"""The components, and the sources of error whose standard uncertainty each of them multiplies."""
+
+NAMES = {"tracker": "tracker_noise", "force_reading": "force_noise"}
+"""What the contract calls a component that is larger than stated."""
+
+SAME_FORCE = 0.05
+"""Pulls of one pose and branch whose forces differ by less than this are repeats."""
+
+SURELY = 0.003
+"""A scale this improbable under the stated noise is another noise."""
+
+FEWEST = 12
+"""Contrasts below this say too little about a component."""
+
+
+@dataclass(frozen=True, eq=False)
+class Components(Locked):
+    """Noise found, as factors on the stated standard uncertainties.
+
+    Attributes:
+        name: `tracker`, `force_reading`, shape (n,).
+        scale: Factor on the stated standard uncertainty; 1 where the data cannot tell, shape (n,).
+        std: Relative standard uncertainty of `scale`; infinite where the data cannot tell, (n,).
+        p_value: Probability of a scale this large or larger if the stated noise were true, (n,).
+        dof: Contrasts that were looked at.
+    """
+
+    name: Strings
+    scale: Array
+    std: Array
+    p_value: Array
+    dof: int
+
+    @property
+    def larger(self) -> Bools:
+        """Components that are larger than stated beyond chance, shape (n,)."""
+        return self.p_value < SURELY
+
+    def of(self, name: str) -> float:
+        """Scale of one component."""
+        return float(self.scale[list(self.name).index(name)])
+
+
+@dataclass(frozen=True, eq=False)
+class Zeros(Locked):
+    """Differences between unloaded readings of one target in one pose.
+
+    Attributes:
+        pose: Shape (n,).
+        target: Index into the tool's targets, shape (n,).
+        which: Number of the difference within its pose and target, shape (n,).
+        delta: [m], F_b, shape (n, 3).
+        cov: [m^2], shape (n, 3, 3).
+    """
+
+    pose: Ints
+    target: Ints
+    which: Ints
+    delta: Array
+    cov: Array
+
+
+def repeated_zeros(settings: Settings, placed: pd.DataFrame) -> Zeros:
+    """Every further unloaded reading minus the mean of those before it.
+
+    These differences are independent of each other and of the mean, the zero of the pose.
+
+    Args:
+        settings: Names of the measured targets.
+        placed: Table PLACED, F_b.
+    """
+    names = pd.Index(settings.measured)
+    rows = placed[(placed["state"] == "unloaded") & placed["target"].isin(names)]
+    rows = rows.sort_values("time", kind="stable")
+    groups = rows.groupby(["pose", "target"])
+    nth = groups.cumcount().to_numpy()
+    points, C = rows[XYZ], covariance.matrices(rows)
+    past = (groups[XYZ].cumsum() - points).to_numpy() / np.maximum(nth, 1)[:, None]
+    six = rows[covariance.columns()]
+    C_past = (groups[covariance.columns()].cumsum() - six).assign(
+        **{n: lambda t, n=n: t[n] / np.maximum(nth, 1) ** 2 for n in covariance.columns()}
+    )
+    again = nth > 0
+    return Zeros(
+        pose=rows["pose"].to_numpy(np.int64)[again],
+        target=np.asarray(names.get_indexer(pd.Index(rows["target"])), dtype=np.int64)[again],
+        which=np.asarray(nth, dtype=np.int64)[again],
+        delta=(points.to_numpy() - past)[again],
+        cov=(C + covariance.matrices(C_past))[again],
+    )
+
+
+def pure_error(system: System, residual: Array, data: Measured, zeros: Zeros, cell: Cell) -> System:
+    """Contrasts of the campaign that no model of the robot can make, as a system without x.
+
+    Left out of each group of equal pulls is one free rigid motion of the effector, out of each
+    repeated zero another; with fewer than three targets, zeros are taken to stand still instead.
+
+    Args:
+        system: The system, for its errors.
+        residual: c - B x; the model only carries small differences of force within a group [m].
+        data: The measurements that the system was made from.
+        zeros: Repeated zeros; none of them matters when empty.
+        cell: For the positions of the targets.
+    """
+    c, errors, pose, group, modes = _stacked(system, residual, data, zeros, cell)
+    K = _contrasts(group, modes)
+    contrasts = K.shape[1]
+    at = np.asarray(np.abs(K).argmax(axis=0)).ravel()
+    rows = Rows(
+        pose=pose[at],
+        repeat=np.zeros(contrasts, np.int64),
+        target=np.full(contrasts, "", dtype=object),
+        axis=np.zeros(contrasts, np.int64),
+        pull=np.zeros(contrasts, np.int64),
+    )
+    G = scipy.sparse.csr_array(K.T @ errors.G)
+    return System(
+        parameters=(),
+        rows=rows,
+        B=np.zeros((contrasts, 0)),
+        c=K.T @ c,
+        errors=Errors(G, errors.source, errors.common),
+        noise_stated=system.noise_stated,
+    )
+
+
+def _stacked(
+    system: System, residual: Array, data: Measured, zeros: Zeros, cell: Cell
+) -> tuple[Array, Errors, Ints, Ints, Array]:
+    """Rows of c, then of the repeated zeros: values, errors, pose, group, rigid modes (rows, 6)."""
+    first = np.unique(data.pulls.pose, return_index=True)[1]
+    q = dict(zip(data.pulls.pose[first].tolist(), data.pulls.q[first], strict=True))
+    known = np.isin(zeros.pose, list(q))
+    zero_pose, zero_target = zeros.pose[known], zeros.target[known]
+    pose = np.concatenate([data.pulls.pose[data.pull], zero_pose])
+    values, which = np.unique(pose, return_inverse=True)
+    axes = configure(cell.robot, np.array([q[p] for p in values.tolist()])).flange_axes[which]
+    target = np.concatenate([data.target, zero_target])
+    tool = cell.tool.points - cell.tool.points.mean(axis=0)
+    levers = np.einsum("rij,rj->ri", axes, tool[target])
+    modes = np.zeros((len(pose), 3, 6))
+    modes[:, :, :3] = np.eye(3)
+    modes[:, :, 3:] = np.swapaxes(np.cross(np.eye(3)[None], levers[:, None, :]), 1, 2)
+    group = np.concatenate([_repeats(data)[data.pull], zero_pose * 1000 + zeros.which[known]])
+    group[len(data.pull) :] += group[: len(data.pull)].max() + 1
+    if len(set(data.target.tolist())) < 3:
+        modes[len(data.pull) :] = 0.0
+    C = zeros.cov[known]
+    if not data.noise_stated:
+        nth = zeros.which[known][:, None, None]
+        C = np.eye(3) * (1 + 1 / nth)
+    factors = covariance.factors(C)
+    own = scipy.sparse.block_diag(list(factors), format="csr") if len(factors) else None
+    G, source, common = system.errors.G, system.errors.source, system.errors.common
+    if own is not None:
+        G = scipy.sparse.csr_array(scipy.sparse.block_diag([G, own], format="csr"))
+        source = np.concatenate([source, np.full(own.shape[1], "zero", dtype=object)])
+        common = np.concatenate([common, np.zeros(own.shape[1], dtype=bool)])
+    c = np.concatenate([residual, zeros.delta[known].ravel()])
+    return (
+        c,
+        Errors(G, source, common),
+        np.repeat(pose, 3),
+        np.repeat(group, 3),
+        modes.reshape(-1, 6),
+    )
+
+
+def _repeats(data: Measured) -> Ints:
+    """Number of the group of equal pulls (pose, branch, nearly the same force) of each pull."""
+    force = np.linalg.norm(data.pulls.force, axis=1)
+    order = np.lexsort((force, data.pulls.branch, data.pulls.pose))
+    pose, branch, f = data.pulls.pose[order], data.pulls.branch[order], force[order]
+    new = np.ones(len(order), dtype=bool)
+    new[1:] = (pose[1:] != pose[:-1]) | (branch[1:] != branch[:-1])
+    new[1:] |= np.diff(f) > SAME_FORCE * f[1:]
+    group = np.empty(len(order), dtype=np.int64)
+    group[order] = np.cumsum(new) - 1
+    return group
+
+
+def _contrasts(group: Ints, modes: Array) -> scipy.sparse.csc_array:
+    """Orthonormal columns that the modes of no group can reach, shape (rows, contrasts)."""
+    order = np.argsort(group, kind="stable")
+    ends = np.flatnonzero(np.diff(group[order])) + 1
+    blocks, at = [], []
+    for rows in np.split(order, ends):
+        U, s, _ = np.linalg.svd(modes[rows], full_matrices=True)
+        rank = int((s > 1e-9 * max(s[0], 1e-300)).sum()) if s[0] > 0 else 0
+        blocks.append(U[:, rank:])
+        at.append(rows)
+    K = scipy.sparse.block_diag(blocks, format="csr")
+    back = np.empty(len(group), dtype=np.int64)
+    back[np.concatenate(at)] = np.arange(len(group))
+    return scipy.sparse.csc_array(K[back])
+
+
+def variance_components(
+    system: System,
+    design: Array | None = None,
+    names: Sequence[str] = ("tracker", "force_reading"),
+) -> Components:
+    """Scales of the noise components by restricted maximum likelihood.
+
+    Fixed effects are the columns of `design` and the errors common to all poses; what is left is
+    normal with V = sum s^2 G_s G_s' + stated rest. For an answer that no wrong model of the robot
+    can spoil, give the system of `pure_error`; for residuals of a model, the campaign's own.
+    Its standard uncertainties are the larger of the information's and of the scatter from pose
+    to pose, so that tails longer than normal do not make it too sure.
+
+    Args:
+        system: c, and its errors by source.
+        design: Fixed effects, shape (M, k); B of the system when not given.
+        names: Components to find, keys of `SCALED`.
+    """
+    X = system.B if design is None else design
+    common = system.errors.common
+    X = np.hstack([X, system.errors.G[:, common].toarray()])
+    blocks = _Blocks.of(system, X, [SCALED[name] for name in names])
+    told = np.array([_told(system, SCALED[name]) for name in names])
+    log_scale = np.zeros(len(names))
+    std = np.full(len(names), np.inf)
+    if blocks.dof >= FEWEST and told.any():
+        log_scale[told], std[told] = _maximum(blocks, told)
+    # flat: the likelihood does not care for this component
+    lost = ~(std < 0.5)
+    log_scale[lost], std[lost] = 0.0, np.inf
+    p = np.where(lost, 1.0, stats.norm.sf(log_scale / std))
+    return Components(np.array(names, object), np.exp(log_scale), std, p, blocks.dof)
+
+
+def _told(system: System, sources: Sequence[str]) -> bool:
+    mine = np.isin(system.errors.source.astype(str), sources)
+    return bool(mine.any()) and bool(abs(system.errors.G[:, mine]).sum() > 0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Blocks(Locked):
+    """Rows by pose, padded to the largest: y, X and the parts of V.
+
+    Attributes:
+        y: Shape (p, s).
+        X: Orthonormal fixed effects, shape (p, s, k).
+        parts: Covariance of each component as stated, then of the rest, shape (n + 1, p, s, s).
+        dof: Rows minus fixed effects.
+    """
+
+    y: Array
+    X: Array
+    parts: Array
+    dof: int
+
+    @classmethod
+    def of(cls, system: System, X: Array, groups: Sequence[Sequence[str]]) -> _Blocks:
+        _, index = np.unique(system.rows.pose, return_inverse=True)
+        count = np.bincount(index, minlength=1)
+        order = np.argsort(index, kind="stable")
+        place = np.empty(len(index), dtype=np.int64)
+        place[order] = np.arange(len(index)) - np.repeat(np.cumsum(count) - count, count)
+        p, s = len(count), int(count.max())
+        unit = float(np.sqrt(np.mean(system.c**2))) or 1.0
+        U, size, _ = np.linalg.svd(X / unit, full_matrices=False)
+        norms = np.linalg.norm(X / unit, axis=0)
+        if X.shape[1]:
+            scaled = (X / unit)[:, norms > 0] / norms[norms > 0]
+            U, size, _ = np.linalg.svd(scaled, full_matrices=False)
+        Q = U[:, size > 1e-10 * size.max(initial=1e-300)]
+        y, wide = np.zeros((p, s)), np.zeros((p, s, Q.shape[1]))
+        y[index, place], wide[index, place] = system.c / unit, Q
+        source = system.errors.source.astype(str)
+        rest = ~np.isin(source, [name for group in groups for name in group])
+        parts = np.zeros((len(groups) + 1, p, s, s))
+        masks = [np.isin(source, group) for group in groups] + [rest]
+        for k, mask in enumerate(masks):
+            own = system.errors.G[:, mask & ~system.errors.common]
+            V = (own @ own.T).tocoo()
+            parts[k, index[V.row], place[V.row], place[V.col]] = V.data / unit**2
+        empty = np.ones((p, s), dtype=bool)
+        empty[index, place] = False
+        which, at = np.nonzero(empty)
+        parts[-1, which, at, at] = 1.0  # padding: independent rows of zeros
+        return cls(y, wide, parts, len(index) - Q.shape[1])
+
+    @property
+    def rough(self) -> float:
+        """Log scale that gives the rows their mean square if all components share it."""
+        stated = np.einsum("kpii->", self.parts[:-1])
+        return float(0.5 * np.log(np.sum(self.y**2) / stated))
+
+    def loss(self, log_scale: Array) -> tuple[Array, float]:
+        """Minus twice the restricted log likelihood: part of each pose, shape (p,), and of X."""
+        weights = np.append(np.exp(2 * log_scale), 1.0)
+        V = np.einsum("k,kpij->pij", weights, self.parts)
+        try:
+            L = np.linalg.cholesky(V)
+        except np.linalg.LinAlgError:
+            return np.full(len(self.y), np.inf), 0.0
+        both = np.linalg.solve(L, np.concatenate([self.X, self.y[..., None]], axis=2))
+        X, y = both[..., :-1], both[..., -1]
+        own = 2 * np.log(np.einsum("pii->pi", L)).sum(axis=1) + (y**2).sum(axis=1)
+        if not X.shape[2]:
+            return own, 0.0
+        N = np.einsum("psi,psj->ij", X, X)
+        g = np.einsum("psi,ps->i", X, y)
+        return own, float(np.linalg.slogdet(N)[1] - g @ np.linalg.solve(N, g))
+
+
+STEP = 3e-3
+"""Differences of log scale for first and second derivatives."""
+
+
+def _maximum(blocks: _Blocks, told: Bools) -> tuple[Array, Array]:
+    """Newton's method on the log scales that are told; their values and standard uncertainties."""
+    n = int(told.sum())
+
+    def loss(x: Array) -> tuple[Array, float]:
+        full = np.zeros(len(told))
+        full[told] = x
+        return blocks.loss(full)
+
+    x = start = np.full(n, blocks.rough)
+    for _ in range(40):
+        gradient, H, _ = _derivatives(loss, x)
+        values, vectors = np.linalg.eigh(H)
+        move = vectors @ (vectors.T @ gradient / np.maximum(np.abs(values), 0.5))
+        move = np.clip(move, -0.7, 0.7)
+        x = np.clip(x - move, start - 4.0, start + 4.0)
+        if np.abs(move).max() < 1e-4:
+            break
+    _, H, scores = _derivatives(loss, x)
+    values, vectors = np.linalg.eigh(H)
+    if values.min() <= 0:
+        weak = (vectors[:, values <= 1e-3] ** 2).sum(axis=1) > 0.1
+        cov = (vectors / np.maximum(values, 1e-3)) @ vectors.T
+        return x, np.where(weak, np.inf, np.sqrt(2 * np.diag(cov)))
+    inverse = (vectors / values) @ vectors.T
+    sandwich = inverse @ (scores.T @ scores) @ inverse
+    return x, np.sqrt(np.maximum(np.diag(2 * inverse), np.diag(sandwich)))
+
+
+def _derivatives(loss: object, x: Array) -> tuple[Array, Array, Array]:
+    """Gradient and Hessian of the loss, and gradient of each pose's part, shape (p, n)."""
+    n = len(x)
+    steps = STEP * np.eye(n)
+    here = _total(loss, x)
+    ahead = [loss(x + d) for d in steps]  # type: ignore[operator]
+    behind = [loss(x - d) for d in steps]  # type: ignore[operator]
+    up = np.array([own.sum() + rest for own, rest in ahead])
+    down = np.array([own.sum() + rest for own, rest in behind])
+    scores = np.stack([(a[0] - b[0]) / (2 * STEP) for a, b in zip(ahead, behind, strict=True)], 1)
+    H = np.diag((up - 2 * here + down) / STEP**2)
+    for i in range(n):
+        for j in range(i):
+            both = _total(loss, x + steps[i] + steps[j])
+            H[i, j] = H[j, i] = (both - up[i] - up[j] + here) / STEP**2
+    return (up - down) / (2 * STEP), H, scores
+
+
+def _total(loss: object, x: Array) -> float:
+    own, rest = loss(x)  # type: ignore[operator]
+    return float(own.sum() + rest)
+
+
+def rescaled(data: Measured, found: Components) -> Measured:
+    """The same measurements with the noise that was found in place of the stated one."""
+    tracker, force = found.of("tracker"), found.of("force_reading")
+    return replace(
+        data,
+        loaded_cov=data.loaded_cov * tracker**2,
+        zero_cov=data.zero_cov * tracker**2,
+        direction_cov=data.direction_cov * tracker**2,
+        reading_std=data.reading_std * force,
+    )
+
+
+def noise(
+    settings: Settings,
+    cell: Cell,
+    placed: pd.DataFrame,
+    data: Measured,
+    system: System,
+    estimate: Estimate,
+) -> Components:
+    """The noise of a campaign from its repeats, its repeated zeros and its effector's triangle."""
+    zeros = repeated_zeros(settings, placed)
+    return variance_components(pure_error(system, estimate.residual, data, zeros, cell))
