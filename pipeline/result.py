@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy import special
 
 from pipeline import files
 from pipeline.campaign import Raw, versions
@@ -311,8 +312,6 @@ def rejected_entries(rejected: pd.DataFrame) -> list[dict[str, Any]]:
 
 def registration_entry(registration: Registration) -> dict[str, Any] | None:
     """How well the base reflectors fit; None when the readings are in F_b already."""
-    from scipy import stats
-
     table = registration.table
     if table.empty:
         return None
@@ -324,7 +323,7 @@ def registration_entry(registration: Registration) -> dict[str, Any] | None:
         "max_mm": 1e3 * float(miss.max()),
         "chi2": chi2,
         "dof": dof,
-        "p_value": None if chi2 is None or dof < 1 else float(stats.chi2.sf(chi2, dof)),
+        "p_value": None if chi2 is None or dof < 1 else float(special.chdtrc(dof, chi2)),
         "rotation_std_rad": std[:3].tolist(),
         "translation_std_m": std[3:].tolist(),
     }

@@ -73,10 +73,10 @@ CASES = {
     "missing file": ("joints.csv", None, ["joints.csv", "missing"]),
     "missing tracker": ("tracker.csv", None, ["campaign.toml", "tracker"]),
     "unknown robot": ("campaign.toml", replaced("kr500_rail", "kr9000"), ["kr9000", "kr500_rail"]),
-    "missing P2": ("tracker.csv", without(P2), ["tracker.csv", "pose03_rep2_loaded", "P2"]),
+    "missing P2": ("tracker.csv", without(P2), ["tracker.csv:", "pose 3 repeat 2", "P2"]),
     "pose without load": ("loads.csv", without("^4,"), ["loads.csv", "4"]),
     "load without pose": ("tracker.csv", without("^pose05_rep1_loaded"), ["loads.csv", "5"]),
-    "duplicate reading": ("tracker.csv", doubled(P2), ["tracker.csv", "pose03_rep2_loaded", "P2"]),
+    "duplicate reading": ("tracker.csv", doubled(P2), ["tracker.csv:", "same target"]),
     "NaN": ("tracker.csv", replaced(NUMBER, r"\1nan"), ["tracker.csv", "nan"]),
     "comma": ("tracker.csv", replaced(NUMBER, r"\g<1>1234,5678"), ["tracker.csv:"]),
     "empty file": ("tracker.csv", lambda content: b"", ["tracker.csv", "empty"]),
@@ -89,7 +89,15 @@ CASES = {
     "not TOML": ("campaign.toml", replaced("=", "=="), ["campaign.toml", "TOML"]),
 }  # fmt: skip
 
-KEPT = {"missing P2", "pose without load", "load without pose", "duplicate reading", "NaN"}
+KEPT = {
+    "missing P2",
+    "pose without load",
+    "load without pose",
+    "duplicate reading",
+    "NaN",
+    "comma",
+    "text for a number",
+}
 """What costs only its own rows: the rest is estimated and the loss is listed."""
 
 

@@ -152,7 +152,12 @@ def test_left_out_error_is_that_of_refitting_without_the_pose(tmp_path):
 
 def test_a_pull_through_the_axis_of_joint_7_is_told_by_name(tmp_path):
     """The other six are given; k_theta7 is not, and the finding says what to change."""
-    answer = run(write(tmp_path, simulate(exact({"tool": {"load_point": [0.0, 0.0, 0.25]}})).files))
+    answer = run(
+        write(
+            tmp_path,
+            simulate(exact({"tool": exact().tool | {"load_point": [0.0, 0.0, 0.25]}})).files,
+        )
+    )
     entries = {entry["name"]: entry for entry in answer["stiffness"]}
 
     assert entries["k_theta7"]["value"] is None

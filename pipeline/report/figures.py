@@ -238,7 +238,7 @@ def _rows(table: pd.DataFrame) -> Iterator[Any]:
 
 def _round_down(value: float) -> float:
     """1, 2 or 5 times a power of ten, not above the value."""
-    power = 10.0 ** np.floor(np.log10(max(value, 1e-9)))
+    power = 10.0 ** np.floor(np.log10(max(value, 1e-300)))
     return float(max(step for step in (1, 2, 5) if step * power <= value * (1 + 1e-12)) * power)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy import stats
+from scipy import special  # scipy.stats takes a second to import
 
 from pipeline.cell import Cell
 from pipeline.results import Array, Estimate, System
@@ -44,10 +44,12 @@ def solve(system: System, start: Array, white: Whitener | None = None) -> Estima
         residual=residual,
         chi2=chi2 / scale if scale else 0.0,
         dof=dof,
-        p_value=float(stats.chi2.sf(chi2, dof)) if system.noise_stated else None,
+        p_value=float(special.chdtrc(dof, chi2)) if system.noise_stated else None,
         noise_from="stated" if system.noise_stated else "residuals",
         residual_std_m=float(np.sqrt(residual @ residual / max(dof, 1))),
-        quantile=float(stats.norm.ppf(0.975) if system.noise_stated else stats.t.ppf(0.975, dof)),
+        quantile=float(
+            special.ndtri(0.975) if system.noise_stated else special.stdtrit(dof, 0.975)
+        ),
     )
 
 
