@@ -1,0 +1,101 @@
+"""Eqs. (22), (23): relative deflection errors against ones computed pose by pose."""
+
+import numpy as np
+import pytest
+
+from pipeline.cell import Tool, paper_cell
+from pipeline.effects import Pulls
+from pipeline.errors import InputError
+from pipeline.results import Estimate, Parameter
+from pipeline.robot import configure, load
+from pipeline.settings import TestPose
+from pipeline.stages.validate import Where, deflections, place_of_interest, validate
+
+ROBOT = load("kr500_rail")
+TOOL = Tool(
+    np.array([0.15, 0.0, 0.25]),
+    np.array(["P1", "P2"], object),
+    np.array([[0.20, 0.05, 0.12], [-0.12, 0.19, 0.10]]),
+)
+CELL = paper_cell(ROBOT, TOOL)
+Q = np.array([8.5, *np.deg2rad([-10, 35, 39, 81, 22, -10])])
+F = np.array([-124.5, -175.4, -209.1])
+X = ROBOT.nominal_compliance
+
+
+def estimate(cov):
+    """An estimate with this covariance and nothing else that matters."""
+    return Estimate(
+        parameters=tuple(Parameter(f"c{i}", "1", 1.0) for i in range(7)),
+        value=X,
+        cov=cov,
+        identifiable=np.isfinite(np.diag(cov)),
+        residual=np.zeros(1),
+        chi2=1.0,
+        dof=1,
+        p_value=0.5,
+        noise_from="stated",
+        residual_std_m=0.0,
+        quantile=1.96,
+    )
+
+
+def test_deflections_are_eq_5_by_finite_differences():
+    """A x from the derivative of the point and of the work of the force by each joint."""
+    A = deflections(CELL, Q[None], F[None])[0]
+    h, x = 1e-6, np.zeros((2, 3))
+    for k in range(7):
+        step = np.eye(7)[k] * h
+        ahead, behind = (configure(ROBOT, (Q + s)[None]) for s in (step, -step))
+        move = (ahead.points(TOOL.points) - behind.points(TOOL.points))[0] / (2 * h)
+        lever = (ahead.points(TOOL.load_point[None]) - behind.points(TOOL.load_point[None]))[0, 0]
+        x += move * (lever @ F / (2 * h)) * X[k]
+
+    moved = A @ X
+
+    assert moved == pytest.approx(x, rel=1e-7)
+
+
+def test_one_stiffness_off_by_one_percent_shows_as_its_share():
+    """If only k_1..k_7 together are off by the same 1 %, mu is 1 % whatever the pose."""
+    cov = np.outer(X, X) * 0.01**2
+    table = validate(CELL, estimate(cov), Where(Q, F, True), np.random.default_rng(1), poses=4000)
+    full = table[table["draw"] == "covariance"]
+
+    for _, mu in full.groupby(["set", "target"])["mu"]:
+        assert np.sqrt(np.mean(mu**2)) == pytest.approx(0.01, rel=0.05)
+
+
+def test_only_the_full_covariance_keeps_the_stiffnesses_together():
+    """With all errors one common percentage, both targets of a pose are off alike; Eq. (23) not."""
+    cov = np.outer(X, X) * 0.01**2
+    table = validate(CELL, estimate(cov), Where(Q, F, True), np.random.default_rng(1), poses=200)
+    mu = table.set_index(["draw", "set", "index", "target"])["mu"].unstack("target")
+    gap = (mu["P1"] / mu["P2"] - 1).abs().groupby("draw").median()
+
+    assert gap["covariance"] < 1e-9
+    assert gap["independent"] > 1e-3
+
+
+def test_an_undetermined_stiffness_stays_put():
+    """No draw of an infinite uncertainty."""
+    cov = np.diag((0.01 * X) ** 2)
+    cov[6, 6] = np.inf
+    table = validate(CELL, estimate(cov), Where(Q, F, True), np.random.default_rng(1), poses=50)
+
+    assert np.isfinite(table["mu"]).all()
+
+
+def test_validation_poses_are_where_they_should_be():
+    """1000 around the test pose and 1000 in the workspace, per draw and target."""
+    cov = np.diag((0.01 * X) ** 2)
+    table = validate(CELL, estimate(cov), Where(Q, F, True), np.random.default_rng(1))
+
+    assert table.groupby(["set", "draw", "target"]).size().eq(1000).all()
+
+
+def test_a_test_pose_of_another_robot_is_refused():
+    """The sentence names the joints."""
+    pulls = Pulls(*[np.zeros(1, int)] * 2, Q[None], F[None], *[np.zeros(1)] * 4)
+    with pytest.raises(InputError, match="theta7"):
+        place_of_interest(TestPose(q=[1, 2, 3], force_n=(0, 0, 1)), ROBOT, pulls)
