@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline import campaign as campaigns
-from pipeline import files
+from pipeline import files, service
 from pipeline.campaign import Campaign
 from pipeline.errors import InputError, PipelineError, UsageError
 
@@ -70,9 +70,7 @@ def _run(root: Path, name: str, engine: str, force: bool) -> Outcome:
 
         answer = run(campaign, force=force)
     else:
-        from pipeline.flow import identify
-
-        answer = identify(campaign, force=force)
+        answer = _through_prefect(campaign, force)
     rejected = answer["rejected"]
     lines = [
         f"{name}: {' '.join(answer['verdict_sentence'])}",
@@ -88,9 +86,22 @@ def _run(root: Path, name: str, engine: str, force: bool) -> Outcome:
     )
 
 
+def _through_prefect(campaign: Campaign, force: bool) -> dict[str, Any]:
+    service.settle(campaign.root)
+    from pipeline.flow import identify  # importing Prefect takes two seconds
+
+    answer: dict[str, Any] = identify(str(campaign.root), str(campaign.folder), force)
+    return answer
+
+
 def current(campaign: Campaign) -> bool:
     """Whether the campaign's last run still stands, so that no engine needs to start."""
-    return campaign.done(campaign.read().key) is not None
+    try:
+        return campaign.done(campaign.read().key) is not None
+    except InputError as problem:
+        if problem.passing:  # the engine reads again a little later
+            return False
+        raise
 
 
 def sentence(rejected: dict[str, Any]) -> str:

@@ -1,0 +1,77 @@
+"""The flow: the same answer as the plain run, its trace in Prefect, and nothing on the screen."""
+
+import contextlib
+import json
+import os
+import shutil
+import sqlite3
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pipeline import shell
+
+HERE = Path(__file__).parents[1]
+STAGES = "select substr(name, 1, instr(name, '-') - 1), state_type from task_run"
+KEPT = HERE / "data" / "raw" / "fanuc_r2000ic"
+
+
+def project(root, *names):
+    """A project root with copies of the kept campaign."""
+    for name in names:
+        shutil.copytree(KEPT, root / "data" / "raw" / name)
+    return root
+
+
+@pytest.mark.prefect
+@pytest.mark.xdist_group("prefect")
+def test_prefect_gives_the_answer_of_the_plain_run(tmp_path):
+    """Two campaigns through Prefect, the first broken: one answer each, byte for byte our own."""
+    root = project(tmp_path / "prefect", "broken", "good")
+    plain = project(tmp_path / "plain", "good")
+    (root / "data" / "raw" / "broken" / "joints.csv").write_bytes(b"no table at all")
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("PREFECT_")}
+
+    done = subprocess.run(
+        [sys.executable, "-m", "pipeline", "run", "--json", "--root", root],
+        capture_output=True,
+        text=True,
+        cwd=HERE,
+        env=environment | {"PYTHONPATH": str(HERE)},
+        check=False,
+    )
+    [alone] = shell.run_all(plain, ["good"], "local", False)
+
+    broken, good = (json.loads(line) for line in done.stdout.splitlines())
+    assert done.returncode == 5
+    assert done.stderr.splitlines() == [f"broken: {broken['error']['message']}"]
+    assert good == alone.content
+    for name in ("result.json", "figures/prediction.svg"):
+        ours, theirs = (where / "reports" / "good" / name for where in (plain, root))
+        assert ours.read_bytes() == theirs.read_bytes()
+    assert dict(kept(root, "select name, state_type from flow_run")) == {
+        "broken": "FAILED",
+        "good": "COMPLETED",
+    }
+    assert kept(root, STAGES) == [
+        ("identify", "COMPLETED"),
+        ("ingest", "COMPLETED"),
+        ("ingest", "FAILED"),
+        ("read", "COMPLETED"),
+        ("read", "COMPLETED"),
+        ("register", "COMPLETED"),
+        ("render", "COMPLETED"),
+        ("validate", "COMPLETED"),
+    ]
+    assert kept(root, "select key from artifact where key not null") == [
+        ("good-report",),
+        ("good-stiffness",),
+    ]
+
+
+def kept(root, question):
+    """Rows of Prefect's own database."""
+    with contextlib.closing(sqlite3.connect(root / ".prefect" / "prefect.db")) as base:
+        return sorted(base.execute(question))
