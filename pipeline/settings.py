@@ -30,13 +30,50 @@ class InstrumentNoise(Strict):
     transverse_per_m: NotNegative = 0.0
 
 
+Role = Literal[
+    "group", "target", "time", "delete", "x", "y", "z", "range", "azimuth", "vertical",
+    "sx", "sy", "sz", "u95_x", "u95_y", "u95_z", "cxx", "cxy", "cxz", "cyy", "cyz", "czz",
+]  # fmt: skip
+Column = Annotated[int, Field(ge=1)] | Annotated[str, Field(min_length=1)]
+
+
+class TableMapping(Strict):
+    """Columns of an export in no dialect of its own, by header name or by number from 1."""
+
+    columns: dict[Role, Column] = Field(min_length=3)
+    delimiter: Annotated[str, Field(min_length=1, max_length=1)] | None = None
+    header: Annotated[int, Field(ge=0)] | None = None
+    comment: Annotated[str, Field(min_length=1)] | None = None
+    time_format: str | None = None
+
+
 class Tracker(Strict):
-    """The tracker's exports and its noise; without noise it is estimated from the residuals."""
+    """The tracker's exports and its noise; without noise it is estimated from the residuals.
+
+    What follows `files` is for exports that do not say it themselves.
+    """
 
     files: list[str] = Field(min_length=1)
     unit: Literal["mm", "m", "in"] | None = None
+    decimal: Literal[".", ","] | None = None
+    coordinates: Literal["cartesian", "spherical", "cylindrical"] | None = None
+    angle: Literal["deg", "rad", "gon"] | None = None
+    vertical: Literal["zenith", "elevation"] | None = None
+    covariance: Literal["a-priori", "standard", "expanded", "rms", "none"] | None = None
+    coverage_factor: Positive | None = None
+    names: str | None = None
+    assignment: str | None = None
+    mapping: TableMapping | None = None
     sigma_m: Positive | None = None
     noise: InstrumentNoise | Literal["paper"] | None = None
+
+    @field_validator("names")
+    @classmethod
+    def names_both_parts(cls, pattern: str | None) -> str | None:
+        """The expression must compile and name group and target."""
+        if pattern is not None and not {"group", "target"} <= _parts(pattern):
+            raise ValueError("needs the named parts (?P<group>...), (?P<target>...)")
+        return pattern
 
     @model_validator(mode="after")
     def one_noise(self) -> Tracker:
@@ -57,11 +94,7 @@ class Naming(Strict):
     @classmethod
     def names_its_parts(cls, pattern: str) -> str:
         """The pattern must compile and name pose, repeat and state."""
-        try:
-            named = set(re.compile(pattern).groupindex)
-        except re.error as problem:
-            raise ValueError(f"not a regular expression ({problem})") from problem
-        if not {"pose", "repeat", "state"} <= named:
+        if not {"pose", "repeat", "state"} <= _parts(pattern):
             raise ValueError("needs the named parts (?P<pose>...), (?P<repeat>...), (?P<state>...)")
         return pattern
 
@@ -143,6 +176,14 @@ class Settings(Strict):
         if self.displacements is not None and "measured" not in self.naming.model_fields_set:
             return [name for name in self.tool if name != "load_point"]
         return self.naming.measured
+
+
+def _parts(pattern: str) -> set[str]:
+    """Names of the parts of a regular expression."""
+    try:
+        return set(re.compile(pattern).groupindex)
+    except re.error as problem:
+        raise ValueError(f"not a regular expression ({problem})") from problem
 
 
 def parse(text: str) -> Settings:

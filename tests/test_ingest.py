@@ -418,7 +418,7 @@ def test_a_wrong_unit_in_one_file_of_two_is_refused():
             change(tracker=tracker_csv().replace("x_mm", "x_m")),
             "tracker.csv:1: .*different units.*; ",
         ),
-        (change(tracker="some;text\n"), "tracker.csv:1: .*none of the exports.*; "),
+        (change(tracker="some;text\n"), "tracker.csv:1: .*none of plain CSV.*; "),
         (change(tracker=b"group,target\0"), "not text"),
         (change(tracker=tracker_csv() + "x" * 20000), "tracker.csv:.*20000 bytes, more than.*; "),
         (

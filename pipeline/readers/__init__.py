@@ -3,22 +3,42 @@
 from __future__ import annotations
 
 from pipeline.errors import InputError, listed
-from pipeline.readers import plain, spatial_analyzer
-from pipeline.readers._reader import Export, Hints, Reader
+from pipeline.readers import (
+    emscon,
+    leica_6dof,
+    mapped,
+    plain,
+    spatial_analyzer,
+    tracker_pilot,
+    xyz,
+)
+from pipeline.readers._names import split
+from pipeline.readers._reader import Columns, Export, Hints, Reader, Readings
 from pipeline.readers._text import Text, text
 
 READERS: dict[str, Reader] = {
-    reader.name: reader
-    for reader in (
-        plain.READER,
-        spatial_analyzer.READER,
-    )
+    "plain": plain.READER,
+    "spatialanalyzer": spatial_analyzer.READER,
+    "emscon": emscon.READER,
+    "leica_6dof": leica_6dof.READER,
+    "tracker_pilot": tracker_pilot.READER,
+    "xyz": xyz.READER,
 }
 
 SAMPLE_LINES = 60
 """How many lines a reader looks at to recognise its dialect; headers are shorter."""
 
-__all__ = ["READERS", "Export", "Hints", "Reader", "Text", "read", "recognise", "text"]
+__all__ = [
+    "READERS",
+    "Columns",
+    "Export",
+    "Hints",
+    "Reader",
+    "Readings",
+    "Text",
+    "read",
+    "recognise",
+]
 
 
 def recognise(file: Text) -> Reader:
@@ -31,15 +51,12 @@ def recognise(file: Text) -> Reader:
     fitting = [reader for reader in READERS.values() if reader.recognise(sample)]
     if len(fitting) == 1:
         return fitting[0]
-    if fitting:
-        raise InputError(
-            f"the file may be {listed(r.name for r in fitting)}",
-            "describe its columns in [tracker.mapping] of campaign.toml",
-            file=file.name,
-        )
+    known = listed(reader.name for reader in fitting or READERS.values())
+    thing = f"the file may be {known}" if fitting else f"the file is none of {known}"
     raise InputError(
-        f"the file is none of the exports we can read ({listed(READERS)})",
-        "export it as one of these, or as CSV with the columns group,target,x_mm,y_mm,z_mm,time",
+        thing,
+        "describe its columns in [tracker.mapping] of campaign.toml, or export it as CSV with the "
+        "columns group,target,x_mm,y_mm,z_mm,time",
         file=file.name,
         line=1,
     )
@@ -56,5 +73,6 @@ def read(name: str, data: bytes, hints: Hints | None = None) -> Export:
     Raises:
         InputError: The file cannot be read or trusted as a whole.
     """
-    file = text(name, data)
-    return recognise(file).read(file, hints or Hints())
+    file, hints = text(name, data), hints or Hints()
+    found = mapped.read(file, hints) if hints.mapping else recognise(file).read(file, hints)
+    return split(found, hints.names)

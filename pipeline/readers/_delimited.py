@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import datetime
 from typing import Any, Literal
 
 import numpy as np
@@ -18,19 +18,16 @@ import pyarrow.compute as pc
 from pyarrow import csv as arrow_csv
 
 from pipeline.errors import InputError
+from pipeline.readers import _time
 from pipeline.readers._text import Text
-from pipeline.results import Bools, Ints, Locked
+from pipeline.readers._time import MOMENT
+from pipeline.results import Array, Bools, Ints, Locked
 
 NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
-ISO_TIME = re.compile(
-    r"[0-9]{4}-[0-9]{2}-[0-9]{2}[T ]"
-    r"[0-9]{2}:[0-9]{2}(:[0-9]{2}(\.[0-9]{1,9})?)?(Z|[+-][0-9]{2}:?[0-9]{2})?"
-)
 GROUPED = re.compile(r"[+-]?[0-9]{1,3}(,[0-9]{3})+")
 DELIMITERS = (",", ";", "\t", "|")
 
 NAMES = pa.dictionary(pa.int32(), pa.string())
-MOMENT = pa.timestamp("us")
 
 Kind = Literal["name", "number", "time", "blank", "any"]
 
@@ -40,14 +37,21 @@ class Field:
     """One column of a row.
 
     Attributes:
-        name: What it is called in the result and in messages.
+        name: What it is called in the result.
         kind: `name`, `number`, `time`, `blank` (must be empty) or `any` (not looked at).
         needed: Whether the cell may not be empty.
+        title: What the file calls it, where that is something else.
     """
 
     name: str
     kind: Kind
     needed: bool = True
+    title: str = ""
+
+    @property
+    def said(self) -> str:
+        """What it is called in messages."""
+        return self.title or self.name
 
 
 @dataclass(frozen=True)
@@ -60,7 +64,7 @@ class Layout:
         first: Line of the first row, counted from 1.
         decimal: `.` or `,`, or None to find out.
         comment: Start of a line that is no row.
-        moment: Text of a cell to a time, or None when it is none; None for ISO 8601.
+        moment: How times are written, `_time.ISO` or a `strptime` form.
     """
 
     fields: tuple[Field, ...]
@@ -68,7 +72,7 @@ class Layout:
     first: int
     decimal: str | None = None
     comment: str | None = None
-    moment: Callable[[str], datetime | None] | None = None
+    moment: str = _time.ISO
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,11 +82,13 @@ class Rows(Locked):
     Attributes:
         columns: By name; dictionaries of strings, float64 and timestamps.
         line: Line of each row, shape (n,).
+        order: Number of each row among all rows, those left out included, from 1, shape (n,).
         rejected: Line and reason of the rows that could not be read.
     """
 
     columns: dict[str, pa.Array]
     line: Ints
+    order: Ints
     rejected: tuple[tuple[int, str], ...]
 
 
@@ -102,7 +108,7 @@ def rows(text: Text, layout: Layout) -> Rows:
 def _fast(text: Text, layout: Layout) -> Rows | None:
     """All rows at once, or None as soon as anything is not as expected."""
     begin = text.starts[layout.first - 1] if layout.first <= len(text) else len(text.data)
-    if layout.decimal == "," or layout.moment is not None or b'"' in text.data:
+    if layout.decimal == "," or b'"' in text.data:
         return None
     special = _special(text, layout)
     line = np.arange(layout.first, len(text) + 1)[~special]
@@ -116,13 +122,15 @@ def _fast(text: Text, layout: Layout) -> Rows | None:
         if len(table) != len(line):
             return None
         columns = {
-            f.name: _column(table, f) for f in layout.fields if f.kind in ("name", "number", "time")
+            f.name: _column(table, f, layout)
+            for f in layout.fields
+            if f.kind in ("name", "number", "time")
         }
     except (pa.ArrowInvalid, pa.ArrowKeyError, _Unexpected):
         return None
     if cut_off(text, layout, line):
         return None
-    return Rows(columns, line, ())
+    return Rows(columns, line, np.arange(1, len(line) + 1), ())
 
 
 class _Unexpected(Exception):
@@ -173,12 +181,12 @@ def _read(body: pa.Buffer, layout: Layout) -> pa.Table:
     ).rename_columns([layout.fields[int(key)].name for key in wanted])
 
 
-def _column(table: pa.Table, field: Field) -> pa.Array:
+def _column(table: pa.Table, field: Field, layout: Layout) -> pa.Array:
     column = table[field.name]
     if field.kind == "name":
         return _names(column, field)
     if field.kind == "time":
-        return _moments(column, field)
+        return _moments(column, field, layout)
     values = column.combine_chunks()
     if values.null_count and field.needed:
         raise _Unexpected
@@ -200,17 +208,11 @@ def _names(column: pa.ChunkedArray, field: Field) -> pa.DictionaryArray:
     )
 
 
-def _moments(column: pa.ChunkedArray, field: Field) -> pa.TimestampArray:
+def _moments(column: pa.ChunkedArray, field: Field, layout: Layout) -> pa.TimestampArray:
     cells = column.combine_chunks()
-    length = pc.min_max(pc.binary_length(cells)).as_py()
-    if length["max"] == 0 and not field.needed:
+    if not field.needed and pc.max(pc.binary_length(cells)).as_py() == 0:
         return pa.nulls(len(cells), MOMENT)
-    if (length["min"] or 0) < len("2000-01-01T00:00"):
-        raise _Unexpected
-    try:
-        return cells.cast(MOMENT)
-    except pa.ArrowInvalid:
-        return cells.cast(pa.timestamp("us", "UTC")).cast(MOMENT)
+    return _time.moments(cells, layout.moment)
 
 
 # --- careful --------------------------------------------------------------------------------------
@@ -243,12 +245,15 @@ def _careful(text: Text, layout: Layout) -> Rows:
     if line and cut_off(text, layout, np.array(line)):
         kept.pop()
         rejected.append((line.pop(), "the file ends inside this line; export it again"))
+    everything = sorted([*line, *(number for number, _ in rejected)])
     columns = {
         f.name: _array([row[k] for row in kept], f.kind)
         for k, f in enumerate(layout.fields)
         if f.kind in ("name", "number", "time")
     }
-    return Rows(columns, np.array(line, dtype=np.int64), tuple(rejected))
+    lines = np.array(line, dtype=np.int64)
+    order = np.searchsorted(everything, lines) + 1
+    return Rows(columns, lines, order, tuple(rejected))
 
 
 def _array(values: list[Any], kind: Kind) -> pa.Array:
@@ -266,6 +271,21 @@ def cells(line: str, delimiter: str) -> list[str]:
     except (csv.Error, StopIteration):
         raise _Bad("has a quotation mark that is not closed; close or remove it") from None
     return [cell.strip() for cell in found]
+
+
+def cells_or_none(line: str, delimiter: str) -> list[str] | None:
+    """The cells of a line, or None when its quotes do not match."""
+    try:
+        return cells(line, delimiter)
+    except _Bad:
+        return None
+
+
+def text_of(values: Array, digits: int | None) -> list[list[str]]:
+    """Numbers as text, row by row: with so many decimals, or (None) with all that matter."""
+    if digits is None:
+        return [[repr(value) for value in row] for row in values.tolist()]
+    return [[f"{value:.{digits}f}" for value in row] for row in values.tolist()]
 
 
 def _row(line: str, layout: Layout, decimal: str, zoned: set[bool]) -> list[Any]:
@@ -296,7 +316,7 @@ def _cell(cell: str, field: Field, layout: Layout, decimal: str, zoned: set[bool
         return None
     if not cell:
         if field.needed:
-            raise _Bad(f"has nothing in column {field.name}; fill it in or remove the row")
+            raise _Bad(f"has nothing in column {field.said}; fill it in or remove the row")
         return None if field.kind != "name" else ""
     if field.kind == "name":
         return cell
@@ -306,13 +326,14 @@ def _cell(cell: str, field: Field, layout: Layout, decimal: str, zoned: set[bool
 
 
 def _number(cell: str, field: Field, decimal: str) -> float:
-    written = cell.replace(",", ".") if decimal == "," and "." not in cell else cell
-    if NUMBER.fullmatch(written):
+    foreign = "." if decimal == "," else ","
+    written = cell.replace(",", ".") if decimal == "," else cell
+    if foreign not in cell and NUMBER.fullmatch(written):
         value = float(written)
         if np.isfinite(value):
             return value
         raise _Bad(
-            f'{field.name} is "{shown(cell)}", too large for a number; correct or remove the row'
+            f'{field.said} is "{shown(cell)}", too large for a number; correct or remove the row'
         )
     if cell.lower().lstrip("+-") in (
         "nan",
@@ -325,32 +346,24 @@ def _number(cell: str, field: Field, decimal: str) -> float:
         "1.#qnan",
     ):
         raise _Bad(
-            f'{field.name} is "{shown(cell)}", not a number; measure it again or remove the row'
+            f'{field.said} is "{shown(cell)}", not a number; measure it again or remove the row'
         )
-    if NUMBER.fullmatch(cell.replace(",", ".")) or (decimal == "," and "." in cell):
+    if foreign in cell and re.fullmatch(r"[+-]?[0-9.,]+(?:[eE][+-]?[0-9]+)?", cell):
         raise _Bad(
-            f'{field.name} is "{shown(cell)}": this file has the decimal mark "{decimal}"; '
+            f'{field.said} is "{shown(cell)}": this file has the decimal mark "{decimal}"; '
             "write all numbers the same way"
         )
-    raise _Bad(f'{field.name} is "{shown(cell)}", not a number; correct or remove the row')
+    raise _Bad(f'{field.said} is "{shown(cell)}", not a number; correct or remove the row')
 
 
 def _moment(cell: str, field: Field, layout: Layout, zoned: set[bool]) -> datetime:
-    found = layout.moment(cell) if layout.moment else iso_moment(cell)
+    found = _time.moment(cell, layout.moment)
     if found is None:
-        raise _Bad(f'{field.name} is "{shown(cell)}", not a time; correct or remove the row')
+        known = _time.form_of(cell) not in (None, layout.moment)
+        other = "in another form than the first one" if known else "not a time"
+        raise _Bad(f'{field.said} is "{shown(cell)}", {other}; correct or remove the row')
     zoned.add(found.tzinfo is not None)
-    return found if found.tzinfo is None else found.astimezone(UTC).replace(tzinfo=None)
-
-
-def iso_moment(cell: str) -> datetime | None:
-    """A time as ISO 8601 writes it, `2026-11-03T08:00:48`, or None."""
-    if not ISO_TIME.fullmatch(cell):
-        return None
-    try:
-        return datetime.fromisoformat(cell)
-    except ValueError:
-        return None
+    return _time.without_zone(found)
 
 
 def shown(cell: str, most: int = 40) -> str:
@@ -360,37 +373,33 @@ def shown(cell: str, most: int = 40) -> str:
 
 
 def _decimal(text: Text, layout: Layout) -> str:
-    """The decimal mark of a file, from all its numbers.
+    """The decimal mark of a file: the one that most of its numbers have.
 
     Raises:
         InputError: Every comma could as well stand between thousands.
     """
     numeric = [k for k, field in enumerate(layout.fields) if field.kind == "number"]
-    comma, doubtful = 0, None
+    points = commas = 0
+    doubtful = None
     for number, line in text.lines(layout.first):
-        if "," not in line or _is_special(line, layout):
+        if _is_special(line, layout):
             continue
-        try:
-            found = cells(line, layout.delimiter)
-        except _Bad:
-            continue
-        for k in numeric:
-            if k < len(found) and "," in found[k] and "." not in found[k]:
-                if GROUPED.fullmatch(found[k]):
-                    doubtful = doubtful or (number, found[k])
-                else:
-                    comma += NUMBER.fullmatch(found[k].replace(",", ".")) is not None
-    if comma and layout.delimiter != ",":
-        return ","
-    if doubtful and not comma:
+        found = cells_or_none(line, layout.delimiter) or []
+        for cell in (found[k] for k in numeric if k < len(found)):
+            if GROUPED.fullmatch(cell):
+                doubtful = doubtful or (number, cell)
+            else:
+                points += "." in cell and "," not in cell
+                commas += "," in cell and "." not in cell
+    if doubtful and not commas and not points:
+        line, cell = doubtful
         raise InputError(
-            f'"{doubtful[1]}" may be {doubtful[1].replace(",", ".", 1)} '
-            f"or {doubtful[1].replace(',', '')}",
+            f'"{cell}" may be {cell.replace(",", ".", 1)} or {cell.replace(",", "")}',
             'say which with decimal = "," or decimal = "." in [tracker] of campaign.toml',
             file=text.name,
-            line=doubtful[0],
+            line=line,
         )
-    return "."
+    return "," if commas > points else "."
 
 
 def cut_off(text: Text, layout: Layout, line: Ints) -> bool:

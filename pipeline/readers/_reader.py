@@ -1,37 +1,72 @@
-"""The shape of a reader: pure functions from the text of an export to readings in SI."""
+"""The shape of a reader: pure functions from the text of an export to readings in SI, and back."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import datetime
 
+import numpy as np
 import pyarrow as pa
 
 from pipeline.errors import InputError
+from pipeline.readers._coordinates import Meaning, cartesian, covariance, settled
+from pipeline.readers._delimited import Rows
 from pipeline.readers._text import Text
-from pipeline.results import Array, Ints, Locked
+from pipeline.results import Array, Bools, Ints, Locked
 
-UNITS = ("mm", "m", "in")
+EXPANDED, STANDARD, A_PRIORI, RMS = "expanded", "standard", "a-priori", "rms"
+PREFERRED = (A_PRIORI, STANDARD, EXPANDED)
+"""Which covariance is used where a file has several. A-priori comes first: the scatter within one
+reading (standard) leaves out what does not change during it, calibration and slow air, and rms
+is a scatter too, of one number for three axes: it is used only when campaign.toml asks for it."""
 
 
-def metres(values: Array, unit: str) -> Array:
-    """Lengths in metres; mm are divided by 1000, which rounds once, 0.001 would round twice."""
-    if unit == "mm":
-        return values / 1000.0
-    return values * 0.0254 if unit == "in" else values
+@dataclass(frozen=True)
+class Columns:
+    """[tracker.mapping]: columns of any delimited table, by header name or by number from 1.
+
+    Attributes:
+        columns: Name or number of the column by role: group, target, name, x, y, z, time,
+            and sx, sy, sz, or cxx ... czz for uncertainties.
+        delimiter: One character, or None to find it.
+        header: Line of the header, 0 for none, or None to find it.
+        comment: Start of lines that are no rows.
+        time_format: A `strptime` form, or None for the forms we know.
+    """
+
+    columns: Mapping[str, str | int]
+    delimiter: str | None = None
+    header: int | None = None
+    comment: str | None = None
+    time_format: str | None = None
 
 
 @dataclass(frozen=True)
 class Hints:
-    """What campaign.toml says about exports that do not say it themselves.
+    """What campaign.toml says in [tracker] about exports that do not say it themselves.
 
     Attributes:
-        unit: `mm`, `m` or `in`, or None.
-        decimal: The decimal mark, `.` or `,`, or None.
+        unit: `mm`, `m` or `in`.
+        decimal: The decimal mark, `.` or `,`.
+        coordinates: `cartesian`, `spherical` or `cylindrical`.
+        angle: `deg`, `rad` or `gon`.
+        vertical: `zenith` or `elevation`.
+        coverage_factor: k of stated uncertainties.
+        covariance: Which of several covariances to use, or `none`.
+        names: Expression with the parts group and target, for names that hold both.
+        mapping: Columns of a table in no dialect of its own.
     """
 
     unit: str | None = None
     decimal: str | None = None
+    coordinates: str | None = None
+    angle: str | None = None
+    vertical: str | None = None
+    coverage_factor: float | None = None
+    covariance: str | None = None
+    names: str | None = None
+    mapping: Columns | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,30 +74,61 @@ class Export(Locked):
     """Readings of one file, in the frame of the export.
 
     Attributes:
+        file: Name of the file.
         dialect: Name of the reader.
-        unit: Unit of length in the file.
-        coordinates: `cartesian`, `spherical` or `cylindrical` in the file.
-        group: Group of each reading, dictionary of strings, length n.
-        target: Target of each reading, dictionary of strings, length n.
+        encoding: What the file is written in.
+        meaning: Unit and kind of coordinates in the file.
+        group: Group of each reading, dictionary of strings, or None where the file has none.
+        target: Target of each reading, dictionary of strings, or None where the file has none.
         position: Cartesian coordinates [m], shape (n, 3).
-        covariance: xx, xy, xz, yy, yz, zz [m^2], shape (n, 6), or None where the file has none.
-        covariance_kind: `standard`, `expanded`, `a-priori` or `rms`; None without covariance.
+        covariance: xx, xy, xz, yy, yz, zz [m^2], shape (n, 6), or None where none is used.
+        covariance_kind: `a-priori`, `standard`, `expanded` or `rms`; None without covariance.
         time: Time of each reading, timestamps without zone, null where unknown, length n.
         line: Line of each reading, counted from 1, shape (n,).
+        order: Number of each reading among all rows of the file, from 1, shape (n,).
+        rows: How many rows the file has, those left out included.
+        unused: Columns that were not looked at.
         rejected: Line and reason of what was left out.
     """
 
+    file: str
     dialect: str
-    unit: str
-    coordinates: str
-    group: pa.DictionaryArray
-    target: pa.DictionaryArray
+    encoding: str
+    meaning: Meaning
+    group: pa.DictionaryArray | None
+    target: pa.DictionaryArray | None
     position: Array
     covariance: Array | None
     covariance_kind: str | None
     time: pa.TimestampArray
     line: Ints
+    order: Ints
+    rows: int
+    unused: tuple[str, ...]
     rejected: tuple[tuple[int, str], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Readings(Locked):
+    """Readings to be written.
+
+    Attributes:
+        group: Group of each, n of them.
+        target: Target of each, n of them.
+        position: In the tracker's frame [m], shape (n, 3).
+        time: Time of each, n of them.
+        covariance: Six numbers [m^2] for dialects that carry one, shape (n, 6), or None.
+    """
+
+    group: Sequence[str]
+    target: Sequence[str]
+    position: Array
+    time: Sequence[datetime]
+    covariance: Array | None = None
+
+
+Write = Callable[[Readings, str, int | None], bytes]
+"""Readings, unit of length, decimals (None: all that matter) -> content of a file."""
 
 
 @dataclass(frozen=True)
@@ -73,11 +139,117 @@ class Reader:
         name: What `inspect` calls it.
         recognise: Whether the first lines of a file are of this dialect.
         read: The readings of a file of this dialect.
+        write: A file of this dialect.
+        suffix: Usual ending of its files.
+        says_unit: Whether its files state their unit; else campaign.toml must.
+        says_names: Whether its files have groups and targets; else an assignment must.
     """
 
     name: str
     recognise: Callable[[Sequence[str]], bool]
     read: Callable[[Text, Hints], Export]
+    write: Write | None = None
+    suffix: str = ".csv"
+    says_unit: bool = True
+    says_names: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Found(Locked):
+    """What a dialect found in a file, to be turned into readings.
+
+    Attributes:
+        dialect: Its name.
+        rows: The typed rows.
+        meaning: Of the three numbers.
+        axes: Names of the columns with the three numbers.
+        group: Column with the group, or None.
+        target: Column with the target, or None.
+        covariance: Six numbers in the units of the file by kind, each shape (n, 6).
+        keep: Rows to keep, shape (n,), or None for all.
+        why_not: Why the others are not kept.
+        unused: Columns that were not looked at.
+    """
+
+    dialect: str
+    rows: Rows
+    meaning: Meaning
+    axes: tuple[str, str, str]
+    group: str | None = None
+    target: str | None = None
+    covariance: Mapping[str, Array] = field(default_factory=dict)
+    keep: Bools | None = None
+    why_not: str = ""
+    unused: tuple[str, ...] = ()
+
+
+def export(text: Text, hints: Hints, found: Found) -> Export:
+    """Readings in SI of what a dialect found."""
+    rows = found.rows
+    numbers = np.column_stack([np.asarray(rows.columns[axis]) for axis in found.axes])
+    kind = chosen(list(found.covariance), hints, text.name)
+    C = covariance(found.covariance[kind], numbers, found.meaning) if kind else None
+    n = len(rows.line)
+    time = rows.columns.get("time", pa.nulls(n, pa.timestamp("us")))
+    group, target = (rows.columns[name] if name else None for name in (found.group, found.target))
+    everything = Export(
+        file=text.name,
+        dialect=found.dialect,
+        encoding=text.encoding,
+        meaning=found.meaning,
+        group=group,
+        target=target,
+        position=cartesian(numbers, found.meaning),
+        covariance=C,
+        covariance_kind=kind,
+        time=time,
+        line=rows.line,
+        order=rows.order,
+        rows=n + len(rows.rejected),
+        unused=found.unused,
+        rejected=rows.rejected,
+    )
+    return everything if found.keep is None else kept(everything, found.keep, found.why_not)
+
+
+def kept(readings: Export, keep: Bools, why_not: str) -> Export:
+    """The readings to keep; the others are rejected for one reason."""
+    mask = pa.array(keep)
+    group, target = (
+        names if names is None else names.filter(mask)
+        for names in (readings.group, readings.target)
+    )
+    left_out = tuple((int(line), why_not) for line in readings.line[~keep])
+    return replace(
+        readings,
+        group=group,
+        target=target,
+        position=readings.position[keep],
+        covariance=None if readings.covariance is None else readings.covariance[keep],
+        time=readings.time.filter(mask),
+        line=readings.line[keep],
+        order=readings.order[keep],
+        rejected=(*readings.rejected, *left_out),
+    )
+
+
+def chosen(kinds: Sequence[str], hints: Hints, file: str) -> str | None:
+    """Which of the covariances of a file is used.
+
+    Raises:
+        InputError: campaign.toml asks for one that the file does not have.
+    """
+    if hints.covariance == "none":
+        return None
+    if hints.covariance is None:
+        return next((kind for kind in PREFERRED if kind in kinds), None)
+    if kinds and hints.covariance not in kinds:
+        raise InputError(
+            f"the export has no {hints.covariance} covariance, only {', '.join(kinds)}",
+            "correct covariance in [tracker] of campaign.toml",
+            file=file,
+        )
+    return hints.covariance if kinds else None
 
 
 def settled_unit(stated: str | None, hints: Hints, file: str, line: int | None = None) -> str:
@@ -86,18 +258,11 @@ def settled_unit(stated: str | None, hints: Hints, file: str, line: int | None =
     Raises:
         InputError: Nobody says, or the two contradict each other.
     """
-    if stated is None and hints.unit is None:
-        raise InputError(
-            "the export does not say its unit of length",
-            'write unit = "mm" (or "m", "in") into [tracker] of campaign.toml',
-            file=file,
-            line=line,
-        )
-    if stated and hints.unit and stated != hints.unit:
-        raise InputError(
-            f"the export is in {stated} but campaign.toml says {hints.unit}",
-            "remove unit from [tracker], it is for exports that do not say",
-            file=file,
-            line=line,
-        )
-    return stated or hints.unit or ""
+    return settled(stated, hints.unit, "unit of length", 'unit = "mm" (or "m", "in")', file, line)
+
+
+def diagonal(std: Sequence[Array], factor: float = 1.0) -> Array:
+    """Six numbers of uncorrelated standard uncertainties, each shape (n,), divided by a factor."""
+    x, y, z = ((s / factor) ** 2 for s in std)
+    none = np.zeros_like(x)
+    return np.column_stack([x, none, none, y, none, z])

@@ -1,30 +1,29 @@
 """The plain CSV: group, target, x_mm, y_mm, z_mm and, where known, time.
 
-Coordinates may be in m, mm or inches, said in the column names. Other columns are not looked at.
+Coordinates may be in m, mm or inches, said in the column names; standard uncertainties may stand
+in std_x_mm, std_y_mm, std_z_mm. Other columns are not looked at.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-import pyarrow as pa
-
-from pipeline.errors import InputError
-from pipeline.readers import _header
-from pipeline.readers._delimited import MOMENT, Field, Layout, rows
-from pipeline.readers._reader import UNITS, Export, Hints, Reader, metres, settled_unit
+from pipeline.errors import InputError, listed
+from pipeline.readers import _named, _tables
+from pipeline.readers._coordinates import Meaning, raw
+from pipeline.readers._delimited import text_of
+from pipeline.readers._reader import Export, Hints, Reader, Readings
 from pipeline.readers._text import Text
 
-AXES = ("x", "y", "z")
+NEEDED = ("group", "target", "x", "y", "z")
 
 
 def recognise(lines: Sequence[str]) -> bool:
-    """The first line that is not blank has columns `group` and `target` or two coordinates."""
-    header = next((line for line in lines if line.strip()), "")
-    found = _header.names(header, _header.delimiter_of(header))
-    axes = sum(_header.suffixed(found, axis, UNITS) is not None for axis in AXES)
-    return ("group" in found) + ("target" in found) + axes >= 3 and axes >= 1
+    """The first line that is not blank has three of the five columns, `group` or `target` too."""
+    header = _named.header(next((line for line in lines if line.strip()), ""), 1)
+    exact = {column.title.lower() for column in header.columns}
+    there = sum(header.has(role) for role in NEEDED)
+    return there >= 3 and bool({"group", "target"} & exact)
 
 
 def read(text: Text, hints: Hints) -> Export:
@@ -33,63 +32,30 @@ def read(text: Text, hints: Hints) -> Export:
     Raises:
         InputError: A column or the unit is missing.
     """
-    first, header = next((n, line) for n, line in text.lines() if line.strip())
-    delimiter = _header.delimiter_of(header)
-    found = _header.names(header, delimiter)
-    _header.unique(found, text.name, first)
-    axes, unit = _axes(found, hints, text.name, first)
-    fields = tuple(_field(name, axes) for name in found)
-    table = rows(text, Layout(fields, delimiter, first + 1, hints.decimal))
-    raw = np.column_stack([np.asarray(table.columns[axis]) for axis in axes])
-    n = len(table.line)
-    return Export(
-        dialect=READER.name,
-        unit=unit,
-        coordinates="cartesian",
-        group=table.columns["group"],
-        target=table.columns["target"],
-        position=metres(raw, unit),
-        covariance=None,
-        covariance_kind=None,
-        time=table.columns.get("time", pa.nulls(n, MOMENT)),
-        line=table.line,
-        rejected=table.rejected,
-    )
-
-
-def _axes(found: list[str], hints: Hints, file: str, line: int) -> tuple[list[str], str]:
-    columns = [_header.suffixed(found, axis, UNITS) for axis in AXES]
-    for name, there in zip(
-        ("group", "target", *AXES), ("group" in found, "target" in found, *columns), strict=True
-    ):
-        if not there:
-            example = f"{name}_mm" if name in AXES else name
-            raise InputError(
-                f"there is no column {example}",
-                "add it to the header and to every row",
-                file=file,
-                line=line,
-            )
-    stated = {column[1] for column in columns if column}
-    if len(stated) > 1:
+    line, first = next((n, line) for n, line in text.lines() if line.strip())
+    header = _named.header(first, line)
+    lacking = [role for role in NEEDED if not header.has(role)]
+    if lacking:
+        titles = [f"{role}_mm" if role in "xyz" else role for role in lacking]
         raise InputError(
-            f"x, y and z have different units ({', '.join(str(c[0]) for c in columns if c)})",
-            "export all three in the same unit",
-            file=file,
+            f"there is no column {listed(titles)}",
+            "add it to the header and to every row",
+            file=text.name,
             line=line,
         )
-    unit = settled_unit(stated.pop(), hints, file, line)
-    return [column[0] for column in columns if column], unit
+    return _tables.read(text, hints, header, READER.name)
 
 
-def _field(name: str, axes: list[str]) -> Field:
-    if name in ("group", "target"):
-        return Field(name, "name")
-    if name in axes:
-        return Field(name, "number")
-    if name == "time":
-        return Field(name, "time", needed=False)
-    return Field(name, "any" if name else "blank", needed=False)
+def write(readings: Readings, unit: str, digits: int | None) -> bytes:
+    """A plain CSV with times to the second."""
+    numbers = text_of(raw(readings.position, Meaning(unit)), digits)
+    rows = [
+        f"{group},{target},{','.join(xyz)},{time:%Y-%m-%dT%H:%M:%S}\n"
+        for group, target, xyz, time in zip(
+            readings.group, readings.target, numbers, readings.time, strict=True
+        )
+    ]
+    return "".join([f"group,target,x_{unit},y_{unit},z_{unit},time\n", *rows]).encode()
 
 
-READER = Reader("plain CSV", recognise, read)
+READER = Reader("plain CSV", recognise, read, write)

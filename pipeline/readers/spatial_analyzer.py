@@ -1,84 +1,297 @@
-"""SpatialAnalyzer's ASCII point export: `Collection::Group::Target, X, Y, Z` and `//` comments."""
+"""SpatialAnalyzer's ASCII point export, with or without its `//` header.
+
+A row is a name, three coordinates (Cartesian, spherical, cylindrical) and what the exporter was
+asked to append: timestamp, uncertainties, weather, RMS. The name comes in four modes:
+`Collection::Group::Target`, `Group::Target`, the same parts in columns of their own, or the
+target alone. What is appended has a meaning only where the header names it.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-import pyarrow as pa
 
-from pipeline.readers._delimited import MOMENT, Field, Layout, rows
-from pipeline.readers._reader import Export, Hints, Reader, metres, settled_unit
+from pipeline.errors import InputError
+from pipeline.readers import _named, _time
+from pipeline.readers._coordinates import Meaning, raw, settled, settled_vertical
+from pipeline.readers._delimited import (
+    DELIMITERS,
+    NUMBER,
+    Field,
+    Kind,
+    Layout,
+    Rows,
+    cells_or_none,
+    rows,
+    text_of,
+)
+from pipeline.readers._named import ANGLE_WORDS, UNIT_WORDS, Named
+from pipeline.readers._reader import (
+    EXPANDED,
+    RMS,
+    STANDARD,
+    Export,
+    Found,
+    Hints,
+    Reader,
+    Readings,
+    diagonal,
+    export,
+    settled_unit,
+)
 from pipeline.readers._text import Text, replaced
+from pipeline.results import Array
 
 COMMENT = "//"
-UNIT = re.compile(
-    r"\bunits?\b[^A-Za-z]*(?:of length)?[^A-Za-z]*"
-    r"(?:(?P<mm>mm|millimet(?:er|re)s?)|(?P<m>m|met(?:er|re)s?)|(?P<in>in|inch(?:es)?))\b",
-    re.IGNORECASE,
-)
-FIELDS = (
-    Field("collection", "any", needed=False),
-    Field("group", "name"),
-    Field("target", "name"),
-    Field("X", "number"),
-    Field("Y", "number"),
-    Field("Z", "number"),
-)
+PARTS = ("collection", "group", "target")
+COORDINATES = {
+    "cartesian": ("x", "y", "z"),
+    "spherical": ("range", "azimuth", "vertical"),
+    "cylindrical": ("range", "azimuth", "z"),
+}
+KIND_WORDS = {"cartesian": "cartesian", "spherical": "spherical", "polar": "spherical"}
+KIND_WORDS |= {"cylindrical": "cylindrical"}
+SHORT_UNIT = re.compile(r"\bunits?\s*[:=]?\s*(mm|m|in)\b|[\[(](mm|m|in)[\])]", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Row:
+    """How rows are made up.
+
+    Attributes:
+        delimiter: What separates cells.
+        compound: Parts that `::` joins in the first cell, 0 where names have own columns.
+        names: Names of the leading columns, `target` last.
+        rest: What stands behind the three coordinates.
+        sample: Cells of the first row.
+    """
+
+    delimiter: str
+    compound: int
+    names: tuple[str, ...]
+    rest: tuple[Named, ...]
+    sample: tuple[str, ...]
 
 
 def recognise(lines: Sequence[str]) -> bool:
-    """The first row that is no comment has a name of three parts and three more cells."""
-    row = next(
-        (line for line in lines if line.strip() and not line.lstrip().startswith(COMMENT)), ""
-    )
-    name, *numbers = [cell.strip() for cell in row.split(_delimiter(row))]
-    return name.count("::") == 2 and len(numbers) >= 3
+    """The first row that is no comment has a name of one to three parts, then three numbers."""
+    comments = [line for line in lines if line.lstrip().startswith(COMMENT)]
+    first = next((line for line in lines if _is_row(line)), "")
+    row = _row(first, comments)
+    if row is None:
+        return False
+    columns = len(row.names) > 1 and row.delimiter != ";"  # those are rows of an .xyz file
+    return bool(comments) or row.compound > 0 or columns
 
 
 def read(text: Text, hints: Hints) -> Export:
     """Readings of a SpatialAnalyzer export.
 
     Raises:
-        InputError: The unit is not stated.
+        InputError: Its unit or its angles are not stated.
     """
-    first, row = next(
-        (n, line)
-        for n, line in text.lines()
-        if line.strip() and not line.lstrip().startswith(COMMENT)
-    )
-    delimiter = _delimiter(row)
-    unit = settled_unit(_unit(text, first), hints, text.name)
-    split = replaced(text, b"::", delimiter.encode())
-    table = rows(split, Layout(FIELDS, delimiter, first, hints.decimal, COMMENT))
-    raw = np.column_stack([np.asarray(table.columns[axis]) for axis in ("X", "Y", "Z")])
-    return Export(
+    first = next(n for n, line in text.lines() if _is_row(line))
+    comments = [line for _, line in text.lines(1, first - 1) if line.strip()]
+    row = _row(text.line(first), comments)
+    assert row is not None  # recognised before
+    split = row.compound and b'"' not in text.data
+    source = replaced(text, b"::", row.delimiter.encode()) if split else text
+    names = row.names if split or not row.compound else ("target",)
+    fields = (*_name_fields(names), *_number_fields(), *_rest_fields(row))
+    layout = Layout(fields, row.delimiter, first, hints.decimal, COMMENT, _form(row))
+    table = rows(source, layout)
+    meaning = _meaning(comments, hints, table, text.name, first)
+    found = Found(
         dialect=READER.name,
-        unit=unit,
-        coordinates="cartesian",
-        group=table.columns["group"],
-        target=table.columns["target"],
-        position=metres(raw, unit),
-        covariance=None,
-        covariance_kind=None,
-        time=pa.nulls(len(table.line), MOMENT),
-        line=table.line,
-        rejected=table.rejected,
+        rows=table,
+        meaning=meaning,
+        axes=("1", "2", "3"),
+        group="group" if "group" in names else None,
+        target="target",
+        covariance=_covariance(table, row, hints),
+        unused=tuple(n.title for n in row.rest if not n.role or n.role == "rms"),
+    )
+    return export(text, hints, found)
+
+
+def _is_row(line: str) -> bool:
+    return bool(line.strip()) and not line.lstrip().startswith(COMMENT)
+
+
+def _row(first: str, comments: Sequence[str]) -> Row | None:
+    """How rows are made up, told from the first one and the header, or None when this is no row."""
+    delimiter = max(DELIMITERS, key=first.count)
+    cells = cells_or_none(first, delimiter)
+    if not cells or len(cells) < 4:
+        return None
+    titles = _titles(comments, len(cells), delimiter)
+    compound = cells[0].count("::") + 1 if "::" in cells[0] else 0
+    if compound > 3:
+        return None
+    count = 1 if compound else _names(cells, titles)
+    numbers = cells[count : count + 3]
+    if not 1 <= count <= 3 or len(numbers) < 3 or not all(map(_is_number, numbers)):
+        return None
+    names = PARTS[-compound:] if compound else PARTS[-count:]
+    rest = cells[count + 3 :]
+    behind = (
+        titles[count + 3 :] if titles else [_untitled(cell, k) for k, cell in enumerate(rest, 1)]
+    )
+    return Row(delimiter, compound, names, tuple(behind), tuple(cells))
+
+
+def _is_number(cell: str) -> bool:
+    return NUMBER.fullmatch(cell.replace(",", ".", 1)) is not None
+
+
+def _names(cells: Sequence[str], titles: Sequence[Named]) -> int:
+    """How many leading columns are names."""
+    if titles:
+        return next((k for k, n in enumerate(titles) if n.role in ("x", "range")), 0)
+    return next((k for k, cell in enumerate(cells) if _is_number(cell)), 0)
+
+
+def _titles(comments: Sequence[str], count: int, delimiter: str) -> list[Named]:
+    """The column titles of the header, if it has as many as the rows have cells."""
+    for line in reversed(comments):
+        found = _named.header(line.strip().removeprefix(COMMENT), 0, delimiter)
+        roles = [column.role for column in found.columns]
+        if len(roles) == count and ("x" in roles or "range" in roles):
+            return list(found.columns)
+    return []
+
+
+def _untitled(cell: str, place: int) -> Named:
+    role = "time" if _time.form_of(cell) else ""
+    return Named(f"field {place} behind the coordinates", role, None)
+
+
+def _name_fields(names: Sequence[str]) -> list[Field]:
+    return [Field(n, "any" if n == "collection" else "name", n != "collection") for n in names]
+
+
+def _number_fields() -> list[Field]:
+    return [Field(axis, "number") for axis in ("1", "2", "3")]
+
+
+def _rest_fields(row: Row) -> list[Field]:
+    """Fields behind the coordinates; those without a role are not looked at."""
+    out = []
+    for place, column in enumerate(row.rest):
+        kind: Kind = "any"
+        if column.role == "time":
+            kind = "time"
+        elif column.role.startswith(("std ", "u95 ")) or column.role == "rms":
+            kind = "number"
+        elif not column.title:
+            kind = "blank"
+        out.append(
+            Field(column.role if kind in ("time", "number") else f"rest {place}", kind, False)
+        )
+    return out
+
+
+def _form(row: Row) -> str:
+    """The form of the times, told from the first row."""
+    for column, cell in zip(
+        row.rest, row.sample[-len(row.rest) :] if row.rest else (), strict=True
+    ):
+        if column.role == "time":
+            return _time.form_of(cell) or _time.ISO
+    return _time.ISO
+
+
+def _meaning(comments: Sequence[str], hints: Hints, table: Rows, file: str, line: int) -> Meaning:
+    head = [comment for comment in comments if comment.lstrip().startswith(COMMENT)]
+    unit = settled_unit(_only(_units(head), "units of length", file), hints, file, line)
+    stated = _only(_kinds(head), "kinds of coordinates", file)
+    if stated is None and hints.coordinates is None:
+        stated = "cartesian"
+    kind = settled(stated, hints.coordinates, "coordinates", 'coordinates = "..."', file, line)
+    if kind == "cartesian":
+        return Meaning(unit)
+    words = {word for comment in head for word in re.findall(r"[a-z°]+", comment.lower())}
+    angles = _only({ANGLE_WORDS[word] for word in words if word in ANGLE_WORDS}, "angles", file)
+    angle = settled(
+        angles, hints.angle, "unit of angles", 'angle = "deg" (or "rad", "gon")', file, line
+    )
+    meaning = Meaning(unit, kind, angle)
+    if kind == "cylindrical":
+        return meaning
+    said = _only({v for v in ("zenith", "elevation") if v in words}, "vertical angles", file)
+    third = np.asarray(table.columns["3"])
+    return replace(
+        meaning, vertical=settled_vertical(said, hints.vertical, third, angle, file, line)
     )
 
 
-def _delimiter(row: str) -> str:
-    return next((mark for mark in (";", "\t") if row.count(mark) >= 3), ",")
+def _only(found: set[str], what: str, file: str) -> str | None:
+    if len(found) > 1:
+        raise InputError(
+            f"the header names several {what} ({', '.join(sorted(found))})",
+            "export it again or correct the header",
+            file=file,
+        )
+    return next(iter(found), None)
 
 
-def _unit(text: Text, rows_from: int) -> str | None:
-    """The unit a header comment states, `// Units: mm`."""
-    for _, line in text.lines(1, rows_from - 1):
-        found = UNIT.search(line)
-        if found:
-            return next(unit for unit, word in found.groupdict().items() if word)
-    return None
+def _units(comments: Sequence[str]) -> set[str]:
+    """Units of length in the header; short ones count only behind `units` or in brackets."""
+    found = set()
+    for comment in comments:
+        words = re.findall(r"[a-z]+", comment.lower())
+        found |= {UNIT_WORDS[word] for word in words if len(word) > 2 and word in UNIT_WORDS}
+        found |= {short.lower() for pair in SHORT_UNIT.findall(comment) for short in pair if short}
+    return found
 
 
-READER = Reader("SpatialAnalyzer ASCII", recognise, read)
+def _kinds(comments: Sequence[str]) -> set[str]:
+    """Kinds of coordinates that the header names, in words or by its column titles."""
+    found = set()
+    for comment in comments:
+        found |= {KIND_WORDS[w] for w in re.findall(r"[a-z]+", comment.lower()) if w in KIND_WORDS}
+        for delimiter in DELIMITERS:
+            cut = _named.header(comment.strip().removeprefix(COMMENT), 0, delimiter)
+            roles = {
+                "vertical" if c.role in ("zenith", "elevation") else c.role for c in cut.columns
+            }
+            found |= {kind for kind, axes in COORDINATES.items() if set(axes) <= roles}
+    return found
+
+
+def _covariance(table: Rows, row: Row, hints: Hints) -> dict[str, Array]:
+    """Covariances that the header names: per axis, expanded or standard, and the RMS of a point."""
+    out = {}
+    roles = {column.role for column in row.rest}
+    for prefix, kind, usual in (("std", STANDARD, 1.0), ("u95", EXPANDED, 2.0)):
+        axes = [f"{prefix} {axis}" for axis in "xyz"]
+        if set(axes) <= roles:
+            std = [np.asarray(table.columns[axis]) for axis in axes]
+            out[kind] = diagonal(std, hints.coverage_factor or usual)
+    if "rms" in roles:
+        out[RMS] = diagonal([np.asarray(table.columns["rms"]) / np.sqrt(3.0)] * 3)
+    return out
+
+
+def write(readings: Readings, unit: str, digits: int | None) -> bytes:
+    """A Cartesian export with its header and timestamps."""
+    words = {"mm": "Millimeters", "m": "Meters", "in": "Inches"}
+    head = [
+        "// SpatialAnalyzer ASCII point export",
+        f"// Cartesian, Units: {words[unit]}",
+        "// Collection::Group::Target, X, Y, Z, Timestamp",
+    ]
+    numbers = text_of(raw(readings.position, Meaning(unit)), digits)
+    lines = [
+        f"A::{group}::{target}, {', '.join(xyz)}, {time:%m/%d/%y %H:%M:%S}"
+        for group, target, xyz, time in zip(
+            readings.group, readings.target, numbers, readings.time, strict=True
+        )
+    ]
+    return "\r\n".join([*head, *lines, ""]).encode()
+
+
+READER = Reader("SpatialAnalyzer ASCII", recognise, read, write, suffix=".txt")

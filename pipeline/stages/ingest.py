@@ -15,7 +15,8 @@ import pyarrow as pa
 
 from pipeline import instrument, readers, tables
 from pipeline.errors import InputError, listed
-from pipeline.readers import Export, Hints, logs
+from pipeline.readers import Columns, Export, Hints, logs
+from pipeline.readers.assignment import assigned
 from pipeline.results import Array
 from pipeline.robot import Robot
 from pipeline.settings import InstrumentNoise, Scale, Settings, Tracker
@@ -120,6 +121,7 @@ def tracker_files(settings: Settings, names: Sequence[str]) -> list[str]:
     """Which of some file names are tracker exports, sorted; a glob never takes the other logs."""
     others = {settings.joints.file, "campaign.toml"}
     others |= {settings.scale.file} if settings.scale else set()
+    others |= {settings.tracker.assignment or ""} if settings.tracker else set()
     patterns = settings.tracker.files if settings.tracker else []
     return sorted(
         name
@@ -137,8 +139,26 @@ def _exports(settings: Settings, tracker: Tracker, raw: Mapping[str, bytes]) -> 
                 "put it into the campaign folder or correct files in [tracker] of campaign.toml",
                 file=pattern,
             )
-    hints = Hints(unit=tracker.unit)
-    return {name: readers.read(name, raw[name], hints) for name in found}
+    hints = _hints(tracker)
+    exports = {name: readers.read(name, raw[name], hints) for name in found}
+    if tracker.assignment:
+        table = _file(raw, tracker.assignment, "assignment in [tracker]")
+        return assigned(exports, tracker.assignment, table)
+    for name, export in exports.items():
+        if export.group is None:
+            raise InputError(
+                f"the readings have no {'names' if export.target is None else 'groups'}",
+                "say what each row is in a table order,group,target, and name the table with "
+                'assignment = "assignment.csv" in [tracker] of campaign.toml',
+                file=name,
+            )
+    return exports
+
+
+def _hints(tracker: Tracker) -> Hints:
+    said = tracker.model_dump(exclude={"files", "assignment", "mapping", "sigma_m", "noise"})
+    mapping = tracker.mapping
+    return Hints(**said, mapping=Columns(**mapping.model_dump()) if mapping else None)
 
 
 def _three_base_reflectors(shots: Shots, settings: Settings) -> None:

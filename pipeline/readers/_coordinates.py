@@ -1,0 +1,189 @@
+"""What three numbers of a reading mean: unit, kind of coordinates, angles; and back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.errors import InputError
+from pipeline.results import Array
+
+UNITS = ("mm", "m", "in")
+ANGLES = {"deg": np.pi / 180.0, "rad": 1.0, "gon": np.pi / 200.0}
+KINDS = ("cartesian", "spherical", "cylindrical")
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """How the three numbers of a reading are to be read.
+
+    Attributes:
+        unit: Unit of length, `mm`, `m` or `in`.
+        kind: `cartesian` x, y, z; `spherical` range, azimuth, vertical angle; `cylindrical`
+            radius, azimuth, z. Azimuths count from x towards y.
+        angle: Unit of angles, `deg`, `rad` or `gon`; None for Cartesian coordinates.
+        vertical: Vertical angle from `zenith` (z up is 0) or as `elevation` (horizontal is 0).
+    """
+
+    unit: str
+    kind: str = "cartesian"
+    angle: str | None = None
+    vertical: str = "zenith"
+
+
+def metres(values: Array, unit: str) -> Array:
+    """Lengths in metres; mm are divided by 1000, which rounds once, 0.001 would round twice."""
+    if unit == "mm":
+        return values / 1000.0
+    return values * 0.0254 if unit == "in" else values
+
+
+def in_unit(values: Array, unit: str) -> Array:
+    """Lengths in metres in another unit."""
+    if unit == "mm":
+        return values * 1000.0
+    return values / 0.0254 if unit == "in" else values
+
+
+def cartesian(raw: Array, meaning: Meaning) -> Array:
+    """Cartesian coordinates [m] of the numbers in a file, both shape (n, 3)."""
+    if meaning.kind == "cartesian":
+        return metres(raw, meaning.unit)
+    si = _si(raw, meaning)
+    radius, azimuth = si[:, 0], si[:, 1]
+    if meaning.kind == "cylindrical":
+        return np.column_stack([radius * np.cos(azimuth), radius * np.sin(azimuth), si[:, 2]])
+    flat, up = _flat_and_up(si[:, 2], meaning)
+    return radius[:, None] * np.column_stack([flat * np.cos(azimuth), flat * np.sin(azimuth), up])
+
+
+def raw(position: Array, meaning: Meaning) -> Array:
+    """The numbers that a file would have for Cartesian coordinates [m], both shape (n, 3)."""
+    if meaning.kind == "cartesian":
+        return in_unit(position, meaning.unit)
+    x, y, z = position.T
+    azimuth = np.arctan2(y, x)
+    if meaning.kind == "cylindrical":
+        return _from_si(np.column_stack([np.hypot(x, y), azimuth, z]), meaning)
+    flat = np.hypot(x, y)
+    vertical = np.arctan2(flat, z) if meaning.vertical == "zenith" else np.arctan2(z, flat)
+    return _from_si(np.column_stack([np.hypot(flat, z), azimuth, vertical]), meaning)
+
+
+def covariance(six: Array, values: Array, meaning: Meaning) -> Array:
+    """Covariance of Cartesian coordinates [m^2] from that of the numbers in a file.
+
+    C = J S C_file S J', with S to SI and J the derivative of `cartesian`.
+
+    Args:
+        six: xx, xy, xz, yy, yz, zz in the units of the file, shape (n, 6).
+        values: The numbers themselves, shape (n, 3).
+
+    Returns:
+        Shape (n, 6).
+    """
+    if meaning.kind == "cartesian":
+        return metres(metres(six, meaning.unit), meaning.unit)
+    J = _jacobian(_si(values, meaning), meaning)
+    scale = _from_si(np.ones((1, 3)), meaning)[0]
+    C = _full(six) / np.multiply.outer(scale, scale)
+    out: Array = J @ C @ J.transpose(0, 2, 1)
+    return np.asarray(out[:, (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)])
+
+
+def _full(six: Array) -> Array:
+    return six[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3)
+
+
+def _angles(meaning: Meaning) -> list[int]:
+    return {"spherical": [1, 2], "cylindrical": [1]}[meaning.kind]
+
+
+def _si(values: Array, meaning: Meaning) -> Array:
+    angles = _angles(meaning)
+    out = metres(values, meaning.unit)
+    out[:, angles] = values[:, angles] * ANGLES[meaning.angle or "rad"]
+    return out
+
+
+def _from_si(values: Array, meaning: Meaning) -> Array:
+    angles = _angles(meaning)
+    out = in_unit(values, meaning.unit).copy()
+    out[:, angles] = values[:, angles] / ANGLES[meaning.angle or "rad"]
+    return out
+
+
+def _flat_and_up(vertical: Array, meaning: Meaning) -> tuple[Array, Array]:
+    """Horizontal and vertical share of the range."""
+    sine, cosine = np.sin(vertical), np.cos(vertical)
+    return (sine, cosine) if meaning.vertical == "zenith" else (cosine, sine)
+
+
+def _jacobian(si: Array, meaning: Meaning) -> Array:
+    """Derivative of x, y, z by the three numbers in SI, shape (n, 3, 3)."""
+    radius, azimuth, third = si.T
+    c, s, none = np.cos(azimuth), np.sin(azimuth), np.zeros(len(si))
+    if meaning.kind == "cylindrical":
+        rows = [[c, -radius * s, none], [s, radius * c, none], [none, none, none + 1.0]]
+    else:
+        flat, up = _flat_and_up(third, meaning)
+        turn = 1.0 if meaning.vertical == "zenith" else -1.0
+        rows = [
+            [flat * c, -radius * flat * s, turn * radius * up * c],
+            [flat * s, radius * flat * c, turn * radius * up * s],
+            [up, none, -turn * radius * flat],
+        ]
+    return np.moveaxis(np.array(rows), 2, 0)
+
+
+def settled(
+    stated: str | None, said: str | None, what: str, example: str, file: str, line: int | None
+) -> str:
+    """What an export states itself, else what campaign.toml says in [tracker].
+
+    Args:
+        stated: By the export, None where it does not.
+        said: By campaign.toml, None where it does not.
+        what: What it is, for messages.
+        example: The line to write into [tracker].
+
+    Raises:
+        InputError: Nobody says, or the two contradict each other.
+    """
+    if stated is None and said is None:
+        raise InputError(
+            f"the export does not say its {what}",
+            f"write {example} into [tracker] of campaign.toml",
+            file=file,
+            line=line,
+        )
+    if stated and said and stated != said:
+        raise InputError(
+            f"the export says {stated} for its {what} but campaign.toml says {said}",
+            f"remove {example.split(' =')[0]} from [tracker], it is for exports that do not say",
+            file=file,
+            line=line,
+        )
+    return stated or said or ""
+
+
+def settled_vertical(
+    stated: str | None, said: str | None, values: Array, angle: str, file: str, line: int | None
+) -> str:
+    """Whether vertical angles count from the zenith or from the horizon.
+
+    Where nobody says it, the angles may: below 0 there is no zenith angle, above 90 degrees no
+    elevation.
+
+    Raises:
+        InputError: Nobody says and the angles leave it open.
+    """
+    if stated is None and said is None and len(values):
+        degrees = values * ANGLES[angle] * 180.0 / np.pi
+        if degrees.min() < 0 and degrees.max() <= 90:
+            return "elevation"
+        if degrees.min() >= 0 and 90 < degrees.max() <= 180:
+            return "zenith"
+    what = 'vertical = "zenith" (or "elevation")'
+    return settled(stated, said, "vertical angle's zero", what, file, line)

@@ -1,0 +1,153 @@
+"""Columns by what their header calls them: role, axis and unit."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pipeline.errors import InputError
+from pipeline.readers._delimited import DELIMITERS
+
+UNIT_WORDS = {
+    "mm": "mm", "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
+    "m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
+    "in": "in", "inch": "in", "inches": "in",
+}  # fmt: skip
+ANGLE_WORDS = {
+    "deg": "deg", "degree": "deg", "degrees": "deg", "°": "deg",
+    "rad": "rad", "radian": "rad", "radians": "rad", "gon": "gon", "gons": "gon",
+}  # fmt: skip
+
+AXES = {
+    "x": "x", "y": "y", "z": "z",
+    "r": "range", "range": "range", "radius": "range", "distance": "range", "d": "range",
+    "theta": "azimuth", "azimuth": "azimuth", "az": "azimuth", "hz": "azimuth",
+    "phi": "vertical", "zenith": "zenith", "elevation": "elevation", "el": "elevation",
+    "inclination": "elevation",
+}  # fmt: skip
+FILLING = {"coordinate", "coord", "pos", "position", "angle", "value", "actual", "measured"}
+STANDARD_WORDS = {"std", "stddev", "sigma", "uncertainty", "sd", "unc"}
+TIMES = ({"time"}, {"timestamp"}, {"date", "time"}, {"datetime"}, {"date"}, {"time", "stamp"})
+NAMES = {
+    "collection": "collection", "group": "group", "group name": "group", "groupname": "group",
+    "point group": "group",
+    "target": "target", "target name": "target", "point": "target", "point name": "target",
+    "pointname": "target", "point id": "target", "pointid": "target", "name": "target",
+    "reflector": "reflector",
+    "delete": "delete", "deleted": "delete", "rms": "rms",
+}  # fmt: skip
+IN_BRACKETS = re.compile(r"[\[(]\s*([^\])]*?)\s*[\])]")
+
+
+@dataclass(frozen=True)
+class Named:
+    """One column of a header.
+
+    Attributes:
+        title: As written.
+        role: `x`, `y`, `z`, `range`, `azimuth`, `vertical`, `zenith`, `elevation`; the same
+            after `std ` or `u95 `; `time`, `group`, `target`, `collection`, `delete`, `rms`; or
+            empty when we do not know.
+        unit: `mm`, `m`, `in`, `deg`, `rad`, `gon`, or None where it says none.
+    """
+
+    title: str
+    role: str
+    unit: str | None
+
+
+@dataclass(frozen=True)
+class Header:
+    """A header line.
+
+    Attributes:
+        line: Its number, counted from 1.
+        delimiter: What separates the columns.
+        columns: Left to right; a last empty one stands for the delimiter at the end of rows.
+    """
+
+    line: int
+    delimiter: str
+    columns: tuple[Named, ...]
+
+    def where(self, role: str) -> int | None:
+        """Place of the column with a role."""
+        return next((k for k, column in enumerate(self.columns) if column.role == role), None)
+
+    def has(self, *roles: str) -> bool:
+        """Whether there is a column for each of some roles."""
+        return all(self.where(role) is not None for role in roles)
+
+
+def named(title: str) -> Named:
+    """What a column is, judged by its title."""
+    bare = title.strip().strip('"').strip()
+    unit = None
+    rest = bare
+    for inside in IN_BRACKETS.findall(bare):
+        word = inside.lower()
+        if word in UNIT_WORDS or word in ANGLE_WORDS:
+            unit = UNIT_WORDS.get(word) or ANGLE_WORDS[word]
+            rest = re.sub(rf"[\[(]\s*{re.escape(inside)}\s*[\])]", " ", rest)
+    words = re.findall(r"[a-z]+|[0-9]+", rest.lower().replace("_", " "))
+    if unit is None and len(words) > 1 and words[-1] in ("mm", "m", "in", "deg", "rad", "gon"):
+        word = words.pop()
+        unit = UNIT_WORDS.get(word) or ANGLE_WORDS[word]
+    return Named(bare, _role(words), unit)
+
+
+def _role(words: Sequence[str]) -> str:
+    bag = set(words)
+    if bag in TIMES:
+        return "time"
+    if " ".join(words) in NAMES:
+        return NAMES[" ".join(words)]
+    fused = re.fullmatch(r"(u|s|std|sigma)(x|y|z)", "".join(words))
+    if fused:
+        return f"std {fused[2]}"
+    axes = [AXES[word] for word in words if word in AXES]
+    if len(axes) != 1:
+        return ""
+    others = bag - {word for word in words if word in AXES} - FILLING
+    if not others:
+        return axes[0]
+    if others <= {"u", "95", "expanded", "k", "2", "uncertainty"} and others & {"95", "expanded"}:
+        return f"u95 {axes[0]}"
+    if others <= STANDARD_WORDS | {"u", "1", "dev", "standard", "deviation"}:
+        return f"std {axes[0]}"
+    return ""
+
+
+def header(line: str, number: int, delimiter: str | None = None) -> Header:
+    """A line as a header."""
+    delimiter = delimiter or max(DELIMITERS, key=line.count)
+    return Header(number, delimiter, tuple(named(cell) for cell in line.split(delimiter)))
+
+
+def find(lines: Sequence[str]) -> Header | None:
+    """The first line that names three coordinates."""
+    for number, line in enumerate(lines, 1):
+        found = header(line, number)
+        comment = line.lstrip().startswith(("//", "#"))
+        if not comment and found.has("x", "y", "z"):
+            return found
+    return None
+
+
+def one_unit(found: Header, roles: Sequence[str], file: str) -> str | None:
+    """The unit that some columns state, None where none does.
+
+    Raises:
+        InputError: They state different ones.
+    """
+    places = [place for role in roles if (place := found.where(role)) is not None]
+    units = {found.columns[place].unit for place in places} - {None}
+    if len(units) > 1:
+        raise InputError(
+            f"the coordinates have different units ({', '.join(sorted(u for u in units if u))})",
+            "export all of them in the same unit",
+            file=file,
+            line=found.line,
+        )
+    return units.pop() if units else None

@@ -1,0 +1,206 @@
+"""Tables whose columns are named by a header or by campaign.toml: columns to readings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pyarrow as pa
+
+from pipeline.errors import InputError, listed
+from pipeline.readers import _time
+from pipeline.readers._coordinates import Meaning, settled, settled_vertical
+from pipeline.readers._delimited import Field, Kind, Layout, Rows, cells_or_none, rows
+from pipeline.readers._named import Header, Named, one_unit
+from pipeline.readers._reader import (
+    EXPANDED,
+    STANDARD,
+    Export,
+    Found,
+    Hints,
+    diagonal,
+    export,
+    settled_unit,
+)
+from pipeline.readers._text import Text
+from pipeline.results import Array, Bools
+
+VERTICALS = ("vertical", "zenith", "elevation")
+AXES = {
+    "cartesian": ("x", "y", "z"),
+    "spherical": ("range", "azimuth", "vertical"),
+    "cylindrical": ("range", "azimuth", "z"),
+}
+COVARIANCE = ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")
+NOT_DELETED = ("", "0", "no", "false", "n")
+NAMES = ("group", "target", "reflector", "delete")
+
+
+def read(
+    text: Text,
+    hints: Hints,
+    header: Header,
+    dialect: str,
+    comment: str | None = None,
+    form: str | None = None,
+) -> Export:
+    """Readings of a table with a header.
+
+    Args:
+        text: The file; rows start below the header.
+        hints: What campaign.toml adds.
+        header: Its columns.
+        dialect: Name of the reader.
+        comment: Start of lines that are no rows.
+        form: How times are written, None to find out.
+
+    Raises:
+        InputError: Unit, angles or kind of coordinates are not stated.
+    """
+    _once(header, text.name)
+    kind, axes = _kind(header, hints, text.name)
+    layout = Layout(
+        fields=tuple(_field(column, place, axes) for place, column in enumerate(header.columns)),
+        delimiter=header.delimiter,
+        first=header.line + 1,
+        decimal=hints.decimal,
+        comment=comment,
+        moment=form or _form(text, header, comment),
+    )
+    table = rows(text, layout)
+    keep, why_not = _kept(table, header)
+    found = Found(
+        dialect=dialect,
+        rows=table,
+        meaning=_meaning(header, hints, table, kind, axes, text.name),
+        axes=axes,
+        group="group" if header.has("group") else None,
+        target=next((role for role in ("target", "reflector") if header.has(role)), None),
+        covariance=_covariances(table, header, hints),
+        keep=keep,
+        why_not=why_not,
+        unused=tuple(c.title for c in header.columns if c.title and not _used(c, axes)),
+    )
+    return export(text, hints, found)
+
+
+def _once(header: Header, file: str) -> None:
+    roles = [column.role for column in header.columns if column.role]
+    twice = [role for role in dict.fromkeys(roles) if roles.count(role) > 1]
+    if twice:
+        titles = [column.title for column in header.columns if column.role == twice[0]]
+        raise InputError(
+            f"the columns {listed(titles)} both look like the {twice[0]}",
+            "remove or rename one, or say which in [tracker.mapping] of campaign.toml",
+            file=file,
+            line=header.line or None,
+        )
+
+
+def _kind(header: Header, hints: Hints, file: str) -> tuple[str, tuple[str, str, str]]:
+    """Kind of coordinates and the names of their columns.
+
+    Raises:
+        InputError: The columns are not those of any kind.
+    """
+    for kind, wanted in AXES.items():
+        axes = [_present(header, role) for role in wanted]
+        if None not in axes:
+            x, y, z = (str(axis) for axis in axes)
+            if kind == "cartesian":
+                kind = hints.coordinates or kind
+            return kind, (x, y, z)
+    lacking = next((role for role in AXES["cartesian"] if not header.has(role)), "x")
+    raise InputError(
+        f"there is no column {lacking}_mm among {listed(c.title for c in header.columns)}",
+        "add it to the header and to every row",
+        file=file,
+        line=header.line or None,
+    )
+
+
+def _present(header: Header, role: str) -> str | None:
+    alike = VERTICALS if role == "vertical" else (role,)
+    return next((name for name in alike if header.has(name)), None)
+
+
+def _field(column: Named, place: int, axes: Sequence[str]) -> Field:
+    name = column.role or f"column {place + 1}"
+    kind: Kind = "any" if column.title else "blank"
+    if column.role in axes:
+        return Field(name, "number", title=column.title)
+    if column.role in NAMES:
+        return Field(name, "name", column.role != "delete", column.title)
+    if column.role == "time":
+        return Field(name, "time", needed=False, title=column.title)
+    if column.role.startswith(("std ", "u95 ")) or column.role in COVARIANCE:
+        return Field(name, "number", needed=False, title=column.title)
+    return Field(f"{name} ({place + 1})", kind, needed=False)
+
+
+def _used(column: Named, axes: Sequence[str]) -> bool:
+    return _field(column, 0, axes).kind in ("name", "number", "time")
+
+
+def _form(text: Text, header: Header, comment: str | None) -> str:
+    """How the times are written, told from the first row that has one."""
+    place = header.where("time")
+    if place is None:
+        return _time.ISO
+    for _, line in text.lines(header.line + 1, most=1000):
+        if not line.strip() or (comment and line.lstrip().startswith(comment)):
+            continue
+        cells = cells_or_none(line, header.delimiter)
+        if cells and place < len(cells) and cells[place]:
+            return _time.form_of(cells[place]) or _time.ISO
+    return _time.ISO
+
+
+def _kept(table: Rows, header: Header) -> tuple[Bools | None, str]:
+    """Rows that the operator did not mark as deleted."""
+    if not header.has("delete"):
+        return None, ""
+    marks = table.columns["delete"]
+    kept = [str(mark).lower() in NOT_DELETED for mark in marks.dictionary.to_pylist()]
+    mask = (
+        np.array(kept, dtype=bool)[np.asarray(marks.indices)] if len(marks) else np.zeros(0, bool)
+    )
+    return mask, "the operator marked it as deleted; clear the mark if it is to be used"
+
+
+def _meaning(
+    header: Header, hints: Hints, table: Rows, kind: str, axes: Sequence[str], file: str
+) -> Meaning:
+    line = header.line or None
+    angular = {"cartesian": [], "spherical": list(axes[1:]), "cylindrical": [axes[1]]}[kind]
+    lengths = [axis for axis in axes if axis not in angular]
+    unit = settled_unit(one_unit(header, lengths, file), hints, file, line)
+    if kind == "cartesian":
+        return Meaning(unit)
+    example = 'angle = "deg" (or "rad", "gon")'
+    stated = one_unit(header, angular, file)
+    angle = settled(stated, hints.angle, "unit of angles", example, file, line)
+    if kind == "cylindrical":
+        return Meaning(unit, kind, angle)
+    said = axes[2] if axes[2] in VERTICALS[1:] else None
+    third = np.asarray(table.columns[axes[2]])
+    vertical = settled_vertical(said, hints.vertical, third, angle, file, line)
+    return replace(Meaning(unit, kind, angle), vertical=vertical)
+
+
+def _covariances(table: Rows, header: Header, hints: Hints) -> dict[str, Array]:
+    """Covariances by kind, in the units of the coordinates; NaN where a cell is empty."""
+    out = {}
+    for prefix, kind, usual in (("u95", EXPANDED, 2.0), ("std", STANDARD, 1.0)):
+        roles = [f"{prefix} {axis}" for axis in "xyz"]
+        if header.has(*roles):
+            std = [_floats(table.columns[role]) for role in roles]
+            out[kind] = diagonal(std, hints.coverage_factor or usual)
+    if header.has(*COVARIANCE):
+        out[STANDARD] = np.column_stack([_floats(table.columns[role]) for role in COVARIANCE])
+    return out
+
+
+def _floats(column: pa.Array) -> Array:
+    return np.array(column.cast(pa.float64()).fill_null(np.nan), dtype=float)

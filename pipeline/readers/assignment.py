@@ -1,0 +1,131 @@
+"""Files without names: a table that says which reading is which, by the order they were taken in.
+
+`order,group,target`, or `order,pose,repeat,state,target` with pose, repeat and state empty for
+base reflectors. Orders count the rows of an export from 1, bad ones included; with several exports
+without names a column `file` says which one is meant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pyarrow as pa
+
+from pipeline.errors import InputError
+from pipeline.readers import _header
+from pipeline.readers._reader import Export
+from pipeline.readers.logs import Log, Quantity, once, table
+
+BASE = "base"
+Names = dict[int, tuple[str, str]]
+
+
+def assigned(exports: Mapping[str, Export], name: str, data: bytes) -> dict[str, Export]:
+    """The exports with groups and targets for every reading.
+
+    Args:
+        exports: By file name; those with names of their own stay as they are.
+        name: The assignment's file name.
+        data: Its content.
+
+    Raises:
+        InputError: A reading has no assignment, or one that contradicts its own name.
+    """
+    nameless = [file for file, export in exports.items() if export.group is None]
+    names = _names(name, data, nameless)
+    return {
+        file: _assigned(export, names.get(file, {}), name) if export.group is None else export
+        for file, export in exports.items()
+    }
+
+
+def _names(name: str, data: bytes, files: list[str]) -> dict[str, Names]:
+    words = [Quantity(w, {}, "name", needed=False) for w in ("file", "group", "state")]
+    numbers = [Quantity(n, {}, needed=False) for n in ("pose", "repeat")]
+    wanted = [Quantity("order", {}), Quantity("target", {}, "name"), *words, *numbers]
+    log = once(table(name, data, wanted), ["order", *(["file"] if _has_file(data) else [])])
+    if log.rejected:
+        file, line, reason = log.rejected[0]
+        thing, _, way_out = reason.rpartition("; ")
+        raise InputError(thing, way_out, file=file, line=line)
+    if len(files) > 1 and "file" not in log.word:
+        raise InputError(
+            f"{len(files)} exports have no names, but the assignment has no column file",
+            "add the column with the name of the export",
+            file=name,
+            line=1,
+        )
+    out: dict[str, Names] = {}
+    groups = _groups(log, name)
+    for k, order in enumerate(log.number["order"]):
+        file = str(log.word["file"][k]) if "file" in log.word else (files or [""])[0]
+        out.setdefault(file, {})[int(order)] = (groups[k], str(log.word["target"][k]))
+    return out
+
+
+def _has_file(data: bytes) -> bool:
+    first = data.decode("latin-1").lstrip().partition("\n")[0]
+    return "file" in _header.names(first, _header.delimiter_of(first))
+
+
+def _groups(log: Log, name: str) -> list[str]:
+    """Group of each row, its own or made of pose, repeat and state."""
+    if "group" in log.word:
+        return [str(group) for group in log.word["group"]]
+    if not {"pose", "repeat"} <= set(log.number) or "state" not in log.word:
+        raise InputError(
+            "there is neither a column group nor the columns pose, repeat and state",
+            "add the one or the others",
+            file=name,
+            line=1,
+        )
+    out = []
+    rows = zip(log.number["pose"], log.number["repeat"], log.word["state"], log.line, strict=True)
+    for pose, repeat, state, line in rows:
+        if np.isnan(pose) and np.isnan(repeat) and not state:
+            out.append(BASE)
+        elif np.isfinite(pose) and np.isfinite(repeat) and state in ("loaded", "unloaded"):
+            out.append(f"pose{int(pose):02d}_rep{int(repeat)}_{state}")
+        else:
+            raise InputError(
+                "pose, repeat and state are not all given, or state is neither loaded nor unloaded",
+                "fill in all three, or leave all three empty for a base reflector",
+                file=name,
+                line=int(line),
+            )
+    return out
+
+
+def _assigned(export: Export, names: Names, name: str) -> Export:
+    if export.rows != len(names):
+        raise InputError(
+            f"the export has {export.rows} rows but {name} assigns {len(names)}, "
+            "so nobody knows which is which",
+            f"make {name} say what every row of the export is",
+            file=export.file,
+        )
+    missing = [int(order) for order in export.order if int(order) not in names]
+    if missing:
+        raise InputError(
+            f"{name} does not say what row {missing[0]} of {export.file} is",
+            "number its rows from 1 on without a gap",
+            file=name,
+        )
+    found = [names[int(order)] for order in export.order]
+    own = export.target
+    for k, (_, target) in enumerate(found):
+        if own is not None and own[k].as_py() != target:
+            raise InputError(
+                f"the export calls this reading {own[k].as_py()}, {name} calls it {target}",
+                "correct the assignment",
+                file=export.file,
+                line=int(export.line[k]),
+            )
+    group, target_names = ([pair[k] for pair in found] for k in (0, 1))
+    return replace(
+        export,
+        group=pa.array(group, pa.string()).dictionary_encode(),
+        target=pa.array(target_names, pa.string()).dictionary_encode(),
+    )

@@ -1,0 +1,155 @@
+"""A dump of Leica emScon's results (SingleMeasResultT and 2T): numbers only, in the order taken.
+
+Columns are the members of the structure, every row ends in a comma. There are no names and no
+times; unit and coordinate system are what the tracker was set to, and not in the file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pipeline.errors import InputError
+from pipeline.readers._coordinates import Meaning, raw, settled, settled_vertical
+from pipeline.readers._delimited import Field, Layout, Rows, rows, text_of
+from pipeline.readers._reader import (
+    A_PRIORI,
+    STANDARD,
+    Export,
+    Found,
+    Hints,
+    Reader,
+    Readings,
+    export,
+    settled_unit,
+)
+from pipeline.readers._text import Text
+from pipeline.results import Array
+
+VALUES = ("dVal1", "dVal2", "dVal3")
+KINDS = {STANDARD: "d", A_PRIORI: "dApriori"}
+"""The scatter within the reading, and what the tracker's own error model expects."""
+
+POINTING = ("dPointingErrorH", "dPointingErrorV", "dPointingErrorD")
+WEATHER = ("dTemperature", "dPressure", "dHumidity")
+
+
+def recognise(lines: Sequence[str]) -> bool:
+    """The first line names dVal1, dVal2 and dVal3."""
+    return set(VALUES) <= set(_titles(next((line for line in lines if line.strip()), "")))
+
+
+def _titles(line: str) -> list[str]:
+    return [title.strip() for title in line.split(",")]
+
+
+def read(text: Text, hints: Hints) -> Export:
+    """Readings of an emScon dump; they have no names.
+
+    Raises:
+        InputError: The unit is not stated in campaign.toml, or the coordinates are not clear.
+    """
+    first, header = next((n, line) for n, line in text.lines() if line.strip())
+    titles = _titles(header)
+    twice = [title for title in titles if title and titles.count(title) > 1]
+    if twice:
+        raise InputError(
+            f"there are two columns {twice[0]}", "remove one of them", file=text.name, line=first
+        )
+    table = rows(text, Layout(_fields(titles), ",", first + 1, hints.decimal))
+    found = Found(
+        dialect=READER.name,
+        rows=table,
+        meaning=_meaning(table, titles, hints, text.name, first),
+        axes=VALUES,
+        covariance={
+            kind: C
+            for kind, start in KINDS.items()
+            if (C := _six(table, titles, start)) is not None
+        },
+        unused=tuple(title for title in titles if title in (*POINTING, *WEATHER)),
+    )
+    return export(text, hints, found)
+
+
+def _fields(titles: Sequence[str]) -> tuple[Field, ...]:
+    statistics = {name for start in KINDS.values() for name in _names(start)}
+    return tuple(
+        Field(title, "number")
+        if title in VALUES or title in statistics
+        else Field(f"{title} ({place})", "any" if title else "blank", needed=False)
+        for place, title in enumerate(titles, 1)
+    )
+
+
+def _names(start: str) -> list[str]:
+    return [
+        *(f"{start}Std{k}" for k in ("1", "2", "3", "Total")),
+        *(f"{start}Covar{k}" for k in (12, 13, 23)),
+    ]
+
+
+def _six(table: Rows, titles: Sequence[str], start: str) -> Array | None:
+    """xx, xy, xz, yy, yz, zz of one kind, None without; the older structure has no covariances."""
+    if not {f"{start}Std{k}" for k in (1, 2, 3)} <= set(titles):
+        return None
+    n = len(table.line)
+
+    def column(name: str) -> Array:
+        return np.asarray(table.columns[name]) if name in titles else np.zeros(n)
+
+    s1, s2, s3 = (column(f"{start}Std{k}") for k in (1, 2, 3))
+    c12, c13, c23 = (column(f"{start}Covar{k}") for k in (12, 13, 23))
+    return np.column_stack([s1**2, c12, c13, s2**2, c23, s3**2])
+
+
+def _meaning(table: Rows, titles: Sequence[str], hints: Hints, file: str, line: int) -> Meaning:
+    unit = settled_unit(None, hints, file, line)
+    stated = "cartesian" if _lengths_only(table, titles) else None
+    example = 'coordinates = "cartesian" (or "spherical", "cylindrical")'
+    kind = hints.coordinates or settled(stated, None, "coordinate system", example, file, line)
+    if kind == "cartesian":
+        return Meaning(unit)
+    angle = settled(
+        None, hints.angle, "unit of angles", 'angle = "deg" (or "rad", "gon")', file, line
+    )
+    if kind == "cylindrical":
+        return Meaning(unit, kind, angle)
+    third = np.asarray(table.columns[VALUES[2]])
+    return Meaning(
+        unit, kind, angle, settled_vertical(None, hints.vertical, third, angle, file, line)
+    )
+
+
+def _lengths_only(table: Rows, titles: Sequence[str]) -> bool:
+    """Whether dStdTotal is the root of the summed squares, as it is when all three are lengths."""
+    if not {"dStd1", "dStd2", "dStd3", "dStdTotal"} <= set(titles) or not len(table.line):
+        return False
+    s1, s2, s3, total = (np.asarray(table.columns[f"dStd{k}"]) for k in ("1", "2", "3", "Total"))
+    return bool(np.allclose(np.sqrt(s1**2 + s2**2 + s3**2), total, rtol=1e-3, atol=1e-7))
+
+
+def write(readings: Readings, unit: str, digits: int | None) -> bytes:
+    """A dump in Cartesian coordinates; names and times are lost, an assignment makes up for it."""
+    meaning = Meaning(unit)
+    numbers = text_of(raw(readings.position, meaning), digits)
+    scale = raw(np.ones((1, 3)), meaning)[0, 0]
+    six = np.zeros((len(numbers), 6)) if readings.covariance is None else readings.covariance
+    statistics = [_statistics(row * scale**2) for row in six]
+    titles = [*VALUES, *_names("d"), *POINTING, *_names("dApriori"), *WEATHER]
+    lines = [",".join([*titles, ""])]
+    lines += [
+        ",".join([*xyz, *s, "0", "0", "0", *s, "20", "1013", "50", ""])
+        for xyz, s in zip(numbers, statistics, strict=True)
+    ]
+    return "\r\n".join([*lines, ""]).encode()
+
+
+def _statistics(six: Array) -> list[str]:
+    xx, xy, xz, yy, yz, zz = six.tolist()
+    std = [float(np.sqrt(variance)) for variance in (xx, yy, zz, xx + yy + zz)]
+    return [repr(value) for value in (*std, xy, xz, yz)]
+
+
+READER = Reader("Leica emScon dump", recognise, read, write, says_unit=False, says_names=False)

@@ -1,0 +1,108 @@
+"""Any other delimited table: [tracker.mapping] of campaign.toml says which column is what."""
+
+from __future__ import annotations
+
+from pipeline.errors import InputError, listed
+from pipeline.readers import _named, _tables
+from pipeline.readers._delimited import DELIMITERS
+from pipeline.readers._named import Header, Named
+from pipeline.readers._reader import Columns, Export, Hints
+from pipeline.readers._text import Text
+
+NAME = "table by [tracker.mapping]"
+ROLES = {
+    "group": "group", "target": "target", "time": "time", "delete": "delete",
+    "x": "x", "y": "y", "z": "z",
+    "range": "range", "azimuth": "azimuth", "vertical": "vertical",
+    **{f"s{axis}": f"std {axis}" for axis in "xyz"},
+    **{f"u95_{axis}": f"u95 {axis}" for axis in "xyz"},
+    **{name: name for name in _tables.COVARIANCE},
+}  # fmt: skip
+"""Words of [tracker.mapping.columns]."""
+
+
+def read(text: Text, hints: Hints) -> Export:
+    """Readings of a table whose columns campaign.toml describes.
+
+    Raises:
+        InputError: A column is not there.
+    """
+    assert hints.mapping is not None
+    mapping = hints.mapping
+    header = _header(text, mapping)
+    return _tables.read(text, hints, header, NAME, mapping.comment, mapping.time_format)
+
+
+def _header(text: Text, mapping: Columns) -> Header:
+    line = _header_line(text, mapping)
+    sample = text.line(line or _first(text, mapping))
+    delimiter = mapping.delimiter or max(DELIMITERS, key=sample.count)
+    titles = [title.strip().strip('"').strip() for title in sample.split(delimiter)]
+    roles: dict[int, str] = {}
+    for word, column in mapping.columns.items():
+        place = _place(word, column, titles, text.name, line)
+        if place in roles:
+            raise InputError(
+                f"columns.{word} and columns.{roles[place]} are the same column",
+                "correct one of them in [tracker.mapping.columns]",
+                file="campaign.toml",
+            )
+        roles[place] = word
+    columns = []
+    for place, title in enumerate(titles):
+        unit = _named.named(title).unit if line else None
+        columns.append(
+            Named(
+                title if line else f"column {place + 1}", ROLES.get(roles.get(place, ""), ""), unit
+            )
+        )
+    return Header(line or _first(text, mapping) - 1, delimiter, tuple(columns))
+
+
+def _first(text: Text, mapping: Columns) -> int:
+    """The first line that is neither blank nor a comment."""
+    comment = mapping.comment
+    return next(
+        (
+            n
+            for n, line in text.lines()
+            if line.strip() and not (comment and line.lstrip().startswith(comment))
+        ),
+        1,
+    )
+
+
+def _header_line(text: Text, mapping: Columns) -> int:
+    """Line of the header, 0 for none: as stated, else the first row if columns are named."""
+    if mapping.header is not None:
+        if mapping.header > len(text):
+            raise InputError(
+                f"the file has no line {mapping.header} for its header",
+                "correct header in [tracker.mapping] of campaign.toml",
+                file=text.name,
+            )
+        return mapping.header
+    by_name = any(isinstance(column, str) for column in mapping.columns.values())
+    return _first(text, mapping) if by_name else 0
+
+
+def _place(word: str, column: str | int, titles: list[str], file: str, line: int) -> int:
+    if isinstance(column, int):
+        if column > len(titles):
+            raise InputError(
+                f"there is no column {column} for {word}, only {len(titles)}",
+                "correct [tracker.mapping.columns] of campaign.toml",
+                file=file,
+                line=line or None,
+            )
+        return column - 1
+    fitting = [k for k, title in enumerate(titles) if title.lower() == column.strip().lower()]
+    if len(fitting) != 1:
+        many = "is no column" if not fitting else f"are {len(fitting)} columns"
+        raise InputError(
+            f'there {many} "{column}" for {word} among {listed(titles)}',
+            "correct [tracker.mapping.columns] of campaign.toml, numbers from 1 work too",
+            file=file,
+            line=line or None,
+        )
+    return fitting[0]

@@ -1,0 +1,353 @@
+"""Every dialect reads its golden files to the last digit, and says so when it cannot."""
+
+import csv
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline import readers
+from pipeline.errors import InputError
+from pipeline.readers import READERS, Columns, Hints, Readings
+
+GOLDEN = Path(__file__).parent / "golden"
+MM = Hints(unit="mm")
+
+
+def golden(name, hints=None):
+    """Readings of a golden file."""
+    return readers.read(name, (GOLDEN / name).read_bytes(), hints)
+
+
+def names(export):
+    """Group and target of every reading."""
+    return list(zip(export.group.to_pylist(), export.target.to_pylist(), strict=True))
+
+
+def times(export):
+    """Times as text."""
+    return [str(moment) for moment in export.time.to_pylist()]
+
+
+FIRST = [4347.4342, 9629.5569, -1568.5193]
+UNLOADED = [4685.0611, 5282.1400, -550.2172]
+LOADED = [4683.9307, 5282.5332, -550.5429]
+GROUPS = ["base_start", "pose01_rep0_unloaded", "pose01_rep1_loaded"]
+
+
+# --- golden files ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "path", sorted((GOLDEN / "emscon_vive").glob("*.csv")), ids=lambda p: p.stem
+)
+def test_real_emscon_dumps_are_read_to_the_last_digit(path):
+    """Coordinates, both covariances and nothing else, of three files from the instrument."""
+    with path.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    number = {name: np.array([float(row[name]) for row in rows]) for name in rows[0] if name}
+    mm2 = 1e-6
+
+    export = readers.read(path.name, path.read_bytes(), MM)
+    scatter = readers.read(path.name, path.read_bytes(), Hints(unit="mm", covariance="standard"))
+
+    assert (export.dialect, export.meaning.kind, export.rejected) == (
+        "Leica emScon dump",
+        "cartesian",
+        (),
+    )
+    xyz = np.column_stack([number[f"dVal{k}"] for k in (1, 2, 3)])
+    np.testing.assert_array_equal(export.position, xyz / 1000)
+    assert (export.covariance_kind, scatter.covariance_kind) == ("a-priori", "standard")
+    for got, start in ((export, "dApriori"), (scatter, "d")):
+        var = [number[f"{start}Std{k}"] ** 2 for k in (1, 2, 3)]
+        cov = [number[f"{start}Covar{k}"] for k in (12, 13, 23)]
+        expected = np.column_stack([var[0], cov[0], cov[1], var[1], cov[2], var[2]]) * mm2
+        np.testing.assert_allclose(got.covariance, expected, rtol=1e-14)
+    assert export.order.tolist() == list(range(1, len(rows) + 1))
+    assert export.group is None
+    assert export.target is None
+
+
+def test_spatial_analyzer_with_compound_names():
+    """`Collection::Group::Target` behind a header, with timestamps month first."""
+    export = golden("sa_compound.txt")
+
+    assert export.dialect == "SpatialAnalyzer ASCII"
+    assert names(export) == list(zip(GROUPS, ["B1", "P1", "P1"], strict=True))
+    assert export.position.tolist() == [
+        [4347.43421 / 1000, 9629.55687 / 1000, -1568.51932 / 1000],
+        [4685.06113 / 1000, 5282.14004 / 1000, -550.21722 / 1000],
+        [4683.93070 / 1000, 5282.53321 / 1000, -550.54294 / 1000],
+    ]
+    assert times(export)[0] == "2026-11-03 08:00:08"
+    assert export.line.tolist() == [6, 7, 8]
+
+
+def test_spatial_analyzer_with_names_in_columns():
+    """The real header's fourth line names the columns; a target may be a bare number."""
+    export = golden("sa_columns.txt")
+
+    assert names(export) == list(zip(GROUPS, ["1", "P1", "P1"], strict=True))
+    np.testing.assert_array_equal(
+        export.position[0], np.array([171.1588, 379.1164, -61.7527]) * 0.0254
+    )
+
+
+def test_spatial_analyzer_without_header():
+    """Group and target, no header: names keep their blanks and brackets, the unit must be said."""
+    export = golden("sa_group_target.txt", Hints(unit="m"))
+
+    assert names(export)[:2] == [("base [north]", "B 1"), ("pose01_rep0_unloaded", "P1 (upper)")]
+    assert export.position[1].tolist() == [4.68506113, 5.28214004, -0.55021722]
+    with pytest.raises(InputError, match="does not say its unit of length; write unit = "):
+        golden("sa_group_target.txt")
+
+
+def test_spatial_analyzer_with_targets_only():
+    """The fourth way to name: groups have to come from an assignment."""
+    export = golden("sa_target_only.txt")
+
+    assert export.group is None
+    assert export.target.to_pylist() == ["B1", "P1", "P1"]
+
+
+def test_spatial_analyzer_with_everything_appended():
+    """Timestamp, uncertainties, weather and RMS: each is what its title says."""
+    export = golden("sa_everything.txt")
+
+    assert times(export) == ["2025-02-12 16:38:29", "2025-02-12 16:41:07"]
+    assert export.covariance_kind == "standard"
+    np.testing.assert_allclose(
+        export.covariance[0], [1.25e-5**2, 0, 0, 2.5e-5**2, 0, 5e-5**2], rtol=1e-14
+    )
+    assert export.unused == ("Temperature", "Pressure", "Humidity", "RMS")
+    rms = golden("sa_everything.txt", Hints(covariance="rms"))
+    assert rms.covariance[1, [0, 3, 5]].sum() == pytest.approx(4.2e-6**2)
+
+
+def test_expanded_uncertainties_are_divided_by_their_factor():
+    """Whoever exports two sigmas says coverage_factor = 2."""
+    once, twice = golden("sa_everything.txt"), golden("sa_everything.txt", Hints(coverage_factor=2))
+
+    np.testing.assert_allclose(once.covariance, 4 * twice.covariance, rtol=1e-14)
+
+
+def test_spherical_coordinates():
+    """Range, azimuth from x towards y, angle from the zenith."""
+    export = golden("sa_spherical.txt")
+
+    h = np.sqrt(3) / 2
+    expected = [[0, 5, 0], [2 * h * h, 2 * h / 2, -1], [-0.5, -0.5, np.sqrt(0.5)]]
+    np.testing.assert_allclose(export.position, expected, atol=1e-15)
+    assert (export.meaning.kind, export.meaning.vertical) == ("spherical", "zenith")
+
+
+def test_cylindrical_coordinates():
+    """Radius, azimuth, z, angles in radians."""
+    export = golden("sa_cylindrical.txt")
+
+    np.testing.assert_allclose(export.position, [[0, 5, -1.25], [np.sqrt(3), 1, 0.5]], atol=1e-15)
+
+
+def test_t_mac_csv():
+    """cp1252, decimal comma, apostrophe before the time, U(95) with k = 2, deleted rows."""
+    export = golden("leica_6dof.csv")
+
+    assert (export.dialect, export.encoding) == ("Leica 6DoF CSV", "cp1252")
+    assert names(export) == [("Sockel Süd", "B1"), ("pose01_rep0_unloaded", "P1")]
+    np.testing.assert_array_equal(export.position, np.array([FIRST, UNLOADED]) / 1000)
+    assert times(export)[1] == "2026-11-03 08:00:48"
+    assert export.covariance_kind == "expanded"
+    np.testing.assert_allclose(
+        export.covariance[0], [1.5e-5**2, 0, 0, 2.5e-5**2, 0, 2.05e-5**2], rtol=1e-14
+    )
+    assert [line for line, _ in export.rejected] == [5]
+    assert "marked it as deleted" in export.rejected[0][1]
+
+
+def test_tracker_pilot_csv():
+    """Columns are found by their titles."""
+    export = golden("tracker_pilot.csv")
+
+    assert export.dialect == "Leica Tracker Pilot CSV"
+    assert names(export) == [("base_start", "B1"), ("pose01_rep0_unloaded", "P1")]
+    np.testing.assert_array_equal(export.position, np.array([FIRST, UNLOADED]) / 1000)
+    assert times(export) == ["2026-11-03 08:00:08", "2026-11-03 08:00:48"]
+
+
+def test_semicolon_xyz():
+    """No header, decimal comma."""
+    export = golden("semicolon.xyz", MM)
+
+    assert export.dialect == "semicolon xyz"
+    assert names(export) == list(zip(GROUPS, ["B1", "P1", "P1"], strict=True))
+    np.testing.assert_array_equal(export.position, np.array([FIRST, UNLOADED, LOADED]) / 1000)
+
+
+MAPPING = Columns(
+    columns={
+        "group": "Serie",
+        "target": 3,
+        "azimuth": "Hz",
+        "vertical": "V",
+        "range": "D",
+        "time": 2,
+    },
+    comment="#",
+    time_format="%Y/%m/%d %H.%M.%S",
+)
+
+
+def test_any_table_by_its_mapping():
+    """Columns by name or number, gons, decimal comma, a time of its own form."""
+    hints = Hints(unit="mm", angle="gon", vertical="zenith", mapping=MAPPING)
+    export = golden("odd_table.txt", hints)
+
+    assert names(export) == list(zip(GROUPS[:2], ["B1", "P1"], strict=True))
+    np.testing.assert_allclose(export.position, [[0, 5, 0], [1, 1, -np.sqrt(2)]], atol=1e-15)
+    assert times(export) == ["2026-11-03 08:00:08", "2026-11-03 08:00:48"]
+
+
+# --- ambiguity is asked back ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "hints", "asked"),
+    [
+        ("emscon_vive/20200710_Exp1_laserData.csv", Hints(), 'write unit = "mm"'),
+        ("semicolon.xyz", Hints(), 'write unit = "mm"'),
+        ("sa_compound.txt", Hints(unit="m"), "says mm .* says m; remove unit"),
+        ("sa_everything.txt", Hints(covariance="a-priori"), "has no a-priori covariance"),
+        ("odd_table.txt", Hints(), "none of .*; describe its columns in \\[tracker.mapping\\]"),
+        ("odd_table.txt", Hints(unit="mm", mapping=MAPPING), 'write angle = "deg"'),
+        (
+            "odd_table.txt",
+            Hints(
+                unit="mm", angle="gon", mapping=Columns({"x": "Nr", "y": 9, "z": 7}, comment="#")
+            ),
+            "no column 9",
+        ),
+        (
+            "odd_table.txt",
+            Hints(unit="mm", mapping=Columns({"x": "Nr", "y": "XX", "z": 7}, comment="#")),
+            'no column "XX"',
+        ),
+    ],
+)
+def test_what_is_not_said_is_asked(name, hints, asked):
+    """Unit, angle, columns: an error that says what to write, never a guess."""
+    with pytest.raises(InputError, match=asked):
+        golden(name, hints)
+
+
+def test_vertical_angles_that_may_be_either_are_asked():
+    """Between 0 and 90 degrees zenith angles and elevations look alike."""
+    text = (GOLDEN / "sa_spherical.txt").read_text("utf-8").replace("120.0", "20.0")
+    with pytest.raises(InputError, match='write vertical = "zenith"'):
+        readers.read("s.txt", text.encode())
+
+    said = [
+        readers.read("s.txt", text.encode(), Hints(vertical=way)).position[:, 2]
+        for way in ("zenith", "elevation")
+    ]
+    assert said[0][2] == pytest.approx(np.sqrt(0.5))
+    assert said[1][0] == pytest.approx(5)
+
+
+def test_thousands_or_decimals_is_asked():
+    """`1,234` in every number may be 1.234 or 1234."""
+    text = "a;P1;1,234;2,345;3,456\nb;P1;1,235;2,346;3,457\n"
+    with pytest.raises(
+        InputError, match=r'^t.xyz:1: "1,234" may be 1.234 or 1234; say which .* decimal'
+    ):
+        readers.read("t.xyz", text.encode(), MM)
+
+    comma = readers.read("t.xyz", text.encode(), Hints(unit="mm", decimal=","))
+    assert comma.position[0].tolist() == [1.234 / 1000, 2.345 / 1000, 3.456 / 1000]
+    one_settles = readers.read("t.xyz", text.replace("3,457", "3,45").encode(), MM)
+    assert one_settles.position[0].tolist() == [1.234 / 1000, 2.345 / 1000, 3.456 / 1000]
+
+
+def test_points_among_decimal_commas_are_left_out():
+    """`1.234,5` and `12.5` in a file of decimal commas are no numbers of that file."""
+    text = "a;P1;1,25;2,5;3,5\nb;P1;1.234,5;2,5;3,5\nc;P1;12.5;2,5;3,5\n"
+    export = readers.read("t.xyz", text.encode(), MM)
+
+    assert export.line.tolist() == [1]
+    assert [line for line, _ in export.rejected] == [2, 3]
+
+
+def test_a_file_of_two_dialects_is_asked():
+    """Two readers that both claim a file are an error that names both."""
+    twin = READERS["plain"]
+    fake = type(twin)("twin", twin.recognise, twin.read)
+    READERS["twin"] = fake
+    try:
+        with pytest.raises(InputError, match="may be plain CSV, twin; describe its columns"):
+            readers.read("t.csv", b"group,target,x_mm,y_mm,z_mm\na,b,1,2,3\n")
+    finally:
+        del READERS["twin"]
+
+
+def test_golden_files_are_recognised_by_one_reader_only():
+    """No golden file fits two dialects."""
+    for path in sorted(GOLDEN.rglob("*.*")):
+        if path.suffix in (".csv", ".xyz") or path.name.startswith("sa_"):
+            lines = [line for _, line in readers.text(path.name, path.read_bytes()).lines()]
+            fitting = [name for name, reader in READERS.items() if reader.recognise(lines[:60])]
+            assert len(fitting) == 1, (path.name, fitting)
+
+
+# --- round trips ----------------------------------------------------------------------------------
+
+
+def some_readings(unit, decimals, seed=20261103):
+    """Readings as an instrument has them: numbers with few decimals in its unit."""
+    rng = np.random.default_rng(seed)
+    scale = 1000.0 if unit == "mm" else 1.0
+    numbers = np.round(rng.uniform(-20, 20, (200, 3)) * scale, decimals)
+    group = [
+        f"pose{k // 10:02d}_rep{k % 2}_{'loaded' if k % 2 else 'unloaded'}" for k in range(200)
+    ]
+    start = datetime(2026, 11, 3, 8)
+    six = np.tile([4e-10, 0.0, 0.0, 9e-10, 0.0, 1e-10], (200, 1))
+    return Readings(
+        group=group,
+        target=[f"P{k % 7}" for k in range(200)],
+        position=numbers / scale,
+        time=[start.replace(minute=k % 60, second=k % 59) for k in range(200)],
+        covariance=six,
+    )
+
+
+@pytest.mark.parametrize("unit", ["mm", "m"])
+@pytest.mark.parametrize("name", READERS)
+def test_written_readings_come_back_exactly(name, unit):
+    """write -> read gives the same names, the same bits of the coordinates and the same times."""
+    reader = READERS[name]
+    readings = some_readings(unit, 4 if unit == "mm" else 7)
+    hints = Hints(unit=None if reader.says_unit else unit)
+    for digits in (4 if unit == "mm" else 7, None):
+        export = readers.read("t", reader.write(readings, unit, digits), hints)
+
+        assert export.dialect == reader.name
+        np.testing.assert_array_equal(export.position, readings.position)
+        if reader.says_names:
+            assert names(export) == list(zip(readings.group, readings.target, strict=True))
+        if export.time.null_count == 0:
+            assert export.time.to_pylist() == readings.time
+        if export.covariance is not None:
+            np.testing.assert_allclose(
+                export.covariance, readings.covariance, rtol=1e-12, atol=1e-25
+            )
+
+
+def test_in_metres_any_coordinate_comes_back_exactly():
+    """Written in metres with all digits, coordinates keep every bit, not only those of instruments."""
+    readings = some_readings("m", 17)
+    for reader in READERS.values():
+        hints = Hints(unit=None if reader.says_unit else "m")
+        export = readers.read("t", reader.write(readings, "m", None), hints)
+        np.testing.assert_array_equal(export.position, readings.position)
