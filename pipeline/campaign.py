@@ -108,14 +108,13 @@ class Campaign:
                     file="campaign.toml",
                 )
             found = sorted(p.relative_to(self.folder).as_posix() for p in self.folder.glob(pattern))
-            if not found:
-                raise InputError(
-                    f'no tracker file matches "{pattern}"',
-                    "copy the export into the campaign folder or correct [tracker] files",
-                    file="campaign.toml",
-                )
+            if not found and not any(mark in pattern for mark in "*?["):
+                raise _no_export(pattern)
             names += [name for name in found if name not in names]
-        return [*names, settings.scale.file, settings.joints.file]
+        if not names:
+            raise _no_export(" ".join(settings.tracker.files))
+        others = [settings.tracker.assignment, settings.scale.file, settings.joints.file]
+        return [*names, *(name for name in others if name and name not in names)]
 
     def _bytes(self, name: str) -> bytes:
         path = self.folder / name
@@ -299,6 +298,14 @@ def _sources(folder: Traversable) -> Iterator[str]:
             yield from _sources(item)
         elif item.is_file() and not item.name.endswith(".pyc"):
             yield f"{item.name}:{files.sha256(item.read_bytes())}\n"
+
+
+def _no_export(pattern: str) -> InputError:
+    return InputError(
+        f'no tracker file matches "{pattern}"',
+        "copy the export into the campaign folder or correct [tracker] files",
+        file="campaign.toml",
+    )
 
 
 def _key(content: Mapping[str, bytes], robot: Robot) -> str:

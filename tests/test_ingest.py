@@ -1,5 +1,7 @@
 """A small raw campaign, written as text here, and everything that can be wrong with it."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -494,3 +496,98 @@ def test_a_reduced_pull_without_force_is_left_out():
         ("joints.csv", 3),
     ]
     assert len(got.displacements) == len(got.forces) == 1
+
+
+# --- exports without names ------------------------------------------------------------------------
+
+
+def nameless(rows=None):
+    """The campaign as a semicolon .xyz without names."""
+    return "".join(f"{x:.4f};{y:.4f};{z:.4f}\n" for _, _, x, y, z in rows or tracker_rows())
+
+
+def assignment(rows=None):
+    """Which row of it is what."""
+    lines = ["order,pose,repeat,state,target"]
+    for order, (group, target, *_) in enumerate(rows or tracker_rows(), 1):
+        pose, repeat, state = re.findall(r"pose0*(\d+)_rep(\d+)_(\w+)|$", group)[0] or ("",) * 3
+        lines.append(f"{order},{pose},{repeat},{state},{target}")
+    return "\n".join([*lines, ""])
+
+
+NAMELESS = TOML.replace('["tracker.csv"]', '["tracker.csv"]\nunit = "mm"\nassignment = "rows.csv"')
+
+
+def test_an_assignment_names_the_rows_of_an_export():
+    """Readings without names become the campaign they are, row by row."""
+    columns = ["target", "pose", "repeat", "state", "x_m", "y_m", "z_m"]
+    got = read(nameless(), toml=NAMELESS, **{"rows.csv": assignment()})
+
+    assert got.readings.select(columns).equals(read().readings.select(columns))
+
+
+def test_a_bad_row_does_not_shift_the_assignment():
+    """A row that cannot be read costs itself; those behind it keep their names."""
+    bad = nameless().replace("881.0000;190", "nan;190")
+    got = read(bad, toml=NAMELESS, **{"rows.csv": assignment()}).readings.to_pandas()
+    whole = read(nameless(), toml=NAMELESS, **{"rows.csv": assignment()}).readings.to_pandas()
+
+    left = whole[~((whole.target == "P2") & (whole.repeat == 2))].reset_index(drop=True)
+    assert got.drop(columns="time").equals(left.drop(columns="time"))
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        (change(rows=None), "rows.csv: the file is missing; "),
+        (change(rows=without(assignment(), "5,1,0")), r"has 24 rows but rows.csv assigns 23.*; "),
+        (
+            change(rows=assignment().replace("\n5,", "\n4,")),
+            "rows.csv:5: lines 5, 6 contradict.*; ",
+        ),
+        (
+            change(rows=assignment().replace("\n5,", "\n99,")),
+            "rows.csv: .*does not say what row 5 of.*; ",
+        ),
+        (
+            change(rows=assignment().replace("loaded", "laden", 1)),
+            "rows.csv:5: .*neither loaded nor.*; ",
+        ),
+        (change(rows="order,group\n1,a\n"), "rows.csv:1: there is no column target.*; "),
+        (change(rows="order,target\n1,a\n"), "rows.csv:1: there is neither a column group.*; "),
+        (
+            change(toml=NAMELESS.replace('assignment = "rows.csv"', "")),
+            "have no names; .*assignment",
+        ),
+    ],
+    ids=["missing", "short", "twice", "gap", "state", "target", "group", "none"],
+)
+def test_an_assignment_that_does_not_fit_is_refused(changed, message):
+    """Nobody guesses which reading is which."""
+    rows = changed.get("rows", assignment())
+    with pytest.raises(InputError, match=message):
+        read(nameless(), toml=changed.get("toml", NAMELESS), **{"rows.csv": rows})
+
+
+def test_names_of_one_piece_are_taken_apart():
+    """A Tracker Pilot export with one name per reading, and an expression that cuts it."""
+    lines = [f"{g}-{t};{x};{y};{z}" for g, t, x, y, z in tracker_rows()]
+    text = "\n".join(["Point Name;X [mm];Y [mm];Z [mm]", *lines, ""])
+    toml = TOML.replace("[base_frame]", "names = '(?P<group>.+)-(?P<target>[^-]+)'\n[base_frame]")
+    columns = ["group", "target", "pose", "repeat", "state", "x_m", "y_m", "z_m"]
+
+    assert read(text, toml=toml).readings.select(columns).equals(read().readings.select(columns))
+
+
+def test_covariances_of_the_file_come_first():
+    """U(95) of a reading is used where it is given, sigma_m where it is not."""
+    lines = [f"{g};{t};{x};{y};{z};0,02;0,04;0,06;" for g, t, x, y, z in tracker_rows()]
+    lines = [line.replace(".", ",") for line in lines]
+    lines[3] = lines[3].replace("0,02;0,04;0,06", ";;")
+    axes = ";".join(f"{axis} [mm]" for axis in "XYZ")
+    header = f"Group;Name;{axes};U(95) X [mm];U(95) Y [mm];U(95) Z [mm];"
+    readings = read("\n".join([header, *lines, ""])).readings.to_pandas()
+
+    assert readings.covariance_from.tolist()[2:5] == ["file", "stated", "file"]
+    assert readings.cyy_m2[2] == pytest.approx((2e-5) ** 2)
+    assert readings.cyy_m2[3] == pytest.approx((3e-5) ** 2)

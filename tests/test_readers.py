@@ -325,7 +325,7 @@ def some_readings(unit, decimals, seed=20261103):
 @pytest.mark.parametrize("unit", ["mm", "m"])
 @pytest.mark.parametrize("name", READERS)
 def test_written_readings_come_back_exactly(name, unit):
-    """write -> read gives the same names, the same bits of the coordinates and the same times."""
+    """Write -> read gives the same names, the same bits of the coordinates and the same times."""
     reader = READERS[name]
     readings = some_readings(unit, 4 if unit == "mm" else 7)
     hints = Hints(unit=None if reader.says_unit else unit)
@@ -345,7 +345,7 @@ def test_written_readings_come_back_exactly(name, unit):
 
 
 def test_in_metres_any_coordinate_comes_back_exactly():
-    """Written in metres with all digits, coordinates keep every bit, not only those of instruments."""
+    """Written in metres with all digits, any coordinate keeps every bit."""
     readings = some_readings("m", 17)
     for reader in READERS.values():
         hints = Hints(unit=None if reader.says_unit else "m")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from pipeline.readers import _named
 from pipeline.readers._coordinates import Meaning, raw, settled
 from pipeline.readers._delimited import NUMBER, Field, Layout, cells_or_none, rows, text_of
 from pipeline.readers._reader import Export, Found, Hints, Reader, Readings, export, settled_unit
@@ -16,7 +17,7 @@ AXES = ("x", "y", "z")
 def recognise(lines: Sequence[str]) -> bool:
     """Every row has up to two names and three numbers between semicolons."""
     rows = [line for line in lines if line.strip()]
-    if any("::" in row or row.lstrip().startswith("//") for row in rows):
+    if any("::" in row or row.lstrip().startswith("//") for row in rows) or _named.find(rows):
         return False
     found = [_cells(row) for row in rows]
     fitting = [cells for cells in found if len(cells) in NAMES and all(map(_number, cells[-3:]))]

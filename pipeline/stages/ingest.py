@@ -133,7 +133,8 @@ def tracker_files(settings: Settings, names: Sequence[str]) -> list[str]:
 def _exports(settings: Settings, tracker: Tracker, raw: Mapping[str, bytes]) -> dict[str, Export]:
     found = tracker_files(settings, list(raw))
     for pattern in tracker.files:
-        if not any(name == pattern or fnmatchcase(name, pattern) for name in found):
+        glob = any(mark in pattern for mark in "*?[")
+        if not found or (not glob and pattern not in found):
             raise InputError(
                 "the tracker export is missing",
                 "put it into the campaign folder or correct files in [tracker] of campaign.toml",
