@@ -15,9 +15,11 @@ from pipeline.cell import Cell, predict
 from pipeline.results import Array, Estimate, System
 from pipeline.robot import Joint
 from pipeline.stages.assemble import Measured
+from pipeline.stages.budget import Budget, budget
 from pipeline.stages.estimate import left_out
 from pipeline.stages.register import Registration
 from pipeline.stages.validate import Where, deflections
+from pipeline.stages.variance import NAMES, Components
 from pipeline.stages.whiten import whitener
 
 TRACKER_MEASURES_M = 1e-4
@@ -105,9 +107,11 @@ def answer(
     where: Where,
     checked: pd.DataFrame,
     rejected: pd.DataFrame,
+    found: Components,
 ) -> dict[str, Any]:
     """result.json of a campaign."""
-    stiffness = stiffness_entries(cell, system, estimate)
+    split = budget(system, estimate)
+    stiffness = stiffness_entries(cell, system, estimate, split)
     fit = fit_entry(cell, data, estimate)
     verdict = "adequate" if fits(estimate) else "unexplained"
     return {
@@ -118,9 +122,16 @@ def answer(
         "verdict_sentence": sentences(verdict, stiffness, estimate, residuals),
         "stiffness": stiffness,
         "fit": fit,
-        "diagnosis": {"verdict": verdict, "causes": [], "blind_spots": [], "next_poses": []},
+        "diagnosis": {
+            "verdict": verdict,
+            "causes": noise_causes(found),
+            "blind_spots": [],
+            "next_poses": [],
+        },
         "extended": {"stiffness": stiffness, "fit": fit},
         "validation": validation_entry(checked, residuals, where),
+        "budget": budget_entries(stiffness),
+        "noise": noise_entry(found, estimate),
         "rejected": rejected_entries(rejected),
         "findings": [entry["finding"] for entry in stiffness if entry["finding"]],
         "registration": registration_entry(registration),
@@ -142,12 +153,79 @@ def fits(estimate: Estimate) -> bool:
     return estimate.p_value >= SURE
 
 
-def stiffness_entries(cell: Cell, system: System, estimate: Estimate) -> list[dict[str, Any]]:
-    """One entry per joint: the stiffness, or why there is none."""
+def stiffness_entries(
+    cell: Cell, system: System, estimate: Estimate, split: Budget
+) -> list[dict[str, Any]]:
+    """One entry per joint: the stiffness with its budget, or why there is none."""
     lever = np.linalg.norm(system.B, axis=0)
     return [
         _stiffness(number, joint, estimate, number - 1, float(lever[number - 1]))
+        | {"budget": _budget(estimate, split, number - 1)}
         for number, joint in enumerate(cell.robot.joints, 1)
+    ]
+
+
+def _budget(estimate: Estimate, split: Budget, k: int) -> list[dict[str, Any]]:
+    """What each source adds to one stiffness: standard uncertainty [its unit], part of variance."""
+    x = float(estimate.value[k])
+    if not estimate.identifiable[k] or x <= 0:
+        return []
+    std, share = split.std[:, k] / x**2, split.share[:, k]
+    return [
+        {"source": name, "std": float(std[i]), "share": float(share[i])}
+        for i, name in enumerate(split.source)
+    ]
+
+
+def budget_entries(stiffness: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The same by source: share of each stiffness' variance in percent."""
+    rows: dict[str, dict[str, Any]] = {}
+    for entry in stiffness:
+        for part in entry["budget"]:
+            row = rows.setdefault(part["source"], {"source": part["source"].replace("_", " ")})
+            row[f"{entry['name']} [%]"] = 100 * part["share"]
+    return list(rows.values())
+
+
+def noise_entry(found: Components, estimate: Estimate) -> dict[str, Any]:
+    """The noise found in the data beside the stated one."""
+    return {
+        "from": estimate.noise_from,
+        "contrasts": found.dof,
+        "components": [
+            {
+                "name": name,
+                "found_over_stated": float(found.scale[i]),
+                "std": float(found.std[i] * found.scale[i]),
+                "p_value": float(found.p_value[i]),
+            }
+            for i, name in enumerate(found.name)
+            if np.isfinite(found.std[i])
+        ],
+    }
+
+
+def noise_causes(found: Components) -> list[dict[str, Any]]:
+    """The noise components that are larger than stated, as causes."""
+    return [
+        {
+            "name": NAMES[name],
+            "where": None,
+            "probability": 1 - float(found.p_value[i]),
+            "parameters": [
+                {
+                    "name": f"s_{name.split('_')[0]}",
+                    "value": float(found.scale[i]) - 1,
+                    "std": float(found.std[i] * found.scale[i]),
+                    "unit": "1",
+                }
+            ],
+            "p_value": float(found.p_value[i]),
+            "rivals": [],
+            "gain": None,
+        }
+        for i, name in enumerate(found.name)
+        if found.larger[i]
     ]
 
 
@@ -236,6 +314,11 @@ def noise_statement(estimate: Estimate) -> str:
     if estimate.noise_from == "stated":
         return (
             "Uncertainties, chi-squared and its p-value rest on the noise stated in campaign.toml."
+        )
+    if estimate.noise_from == "replicates":
+        return (
+            "Uncertainties, chi-squared and its p-value rest on the noise found in the data: "
+            "repeated zeros and pulls, and the effector's own triangle."
         )
     std = 1e3 * estimate.residual_std_m
     more = (

@@ -77,8 +77,8 @@ class Errors:
     Attributes:
         G: Sensitivity times standard uncertainty [m], sparse, shape (M, E).
         source: Source of each column: `tracker`, `zero`, `force_reading`, `direction`,
-            `registration`, `force_gain`, shape (E,).
-        common: True where one error moves more than one pose (registration, gain), shape (E,).
+            `registration`, `force_gain`, `geometry`, shape (E,).
+        common: True where one error moves more than one pose (registration, gain, geometry), (E,).
     """
 
     G: scipy.sparse.csr_array

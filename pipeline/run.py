@@ -27,6 +27,7 @@ from pipeline.stages.forces import forces
 from pipeline.stages.ingest import ingest
 from pipeline.stages.register import Registration, place, register
 from pipeline.stages.validate import place_of_interest, validate
+from pipeline.stages.variance import noise, rescaled, resting_on
 
 T = TypeVar("T")
 Step = Callable[[Callable[..., T]], Callable[..., T]]
@@ -57,11 +58,13 @@ class Reduced:
     Attributes:
         data: Pulls and displacements as arrays.
         registration: Where the tracker stands.
+        placed: Table PLACED, the readings of the poses in F_b.
         shown: The tables a reader wants to see, by name.
     """
 
     data: Measured
     registration: Registration
+    placed: pd.DataFrame
     shown: dict[str, pd.DataFrame]
 
 
@@ -88,7 +91,9 @@ def reduce(raw: Raw, keep: Keep, step: Step[Any] = plain) -> Reduced:
     gain = settings.scale.gain_sigma if settings.scale else 0.0
     rotation = registration.cov[:3, :3]
     names = tool(settings).targets
-    data = measured(robot, names, joints, pulled, moved, rotation, gain)
+    off = np.where(robot.prismatic, settings.joints.sigma_m, settings.joints.sigma_rad)
+    points = settings.tool_uncertainty.sigma_m
+    data = measured(robot, names, joints, pulled, moved, rotation, gain, points, off)
     shown = {
         "readings": readings,
         "rejected": rejected,
@@ -96,7 +101,7 @@ def reduce(raw: Raw, keep: Keep, step: Step[Any] = plain) -> Reduced:
         "forces": pulled,
         "displacements": moved,
     }
-    return Reduced(data, registration, shown)
+    return Reduced(data, registration, placed, shown)
 
 
 def _compute(campaign: Campaign, raw: Raw, step: Step[Any]) -> dict[str, Any]:
@@ -109,7 +114,13 @@ def _compute(campaign: Campaign, raw: Raw, step: Step[Any]) -> dict[str, Any]:
         paper_cell(raw.robot, tool(raw.settings)), equilibrium=raw.settings.model.equilibrium
     )
 
-    system, estimate = step(identify)(cell, data, raw.robot.nominal_compliance)
+    start = raw.robot.nominal_compliance
+    system, estimate = step(identify)(cell, data, start)
+    found = step(noise)(raw.settings, cell, reduced.placed, data, system, estimate)
+    if found.used:
+        data = rescaled(data, found)
+        system, estimate = step(identify)(cell, data, start)
+        estimate = resting_on(estimate, found)
     keep("30_system", result.system_table(system), tables.system(system.parameters))
     keep("31_errors", result.errors_table(system), tables.ERRORS)
     keep("40_estimate", result.estimate_table(estimate), tables.ESTIMATE)
@@ -132,6 +143,7 @@ def _compute(campaign: Campaign, raw: Raw, step: Step[Any]) -> dict[str, Any]:
         where,
         checked,
         shown["rejected"],
+        found,
     )
     shown = shown | {"residuals": residuals, "validation": checked}
     pages = step(render)(answer, shown, time.perf_counter() - began)

@@ -109,9 +109,17 @@ class Scale(Strict):
 
 
 class JointLog(Strict):
-    """The controller's joint log."""
+    """The controller's joint log, and how far the joints' zeros may be off, one for all poses."""
 
     file: str = "joints.csv"
+    sigma_m: NotNegative = 0.0
+    sigma_rad: NotNegative = 0.0
+
+
+class ToolUncertainty(Strict):
+    """Standard uncertainty per axis of the nominal points in [tool]."""
+
+    sigma_m: NotNegative = 0.0
 
 
 class Displacements(Strict):
@@ -150,6 +158,7 @@ class Settings(Strict):
     joints: JointLog = JointLog()
     displacements: Displacements | None = None
     tool: dict[str, Point]
+    tool_uncertainty: ToolUncertainty = ToolUncertainty()
     test_pose: TestPose | None = None
     model: Model = Model()
 

@@ -137,7 +137,13 @@ FORCES = promise(
             "reading_std_n", F64, "N", "standard uncertainty of the scale reading, along the force"
         ),
         *[
-            col(f"u{ab}", F64, "1", f"covariance of direction cosines {ab[0]} and {ab[1]}")
+            col(
+                f"u{ab}",
+                F64,
+                "1",
+                f"covariance of direction cosines {ab[0]} and {ab[1]}; per m^2 of the tracker's "
+                "variance where no noise is stated",
+            )
             for ab in ("xx", "xy", "xz", "yy", "yz", "zz")
         ],
         col("branch", I32, "1", "1 up, -1 down, 0 unknown"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
@@ -37,6 +37,8 @@ class Measured(Locked):
         rotation_cov: Covariance of the registration's rotation [rad^2], shape (3, 3).
         gain_std: Relative standard uncertainty of the scale's gain.
         noise_stated: False: the covariances of readings are relative, 1 m^2 each.
+        tool_std: Standard uncertainty per axis of the tool's nominal points [m].
+        joint_std: Standard uncertainty of the joints' zeros [m] or [rad], shape (n,).
     """
 
     pulls: Pulls
@@ -53,6 +55,8 @@ class Measured(Locked):
     rotation_cov: Array
     gain_std: float
     noise_stated: bool
+    tool_std: float = 0.0
+    joint_std: Array = field(default_factory=lambda: np.zeros(0))
 
 
 def measured(
@@ -63,6 +67,8 @@ def measured(
     displacements: pd.DataFrame,
     rotation_cov: Array,
     gain_std: float,
+    tool_std: float = 0.0,
+    joint_std: Array | None = None,
 ) -> Measured:
     """Join the tables of a campaign into arrays; rows without a partner are left out.
 
@@ -74,6 +80,8 @@ def measured(
         displacements: Table DISPLACEMENTS.
         rotation_cov: As in `Measured`.
         gain_std: As in `Measured`.
+        tool_std: As in `Measured`.
+        joint_std: As in `Measured`; none where not given.
     """
     pulls = forces.merge(joints, on="pose").sort_values(["pose", "repeat"], ignore_index=True)
     key = pd.MultiIndex.from_frame(pulls[["pose", "repeat"]])
@@ -110,6 +118,8 @@ def measured(
         rotation_cov=rotation_cov,
         gain_std=gain_std,
         noise_stated=stated,
+        tool_std=tool_std,
+        joint_std=np.zeros(robot.n) if joint_std is None else joint_std,
     )
 
 
@@ -161,7 +171,7 @@ def _rows(data: Measured) -> Rows:
 
 
 def errors(cell: Cell, data: Measured, values: Array) -> Errors:
-    """G of c = B x + G e: tracker, shared zero, force reading and direction, registration, gain.
+    """G of c = B x + G e: tracker, shared zero, force (reading, direction, gain), frame, geometry.
 
     Where no noise of the tracker is stated, only tracker and zero remain, relative to it.
     """
@@ -183,6 +193,7 @@ def errors(cell: Cell, data: Measured, values: Array) -> Errors:
             _Block("direction", False, moved[..., 1:4], data.pull, m),
             _Block("registration", True, _turned(cell, data, values, turn), np.zeros(d, int), 1),
             _Block("force_gain", True, moved[..., 4:], np.zeros(d, int), 1),
+            _Block("geometry", True, _geometry(cell, data, values), np.zeros(d, int), 1),
         ]
     parts = [_sparse(block) for block in blocks]
     return Errors(
@@ -231,6 +242,25 @@ def _turned(cell: Cell, data: Measured, values: Array, turns: Array) -> Array:
     moved = np.stack([np.cross(turn, data.delta) for turn in turns], axis=-1)
     modes = np.stack([np.cross(turn, data.pulls.force) for turn in turns], axis=1)
     return moved - _force_differences(cell, data, values, modes)
+
+
+def _geometry(cell: Cell, data: Measured, values: Array) -> Array:
+    """What wrong tool points and wrong zeros of the joints do, each by one sigma, (d, 3, r) [m]."""
+    points = np.vstack([cell.tool.load_point, cell.tool.points])
+    moves = data.tool_std * np.eye(points.size).reshape(-1, *points.shape)
+    turns = data.joint_std[:, None] * np.eye(cell.robot.n)
+    wrong = [(_with_points(cell, points + move), data.pulls) for move in moves if move.any()]
+    wrong += [(cell, replace(data.pulls, q=data.pulls.q + turn)) for turn in turns if turn.any()]
+    here = predict(cell, data.pulls, values).displacement
+    modes = [here - predict(other, pulls, values).displacement for other, pulls in wrong]
+    if not modes:
+        return np.zeros((len(data.pull), 3, 0))
+    return np.stack([mode[data.pull, data.target] for mode in modes], axis=-1)
+
+
+def _with_points(cell: Cell, points: Array) -> Cell:
+    """The cell with other tool points, load point first."""
+    return replace(cell, tool=replace(cell.tool, load_point=points[0], points=points[1:]))
 
 
 def _force_differences(cell: Cell, data: Measured, values: Array, modes: Array) -> Array:

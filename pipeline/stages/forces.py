@@ -17,7 +17,8 @@ def forces(settings: Settings, placed: pd.DataFrame, loads: pd.DataFrame) -> pd.
     """Point each scale reading along its chain, u = (Pl2 - Pl1) / |Pl2 - Pl1|.
 
     The direction's covariance is that of the two reflectors across the chain,
-    (I - u u') (C1 + C2) (I - u u') / L^2.
+    (I - u u') (C1 + C2) (I - u u') / L^2; relative to the tracker's variance, in 1/m^2, where
+    no noise is stated.
 
     Args:
         settings: Names of the chain reflectors and the scale's uncertainty.
@@ -40,6 +41,8 @@ def forces(settings: Settings, placed: pd.DataFrame, loads: pd.DataFrame) -> pd.
     u = chain / length
     across = np.eye(3) - u[:, :, None] * u[:, None, :]
     C = covariance.matrices(near) + covariance.matrices(far)
+    if not np.isfinite(C).all():
+        C = np.broadcast_to(2 * np.eye(3), C.shape)
     direction = across @ C @ across / length[..., None] ** 2
     reading = pulls["force_n"].to_numpy()
     force = reading[:, None] * u

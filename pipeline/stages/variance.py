@@ -38,6 +38,9 @@ SAME_FORCE = 0.05
 SURELY = 0.003
 """A scale this improbable under the stated noise is another noise."""
 
+UNTOLD = 0.5
+"""A relative standard uncertainty of a scale above this: the data cannot tell it."""
+
 FEWEST = 12
 """Contrasts below this say too little about a component."""
 
@@ -52,6 +55,7 @@ class Components(Locked):
         std: Relative standard uncertainty of `scale`; infinite where the data cannot tell, (n,).
         p_value: Probability of a scale this large or larger if the stated noise were true, (n,).
         dof: Contrasts that were looked at.
+        stated: False when the campaign states no noise of the tracker; its scale then is in m.
     """
 
     name: Strings
@@ -59,11 +63,17 @@ class Components(Locked):
     std: Array
     p_value: Array
     dof: int
+    stated: bool
 
     @property
     def larger(self) -> Bools:
         """Components that are larger than stated beyond chance, shape (n,)."""
         return self.p_value < SURELY
+
+    @property
+    def used(self) -> bool:
+        """Whether the noise found takes the place of the stated one."""
+        return bool(self.larger.any()) or (not self.stated and bool(np.isfinite(self.std[0])))
 
     def of(self, name: str) -> float:
         """Scale of one component."""
@@ -244,19 +254,27 @@ def variance_components(
         names: Components to find, keys of `SCALED`.
     """
     X = system.B if design is None else design
+    none = np.full(len(names), np.inf)
+    if len(system.rows) - X.shape[1] < FEWEST:
+        return _components(system, names, np.zeros(len(names)), none, len(system.rows))
     common = system.errors.common
     X = np.hstack([X, system.errors.G[:, common].toarray()])
     blocks = _Blocks.of(system, X, [SCALED[name] for name in names])
     told = np.array([_told(system, SCALED[name]) for name in names])
     log_scale = np.zeros(len(names))
     std = np.full(len(names), np.inf)
-    if blocks.dof >= FEWEST and told.any():
+    if told.any():
         log_scale[told], std[told] = _maximum(blocks, told)
-    # flat: the likelihood does not care for this component
-    lost = ~(std < 0.5)
-    log_scale[lost], std[lost] = 0.0, np.inf
+    return _components(system, names, log_scale, std, blocks.dof)
+
+
+def _components(
+    system: System, names: Sequence[str], log_scale: Array, std: Array, dof: int
+) -> Components:
+    lost = ~(std < UNTOLD)
+    log_scale, std = np.where(lost, 0.0, log_scale), np.where(lost, np.inf, std)
     p = np.where(lost, 1.0, stats.norm.sf(log_scale / std))
-    return Components(np.array(names, object), np.exp(log_scale), std, p, blocks.dof)
+    return Components(np.array(names, object), np.exp(log_scale), std, p, dof, system.noise_stated)
 
 
 def _told(system: System, sources: Sequence[str]) -> bool:
@@ -392,14 +410,27 @@ def _total(loss: object, x: Array) -> float:
 
 
 def rescaled(data: Measured, found: Components) -> Measured:
-    """The same measurements with the noise that was found in place of the stated one."""
-    tracker, force = found.of("tracker"), found.of("force_reading")
+    """The same measurements with the noise that was found wherever it is larger than stated."""
+    factor = np.where(found.larger | ~np.array([found.stated, True]), found.scale, 1.0)
+    tracker, force = factor.tolist()
     return replace(
         data,
         loaded_cov=data.loaded_cov * tracker**2,
         zero_cov=data.zero_cov * tracker**2,
         direction_cov=data.direction_cov * tracker**2,
         reading_std=data.reading_std * force,
+        noise_stated=True,
+    )
+
+
+def resting_on(estimate: Estimate, found: Components) -> Estimate:
+    """The estimate whose noise is itself estimated: Student's quantile, F test of the misfit."""
+    dof = 0.5 / float(np.min(found.std)) ** 2
+    return replace(
+        estimate,
+        p_value=float(stats.f.sf(estimate.chi2 / max(estimate.dof, 1), estimate.dof, dof)),
+        noise_from="replicates",
+        quantile=float(stats.t.ppf(0.975, dof)),
     )
 
 

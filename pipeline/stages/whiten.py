@@ -46,6 +46,14 @@ class Whitener(Locked):
         along = (self.axes.T @ white).T * self.shrink
         return white - (self.axes @ along.T)
 
+    def back(self, rows: Array) -> Array:
+        """Apply the transpose of the whitening, so that V^-1 is first this object, then `back`."""
+        inner = rows - self.axes @ (self.shrink[:, None] * (self.axes.T @ rows))
+        p, s = self.inverse.shape[:2]
+        padded = np.zeros((p, s, rows.shape[1]))
+        padded[self.pose, self.place] = inner
+        return (np.swapaxes(self.inverse, 1, 2) @ padded)[self.pose, self.place]
+
 
 def whitener(errors: Errors, pose: Ints) -> Whitener:
     """Factor the covariance V = G G'.
