@@ -84,9 +84,9 @@ class Campaign:
         Raises:
             InputError: A file is missing, unreadable, too large, or changes while it is read.
         """
-        content = {"campaign.toml": self._bytes("campaign.toml")}
+        content = {"campaign.toml": self.content("campaign.toml")}
         for name in self._named(_settings(content)):
-            content[name] = self._bytes(name)
+            content[name] = self.content(name)
         return in_memory(content, self.folder)
 
     def _named(self, settings: Settings) -> list[str]:
@@ -116,7 +116,12 @@ class Campaign:
         others = [settings.tracker.assignment, settings.scale.file, settings.joints.file]
         return [*names, *(name for name in others if name and name not in names)]
 
-    def _bytes(self, name: str) -> bytes:
+    def content(self, name: str) -> bytes:
+        """Content of one of its files.
+
+        Raises:
+            InputError: Missing, unreadable, too large, outside the folder, or still growing.
+        """
         path = self.folder / name
         if Path(name).is_absolute() or ".." in Path(name).parts:
             raise InputError(

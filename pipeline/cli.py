@@ -64,6 +64,24 @@ def check(campaign: str, as_json: AsJson = False, root: Root = Path()) -> None:
 
 
 @app.command()
+def inspect(
+    file: Annotated[Path, typer.Argument(help="A tracker export.")],
+    unit: Annotated[
+        str | None, typer.Option(help="mm, m or in, where the export does not say.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say what a tracker export is: dialect, unit, coordinates, times, what is wrong with it."""
+    from pipeline import shell
+
+    if unit not in (None, "mm", "m", "in"):
+        raise UsageError(f'there is no unit "{unit}": use mm, m or in')
+    outcome = shell.inspect(file, unit)
+    _show(outcome, as_json)
+    raise typer.Exit(outcome.exit_code)
+
+
+@app.command()
 def status(as_json: AsJson = False, root: Root = Path()) -> None:
     """List the campaigns under data/raw: new, changed or done, with their verdicts."""
     from pipeline import shell

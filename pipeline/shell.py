@@ -7,7 +7,7 @@ import sys
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -174,6 +174,40 @@ def _check(root: Path, name: str) -> Outcome:
         exit_code=InputError.exit_code if rejected else 0,
         complaints=[f"{name}: {sentence(entry)}" for entry in rejected],
     )
+
+
+def inspect(path: Path, unit: str | None) -> Outcome:
+    """Say what a tracker export is; a campaign.toml beside it says what the export does not."""
+    from pipeline.readers.inspect import inspect as look
+
+    try:
+        if not path.is_file():
+            raise InputError("there is no such file", "correct the path", file=str(path))
+        folder = Campaign(path.parent, path.parent)
+        seen = look(path.name, folder.content(path.name), _hints(folder, unit))
+    except PipelineError as problem:
+        failed = _failed(path.name, problem, str(problem), problem.exit_code)
+        content = {"file": path.name, "error": failed.content["error"]}
+        return replace(failed, content=content, complaints=[str(problem)])
+    return Outcome(
+        campaign=path.name,
+        content=seen.to_json(),
+        text=seen.to_text(),
+        exit_code=InputError.exit_code if seen.rejected else 0,
+        complaints=[sentence({"file": path.name, **entry}) for entry in seen.rejected],
+    )
+
+
+def _hints(folder: Campaign, unit: str | None) -> Any:
+    from pipeline.readers import Hints
+    from pipeline.settings import parse
+    from pipeline.stages.ingest import hints
+
+    if not (folder.folder / "campaign.toml").is_file():
+        return Hints(unit=unit)
+    tracker = parse(folder.content("campaign.toml").decode("utf-8-sig")).tracker
+    said = hints(tracker) if tracker else Hints()
+    return replace(said, unit=unit or said.unit)
 
 
 def status(root: Path) -> Iterator[Outcome]:

@@ -140,8 +140,8 @@ def _exports(settings: Settings, tracker: Tracker, raw: Mapping[str, bytes]) -> 
                 "put it into the campaign folder or correct files in [tracker] of campaign.toml",
                 file=pattern,
             )
-    hints = _hints(tracker)
-    exports = {name: readers.read(name, raw[name], hints) for name in found}
+    said = hints(tracker)
+    exports = {name: readers.read(name, raw[name], said) for name in found}
     if tracker.assignment:
         table = _file(raw, tracker.assignment, "assignment in [tracker]")
         return assigned(exports, tracker.assignment, table)
@@ -156,7 +156,8 @@ def _exports(settings: Settings, tracker: Tracker, raw: Mapping[str, bytes]) -> 
     return exports
 
 
-def _hints(tracker: Tracker) -> Hints:
+def hints(tracker: Tracker) -> Hints:
+    """What [tracker] adds to exports that do not say it themselves."""
     said = tracker.model_dump(exclude={"files", "assignment", "mapping", "sigma_m", "noise"})
     mapping = tracker.mapping
     return Hints(**said, mapping=Columns(**mapping.model_dump()) if mapping else None)

@@ -1,0 +1,114 @@
+"""`pipeline inspect`: what a tracker export is, as a function and as a command."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from pipeline.cli import main
+from pipeline.readers import Hints
+from pipeline.readers.inspect import inspect
+
+GOLDEN = Path(__file__).parent / "golden"
+
+
+def run(capsys, *arguments):
+    """Exit code, stdout and stderr of the command."""
+    with pytest.raises(SystemExit) as stopped:
+        main(["inspect", *map(str, arguments)])
+    said = capsys.readouterr()
+    return stopped.value.code, said.out, said.err
+
+
+def test_everything_recognised_is_said():
+    """Dialect, encoding, unit, coordinates, count, names, time span, uncertainty, rejected rows."""
+    seen = inspect("t.csv", (GOLDEN / "leica_6dof.csv").read_bytes()).to_json()
+
+    assert seen == {
+        "file": "t.csv",
+        "dialect": "Leica 6DoF CSV",
+        "encoding": "cp1252",
+        "unit": "mm",
+        "coordinates": "cartesian",
+        "angle": None,
+        "vertical": None,
+        "readings": 2,
+        "groups": 2,
+        "targets": ["B1", "P1"],
+        "time_first": "2026-11-03T08:00:08",
+        "time_last": "2026-11-03T08:00:48",
+        "covariance": "expanded",
+        "unused": ["Rx [°]", "Ry [°]", "Rz [°]"],
+        "rejected": [
+            {
+                "line": 5,
+                "reason": "the operator marked it as deleted; clear the mark if it is to be used",
+            }
+        ],
+    }
+
+
+def test_coordinates_that_are_not_cartesian_are_said():
+    """Kind, angles and the zero of the vertical angle."""
+    seen = inspect("s.txt", (GOLDEN / "sa_spherical.txt").read_bytes())
+
+    assert (seen.coordinates, seen.angle, seen.vertical) == ("spherical", "deg", "zenith")
+    assert "spherical, angles in deg from the zenith" in seen.to_text()
+
+
+def test_a_file_without_names_or_times_says_so():
+    """An emScon dump has neither."""
+    name = "20200710_Exp1_laserData.csv"
+    seen = inspect(name, (GOLDEN / "emscon_vive" / name).read_bytes(), Hints(unit="mm"))
+
+    assert (seen.groups, seen.targets, seen.time_first) == (None, None, None)
+    assert (seen.readings, seen.covariance) == (16, "a-priori")
+
+
+def test_the_command_prints_json(capsys):
+    """One JSON object on stdout; without rejected rows the exit code is 0."""
+    code, out, err = run(capsys, GOLDEN / "tracker_pilot.csv", "--json")
+
+    assert (code, err) == (0, "")
+    assert json.loads(out)["dialect"] == "Leica Tracker Pilot CSV"
+
+
+def test_rejected_rows_are_said_on_stderr_with_their_line(capsys):
+    """Rows left out give exit code 5, and one sentence each."""
+    code, out, err = run(capsys, GOLDEN / "leica_6dof.csv")
+
+    assert code == 5
+    assert "readings     2" in out
+    assert err.startswith("leica_6dof.csv:5: the operator marked it as deleted")
+
+
+def test_a_missing_unit_is_asked_and_can_be_answered(capsys, tmp_path):
+    """Without a unit: exit code 5 and what to write; with --unit or a campaign.toml it is read."""
+    path = tmp_path / "hall.xyz"
+    path.write_bytes((GOLDEN / "semicolon.xyz").read_bytes())
+
+    code, _, err = run(capsys, path)
+    assert code == 5
+    assert err.startswith("hall.xyz:1: the export does not say its unit of length; write unit =")
+
+    code, out, _ = run(capsys, path, "--unit", "mm", "--json")
+    assert (code, json.loads(out)["unit"]) == (0, "mm")
+
+    code, _, err = run(capsys, path, "--unit", "km")
+    assert (code, "use mm, m or in" in err) == (2, True)
+
+    (tmp_path / "campaign.toml").write_text(
+        'format = 1\nname = "n"\nrobot = "kr500_rail"\n[tracker]\nfiles = ["*.xyz"]\nunit = "m"\n'
+        "[scale]\n[tool]\nload_point = [0, 0, 0]\nP1 = [0, 0, 0]\nP2 = [0, 0, 1]\nP3 = [0, 1, 0]\n"
+    )
+    code, out, _ = run(capsys, path, "--json")
+    assert (code, json.loads(out)["unit"]) == (0, "m")
+
+
+def test_a_missing_file_is_one_sentence(capsys, tmp_path):
+    """No traceback, exit code 5, JSON error on stdout."""
+    code, out, err = run(capsys, tmp_path / "nix.csv", "--json")
+
+    assert code == 5
+    assert err.strip().endswith("nix.csv: there is no such file; correct the path.")
+    assert json.loads(out)["error"]["thing"] == "there is no such file"
