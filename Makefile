@@ -23,6 +23,7 @@ run: .venv/.ready
 # One BLAS thread per worker: two workers with all cores each are slower than either alone.
 # loadgroup, because tests that share a server carry an xdist_group and must meet in one worker.
 test: .venv/.ready
+	@$(PY) tests/get_browser.py
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PY) -m pytest -q -n 2 --dist loadgroup $(ARGS)
 
 check: .venv/.ready

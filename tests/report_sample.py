@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-POSES, REPEATS, TARGETS = 16, 3, ("P1", "P2", "P3")
+REPEATS, TARGETS = 3, ("P1", "P2", "P3")
 NOMINAL = (8.0e7, 3.8e6, 6.6e6, 3.9e6, 5.6e5, 6.6e5, 4.7e5)
 
 
@@ -161,20 +161,20 @@ def _diagnosis() -> dict[str, Any]:
     }
 
 
-def tables(seed: int = 20261103) -> dict[str, pd.DataFrame]:
+def tables(seed: int = 20261103, poses: int = 16) -> dict[str, pd.DataFrame]:
     """Tables that look like such a campaign."""
     rng = np.random.default_rng(seed)
     pulls = pd.MultiIndex.from_product(
-        [range(1, POSES + 1), range(1, REPEATS + 1)], names=["pose", "repeat"]
+        [range(1, poses + 1), range(1, REPEATS + 1)], names=["pose", "repeat"]
     ).to_frame(index=False)
     direction = rng.normal(size=(len(pulls), 3))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     size = np.array([1000.0, 2000.0, 3000.0])[pulls["repeat"] - 1]
     pulls[["fx_n", "fy_n", "fz_n"]] = size[:, None] * direction
     points = pulls[["pose", "repeat"]].merge(pd.DataFrame({"target": TARGETS}), how="cross")
-    rail = rng.uniform(0, 18, POSES)[points["pose"] - 1]
+    rail = rng.uniform(0, 18, poses)[points["pose"] - 1]
     points[["zero_x_m", "zero_y_m", "zero_z_m"]] = (
-        rng.uniform([1.2, -1, 0.8], [2.6, 1, 2.4], (POSES, 3))[points["pose"] - 1]
+        rng.uniform([1.2, -1, 0.8], [2.6, 1, 2.4], (poses, 3))[points["pose"] - 1]
         + np.outer(rail, [0, 1, 0])
         + 0.15 * rng.normal(size=(len(TARGETS), 3))[np.tile(range(3), len(pulls))]
     )

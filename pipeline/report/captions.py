@@ -59,8 +59,8 @@ def _stiffness(result: Result, tables: Tables) -> Figure | None:
     return Figure(
         "stiffness",
         "Stiffness as a share of the nominal value",
-        f"{said} Bars are 95 % intervals: where one does not reach the line at 100 %, the joint "
-        f"differs from its nominal value by more than the measurement's doubt.",
+        f"{said} Bars are 95 % intervals, an arrow has no upper limit: where one does not reach "
+        f"the line at 100 %, the joint differs from nominal by more than the measurement's doubt.",
         f"Interval plot of {len(joints)} joint stiffnesses relative to nominal. {said}",
     )
 
@@ -169,17 +169,18 @@ def _prediction(result: Result, tables: Tables) -> Figure | None:
     if not has(tables, "validation"):
         return None
     errors = prediction_error(tables["validation"])
-    said = "; ".join(
-        f"{SETS.get(where, where)}, {DRAWS.get(draw, draw)}: half below {percent(np.median(mu))}, "
-        f"95 % below {percent(np.quantile(mu, 0.95))}"
+    said = " ".join(
+        f"{SETS.get(where, where).capitalize()} half of the poses are predicted within "
+        f"{percent(np.median(mu))} and 95 % within {percent(np.quantile(mu, 0.95))}."
         for (where, draw), mu in errors.items()
+        if draw == "covariance"
     )
     return Figure(
         "prediction",
         "Relative error of the predicted deflection",
-        f"Share of validation poses whose error stays below a value. {said}. The further left a "
-        f"curve, the better the prediction.",
-        f"Cumulative curves of the relative prediction error of Eq. (22). {said}.",
+        f"{said} The further left a curve, the better; dashed curves draw each stiffness "
+        f"by itself, as the paper does.",
+        f"Cumulative curves of the relative prediction error of Eq. (22). {said}",
     )
 
 

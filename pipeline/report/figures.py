@@ -16,14 +16,17 @@ from matplotlib.quiver import Quiver
 from matplotlib.ticker import MaxNLocator
 
 from pipeline.report.captions import DRAWS, SETS, comparable
-from pipeline.report.numbers import percent, plain
+from pipeline.report.numbers import known, percent, plain
 from pipeline.report.summaries import (
+    AXES,
     MM,
+    MOST,
     Tables,
     arrows,
     pose_rms,
     prediction_error,
     residual_force,
+    thinned,
     whitened,
 )
 from pipeline.report.svg import BLUE, GRID, INK, MUTED, RED, SERIES, STYLE, Drawing, finish
@@ -51,23 +54,29 @@ def _stiffness(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     share = np.array([100 * j["value"] / j["nominal"] for j in joints])
     bounds = np.array([_bounds(j) for j in joints]).T
     axes.axvline(100, color=MUTED, linewidth=1, linestyle="--")
-    axes.hlines(at, *bounds, color=BLUE, linewidth=2.2)
+    shown = np.concatenate([share, bounds[np.isfinite(bounds)], [100.0]])
+    right = shown.max() + 0.08 * max(np.ptp(shown), 1.0)
+    axes.hlines(at, bounds[0], np.where(np.isfinite(bounds[1]), bounds[1], right), BLUE, lw=2.2)
+    endless = ~np.isfinite(bounds[1])
+    axes.scatter(np.full(endless.sum(), right), at[endless], color=BLUE, marker=">", s=30)
     axes.scatter(share, at, color=BLUE, s=26, gid="share", zorder=3)
     axes.set_yticks(at, [str(j["name"]) for j in joints])
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("Stiffness [% of nominal]")
     said = [
-        f"{j['name']}: {plain(s)} % of nominal, {plain(low)} % to {plain(high)} %"
+        f"{j['name']}: {plain(s)} % of nominal, "
+        + (f"{plain(low)} % to {plain(high)} %" if np.isfinite(high) else f"above {plain(low)} %")
         for j, s, low, high in zip(joints, share, *bounds, strict=True)
     ]
     return {"share": said}
 
 
 def _bounds(joint: Mapping[str, Any]) -> tuple[float, float]:
-    low, high = joint.get("ci95") or (None, None)
-    if low is None or high is None:
-        low, high = (joint["value"] + sign * 1.96 * joint["std"] for sign in (-1, 1))
+    """The 95 % interval [% of nominal]; a compliance that may be zero has no upper limit."""
+    given = [*(joint.get("ci95") or []), None, None][:2]
+    low = given[0] if known(given[0]) else joint["value"] - 1.96 * joint["std"]
+    high = given[1] if known(given[1]) else np.inf
     return 100 * low / joint["nominal"], 100 * high / joint["nominal"]
 
 
@@ -125,6 +134,7 @@ def _legend_above(axes: Axes, columns: int) -> None:
 
 def _residual_force(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     points = residual_force(tables["residuals"], tables["forces"])
+    points = thinned(points, points["mm"].to_numpy(float))
     axes = canvas.subplots()
     axes.axhline(0, color=MUTED, linewidth=0.8)
     tips = {}
@@ -182,7 +192,8 @@ def _whitened(canvas: Canvas, result: Result, tables: Tables) -> Tips:
 
 def _arrows(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     vectors = arrows(tables["residuals"], tables["displacements"], tables["forces"])
-    longest = np.linalg.norm(vectors[["rx", "ry", "rz"]].to_numpy(float), axis=1).max()
+    size = np.linalg.norm(vectors[["rx", "ry", "rz"]].to_numpy(float), axis=1)
+    vectors, longest = thinned(vectors, size, MOST // 5), size.max()
     wide = np.ptp(vectors["y"]) >= 2 * max(np.ptp(vectors["x"]), np.ptp(vectors["z"]))
     canvas.set_size_inches(5.6, 4.4 if wide else 3.2)
     views = canvas.subplots(2, 1, sharex=True) if wide else canvas.subplots(1, 2)
@@ -243,10 +254,12 @@ def _round_down(value: float) -> float:
 
 
 def _registration(canvas: Canvas, result: Result, tables: Tables) -> Tips:
-    readings = tables["registration"].reset_index(drop=True)
+    readings = tables["registration"].reset_index(drop=True).assign(at=lambda t: t.index + 1)
+    size = np.linalg.norm(readings[AXES].to_numpy(float), axis=1)
+    readings = thinned(readings, size, MOST // 5)
     views = canvas.subplots(3, 1, sharex=True, sharey=True)
     targets = list(dict.fromkeys(readings["target"]))
-    at = np.arange(1, len(readings) + 1)
+    at = readings["at"].to_numpy()
     tips = {}
     for view, axis in zip(views, "xyz", strict=True):
         mm = MM * readings[f"d{axis}_m"].to_numpy(float)
@@ -268,6 +281,7 @@ def _registration(canvas: Canvas, result: Result, tables: Tables) -> Tips:
                 f"reading {n}, {target}: d{axis} = {plain(v)} mm"
                 for n, v in zip(at[here], mm[here], strict=True)
             ]
+        view.margins(y=0.25)
         view.set_ylabel(f"d{axis} [mm]")
     views[-1].set_xlabel("Reading of a base reflector, in order")
     views[-1].xaxis.set_major_locator(MaxNLocator(10, integer=True))

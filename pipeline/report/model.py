@@ -23,6 +23,7 @@ from pipeline.report.numbers import (
     plain,
     prefixed,
     probability,
+    typeset,
     with_std,
 )
 from pipeline.report.record import (
@@ -691,7 +692,7 @@ def _method(result: Result) -> Section:
 
 
 def _assumptions(result: Result) -> Table | None:
-    rows = [(text_entry(a),) for a in _list(result, "assumptions")]
+    rows = [(text_entry(typeset(str(a))),) for a in _list(result, "assumptions")]
     return Table("assumptions", "Assumptions", (Column("Assumed"),), tuple(rows)) if rows else None
 
 
@@ -712,8 +713,7 @@ def _inputs(result: Result) -> Table | None:
     return Table("inputs", "Input files", columns, tuple(rows)) if rows else None
 
 
-def _versions(result: Result) -> Table | None:
+def _versions(result: Result) -> Text | None:
     versions = result.get("versions") or {}
-    rows = [(text_entry(name), text_entry(version)) for name, version in versions.items()]
-    columns = (Column("Package"), Column("Version"))
-    return Table("versions", "Versions", columns, tuple(rows)) if rows else None
+    said = ", ".join(f"{name} {version}" for name, version in versions.items())
+    return Text(f"Computed with {said}.") if said else None

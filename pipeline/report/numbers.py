@@ -13,10 +13,13 @@ MISSING = "–"
 
 PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n", -12: "p"}
 
+DIGIT = r"[\d⁰¹²³⁴⁵⁶⁷⁸⁹]"
 BINDS = re.compile(
-    r"(?<=\d) (?=(?:%|mm|m|N|µm|µrad|σ|×|±)(?:\W|$))|(?<=[×±=<]) (?=\d)|(?<=\bp) (?=[=<])"
+    rf"(?<={DIGIT}) (?=(?:%|mm|m|N|µm|µrad|σ|×|±)(?:\W|$))|(?<=[×±=<]) (?=\d)|(?<=\bp) (?=[=<])"
 )
 """Spaces that belong inside a quantity or a relation."""
+
+POWER = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d{1,3})(?![\w.])")
 
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -121,8 +124,10 @@ def p_value(p: float | None) -> str:
     return f"p = {plain(p, 2)}" if p > 0 else f"p < {ten_to(-300)}"
 
 
-def unbroken(text: str) -> str:
-    """The same words with no line end between a number and its unit or its relation."""
+def typeset(text: str) -> str:
+    """A sentence as it is printed: ± and powers of ten, no line end inside a quantity."""
+    text = POWER.sub(lambda found: f"{found[1]} × {ten_to(int(found[2]))}", text)
+    text = re.sub(r"\+-(?= ?\d)", "±", text)
     return BINDS.sub("\N{NO-BREAK SPACE}", text)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from pipeline.report.numbers import MISSING, known, unbroken
+from pipeline.report.numbers import MISSING, known, typeset
 
 
 @dataclass(frozen=True)
@@ -57,8 +57,8 @@ class Text:
     tone: str = "plain"
 
     def __post_init__(self) -> None:
-        """Keep numbers and units together."""
-        object.__setattr__(self, "text", unbroken(self.text))
+        """Set numbers and units as they are printed."""
+        object.__setattr__(self, "text", typeset(self.text))
 
 
 @dataclass(frozen=True)
@@ -79,8 +79,8 @@ class Figure:
     alt: str
 
     def __post_init__(self) -> None:
-        """Keep numbers and units together."""
-        object.__setattr__(self, "caption", unbroken(self.caption))
+        """Set numbers and units as they are printed."""
+        object.__setattr__(self, "caption", typeset(self.caption))
 
 
 Block = Table | Text | Figure

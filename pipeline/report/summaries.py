@@ -11,6 +11,9 @@ from pipeline.results import Array
 
 Tables = Mapping[str, pd.DataFrame]
 MM = 1e3
+MOST = 3000
+"""Marks in one picture; of more, the largest and an even choice of the rest are drawn."""
+
 AXES = ["dx_m", "dy_m", "dz_m"]
 
 
@@ -44,6 +47,16 @@ def residual_force(residuals: pd.DataFrame, forces: pd.DataFrame) -> pd.DataFram
     )
     joined["mm"] = MM * joined["residual_m"]
     return _finite(joined, ["mm"])
+
+
+def thinned(table: pd.DataFrame, size: Array, most: int = MOST) -> pd.DataFrame:
+    """At most so many rows: a third of them the largest, the others spread evenly, in order."""
+    if len(table) <= most:
+        return table
+    order = np.argsort(-np.abs(size), kind="stable")
+    largest, rest = order[: most // 3], np.sort(order[most // 3 :])
+    even = rest[np.linspace(0, len(rest) - 1, most - len(largest)).astype(int)]
+    return table.iloc[np.sort(np.concatenate([largest, even]))].reset_index(drop=True)
 
 
 def _finite(table: pd.DataFrame, columns: list[str]) -> pd.DataFrame:
@@ -98,5 +111,6 @@ def registration_by_target(registration: pd.DataFrame) -> pd.DataFrame:
 def prediction_error(validation: pd.DataFrame) -> dict[tuple[str, str], Array]:
     """Sorted relative prediction errors of Eq. (22), mean over targets per validation pose."""
     per_pose = validation.groupby(["set", "draw", "index"])["mu"].mean()
-    pairs = validation[["set", "draw"]].drop_duplicates().itertuples(index=False, name=None)
+    drawn = validation[["set", "draw"]].drop_duplicates().itertuples(index=False, name=None)
+    pairs = sorted(drawn, key=lambda pair: (pair[1], pair[0] == "global"))
     return {(str(s), str(d)): np.sort(per_pose.loc[s, d].to_numpy(float)) for s, d in pairs}
