@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Iterator
 from importlib.resources import files as package_files
 
@@ -66,8 +67,8 @@ def opened(browser, address):
 
 
 def words(text: str) -> str:
-    """Text without white space, which a line end changes."""
-    return re.sub(r"[\s\u200b\u00ad]", "", text)
+    """Text without white space, which a line end changes, and without ligatures."""
+    return re.sub(r"[\s\u200b\u00ad]", "", unicodedata.normalize("NFKC", text))
 
 
 def texts(page, selector: str) -> list[str]:
