@@ -59,5 +59,6 @@ def joint_screw(loaded: Loaded, joint: int) -> Array:
 
 
 def direction(loaded: Loaded) -> Array:
-    """Unit vector of the pull on the robot, shape (m, 3)."""
-    return np.asarray(loaded.force / np.linalg.norm(loaded.force, axis=1, keepdims=True))
+    """Unit vector of the pull on the robot, zero where nothing pulls, shape (m, 3)."""
+    size = np.linalg.norm(loaded.force, axis=1, keepdims=True)
+    return np.asarray(loaded.force / np.where(size > 0, size, 1.0))

@@ -96,6 +96,7 @@ class Effect:
         needs: The measurement or sensor that would settle it.
         source: Where formula and typical size come from.
         form: Which of several mathematical forms of this cause it is; empty for the only one.
+        tolerance: How far the true law may lie from the formula, as a fraction of what it moves.
     """
 
     name: str
@@ -105,6 +106,7 @@ class Effect:
     needs: str
     source: str
     form: str = ""
+    tolerance: float = 0.03
 
     @property
     def facets(self) -> tuple[Effect, ...]:

@@ -17,7 +17,8 @@ def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
     u = direction(loaded)
     size = np.linalg.norm(loaded.force, axis=1, keepdims=True)
     true = u + loaded.configuration.flange_axes @ values
-    return loaded.load_point, size * true / np.linalg.norm(true, axis=1, keepdims=True)
+    length = np.linalg.norm(true, axis=1, keepdims=True)
+    return loaded.load_point, size * true / np.where(size > 0, length, 1.0)
 
 
 def effects(robot: Robot) -> tuple[Wrench, ...]:

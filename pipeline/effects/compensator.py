@@ -28,6 +28,7 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
         Elastic(
             name="compensator",
             where=None,
+            tolerance=0.1,
             parameters=tuple(
                 Parameter(f"c_comp_{part}", "rad/(N m)", 0.05 * c, -c, c) for part in ("cos", "sin")
             ),

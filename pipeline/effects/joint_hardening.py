@@ -29,6 +29,7 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
         name="joint_hardening",
         where=joint,
         form=form,
+        tolerance=0.1,
         parameters=(Parameter(f"h_{joint}", "rad/(N m)", 0.15 * c, -2 * c, 2 * c),),
         signature=f"displacement over force at joint {joint} changes with the force: "
         "odd in the load, no jump at zero",

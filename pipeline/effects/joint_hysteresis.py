@@ -38,6 +38,7 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
         name="joint_hysteresis",
         where=joint,
         form=form,
+        tolerance=0.2,
         parameters=(Parameter(f"f_{joint}", "rad", 5e-5, 0.0, 1e-3),),
         signature=f"at the same reading joint {joint} stands elsewhere while unloading than while "
         "loading",

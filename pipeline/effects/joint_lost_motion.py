@@ -23,6 +23,7 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
         name="joint_lost_motion",
         where=joint,
         form=form,
+        tolerance=0.15,
         parameters=(Parameter(f"b_{joint}", "rad", 6e-5, 0.0, 1e-3),),
         signature=f"joint {joint} turns by the same angle at every load, in the sense of its "
         "torque",

@@ -35,6 +35,7 @@ def _effect(form: str, rest: float) -> Elastic:
         name="rail_backlash",
         where=None,
         form=form,
+        tolerance=0.1,
         parameters=(Parameter("b_rail", "m", 2e-4, 0.0, 2e-3),),
         signature="a step along the rail, the same for all reflectors and all forces, "
         "that depends on the sign of the pull and on the way the carriage came",

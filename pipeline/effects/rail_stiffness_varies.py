@@ -54,6 +54,7 @@ def _effect(robot: Robot, form: str, names: tuple[str, ...], response: Response)
         name="rail_stiffness_varies",
         where=None,
         form=form,
+        tolerance=0.15,
         parameters=tuple(Parameter(name, "m/N", 0.4 * c, -4 * c, 4 * c) for name in names),
         signature=SIGNATURE,
         needs=NEEDS,

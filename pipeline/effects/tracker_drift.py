@@ -36,6 +36,7 @@ def _effect(
         name="tracker_drift",
         where=None,
         form=form,
+        tolerance=0.2,
         parameters=tuple(
             Parameter(f"{letter}_{axis}", unit, typical, -most, most) for axis in "xyz"
         ),

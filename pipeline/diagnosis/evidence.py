@@ -1,0 +1,109 @@
+"""How strongly the data speak for each suspect: F tests, and evidence with physical priors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from pipeline.diagnosis.view import NULL, View, eliminate
+from pipeline.results import Array, Ints, Locked
+
+WIDTHS = np.array([0.4, 1.0, 2.5, 6.0])
+"""Prior standard deviations of a parameter in its typical size; each has the same weight."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scores(Locked):
+    """Every suspect beside one base.
+
+    Attributes:
+        T: Drop of the sum of squares when the suspect joins, shape (n,).
+        rank: Number of parameters that the data can tell from the base, shape (n,).
+        log_evidence: Natural log of the evidence for it, over the base alone, shape (n,).
+        rest: Sum of squares of the base alone.
+        dof: Its degrees of freedom.
+    """
+
+    T: Array
+    rank: Ints
+    log_evidence: Array
+    rest: float
+    dof: int
+
+    @property
+    def p(self) -> Array:
+        """Probability of a drop this large by chance, F test, shape (n,)."""
+        left = np.maximum(self.rest - self.T, 1e-300)
+        dof = np.maximum(self.dof - self.rank, 1)
+        rank = np.maximum(self.rank, 1)
+        F = (self.T / rank) / (left / dof)
+        return np.where(self.rank > 0, special.fdtrc(rank, dof, F), 1.0)
+
+
+def scores(view: View, base: Ints, dof: int, M: Array | None = None) -> Scores:
+    """Score every suspect beside a base.
+
+    Args:
+        view: The view.
+        base: Columns of the base.
+        dof: Rows minus parameters of the base.
+        M: Products to use instead of the whole campaign's.
+    """
+    whole = view.M if M is None else M
+    S = eliminate(whole, base)
+    n = len(view.suspects)
+    T, rank = np.zeros(n), np.zeros(n, dtype=np.int64)
+    log_evidence = np.zeros(n)
+    rest = max(float(S[-1, -1]), 1e-300)
+    size = np.bincount(view.owner, minlength=n)
+    first = view.first + np.concatenate([[0], np.cumsum(size)[:-1]])
+    for k in np.unique(size):
+        members = np.flatnonzero(size == k)
+        columns = first[members][:, None] + np.arange(k)
+        G = S[columns[:, :, None], columns[:, None, :]]
+        h = S[columns, -1]
+        G, h, rank[members] = clean(G, h, whole[columns, columns])
+        T[members] = _drop(G, h)
+        log_evidence[members] = _evidence(G, h, rest, dof, _one_sided(view, members))
+    return Scores(T, rank, log_evidence, rest, dof)
+
+
+def clean(G: Array, h: Array, full: Array) -> tuple[Array, Array, Ints]:
+    """G and h without directions that are rounding, and how many directions are left.
+
+    Directions are judged in units of the whole columns: what the base explains to seven digits
+    is the base.
+    """
+    size = np.sqrt(np.maximum(full, 1e-300))
+    values, vectors = np.linalg.eigh(G / (size[:, :, None] * size[:, None, :]))
+    kept = values > NULL
+    seen = vectors * kept[:, None, :]
+    along = np.einsum("nij,ni->nj", seen, h / size)
+    G = np.einsum("nij,nj,nkj->nik", seen, values, seen) * size[:, :, None] * size[:, None, :]
+    return G, np.einsum("nij,nj->ni", seen, along) * size, kept.sum(axis=1)
+
+
+def _drop(G: Array, h: Array) -> Array:
+    return np.einsum("ni,nij,nj->n", h, np.linalg.pinv(G, rcond=1e-9, hermitian=True), h)
+
+
+def _evidence(G: Array, h: Array, rest: float, dof: int, one_sided: Array) -> Array:
+    """Log evidence with normal priors of several widths, scatter estimated along (Student)."""
+    eye = np.eye(G.shape[-1])
+    out = []
+    for width in WIDTHS:
+        cov = np.linalg.inv(G + eye / width**2)
+        mean = np.einsum("nij,nj->ni", cov, h)
+        q = np.minimum(np.sum(h * mean, axis=1), rest * (1 - 1e-12))
+        _, logdet = np.linalg.slogdet(eye + width**2 * G)
+        scatter = np.sqrt(((rest - q) / max(dof, 1))[:, None] * np.einsum("nii->ni", cov))
+        sign = np.sum(one_sided * (np.log(2) + special.log_ndtr(mean / scatter)), axis=1)
+        out.append(-0.5 * logdet - 0.5 * dof * np.log1p(-q / rest) + sign)
+    return np.asarray(special.logsumexp(out, axis=0) - np.log(len(WIDTHS)))
+
+
+def _one_sided(view: View, members: Ints) -> Array:
+    """1 where a parameter cannot be negative, 0 where it can, shape (n, k)."""
+    return np.array([[float(p.lower == 0) for p in view.suspects[i].parameters] for i in members])

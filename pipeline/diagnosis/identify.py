@@ -1,0 +1,284 @@
+"""Which cause is it? Causes join one by one, are exchanged and dropped; rivals keep their odds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import special
+
+from pipeline.cell import Cell
+from pipeline.diagnosis.detect import Lack, Threshold, lack_of_fit, threshold
+from pipeline.diagnosis.evidence import Scores, scores
+from pipeline.diagnosis.isolability import Twins
+from pipeline.diagnosis.view import Model, View, coefficients, look
+from pipeline.effects import Effect
+from pipeline.results import Array, Ints, Locked
+from pipeline.stages.assemble import Measured
+
+MOST = 3
+"""So many causes at once can be named; more is an unknown one."""
+
+WORTH = 3.0
+"""A further cause must be worth this much log evidence (20 to 1)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """What does not change while causes are sought.
+
+    Attributes:
+        cell: The paper's model of the campaign, with the equilibrium that fits better.
+        data: The measurements.
+        suspects: All causes that move something, in all their forms.
+        nuisance: Effects that are always there a little, with their standard sizes in SI.
+        noise: Scatter of the tracker over its stated standard uncertainty.
+        force_noise: Scatter of the scale over its stated one, relative to the tracker's.
+    """
+
+    cell: Cell
+    data: Measured
+    suspects: tuple[Effect, ...]
+    nuisance: tuple[tuple[Effect, float], ...]
+    noise: float
+    force_noise: float = 1.0
+
+    def view(self, model: Model, doubt: Sequence[int] = ()) -> View:
+        """The campaign seen from a model; the laws of `doubt` hold only roughly."""
+        return look(
+            model,
+            self.data,
+            self.suspects,
+            self.noise,
+            self.nuisance,
+            [(i, self.suspects[i].tolerance) for i in doubt],
+            self.force_noise,
+        )
+
+    def fitted(self, accepted: tuple[int, ...], start: Array, rounds: int = 3) -> View:
+        """Joint springs and accepted causes estimated together, linearised anew each round."""
+        model = self.model(accepted, start)
+        for _ in range(rounds):
+            view = self.view(model)
+            values = solved(view, view.base)
+            step = np.abs(values - model.values) / view.typical[_of_model(view)]
+            model = replace(model, values=values)
+            if np.max(step, initial=0.0) < 1e-3:
+                break
+        return self.view(model, accepted)
+
+    def model(self, accepted: tuple[int, ...], start: Array) -> Model:
+        """A model with accepted causes; those that `start` lacks begin at zero."""
+        springs = len(self.cell.parameters)
+        cell = self.cell.with_effects(*(self.suspects[i] for i in accepted))
+        values = np.zeros(len(cell.parameters))
+        values[: min(len(start), len(values))] = start[: len(values)]
+        return Model(cell, values, springs, accepted)
+
+
+def _of_model(view: View) -> Ints:
+    """Columns of the model's own parameters in their order."""
+    chosen = [view.columns([i]) for i in view.model.accepted]
+    return np.concatenate([np.arange(view.springs), *chosen]).astype(np.int64)
+
+
+def solved(view: View, base: Ints) -> Array:
+    """Parameters of the view's model, estimated, SI."""
+    found = dict(zip(base.tolist(), coefficients(view.M, base), strict=True))
+    mine = _of_model(view)
+    return np.array([found[c] for c in mine.tolist()]) * view.typical[mine]
+
+
+@dataclass(frozen=True, eq=False)
+class Rival:
+    """One cause that could stand where an accepted one stands.
+
+    Attributes:
+        label: Name and place.
+        suspect: Index of its best form.
+        probability: Given that one cause stands there.
+    """
+
+    label: str
+    suspect: int
+    probability: float
+
+
+@dataclass(frozen=True, eq=False)
+class Found(Locked):
+    """What the search ends with.
+
+    Attributes:
+        view: The campaign seen from the joint springs and all accepted causes.
+        first: The campaign seen from the joint springs alone.
+        scores: Suspects beside the joint springs alone.
+        threshold: Calibrated for them.
+        lack_first: Lack of fit of the joint springs alone.
+        lack: Lack of fit of the model with the causes.
+        left: Smallest p of a further suspect.
+        accepted: Indices of the accepted suspects.
+        p_values: Of each accepted cause when it joined, beside all others.
+        rivals: For each accepted cause, itself and those that could stand there, likeliest first.
+        refused: Labels of causes that would need a physically impossible size.
+    """
+
+    view: View
+    first: View
+    scores: Scores
+    threshold: Threshold
+    lack_first: Lack
+    lack: Lack
+    left: float
+    accepted: tuple[int, ...]
+    p_values: tuple[float, ...]
+    rivals: tuple[tuple[Rival, ...], ...]
+    refused: tuple[str, ...]
+
+    @property
+    def detected(self) -> bool:
+        """True when the joint springs alone do not explain the data."""
+        return bool(self.scores.p.min() < self.threshold.p) or self.lack_first.found
+
+    @property
+    def clean(self) -> bool:
+        """True when nothing is left to explain."""
+        return not self.lack.found and self.left >= self.threshold.p
+
+
+def search(case: Case, start: Array, twins: Twins, rng: np.random.Generator) -> Found:
+    """Add the likeliest cause, exchange and drop, until nothing is left or three stand."""
+    first = case.fitted((), start)
+    alone = _dof(first, first.base)
+    score = scores(first, first.base, alone)
+    limit = threshold(first, first.base, alone, rng)
+    lack = lack_first = lack_of_fit(first, first.base, score)
+    view, now, accepted = first, score, ()
+    refused: dict[str, None] = {}
+    while len(accepted) < MOST and (now.p.min() < limit.p or lack.found):
+        added = _add(case, view, now, limit, refused)
+        if added is None:
+            break
+        view = case.fitted((*accepted, added), solved(view, view.base))
+        view = _exchange(case, view)
+        accepted = view.model.accepted
+        now = scores(view, view.base, _dof(view, view.base))
+        lack = lack_of_fit(view, view.base, now)
+    rivals, p_values = _rivals(case, view, twins)
+    return Found(
+        view,
+        first,
+        score,
+        limit,
+        lack_first,
+        lack,
+        float(now.p.min()),
+        accepted,
+        p_values,
+        rivals,
+        tuple(refused),
+    )
+
+
+def _dof(view: View, base: Ints) -> int:
+    return view.rows_left - (len(base) - view.first)
+
+
+def by_label(suspects: Sequence[Effect]) -> dict[str, list[int]]:
+    """Forms of each cause."""
+    out: dict[str, list[int]] = {}
+    for i, effect in enumerate(suspects):
+        out.setdefault(effect.label, []).append(i)
+    return out
+
+
+def _add(
+    case: Case, view: View, now: Scores, limit: Threshold, refused: dict[str, None]
+) -> int | None:
+    """The likeliest further cause of a possible size, if it is worth it."""
+    taken = {case.suspects[i].label for i in view.model.accepted}
+    for i in np.argsort(-now.log_evidence):
+        if now.log_evidence[i] < WORTH or now.p[i] > limit.p:
+            return None
+        if case.suspects[i].label in taken:
+            continue
+        if possible(case, view, int(i)):
+            return int(i)
+        refused[case.suspects[i].label] = None
+    return None
+
+
+def possible(case: Case, view: View, suspect: int) -> bool:
+    """True unless an estimate is beyond its physical bounds by more than two sigmas."""
+    columns = view.columns([suspect])
+    base = np.concatenate([view.base, columns[~np.isin(columns, view.base)]])
+    N = view.M[np.ix_(base, base)]
+    size = np.sqrt(np.maximum(np.diag(N), 1e-300))
+    inverse = np.linalg.pinv(N / np.outer(size, size), rcond=1e-9, hermitian=True)
+    at = np.searchsorted(base, columns, sorter=np.argsort(base))
+    at = np.argsort(base)[at]
+    value = (inverse @ (view.M[base, -1] / size) / size)[at]
+    std = (np.sqrt(np.diag(inverse)) / size)[at]
+    typical = view.typical[columns]
+    lower = np.array([p.lower for p in case.suspects[suspect].parameters]) / typical
+    upper = np.array([p.upper for p in case.suspects[suspect].parameters]) / typical
+    slack = 2 * std + 0.3
+    return bool(np.all((value > lower - slack) & (value < upper + slack)))
+
+
+def _exchange(case: Case, view: View) -> View:
+    """Swap an accepted cause for a better one, or drop one that is no longer needed."""
+    for _ in range(2 * MOST):
+        better = _better(case, view)
+        if better is None:
+            return view
+        view = case.fitted(better, np.zeros(0) + solved(view, view.base)[: view.springs])
+    return view
+
+
+def _better(case: Case, view: View) -> tuple[int, ...] | None:
+    accepted = view.model.accepted
+    for place, mine in enumerate(accepted):
+        rest = accepted[:place] + accepted[place + 1 :]
+        base = np.concatenate([np.arange(view.first), view.columns(rest)])
+        now = scores(view, base, _dof(view, base))
+        if now.log_evidence[mine] < WORTH and len(accepted) > 1:
+            return rest
+        taken = {case.suspects[i].label for i in rest}
+        for i in np.argsort(-now.log_evidence)[:5]:
+            if now.log_evidence[i] < now.log_evidence[mine] + 1.0:
+                break
+            if case.suspects[i].label not in taken and possible(case, view, int(i)):
+                return (*accepted[:place], int(i), *accepted[place + 1 :])
+    return None
+
+
+def _rivals(
+    case: Case, view: View, twins: Twins
+) -> tuple[tuple[tuple[Rival, ...], ...], tuple[float, ...]]:
+    accepted = view.model.accepted
+    plain = case.view(view.model)
+    out, p_values = [], []
+    for place in range(len(accepted)):
+        rest = accepted[:place] + accepted[place + 1 :]
+        base = np.concatenate([np.arange(plain.first), plain.columns(rest)])
+        now = scores(plain, base, _dof(plain, base))
+        p_values.append(float(now.p[accepted[place]]))
+        out.append(_odds(case, plain, now, rest))
+    return tuple(out), tuple(p_values)
+
+
+def _odds(case: Case, view: View, now: Scores, rest: Sequence[int]) -> tuple[Rival, ...]:
+    """Probabilities of all causes that could stand in one place, forms taken together."""
+    taken = {case.suspects[i].label for i in rest}
+    labels, logs, best = [], [], []
+    for label, forms in by_label(case.suspects).items():
+        if label in taken:
+            continue
+        evidence = now.log_evidence[forms]
+        labels.append(label)
+        logs.append(special.logsumexp(evidence) - np.log(len(forms)))
+        best.append(forms[int(np.argmax(evidence))])
+    probability = special.softmax(np.array(logs))
+    order = [i for i in np.argsort(-probability, kind="stable") if probability[i] > 1e-3]
+    return tuple(Rival(labels[i], best[i], float(probability[i])) for i in order)

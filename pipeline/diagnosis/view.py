@@ -1,0 +1,343 @@
+"""One campaign seen from one model: rows whitened, every suspect's columns beside the springs'.
+
+All questions (is something missing, what, how much, what would another pose tell) are then sums of
+squares. They are asked of one matrix of products, columns [springs | common errors | suspects | c],
+and of its part from each pose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse
+
+from pipeline.cell import Cell, load, predict, sensitivity
+from pipeline.effects import Effect, Loaded
+from pipeline.results import Array, Errors, Ints, Locked, Rows
+from pipeline.robot.configuration import rotation_about, velocity
+from pipeline.stages.assemble import Measured, assemble
+from pipeline.stages.whiten import Whitener, whitener
+
+CUT = 1e-11
+"""Relative size of an eigenvalue of products of scaled columns that is rounding."""
+
+NULL = 1e-7
+"""What is left of a column relative to the whole column when it is a mix of others."""
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """What is believed: a cell with accepted causes, and the values of all its parameters.
+
+    Attributes:
+        cell: Joint springs, then the accepted effects.
+        values: Their parameters, shape (k,).
+        springs: How many of the parameters are joint springs.
+        accepted: Index of each accepted effect among the suspects.
+    """
+
+    cell: Cell
+    values: Array
+    springs: int
+    accepted: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class View(Locked):
+    """A campaign from the point of view of one model.
+
+    Attributes:
+        model: The model; columns are derivatives there.
+        suspects: All causes that are asked about, accepted ones included.
+        owner: Index of the suspect of each suspect column, shape (K,).
+        typical: Typical size of each column's parameter: springs, common (1), suspects.
+        rows: What each row of the campaign is.
+        raw: Columns [springs | suspects | c] before whitening [m], c linearised at the model,
+            shape (M, k + K + 1).
+        A: [springs | common | suspects | c] in typical sizes, whitened by pose, with one row per
+            common error below (its prior), shape (M + r, W).
+        pose: Index of the pose of each row of A, -1 for priors, shape (M + r,).
+        M: A'A, shape (W, W).
+        springs: Number of spring columns.
+        common: Number of columns of common errors.
+        scatter: Sum of squares [1] that no rigid motion of the effector can make.
+        scatter_dof: Its degrees of freedom.
+        spread: Standard uncertainty of each row of c [m], shape (M,).
+        free: Orthonormal whitened displacements of each pose by a free stiffness of its own: six
+            rigid motions of the effector in proportion to the force, shape (M + r, 6).
+    """
+
+    model: Model
+    suspects: tuple[Effect, ...]
+    owner: Ints
+    typical: Array
+    rows: Rows
+    raw: Array
+    A: Array
+    pose: Ints
+    M: Array
+    springs: int
+    common: int
+    scatter: float
+    scatter_dof: int
+    spread: Array
+    free: Array
+
+    @property
+    def poses(self) -> int:
+        """Number of poses."""
+        return int(self.pose.max()) + 1
+
+    def columns(self, suspects: Sequence[int]) -> Ints:
+        """Columns of A of some suspects."""
+        return self.first + np.flatnonzero(np.isin(self.owner, suspects))
+
+    @property
+    def first(self) -> int:
+        """First suspect column of A."""
+        return self.springs + self.common
+
+    @property
+    def base(self) -> Ints:
+        """Columns of A of springs, common errors and accepted effects."""
+        return np.concatenate([np.arange(self.first), self.columns(self.model.accepted)])
+
+    @property
+    def rows_left(self) -> int:
+        """Rows of the campaign minus springs: priors of common errors pay for themselves."""
+        return len(self.rows) - self.springs
+
+    def without(self, pose: int) -> Array:
+        """M without one pose."""
+        part = self.A[self.pose == pose]
+        return self.M - part.T @ part
+
+
+def look(
+    model: Model,
+    data: Measured,
+    suspects: tuple[Effect, ...],
+    noise: float,
+    nuisance: Sequence[tuple[Effect, float]] = (),
+    doubt: Sequence[tuple[int, float]] = (),
+    force_noise: float = 1.0,
+) -> View:
+    """Compute the view of a campaign from a model.
+
+    Args:
+        model: The model.
+        data: The measurements.
+        suspects: Causes to ask about.
+        noise: Standard uncertainties are this many times the stated ones.
+        nuisance: Effects that are always there a little, each with its standard size in SI.
+        doubt: Accepted suspects whose law is known to a fraction only: what they move in each
+            pull is uncertain by that fraction.
+        force_noise: The scale's readings scatter this many times more than the tracker's do.
+    """
+    flat = replace(model.cell, equilibrium="undeformed")
+    system = assemble(flat, data, model.values)
+    at = (data.pull, data.target)
+    Z = sensitivity(flat, data.pulls, model.values, suspects)[at].reshape(len(system.rows), -1)
+    for column, index in _accepted_columns(model, suspects):
+        Z[:, column] = system.B[:, index]
+    B = system.B[:, : model.springs]
+    moved = predict(model.cell, data.pulls, model.values).displacement[at].ravel()
+    y = data.delta.ravel() - moved + system.B @ model.values
+    more = [
+        sensitivity(flat, data.pulls, model.values, [effect])[at].reshape(len(y), -1) * size
+        for effect, size in nuisance
+    ]
+    errors = _widened(system.errors, system.rows, Z, doubt, suspects, model, force_noise)
+    white = whitener(errors, system.rows.pose)
+    spread = np.sqrt(np.asarray(errors.G.multiply(errors.G).sum(axis=1)).ravel())
+    return _view(model, suspects, system.rows, B, Z, y, more, white, noise, spread, data)
+
+
+def _accepted_columns(model: Model, suspects: tuple[Effect, ...]) -> list[tuple[int, int]]:
+    """Pairs: column among the suspects', index among the model's parameters."""
+    ends = np.cumsum([0, *(len(effect.parameters) for effect in suspects)])
+    pairs, index = [], model.springs
+    for accepted in model.accepted:
+        for column in range(ends[accepted], ends[accepted + 1]):
+            pairs.append((int(column), index))
+            index += 1
+    return pairs
+
+
+def _widened(
+    errors: Errors,
+    rows: Rows,
+    Z: Array,
+    doubt: Sequence[tuple[int, float]],
+    suspects: tuple[Effect, ...],
+    model: Model,
+    force_noise: float,
+) -> Errors:
+    """The errors with the doubt about accepted laws: one error per pull along what they move."""
+    G, source, common = errors.G, errors.source, errors.common
+    if force_noise != 1.0:
+        G = G @ scipy.sparse.diags_array(np.where(source == "force_reading", force_noise, 1.0))
+        G = scipy.sparse.csr_array(G)
+    parts = dict(_accepted_columns(model, suspects))
+    for accepted, fraction in doubt:
+        column = [c for c in parts if _owner(suspects)[c] == accepted]
+        moved = fraction * Z[:, column] @ model.values[[parts[c] for c in column]]
+        pulls = rows.pull.max() + 1
+        block = scipy.sparse.csr_array(
+            (moved, (np.arange(len(moved)), rows.pull)), (len(moved), pulls)
+        )
+        G = scipy.sparse.hstack([G, block], format="csr")
+        source = np.concatenate([source, np.full(pulls, "law", dtype=object)])
+        common = np.concatenate([common, np.zeros(pulls, dtype=bool)])
+    return Errors(G, source, common)
+
+
+def _owner(suspects: tuple[Effect, ...]) -> Ints:
+    return np.repeat(np.arange(len(suspects)), [len(effect.parameters) for effect in suspects])
+
+
+def _view(
+    model: Model,
+    suspects: tuple[Effect, ...],
+    rows: Rows,
+    B: Array,
+    Z: Array,
+    y: Array,
+    nuisance: list[Array],
+    white: Whitener,
+    noise: float,
+    spread: Array,
+    data: Measured,
+) -> View:
+    typical_x = np.array([p.typical for p in model.cell.parameters[: model.springs]])
+    typical_z = np.array([p.typical for effect in suspects for p in effect.parameters])
+    more = np.concatenate([*nuisance, np.zeros((len(y), 0))], axis=1)
+    by_pose = white.by_pose(np.column_stack([B * typical_x, more, Z * typical_z, y]))
+    k, extra = len(typical_x), more.shape[1]
+    common = np.column_stack([white.common, by_pose[:, k : k + extra]])
+    r = common.shape[1]
+    top = np.column_stack([by_pose[:, :k], common, by_pose[:, k + extra :]]) / noise
+    bottom = np.zeros((r, top.shape[1]))
+    bottom[:, k : k + r] = np.eye(r)
+    A = np.vstack([top, bottom])
+    motions = _rigid(load(model.cell, data.pulls, model.values))[data.pull, data.target]
+    motions = motions.reshape(len(rows), 6)
+    scatter, scatter_dof = _scatter(rows, white, y, motions)
+    size = np.linalg.norm(data.pulls.force, axis=1)[rows.pull, None]
+    free = _orthonormal(white, white.by_pose(motions * size))
+    return View(
+        model=model,
+        suspects=suspects,
+        owner=_owner(suspects),
+        typical=np.concatenate([typical_x, np.ones(r), typical_z]),
+        rows=rows,
+        raw=np.column_stack([B, Z, y]),
+        A=A,
+        pose=np.concatenate([white.pose, np.full(r, -1)]),
+        M=A.T @ A,
+        springs=k,
+        common=r,
+        scatter=scatter / noise**2,
+        scatter_dof=scatter_dof,
+        spread=noise * spread,
+        free=np.vstack([free, np.zeros((r, 6))]),
+    )
+
+
+def _scatter(rows: Rows, white: Whitener, y: Array, motions: Array) -> tuple[float, int]:
+    """Sum of squares of y that no rigid motion of the effector in any pull explains, and its dof.
+
+    The effector is stiff: whatever happens to arm, rail, force or tracker, its reflectors keep
+    their distances. What changes them is the scatter of the readings alone.
+    """
+    place = _place_in_pose(rows)
+    wide = np.zeros((len(rows), 6 * (place.max() + 1)))
+    wide[np.arange(len(rows))[:, None], 6 * place[:, None] + np.arange(6)] = motions
+    basis = _orthonormal(white, white.by_pose(wide))
+    mine = white.by_pose(y)
+    along = _per_pose(white.pose, basis * mine[:, None])
+    dof = len(rows) - round(float(np.sum(basis**2)))
+    return (float(np.sum(mine**2) - np.sum(along**2)), dof) if dof > 0 else (0.0, 0)
+
+
+def _orthonormal(white: Whitener, columns: Array) -> Array:
+    """Orthonormal columns within each pose, zero where there are fewer; shape of `columns`."""
+    p, s = white.inverse.shape[:2]
+    padded = np.zeros((p, s, columns.shape[1]))
+    padded[white.pose, white.place] = columns
+    U, size, _ = np.linalg.svd(padded, full_matrices=False)
+    U = U * (size > NULL * size[:, :1])[:, None, :]
+    out = np.zeros_like(columns)
+    out[:, : U.shape[2]] = U[white.pose, white.place]
+    return out
+
+
+def _per_pose(pose: Ints, rows: Array) -> Array:
+    """Sums of rows over each pose, shape (p, any)."""
+    out = np.zeros((pose.max() + 1, rows.shape[1]))
+    np.add.at(out, pose, rows)
+    return out
+
+
+def _rigid(loaded: Loaded) -> Array:
+    """Displacement of the targets by the six rigid motions of the effector, (m, t, 3, 6)."""
+    m = len(loaded.pulls)
+    centre = loaded.points.mean(axis=1)
+    axes = [np.broadcast_to(row, (m, 3)) for row in np.eye(3)]
+    turns = [rotation_about(np.zeros((m, 3)), axis) for axis in axes]
+    around = velocity(np.stack(turns, axis=1), loaded.points - centre[:, None])
+    along = np.broadcast_to(np.eye(3), (*loaded.points.shape, 3))
+    return np.concatenate([along, np.moveaxis(around, 2, 3)], axis=-1)
+
+
+def _place_in_pose(rows: Rows) -> Ints:
+    """Number of each row's pull within its pose, from 0."""
+    _, first = np.unique(rows.pose, return_inverse=True)
+    start = np.full(first.max() + 1, np.iinfo(np.int64).max)
+    np.minimum.at(start, first, rows.pull)
+    return rows.pull - start[first]
+
+
+def coefficients(M: Array, base: Ints) -> Array:
+    """Least-squares coefficients of the last column by the base, shape (..., b).
+
+    Mixes of columns that cannot be told apart share the work equally.
+    """
+    N = M[..., base[:, None], base]
+    size = np.sqrt(np.maximum(np.einsum("...ii->...i", N), 1e-300))
+    inverse = np.linalg.pinv(
+        N / (size[..., :, None] * size[..., None, :]), rcond=CUT, hermitian=True
+    )
+    return np.einsum("...ij,...j->...i", inverse, M[..., base, -1] / size) / size
+
+
+def by_pose_drop(view: View, base: Ints) -> tuple[float, int]:
+    """Sum of squares that a free stiffness of each pose takes out of the base's residual; dof."""
+    residual = view.A[:, -1] - view.A[:, base] @ coefficients(view.M, base)
+    mine = view.pose >= 0
+    along = _per_pose(view.pose[mine], view.free[mine] * residual[mine, None])
+    dof = round(float(np.sum(view.free**2))) - view.springs - (len(base) - view.first)
+    return float(np.sum(along**2)), max(dof, 1)
+
+
+def eliminate(M: Array, base: Ints) -> Array:
+    """Products of all columns after the base is taken out of them: the Schur complement.
+
+    Args:
+        M: Products, shape (..., W, W).
+        base: Columns that are estimated along.
+
+    Returns:
+        Shape (..., W, W); rows and columns of the base are zero but for rounding.
+    """
+    N = M[..., base[:, None], base]
+    size = np.sqrt(np.maximum(np.einsum("...ii->...i", N), 1e-300))
+    scaled = N / (size[..., :, None] * size[..., None, :])
+    values, vectors = np.linalg.eigh(scaled)
+    kept = values > CUT
+    inverse = np.where(kept, 1 / np.where(kept, values, 1), 0)
+    side = M[..., base, :] / size[..., :, None]
+    half = np.swapaxes(vectors, -1, -2) @ side
+    return M - np.swapaxes(half, -1, -2) @ (inverse[..., :, None] * half)

@@ -1,0 +1,428 @@
+"""Stage 7. What the model gets wrong: detect, name, extend, measure the gain, ask for more."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse
+from scipy import special, stats
+
+from pipeline.cell import Cell, predict
+from pipeline.diagnosis.blindspots import blind_spots, smallest_visible
+from pipeline.diagnosis.evidence import clean
+from pipeline.diagnosis.gain import Gain, gain, rms
+from pipeline.diagnosis.identify import Case, Found, Rival, by_label, search
+from pipeline.diagnosis.isolability import Twins, twins
+from pipeline.diagnosis.nextpose import Candidates, Proposal, candidates, propose
+from pipeline.diagnosis.noise import SURE, Scatter, scatter
+from pipeline.diagnosis.verdict import (
+    Amplitude,
+    Cause,
+    Clue,
+    Diagnosis,
+    Misfit,
+    Named,
+    location,
+)
+from pipeline.diagnosis.view import View, coefficients, eliminate
+from pipeline.effects import Effect, Elastic, Noise, Pulls, catalogue
+from pipeline.errors import InputError
+from pipeline.results import Array, Estimate, Parameter, System
+from pipeline.stages.assemble import Measured, assemble
+from pipeline.stages.estimate import solve
+from pipeline.stages.validate import Where
+
+EQUILIBRIA = ("deformed", "undeformed")
+
+CERTAIN = 0.95
+"""A cause less probable than this among its rivals is not named singly."""
+
+NUISANCE_M = 3e-4
+"""Points of the effector are known no better than this; it is part of the uncertainty."""
+
+
+def diagnose(
+    cell: Cell,
+    data: Measured,
+    estimate: Estimate,
+    where: Where,
+    rng: np.random.Generator,
+    effects: tuple[Effect, ...] | None = None,
+) -> Diagnosis:
+    """Find what the paper's model misses in one campaign.
+
+    Args:
+        cell: The paper's model.
+        data: The measurements.
+        estimate: Its joint springs.
+        where: The test pose, for the change of the predicted deflection.
+        rng: Source of all draws (threshold, bootstrap, candidate poses).
+        effects: The catalogue to search; that of the robot when not given.
+    """
+    whole = catalogue(cell.robot) if effects is None else effects
+    known = twins(cell.robot)
+    case, spread = _case(cell, data, estimate, whole, known)
+    found = search(case, estimate.value, known, rng)
+    worth = _gain(case, found, rng)
+    causes = _causes(case, found, worth, where, known) + _noise_causes(whole, spread)
+    verdict, why = _verdict(found, causes, worth, spread)
+    system, extended = _extended(case, found)
+    final = found.view
+    before = worth.before if worth else _alone(found.first)
+    return Diagnosis(
+        verdict=verdict,
+        why=why,
+        causes=causes,
+        blind_spots=blind_spots(whole, final, final.base, found.threshold.p, known),
+        next_poses=_next_poses(case, found, causes, known, rng),
+        refused=found.refused,
+        clues=_clues(found),
+        threshold=found.threshold.p,
+        lack_of_fit=(found.lack_first.p_poses, found.lack_first.p_pulls),
+        remainder=(found.lack.p_poses, found.lack.p_pulls, found.left),
+        misfits=_misfits(found.first),
+        scatter=spread,
+        equilibrium=case.cell.equilibrium,
+        apart=_apart(found.first),
+        apart_labels=tuple(by_label(case.suspects)),
+        system=system,
+        estimate=extended,
+        left_out_before_m=before,
+        left_out_after_m=worth.after if worth else before,
+        noise_floor_m=rms(found.first.spread),
+    )
+
+
+def _case(
+    cell: Cell, data: Measured, estimate: Estimate, whole: tuple[Effect, ...], known: Twins
+) -> tuple[Case, Scatter]:
+    """What is asked about, at the scatter and the equilibrium that the data show."""
+    never = {*known.unmoved, *known.of_stiffness}
+    suspects = tuple(e for e in whole if not isinstance(e, Noise) and e.label not in never)
+    nuisance = tuple((e, NUISANCE_M) for e in whole if e.name == "load_point_offset")
+    plain = Case(replace(cell, equilibrium="undeformed"), data, suspects, nuisance, 1.0)
+    view = plain.view(plain.model((), estimate.value))
+    errors = assemble(plain.cell, data, estimate.value).errors
+    spread = scatter(view, errors, data.noise_stated)
+    case = replace(plain, noise=spread.tracker, force_noise=spread.force)
+    return _bent(case, estimate.value), spread
+
+
+def _bent(case: Case, start: Array) -> Case:
+    """The case with the equilibrium, on the straight or the deflected robot, that fits better."""
+    both = [replace(case, cell=replace(case.cell, equilibrium=e)) for e in EQUILIBRIA]
+    rests = []
+    for one in both:
+        view = one.view(one.model((), start))
+        rests.append(float(eliminate(view.M, view.base)[-1, -1]))
+    return both[int(np.argmin(rests))]
+
+
+def _gain(case: Case, found: Found, rng: np.random.Generator) -> Gain | None:
+    if not found.accepted or found.first.poses < 4:
+        return None
+    plain = case.view(found.view.model)
+    return gain(case, found.first, plain, found.threshold.p, rng)
+
+
+def _alone(view: View) -> Array:
+    """Residuals of the joint springs [m]."""
+    base = np.arange(view.first)
+    x = coefficients(view.M, base)[: view.springs] * view.typical[: view.springs]
+    return view.raw[:, -1] - view.raw[:, : view.springs] @ x
+
+
+def _verdict(
+    found: Found, causes: tuple[Cause, ...], worth: Gain | None, spread: Scatter
+) -> tuple[str, str]:
+    """One word and one sentence."""
+    if not found.detected:
+        if causes:
+            said = ", ".join(cause.effect.name for cause in causes)
+            return "explained", f"The readings scatter more than stated ({said}); else nothing."
+        return "adequate", "The joint springs explain what was measured."
+    if not found.accepted:
+        return "unexplained", "Something is missing from the model, and no known cause explains it."
+    names = " and ".join(cause.effect.label for cause in causes if cause.gain is not None)
+    if not found.clean:
+        return "unexplained", f"Beside {names} something remains that no known cause explains."
+    if worth is not None and worth.ci95[0] <= 0:
+        return "ambiguous", f"{names} fits, but does not predict left-out poses better for certain."
+    doubtful = [c for c in causes if c.twins or c.probability < CERTAIN]
+    if doubtful:
+        told = "; ".join(
+            " or ".join([c.effect.label, *(r.effect.label for r in c.rivals[:3])]) for c in doubtful
+        )
+        return "ambiguous", f"The data cannot tell {told}."
+    return (
+        "explained",
+        f"With {names} in the model nothing is left but the scatter of the readings.",
+    )
+
+
+def _causes(
+    case: Case, found: Found, worth: Gain | None, where: Where, known: Twins
+) -> tuple[Cause, ...]:
+    if not found.accepted:
+        return ()
+    plain = case.view(found.view.model)
+    change = _change(case, found, where)
+    sizes = _amplitudes(case, plain)
+    out = []
+    for place, suspect in enumerate(found.accepted):
+        effect = case.suspects[suspect]
+        mine = [r for r in found.rivals[place] if r.label == effect.label]
+        rivals = [r for r in found.rivals[place] if r.label != effect.label]
+        out.append(
+            Cause(
+                effect=effect,
+                probability=mine[0].probability if mine else 0.0,
+                amplitudes=sizes[place],
+                p_value=found.p_values[place],
+                rivals=tuple(Named(case.suspects[r.suspect], r.probability) for r in rivals),
+                twins=_twins_of(effect.label, known),
+                gain=worth,
+                test_pose_change_m=change,
+            )
+        )
+    return tuple(out)
+
+
+def _twins_of(label: str, known: Twins) -> tuple[str, ...]:
+    return tuple(b if a == label else a for a, b in known.pairs if label in (a, b))
+
+
+def _noise_causes(whole: tuple[Effect, ...], spread: Scatter) -> tuple[Cause, ...]:
+    """Causes of scatter: the readings scatter more than a certificate may be wrong."""
+    sizes = {
+        "tracker_noise": (spread.tracker - 1, spread.tracker_std, spread.tracker_p),
+        "force_noise": (spread.force * spread.tracker - 1, spread.force, spread.force_p),
+    }
+    out = []
+    for effect in whole:
+        value, std, p = sizes.get(effect.name, (0.0, 0.0, 1.0))
+        if isinstance(effect, Noise) and p < SURE:
+            interval = (value - 1.96 * std, value + 1.96 * std)
+            size = Amplitude(effect.parameters[0], value, std, interval)
+            out.append(Cause(effect, 1 - p, (size,), p, (), (), None, None))
+    return tuple(out)
+
+
+def _change(case: Case, found: Found, where: Where) -> float:
+    """How much the deflection predicted at the test pose moves, mean over targets [m]."""
+    zero = np.zeros(1)
+    pulls = Pulls(
+        zero.astype(np.int64),
+        zero.astype(np.int64),
+        where.q[None],
+        where.force[None],
+        zero + 1,
+        zero,
+        zero,
+        zero,
+    )
+    first, last = found.first.model, found.view.model
+    old = predict(first.cell, pulls, first.values).displacement
+    new = predict(last.cell, pulls, last.values).displacement
+    return float(np.mean(np.linalg.norm(new - old, axis=-1)))
+
+
+def _amplitudes(case: Case, view: View) -> list[tuple[Amplitude, ...]]:
+    """Sizes of the accepted causes, springs estimated along; scatter as the residual has it."""
+    base = view.base
+    value = coefficients(view.M, base)
+    N = view.M[np.ix_(base, base)]
+    size = np.sqrt(np.diag(N))
+    values, vectors = np.linalg.eigh(N / np.outer(size, size))
+    seen = values > 1e-11
+    half = vectors[:, seen] / np.sqrt(values[seen]) / size[:, None]
+    dof = view.rows_left - (len(base) - view.first)
+    rest = float(eliminate(view.M, base)[-1, -1])
+    std = np.sqrt(np.sum(half**2, axis=1) * max(rest / dof, 0.0))
+    std[(np.abs(vectors[:, ~seen]) > 1e-4).any(axis=1)] = np.inf
+    quantile = float(stats.t.ppf(0.975, dof))
+    out = []
+    for suspect in view.model.accepted:
+        at = [int(np.flatnonzero(base == c)[0]) for c in view.columns([suspect])]
+        effect = case.suspects[suspect]
+        sizes = []
+        for k, parameter in zip(at, effect.parameters, strict=True):
+            here = value[k] * parameter.typical
+            mine = std[k] * parameter.typical
+            interval = (here - quantile * mine, here + quantile * mine)
+            if not isinstance(effect, Elastic) and np.isfinite(mine):
+                interval = profile(case, view, suspect, parameter, here, mine, rest / dof)
+            sizes.append(Amplitude(parameter, float(here), float(mine), interval))
+        out.append(tuple(sizes))
+    return out
+
+
+def profile(
+    case: Case,
+    view: View,
+    suspect: int,
+    parameter: Parameter,
+    value: float,
+    std: float,
+    variance: float,
+) -> tuple[float, float]:
+    """95 % interval where chi-square, everything else refitted, has risen by 3.84.
+
+    Elastic causes are linear in their parameters and have none of this; force and geometry bend
+    it. One step of the secant rule from 1.96 standard uncertainties is enough for what they bend.
+    """
+    out = []
+    for side in (-1.96, 1.96):
+        rise = _rise(case, view, suspect, parameter, value + side * std) / variance
+        out.append(value + side * std * float(np.sqrt(3.84 / max(rise, 1.0))))
+    return out[0], out[1]
+
+
+def _rise(case: Case, view: View, suspect: int, parameter: Parameter, at: float) -> float:
+    """Rise of chi-square when one parameter is held, the others refitted there."""
+    model = view.model
+    names = [p.name for p in model.cell.parameters]
+    held = names.index(parameter.name)
+    values = model.values.copy()
+    values[held] = at
+    small = replace(case, suspects=tuple(case.suspects[i] for i in model.accepted))
+    short = tuple(range(len(model.accepted)))
+    now = small.view(replace(model, values=values, accepted=short))
+    column = now.columns([model.accepted.index(suspect)])
+    k = [p.name for p in case.suspects[suspect].parameters].index(parameter.name)
+    fixed = int(column[k])
+    y = now.A[:, -1] - now.A[:, fixed] * (at / now.typical[fixed])
+    A = np.column_stack([now.A[:, :-1], y])
+    free = now.base[now.base != fixed]
+    best = view.M
+    return float(eliminate(A.T @ A, free)[-1, -1] - eliminate(best, view.base)[-1, -1])
+
+
+def _extended(case: Case, found: Found) -> tuple[System | None, Estimate | None]:
+    """Springs and causes as one linear system about the final values, and its solution."""
+    if not found.accepted:
+        return None, None
+    model = found.view.model
+    flat = replace(model.cell, equilibrium="undeformed")
+    system = assemble(flat, case.data, model.values)
+    bent = predict(model.cell, case.data.pulls, model.values).displacement
+    bent = bent - predict(flat, case.data.pulls, model.values).displacement
+    c = system.c - bent[case.data.pull, case.data.target].ravel()
+    scale = np.where(system.errors.source == "force_reading", case.force_noise, 1.0) * case.noise
+    G = scipy.sparse.csr_array(system.errors.G @ scipy.sparse.diags_array(scale))
+    system = replace(system, c=c, errors=replace(system.errors, G=G))
+    return system, solve(system, model.values)
+
+
+def _clues(found: Found) -> tuple[Clue, ...]:
+    view, now = found.first, found.scores
+    S = eliminate(view.M, view.base)
+    seen = smallest_visible(view, view.base, found.threshold.p)
+    out = []
+    for forms in by_label(view.suspects).values():
+        i = max(forms, key=lambda i: now.log_evidence[i])
+        columns = view.columns([i])
+        whole = float(np.trace(view.M[np.ix_(columns, columns)]))
+        left = float(np.trace(S[np.ix_(columns, columns)]))
+        absorbed = 1.0 - left / whole if whole > 0 else 1.0
+        out.append(
+            Clue(
+                view.suspects[i],
+                float(now.p[i]),
+                float(now.log_evidence[i]),
+                min(max(absorbed, 0.0), 1.0),
+                float(np.min([seen[j] for j in forms])),
+            )
+        )
+    return tuple(out)
+
+
+def _misfits(view: View) -> tuple[Misfit, ...]:
+    """Which place of the cell takes most of the misfit when all its suspects join at once."""
+    S = eliminate(view.M, view.base)
+    rest, dof = float(S[-1, -1]), view.rows_left
+    places: dict[str, list[int]] = {}
+    for i, effect in enumerate(view.suspects):
+        places.setdefault(location(effect), []).append(i)
+    out = []
+    for place, members in places.items():
+        columns = view.columns(members)
+        G, h, rank = clean(
+            S[np.ix_(columns, columns)][None], S[columns, -1][None], view.M[columns, columns][None]
+        )
+        k = int(rank[0])
+        if not k or dof - k < 5:
+            continue
+        T = float(h[0] @ np.linalg.pinv(G[0], rcond=1e-9, hermitian=True) @ h[0])
+        T = min(T, rest)
+        p = float(special.fdtrc(k, dof - k, (T / k) / max((rest - T) / (dof - k), 1e-300)))
+        out.append(Misfit(place, T / rest if rest > 0 else 0.0, p))
+    return tuple(sorted(out, key=lambda m: m.p_value))
+
+
+def _apart(view: View) -> Array:
+    """Sigmas between causes at typical size, in the form that stands first; shape (n, n).
+
+    Entry (a, b) is what a typical a leaves when springs and b are fitted; (a, a) when only the
+    springs are.
+    """
+    S = eliminate(view.M, view.base)
+    first = [forms[0] for forms in by_label(view.suspects).values()]
+    most = max(len(view.suspects[i].parameters) for i in first)
+    at = np.full((len(first), most), -1)
+    for row, i in enumerate(first):
+        columns = view.columns([i])
+        at[row, : len(columns)] = columns
+    there = at >= 0
+    G = S[at[:, :, None, None], at[None, None, :, :]]
+    G = G * there[:, :, None, None] * there[None, None, :, :]
+    whole = np.where(there, view.M[at, at], 1.0)
+    own = np.einsum("aiaj->aij", G) / np.sqrt(whole[:, :, None] * whole[:, None, :])
+    inverse = np.linalg.pinv(own, rcond=1e-7, hermitian=True)
+    inverse = inverse / np.sqrt(whole[:, :, None] * whole[:, None, :])
+    h = G.sum(axis=1)
+    alone = np.einsum("aai->a", h)
+    shared = np.einsum("abi,bij,abj->ab", h, inverse, h)
+    left = alone[:, None] - shared
+    np.fill_diagonal(left, alone)
+    return np.asarray(np.sqrt(np.maximum(left, 0.0)))
+
+
+def _next_poses(
+    case: Case,
+    found: Found,
+    causes: Sequence[Cause],
+    known: Twins,
+    rng: np.random.Generator,
+) -> tuple[Proposal, ...]:
+    """For every undecided pair the pulls that would decide it, as far as any can."""
+    pairs = list(_undecided(found, causes, known))
+    if not pairs:
+        return ()
+    try:
+        among: Candidates = candidates(case, rng)
+    except InputError:
+        return ()
+    view = case.view(found.view.model)
+    out: list[Proposal] = []
+    for place, rival in pairs:
+        mine = found.accepted[place]
+        rest = [i for i in found.accepted if i != mine]
+        out += propose(case, view, (mine, rival.suspect), rest, among)
+    return tuple(out)
+
+
+def _undecided(
+    found: Found, causes: Sequence[Cause], known: Twins, most: int = 3
+) -> list[tuple[int, Rival]]:
+    pairs = []
+    for place in range(len(found.accepted)):
+        cause = causes[place]
+        if cause.probability >= CERTAIN:
+            continue
+        rivals = [r for r in found.rivals[place] if r.label != cause.effect.label]
+        never = _twins_of(cause.effect.label, known)
+        pairs += [(place, r) for r in rivals if r.label not in never and r.probability > 0.02]
+    return pairs[:most]
