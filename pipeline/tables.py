@@ -257,6 +257,73 @@ def joint_column(name: str, prismatic: bool) -> str:
     return f"{name}_m" if prismatic else f"{name}_rad"
 
 
+DIAGNOSIS = promise(
+    "diagnosis",
+    "name,where",
+    [
+        col("name", STR, "1", "cause, as in the list of causes"),
+        col("where", STR, "1", "joint number or part, empty when the cause has one place only"),
+        col("location", STR, "1", "part of the cell: rail, joint 3, tool, force, metrology ..."),
+        col("form", STR, "1", "mathematical form that fits best, empty for the only one"),
+        col("p_value", F64, "1", "F test beside the joint springs"),
+        col("threshold_p", F64, "1", "below it one suspect is a detection"),
+        col("log_evidence", F64, "1", "natural log of the evidence over the joint springs alone"),
+        col("absorbed", F64, "1", "fraction of its signature that the joint springs hide"),
+        col("smallest_visible", F64, "typical sizes", "found in 80 % of the cases; inf: never"),
+        col("named", pa.bool_(), "1", "stands among the causes of the diagnosis"),
+    ],
+)
+"""What the data say of every suspect: the evidence bars and their threshold."""
+
+SEPARABILITY = promise(
+    "separability",
+    "cause,rival",
+    [
+        col("cause", STR, "1", "cause at its typical size, name:where"),
+        col("rival", STR, "1", "cause fitted in its place; itself: the joint springs alone"),
+        col("sigmas", F64, "1", "what is left of the cause then, in standard deviations"),
+    ],
+)
+"""Which causes this campaign can tell apart."""
+
+
+def examined(robot: Robot) -> pa.Schema:
+    """Promise of the rows behind the pictures of a diagnosis, one per row of the system."""
+    return promise(
+        "examined",
+        "row",
+        [
+            col("row", I32, "1", "row of the system"),
+            POSE,
+            REPEAT,
+            TARGET,
+            col("axis", STR, "1", "x, y or z of F_b"),
+            col("x_m", F64, "m", "nominal unloaded position of the target, F_b"),
+            col("y_m", F64, "m", "as x_m"),
+            col("z_m", F64, "m", "as x_m"),
+            col("force_n", F64, "N", "size of the pull"),
+            col("time_s", F64, "s", "time of the loaded readings after the first reading"),
+            col("residual_m", F64, "m", "with the joint springs alone"),
+            col("residual_extended_m", F64, "m", "with the named causes"),
+            col("left_out_m", F64, "m", "joint springs alone, pose left out"),
+            col("left_out_extended_m", F64, "m", "causes chosen and estimated without the pose"),
+            *[
+                col(
+                    joint_column(j.name, j.prismatic),
+                    F64,
+                    "m" if j.prismatic else "rad",
+                    "joint value",
+                )
+                for j in robot.joints
+            ],
+            *[
+                col(f"tau_{j.name}", F64, "N" if j.prismatic else "N m", "work of the pull, J_l' f")
+                for j in robot.joints
+            ],
+        ],
+    )
+
+
 def system(parameters: Sequence[Parameter]) -> pa.Schema:
     """Promise of c = B x: what each row is, c_m, and one column of B per parameter."""
     return promise(

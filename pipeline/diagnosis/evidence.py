@@ -86,7 +86,8 @@ def clean(G: Array, h: Array, full: Array) -> tuple[Array, Array, Ints]:
 
 
 def _drop(G: Array, h: Array) -> Array:
-    return np.einsum("ni,nij,nj->n", h, np.linalg.pinv(G, rcond=1e-9, hermitian=True), h)
+    inverse = np.linalg.pinv(G, rcond=1e-9, hermitian=True)
+    return np.asarray(np.einsum("ni,nij,nj->n", h, inverse, h))
 
 
 def _evidence(G: Array, h: Array, rest: float, dof: int, one_sided: Array) -> Array:

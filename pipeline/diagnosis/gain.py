@@ -80,7 +80,7 @@ def _predicted_short(view: View, M: Array, base: Ints, rows: Array) -> Array:
     value = coefficients(M, base) * view.typical[base]
     keep = (base < view.springs) | (base >= view.first)
     raw = np.where(base < view.springs, base, base - view.common)[keep]
-    return view.raw[rows, -1] - view.raw[np.ix_(rows, raw)] @ value[keep]
+    return np.asarray(view.raw[rows, -1] - view.raw[np.ix_(rows, raw)] @ value[keep])
 
 
 def _choose(

@@ -12,7 +12,7 @@ from pipeline.cell import Cell
 from pipeline.diagnosis.detect import Lack, Threshold, lack_of_fit, threshold
 from pipeline.diagnosis.evidence import Scores, scores
 from pipeline.diagnosis.isolability import Twins
-from pipeline.diagnosis.view import Model, View, coefficients, look
+from pipeline.diagnosis.view import Model, Sight, View, coefficients, look, sight
 from pipeline.effects import Effect
 from pipeline.results import Array, Ints, Locked
 from pipeline.stages.assemble import Measured
@@ -22,6 +22,10 @@ MOST = 3
 
 WORTH = 3.0
 """A further cause must be worth this much log evidence (20 to 1)."""
+
+FURTHER = 0.1
+"""A suspect that was not worth naming contradicts the model only this far below the threshold:
+what is left was searched once more after each cause that was named."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,29 +48,30 @@ class Case:
     noise: float
     force_noise: float = 1.0
 
-    def view(self, model: Model, doubt: Sequence[int] = ()) -> View:
-        """The campaign seen from a model; the laws of `doubt` hold only roughly."""
-        return look(
-            model,
-            self.data,
-            self.suspects,
-            self.noise,
-            self.nuisance,
-            [(i, self.suspects[i].tolerance) for i in doubt],
-            self.force_noise,
-        )
+    def sight(self, model: Model) -> Sight:
+        """The campaign linearised at a model."""
+        return sight(model, self.data, self.suspects, self.nuisance)
 
-    def fitted(self, accepted: tuple[int, ...], start: Array, rounds: int = 3) -> View:
+    def look(self, seen: Sight, doubt: Sequence[int] = ()) -> View:
+        """What is seen, weighed by the scatter found; the laws of `doubt` hold only roughly."""
+        laws = [(i, self.suspects[i].tolerance) for i in doubt]
+        return look(seen, self.noise, self.force_noise, laws)
+
+    def only(self, accepted: tuple[int, ...]) -> Case:
+        """The case that asks about the accepted causes alone, which are then 0, 1, 2."""
+        return replace(self, suspects=tuple(self.suspects[i] for i in accepted))
+
+    def fitted(self, accepted: tuple[int, ...], start: Array, rounds: int = 4) -> Sight:
         """Joint springs and accepted causes estimated together, linearised anew each round."""
-        model = self.model(accepted, start)
+        model, few = self.model(accepted, start), self.only(accepted)
         for _ in range(rounds):
-            view = self.view(model)
+            view = few.look(few.sight(replace(model, accepted=tuple(range(len(accepted))))))
             values = solved(view, view.base)
             step = np.abs(values - model.values) / view.typical[_of_model(view)]
             model = replace(model, values=values)
             if np.max(step, initial=0.0) < 1e-3:
                 break
-        return self.view(model, accepted)
+        return self.sight(model)
 
     def model(self, accepted: tuple[int, ...], start: Array) -> Model:
         """A model with accepted causes; those that `start` lacks begin at zero."""
@@ -110,7 +115,9 @@ class Found(Locked):
     """What the search ends with.
 
     Attributes:
-        view: The campaign seen from the joint springs and all accepted causes.
+        seen: The campaign linearised at the joint springs and all accepted causes.
+        plain: The same, weighed.
+        view: The same, with the laws of the accepted causes taken as rough.
         first: The campaign seen from the joint springs alone.
         scores: Suspects beside the joint springs alone.
         threshold: Calibrated for them.
@@ -123,6 +130,8 @@ class Found(Locked):
         refused: Labels of causes that would need a physically impossible size.
     """
 
+    seen: Sight
+    plain: View
     view: View
     first: View
     scores: Scores
@@ -143,40 +152,47 @@ class Found(Locked):
     @property
     def clean(self) -> bool:
         """True when nothing is left to explain."""
-        return not self.lack.found and self.left >= self.threshold.p
+        return not self.lack.found and self.left >= FURTHER * self.threshold.p
 
 
 def search(case: Case, start: Array, twins: Twins, rng: np.random.Generator) -> Found:
     """Add the likeliest cause, exchange and drop, until nothing is left or three stand."""
-    first = case.fitted((), start)
-    alone = _dof(first, first.base)
-    score = scores(first, first.base, alone)
-    limit = threshold(first, first.base, alone, rng)
+    seen = case.fitted((), start)
+    first = view = case.look(seen)
+    score = now = scores(first, first.base, _dof(first, first.base))
+    limit = threshold(first, first.base, score.dof, rng)
     lack = lack_first = lack_of_fit(first, first.base, score)
-    view, now, accepted = first, score, ()
     refused: dict[str, None] = {}
-    while len(accepted) < MOST and (now.p.min() < limit.p or lack.found):
+    tried: set[tuple[int, ...]] = {()}
+    while len(view.model.accepted) < MOST and (now.p.min() < limit.p or lack.found):
         added = _add(case, view, now, limit, refused)
         if added is None:
             break
-        view = case.fitted((*accepted, added), solved(view, view.base))
-        view = _exchange(case, view)
-        accepted = view.model.accepted
+        accepted = (*view.model.accepted, added)
+        better = _exchange(case, case.fitted(accepted, solved(view, view.base)))
+        if tuple(sorted(better.model.accepted)) in tried:
+            break  # what was added went again at once: there is no third way
+        seen = better
+        tried.add(tuple(sorted(seen.model.accepted)))
+        view = case.look(seen, seen.model.accepted)
         now = scores(view, view.base, _dof(view, view.base))
         lack = lack_of_fit(view, view.base, now)
-    rivals, p_values = _rivals(case, view, twins)
+    plain = case.look(seen)
+    rivals, p_values = _rivals(case, plain)
     return Found(
-        view,
-        first,
-        score,
-        limit,
-        lack_first,
-        lack,
-        float(now.p.min()),
-        accepted,
-        p_values,
-        rivals,
-        tuple(refused),
+        seen=seen,
+        plain=plain,
+        view=view,
+        first=first,
+        scores=score,
+        threshold=limit,
+        lack_first=lack_first,
+        lack=lack,
+        left=float(now.p.min()),
+        accepted=view.model.accepted,
+        p_values=p_values,
+        rivals=rivals,
+        refused=tuple(refused),
     )
 
 
@@ -226,14 +242,15 @@ def possible(case: Case, view: View, suspect: int) -> bool:
     return bool(np.all((value > lower - slack) & (value < upper + slack)))
 
 
-def _exchange(case: Case, view: View) -> View:
+def _exchange(case: Case, seen: Sight) -> Sight:
     """Swap an accepted cause for a better one, or drop one that is no longer needed."""
     for _ in range(2 * MOST):
+        view = case.look(seen)
         better = _better(case, view)
         if better is None:
-            return view
-        view = case.fitted(better, np.zeros(0) + solved(view, view.base)[: view.springs])
-    return view
+            return seen
+        seen = case.fitted(better, solved(view, view.base)[: view.springs])
+    return seen
 
 
 def _better(case: Case, view: View) -> tuple[int, ...] | None:
@@ -253,18 +270,15 @@ def _better(case: Case, view: View) -> tuple[int, ...] | None:
     return None
 
 
-def _rivals(
-    case: Case, view: View, twins: Twins
-) -> tuple[tuple[tuple[Rival, ...], ...], tuple[float, ...]]:
+def _rivals(case: Case, view: View) -> tuple[tuple[tuple[Rival, ...], ...], tuple[float, ...]]:
     accepted = view.model.accepted
-    plain = case.view(view.model)
     out, p_values = [], []
     for place in range(len(accepted)):
         rest = accepted[:place] + accepted[place + 1 :]
-        base = np.concatenate([np.arange(plain.first), plain.columns(rest)])
-        now = scores(plain, base, _dof(plain, base))
+        base = np.concatenate([np.arange(view.first), view.columns(rest)])
+        now = scores(view, base, _dof(view, base))
         p_values.append(float(now.p[accepted[place]]))
-        out.append(_odds(case, plain, now, rest))
+        out.append(_odds(case, view, now, rest))
     return tuple(out), tuple(p_values)
 
 

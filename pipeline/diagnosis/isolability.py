@@ -82,7 +82,7 @@ def _matrix(cell: Cell, pulls: Pulls, x: Array, effects: Sequence[Effect]) -> Ar
     """Columns [m] at typical size, shape (rows, parameters)."""
     Z = sensitivity(cell, pulls, x, effects)
     typical = [p.typical for effect in effects for p in effect.parameters]
-    return Z.reshape(-1, Z.shape[-1]) * np.array(typical)
+    return np.asarray(Z.reshape(-1, Z.shape[-1]) * np.array(typical))
 
 
 def _compare(effects: Sequence[Effect], B: Array, signature: dict[int, Array]) -> Twins:

@@ -149,7 +149,7 @@ def _left(view: View, M: Array, true: int, other: int, rest: Sequence[int]) -> A
     used = np.concatenate([taken, mine])
     small = M[..., used[:, None], used]
     S = eliminate(small, np.arange(len(taken)))[..., len(taken) :, len(taken) :]
-    return np.sqrt(np.maximum(np.einsum("i,...ij,j->...", size, S, size), 0.0))
+    return np.asarray(np.sqrt(np.maximum(np.einsum("i,...ij,j->...", size, S, size), 0.0)))
 
 
 def _products(case: Case, view: View, among: Candidates, needed: list[int]) -> Array:

@@ -98,7 +98,8 @@ def _restricted(view: View, errors: Errors, factor: float) -> float:
     dof = len(y) - int(kept.sum())
     if dof < 10:
         return -np.inf
-    return _log_det(white.inverse) - float(np.sum(np.log(size[kept]))) - dof / 2 * np.log(square)
+    log_size = float(np.sum(np.log(size[kept])))
+    return _log_det(white.inverse) - log_size - dof / 2 * float(np.log(square))
 
 
 def _log_det(inverse: Array) -> float:

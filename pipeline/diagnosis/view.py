@@ -112,47 +112,109 @@ class View(Locked):
     def without(self, pose: int) -> Array:
         """M without one pose."""
         part = self.A[self.pose == pose]
-        return self.M - part.T @ part
+        return np.asarray(self.M - part.T @ part)
 
 
-def look(
+@dataclass(frozen=True, eq=False)
+class Sight(Locked):
+    """What a model says of every row before anything is weighted, in metres.
+
+    Attributes:
+        model: The model.
+        data: The measurements.
+        suspects: Causes that are asked about.
+        rows: What each row is.
+        errors: Where c may be wrong, as stated.
+        B: Columns of the springs, shape (M, k).
+        Z: Columns of the suspects, shape (M, K).
+        y: c linearised at the model, shape (M,).
+        nuisance: Effects that are always there a little, at their standard size, shape (M, j).
+        motions: Rigid motions of the effector, shape (M, 6).
+    """
+
+    model: Model
+    data: Measured
+    suspects: tuple[Effect, ...]
+    rows: Rows
+    errors: Errors
+    B: Array
+    Z: Array
+    y: Array
+    nuisance: Array
+    motions: Array
+
+    def bent(self, equilibrium: str) -> Sight:
+        """The same springs with another equilibrium: c loses what the second order explains."""
+        cell = replace(self.model.cell, equilibrium=equilibrium)
+        at = (self.data.pull, self.data.target)
+        old, new = (
+            predict(one, self.data.pulls, self.model.values).displacement[at].ravel()
+            for one in (self.model.cell, cell)
+        )
+        return replace(self, model=replace(self.model, cell=cell), y=self.y + old - new)
+
+
+def sight(
     model: Model,
     data: Measured,
     suspects: tuple[Effect, ...],
-    noise: float,
     nuisance: Sequence[tuple[Effect, float]] = (),
-    doubt: Sequence[tuple[int, float]] = (),
-    force_noise: float = 1.0,
-) -> View:
-    """Compute the view of a campaign from a model.
+) -> Sight:
+    """Linearise springs and suspects at a model.
 
     Args:
         model: The model.
         data: The measurements.
         suspects: Causes to ask about.
-        noise: Standard uncertainties are this many times the stated ones.
         nuisance: Effects that are always there a little, each with its standard size in SI.
-        doubt: Accepted suspects whose law is known to a fraction only: what they move in each
-            pull is uncertain by that fraction.
-        force_noise: The scale's readings scatter this many times more than the tracker's do.
     """
     flat = replace(model.cell, equilibrium="undeformed")
     system = assemble(flat, data, model.values)
     at = (data.pull, data.target)
-    Z = sensitivity(flat, data.pulls, model.values, suspects)[at].reshape(len(system.rows), -1)
-    for column, index in _accepted_columns(model, suspects):
+    M = len(system.rows)
+    accepted = dict(_accepted_columns(model, suspects))
+    if len(accepted) == len(_owner(suspects)):
+        Z = np.zeros((M, len(accepted)))
+    else:
+        Z = sensitivity(flat, data.pulls, model.values, suspects)[at].reshape(M, -1)
+    for column, index in accepted.items():
         Z[:, column] = system.B[:, index]
-    B = system.B[:, : model.springs]
     moved = predict(model.cell, data.pulls, model.values).displacement[at].ravel()
-    y = data.delta.ravel() - moved + system.B @ model.values
     more = [
-        sensitivity(flat, data.pulls, model.values, [effect])[at].reshape(len(y), -1) * size
+        sensitivity(flat, data.pulls, model.values, [effect])[at].reshape(M, -1) * size
         for effect, size in nuisance
     ]
-    errors = _widened(system.errors, system.rows, Z, doubt, suspects, model, force_noise)
-    white = whitener(errors, system.rows.pose)
+    motions = _rigid(load(model.cell, data.pulls, model.values))[at]
+    return Sight(
+        model=model,
+        data=data,
+        suspects=suspects,
+        rows=system.rows,
+        errors=system.errors,
+        B=system.B[:, : model.springs],
+        Z=Z,
+        y=data.delta.ravel() - moved + system.B @ model.values,
+        nuisance=np.concatenate([*more, np.zeros((M, 0))], axis=1),
+        motions=motions.reshape(M, 6),
+    )
+
+
+def look(
+    seen: Sight, noise: float, force_noise: float = 1.0, doubt: Sequence[tuple[int, float]] = ()
+) -> View:
+    """Weigh what is seen.
+
+    Args:
+        seen: The campaign linearised at a model.
+        noise: Standard uncertainties are this many times the stated ones.
+        force_noise: The scale's readings scatter this many times more than the tracker's do.
+        doubt: Accepted suspects whose law is known to a fraction only: what they move in each
+            pull is uncertain by that fraction.
+    """
+    errors = _widened(seen, doubt, force_noise)
+    white = whitener(errors, seen.rows.pose)
     spread = np.sqrt(np.asarray(errors.G.multiply(errors.G).sum(axis=1)).ravel())
-    return _view(model, suspects, system.rows, B, Z, y, more, white, noise, spread, data)
+    return _view(seen, white, noise, spread)
 
 
 def _accepted_columns(model: Model, suspects: tuple[Effect, ...]) -> list[tuple[int, int]]:
@@ -166,16 +228,10 @@ def _accepted_columns(model: Model, suspects: tuple[Effect, ...]) -> list[tuple[
     return pairs
 
 
-def _widened(
-    errors: Errors,
-    rows: Rows,
-    Z: Array,
-    doubt: Sequence[tuple[int, float]],
-    suspects: tuple[Effect, ...],
-    model: Model,
-    force_noise: float,
-) -> Errors:
+def _widened(seen: Sight, doubt: Sequence[tuple[int, float]], force_noise: float) -> Errors:
     """The errors with the doubt about accepted laws: one error per pull along what they move."""
+    errors, rows, Z = seen.errors, seen.rows, seen.Z
+    model, suspects = seen.model, seen.suspects
     G, source, common = errors.G, errors.source, errors.common
     if force_noise != 1.0:
         G = G @ scipy.sparse.diags_array(np.where(source == "force_reading", force_noise, 1.0))
@@ -198,23 +254,11 @@ def _owner(suspects: tuple[Effect, ...]) -> Ints:
     return np.repeat(np.arange(len(suspects)), [len(effect.parameters) for effect in suspects])
 
 
-def _view(
-    model: Model,
-    suspects: tuple[Effect, ...],
-    rows: Rows,
-    B: Array,
-    Z: Array,
-    y: Array,
-    nuisance: list[Array],
-    white: Whitener,
-    noise: float,
-    spread: Array,
-    data: Measured,
-) -> View:
+def _view(seen: Sight, white: Whitener, noise: float, spread: Array) -> View:
+    model, suspects, rows, more = seen.model, seen.suspects, seen.rows, seen.nuisance
     typical_x = np.array([p.typical for p in model.cell.parameters[: model.springs]])
     typical_z = np.array([p.typical for effect in suspects for p in effect.parameters])
-    more = np.concatenate([*nuisance, np.zeros((len(y), 0))], axis=1)
-    by_pose = white.by_pose(np.column_stack([B * typical_x, more, Z * typical_z, y]))
+    by_pose = white.by_pose(np.column_stack([seen.B * typical_x, more, seen.Z * typical_z, seen.y]))
     k, extra = len(typical_x), more.shape[1]
     common = np.column_stack([white.common, by_pose[:, k : k + extra]])
     r = common.shape[1]
@@ -222,18 +266,16 @@ def _view(
     bottom = np.zeros((r, top.shape[1]))
     bottom[:, k : k + r] = np.eye(r)
     A = np.vstack([top, bottom])
-    motions = _rigid(load(model.cell, data.pulls, model.values))[data.pull, data.target]
-    motions = motions.reshape(len(rows), 6)
-    scatter, scatter_dof = _scatter(rows, white, y, motions)
-    size = np.linalg.norm(data.pulls.force, axis=1)[rows.pull, None]
-    free = _orthonormal(white, white.by_pose(motions * size))
+    scatter, scatter_dof = _scatter(rows, white, seen.y, seen.motions)
+    size = np.linalg.norm(seen.data.pulls.force, axis=1)[rows.pull, None]
+    free = _orthonormal(white, white.by_pose(seen.motions * size))
     return View(
         model=model,
         suspects=suspects,
         owner=_owner(suspects),
         typical=np.concatenate([typical_x, np.ones(r), typical_z]),
         rows=rows,
-        raw=np.column_stack([B, Z, y]),
+        raw=np.column_stack([seen.B, seen.Z, seen.y]),
         A=A,
         pose=np.concatenate([white.pose, np.full(r, -1)]),
         M=A.T @ A,
@@ -310,7 +352,8 @@ def coefficients(M: Array, base: Ints) -> Array:
     inverse = np.linalg.pinv(
         N / (size[..., :, None] * size[..., None, :]), rcond=CUT, hermitian=True
     )
-    return np.einsum("...ij,...j->...i", inverse, M[..., base, -1] / size) / size
+    found = np.einsum("...ij,...j->...i", inverse, M[..., base, -1] / size) / size
+    return np.asarray(found)
 
 
 def by_pose_drop(view: View, base: Ints) -> tuple[float, int]:
@@ -340,4 +383,4 @@ def eliminate(M: Array, base: Ints) -> Array:
     inverse = np.where(kept, 1 / np.where(kept, values, 1), 0)
     side = M[..., base, :] / size[..., :, None]
     half = np.swapaxes(vectors, -1, -2) @ side
-    return M - np.swapaxes(half, -1, -2) @ (inverse[..., :, None] * half)
+    return np.asarray(M - np.swapaxes(half, -1, -2) @ (inverse[..., :, None] * half))

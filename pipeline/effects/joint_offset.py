@@ -21,7 +21,7 @@ def _effect(robot: Robot, joint: int) -> Geometry:
     return Geometry(
         name="joint_offset",
         where=joint,
-        parameters=(Parameter(f"d_{joint}", "m" if slides else "rad", 1e-3, -0.05, 0.05),),
+        parameters=(Parameter(f"d_{joint}", "m" if slides else "rad", 1e-3, -0.02, 0.02),),
         signature=f"the unloaded reflectors stand millimetres off as joint {joint} would move "
         "them; "
         "the displacements hardly show it",

@@ -26,7 +26,7 @@ from pipeline.diagnosis.verdict import (
     Named,
     location,
 )
-from pipeline.diagnosis.view import View, coefficients, eliminate
+from pipeline.diagnosis.view import Sight, View, coefficients, eliminate
 from pipeline.effects import Effect, Elastic, Noise, Pulls, catalogue
 from pipeline.errors import InputError
 from pipeline.results import Array, Estimate, Parameter, System
@@ -103,28 +103,22 @@ def _case(
     suspects = tuple(e for e in whole if not isinstance(e, Noise) and e.label not in never)
     nuisance = tuple((e, NUISANCE_M) for e in whole if e.name == "load_point_offset")
     plain = Case(replace(cell, equilibrium="undeformed"), data, suspects, nuisance, 1.0)
-    view = plain.view(plain.model((), estimate.value))
-    errors = assemble(plain.cell, data, estimate.value).errors
-    spread = scatter(view, errors, data.noise_stated)
+    seen = plain.sight(plain.model((), estimate.value))
+    spread = scatter(plain.look(seen), seen.errors, data.noise_stated)
     case = replace(plain, noise=spread.tracker, force_noise=spread.force)
-    return _bent(case, estimate.value), spread
+    return replace(case, cell=replace(case.cell, equilibrium=_bent(case, seen))), spread
 
 
-def _bent(case: Case, start: Array) -> Case:
-    """The case with the equilibrium, on the straight or the deflected robot, that fits better."""
-    both = [replace(case, cell=replace(case.cell, equilibrium=e)) for e in EQUILIBRIA]
-    rests = []
-    for one in both:
-        view = one.view(one.model((), start))
-        rests.append(float(eliminate(view.M, view.base)[-1, -1]))
-    return both[int(np.argmin(rests))]
+def _bent(case: Case, seen: Sight) -> str:
+    """The equilibrium, on the straight or the deflected robot, that fits better."""
+    views = [case.look(seen.bent(equilibrium)) for equilibrium in EQUILIBRIA]
+    return EQUILIBRIA[int(np.argmin([eliminate(v.M, v.base)[-1, -1] for v in views]))]
 
 
 def _gain(case: Case, found: Found, rng: np.random.Generator) -> Gain | None:
     if not found.accepted or found.first.poses < 4:
         return None
-    plain = case.view(found.view.model)
-    return gain(case, found.first, plain, found.threshold.p, rng)
+    return gain(case, found.first, found.plain, found.threshold.p, rng)
 
 
 def _alone(view: View) -> Array:
@@ -167,9 +161,8 @@ def _causes(
 ) -> tuple[Cause, ...]:
     if not found.accepted:
         return ()
-    plain = case.view(found.view.model)
-    change = _change(case, found, where)
-    sizes = _amplitudes(case, plain)
+    change = _change(found, where)
+    sizes = _amplitudes(case, found.plain)
     out = []
     for place, suspect in enumerate(found.accepted):
         effect = case.suspects[suspect]
@@ -210,7 +203,7 @@ def _noise_causes(whole: tuple[Effect, ...], spread: Scatter) -> tuple[Cause, ..
     return tuple(out)
 
 
-def _change(case: Case, found: Found, where: Where) -> float:
+def _change(found: Found, where: Where) -> float:
     """How much the deflection predicted at the test pose moves, mean over targets [m]."""
     zero = np.zeros(1)
     pulls = Pulls(
@@ -287,9 +280,9 @@ def _rise(case: Case, view: View, suspect: int, parameter: Parameter, at: float)
     held = names.index(parameter.name)
     values = model.values.copy()
     values[held] = at
-    small = replace(case, suspects=tuple(case.suspects[i] for i in model.accepted))
+    few = case.only(model.accepted)
     short = tuple(range(len(model.accepted)))
-    now = small.view(replace(model, values=values, accepted=short))
+    now = few.look(few.sight(replace(model, values=values, accepted=short)))
     column = now.columns([model.accepted.index(suspect)])
     k = [p.name for p in case.suspects[suspect].parameters].index(parameter.name)
     fixed = int(column[k])
@@ -405,12 +398,11 @@ def _next_poses(
         among: Candidates = candidates(case, rng)
     except InputError:
         return ()
-    view = case.view(found.view.model)
     out: list[Proposal] = []
     for place, rival in pairs:
         mine = found.accepted[place]
         rest = [i for i in found.accepted if i != mine]
-        out += propose(case, view, (mine, rival.suspect), rest, among)
+        out += propose(case, found.plain, (mine, rival.suspect), rest, among)
     return tuple(out)
 
 

@@ -1,0 +1,173 @@
+"""Stage diagnose on simulated campaigns through the raw files; the truth never enters it."""
+
+import json
+
+import numpy as np
+import pytest
+
+from pipeline import tables
+from pipeline.cell import Tool, paper_cell
+from pipeline.diagnosis.shown import apart_table, clues_table, examined_table
+from pipeline.diagnosis.verdict import entry
+from pipeline.robot import load
+from pipeline.settings import parse
+from pipeline.simulate import simulate
+from pipeline.simulate.plan import Plan
+from pipeline.stages.assemble import measured
+from pipeline.stages.diagnose import diagnose
+from pipeline.stages.displacements import displacements
+from pipeline.stages.estimate import identify
+from pipeline.stages.forces import forces
+from pipeline.stages.ingest import ingest
+from pipeline.stages.register import place, register
+from pipeline.stages.validate import place_of_interest
+
+KR500 = load("kr500_rail")
+
+
+def frame(table):
+    """A table as pandas has it."""
+    return table.to_pandas() if hasattr(table, "to_pandas") else table
+
+
+def reduced(files):
+    """Cell and measurements from the raw files of a campaign."""
+    settings = parse(files["campaign.toml"].decode())
+    got = ingest(settings, KR500, files)
+    readings = frame(got.readings)
+    registration = register(settings, readings)
+    placed = frame(place(registration, readings))
+    points = np.array([settings.tool[name] for name in settings.measured])
+    tool = Tool(
+        np.array(settings.tool["load_point"]), np.array(settings.measured, dtype=object), points
+    )
+    data = measured(
+        KR500,
+        tool.targets,
+        frame(got.joints),
+        frame(forces(settings, placed, frame(got.loads))),
+        frame(displacements(settings, placed)),
+        registration.cov[:3, :3],
+        settings.scale.gain_sigma,
+    )
+    return paper_cell(KR500, tool), data
+
+
+def examined(seed, *effects, noise_scale=1.0, poses=16):
+    """A campaign with hidden effects, diagnosed."""
+    plan = Plan(
+        poses={"count": poses},
+        pulls={"steps_n": [1000, 2000, 3000, 1500]},
+        tracker={"noise_scale": noise_scale},
+        hidden={
+            "effects": list(effects),
+            "stiffness_spread": 0.25,
+            "tool_sd_m": 2e-4,
+            "equilibrium": "deformed",
+        },
+    )
+    cell, data = reduced(simulate(plan, np.random.default_rng(seed)).files)
+    system, estimate = identify(cell, data, KR500.nominal_compliance)
+    where = place_of_interest(None, KR500, data.pulls)
+    found = diagnose(cell, data, estimate, where, np.random.default_rng(0))
+    return found, cell, data, system, estimate
+
+
+@pytest.mark.parametrize("noise_scale", [0.8, 1.0, 1.3])
+def test_an_innocent_robot_is_let_go(noise_scale):
+    """Without a hidden effect the model is adequate, whatever the readings really scatter."""
+    found, *_ = examined(21, noise_scale=noise_scale)
+
+    assert found.verdict == "adequate"
+    assert not found.causes
+    assert found.estimate is None
+
+
+@pytest.mark.parametrize(
+    ("planted", "label"),
+    [
+        ("rail_roll", "rail_roll"),
+        ("rail_backlash", "rail_backlash"),
+        ("joint_tilt:2", "joint_tilt:2"),
+        ("joint_hardening:3", "joint_hardening:3"),
+        ("joint_lost_motion:4=2x", "joint_lost_motion:4"),
+        ("chain_offset=2x", "chain_offset"),
+    ],
+)
+def test_a_hidden_effect_is_named(planted, label):
+    """One effect that the model lacks is named, with its place, and is worth its name."""
+    found, *_ = examined(22, planted)
+
+    assert found.verdict == "explained"
+    assert [cause.effect.label for cause in found.causes] == [label]
+    assert found.causes[0].gain.ci95[0] > 0
+    assert found.estimate.p_value > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("planted", "pair"),
+    [
+        ("joint_tilt:5=2x", {"joint_tilt:5", "joint_tilt:6"}),
+        ("tool_flex=2x", {"joint_tilt:7", "tool_flex"}),
+    ],
+)
+def test_twins_are_never_named_singly(planted, pair):
+    """What no pose can tell apart is ambiguous, and both are named."""
+    found, *_ = examined(23, planted)
+
+    assert found.verdict == "ambiguous"
+    cause = found.causes[0]
+    assert {cause.effect.label, cause.rivals[0].effect.label} == pair
+    assert cause.probability < 0.7
+
+
+def test_hidden_twins_of_the_stiffnesses_are_blind_spots():
+    """A wrong gain and a yawing carriage go unnoticed, and the diagnosis says so."""
+    found, *_ = examined(24, "scale_gain", "rail_yaw")
+
+    assert found.verdict == "adequate"
+    blind = {s.effect.label: s for s in found.blind_spots}
+    assert blind["scale_gain"].smallest_visible is None
+    assert "dead weight" in blind["scale_gain"].effect.needs
+    assert blind["rail_yaw"].smallest_visible is None
+
+
+def test_scatter_beyond_the_certificate_is_named():
+    """Readings that scatter 2.2 times as stated are a cause, not a missing spring."""
+    found, *_ = examined(25, noise_scale=2.2)
+
+    assert [cause.effect.name for cause in found.causes] == ["tracker_noise"]
+    assert found.scatter.tracker == pytest.approx(2.2, abs=4 * found.scatter.tracker_std)
+
+
+def test_the_extended_model_gives_back_the_planted_size_and_the_springs():
+    """Springs and cause estimated together lie within their uncertainty."""
+    found, _, _, _, before = examined(26, "rail_roll=2x")
+    size = found.causes[0].amplitudes[0]
+
+    assert size.value == pytest.approx(2e-8, abs=4 * size.std)
+    assert found.estimate.chi2 / found.estimate.dof == pytest.approx(1, abs=0.25)
+    assert len(found.estimate.value) == len(before.value) + 1
+
+
+def test_what_the_diagnosis_says_fits_into_result_json_and_the_tables():
+    """The answer is JSON without NaN, and the tables keep their promises."""
+    found, cell, data, system, estimate = examined(27, "rail_roll")
+
+    said = json.loads(json.dumps(entry(found, KR500), allow_nan=False))
+    assert said["verdict"] == "explained"
+    assert said["causes"][0]["gain"]["reduction"] > 0
+    tables.conform(clues_table(found), tables.DIAGNOSIS)
+    tables.conform(apart_table(found), tables.SEPARABILITY)
+    rows = examined_table(found, cell, data, system, estimate)
+    kept = tables.conform(rows, tables.examined(KR500)).to_pandas()
+    assert np.isfinite(kept["left_out_extended_m"]).all()
+    assert kept["left_out_extended_m"].std() < kept["left_out_m"].std()
+
+
+def test_the_same_campaign_gets_the_same_diagnosis():
+    """Nothing depends on anything but the campaign and the generator."""
+    first, *_ = examined(28, "compensator=2x")
+    second, *_ = examined(28, "compensator=2x")
+
+    assert entry(first, KR500) == entry(second, KR500)
