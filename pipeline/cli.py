@@ -54,6 +54,28 @@ def run(
 
 
 @app.command()
+def compensate(
+    campaign: str,
+    path: Annotated[Path, typer.Argument(help="pose, joint values, fx_n, fy_n, fz_n per row.")],
+    tip: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(help="Tool tip in the flange frame [m]; else the campaign's load point."),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option(help="Where to; PATH-compensation.csv beside the path.")
+    ] = None,
+    root: Root = Path(),
+) -> None:
+    """Write offsets that cancel the deflection along a path, from the model of CAMPAIGN."""
+    from pipeline import shell
+
+    written = shell.compensate(root, campaign, path, tip, output)
+    typer.echo(written.path)
+    for line in written.remarks:
+        typer.secho(line, err=True)
+
+
+@app.command()
 def check(campaign: str, as_json: AsJson = False, root: Root = Path()) -> None:
     """Read a campaign, say what would be used and what is wrong; compute nothing."""
     from pipeline import shell

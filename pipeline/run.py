@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from pipeline import result, tables
+from pipeline import handover, result, tables
 from pipeline.campaign import Campaign, Raw, dump
 from pipeline.cell import Tool, paper_cell
 from pipeline.report.render import render
@@ -147,7 +147,8 @@ def _compute(campaign: Campaign, raw: Raw, step: Step[Any]) -> dict[str, Any]:
     )
     shown = shown | {"residuals": residuals, "validation": checked}
     pages = step(render)(answer, shown, time.perf_counter() - began)
-    campaign.finish(raw.key, {"result.json": dump(answer), **pages})
+    handed = handover.model(campaign.name, answer["diagnosis"]["verdict"], cell, estimate)
+    campaign.finish(raw.key, {"result.json": dump(answer), **handover.files(handed), **pages})
     return answer
 
 

@@ -107,7 +107,7 @@ def joints(name: str, data: bytes, robot: Robot) -> tuple[Log, Array]:
         InputError: A joint is missing or outside its limits; the file cannot be read.
     """
     approach = Quantity("approach", {}, needed=False)
-    header = set(_columns(name, data))
+    header = set(columns(name, data))
     own = [Quantity(j.name, LENGTH if j.prismatic else ANGLE) for j in robot.joints]
     axes = [Quantity(axis, LENGTH if slides else ANGLE) for axis, slides in _controller(robot)]
     from_controller = bool(axes) and not _has(header, own) and _has(header, axes)
@@ -203,7 +203,8 @@ def _floats(column: pa.Array) -> Array:
     return np.array(column.cast(pa.float64()).fill_null(np.nan), dtype=float)
 
 
-def _columns(name: str, data: bytes) -> list[str]:
+def columns(name: str, data: bytes) -> list[str]:
+    """Names of the columns in the header of a delimited table."""
     header = next(line for _, line in text(name, data).lines() if line.strip())
     return _header.names(header, _header.delimiter_of(header))
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from pipeline import toml
 from pipeline.results import Array, Parameter
 from pipeline.robot import SHIPPED, Robot
 from pipeline.robot import load as load_robot
@@ -185,34 +185,7 @@ def _campaign_toml(plan: Plan, robot: str, file: str, unit: str | None) -> bytes
     }
     if plan.test_pose is not None:
         content["test_pose"] = plan.test_pose.model_dump()
-    return toml_text({key: value for key, value in content.items() if value != {}}).encode()
-
-
-def toml_text(content: Mapping[str, Any]) -> str:
-    """TOML of a record with tables one level deep; tables inside them are written inline."""
-    top = [f"{k} = {_toml(v)}" for k, v in content.items() if not isinstance(v, Mapping)]
-    tables = [
-        "\n".join([f"\n[{name}]", *(f"{_key(k)} = {_toml(v)}" for k, v in table.items())])
-        for name, table in content.items()
-        if isinstance(table, Mapping)
-    ]
-    return "\n".join([*top, *tables, ""])
-
-
-def _key(name: str) -> str:
-    return (
-        name
-        if name.replace("_", "").replace("-", "").isalnum() and name.isascii()
-        else json.dumps(name)
-    )
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{_key(k)} = {_toml(v)}" for k, v in value.items()) + " }"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(_toml(v) for v in value) + "]"
-    return json.dumps(value, ensure_ascii=False)
+    return toml.dumps({key: value for key, value in content.items() if value != {}}).encode()
 
 
 def truth(scene: Scene, draws: Draws, which: int = 0) -> dict[str, Any]:

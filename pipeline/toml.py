@@ -1,0 +1,47 @@
+"""Records as TOML text; Python reads TOML but does not write it."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+
+def dumps(content: Mapping[str, Any]) -> str:
+    """TOML of a record with tables, and lists of tables, one level deep; deeper ones are inline."""
+    top = [f"{_key(k)} = {_value(v)}" for k, v in content.items() if not _tables(v)]
+    return "\n".join([*top, *(_table(k, v) for k, v in content.items() if _tables(v)), ""])
+
+
+def _tables(value: Any) -> bool:
+    several = isinstance(value, list) and value and isinstance(value[0], Mapping)
+    return isinstance(value, Mapping) or bool(several)
+
+
+def _table(name: str, value: Any) -> str:
+    if isinstance(value, list):
+        return "\n".join(_lines(f"[[{_key(name)}]]", one) for one in value)
+    return _lines(f"[{_key(name)}]", value)
+
+
+def _lines(head: str, table: Mapping[str, Any]) -> str:
+    return "\n".join(["", head, *(f"{_key(k)} = {_value(v)}" for k, v in table.items())])
+
+
+def _key(name: str) -> str:
+    plain = name.replace("_", "").replace("-", "").isalnum() and name.isascii()
+    return name if plain else json.dumps(name)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{_key(k)} = {_value(v)}" for k, v in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        long = bool(value) and isinstance(value[0], list | tuple | Mapping)
+        between = ",\n    " if long else ", "
+        inner = between.join(_value(v) for v in value)
+        return f"[\n    {inner},\n]" if long else f"[{inner}]"
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)  # inf, -inf and nan are words of TOML
+    return json.dumps(value, ensure_ascii=False)
