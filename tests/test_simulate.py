@@ -20,6 +20,7 @@ from pipeline.robot import load
 from pipeline.settings import InstrumentNoise
 from pipeline.simulate import Plan, Planted, build, draw, parse, plant, revised, simulate
 from pipeline.simulate.noise import tracker_errors
+from pipeline.stages.estimate import identify
 
 TABLE_I = [  # alpha [deg], d [m], r [m]; joint 1 slides along its z axis
     (-90, 0.0, 0.0),
@@ -32,6 +33,12 @@ TABLE_I = [  # alpha [deg], d [m], r [m]; joint 1 slides along its z axis
 ]
 TABLE_III = np.array([8.0e7, 3.8e6, 6.6e6, 3.9e6, 5.6e5, 6.6e5, 4.7e5])
 SEED = 20261103
+ROBOT = load("kr500_rail")
+TOOL = Tool(
+    np.array(Plan().tool["load_point"]),
+    np.array(["P1", "P2", "P3"], dtype=object),
+    np.array([Plan().tool[name] for name in ("P1", "P2", "P3")]),
+)
 
 
 def place(q, point):
@@ -302,23 +309,15 @@ def extra_weight():
     return Planted(effect, np.array([40.0]))
 
 
-ROBOT = load("kr500_rail")
-
-
 @pytest.mark.parametrize("effect", catalogue(ROBOT), ids=lambda e: f"{e.label} {e.form}".strip())
 def test_what_acts_survives_the_trip_through_the_files(effect, small_plan, read_back):
     """The model that knows the effect meets the files: branch, approach, times, forces, points."""
     values = np.array([parameter.typical for parameter in effect.parameters])
     campaign = simulate(small_plan.without_noise(), hidden=(Planted(effect, values),))
     data = read_back(campaign).data
-    tool = Tool(
-        np.array(small_plan.tool["load_point"]),
-        np.array(small_plan.targets, dtype=object),
-        np.array([small_plan.tool[name] for name in small_plan.targets]),
-    )
-    cell = paper_cell(ROBOT, tool).with_effects(effect)
+    cell = paper_cell(ROBOT, TOOL).with_effects(effect)
     known = predict(cell, data.pulls, np.concatenate([1 / TABLE_III, values]))
-    ignored = predict(paper_cell(ROBOT, tool), data.pulls, 1 / TABLE_III)
+    ignored = predict(paper_cell(ROBOT, TOOL), data.pulls, 1 / TABLE_III)
     drifts = effect.name == "tracker_drift"
     overlooked = max(
         miss(ignored.displacement, data, data.delta), miss(ignored.unloaded, data, data.unloaded)
@@ -335,9 +334,9 @@ def miss(predicted, data, seen):
     return np.abs(predicted[data.pull, data.target] - seen).max()
 
 
-def test_a_hidden_effect_shows_in_the_data_and_only_there():
+def test_a_hidden_effect_shows_in_the_data_and_only_there(small_plan):
     """A weight at the load point adds its own deflection to every pull; logs stay as they were."""
-    plan = Plan(seed=SEED).without_noise()
+    plan = small_plan.without_noise()
     clean, hidden = simulate(plan), simulate(plan, hidden=(extra_weight(),))
     tool, q = plan.tool, joint_values(clean)
     at, seen = positions(clean), positions(hidden)
@@ -374,6 +373,135 @@ def test_the_clock_drives_what_drifts(instrument):
         still = after["group"].startswith("base") and not instrument
         own = 5e-6 if after["target"].startswith("Pl") else 1e-11  # one time for both chain points
         assert by == pytest.approx((not still) * 1e-6 * seconds * along_x, abs=own)
+
+
+def test_a_soft_robot_finds_its_equilibrium_under_load(small_plan):
+    """Deformed: each joint turns by its torque at the place where the arm ends up."""
+    plan = revised(small_plan.without_noise(), {"hidden": {"equilibrium": "deformed"}})
+    campaign = simulate(plan)
+    at, q = positions(campaign), joint_values(campaign)
+    pulls = rows(campaign, "loads.csv")
+    worst = linear = 0.0
+    for r in pulls:
+        pose, group = int(r["pose"]), f"pose{int(r['pose']):02d}_rep{r['repeat']}_loaded"
+        chain = at[group, "Pl2"] - at[group, "Pl1"]
+        force = float(r["force_n"]) * chain / np.linalg.norm(chain)
+        load_point = plan.tool["load_point"]
+        bent = first = slopes(q[pose], load_point).T @ force / TABLE_III
+        for _ in range(6):
+            bent = slopes(q[pose] + bent, load_point).T @ force / TABLE_III
+        for name in plan.targets:
+            worst = max(
+                worst, np.abs(at[group, name] - place(q[pose] + bent, plan.tool[name])).max()
+            )
+            linear = max(
+                linear,
+                np.abs(
+                    place(q[pose] + bent - first, plan.tool[name]) - place(q[pose], plan.tool[name])
+                ).max(),
+            )
+
+    assert worst < 2e-11
+    assert linear > 1e-6  # otherwise the undeformed arm would pass as well
+
+
+def test_what_is_hidden_is_what_acts(small_plan):
+    """Stiffnesses and tool points that are off act on the readings and stand in the truth."""
+    hidden = {"stiffness_spread": 0.25, "tool_sd_m": 1e-3}
+    campaign = simulate(revised(small_plan.without_noise(), {"hidden": hidden}))
+    k = np.array([joint["value"] for joint in campaign.truth["stiffness"]])
+    tool, at, q = campaign.truth["tool"], positions(campaign), joint_values(campaign)
+    stated = tomllib.loads(campaign.files["campaign.toml"].decode())["tool"]
+    pulls = campaign.truth["pulls"]
+    for pull in pulls[::4]:
+        pose, group = pull["pose"], f"pose{pull['pose']:02d}_rep{pull['repeat']}_loaded"
+        bend = slopes(q[pose], tool["load_point"]).T @ pull["force_n"] / k
+        moved = at[group, "P2"] - at[f"pose{pose:02d}_rep0_unloaded", "P2"]
+        assert moved == pytest.approx(slopes(q[pose], tool["P2"]) @ bend, abs=1e-11)
+
+    assert np.all(np.abs(k / TABLE_III - 1) <= 0.25)
+    assert np.ptp(k / TABLE_III) > 0.05
+    off = np.array([tool[name] for name in stated]) - np.array(list(stated.values()))
+    assert 3e-4 < np.sqrt(np.mean(off**2)) < 3e-3
+
+
+@pytest.mark.parametrize(
+    ("changes", "tracker", "scale"),
+    [
+        ({}, 1.0, 1.0),
+        ({"tracker": {"noise_scale": 1.5}, "scale": {"noise_scale": 0.5}}, 1.5, 0.5),
+        ({"hidden": {"effects": ["tracker_noise=0.3"]}}, 1.3, 1.0),
+        ({"hidden": {"effects": ["force_noise=2"]}}, 1.0, 3.0),
+    ],
+)
+def test_noise_may_be_other_than_stated(small_plan, changes, tracker, scale):
+    """Readings scatter by the true noise while campaign.toml states the certified one."""
+    plan = revised(small_plan, changes)
+    scene = build(plan, ROBOT, np.random.default_rng(SEED))
+    drawn = draw(scene, np.random.default_rng(SEED), 400)
+    error = np.linalg.norm(drawn.force_n, axis=2) - drawn.reading_n
+    stated = settings.parse(simulate(plan).files["campaign.toml"].decode())
+
+    assert drawn.zero.std(axis=0).mean() == pytest.approx(tracker * 3e-5, rel=0.02)
+    assert error.std() == pytest.approx(scale * 2.0, rel=0.03)
+    assert (stated.tracker.sigma_m, stated.scale.sigma_n) == (3e-5, 2.0)
+
+
+def test_noise_may_be_left_unstated(small_plan):
+    """A campaign without stated noise says nothing about it."""
+    read = settings.parse(
+        simulate(revised(small_plan, {"tracker": {"stated": False}}))
+        .files["campaign.toml"]
+        .decode()
+    )
+
+    assert read.tracker.sigma_m is None
+    assert read.tracker.noise is None
+
+
+def test_given_poses_are_taken(small_plan):
+    """Poses of the plan stand in the log; the chain goes to the nearest anchor; one zero if so."""
+    q = [[8.5, -10, 35, 39, 81, 22, -10], [3.0, 60, 30, 40, 10, 50, 20.5]]
+    plan = revised(
+        Plan(seed=SEED).without_noise(),
+        {"poses": {"q": q, "approach": [-1, -1]}, "pulls": {"zero": "before"}},
+    )
+    campaign = simulate(plan)
+    logged = rows(campaign, "joints.csv")
+    at = positions(campaign)
+    near, far = at["pose01_rep1_loaded", "Pl1"], at["pose01_rep1_loaded", "Pl2"]
+    floor = near + (-0.891 - near[2]) / (far - near)[2] * (far - near)
+    anchors = np.array([[2.5 * (-1) ** k, 1.5 + 3 * k, -0.891] for k in range(6)])
+    closest = anchors[np.argmin(np.linalg.norm(anchors - near, axis=1))]
+
+    assert [[float(v) for v in list(row.values())[1:8]] for row in logged] == q
+    assert [row["approach"] for row in logged] == ["-1", "-1"]
+    assert not any(g == "pose01_rep4_unloaded" for g, _ in at)
+    assert floor == pytest.approx(closest, abs=1e-6)
+
+
+@pytest.mark.parametrize("robot", ["kr500_rail", "kr500_rail_kuka", "fanuc_r2000ic"])
+@pytest.mark.parametrize("dialect", ["plain", "spatialanalyzer"])
+def test_exact_files_give_back_every_stiffness(robot, dialect, read_back):
+    """Without noise, every stiffness comes back to 1e-9 through the files, on every robot."""
+    plan = Plan(
+        name="exact",
+        robot=robot,
+        seed=SEED,
+        tracker={
+            "dialect": dialect,
+            "position": (-9.0, 4.0, 1.5),
+            "yaw_deg": -71.0,
+            "roll_deg": 2.0,
+        },
+        hidden={"stiffness_spread": 0.2},
+    )
+    campaign = simulate(plan.without_noise())
+    cell = paper_cell(load(robot), TOOL)
+    _, found = identify(cell, read_back(campaign).data, load(robot).nominal_compliance)
+    true = np.array([joint["value"] for joint in campaign.truth["stiffness"]])
+
+    assert 1 / found.value == pytest.approx(true, rel=1e-9)
 
 
 def test_unknown_words_are_answered_with_the_known_ones():

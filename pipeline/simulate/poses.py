@@ -38,8 +38,11 @@ def rounded(robot: Robot, q: Array, decimals: int = 6) -> Array:
 
 
 def in_log_units(robot: Robot, q: Array) -> Array:
-    """Joint values as joints.csv has them: prismatic in m, revolute in degrees."""
-    return np.where(robot.prismatic, q, np.rad2deg(q))
+    """Joint values as joints.csv has them: prismatic in m, revolute in degrees.
+
+    Twelve decimals undo the rounding of degrees to radians and back: what was -10 is -10 again.
+    """
+    return np.round(np.where(robot.prismatic, q, np.rad2deg(q)), 12)
 
 
 def from_log_units(robot: Robot, q: Array) -> Array:
