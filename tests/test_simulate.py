@@ -150,6 +150,7 @@ def test_the_chain_ends_at_an_anchor_on_the_floor(exact):
         assert np.linalg.norm(two - one) == pytest.approx(0.4, abs=1e-11)
         assert np.linalg.norm(one - load_point) == pytest.approx(0.1, abs=1e-10)
         down = (-0.891 - one[2]) / (two - one)[2]
+        assert down > 1  # the floor lies beyond Pl2
         anchors.add(tuple(np.round(one + down * (two - one), 6)))
 
     assert anchors == {(2.5 * (-1) ** k, 1.5 + 3 * k, -0.891) for k in range(6)}
@@ -227,15 +228,34 @@ def test_one_line_per_pull_and_pose(exact):
 
 
 def test_drawn_poses_stand_clear_inside_the_limits():
-    """Random poses keep limits, floor clearance and a sensible chain, and use the whole rail."""
-    plan = Plan(seed=SEED, poses={"count": 60})
-    campaign = simulate(plan.without_noise())
-    robot, q = load("kr500_rail"), np.array(list(joint_values(campaign).values()))
-    targets = [p for (group, name), p in positions(campaign).items() if name in plan.tool]
+    """Random poses keep limits, floor clearance and a free chain of sensible length."""
+    plan = Plan(seed=SEED, poses={"count": 60}).without_noise()
+    campaign = simulate(plan)
+    at, q = positions(campaign), np.array(list(joint_values(campaign).values()))
+    near, far = (
+        np.array([at[f"pose{p:02d}_rep1_loaded", e] for p in range(1, 61)]) for e in ("Pl1", "Pl2")
+    )
+    start = near - (far - near) / 4  # Pl1 is 0.1 m down the chain, Pl2 0.5 m
+    end = start + ((-0.891 - start[:, 2]) / (far - near)[:, 2])[:, None] * (far - near)
+    along = start[:, None] + np.linspace(0, 1, 200)[:, None] * (end - start)[:, None]
+    column = np.stack([0 * q[:, 0], q[:, 0]], axis=-1)  # the carriage slides along y at x = 0
+    clear = np.linalg.norm(along[..., :2] - column[:, None], axis=-1).min(axis=1)
+    length = np.linalg.norm(end - start, axis=1)
 
-    assert np.all((q >= robot.lower) & (q <= robot.upper))
-    assert min(p[2] for p in targets) > -0.891 + 0.29
+    assert np.all((q >= ROBOT.lower) & (q <= ROBOT.upper))
+    assert min(p[2] for (_, name), p in at.items() if name in plan.targets) > -0.891 + 0.29
+    assert length.min() > 1.19
+    assert length.max() < 4.51
+    assert clear.min() > 0.59
     assert np.ptp(q[:, 0]) > 12.0
+
+
+def test_the_carriage_comes_from_both_sides():
+    """Approaches alternate, and every anchor is met from both sides."""
+    came = [int(r["approach"]) for r in rows(simulate(Plan(seed=SEED)), "joints.csv")]
+
+    assert came[:8] == [1, -1, 1, -1, 1, -1, -1, 1]
+    assert all({1, -1} == set(came[anchor::6]) for anchor in range(6))
 
 
 @pytest.mark.parametrize(

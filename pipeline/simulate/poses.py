@@ -114,7 +114,6 @@ def feasible(robot: Robot, q: Array, tool: Array, anchor: Array) -> Bools:
         & (length > CHAIN_M[0])
         & (length < CHAIN_M[1])
         & (_column_distance(robot, configuration, points[:, 0], anchor) > COLUMN_M)
-        & np.all((q >= robot.lower) & (q <= robot.upper), axis=1)
     )
 
 
