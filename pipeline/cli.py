@@ -152,6 +152,7 @@ def simulate(
         typer.Option(help="NAME[:where][=size], size in SI or like 2x; repeat it for more."),
     ] = None,
     dialect: Annotated[str | None, typer.Option(help="Form of the tracker export.")] = None,
+    unit: Annotated[str | None, typer.Option(help="Unit of the export: mm, m or in.")] = None,
     digits: Annotated[str | None, typer.Option(help="Decimals in the export, or full.")] = None,
     truth: Annotated[
         Path | None, typer.Option(help="Truth file; data/processed/NAME.truth.json.")
@@ -168,7 +169,12 @@ def simulate(
         "seed": seed,
         "poses": {"count": poses},
         "pulls": {"steps_n": step, "repeats": repeats},
-        "tracker": {"noise_scale": noise_scale, "dialect": dialect, "digits": digits},
+        "tracker": {
+            "noise_scale": noise_scale,
+            "dialect": dialect,
+            "unit": unit,
+            "digits": digits,
+        },
         "hidden": {"stiffness_spread": spread, "effects": effect},
     }
     written = virtual.write(root, plan, changes, noise, exact, truth, force)

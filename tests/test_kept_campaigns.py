@@ -27,6 +27,7 @@ def test_the_demo_is_what_its_plan_makes():
     kept = {path.name: path.read_bytes() for path in (DATA / "raw" / "kr500_demo").iterdir()}
 
     assert kept == dict(made.files)
+    assert b"[test_pose]\nq = [8.5, -10.0, 35.0, 39.0, 81.0, 22.0, -10.0]" in kept["campaign.toml"]
 
 
 def table(name, first):

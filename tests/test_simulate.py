@@ -15,6 +15,7 @@ from pipeline import settings
 from pipeline.cell import Tool, paper_cell, predict
 from pipeline.effects import Noise, Observation, Wrench, catalogue
 from pipeline.errors import InputError, UsageError
+from pipeline.readers import READERS
 from pipeline.results import Parameter
 from pipeline.robot import load
 from pipeline.settings import InstrumentNoise
@@ -501,7 +502,7 @@ def test_given_poses_are_taken(small_plan):
 
 
 @pytest.mark.parametrize("robot", ["kr500_rail", "kr500_rail_kuka", "fanuc_r2000ic"])
-@pytest.mark.parametrize("dialect", ["plain", "spatialanalyzer"])
+@pytest.mark.parametrize("dialect", READERS)
 def test_exact_files_give_back_every_stiffness(robot, dialect, read_back):
     """Without noise, every stiffness comes back to 1e-9 through the files, on every robot."""
     plan = Plan(
@@ -529,7 +530,7 @@ def test_unknown_words_are_answered_with_the_known_ones():
     robot = load("kr500_rail")
     with pytest.raises(UsageError, match='no effect "rail_rol"'):
         plant("rail_rol", robot)
-    with pytest.raises(UsageError, match="plain, spatialanalyzer"):
+    with pytest.raises(UsageError, match="plain, spatialanalyzer, emscon"):
         simulate(revised(Plan(), {"tracker": {"dialect": "morse"}}))
     with pytest.raises(InputError, match=r"pulls\.stepsn"):
         parse("[pulls]\nstepsn = [1.0]\n")
@@ -547,16 +548,31 @@ def test_the_branch_turns_with_the_load():
     assert branch == ["up", "up", "up", "down", "down", "up"] * 2
 
 
-def test_spatialanalyzer_writes_the_same_numbers():
-    """The same readings in SpatialAnalyzer's ASCII form, whose header says the unit."""
-    plan = Plan(seed=SEED)
-    plain = rows(simulate(plan), "tracker.csv")
-    campaign = simulate(revised(plan, {"tracker": {"dialect": "spatialanalyzer"}}))
-    head, body = [], []
-    for line in campaign.files["tracker.txt"].decode().split("\r\n")[:-1]:
-        (head if line.startswith("//") else body).append(line)
+@pytest.mark.parametrize("noise", ["paper", InstrumentNoise(range_m=8e-6, transverse_m=2e-5)])
+@pytest.mark.parametrize("dialect", READERS)
+def test_every_dialect_tells_the_same_campaign(dialect, noise, small_plan, read_back):
+    """Whatever the tracker's software, the same pulls come back, and so does the stated noise."""
+    plan = revised(small_plan, {"tracker": {"noise": noise}})
+    plain, other = (
+        read_back(simulate(revised(plan, {"tracker": {"dialect": d}}))).data
+        for d in ("plain", dialect)
+    )
 
-    assert "millimeters" in head[1]
-    assert [line.split(", ") for line in body] == [
-        [f"A::{r['group']}::{r['target']}", r["x_mm"], r["y_mm"], r["z_mm"]] for r in plain
-    ]
+    # written uncertainties weigh the base reflectors by their last digits, a T-Mac's by their axes
+    turned = {"emscon": 1e-9, "leica_6dof": 2e-5}.get(dialect, 0.0)  # [rad]
+    assert other.delta == pytest.approx(plain.delta, abs=6e-3 * turned)
+    assert other.pulls.force == pytest.approx(plain.pulls.force, abs=3e3 * turned)
+    if dialect == "leica_6dof":  # states three axes, no correlation
+        assert np.diagonal(other.zero_cov, axis1=1, axis2=2).sum(axis=1) == pytest.approx(
+            np.diagonal(plain.zero_cov, axis1=1, axis2=2).sum(axis=1), rel=1e-6
+        )
+    else:
+        assert other.zero_cov == pytest.approx(plain.zero_cov, rel=1e-5, abs=1e-15)
+
+
+@pytest.mark.parametrize("dialect", READERS)
+def test_unstated_noise_stays_unstated_in_every_dialect(dialect, small_plan, read_back):
+    """Columns for uncertainties are not taken for a statement when there is none."""
+    plan = revised(small_plan, {"tracker": {"dialect": dialect, "stated": False}})
+
+    assert not read_back(simulate(plan)).data.noise_stated

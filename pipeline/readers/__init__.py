@@ -12,6 +12,7 @@ from pipeline.readers import (
     tracker_pilot,
     xyz,
 )
+from pipeline.readers._delimited import text_of
 from pipeline.readers._names import split
 from pipeline.readers._reader import Columns, Export, Hints, Reader, Readings
 from pipeline.readers._text import Text, text
@@ -38,6 +39,7 @@ __all__ = [
     "Text",
     "read",
     "recognise",
+    "text_of",
 ]
 
 

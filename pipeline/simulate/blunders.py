@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.errors import UsageError, listed
+from pipeline.readers import Readings
 from pipeline.results import Array, Bools, Locked, Parameter
 from pipeline.robot import Robot
 from pipeline.simulate._words import amounts, parts
-from pipeline.simulate.exports import Readings
 
 KGF_N, LBF_N, INCH_M = 9.80665, 4.4482216152605, 0.0254
 SISTER = {"kr500_rail": "kr500_rail_kuka", "kr500_rail_kuka": "kr500_rail"}
@@ -100,9 +100,9 @@ def _outlier(
     of_pose = [i for i, target in enumerate(notes.readings.target) if target in notes.targets]
     hit = names.index(_known(where, names)) if where else int(rng.choice(of_pose))
     direction = rng.standard_normal(3)
-    xyz = notes.readings.xyz.copy()
-    xyz[hit] += size * direction / np.linalg.norm(direction)
-    return replace(notes, readings=replace(notes.readings, xyz=xyz)), names[hit]
+    position = notes.readings.position.copy()
+    position[hit] += size * direction / np.linalg.norm(direction)
+    return replace(notes, readings=replace(notes.readings, position=position)), names[hit]
 
 
 def _label_swap(
@@ -134,7 +134,7 @@ def _unit_mixup(
     where = where or str(rng.choice(UNITS))
     if where in ("inch", "m"):
         factor = 1e-3 / (INCH_M if where == "inch" else 1.0)
-        readings = replace(notes.readings, xyz=notes.readings.xyz * factor)
+        readings = replace(notes.readings, position=notes.readings.position * factor)
         return replace(notes, readings=readings), where
     if where in ("kgf", "lbf"):
         newton = KGF_N if where == "kgf" else LBF_N
@@ -161,8 +161,8 @@ def _sign_or_convention(
     if where == "controller_axes":
         return replace(notes, joints=notes.controller), where
     if where == "left_handed":
-        xyz = notes.readings.xyz * [1.0, -1.0, 1.0]
-        return replace(notes, readings=replace(notes.readings, xyz=xyz)), where
+        position = notes.readings.position * [1.0, -1.0, 1.0]
+        return replace(notes, readings=replace(notes.readings, position=position)), where
     if where == "d_5":
         return replace(notes, robot=SISTER[notes.robot]), where
     other = {"Pl1": "Pl2", "Pl2": "Pl1"}

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import timedelta
 from typing import Any
 
 import numpy as np
 
 from pipeline import toml
+from pipeline.errors import UsageError
+from pipeline.readers import READERS, Readings, text_of
 from pipeline.results import Array, Parameter
 from pipeline.robot import SHIPPED, Robot
 from pipeline.robot import load as load_robot
 from pipeline.simulate.blunders import Notebook, controller_axes
-from pipeline.simulate.exports import Readings, export, numbers
 from pipeline.simulate.hidden import Planted, blunders
+from pipeline.simulate.noise import stated_covariance
 from pipeline.simulate.plan import Plan
 from pipeline.simulate.poses import in_log_units
 from pipeline.simulate.scene import Draws, Scene, build, draw
@@ -88,17 +91,33 @@ def notebook(scene: Scene, draws: Draws, which: int = 0) -> Notebook:
 
 def written(scene: Scene, notes: Notebook) -> dict[str, bytes]:
     """The files of a notebook."""
-    plan = scene.plan
-    dialect, tracker = export(plan.tracker.dialect, notes.readings, plan.tracker.digits)
+    tracker = scene.plan.tracker
+    write = READERS[tracker.dialect].write if tracker.dialect in READERS else None
+    if write is None:
+        known = ", ".join(key for key, reader in READERS.items() if reader.write)
+        raise UsageError(f'there is no dialect "{tracker.dialect}"; choose from {known}.')
     files = {
-        "campaign.toml": _campaign_toml(plan, notes.robot, dialect.file, dialect.unit),
-        dialect.file: tracker,
+        "campaign.toml": _campaign_toml(scene.plan, notes.robot),
+        _export_name(tracker.dialect): write(notes.readings, tracker.unit, tracker.decimals),
         "loads.csv": _loads(scene, notes.reading_n),
         "joints.csv": _joints(scene, notes.joints),
     }
+    if not READERS[tracker.dialect].says_names:
+        files["assignment.csv"] = _assignment(notes.readings)
     if notes.robot not in SHIPPED:
         files["robot.toml"] = scene.robot.text.encode()
     return files
+
+
+def _export_name(dialect: str) -> str:
+    return f"tracker{READERS[dialect].suffix}"
+
+
+def _assignment(readings: Readings) -> bytes:
+    """Which reading is which, for exports that hold numbers only."""
+    named = zip(readings.group, readings.target, strict=True)
+    rows = [f"{order},{group},{target}\n" for order, (group, target) in enumerate(named, 1)]
+    return "".join(["order,group,target\n", *rows]).encode()
 
 
 def readings(scene: Scene, draws: Draws, which: int = 0) -> Readings:
@@ -128,18 +147,19 @@ def readings(scene: Scene, draws: Draws, which: int = 0) -> Readings:
     times = (scene.schedule.base, scene.schedule.zero, scene.schedule.loaded)
     time = np.concatenate([t.ravel() for t in times])
     order = np.argsort(time, kind="stable")
+    stated = stated_covariance(plan.tracker.model, xyz[order]) if plan.tracker.stated else None
     return Readings(
         group=[group[i] for i in order],
         target=[target[i] for i in order],
-        xyz=xyz[order],
-        time=time[order],
-        start=plan.clock.start,
+        position=xyz[order],
+        time=[plan.clock.start + timedelta(seconds=float(t)) for t in time[order]],
+        covariance=stated,
     )
 
 
 def _loads(scene: Scene, reading_n: Array) -> bytes:
-    digits = "full" if scene.plan.tracker.digits == "full" else 2
-    force = [row[0] for row in numbers(reading_n[:, None], digits)]
+    digits = None if scene.plan.tracker.decimals is None else 2
+    force = [row[0] for row in text_of(reading_n[:, None], digits)]
     branch = np.where(scene.pulls.branch > 0, "up", "down")
     rows = zip(scene.pulls.pose, scene.pulls.repeat, force, branch, strict=True)
     body = [f"{pose},{repeat},{shown},{way}\n" for pose, repeat, shown, way in rows]
@@ -150,22 +170,19 @@ def _joints(scene: Scene, logged: Array) -> bytes:
     joints = scene.robot.joints
     head = ["pose", *(f"{j.name}_{'m' if j.prismatic else 'deg'}" for j in joints), "approach"]
     first = np.flatnonzero(scene.pulls.repeat == 1)
-    digits = "full" if scene.plan.tracker.digits == "full" else 6
-    q = numbers(logged, digits)
+    q = text_of(logged, None if scene.plan.tracker.decimals is None else 6)
     approach = scene.pulls.approach[first].astype(int)
     rows = zip(scene.pulls.pose[first], q, approach, strict=True)
     body = [f"{pose},{','.join(values)},{way}\n" for pose, values, way in rows]
     return "".join([",".join(head) + "\n", *body]).encode()
 
 
-def _campaign_toml(plan: Plan, robot: str, file: str, unit: str | None) -> bytes:
-    tracker: dict[str, Any] = {"files": [file]} | ({"unit": unit} if unit else {})
-    if plan.tracker.stated:
-        model = plan.tracker.model
-        stated = {"sigma_m": model} if isinstance(model, float) else {"noise": model}
-        tracker |= {
-            k: v if isinstance(v, float | str) else v.model_dump() for k, v in stated.items()
-        }
+def _campaign_toml(plan: Plan, robot: str) -> bytes:
+    reader = READERS[plan.tracker.dialect]
+    tracker: dict[str, Any] = {"files": [_export_name(plan.tracker.dialect)]}
+    tracker |= {} if reader.says_unit else {"unit": plan.tracker.unit}
+    tracker |= {} if reader.says_names else {"assignment": "assignment.csv"}
+    tracker |= _stated(plan) if plan.tracker.stated else {"covariance": "none"}
     scale = plan.scale
     content: dict[str, Any] = {
         "format": 1,
@@ -186,6 +203,14 @@ def _campaign_toml(plan: Plan, robot: str, file: str, unit: str | None) -> bytes
     if plan.test_pose is not None:
         content["test_pose"] = plan.test_pose.model_dump()
     return toml.dumps({key: value for key, value in content.items() if value != {}}).encode()
+
+
+def _stated(plan: Plan) -> dict[str, Any]:
+    """What [tracker] says about noise."""
+    model = plan.tracker.model
+    if isinstance(model, float):
+        return {"sigma_m": model}
+    return {"noise": model if isinstance(model, str) else model.model_dump()}
 
 
 def truth(scene: Scene, draws: Draws, which: int = 0) -> dict[str, Any]:

@@ -6,11 +6,10 @@ from typing import Literal
 
 import numpy as np
 
+from pipeline import instrument
+from pipeline.instrument import PAPER_SIGMA_M
 from pipeline.results import Array
 from pipeline.settings import InstrumentNoise, Scale
-
-PAPER_RADIUS_M = 3e-5
-"""Standard deviation of the radius in Eq. (18)."""
 
 
 def tracker_errors(
@@ -34,10 +33,22 @@ def tracker_errors(
     return rng.normal(0.0, model, at.shape)
 
 
+def stated_covariance(model: float | InstrumentNoise | Literal["paper"], at: Array) -> Array:
+    """What the instrument's software says of readings (n, 3), six numbers [m^2] each, (n, 6)."""
+    if isinstance(model, InstrumentNoise):
+        return instrument.beam_covariance(at, model)
+    six = (
+        PAPER_SIGMA_M**2 * instrument.PAPER_SHARE
+        if model == "paper"
+        else model**2 * instrument.ISOTROPIC
+    )
+    return np.tile(six, (len(at), 1))
+
+
 def _paper_errors(shape: tuple[int, ...], rng: np.random.Generator) -> Array:
     theta = rng.uniform(0.0, np.pi / 2, shape)
     phi = rng.uniform(-np.pi, np.pi, shape)
-    radius = rng.normal(0.0, PAPER_RADIUS_M, shape)
+    radius = rng.normal(0.0, PAPER_SIGMA_M, shape)
     direction = [np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)]
     return radius[..., None] * np.stack(direction, axis=-1)
 

@@ -88,8 +88,9 @@ class Instrument(Strict):
         noise: `paper` for Eq. (18), or range and transverse parts in the beam's frame.
         noise_scale: True scatter over stated scatter; 0 for readings without noise.
         stated: False leaves the noise out of campaign.toml.
-        dialect: Form of the export.
-        digits: Decimals of a coordinate in the unit of the export, or `full`.
+        dialect: Form of the export, a key of `readers.READERS`.
+        unit: Unit of length in the export.
+        digits: Decimals of a coordinate in that unit, or `full`; a tenth of a micrometre else.
     """
 
     position: Point = (6.5, 8.0, 0.7)
@@ -101,7 +102,8 @@ class Instrument(Strict):
     noise_scale: NotNegative = 1.0
     stated: bool = True
     dialect: str = "plain"
-    digits: Annotated[int, Field(ge=0, le=15)] | Literal["full"] = 4
+    unit: Literal["mm", "m", "in"] = "mm"
+    digits: Annotated[int, Field(ge=0, le=15)] | Literal["full"] | None = None
 
     @model_validator(mode="after")
     def one_noise(self) -> Instrument:
@@ -114,6 +116,13 @@ class Instrument(Strict):
     def model(self) -> float | InstrumentNoise | Literal["paper"]:
         """The noise model in use; 0.03 mm per axis when none is given."""
         return self.noise or self.sigma_m or 3e-5
+
+    @property
+    def decimals(self) -> int | None:
+        """Decimals in the export; None for all that matter."""
+        if self.digits == "full":
+            return None
+        return {"mm": 4, "m": 7, "in": 6}[self.unit] if self.digits is None else self.digits
 
 
 class SpringScale(Scale):

@@ -338,7 +338,7 @@ def _scale(scene: Scene, rng: np.random.Generator, n: int) -> tuple[Array, Array
     nominal = np.linalg.norm(scene.pulls.force, axis=1)
     reading = nominal + operator.normal(0.0, plan.pulls.setting_sd_n, (n, len(nominal)))
     reading = np.maximum(reading, 0.1 * nominal)
-    if plan.tracker.digits != "full":
+    if plan.tracker.decimals is not None:
         reading = np.round(reading, 2)
     drawn = gain.normal(0.0, plan.scale.gain_sigma, n)
     gain_error = drawn if plan.scale.gain_error is None else np.full(n, plan.scale.gain_error)
