@@ -82,7 +82,8 @@ def test_the_command_line_says_more_than_the_plan(tmp_path, capsys):
 
 def test_exact_readings_are_the_plan_without_its_noise(tmp_path):
     """--exact writes every digit and lets nothing scatter, whatever noise is stated."""
-    written = virtual.write(tmp_path, None, FEW, noise="instrument", exact=True)
+    changes = FEW | {"scale": {"gain_sigma": 0.01}}
+    written = virtual.write(tmp_path, None, changes, noise="instrument", exact=True)
     truth = json.loads(written.truth.read_text())
 
     assert "range_m" in (written.folder / "campaign.toml").read_text()

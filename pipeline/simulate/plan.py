@@ -208,12 +208,12 @@ class Plan(Strict):
         return [name for name in self.tool if name != "load_point"]
 
     def without_noise(self) -> Plan:
-        """The same campaign with readings that are exact to the last digit written."""
+        """The same campaign with nothing drawn in its readings, exact to the last digit written."""
         return revised(
             self,
             {
                 "tracker": {"noise_scale": 0.0, "digits": "full"},
-                "scale": {"noise_scale": 0.0, "gain_error": 0.0},
+                "scale": {"noise_scale": 0.0, "gain_error": self.scale.gain_error or 0.0},
             },
         )
 
