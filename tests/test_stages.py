@@ -81,6 +81,16 @@ def test_exact_base_readings_give_back_the_trackers_place(settings):
     assert found.table[["dx_m", "dy_m", "dz_m"]].abs().to_numpy().max() < 1e-13
 
 
+@pytest.mark.parametrize("yaw", range(0, 360, 30))
+def test_three_reflectors_in_a_plane_never_mirror_the_hall(yaw):
+    """Points of a plane fit a mirror image as well: the answer is a rotation."""
+    settings = parse(SETTINGS.replace("B4 = [2.0, 9.0, 3.0]\n", ""))
+    R = Rotation.from_euler("zyx", [yaw, 1, 2], degrees=True).as_matrix()
+    found = register(settings, readings(base_rows(settings, R, T0)))
+
+    assert np.abs(found.R - R).max() < 1e-13
+
+
 def test_weighted_registration_is_the_maximum_of_the_likelihood(settings):
     """With unequal full covariances the fit is that of a generic optimiser."""
     rng = np.random.default_rng(5)
