@@ -81,6 +81,8 @@ def test_a_unit_mixup_scales_one_file(small_campaign, wrong, where, file, column
     was, now = (numbers(c, file, columns) for c in (small_campaign, campaign))
 
     assert now == pytest.approx(was * ratio, abs=6e-3 if file == "loads.csv" else 6e-5)
+    carriage = [[row["r1_m"] for row in rows(c, "joints.csv")] for c in (small_campaign, campaign)]
+    assert carriage[0] == carriage[1]
     assert changed(campaign, small_campaign) == {file}
 
 
