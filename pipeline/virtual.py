@@ -110,9 +110,15 @@ def _place(made: RawCampaign, folder: Path) -> None:
         new, old = temporary / "new", temporary / "old"
         for name, data in made.files.items():
             files.write(new / name, data)
-        if folder.exists():
+        replaced = folder.exists()
+        if replaced:
             os.rename(folder, old)
-        os.rename(new, folder)
+        try:
+            os.rename(new, folder)
+        except OSError:
+            if replaced:
+                os.rename(old, folder)
+            raise
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 

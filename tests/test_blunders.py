@@ -6,6 +6,7 @@ import io
 import numpy as np
 import pytest
 
+from pipeline.effects import catalogue
 from pipeline.errors import UsageError
 from pipeline.robot import load
 from pipeline.simulate import plant, revised, simulate
@@ -127,6 +128,19 @@ def test_blunders_and_effects_mix(small_plan):
     assert effects["joint_tilt"]["where"] == 2
     assert [p["value"] for p in effects["joint_tilt"]["parameters"]] == [1e-7, 2e-7]
     assert effects["tracker_drift"]["parameters"][0]["name"] == "a_x"
+
+
+def test_the_first_form_of_an_effect_is_meant():
+    """A name without a form means the form that the catalogue lists first."""
+    robot = load("kr500_rail")
+    first = next(e for e in catalogue(robot) if e.name == "rail_backlash")
+    others = [e for e in catalogue(robot) if e.name == "rail_backlash" and e is not first]
+
+    assert plant("rail_backlash", robot).effect.form == first.form
+    assert [plant(f"rail_backlash({e.form})", robot).effect.form for e in others] == [
+        e.form for e in others
+    ]
+    assert others
 
 
 @pytest.mark.parametrize(

@@ -55,6 +55,24 @@ def test_an_interrupted_replacement_leaves_the_old_campaign(tmp_path, monkeypatc
     assert sorted(p.name for p in (tmp_path / "data").iterdir()) == ["processed", "raw"]
 
 
+def test_a_replacement_that_cannot_take_its_place_gives_it_back(tmp_path, monkeypatch):
+    """When the new folder cannot be moved in, the old one stands there again."""
+    folder = virtual.write(tmp_path, None, FEW).folder
+    before = {p.name: p.read_bytes() for p in folder.iterdir()}
+    real = virtual.os.rename
+
+    def refusing(old, new):
+        if old.name == "new":
+            raise OSError(13, "permission denied")
+        real(old, new)
+
+    monkeypatch.setattr(virtual.os, "rename", refusing)
+    with pytest.raises(OSError, match="permission"):
+        virtual.write(tmp_path, None, FEW | {"seed": 2}, force=True)
+
+    assert {p.name: p.read_bytes() for p in folder.iterdir()} == before
+
+
 def test_the_truth_is_kept_away_from_raw_files(tmp_path):
     """A truth file under data/raw is refused before anything is written."""
     with pytest.raises(UsageError, match="keep the truth away"):
