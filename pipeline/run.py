@@ -48,7 +48,7 @@ def run(campaign: Campaign, step: Step[Any] = plain, force: bool = False) -> dic
     with campaign.locked():
         raw = step(campaign.read)()
         found = None if force else campaign.done(raw.key)
-        return found or _compute(campaign, raw, step)
+        return _compute(campaign, raw, step) if found is None else found
 
 
 @dataclass(frozen=True, eq=False)
