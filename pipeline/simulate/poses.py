@@ -42,7 +42,8 @@ def in_log_units(robot: Robot, q: Array) -> Array:
 
     Twelve decimals undo the rounding of degrees to radians and back: what was -10 is -10 again.
     """
-    return np.round(np.where(robot.prismatic, q, np.rad2deg(q)), 12)
+    logged = np.where(robot.prismatic, q, np.rad2deg(q))
+    return np.asarray(np.round(logged, 12), dtype=np.float64)
 
 
 def from_log_units(robot: Robot, q: Array) -> Array:
