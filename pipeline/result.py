@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from scipy import special
 from pipeline import files
 from pipeline.campaign import Raw, versions
 from pipeline.cell import Cell, predict
+from pipeline.diagnosis import verdict as verdicts
 from pipeline.results import Array, Estimate, System
 from pipeline.robot import Joint
 from pipeline.stages.assemble import Measured
@@ -95,46 +96,63 @@ def covariance_table(estimate: Estimate) -> pd.DataFrame:
     return pd.DataFrame(estimate.cov, columns=names).assign(parameter=names)
 
 
-def answer(
-    campaign: str,
-    raw: Raw,
-    cell: Cell,
-    data: Measured,
-    registration: Registration,
-    system: System,
-    estimate: Estimate,
-    residuals: pd.DataFrame,
-    where: Where,
-    checked: pd.DataFrame,
-    rejected: pd.DataFrame,
-    found: Components,
-) -> dict[str, Any]:
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """All that a run found out about a campaign.
+
+    Attributes:
+        campaign: Name of the campaign.
+        raw: What its folder holds.
+        cell: The paper's model.
+        data: The measurements.
+        registration: Where the tracker stands.
+        system: The linear system of the joint springs.
+        estimate: Its solution.
+        noise: What repeats and zeros say about the scatter.
+        diagnosis: What the model misses.
+        residuals: Table RESIDUALS.
+        where: The test pose.
+        checked: Table VALIDATION.
+        rejected: Table REJECTED.
+    """
+
+    campaign: str
+    raw: Raw
+    cell: Cell
+    data: Measured
+    registration: Registration
+    system: System
+    estimate: Estimate
+    noise: Components
+    diagnosis: verdicts.Diagnosis
+    residuals: pd.DataFrame
+    where: Where
+    checked: pd.DataFrame
+    rejected: pd.DataFrame
+
+
+def answer(found: Findings) -> dict[str, Any]:
     """result.json of a campaign."""
-    split = budget(system, estimate)
-    stiffness = stiffness_entries(cell, system, estimate, split)
-    fit = fit_entry(cell, data, estimate)
-    verdict = "adequate" if fits(estimate) else "unexplained"
+    cell, estimate, raw, where = found.cell, found.estimate, found.raw, found.where
+    stiffness = stiffness_entries(cell, found.system, estimate)
+    fit = fit_entry(cell, found.data, estimate)
+    diagnosis = diagnosis_entry(found)
     return {
         "format": 1,
-        "campaign": campaign,
+        "campaign": found.campaign,
         "name": raw.settings.name,
         "robot": raw.settings.robot,
-        "verdict_sentence": sentences(verdict, stiffness, estimate, residuals),
+        "verdict_sentence": sentences(diagnosis["verdict"], diagnosis["why"], stiffness, found),
         "stiffness": stiffness,
         "fit": fit,
-        "diagnosis": {
-            "verdict": verdict,
-            "causes": noise_causes(found),
-            "blind_spots": [],
-            "next_poses": [],
-        },
-        "extended": {"stiffness": stiffness, "fit": fit},
-        "validation": validation_entry(checked, residuals, where),
+        "diagnosis": diagnosis,
+        "extended": extended_entry(found) or {"stiffness": stiffness, "fit": fit},
+        "validation": validation_entry(found.checked, found.residuals, where),
         "budget": budget_entries(stiffness),
-        "noise": noise_entry(found, estimate),
-        "rejected": rejected_entries(rejected),
+        "noise": noise_entry(found.noise, estimate),
+        "rejected": rejected_entries(found.rejected),
         "findings": [entry["finding"] for entry in stiffness if entry["finding"]],
-        "registration": registration_entry(registration),
+        "registration": registration_entry(found.registration),
         "test_pose_deflection": deflection_entries(cell, estimate, where),
         "model": {"equilibrium": cell.equilibrium},
         "assumptions": assumptions(raw, where),
@@ -146,6 +164,27 @@ def answer(
     }
 
 
+def diagnosis_entry(found: Findings) -> dict[str, Any]:
+    """`diagnosis`: what the diagnosis says, and scatter that the repeats have found already."""
+    said = verdicts.entry(found.diagnosis, found.cell.robot)
+    named = {cause["name"] for cause in said["causes"]}
+    said["causes"] += [cause for cause in noise_causes(found.noise) if cause["name"] not in named]
+    if said["verdict"] == "adequate" and not fits(found.estimate):
+        return said | {"verdict": "unexplained", "why": "No known cause explains the misfit."}
+    return said
+
+
+def extended_entry(found: Findings) -> dict[str, Any] | None:
+    """`extended`: stiffnesses and fit with the named causes in the model, None without any."""
+    system, estimate = found.diagnosis.system, found.diagnosis.estimate
+    if system is None or estimate is None:
+        return None
+    return {
+        "stiffness": stiffness_entries(found.cell, system, estimate),
+        "fit": fit_entry(found.cell, found.data, estimate),
+    }
+
+
 def fits(estimate: Estimate) -> bool:
     """Whether chance alone may have made the misfit; without stated noise, a tracker's noise."""
     if estimate.p_value is None:
@@ -153,10 +192,9 @@ def fits(estimate: Estimate) -> bool:
     return estimate.p_value >= SURE
 
 
-def stiffness_entries(
-    cell: Cell, system: System, estimate: Estimate, split: Budget
-) -> list[dict[str, Any]]:
+def stiffness_entries(cell: Cell, system: System, estimate: Estimate) -> list[dict[str, Any]]:
     """One entry per joint: the stiffness with its budget, or why there is none."""
+    split = budget(system, estimate)
     lever = np.linalg.norm(system.B, axis=0)
     return [
         _stiffness(number, joint, estimate, number - 1, float(lever[number - 1]))
@@ -334,23 +372,22 @@ def noise_statement(estimate: Estimate) -> str:
 
 
 def sentences(
-    verdict: str, stiffness: list[dict[str, Any]], estimate: Estimate, residuals: pd.DataFrame
+    verdict: str, why: str, stiffness: list[dict[str, Any]], found: Findings
 ) -> list[str]:
     """The verdict in two sentences."""
     good = [entry["name"] for entry in stiffness if entry["value"] is not None]
     some = "all" if len(good) == len(stiffness) else f"{len(good)} of {len(stiffness)}"
-    error = rms_mm(residuals["left_out_m"].to_numpy())
-    if verdict == "adequate":
-        first = "The joint stiffness model explains the measured deflections."
-    elif estimate.p_value is None:
+    error = rms_mm(found.residuals["left_out_m"].to_numpy())
+    left = 1e3 * found.estimate.residual_std_m
+    first = {
+        "adequate": "The joint stiffness model explains the measured deflections.",
+        "unexplained": "The joint stiffness model does not explain the measured deflections: "
+        "do not rely on the stated uncertainties.",
+    }.get(verdict, why)
+    if found.estimate.p_value is None and not fits(found.estimate):
         first = (
-            f"The joint stiffness model does not fit as well as a tracker measures: "
-            f"{1e3 * estimate.residual_std_m:.3f} mm remain."
-        )
-    else:
-        first = (
-            f"The joint stiffness model does not explain the measured deflections "
-            f"(p = {estimate.p_value:.1g}): do not rely on the stated uncertainties."
+            f"The joint stiffness model does not fit as well as a tracker measures: {left:.3f} mm "
+            f"remain. {why}"
         )
     return [
         first,

@@ -18,9 +18,11 @@ import pyarrow as pa
 from pipeline import handover, result, tables
 from pipeline.campaign import Campaign, Raw, dump
 from pipeline.cell import Tool, paper_cell
+from pipeline.diagnosis.shown import apart_table, clues_table, examined_table
 from pipeline.report.render import render
 from pipeline.settings import Settings
 from pipeline.stages.assemble import Measured, measured
+from pipeline.stages.diagnose import diagnose
 from pipeline.stages.displacements import displacements
 from pipeline.stages.estimate import identify
 from pipeline.stages.forces import forces
@@ -131,21 +133,36 @@ def _compute(campaign: Campaign, raw: Raw, step: Step[Any]) -> dict[str, Any]:
     checked = step(validate)(cell, estimate, where, np.random.default_rng(SEED))
     checked = keep("60_validation", checked, tables.VALIDATION)
 
+    diagnosis = step(diagnose)(cell, data, estimate, where, np.random.default_rng(SEED))
+    examined = examined_table(diagnosis, cell, data, system, estimate)
+    examined = keep("50_examined", examined, tables.examined(raw.robot))
+    clues = keep("51_diagnosis", clues_table(diagnosis), tables.DIAGNOSIS)
+    separability = keep("52_separability", apart_table(diagnosis), tables.SEPARABILITY)
+
     answer = result.answer(
-        campaign.name,
-        raw,
-        cell,
-        data,
-        reduced.registration,
-        system,
-        estimate,
-        residuals,
-        where,
-        checked,
-        shown["rejected"],
-        found,
+        result.Findings(
+            campaign=campaign.name,
+            raw=raw,
+            cell=cell,
+            data=data,
+            registration=reduced.registration,
+            system=system,
+            estimate=estimate,
+            noise=found,
+            diagnosis=diagnosis,
+            residuals=residuals,
+            where=where,
+            checked=checked,
+            rejected=shown["rejected"],
+        )
     )
-    shown = shown | {"residuals": residuals, "validation": checked}
+    shown = shown | {
+        "residuals": residuals,
+        "validation": checked,
+        "examined": examined,
+        "diagnosis": clues,
+        "separability": separability,
+    }
     pages = step(render)(answer, shown, time.perf_counter() - began)
     handed = handover.model(campaign.name, answer["diagnosis"]["verdict"], cell, estimate)
     campaign.finish(raw.key, {"result.json": dump(answer), **handover.files(handed), **pages})
