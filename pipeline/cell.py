@@ -10,7 +10,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.effects import Effect, Elastic, Geometry, Loaded, Noise, Observation, Pulls, Wrench
+from pipeline.effects import (
+    Effect,
+    Elastic,
+    Geometry,
+    Loaded,
+    Noise,
+    Observation,
+    Pulls,
+    Reflectors,
+    Wrench,
+)
 from pipeline.effects import baseline as baseline_effects
 from pipeline.results import Array, Ints, Locked, Parameter, Strings
 from pipeline.robot import Robot, configure
@@ -112,6 +122,8 @@ def load(cell: Cell, pulls: Pulls, values: Array) -> Loaded:
         if isinstance(effect, Wrench):
             load_point, force = effect.wrench(loaded, part)
             loaded = replace(loaded, load_point=load_point, force=force)
+        elif isinstance(effect, Reflectors):
+            loaded = replace(loaded, points=effect.points(loaded, part))
     return loaded
 
 

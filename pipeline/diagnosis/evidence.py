@@ -76,7 +76,7 @@ def clean(G: Array, h: Array, full: Array) -> tuple[Array, Array, Ints]:
     Directions are judged in units of the whole columns: what the base explains to seven digits
     is the base.
     """
-    size = np.sqrt(np.maximum(full, 1e-300))
+    size = np.sqrt(np.maximum(full, 1e-100))
     values, vectors = np.linalg.eigh(G / (size[:, :, None] * size[:, None, :]))
     kept = values > NULL
     seen = vectors * kept[:, None, :]

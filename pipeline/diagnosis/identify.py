@@ -229,7 +229,7 @@ def possible(case: Case, view: View, suspect: int) -> bool:
     columns = view.columns([suspect])
     base = np.concatenate([view.base, columns[~np.isin(columns, view.base)]])
     N = view.M[np.ix_(base, base)]
-    size = np.sqrt(np.maximum(np.diag(N), 1e-300))
+    size = np.sqrt(np.maximum(np.diag(N), 1e-100))
     inverse = np.linalg.pinv(N / np.outer(size, size), rcond=1e-9, hermitian=True)
     at = np.searchsorted(base, columns, sorter=np.argsort(base))
     at = np.argsort(base)[at]

@@ -41,6 +41,7 @@ from pipeline.effects._effect import (
     Noise,
     Observation,
     Pulls,
+    Reflectors,
     Wrench,
 )
 from pipeline.robot import Robot
@@ -96,6 +97,7 @@ __all__ = [
     "Noise",
     "Observation",
     "Pulls",
+    "Reflectors",
     "Wrench",
     "baseline",
     "catalogue",

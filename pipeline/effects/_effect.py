@@ -157,6 +157,17 @@ class Wrench(Effect):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Reflectors(Effect):
+    """What is measured sits elsewhere on the tool than campaign.toml says.
+
+    Attributes:
+        points: loaded, values (k,) -> unloaded positions of the targets [m], shape (m, t, 3).
+    """
+
+    points: Callable[[Loaded, Array], Array]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Geometry(Effect):
     """The robot is not where its joint log and table say.
 

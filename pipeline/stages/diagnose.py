@@ -371,7 +371,7 @@ def _apart(view: View) -> Array:
     there = at >= 0
     G = S[at[:, :, None, None], at[None, None, :, :]]
     G = G * there[:, :, None, None] * there[None, None, :, :]
-    whole = np.where(there, view.M[at, at], 1.0)
+    whole = np.where(there, np.maximum(view.M[at, at], 1e-100), 1.0)
     own = np.einsum("aiaj->aij", G) / np.sqrt(whole[:, :, None] * whole[:, None, :])
     inverse = np.linalg.pinv(own, rcond=1e-7, hermitian=True)
     inverse = inverse / np.sqrt(whole[:, :, None] * whole[:, None, :])
