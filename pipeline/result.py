@@ -339,7 +339,7 @@ def fit_entry(cell: Cell, data: Measured, estimate: Estimate) -> dict[str, Any]:
 
 def second_order_mm(cell: Cell, data: Measured, estimate: Estimate) -> float:
     """How far the deflected robot's geometry would move the targets, rms [mm]; c = B x omits it."""
-    x = np.clip(estimate.value, 0.0, None)
+    x = np.clip(estimate.value[: len(cell.parameters)], 0.0, None)  # the springs stand first
     flat, bent = (
         predict(replace(cell, equilibrium=kind), data.pulls, x).displacement
         for kind in ("undeformed", "deformed")
