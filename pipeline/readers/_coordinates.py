@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,16 +47,24 @@ def in_unit(values: Array, unit: str) -> Array:
     return values / 0.0254 if unit == "in" else values
 
 
-def cartesian(raw: Array, meaning: Meaning) -> Array:
-    """Cartesian coordinates [m] of the numbers in a file, both shape (n, 3)."""
+def cartesian(numbers: Sequence[Array], meaning: Meaning) -> Array:
+    """Cartesian coordinates [m] of three columns of numbers in a file, shape (n, 3).
+
+    In Fortran order: whole columns are what is wanted later.
+    """
+    out = np.empty((len(numbers[0]), 3), order="F")
     if meaning.kind == "cartesian":
-        return metres(raw, meaning.unit)
-    si = _si(raw, meaning)
+        for k, column in enumerate(numbers):
+            out[:, k] = metres(column, meaning.unit)
+        return out
+    si = _si(np.column_stack(numbers), meaning)
     radius, azimuth = si[:, 0], si[:, 1]
-    if meaning.kind == "cylindrical":
-        return np.column_stack([radius * np.cos(azimuth), radius * np.sin(azimuth), si[:, 2]])
-    flat, up = _flat_and_up(si[:, 2], meaning)
-    return radius[:, None] * np.column_stack([flat * np.cos(azimuth), flat * np.sin(azimuth), up])
+    flat, out[:, 2] = radius, si[:, 2]
+    if meaning.kind == "spherical":
+        level, up = _flat_and_up(si[:, 2], meaning)
+        flat, out[:, 2] = radius * level, radius * up
+    out[:, 0], out[:, 1] = flat * np.cos(azimuth), flat * np.sin(azimuth)
+    return out
 
 
 def raw(position: Array, meaning: Meaning) -> Array:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any, Literal
 
@@ -27,6 +27,7 @@ NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 GROUPED = re.compile(r"[+-]?[0-9]{1,3}(,[0-9]{3})+")
 DELIMITERS = (",", ";", "\t", "|")
 
+JOINT = "::"
 NAMES = pa.dictionary(pa.int32(), pa.string())
 
 Kind = Literal["name", "number", "time", "blank", "any"]
@@ -65,6 +66,7 @@ class Layout:
         decimal: `.` or `,`, or None to find out.
         comment: Start of a line that is no row.
         moment: How times are written, `_time.ISO` or a `strptime` form.
+        joined: How many of the first fields stand in one cell, with `::` between them; 0 for none.
     """
 
     fields: tuple[Field, ...]
@@ -73,6 +75,7 @@ class Layout:
     decimal: str | None = None
     comment: str | None = None
     moment: str = _time.ISO
+    joined: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +120,8 @@ def _fast(text: Text, layout: Layout) -> Rows | None:
     )
     if not len(line):
         return None
+    if layout.joined:
+        body, layout = _separated(body, layout)
     try:
         table = _read(body, layout)
         if len(table) != len(line):
@@ -126,11 +131,25 @@ def _fast(text: Text, layout: Layout) -> Rows | None:
             for f in layout.fields
             if f.kind in ("name", "number", "time")
         }
+        _check_times(text, layout, columns, line)
     except (pa.ArrowInvalid, pa.ArrowKeyError, _Unexpected):
         return None
     if cut_off(text, layout, line):
         return None
     return Rows(columns, line, np.arange(1, len(line) + 1), ())
+
+
+def _separated(body: pa.Buffer, layout: Layout) -> tuple[pa.Buffer, Layout]:
+    """Joined names in columns of their own; a blank one between them keeps the length the same."""
+    blank = Field("between", "blank", needed=False)
+    names = layout.fields[: layout.joined]
+    fields = [field for name in names for field in (blank, name)][1:]
+    data = np.frombuffer(body, dtype=np.uint8).copy()
+    colon = data == ord(":")
+    at = np.flatnonzero(colon[:-1] & colon[1:])
+    data[at] = data[at + 1] = ord(layout.delimiter)
+    rest = layout.fields[layout.joined :]
+    return pa.py_buffer(data), replace(layout, fields=(*fields, *rest), joined=0)
 
 
 class _Unexpected(Exception):
@@ -162,7 +181,16 @@ def _without(text: Text, first: int, special: Bools) -> pa.Buffer:
 
 
 def _read(body: pa.Buffer, layout: Layout) -> pa.Table:
-    kinds = {"name": NAMES, "number": pa.float64(), "time": pa.string(), "blank": pa.null()}
+    if layout.moment != _time.ISO:
+        return _typed(body, layout, pa.string())
+    try:
+        return _typed(body, layout, MOMENT)
+    except pa.ArrowInvalid:
+        return _typed(body, layout, pa.timestamp("us", "UTC"))
+
+
+def _typed(body: pa.Buffer, layout: Layout, moment: pa.DataType) -> pa.Table:
+    kinds = {"name": NAMES, "number": pa.float64(), "time": moment, "blank": pa.null()}
     keys = [str(k) for k in range(len(layout.fields))]
     wanted = {
         key: kinds[f.kind] for key, f in zip(keys, layout.fields, strict=True) if f.kind != "any"
@@ -210,9 +238,24 @@ def _names(column: pa.ChunkedArray, field: Field) -> pa.DictionaryArray:
 
 def _moments(column: pa.ChunkedArray, field: Field, layout: Layout) -> pa.TimestampArray:
     cells = column.combine_chunks()
+    if layout.moment == _time.ISO:
+        return cells.cast(MOMENT)
     if not field.needed and pc.max(pc.binary_length(cells)).as_py() == 0:
         return pa.nulls(len(cells), MOMENT)
     return _time.moments(cells, layout.moment)
+
+
+def _check_times(text: Text, layout: Layout, columns: dict[str, pa.Array], line: Ints) -> None:
+    """Arrow takes `2026-11-03` and `2026-11-03T08` for times; look at those on the full hour."""
+    place = next((k for k, f in enumerate(layout.fields) if f.kind == "time"), None)
+    if place is None or layout.moment != _time.ISO:
+        return
+    times = columns[layout.fields[place].name]
+    ticks = times.view(pa.int64()).to_numpy(zero_copy_only=False)  # NaN where there is no time
+    for number in line[ticks % 3_600_000_000 == 0].tolist():
+        cell = cells(text.line(number), layout.delimiter)[place]
+        if cell and _time.form_of(cell) != _time.ISO:
+            raise _Unexpected
 
 
 # --- careful --------------------------------------------------------------------------------------
@@ -290,6 +333,14 @@ def text_of(values: Array, digits: int | None) -> list[list[str]]:
 
 def _row(line: str, layout: Layout, decimal: str, zoned: set[bool]) -> list[Any]:
     found = cells(line, layout.delimiter)
+    if layout.joined:
+        names = [name.strip() for name in found[0].split(JOINT)]
+        if len(names) != layout.joined:
+            raise _Bad(
+                f"has {len(names)} names in its first cell where {layout.joined} are expected; "
+                "write the name again or remove the row"
+            )
+        found = [*names, *found[1:]]
     if len(found) != len(layout.fields):
         raise _Bad(_wrong_count(found, layout))
     return [
@@ -380,7 +431,7 @@ def _decimal(text: Text, layout: Layout) -> str:
     """
     numeric = [k for k, field in enumerate(layout.fields) if field.kind == "number"]
     points = commas = 0
-    doubtful = None
+    doubtful: tuple[int, str] | None = None
     for number, line in text.lines(layout.first):
         if _is_special(line, layout):
             continue
@@ -392,12 +443,12 @@ def _decimal(text: Text, layout: Layout) -> str:
                 points += "." in cell and "," not in cell
                 commas += "," in cell and "." not in cell
     if doubtful and not commas and not points:
-        line, cell = doubtful
+        where, cell = doubtful
         raise InputError(
             f'"{cell}" may be {cell.replace(",", ".", 1)} or {cell.replace(",", "")}',
             'say which with decimal = "," or decimal = "." in [tracker] of campaign.toml',
             file=text.name,
-            line=line,
+            line=where,
         )
     return "," if commas > points else "."
 

@@ -186,9 +186,9 @@ class Found(Locked):
 def export(text: Text, hints: Hints, found: Found) -> Export:
     """Readings in SI of what a dialect found."""
     rows = found.rows
-    numbers = np.column_stack([np.asarray(rows.columns[axis]) for axis in found.axes])
+    numbers = [np.asarray(rows.columns[axis]) for axis in found.axes]
     kind = chosen(list(found.covariance), hints, text.name)
-    C = covariance(found.covariance[kind], numbers, found.meaning) if kind else None
+    C = covariance(found.covariance[kind], np.array(numbers).T, found.meaning) if kind else None
     n = len(rows.line)
     time = rows.columns.get("time", pa.nulls(n, pa.timestamp("us")))
     group, target = (rows.columns[name] if name else None for name in (found.group, found.target))

@@ -66,11 +66,12 @@ def text(name: str, data: bytes) -> Text:
             file=name,
         )
     data, encoding = _as_utf8(name, data)
-    if data.count(b"\r") != data.count(b"\r\n"):  # Arrow takes a lone \r for a line end, so do we
-        data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    if not data.strip():
+    if not data or data.isspace():
         raise InputError("the file is empty", "export it again", file=name)
-    starts = _starts(data)
+    starts, returns = _starts(data)
+    if returns:  # Arrow takes a lone \r for a line end, so do we
+        data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+        starts, _ = _starts(data)
     _short_lines(name, starts)
     return Text(name, data, encoding, starts)
 
@@ -108,16 +109,22 @@ def _without_nul(name: str, data: bytes) -> bytes:
     return data
 
 
-def _starts(data: bytes) -> Ints:
-    """Where lines start; in pieces, so that the temporary arrays stay small."""
+def _starts(data: bytes) -> tuple[Ints, int]:
+    r"""Where lines start, and how many \r have no \n behind them.
+
+    In pieces, so that the temporary arrays stay small.
+    """
     found = [np.zeros(1, dtype=np.int64)]
+    whole = np.frombuffer(data, dtype=np.uint8)
+    returns = 0
     for begin in range(0, len(data), CHUNK):
-        piece = np.frombuffer(
-            data, dtype=np.uint8, count=min(CHUNK, len(data) - begin), offset=begin
-        )
+        piece = whole[begin : begin + CHUNK]
         found.append(np.flatnonzero(piece == ord("\n")) + begin + 1)
+        returns += int(np.count_nonzero(piece == ord("\r")))
     starts = np.concatenate(found)
-    return starts if starts[-1] == len(data) else np.append(starts, len(data))
+    before = starts[starts > 1] - 2  # the byte before each \n
+    returns -= int(np.count_nonzero(whole[before] == ord("\r")))
+    return (starts if starts[-1] == len(data) else np.append(starts, len(data))), returns
 
 
 def _short_lines(name: str, starts: Ints) -> None:
@@ -130,10 +137,3 @@ def _short_lines(name: str, starts: Ints) -> None:
             file=name,
             line=longest + 1,
         )
-
-
-def replaced(text: Text, old: bytes, new: bytes) -> Text:
-    """The text with a mark exchanged for another inside its lines."""
-    data = text.data.replace(old, new)
-    starts = text.starts if len(old) == len(new) else _starts(data)
-    return Text(text.name, data, text.encoding, starts)

@@ -57,7 +57,7 @@ def without_zone(found: datetime) -> datetime:
 
 
 def moments(cells: pa.Array, form: str) -> pa.TimestampArray:
-    """All cells at once.
+    """All cells at once, of a `strptime` form.
 
     Raises:
         pa.ArrowInvalid: A cell needs a closer look.
@@ -68,14 +68,7 @@ def moments(cells: pa.Array, form: str) -> pa.TimestampArray:
         else cells
     )
     length = pc.min_max(pc.binary_length(bare)).as_py()
-    if form != ISO:
-        # strptime takes 16:38:2 for a time; where widths differ the careful way decides
-        if length["min"] != length["max"]:
-            raise pa.ArrowInvalid("times of different width")
-        return pc.strptime(bare, format=form, unit="us")
-    if length["min"] < len("2000-01-01T00:00"):
-        raise pa.ArrowInvalid("a date alone is no time")
-    try:
-        return bare.cast(MOMENT)
-    except pa.ArrowInvalid:
-        return bare.cast(pa.timestamp("us", "UTC")).cast(MOMENT)
+    # strptime takes 16:38:2 for a time; where widths differ the careful way decides
+    if length["min"] != length["max"]:
+        raise pa.ArrowInvalid("times of different width")
+    return pc.strptime(bare, format=form, unit="us")

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -194,7 +195,8 @@ def table(name: str, data: bytes, wanted: Sequence[Quantity]) -> Log:
             values = _floats(read.columns[column[0]])
             number[q.stem] = values * q.units[column[1]] if column[1] else values
         elif column:
-            word[q.stem] = np.array(read.columns[column[0]].to_pylist(), dtype=object)
+            names = read.columns[column[0]].cast(pa.string())
+            word[q.stem] = names.to_numpy(zero_copy_only=False)
     rejected = tuple((name, line, reason) for line, reason in read.rejected)
     return Log(name, number, word, read.line, rejected)
 
@@ -246,17 +248,18 @@ def whole_numbers(log: Log) -> Log:
 def once(log: Log, key: Sequence[str]) -> Log:
     """Rows whose key comes once: equal ones are kept once, contradicting ones not at all."""
     columns = {**log.number, **log.word}
+    twice = repeated([np.asarray(columns[name]) for name in key])
     rows_of: dict[tuple[object, ...], list[int]] = {}
-    for k in range(len(log.line)):
+    for k in np.flatnonzero(twice).tolist():
         rows_of.setdefault(tuple(columns[name][k] for name in key), []).append(k)
     good = np.ones(len(log.line), dtype=bool)
     reasons = [""] * len(log.line)
-    for same in rows_of.values():
-        first, *more = same
+    for first, *more in rows_of.values():
+        same = [first, *more]
         content = [[str(values[k]) for values in columns.values()] for k in same]
         agree = all(row == content[0] for row in content)
         lines = listed(str(log.line[k]) for k in same)
-        for k in more if agree else same if more else ():
+        for k in more if agree else same:
             good[k] = False
             reasons[k] = (
                 f"repeats line {log.line[first]}; remove it"
@@ -264,3 +267,13 @@ def once(log: Log, key: Sequence[str]) -> Log:
                 else f"lines {lines} contradict each other; keep the right one"
             )
     return log.only(good, reasons)
+
+
+def repeated(columns: Sequence[Any]) -> Bools:
+    """Rows that are there more than once, shape (n,)."""
+    label = np.zeros(len(columns[0]), dtype=np.int64)
+    for column in columns:
+        codes = pa.array(column).dictionary_encode().indices
+        numbers = np.asarray(codes.fill_null(-1), dtype=np.int64) + 1
+        label = np.unique(label * (numbers.max(initial=0) + 1) + numbers, return_inverse=True)[1]
+    return np.asarray(np.bincount(label, minlength=1)[label] > 1) if len(label) else label > 0

@@ -42,7 +42,7 @@ from pipeline.readers._reader import (
     export,
     settled_unit,
 )
-from pipeline.readers._text import Text, replaced
+from pipeline.readers._text import Text
 from pipeline.results import Array
 
 COMMENT = "//"
@@ -97,19 +97,16 @@ def read(text: Text, hints: Hints) -> Export:
     comments = [line for _, line in text.lines(1, first - 1) if line.strip()]
     row = _row(text.line(first), comments)
     assert row is not None  # recognised before
-    split = row.compound and b'"' not in text.data
-    source = replaced(text, b"::", row.delimiter.encode()) if split else text
-    names = row.names if split or not row.compound else ("target",)
-    fields = (*_name_fields(names), *_number_fields(), *_rest_fields(row))
-    layout = Layout(fields, row.delimiter, first, hints.decimal, COMMENT, _form(row))
-    table = rows(source, layout)
+    fields = (*_name_fields(row.names), *_number_fields(), *_rest_fields(row))
+    layout = Layout(fields, row.delimiter, first, hints.decimal, COMMENT, _form(row), row.compound)
+    table = rows(text, layout)
     meaning = _meaning(comments, hints, table, text.name, first)
     found = Found(
         dialect=READER.name,
         rows=table,
         meaning=meaning,
         axes=("1", "2", "3"),
-        group="group" if "group" in names else None,
+        group="group" if "group" in row.names else None,
         target="target",
         covariance=_covariance(table, row, hints),
         unused=tuple(n.title for n in row.rest if not n.role or n.role == "rms"),

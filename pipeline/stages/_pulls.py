@@ -79,17 +79,30 @@ def _states(shots: Shots, t: int, loads: Log, joints: Log) -> _States:
     zero = np.zeros((len(poses), t), dtype=bool)
     for k in range(t):
         zero[of[~shots.loaded & present[:, k]], k] = True
-    row = {
-        key: k
-        for k, key in enumerate(zip(loads.number["pose"], loads.number["repeat"], strict=True))
-    }
-    load = [row.get(key, -1) for key in zip(shots.pose, shots.repeat, strict=True)]
+    load = _place(
+        _pull(loads.number["pose"].astype(np.int64), loads.number["repeat"].astype(np.int64)),
+        _pull(shots.pose, shots.repeat),
+    )
     return _States(
         present=present,
         zero=zero[of].reshape(s, t),
         joints=np.isin(shots.pose, joints.number["pose"]),
-        load=np.where(shots.loaded, np.array(load, dtype=np.int64).reshape(s), -1),
+        load=np.where(shots.loaded, load, -1),
     )
+
+
+def _pull(pose: Ints, repeat: Ints) -> Ints:
+    """One number for pose and repeat, both below 2^31."""
+    return pose * 2**31 + repeat
+
+
+def _place(known: Ints, wanted: Ints) -> Ints:
+    """Where each wanted number stands among known ones, all different; -1 where it does not."""
+    if not len(known):
+        return np.full(len(wanted), -1)
+    order = np.argsort(known)
+    at = np.minimum(np.searchsorted(known, wanted, sorter=order), len(known) - 1)
+    return np.where(known[order[at]] == wanted, order[at], -1)
 
 
 def _why_not(
@@ -175,13 +188,11 @@ def _loads(
     kept[states.load[read & ~dropped]] = True
     reason = {int(states.load[s]): why[s] for s in np.flatnonzero(read & dropped)}
     pose, repeat = loads.number["pose"], loads.number["repeat"]
-    return kept, [
-        ""
-        if kept[k]
-        else reason.get(
+    why_not = [""] * len(kept)
+    for k in np.flatnonzero(~kept).tolist():
+        why_not[k] = reason.get(
             k,
             f"pose {pose[k]:.0f} repeat {repeat[k]:.0f} has no loaded tracker reading; "
             "measure it or remove the row",
         )
-        for k in range(len(loads.line))
-    ]
+    return kept, why_not

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from pipeline.errors import InputError, listed
 from pipeline.readers import Export
@@ -106,8 +107,7 @@ def gather(exports: Mapping[str, Export], settings: Settings) -> Shots:
     """Put the readings of all files together and look up what they are."""
     group = _joined([export.group for export in exports.values()])
     target = _joined([export.target for export in exports.values()])
-    names = group.dictionary.to_pylist()
-    slot_of_group, pose, repeat, loaded = _slots(names, settings.naming.group)
+    slot_of_group, pose, repeat, loaded = _slots(group.dictionary, settings.naming.group)
     role_of_target = _roles(target.dictionary.to_pylist(), settings)
     role = role_of_target[np.asarray(target.indices)]
     slot = slot_of_group[np.asarray(group.indices)]
@@ -118,7 +118,7 @@ def gather(exports: Mapping[str, Export], settings: Settings) -> Shots:
         line=np.concatenate([export.line for export in exports.values()]),
         group=group,
         target=target,
-        position=np.concatenate([export.position for export in exports.values()]),
+        position=_stacked([export.position for export in exports.values()]),
         covariance=_covariances(list(exports.values())),
         time=pa.chunked_array([export.time for export in exports.values()]).combine_chunks(),
         role=role,
@@ -133,6 +133,10 @@ def _joined(parts: Sequence[pa.DictionaryArray]) -> pa.DictionaryArray:
     return pa.chunked_array(parts).unify_dictionaries().combine_chunks()
 
 
+def _stacked(parts: Sequence[Array]) -> Array:
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
 def _covariances(exports: Sequence[Export]) -> Array | None:
     if all(export.covariance is None for export in exports):
         return None
@@ -144,20 +148,45 @@ def _covariances(exports: Sequence[Export]) -> Array | None:
     )
 
 
-def _slots(names: Sequence[str], pattern: str) -> tuple[Ints, Ints, Ints, Bools]:
+def _slots(names: pa.StringArray, pattern: str) -> tuple[Ints, Ints, Ints, Bools]:
     """Slot of each group name, -1 where it is none, and what the slots are."""
-    compiled = re.compile(pattern)
-    index: dict[tuple[int, int, bool], int] = {}
+    keys = _keys_at_once(names, pattern)
+    if keys is None:
+        compiled = re.compile(pattern)
+        matches = [compiled.fullmatch(name) for name in names.to_pylist()]
+        found = [_key(match) if match else (-1, -1, False) for match in matches]
+        keys = np.array(found, dtype=np.int64).reshape(-1, 3)
+    state = keys[:, 0] >= 0
+    # one number for pose, repeat and state: both are below 2^31
+    weight = np.array([2**32, 2, 1], dtype=np.int64)
+    packed, member = np.unique(keys[state] @ weight, return_inverse=True)
     slot = np.full(len(names), -1, dtype=np.int64)
-    for k, name in enumerate(names):
-        match = compiled.fullmatch(name)
-        if match:
-            slot[k] = index.setdefault(_key(match, name), len(index))
-    pose, repeat, loaded = np.array(list(index), dtype=np.int64).reshape(-1, 3).T
-    return slot, pose, repeat, loaded == 1
+    slot[state] = member
+    return slot, packed // 2**32, packed % 2**32 // 2, packed % 2 == 1
 
 
-def _key(match: re.Match[str], name: str) -> tuple[int, int, bool]:
+def _keys_at_once(names: pa.StringArray, pattern: str) -> Ints | None:
+    """Pose, repeat, loaded of all names, -1 where a name is no state; None if it takes care.
+
+    Arrow's expressions are RE2: without look-around, and ASCII where Python's know all letters.
+    """
+    if pc.any(pc.match_substring_regex(names, "[^ -~]")).as_py():
+        return None
+    keys = np.full((len(names), 3), -1, dtype=np.int64)
+    try:
+        parts = pc.extract_regex(names, f"^(?:{pattern})$")
+        matched = np.asarray(parts.is_valid())
+        parts = parts.drop_null()
+        state = pc.index_in(pc.utf8_lower(parts.field("state")), pa.array(["unloaded", "loaded"]))
+        pose, repeat = (parts.field(name).cast(pa.int64()) for name in ("pose", "repeat"))
+    except (pa.ArrowInvalid, pa.ArrowNotImplementedError):
+        return None
+    keys[matched] = np.column_stack([pose, repeat, state.fill_null(-1)])
+    sound = (keys[matched] >= 0) & (keys[matched] < 2**31)
+    return keys if sound.all() else None
+
+
+def _key(match: re.Match[str]) -> tuple[int, int, bool]:
     pose, repeat, state = match["pose"], match["repeat"], match["state"].lower()
     try:
         key = int(pose), int(repeat)
@@ -166,7 +195,7 @@ def _key(match: re.Match[str], name: str) -> tuple[int, int, bool]:
     if min(key) < 0 or max(key) >= 2**31 or state not in ("unloaded", "loaded"):
         raise InputError(
             f'naming.group reads pose "{pose}", repeat "{repeat}" and state "{state}" '
-            f'from group "{shown(name)}"',
+            f'from group "{shown(match[0])}"',
             "let it find two whole numbers and unloaded or loaded",
             file="campaign.toml",
         )
@@ -254,25 +283,25 @@ def check_units(shots: Shots, settings: Settings) -> None:
     tool = np.array([settings.tool[name] for name in settings.measured])
     zero = (shots.slot >= 0) & (shots.role >= 0) & (shots.role < len(tool))
     zero[zero] = ~shots.loaded[shots.slot[zero]]
-    _check_size(shots, zero, shots.slot, tool[np.where(zero, shots.role, 0)], "[tool]")
+    rows = np.flatnonzero(zero)
+    _check_size(shots, rows, shots.slot[rows], tool[shots.role[rows]], "[tool]")
     if not settings.base_frame:
         return
     names = shots.target.dictionary.to_pylist()
     nominal = np.array([settings.base_frame.get(name, (np.nan,) * 3) for name in names])
-    base = shots.role == BASE
-    group = np.asarray(shots.group.indices, dtype=np.int64)
-    _check_size(shots, base, group, nominal[np.asarray(shots.target.indices)], "[base_frame]")
+    rows = np.flatnonzero(shots.role == BASE)
+    group, target = (np.asarray(names.indices)[rows] for names in (shots.group, shots.target))
+    _check_size(shots, rows, group.astype(np.int64), nominal[target], "[base_frame]")
 
 
-def _check_size(shots: Shots, mask: Bools, together: Ints, nominal: Array, said: str) -> None:
+def _check_size(shots: Shots, rows: Ints, together: Ints, nominal: Array, said: str) -> None:
     """Compare the spread of what was read together with the spread of its nominal points."""
-    rows = np.flatnonzero(mask)
     if not len(rows):
         return
-    count = int(together[rows].max()) + 1
-    label = together[rows] + count * shots.file[rows]
-    member = np.unique(label, return_inverse=True)[1]
-    seen, expected = (_spread(points[rows], member) for points in (shots.position, nominal))
+    count = int(together.max()) + 1
+    label = together + count * shots.file[rows]
+    member = pa.array(label).dictionary_encode().indices.to_numpy().astype(np.int64)
+    seen, expected = (_spread(points, member) for points in (shots.position[rows], nominal))
     enough = (expected > 1e-3) & (seen > 0)
     ratio = np.where(enough, seen, 1.0) / np.where(enough, expected, 1.0)
     for factor, meaning in CERTAIN_FACTORS.items():

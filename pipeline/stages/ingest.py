@@ -100,7 +100,8 @@ def _raw(
     causes: list[Rejection] = [*unread, *strange, *copies, *loads.rejected, *joints.rejected]
     complete = _pulls.complete(shots, settings, loads, joints)
     shots, loads = shots.only(complete.shots), loads.only(complete.loads, complete.why_not_load)
-    used = np.isin(joints.number["pose"], shots.pose[np.unique(shots.slot[shots.slot >= 0])])
+    seen = np.bincount(shots.slot[shots.slot >= 0], minlength=len(shots.pose)) > 0
+    used = np.isin(joints.number["pose"], shots.pose[seen])
     reason = "no usable reading has this pose; measure it or remove the row"
     q, joints = q[used], joints.only(used, reason)
     if not len(loads.line):
@@ -203,12 +204,16 @@ def _readings(shots: Shots, tracker: Tracker) -> pa.Table:
         "pose": pa.array(pose[at].astype(np.int32), mask=~state),
         "repeat": pa.array(repeat[at].astype(np.int32), mask=~state),
         "state": words.take(pa.array(loaded[at].astype(np.int32), mask=~state)),
-        **{f"{axis}_m": pa.array(shots.position[:, k]) for k, axis in enumerate("xyz")},
-        **{name: pa.array(covariance[k]) for k, name in enumerate(SIX)},
+        **{f"{axis}_m": _column(shots.position[:, k]) for k, axis in enumerate("xyz")},
+        **{name: _column(covariance[k]) for k, name in enumerate(SIX)},
         "covariance_from": source,
         "time": shots.time,
     }
     return tables.conform(pa.table(columns), tables.READINGS)
+
+
+def _column(values: Array) -> pa.Array:
+    return pa.array(np.ascontiguousarray(values))
 
 
 def _covariance(shots: Shots, tracker: Tracker) -> tuple[list[Array], pa.Array]:
@@ -226,12 +231,16 @@ def _stated_covariance(shots: Shots, tracker: Tracker) -> tuple[list[Array], str
     if isinstance(noise, InstrumentNoise):
         return list(instrument.beam_covariance(shots.position, noise).T), "instrument"
     if noise == "paper":
-        return [
-            np.full(n, c) for c in instrument.PAPER_SIGMA_M**2 * instrument.PAPER_SHARE
-        ], "paper"
+        return _alike(instrument.PAPER_SIGMA_M**2 * instrument.PAPER_SHARE, n), "paper"
     if tracker.sigma_m is not None:
-        return [np.full(n, c) for c in tracker.sigma_m**2 * instrument.ISOTROPIC], "stated"
+        return _alike(tracker.sigma_m**2 * instrument.ISOTROPIC, n), "stated"
     return [np.full(n, np.nan)] * 6, "none"
+
+
+def _alike(six: Array, n: int) -> list[Array]:
+    """The same six numbers n times; equal columns are one array, which a million rows notice."""
+    columns = {value: np.full(n, value) for value in set(six.tolist())}
+    return [columns[value] for value in six.tolist()]
 
 
 def _loads(loads: logs.Log) -> pa.Table:

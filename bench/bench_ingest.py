@@ -1,0 +1,131 @@
+"""A million readings: from the bytes of an export to checked tables, against bare reading."""
+
+import statistics
+import threading
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pyarrow as pa
+from pyarrow import csv
+
+from bench.timing import seconds
+from pipeline import readers
+from pipeline.readers import READERS
+from pipeline.robot import load
+from pipeline.settings import parse
+from pipeline.simulate import Plan
+from pipeline.stages.ingest import ingest
+
+POSES, PULLS = 10_000, 19
+TARGETS = ("P1", "P2", "P3", "Pl1", "Pl2")
+BASE = {"B1": (0.6, -0.5, -0.3), "B2": (0.6, 18.5, -0.3), "B3": (-0.6, 18.5, -0.28)}
+RUNS = 5
+
+
+def run() -> list[tuple[str, float, str]]:
+    """How many times the time of `pyarrow.csv.read_csv` on the same bytes; memory in GB."""
+    raw, toml = _campaign()
+    settings, robot = parse(toml), load("kr500_rail")
+    rows = raw["tracker.csv"].count(b"\n") - 1
+    out = [
+        _row("plain CSV to readings", raw["tracker.csv"]),
+        _row("SpatialAnalyzer to readings", _spatial_analyzer(raw["tracker.csv"]), 3),
+    ]
+    whole = _times(lambda: ingest(settings, robot, raw), raw["tracker.csv"])
+    out.append((f"ingest of a campaign of {rows} readings", whole, "times bare reading, aim 3"))
+    peak = _peak_gb(lambda: ingest(settings, robot, raw))
+    return [*out, ("its peak memory", peak, "GB for the whole process, aim 2")]
+
+
+def _row(what: str, data: bytes, header: int = 1) -> tuple[str, float, str]:
+    comment = f"times bare reading of {len(data) / 1e6:.0f} MB, aim 3"
+    return what, _times(lambda: readers.read("tracker", data), data, header), comment
+
+
+def _times(ours: Callable[[], object], data: bytes, header: int = 1) -> float:
+    options = csv.ReadOptions(skip_rows=header, autogenerate_column_names=True)
+
+    def bare() -> object:
+        return csv.read_csv(pa.BufferReader(data), options)
+
+    ours(), bare()
+    return statistics.median(seconds(ours) / seconds(bare) for _ in range(RUNS))
+
+
+def _peak_gb(work: Callable[[], object]) -> float:
+    """Largest resident memory while `work` runs [GB]; tracemalloc does not see Arrow's."""
+    seen, done = [0.0], threading.Event()
+
+    def watch() -> None:
+        while not done.is_set():
+            with open("/proc/self/statm") as statm:
+                seen.append(int(statm.read().split()[1]) * 4096 / 1e9)
+            time.sleep(0.005)
+
+    watcher = threading.Thread(target=watch)
+    watcher.start()
+    try:
+        work()
+    finally:
+        done.set()
+        watcher.join()
+    return max(seen)
+
+
+def _campaign() -> tuple[dict[str, bytes], str]:
+    """Many poses with many pulls, each of five targets; only their form matters here."""
+    tool = Plan(name="bench").tool
+    chain = {"Pl1": (0.15, 0.0, 0.25), "Pl2": (0.15, 0.0, -0.35)}
+    points = np.array([{**tool, **chain}[name] for name in TARGETS])
+    offset = np.random.default_rng(20261103).uniform(-5, 5, (POSES, 3))
+    lines = ["group,target,x_mm,y_mm,z_mm,time"]
+    stamp = "2026-11-03T08:00:00"
+    lines += [f"base,{b},{x:.4f},{y:.4f},{z:.4f},{stamp}" for b, (x, y, z) in _mm(BASE).items()]
+    for pose in range(POSES):
+        for pull in range(PULLS + 1):
+            group = f"pose{pose + 1:05d}_rep{pull}_{'loaded' if pull else 'unloaded'}"
+            at = ((points + offset[pose] + pull * 1e-4) * 1e3).tolist()
+            clock = (
+                f"2026-11-{3 + pose // 1440:02d}T{pose // 60 % 24:02d}:{pose % 60:02d}:{pull:02d}"
+            )
+            lines += [
+                f"{group},{name},{x:.4f},{y:.4f},{z:.4f},{clock}"
+                for name, (x, y, z) in zip(TARGETS, at, strict=True)
+            ]
+    loads = [
+        "pose,repeat,force_n",
+        *(f"{p + 1},{r + 1},900" for p in range(POSES) for r in range(PULLS)),
+    ]
+    angles = ",".join(f"theta{k}_deg" for k in range(2, 8))
+    joints = [
+        f"pose,r1_m,{angles}",
+        *(f"{p + 1},5.3,-37.3,50,10,20,30,-82.2" for p in range(POSES)),
+    ]
+    toml = "\n".join(
+        [
+            'format = 1\nname = "bench"\nrobot = "kr500_rail"\n[tracker]\nfiles = ["tracker.csv"]',
+            "sigma_m = 3e-5\n[base_frame]",
+            *(f"{name} = {list(at)}" for name, at in BASE.items()),
+            "[scale]\nsigma_n = 2.0\n[tool]",
+            *(f"{name} = {list(at)}" for name, at in tool.items()),
+        ]
+    )
+    files = {"tracker.csv": lines, "loads.csv": loads, "joints.csv": joints}
+    return {name: "\n".join([*text, ""]).encode() for name, text in files.items()}, toml
+
+
+def _mm(points: dict[str, tuple[float, float, float]]) -> dict[str, list[float]]:
+    return {name: [1e3 * value for value in at] for name, at in points.items()}
+
+
+def _spatial_analyzer(plain: bytes) -> bytes:
+    """The same readings as SpatialAnalyzer writes them."""
+    export = readers.read("tracker.csv", plain)
+    written = readers.Readings(
+        export.group.to_pylist(),
+        export.target.to_pylist(),
+        export.position,
+        export.time.to_pylist(),
+    )
+    return READERS["spatialanalyzer"].write(written, "mm", 4)
