@@ -120,9 +120,10 @@ PLACED = promise(
     [
         READINGS.field(name).with_nullable(READINGS.field(name).nullable and name == "time")
         for name in READINGS.names
-    ],
+    ]
+    + [col("time_s", F64, "s", "time after the first reading of the campaign, NaN when unknown")],
 )
-"""Readings of the poses moved into F_b, covariance included; columns as in `readings`."""
+"""Readings of the poses moved into F_b, covariance included; columns of `readings`, seconds."""
 
 FORCES = promise(
     "forces",
@@ -147,7 +148,7 @@ FORCES = promise(
             for ab in ("xx", "xy", "xz", "yy", "yz", "zz")
         ],
         col("branch", I32, "1", "1 up, -1 down, 0 unknown"),
-        col("time_s", F64, "s", "mean time of the loaded readings after the first reading"),
+        col("time_s", F64, "s", "mean time of the loaded targets after the first reading"),
     ],
 )
 

@@ -50,7 +50,8 @@ def readings(rows, cov=None):
         **dict(zip(["x_m", "y_m", "z_m"], xyz.T, strict=True)),
         **dict(zip(covariance.columns(), covariance.flat(C).T, strict=True)),
         covariance_from="stated",
-        time=START + pd.to_timedelta(frame.pop("seconds"), unit="s"),
+        time=START + pd.to_timedelta(frame["seconds"], unit="s"),
+        time_s=frame.pop("seconds").astype(float),
     )
 
 
@@ -153,13 +154,14 @@ def test_placing_turns_points_and_covariances(settings):
     rows = [
         *base_rows(settings, R0, T0),
         ("pose01_rep1_loaded", "P1", 1, 1, "loaded", R0.T @ (p - T0), 9),
-    ]
+    ]  # the first reading is that of a base reflector at 0 s
     table = readings(rows)
     table.loc[len(table) - 1, covariance.columns()] = covariance.flat(C[None])[0]
 
     placed = place(register(settings, table), table)
 
     assert np.abs(placed[["x_m", "y_m", "z_m"]].to_numpy() - p).max() < 1e-12
+    assert placed["time_s"].tolist() == [9.0]
     assert np.abs(covariance.matrices(placed)[0] - R0 @ C @ R0.T).max() < 1e-20
 
 

@@ -96,7 +96,7 @@ def _restricted(view: View, errors: Errors, factor: float) -> float:
     kept = size > 1e-9 * size[0]
     square = float(y @ y - np.sum((U[:, kept].T @ y) ** 2))
     dof = len(y) - int(kept.sum())
-    if dof < 10:
+    if dof < 10 or square < 1e-10 * float(y @ y):  # exact data have no scatter to speak of
         return -np.inf
     log_size = float(np.sum(np.log(size[kept])))
     return _log_det(white.inverse) - log_size - dof / 2 * float(np.log(square))

@@ -26,8 +26,6 @@ def displacements(settings: Settings, placed: pd.DataFrame) -> pd.DataFrame:
     """
     measured = settings.measured
     rows = placed[placed["target"].isin(measured)].astype({"pose": int, "repeat": int})
-    since = (rows["time"] - placed["time"].min()).dt.total_seconds()
-    rows = rows.assign(seconds=since.astype(float))
     zero = _zero(rows[rows["state"] == "unloaded"])
     loaded = rows[rows["state"] == "loaded"].join(zero, on=POSE_TARGET, how="inner")
     order = loaded["target"].map({name: i for i, name in enumerate(measured)})
@@ -49,5 +47,5 @@ def _zero(unloaded: pd.DataFrame) -> pd.DataFrame:
     count = groups.size()
     mean = groups[XYZ].mean().add_prefix("zero_")
     cov = groups[covariance.columns()].sum(min_count=1).div(count**2, axis=0).add_prefix("zero_")
-    time = groups["seconds"].mean().rename("zero_time_s")
+    time = groups["time_s"].mean().rename("zero_time_s")
     return pd.concat([mean, cov, count.rename("zero_count"), time], axis=1)

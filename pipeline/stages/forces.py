@@ -53,7 +53,7 @@ def forces(settings: Settings, placed: pd.DataFrame, loads: pd.DataFrame) -> pd.
             "reading_std_n": reading_std(settings.scale or Scale(), reading),
             **dict(zip(covariance.columns("u", ""), covariance.flat(direction).T, strict=True)),
             "branch": pulls["branch"].map(BRANCH).fillna(0).astype(int).to_numpy(),
-            "time_s": _seconds(loaded, placed).reindex(both).to_numpy(),
+            "time_s": _seconds(loaded, settings.measured).reindex(both).to_numpy(),
         }
     )
 
@@ -63,6 +63,6 @@ def reading_std(scale: Scale, reading: np.ndarray) -> np.ndarray:
     return np.hypot(scale.sigma_n, scale.sigma_rel * reading)
 
 
-def _seconds(loaded: pd.DataFrame, placed: pd.DataFrame) -> pd.Series:
-    since = (loaded["time"] - placed["time"].min()).dt.total_seconds()
-    return since.groupby([loaded["pose"].astype(int), loaded["repeat"].astype(int)]).mean()
+def _seconds(loaded: pd.DataFrame, measured: list[str]) -> pd.Series:
+    rows = loaded[loaded["target"].isin(measured)].astype({"pose": int, "repeat": int})
+    return rows.groupby(PULL)["time_s"].mean()

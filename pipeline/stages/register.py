@@ -87,7 +87,9 @@ def place(registration: Registration, readings: pd.DataFrame) -> pd.DataFrame:
     R = registration.R
     moved = poses[XYZ].to_numpy() @ R.T + registration.t
     C = R @ covariance.matrices(poses) @ R.T
+    since = (poses["time"] - readings["time"].min()).dt.total_seconds()
     return poses.assign(
+        time_s=since.astype(float),
         **dict(zip(XYZ, moved.T, strict=True)),
         **dict(zip(covariance.columns(), covariance.flat(C).T, strict=True)),
     )
