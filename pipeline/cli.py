@@ -182,6 +182,51 @@ def simulate(
     typer.secho(f"truth: {written.truth}", err=True)
 
 
+@app.command()
+def design(
+    problem: Annotated[
+        str, typer.Argument(help="paper_reference, or a problem file ending in .toml.")
+    ] = "paper_reference",
+    poses: Annotated[int | None, typer.Option(help="Number of poses, m_0.")] = None,
+    readings: Annotated[int | None, typer.Option(help="Pulls in all, n.")] = None,
+    step: Annotated[
+        list[float] | None, typer.Option(help="Load step [N]; repeat it for more, up and down.")
+    ] = None,
+    anchor: Annotated[
+        tuple[float, float, float] | None, typer.Option(help="Anchor in F_b [m], fixed there.")
+    ] = None,
+    robot: Annotated[str | None, typer.Option(help="A robot that ships, or a robot file.")] = None,
+    criterion: Annotated[str | None, typer.Option(help="test_pose, workspace, D, A or E.")] = None,
+    name: Annotated[str | None, typer.Option(help="Name of the plan.")] = None,
+    seed: Annotated[int, typer.Option(help="Determines the plan.")] = 1,
+    rounds: Annotated[int, typer.Option(min=1, help="Rounds of new starts.")] = 2,
+    as_json: AsJson = False,
+    root: Root = Path(),
+) -> None:
+    """Choose the poses to measure, and say how near they are to the best that could be."""
+    from pipeline import planning
+
+    changes = {
+        "name": name,
+        "robot": robot,
+        "plan": {"poses": poses, "readings": readings},
+        "pull": {"steps_n": step},
+        "anchor": dict(zip(("x_m", "y_m", "z_m"), anchor, strict=True)) if anchor else None,
+        "criterion": {"kind": criterion},
+    }
+    made = planning.run(problem, changes, seed, rounds, _at_work)
+    typer.echo(made.as_json() if as_json else made.as_text())
+    if made.interrupted:
+        typer.secho("Interrupted; this is the best plan so far.", err=True, fg="red")
+        raise typer.Exit(130)
+
+
+def _at_work(words: str) -> None:
+    """One line of progress; on a terminal only."""
+    if sys.stderr.isatty():
+        typer.secho(words, err=True, dim=True)
+
+
 def _show(outcome: Outcome, as_json: bool) -> None:
     typer.echo(outcome.as_json() if as_json else outcome.as_text())
     for line in outcome.complaints:

@@ -1,0 +1,217 @@
+"""How good any plan could be: a lower bound from the continuous design.
+
+Let g be the criterion's information function and Z a support of it at some information M (see
+`Criterion.support`). Then for every plan of m_0 poses, whatever its poses and their anchor,
+
+    g(M_plan) <= trace(Z M_plan) <= m_0 max_q trace(Z I(q)),
+
+so that figure >= (m_0 max_q trace(Z I(q)))^(-1/2). Taken at the optimal continuous design the
+bound is tight (general equivalence theorem). Every Z gives a valid bound; the maximum over q, the
+worst direction, is searched numerically from many starts, and the bound holds as far as that
+search has found the highest peak.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.design.criteria import Criterion
+from pipeline.design.descent import Function, descend
+from pipeline.design.information import information, station, value_and_slope
+from pipeline.design.limits import penalty
+from pipeline.design.problem import Problem
+from pipeline.design.space import Box
+from pipeline.results import Array, Locked
+
+WALL = 1e3
+"""Weight of broken limits in the search for the worst direction: what it overshoots by only
+lowers the bound."""
+GAP = 5e-4
+"""Relative distance of the best bound from the continuous design at which to stop."""
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate:
+    """What no plan can beat, and how that was found.
+
+    Attributes:
+        figure: Lower bound of the criterion, in its unit.
+        continuous: Figure of the best continuous design found; the bound cannot be above it.
+        rounds: Worst directions that were searched.
+        starts: Starts of each search.
+        agreeing: Share of the starts of the deciding search that ended at its highest peak.
+    """
+
+    figure: float
+    continuous: float
+    rounds: int
+    starts: int
+    agreeing: float
+
+
+@dataclass(frozen=True, eq=False)
+class Worst(Locked):
+    """The result of one search for the worst direction.
+
+    Attributes:
+        most: Largest trace(Z I(q)) found.
+        informations: I of the best distinct poses, shape (c, n, n).
+        starts: How many starts.
+        agreeing: Share of the starts that ended at the largest value.
+    """
+
+    most: float
+    informations: Array
+    starts: int
+    agreeing: float
+
+
+Oracle = Callable[[Array, bool], Worst]
+"""Z (n, n) in, and whether to search harder than usual; the pose that gains most from it out."""
+
+
+def certify(
+    problem: Problem,
+    pool: Array,
+    rng: np.random.Generator,
+    rounds: int = 20,
+    starts: int = 128,
+    known: Array | None = None,
+) -> Iterator[Certificate]:
+    """Lower bounds of the figure of every plan of the problem, each at least as good as the last.
+
+    The limit on the uncertainty of single compliances is left out, and with a free anchor every
+    pose may have its own: both only lower the bound.
+
+    Args:
+        problem: The problem.
+        pool: Good poses with their anchors, unit coordinates of plans of one pose, (p, d).
+        rng: Draws the starts.
+        rounds: At most so many searches.
+        starts: Random starts of each search, beside the poses that the design uses.
+        known: Information that is already there, shape (n, n).
+    """
+    oracle = _Directions(problem, rng, starts, pool)
+    q, anchor = Box(problem, 1).opened(pool)
+    first = information(problem.experiment, station(problem.experiment, q[:, 0], anchor))
+    yield from bounds(problem.criterion, first, problem.poses, oracle, rounds, known)
+
+
+def bounds(
+    criterion: Criterion,
+    informations: Array,
+    poses: int,
+    oracle: Oracle,
+    rounds: int = 20,
+    known: Array | None = None,
+    steps: int = 3000,
+) -> Iterator[Certificate]:
+    """Alternate between the best weights of some poses and the pose that they lack most.
+
+    A bound becomes the best one only after a second, harder search for the worst direction.
+
+    Args:
+        criterion: What is to be small.
+        informations: I of the poses to begin with, shape (c, n, n).
+        poses: m_0.
+        oracle: Searches the worst direction.
+        rounds: At most so many searches.
+        known: Information that is already there, shape (n, n).
+        steps: At most so many for the weights; fewer give a valid but lower bound.
+    """
+    before = np.zeros(informations.shape[1:]) if known is None else known
+    candidates, highest, continuous = informations, 0.0, np.inf
+    deciding = Worst(np.inf, informations[:0], 0, 0.0)
+    for done in range(1, rounds + 1):
+        weights = best_weights(criterion, candidates, poses, before, steps)
+        M = before + poses * np.einsum("c,cij->ij", weights, candidates)
+        continuous = min(continuous, float(criterion.figure(M[None])[0]))
+        Z = criterion.support(M[None])[0]
+        worst = oracle(Z, False)
+        if _bound(Z, before, poses, worst) > highest:
+            worst = oracle(Z, True)
+        if _bound(Z, before, poses, worst) > highest:
+            highest, deciding = _bound(Z, before, poses, worst), worst
+        yield Certificate(highest, continuous, done, deciding.starts, deciding.agreeing)
+        if highest >= (1 - GAP) * continuous:
+            return
+        candidates = np.concatenate([candidates[weights > 1e-6], worst.informations])
+
+
+def _bound(Z: Array, before: Array, poses: int, worst: Worst) -> float:
+    return float((np.sum(Z * before) + poses * worst.most) ** -0.5)
+
+
+def best_weights(
+    criterion: Criterion, candidates: Array, poses: int, before: Array, steps: int
+) -> Array:
+    """Weights (c,) of candidate poses for the best continuous design; multiplicative steps."""
+    weights = np.full(len(candidates), 1 / len(candidates))
+    flat = poses * candidates.reshape(len(candidates), -1)
+    score = criterion.smooth or criterion.score
+    for _ in range(steps):
+        M = before + (weights @ flat).reshape(before.shape)
+        S = score(M[None])[1][0]
+        gain = flat @ S.ravel()
+        average = weights @ gain
+        weights = weights * (gain / average) ** 0.7
+        weights /= weights.sum()
+        if gain.max() < (1 + GAP / 5) * average:
+            break
+    return weights
+
+
+class _Directions:
+    """The numerical search for the worst direction; good starts are kept for the next one."""
+
+    def __init__(
+        self, problem: Problem, rng: np.random.Generator, starts: int, pool: Array
+    ) -> None:
+        self.problem, self.rng, self.starts = problem, rng, starts
+        self.box = Box(problem, 1)
+        self.kept = pool[:32]
+
+    def __call__(self, Z: Array, hard: bool) -> Worst:
+        """Search from random poses and from the good ones of earlier searches."""
+        starts = self.starts * (4 if hard else 1)
+        start = np.vstack([self.rng.uniform(size=(starts, self.box.size)), self.kept])
+        scale = 1 / self._gain(start, Z)[0].max()
+        found = descend(self._function(Z * scale), start, rounds=250, gain=1e-7)
+        most = -float(found.value.min())
+        order = np.argsort(found.value)
+        self.kept = _distinct(found.x[order])[:48]
+        q, anchor = self.box.opened(self.kept)
+        at = station(self.problem.experiment, q[:, 0], anchor)
+        return Worst(
+            most=most / scale,
+            informations=information(self.problem.experiment, at),
+            starts=len(start),
+            agreeing=float(np.mean(found.value < -most * (1 - 1e-4))),
+        )
+
+    def _gain(self, x: Array, Z: Array) -> tuple[Array, Array]:
+        q, anchor = self.box.opened(x)
+        at = station(self.problem.experiment, q[:, 0], anchor)
+        gain, by_q, by_anchor = value_and_slope(self.problem.experiment, at, Z)
+        broken, q_slope, anchor_slope = penalty(self.problem.limits, at, margin=0.0)
+        slopes = self.box.slopes(by_q - WALL * q_slope, by_anchor - WALL * anchor_slope)
+        return gain - WALL * broken, slopes
+
+    def _function(self, Z: Array) -> Function:
+        def function(x: Array) -> tuple[Array, Array]:
+            gain, slope = self._gain(x, Z)
+            return -gain, -slope
+
+        return function
+
+
+def _distinct(x: Array, apart: float = 1e-3) -> Array:
+    """Rows that differ from every better row, at most the first hundred looked at."""
+    chosen: list[Array] = []
+    for row in x[:100]:
+        if all(np.abs(row - other).max() > apart for other in chosen):
+            chosen.append(row)
+    return np.array(chosen)

@@ -1,0 +1,133 @@
+"""What makes a plan good, as one number to be small and its slope in the information.
+
+Every criterion is written through an information function g(M): concave, and g(s M) = s g(M).
+The figure of a plan is g(M)^(-1/2). For the paper's criterion that is Eq. (8) under the root that
+Table II shows: sigma sqrt(trace(A_0 M^-1 A_0')).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.results import Array
+
+Score = Callable[[Array], tuple[Array, Array]]
+"""Information M (k, n, n) in; log g (k,) and S = d log g / dM (k, n, n) out; trace(S M) = 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class Criterion:
+    """One criterion over the information about scaled compliances.
+
+    Attributes:
+        name: `test_pose`, `workspace`, `D`, `A` or `E`.
+        unit: Of its figure, `m` or `1`.
+        meaning: What the figure is, for tables and axes.
+        score: Its information function.
+        smooth: A smooth stand-in from which supports are taken, where g itself has kinks.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    score: Score
+    smooth: Score | None = None
+
+    def figure(self, M: Array) -> Array:
+        """The figure of plans with information M (k, n, n), small is good, shape (k,)."""
+        return np.exp(-self.score(M)[0] / 2)
+
+    def support(self, M: Array) -> Array:
+        """Z with g(N) <= trace(Z N) for every N, touching or nearly so at M, (k, n, n).
+
+        g is concave and g(s M) = s g(M), so its slope at any M is such a Z. For the smallest
+        eigenvalue every Z of trace one will do; that of a high power mean is close.
+        """
+        log_g, S = (self.smooth or self.score)(M)
+        if self.smooth is None:
+            return np.exp(log_g)[:, None, None] * S
+        return S / np.einsum("kii->k", S)[:, None, None]
+
+
+def prediction(sensitivities: Array, weights: Array, name: str = "test_pose") -> Criterion:
+    """Root mean square error of the predicted deflection, Eq. (8) under the root.
+
+    Args:
+        sensitivities: A_0 at each place that matters, by scaled compliances [m], (p, 3, n).
+        weights: How much each place matters, shape (p,).
+        name: `test_pose` or `workspace`.
+    """
+    share = weights / weights.sum()
+    C = np.einsum("p,pia,pib->ab", share, sensitivities, sensitivities)
+    meaning = "rms error of the predicted deflection"
+    return Criterion(name, "m", meaning, lambda M: _trace(C, M))
+
+
+def determinant(n: int) -> Criterion:
+    """D: geometric mean of the semi-axes of the confidence ellipsoid of relative compliances."""
+    meaning = "geometric mean of the relative uncertainties' ellipsoid"
+    return Criterion("D", "1", meaning, lambda M: _determinant(n, M))
+
+
+def average(n: int) -> Criterion:
+    """A: root mean square of the relative standard uncertainties."""
+    C = np.eye(n) / n
+    return Criterion("A", "1", "rms relative uncertainty", lambda M: _trace(C, M))
+
+
+def extreme(n: int) -> Criterion:
+    """E: relative uncertainty of the worst determined mix of compliances."""
+    meaning = "relative uncertainty of the worst mix"
+    return Criterion("E", "1", meaning, _smallest, lambda M: _power_mean(n, M))
+
+
+def inverse(M: Array) -> Array:
+    """Inverse of information matrices (k, n, n); NaN where a matrix is singular."""
+    try:
+        return np.asarray(np.linalg.inv(M))
+    except np.linalg.LinAlgError:
+        singular = np.linalg.matrix_rank(M, hermitian=True) < M.shape[-1]
+        safe = np.where(singular[:, None, None], np.eye(M.shape[-1]), M)
+        return np.where(singular[:, None, None], np.nan, np.linalg.inv(safe))
+
+
+def relative_std(M: Array) -> Array:
+    """Standard uncertainty of each compliance in units of its scale, shape (k, n)."""
+    variance = np.einsum("kii->ki", inverse(M))
+    return np.sqrt(np.where(variance > 0, variance, np.inf))
+
+
+def _trace(C: Array, M: Array) -> tuple[Array, Array]:
+    """Inverse trace, g = 1 / trace(C M^-1)."""
+    Q = inverse(M)
+    spread = np.einsum("ij,kji->k", C, Q)
+    spread = np.where(spread > 0, spread, np.nan)
+    return -np.log(spread), Q @ C @ Q / spread[:, None, None]
+
+
+def _determinant(n: int, M: Array) -> tuple[Array, Array]:
+    """Root of the determinant, g = det(M)^(1/n)."""
+    sign, log = np.linalg.slogdet(M)
+    return np.where(sign > 0, log, np.nan) / n, inverse(M) / n
+
+
+def _smallest(M: Array) -> tuple[Array, Array]:
+    """Smallest eigenvalue; where it is not simple, one of its slopes."""
+    values, vectors = np.linalg.eigh(M)
+    least, v = values[:, 0], vectors[:, :, 0]
+    least = np.where(least > 0, least, np.nan)
+    return np.log(least), v[:, :, None] * v[:, None] / least[:, None, None]
+
+
+def _power_mean(n: int, M: Array, power: int = 24) -> tuple[Array, Array]:
+    """Power mean, g = (trace(M^-p) / n)^(-1/p), which tends to the smallest eigenvalue."""
+    values, vectors = np.linalg.eigh(M)
+    least = np.where(values[:, :1] > 0, values[:, :1], np.nan)
+    share = (least / values) ** power
+    total = share.sum(axis=1, keepdims=True)
+    weights = share / (total * values)
+    S = np.einsum("kij,kj,klj->kil", vectors, weights, vectors)
+    return np.log(least[:, 0]) - np.log(total[:, 0] / n) / power, S

@@ -1,0 +1,90 @@
+"""Is there any pose that keeps the limits? If not, which limit excludes them all."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.design.descent import descend
+from pipeline.design.information import station
+from pipeline.design.limits import Limits, penalty, slacks
+from pipeline.design.problem import Problem
+from pipeline.design.space import Box
+from pipeline.errors import InputError
+from pipeline.results import Array
+
+TRIED, FOLLOWED = 2000, 64
+
+
+def check_reachable(problem: Problem, rng: np.random.Generator) -> None:
+    """Refuse a problem whose limits exclude every pose.
+
+    Args:
+        problem: The problem.
+        rng: Draws the poses that are tried.
+
+    Raises:
+        InputError: Names the limit that excludes every pose and by how much.
+    """
+    start = rng.uniform(size=(TRIED, Box(problem, 1).size))
+    if _shortfall(problem, problem.limits, start) <= 0:
+        return
+    for alone in _one_by_one(problem.limits):
+        short = _shortfall(problem, alone, start)
+        if short > 0:
+            raise _refusal(problem, alone, short)
+    raise InputError(
+        "no pose keeps all limits at once, though each alone can be kept",
+        "relax one of them, or let the anchor move",
+    )
+
+
+def _shortfall(problem: Problem, limits: Limits, start: Array) -> float:
+    """By how much the best pose breaks the limits [m] or [1]; 0 when one keeps them."""
+    box = Box(problem, 1)
+
+    def worst(x: Array) -> Array:
+        q, anchor = box.opened(x)
+        at = station(problem.experiment, q[:, 0], anchor)
+        return np.min([slack.value for slack in slacks(limits, at)], axis=0)
+
+    def function(x: Array) -> tuple[Array, Array]:
+        q, anchor = box.opened(x)
+        at = station(problem.experiment, q[:, 0], anchor)
+        broken, by_q, by_anchor = penalty(limits, at)
+        return broken, box.slopes(by_q, by_anchor)
+
+    room = worst(start)
+    if room.max() >= 0:
+        return 0.0
+    near = start[np.argsort(-room)[:FOLLOWED]]
+    return max(0.0, -float(worst(descend(function, near, rounds=200).x).max()))
+
+
+def _one_by_one(limits: Limits) -> list[Limits]:
+    none = Limits(chain_m=(0.0, np.inf))
+    names = ("flange_above_m", "effector_above_m", "chain_clearance_m", "pull_within_rad")
+    rules = {name: getattr(limits, name) for name in names}
+    alone = [replace(none, **{name: at}) for name, at in rules.items() if at is not None]
+    return [replace(none, chain_m=limits.chain_m), *alone]
+
+
+def _refusal(problem: Problem, limits: Limits, short: float) -> InputError:
+    shortest, longest = problem.limits.chain_m
+    if limits.chain_m == (shortest, longest):
+        where = ", ".join(
+            f"{a:g}" if a == b else f"{a:g} to {b:g}"
+            for a, b in zip(problem.anchor_lower, problem.anchor_upper, strict=True)
+        )
+        return InputError(
+            f"the anchor at ({where}) m is out of reach: a chain of {shortest:g} to {longest:g} m "
+            f"misses every pose by {short:.2g} m",
+            "move the anchor, or change limits.chain_m",
+        )
+    q = np.zeros((1, problem.robot.n))
+    rule = [slack.rule for slack in slacks(limits, station(problem.experiment, q, np.ones(3)))][-1]
+    return InputError(
+        f"no pose within the joint limits keeps {rule}: the best one misses it by {short:.2g}",
+        "relax that limit or limits.joints, or let the anchor move",
+    )

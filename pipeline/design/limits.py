@@ -1,0 +1,151 @@
+"""What a pose may not do, as slacks that must stay positive, with their slopes.
+
+Joint limits are not here: they are the box in which the search moves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from pipeline.design.information import Station, cross
+from pipeline.results import Array, Bools
+
+MARGIN_M = 1e-3
+"""The search stays this far inside, so that its penalty cannot end on the wrong side."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Constraints on a pose and its chain; None where there is none.
+
+    Attributes:
+        chain_m: Shortest and longest chain from load point to anchor [m].
+        flange_above_m: Height that the flange keeps, z of F_b [m].
+        effector_above_m: Height that load point and reflectors keep, z of F_b [m].
+        chain_clearance_m: Distance of the chain from the arm, joint to joint up to the flange [m].
+        pull_within_rad: Largest angle between the pull and the line from flange to load point.
+    """
+
+    chain_m: tuple[float, float]
+    flange_above_m: float | None = None
+    effector_above_m: float | None = None
+    chain_clearance_m: float | None = None
+    pull_within_rad: float | None = None
+
+
+@dataclass(frozen=True)
+class Slack:
+    """How far poses are from breaking one limit.
+
+    Attributes:
+        rule: The limit in words.
+        value: Positive where kept [m] or [1], shape (m,).
+        by_q: Derivative by the joints, shape (n, m).
+        by_anchor: Derivative by the anchor, shape (3, m).
+    """
+
+    rule: str
+    value: Array
+    by_q: Array
+    by_anchor: Array
+
+
+def slacks(limits: Limits, at: Station) -> Iterator[Slack]:
+    """Every limit that is set, at every pose."""
+    yield from _chain_length(limits.chain_m, at)
+    if limits.flange_above_m is not None:
+        rule = f"the flange above {limits.flange_above_m:g} m"
+        yield _height(rule, at, at.flange, limits.flange_above_m)
+    if limits.effector_above_m is not None:
+        rule = f"the effector above {limits.effector_above_m:g} m"
+        for point in (at.load_point, *at.points):
+            yield _height(rule, at, point, limits.effector_above_m)
+    if limits.chain_clearance_m is not None:
+        yield from _clearance(limits.chain_clearance_m, at)
+    if limits.pull_within_rad is not None:
+        yield _fold(limits.pull_within_rad, at)
+
+
+def kept(limits: Limits, at: Station) -> Bools:
+    """Poses that break no limit, shape (m,)."""
+    return np.all([slack.value >= 0 for slack in slacks(limits, at)], axis=0)
+
+
+def penalty(limits: Limits, at: Station, margin: float = MARGIN_M) -> tuple[Array, Array, Array]:
+    """Sum of squared violations with a margin, (m,); its slopes by joints (m, n), anchor (m, 3)."""
+    total, by_q, by_anchor = np.zeros_like(at.chain_m), np.zeros_like(at.tau), np.zeros((3, 1))
+    for slack in slacks(limits, at):
+        over = np.maximum(margin - slack.value, 0.0)
+        if over.any():
+            total = total + over**2
+            by_q = by_q - 2 * over * slack.by_q
+            by_anchor = by_anchor - 2 * over * slack.by_anchor
+    return total, by_q.T, np.broadcast_to(by_anchor, (3, len(total))).T
+
+
+def _motion(at: Station, point: Array, carrier: int | None = None) -> Array:
+    """Velocity of a point (3, m) that joints 0..carrier move, shape (n, 3, m)."""
+    moved = cross(at.omega, point[None]) + at.twists[:, 3:]
+    if carrier is not None:
+        moved[carrier + 1 :] = 0.0
+    return moved
+
+
+def _height(rule: str, at: Station, point: Array, floor: float) -> Slack:
+    return Slack(rule, point[2] - floor, _motion(at, point)[:, 2], np.zeros((3, 1)))
+
+
+def _chain_length(bounds: tuple[float, float], at: Station) -> Iterator[Slack]:
+    shortest, longest = bounds
+    by_q = -np.einsum("im,nim->nm", at.direction, at.J_load)
+    rule = f"a chain of {shortest:g} to {longest:g} m"
+    yield Slack(rule, at.chain_m - shortest, by_q, at.direction)
+    yield Slack(rule, longest - at.chain_m, -by_q, -at.direction)
+
+
+def _fold(most: float, at: Station) -> Slack:
+    """The chain leads away from the effector: cosine of the angle minus cosine of the limit."""
+    arm = at.load_point - at.flange
+    length = np.sqrt((arm * arm).sum(axis=0)).clip(1e-9)
+    out = arm / length
+    turned = _motion(at, at.load_point) - _motion(at, at.flange)
+    cosine = (out * at.direction).sum(axis=0)
+    across = (at.direction - cosine * out) / length
+    along = (out - cosine * at.direction) / at.chain_m
+    by_q = np.einsum("im,nim->nm", across, turned) - np.einsum("im,nim->nm", along, at.J_load)
+    rule = f"the pull within {np.rad2deg(most):.0f} deg of the line from flange to load point"
+    return Slack(rule, cosine - np.cos(most), by_q, along)
+
+
+def _clearance(distance: float, at: Station) -> Iterator[Slack]:
+    """Distance of the chain from each link; its slope is that of the two closest points."""
+    joints = [*at.origin, at.flange]
+    rule = f"the chain {distance:g} m clear of the arm"
+    anchor = at.load_point + at.chain_m * at.direction
+    for link, (a, b) in enumerate(pairwise(joints)):
+        if np.abs(b - a).max() < 1e-9:
+            continue
+        s, t = _closest(at.load_point, anchor, a, b)
+        on_chain, on_link = at.load_point + s * (anchor - at.load_point), a + t * (b - a)
+        apart = on_chain - on_link
+        length = np.sqrt((apart * apart).sum(axis=0)).clip(1e-9)
+        normal = apart / length
+        moved = (1 - s) * at.J_load
+        moved = moved - (1 - t) * _motion(at, a, link) - t * _motion(at, b, link + 1)
+        yield Slack(rule, length - distance, np.einsum("im,nim->nm", normal, moved), s * normal)
+
+
+def _closest(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array]:
+    """Shares along the segments ab and cd (3, m) at which they are closest."""
+    u, v, w = b - a, d - c, a - c
+    uu, vv, uv = (u * u).sum(0).clip(1e-12), (v * v).sum(0).clip(1e-12), (u * v).sum(0)
+    uw, vw = (u * w).sum(0), (v * w).sum(0)
+    skew = uu * vv - uv * uv
+    s = np.where(skew > 1e-12, (uv * vw - vv * uw) / np.where(skew > 1e-12, skew, 1.0), 0.0)
+    t = np.clip((np.clip(s, 0, 1) * uv + vw) / vv, 0, 1)
+    s = np.clip((t * uv - uw) / uu, 0, 1)
+    return s, np.clip((s * uv + vw) / vv, 0, 1)

@@ -1,0 +1,428 @@
+"""A design problem: what a plan is for and what it may do. TOML text in, a checked problem out."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from importlib import resources
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, ValidationError, field_validator, model_validator
+
+from pipeline.cell import Tool, jacobian, paper_cell
+from pipeline.design import criteria
+from pipeline.design.criteria import Criterion
+from pipeline.design.information import Experiment
+from pipeline.design.limits import Limits
+from pipeline.design.scatter import Beam, Scatter
+from pipeline.effects import Pulls
+from pipeline.errors import InputError, listed
+from pipeline.instrument import PAPER_SHARE, PAPER_SIGMA_M, full
+from pipeline.results import Array, Bools, Locked
+from pipeline.robot import Robot, configure
+from pipeline.settings import InstrumentNoise, NotNegative, Point, Positive, Strict, TestPose
+
+SHIPPED = ("paper_reference",)
+Range = tuple[float, float]
+G_N_PER_KG = 9.81
+
+
+class PlanSize(Strict):
+    """How many poses, and pulls in all."""
+
+    poses: int = Field(ge=1, le=200)
+    readings: int = Field(ge=1, le=10_000)
+
+
+class PullSpec(Strict):
+    """Load steps of the chain at every pose [N], in the order of tightening."""
+
+    steps_n: list[Positive] = Field(min_length=1)
+
+
+class AnchorSpec(Strict):
+    """Where the chain is attached, F_b [m]: a number where it is fixed, an interval where free."""
+
+    x_m: float | Range
+    y_m: float | Range
+    z_m: float | Range
+
+    @field_validator("x_m", "y_m", "z_m")
+    @classmethod
+    def in_order(cls, value: float | Range) -> float | Range:
+        """An interval goes upwards."""
+        if isinstance(value, tuple) and value[0] >= value[1]:
+            raise ValueError(f"the interval {list(value)} is empty; give [lower, upper]")
+        return value
+
+
+class CriterionSpec(Strict):
+    """What is to be small, and at which measured points it is predicted."""
+
+    kind: Literal["test_pose", "workspace", "D", "A", "E"] = "test_pose"
+    points: list[str] | None = None
+    force_n: Positive = 300.0
+    samples: int = Field(default=200, ge=10, le=10_000)
+
+
+class WeightedPose(TestPose):
+    """A test pose and how much it matters."""
+
+    weight: Positive = 1.0
+
+
+class NoiseSpec(Strict):
+    """How readings scatter: the paper's one sigma per displacement, or the whole budget."""
+
+    displacement_sigma_m: Positive | None = None
+    reading_sigma_m: Positive | None = None
+    tracker: InstrumentNoise | Literal["paper"] | None = None
+    tracker_position_m: Point = (6.5, 8.0, 0.7)
+    zero: Literal["before", "before_after"] = "before_after"
+    scale_sigma_n: NotNegative = 0.0
+    scale_sigma_rel: NotNegative = 0.0
+
+    @model_validator(mode="after")
+    def one_tracker(self) -> NoiseSpec:
+        """Exactly one way of saying how a reading scatters."""
+        given = [self.displacement_sigma_m, self.reading_sigma_m, self.tracker]
+        if sum(value is not None for value in given) != 1:
+            raise ValueError(
+                "give one of displacement_sigma_m, reading_sigma_m and tracker, and no other"
+            )
+        return self
+
+
+class LimitSpec(Strict):
+    """What a pose may not do."""
+
+    joints: dict[str, Range] = Field(default_factory=dict)
+    flange_above_m: float | None = None
+    effector_above_m: float | None = None
+    chain_m: Range = (0.1, 20.0)
+    chain_clearance_m: Positive | None = None
+    pull_within_deg: Annotated[float, Field(gt=0, lt=180)] | None = None
+    payload_kg: Positive | None = None
+    max_relative_std: Positive = 1.0
+    approach: Literal["alternate", "up", "down"] = "alternate"
+
+
+class ProblemFile(Strict):
+    """A whole problem file."""
+
+    format: Literal[1]
+    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$")
+    robot: str
+    assumptions: list[str] = Field(default_factory=list)
+    tool: dict[str, Point]
+    plan: PlanSize
+    pull: PullSpec
+    anchor: AnchorSpec
+    criterion: CriterionSpec = CriterionSpec()
+    test_pose: list[WeightedPose] = Field(default_factory=list)
+    noise: NoiseSpec = NoiseSpec(displacement_sigma_m=3e-5)
+    limits: LimitSpec = LimitSpec()
+
+    @model_validator(mode="after")
+    def points_are_there(self) -> ProblemFile:
+        """Load point, reflectors, and the points of the criterion among them."""
+        if "load_point" not in self.tool or len(self.tool) < 2:
+            raise ValueError("[tool] needs load_point and at least one reflector")
+        unknown = set(self.criterion.points or []) - set(self.targets)
+        if unknown:
+            raise ValueError(f"criterion.points: {listed(sorted(unknown))} not in [tool]")
+        if self.criterion.kind == "test_pose" and not self.test_pose:
+            raise ValueError("the criterion test_pose needs a [[test_pose]]")
+        return self
+
+    @property
+    def targets(self) -> list[str]:
+        """Names of the reflectors."""
+        return [name for name in self.tool if name != "load_point"]
+
+
+@dataclass(frozen=True, eq=False)
+class Problem(Locked):
+    """A checked problem, in SI and F_b.
+
+    Attributes:
+        spec: The file it came from.
+        robot: The robot.
+        tool: Load point and reflectors.
+        experiment: What is done at every pose.
+        criterion: What is to be small.
+        limits: What a pose may not do.
+        poses: m_0.
+        repeats: How often the load steps are gone through at each pose.
+        lower: Lower joint limits [m] or [rad], shape (n,).
+        upper: Upper joint limits, shape (n,).
+        anchor_lower: Of the anchor [m], shape (3,).
+        anchor_upper: Of the anchor [m], shape (3,); equal where it is fixed.
+        most_std: Largest allowed standard uncertainty of a compliance over its nominal size.
+    """
+
+    spec: ProblemFile
+    robot: Robot
+    tool: Tool
+    experiment: Experiment
+    criterion: Criterion
+    limits: Limits
+    poses: int
+    repeats: int
+    lower: Array
+    upper: Array
+    anchor_lower: Array
+    anchor_upper: Array
+    most_std: float
+
+    @property
+    def free(self) -> Bools:
+        """Which coordinates of the anchor are free, shape (3,)."""
+        return self.anchor_upper > self.anchor_lower
+
+    @property
+    def readings(self) -> int:
+        """Pulls in all, n."""
+        return self.spec.plan.readings
+
+
+def shipped(name: str) -> str:
+    """Text of a problem that ships."""
+    return (resources.files("pipeline.design") / f"{name}.toml").read_text("utf-8")
+
+
+def parse(text: str, file: str = "problem.toml") -> ProblemFile:
+    """A problem file from its TOML text.
+
+    Raises:
+        InputError: Not TOML, an unknown word, or a value of the wrong kind.
+    """
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as problem:
+        raise InputError(
+            f"not valid TOML ({problem})", "correct that place", file=file
+        ) from problem
+    return validated(content, file)
+
+
+def validated(content: dict[str, Any], file: str = "problem.toml") -> ProblemFile:
+    """The content of a problem file, checked.
+
+    Raises:
+        InputError: An unknown word, a missing table or a value of the wrong kind.
+    """
+    try:
+        return ProblemFile.model_validate(content)
+    except ValidationError as problem:
+        first = problem.errors()[0]
+        where = ".".join(str(part) for part in first["loc"]) or "the problem"
+        message = first["msg"].removeprefix("Value error, ")
+        raise InputError(
+            f"{where}: {message}", "correct it as docs/design.md describes", file=file
+        ) from problem
+
+
+def revised(spec: ProblemFile, changes: dict[str, Any]) -> ProblemFile:
+    """The problem with some entries changed; tables inside `changes` are merged."""
+    return validated(_merged(spec.model_dump(exclude_unset=True), changes), "the options")
+
+
+def _merged(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
+    out = dict(old)
+    for key, value in new.items():
+        both = isinstance(value, dict) and isinstance(out.get(key), dict)
+        out[key] = _merged(out[key], value) if both else value
+    return out
+
+
+def build(spec: ProblemFile, robot: Robot) -> Problem:
+    """Make the arrays of a problem and refuse what no plan can meet.
+
+    Args:
+        spec: The problem file.
+        robot: Its robot.
+
+    Raises:
+        InputError: The request cannot be met; says why and what to change.
+    """
+    tool = _tool(spec)
+    repeats = _shared_repeats(spec, robot)
+    scale = np.array([1 / joint.typical_stiffness for joint in robot.joints])
+    experiment = Experiment(robot, tool.load_point, tool.points, scale, _scatter(spec, repeats))
+    lower, upper = _joint_limits(spec, robot)
+    ends = np.array([_ends(spec.anchor.x_m), _ends(spec.anchor.y_m), _ends(spec.anchor.z_m)])
+    _check_payload(spec)
+    _check_every_joint_turns(robot, tool, lower, upper)
+    within = spec.limits.pull_within_deg
+    return Problem(
+        spec=spec,
+        robot=robot,
+        tool=tool,
+        experiment=experiment,
+        criterion=_criterion(spec, robot, tool, scale, lower, upper),
+        limits=Limits(
+            chain_m=spec.limits.chain_m,
+            flange_above_m=spec.limits.flange_above_m,
+            effector_above_m=spec.limits.effector_above_m,
+            chain_clearance_m=spec.limits.chain_clearance_m,
+            pull_within_rad=None if within is None else float(np.deg2rad(within)),
+        ),
+        poses=spec.plan.poses,
+        repeats=repeats,
+        lower=lower,
+        upper=upper,
+        anchor_lower=ends[:, 0],
+        anchor_upper=ends[:, 1],
+        most_std=spec.limits.max_relative_std,
+    )
+
+
+def _tool(spec: ProblemFile) -> Tool:
+    points = np.array([spec.tool[name] for name in spec.targets])
+    return Tool(np.array(spec.tool["load_point"]), np.array(spec.targets, dtype=object), points)
+
+
+def _shared_repeats(spec: ProblemFile, robot: Robot) -> int:
+    """How often each pose goes through its load steps."""
+    poses, readings, steps = spec.plan.poses, spec.plan.readings, len(spec.pull.steps_n)
+    seen_per_reading = min(3 * len(spec.targets), 6)  # a rigid effector has six coordinates
+    fewest = max(3, -(-robot.n // seen_per_reading))
+    if readings < fewest:
+        raise InputError(
+            f"{readings} readings are too few for the {robot.n} stiffnesses of {robot.name} and a "
+            f"check of their fit",
+            f"plan at least {fewest} readings",
+        )
+    repeats, rest = divmod(readings, poses * steps)
+    if rest or not repeats:
+        asked = f"{readings} readings" if steps == 1 else f"{readings} readings in {steps} steps"
+        raise InputError(
+            f"{asked} cannot be shared equally among {poses} poses",
+            f"plan a multiple of {poses * steps} readings",
+        )
+    return repeats
+
+
+def _scatter(spec: ProblemFile, repeats: int) -> Scatter:
+    noise, force = spec.noise, np.array(spec.pull.steps_n)
+    sigma = noise.displacement_sigma_m or noise.reading_sigma_m
+    covariance = None if sigma is None else sigma**2 * np.eye(3)
+    if noise.tracker == "paper":
+        covariance = PAPER_SIGMA_M**2 * full(PAPER_SHARE[None])[0]
+    beam = None
+    if isinstance(noise.tracker, InstrumentNoise):
+        beam = Beam(noise.tracker, noise.tracker_position_m)
+    zeros = 1.0 if noise.zero == "before" else 0.5
+    return Scatter(
+        force=force,
+        repeats=np.full(len(force), float(repeats)),
+        force_std=np.hypot(noise.scale_sigma_n, noise.scale_sigma_rel * force),
+        zero=0.0 if noise.displacement_sigma_m is not None else zeros,
+        covariance=covariance,
+        beam=beam,
+    )
+
+
+def _ends(value: float | Range) -> Range:
+    return value if isinstance(value, tuple) else (value, value)
+
+
+def _joint_limits(spec: ProblemFile, robot: Robot) -> tuple[Array, Array]:
+    """The robot's limits, narrowed by the problem's; a joint without limits turns once."""
+    lower, upper = np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)
+    lower = np.where(np.isfinite(robot.lower), robot.lower, lower)
+    upper = np.where(np.isfinite(robot.upper), robot.upper, upper)
+    names = [joint.name for joint in robot.joints]
+    for name, bounds in spec.limits.joints.items():
+        if name not in names:
+            raise InputError(
+                f'{robot.name} has no joint "{name}"', f"its joints are {listed(names)}"
+            )
+        k = names.index(name)
+        low, high = bounds if robot.joints[k].prismatic else np.deg2rad(bounds)
+        lower[k], upper[k] = max(lower[k], low), min(upper[k], high)
+        if lower[k] >= upper[k]:
+            raise InputError(
+                f"limits.joints.{name} = {list(bounds)} leaves nothing of the robot's own limits",
+                f"give an interval that meets {_span(robot, k)}",
+            )
+    return lower, upper
+
+
+def _span(robot: Robot, k: int) -> str:
+    joint = robot.joints[k]
+    ends, unit = np.array([joint.lower, joint.upper]), "m"
+    if not joint.prismatic:
+        ends, unit = np.rad2deg(ends), "deg"
+    return f"{ends[0]:g} to {ends[1]:g} {unit}"
+
+
+def _check_payload(spec: ProblemFile) -> None:
+    payload, pull = spec.limits.payload_kg, max(spec.pull.steps_n)
+    if payload is not None and pull > payload * G_N_PER_KG:
+        raise InputError(
+            f"a pull of {pull:g} N is more than the payload of {payload:g} kg carries "
+            f"({payload * G_N_PER_KG:.0f} N)",
+            "pull less, or correct limits.payload_kg",
+        )
+
+
+def _check_every_joint_turns(robot: Robot, tool: Tool, lower: Array, upper: Array) -> None:
+    """Refuse a load point that no force at no pose can turn some joint with."""
+    rng = np.random.default_rng(0)
+    at = configure(robot, rng.uniform(lower, upper, (64, robot.n)))
+    load = at.points(tool.load_point[None])[:, 0]
+    lever = np.cross(at.twists[..., :3], load[:, None]) + at.twists[..., 3:]
+    size = np.linalg.norm(lever, axis=-1).max(axis=0)
+    for joint, reach in zip(robot.joints, size, strict=True):
+        if reach < 1e-6:
+            raise InputError(
+                f"the load point lies on the axis of joint {joint.name}: no pull can turn it",
+                "move tool.load_point off that axis",
+            )
+
+
+def _criterion(
+    spec: ProblemFile, robot: Robot, tool: Tool, scale: Array, lower: Array, upper: Array
+) -> Criterion:
+    kind = spec.criterion.kind
+    if kind in ("D", "A", "E"):
+        make = {"D": criteria.determinant, "A": criteria.average, "E": criteria.extreme}[kind]
+        return make(robot.n)
+    if kind == "test_pose":
+        q = np.array([_in_radians(robot, pose.q) for pose in spec.test_pose])
+        force = np.array([pose.force_n for pose in spec.test_pose])
+        weights = np.array([pose.weight for pose in spec.test_pose])
+    else:
+        q, force = _workspace(spec, lower, upper)
+        weights = np.ones(len(q))
+    cell = paper_cell(robot, tool)
+    points = [spec.targets.index(name) for name in spec.criterion.points or spec.targets]
+    A = jacobian(cell, _pulls(q, force), np.zeros(robot.n))[:, points] * scale
+    weights = np.repeat(weights, len(points))
+    return criteria.prediction(A.reshape(-1, 3, robot.n), weights, kind)
+
+
+def _in_radians(robot: Robot, values: list[float]) -> Array:
+    if len(values) != robot.n:
+        raise InputError(
+            f"a test pose has {len(values)} joint values, {robot.name} has {robot.n} joints",
+            "give one value per joint, m for sliding and degrees for turning joints",
+        )
+    return np.where(robot.prismatic, values, np.deg2rad(values))
+
+
+def _workspace(spec: ProblemFile, lower: Array, upper: Array) -> tuple[Array, Array]:
+    """Poses and forces spread over the whole workspace, the same for every seed of the search."""
+    rng = np.random.default_rng(20150526)
+    q = rng.uniform(lower, upper, (spec.criterion.samples, len(lower)))
+    direction = rng.normal(size=(len(q), 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    return q, spec.criterion.force_n * direction
+
+
+def _pulls(q: Array, force: Array) -> Pulls:
+    none, number = np.zeros(len(q)), np.arange(len(q))
+    return Pulls(number, np.ones_like(number), q, force, none, none, none, none)

@@ -1,0 +1,193 @@
+"""What is pulled at every pose and how its readings scatter: how information adds up.
+
+With T the covariance of one reading, z T that of the pose's zero, F_s the load steps with variance
+v_s of their force and d the displacement per newton, the pulls of one pose have the covariance
+
+    V_st = delta_st (T + v_s d d') + z T.
+
+Both parts of V share T, so that the information of the pose is a scalar function of N = A' T^-1 A:
+
+    information = alpha N - gamma(h) n n',   n = N 1,  h = 1' N 1,
+
+in units in which the nominal compliances are one (then d = A 1).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.results import Array, Locked
+from pipeline.settings import InstrumentNoise
+
+STEP = 1e-30
+"""Imaginary step of the complex-step derivative: exact to rounding, nothing cancels."""
+
+
+@dataclass(frozen=True, eq=False)
+class Beam:
+    """A tracker whose scatter depends on range and direction.
+
+    Attributes:
+        noise: Parts along and across the beam.
+        position: Of the tracker in F_b [m].
+    """
+
+    noise: InstrumentNoise
+    position: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Seen(Locked):
+    """A seen through the tracker; poses on the last axis.
+
+    Attributes:
+        weighted: T^-1 A, shape (t, n, 3, m).
+        beam: Unit vectors from tracker to points, shape (t, 3, m); None for a fixed covariance.
+        reach: Distances [m], shape (t, m).
+        across: 1 / variance across the beam and its derivative by the distance, (2, t, m).
+        along: The same along the beam.
+    """
+
+    weighted: Array
+    beam: Array | None = None
+    reach: Array | None = None
+    across: Array | None = None
+    along: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Scatter(Locked):
+    """Pulls at each pose and the scatter of their readings.
+
+    Attributes:
+        force: Load steps [N], shape (s,).
+        repeats: How often each step is pulled at a pose, shape (s,).
+        force_std: Standard uncertainty of the force at each step [N], shape (s,).
+        zero: Variance of the pose's zero over that of a reading; 0 when displacements are
+            taken to be independent, as the paper does.
+        covariance: Of a reading in F_b [m^2], shape (3, 3); or
+        beam: A tracker with scatter along and across its beam.
+    """
+
+    force: Array
+    repeats: Array
+    force_std: Array
+    zero: float
+    covariance: Array | None = None
+    beam: Beam | None = None
+
+    @property
+    def pulls(self) -> float:
+        """Pulls at each pose."""
+        return float(self.repeats.sum())
+
+    @property
+    def alpha(self) -> float:
+        """Factor of N: squared newtons, less what the shared zero costs."""
+        squared = float(self.repeats @ self.force**2)
+        if self.zero == 0:
+            return squared
+        return squared - float(self.repeats @ self.force) ** 2 / (self.pulls + 1 / self.zero)
+
+    def gamma(self, h: Array) -> Array:
+        """What the force's own uncertainty costs, shape of h (which may be complex)."""
+        variance = self.force_std**2
+        beta = variance / (1 + variance * h[..., None])
+        lost = beta @ (self.repeats * self.force**2)
+        if self.zero == 0:
+            return lost
+        a = self.pulls + 1 / self.zero
+        b, g = beta @ self.repeats, beta @ (self.repeats * self.force)
+        f = float(self.repeats @ self.force)
+        back = (b / a**2) / (1 - b * h / a)
+        return lost + (g * g * h - 2 * f * g) / a + back * (f - g * h) ** 2
+
+    def see(self, points: Array, A: Array) -> Seen:
+        """T^-1 A, and what its derivative needs.
+
+        Args:
+            points: Measured points in F_b [m], shape (t, 3, m).
+            A: Shape (t, n, 3, m).
+        """
+        if self.beam is None:
+            return Seen(self._fixed(A))
+        noise, position = self.beam.noise, np.array(self.beam.position)
+        ray = points - position[:, None]
+        reach = np.sqrt((ray * ray).sum(axis=1))
+        beam = ray / reach[:, None]
+        across = _inverse_square(noise.transverse_m, noise.transverse_per_m, reach)
+        along = _inverse_square(noise.range_m, noise.range_per_m, reach)
+        inward = (A * beam[:, None]).sum(axis=2)
+        extra = ((along[0] - across[0])[:, None] * inward)[:, :, None] * beam[:, None]
+        return Seen(A * across[0][:, None, None] + extra, beam, reach, across, along)
+
+    def _fixed(self, A: Array) -> Array:
+        C = self.covariance
+        assert C is not None  # one of the two is given
+        if np.array_equal(C, C[0, 0] * np.eye(3)):
+            return A / C[0, 0]
+        return np.einsum("ij,tnjm->tnim", np.linalg.inv(C), A)
+
+    def inform(self, N: Array) -> Array:
+        """Information of the pulls of a pose from N = A' T^-1 A, shapes (m, n, n)."""
+        if not self.force_std.any():
+            return self.alpha * N
+        n = N.sum(axis=-1)
+        return (
+            self.alpha * N - self.gamma(n.sum(axis=-1))[:, None, None] * n[:, :, None] * n[:, None]
+        )
+
+    def combine(self, N: Array, W: Array) -> tuple[Array, Array]:
+        """Sum of W * information, shape (m,), and its derivative by N, shape (m, n, n)."""
+        n = N.sum(axis=-1)
+        h = n.sum(axis=-1)
+        Wn = (W @ n[:, :, None])[:, :, 0]
+        cost = (n * Wn).sum(axis=1)
+        gamma, slope = self.gamma(h), self.gamma(h + 1j * STEP).imag / STEP
+        both = gamma[:, None] * Wn
+        V = self.alpha * W - both[:, :, None] - both[:, None] - (slope * cost)[:, None, None]
+        return self.alpha * (W * N).sum(axis=(1, 2)) - gamma * cost, V
+
+    def slope(self, seen: Seen, A: Array, V: Array) -> Array | None:
+        """Derivative of sum(V * A' T^-1 A) by the points through T, (t, 3, m), or None.
+
+        Args:
+            seen: From `see`.
+            A: Shape (t, n, 3, m).
+            V: Shape (n, n) or (m, n, n).
+        """
+        if seen.beam is None:
+            return None
+        assert seen.across is not None  # all are there with the beam
+        assert seen.along is not None
+        Q = np.einsum("tnim,tnjm->tijm", A, weigh(A, V))
+        e = seen.beam
+        Qe = np.einsum("tijm,tjm->tim", Q, e)
+        inside = (Qe * e).sum(axis=1)
+        outside = np.einsum("tiim->tm", Q) - inside
+        stretch = seen.across[1] * outside + seen.along[1] * inside
+        turn = 2 * (seen.along[0] - seen.across[0]) / seen.reach
+        return stretch[:, None] * e + turn[:, None] * (Qe - inside[:, None] * e)
+
+
+def _inverse_square(constant: float, per_metre: float, reach: Array) -> Array:
+    """1 / (constant + per_metre reach)^2 and its derivative by reach, shape (2, ...)."""
+    std = constant + per_metre * reach
+    return np.stack([std**-2, -2 * per_metre * std**-3])
+
+
+def gram(A: Array, weighted: Array) -> Array:
+    """N = A' T^-1 A, shape (m, n, n), from (t, n, 3, m)."""
+    rows = A.transpose(3, 1, 0, 2).reshape(A.shape[-1], A.shape[1], -1)
+    other = weighted.transpose(3, 0, 2, 1).reshape(A.shape[-1], -1, A.shape[1])
+    return rows @ other
+
+
+def weigh(A: Array, V: Array) -> Array:
+    """A V over the columns of A: (t, n, 3, m) with V (n, n) or one per pose (m, n, n)."""
+    if V.ndim == 2:
+        t, n, _, m = A.shape
+        return (V @ A.reshape(t, n, 3 * m)).reshape(A.shape)
+    return np.moveaxis(V[:, None] @ A.transpose(3, 0, 1, 2), 0, -1)

@@ -1,0 +1,262 @@
+"""Find the poses: many starts downhill together, then exchange single poses, then again.
+
+The same seed gives the same plan; nothing here looks at a clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.design import criteria
+from pipeline.design.descent import Function, descend
+from pipeline.design.feasible import check_reachable
+from pipeline.design.information import information, station, value_and_slope
+from pipeline.design.limits import kept, penalty
+from pipeline.design.problem import Problem
+from pipeline.design.space import Box
+from pipeline.errors import InputError
+from pipeline.results import Array, Locked
+
+SOFT, HARD = 50.0, 2e4
+"""Weight of broken limits while looking around, and while settling."""
+STD_MARGIN = 0.995
+"""The search keeps this much inside the largest allowed uncertainty."""
+
+
+@dataclass(frozen=True, eq=False)
+class Effort:
+    """How hard to search.
+
+    Attributes:
+        rounds: Times that new starts are tried.
+        poses: Poses in all starts of a round together.
+        settled: How many of the best are followed to their end.
+        exchanged: In how many of those single poses are exchanged.
+        bounds: Searches of a worst direction, for the certificate.
+        directions: Starts of each of them.
+    """
+
+    rounds: int = 2
+    poses: int = 768
+    settled: int = 48
+    exchanged: int = 8
+    bounds: int = 20
+    directions: int = 128
+
+
+@dataclass(frozen=True, eq=False)
+class Plan(Locked):
+    """Poses, their anchor, and what they are worth.
+
+    Attributes:
+        q: Joint values [m] or [rad], shape (m_0, n).
+        anchor: Anchor of the chain in F_b [m], shape (3,).
+        M: Information about the scaled compliances, shape (n, n).
+        figure: The criterion, in its unit.
+        relative_std: Standard uncertainty of each compliance over its nominal size, shape (n,).
+        kept: It keeps every limit of its problem.
+    """
+
+    q: Array
+    anchor: Array
+    M: Array
+    figure: float
+    relative_std: Array
+    kept: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Progress(Locked):
+    """How far a search has come.
+
+    Attributes:
+        round: Rounds done.
+        rounds: Rounds in all.
+        best: The best plan so far, None when no plan yet keeps all limits.
+        pool: Good poses with their anchors in unit coordinates, for the certificate, (p, n + f).
+        nearest: The least bad plan while there is no `best`.
+    """
+
+    round: int
+    rounds: int
+    best: Plan | None
+    pool: Array
+    nearest: Plan
+
+
+def search(
+    problem: Problem,
+    rng: np.random.Generator,
+    effort: Effort | None = None,
+    known: Array | None = None,
+) -> Iterator[Progress]:
+    """Look for the plan with the smallest figure; after every round give the best so far.
+
+    Args:
+        problem: What to plan.
+        rng: Draws the starts.
+        effort: How hard to search.
+        known: Information that is already there, shape (n, n).
+
+    Raises:
+        InputError: No pose keeps the limits; says which limit excludes them.
+    """
+    effort = effort or Effort()
+    box = Box(problem, problem.poses)
+    soft, hard = (objective(problem, weight, known) for weight in (SOFT, HARD))
+    check_reachable(problem, rng)
+    best: Plan | None = None
+    x = np.empty((0, box.size))
+    for done in range(1, effort.rounds + 1):
+        start = rng.uniform(size=(max(32, effort.poses // problem.poses), box.size))
+        near = descend(soft, start, rounds=160, gain=1e-5)
+        order = np.argsort(near.value)[: effort.settled]
+        far = descend(hard, np.vstack([x, near.x[order]]), rounds=600)
+        x = far.x[np.argsort(far.value)][: effort.settled]
+        changed = exchange(problem, x[: effort.exchanged], known)
+        x = np.vstack([descend(hard, changed, rounds=600, gain=1e-11).x, x])
+        plans = evaluate(problem, *box.opened(x), known)
+        best = min([p for p in (best, *plans) if p and p.kept], key=_figure, default=None)
+        nearest = min(plans, key=lambda plan: float(plan.relative_std.max()))
+        yield Progress(done, effort.rounds, best, _single(box, x), nearest)
+
+
+def _figure(plan: Plan) -> float:
+    return plan.figure
+
+
+def objective(problem: Problem, weight: float, known: Array | None = None) -> Function:
+    """Log of the figure plus penalties, with its slope, over unit coordinates of whole plans.
+
+    Args:
+        problem: The problem.
+        weight: Of broken limits.
+        known: Information that is already there, shape (n, n).
+    """
+    box, criterion, experiment = Box(problem, problem.poses), problem.criterion, problem.experiment
+    poses, n = problem.poses, len(problem.lower)
+    before = np.zeros((n, n)) if known is None else known
+
+    def function(x: Array) -> tuple[Array, Array]:
+        q, anchor = box.opened(x)
+        at = station(experiment, q.reshape(-1, n), np.repeat(anchor, poses, axis=0))
+        M = before + information(experiment, at).reshape(len(x), poses, n, n).sum(axis=1)
+        log_g, S = criterion.score(M)
+        unseen, slope = _unseen(M, problem.most_std * STD_MARGIN)
+        W = np.repeat(slope - S / 2, poses, axis=0)
+        _, by_q, by_anchor = value_and_slope(experiment, at, W)
+        broken, q_slope, anchor_slope = penalty(problem.limits, at)
+        value = unseen - log_g / 2 + weight * broken.reshape(len(x), poses).sum(axis=1)
+        return value, box.slopes(by_q + weight * q_slope, by_anchor + weight * anchor_slope)
+
+    return function
+
+
+def _unseen(M: Array, most_std: float) -> tuple[Array, Array]:
+    """Penalty on compliances that stay too uncertain, (k,), and its slope in M, (k, n, n)."""
+    Q = criteria.inverse(M)
+    variance = np.einsum("kii->ki", Q)
+    over = np.maximum(np.log(np.where(variance > 0, variance, np.inf)) - 2 * np.log(most_std), 0.0)
+    pull = 2 * SOFT * over / np.where(variance > 0, variance, np.inf)
+    return SOFT * (over**2).sum(axis=1), -np.einsum("kij,kj,kjl->kil", Q, pull, Q)
+
+
+def exchange(problem: Problem, x: Array, known: Array | None = None, most: int = 600) -> Array:
+    """Swap single poses for poses of other plans, as long as a swap improves a plan.
+
+    Args:
+        problem: The problem.
+        x: Unit coordinates of plans, best first, shape (k, d).
+        known: Information that is already there.
+        most: How many poses of other plans are tried.
+    """
+    box = Box(problem, problem.poses)
+    q, anchor = box.opened(x)
+    pool = q.reshape(-1, q.shape[-1])[:most]
+    return box.closed(
+        np.array([_swapped(problem, a, b, pool, known) for a, b in zip(q, anchor, strict=True)]),
+        anchor,
+    )
+
+
+def _swapped(
+    problem: Problem, q: Array, anchor: Array, pool: Array, known: Array | None, rounds: int = 4
+) -> Array:
+    experiment, limits = problem.experiment, problem.limits
+    at = station(experiment, pool, anchor)
+    there, cost = information(experiment, at), SOFT * penalty(limits, at)[0]
+    for _ in range(rounds):
+        at = station(experiment, q, anchor)
+        here, own = information(experiment, at), SOFT * penalty(limits, at)[0]
+        total = here.sum(axis=0) + (0.0 if known is None else known)
+        M = total - here[:, None] + there
+        tried = _loss(problem, M.reshape(-1, *total.shape)).reshape(M.shape[:2])
+        tried = tried + cost + own.sum() - own[:, None]
+        out, into = np.unravel_index(np.nanargmin(tried), tried.shape)
+        if not tried[out, into] < _loss(problem, total[None])[0] + own.sum() - 1e-9:
+            break
+        q = q.copy()
+        q[out] = pool[into]
+    return q
+
+
+def _loss(problem: Problem, M: Array) -> Array:
+    unseen, _ = _unseen(M, problem.most_std * STD_MARGIN)
+    return unseen - problem.criterion.score(M)[0] / 2
+
+
+def evaluate(problem: Problem, q: Array, anchor: Array, known: Array | None = None) -> list[Plan]:
+    """What plans are worth.
+
+    Args:
+        problem: The problem.
+        q: Joint values of each plan [m] or [rad], shape (k, m_0, n).
+        anchor: Anchors [m], shape (k, 3).
+        known: Information that is already there, shape (n, n).
+    """
+    k, poses, n = q.shape
+    at = station(problem.experiment, q.reshape(-1, n), np.repeat(anchor, poses, axis=0))
+    M = information(problem.experiment, at).reshape(k, poses, n, n).sum(axis=1)
+    M = M if known is None else M + known
+    figure, std = problem.criterion.figure(M), criteria.relative_std(M)
+    inside = ((q >= problem.lower) & (q <= problem.upper)).all(axis=(1, 2))
+    good = kept(problem.limits, at).reshape(k, poses).all(axis=1) & inside
+    good &= (std <= problem.most_std).all(axis=1) & np.isfinite(figure)
+    return [Plan(q[i], anchor[i], M[i], float(figure[i]), std[i], bool(good[i])) for i in range(k)]
+
+
+def rounded(problem: Problem, plan: Plan, known: Array | None = None) -> Plan:
+    """The plan with its numbers as they are printed: 1e-6 m and 1e-6 degrees."""
+    slides = problem.robot.prismatic
+    q = np.where(slides, plan.q, np.rad2deg(plan.q)).round(6)
+    q = np.clip(np.where(slides, q, np.deg2rad(q)), problem.lower, problem.upper)
+    return evaluate(problem, q[None], plan.anchor.round(6)[None], known)[0]
+
+
+def found(problem: Problem, progress: Progress) -> Plan:
+    """The best plan of a search.
+
+    Raises:
+        InputError: There is none: some joint stays undetermined.
+    """
+    if progress.best is not None:
+        return progress.best
+    worst = int(np.argmax(progress.nearest.relative_std))
+    joint, spec = problem.robot.joints[worst], problem.spec
+    raise InputError(
+        f"no plan of {problem.readings} readings at up to {max(spec.pull.steps_n):g} N determines "
+        f"every joint: the best one knows the compliance of {joint.name} to "
+        f"{progress.nearest.relative_std[worst]:.2g} of its nominal size, "
+        f"limits.max_relative_std allows {problem.most_std:g}",
+        "pull harder, plan more readings, or allow more",
+    )
+
+
+def _single(box: Box, x: Array) -> Array:
+    """The poses of plans, each with its anchor, as plans of one pose."""
+    q, anchor = box.opened(x)
+    alone = Box(box.problem, 1)
+    return alone.closed(q.reshape(-1, 1, q.shape[-1]), np.repeat(anchor, box.poses, axis=0))

@@ -1,0 +1,518 @@
+"""Pose design: slopes by finite differences, bounds by enumeration, the paper's plan by number."""
+
+import itertools
+import json
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy import linalg, optimize
+
+from pipeline import cli, planning
+from pipeline.cell import Tool, jacobian, paper_cell
+from pipeline.design import criteria, problem, search
+from pipeline.design.bound import Worst, bounds, certify
+from pipeline.design.descent import descend
+from pipeline.design.information import Experiment, information, station, value_and_slope
+from pipeline.design.limits import Limits, kept, penalty, slacks
+from pipeline.design.propose import propose
+from pipeline.design.scatter import Beam, Scatter
+from pipeline.design.search import Effort, evaluate, objective
+from pipeline.effects import Pulls
+from pipeline.errors import InputError
+from pipeline.robot import SHIPPED, load
+from pipeline.robot.model import model
+from pipeline.settings import InstrumentNoise
+
+PUBLISHED = np.array(
+    [
+        [5.3, -37.3, 57.6, 80.8, 101.2, -27, -82.2],
+        [14, 69, 33.9, -33.8, 107.5, 29.2, 116],
+        [4.7, 19, 12.2, 75.4, 89.4, 39.7, 117.1],
+    ]
+)
+"""Eqs. (14) to (16), m and degrees."""
+ANCHOR = np.array([5.04, 6.0, -0.891])
+LOAD = np.array([0.15, 0.0, 0.25])
+RING = np.array([[0.15, 0, 0.1], [-0.075, 0.13, 0.1], [-0.075, -0.13, 0.1]])
+BEAM = InstrumentNoise(range_m=8e-6, range_per_m=3e-7, transverse_m=7.5e-6, transverse_per_m=3e-6)
+TRACKER = np.array([6.5, 8.0, 0.7])
+NORMAL = Effort(rounds=1, poses=384, bounds=8, directions=64)
+QUICK = Effort(rounds=1, poses=96, settled=12, exchanged=3, bounds=5, directions=32)
+SCATTERS = {
+    "paper": Scatter(np.array([950.0]), np.array([4.0]), np.zeros(1), 0.0, 9e-10 * np.eye(3)),
+    "half sphere": Scatter(
+        np.array([1200.0, 3000.0]),
+        np.array([2.0, 1.0]),
+        np.array([3.0, 5.0]),
+        1.0,
+        9e-10 * np.diag([0.25, 0.25, 0.5]),
+    ),
+    "beam": Scatter(
+        np.array([1200.0, 3000.0]),
+        np.array([2.0, 1.0]),
+        np.array([3.0, 5.0]),
+        0.5,
+        beam=Beam(BEAM, tuple(TRACKER)),
+    ),
+}
+
+
+def radians(robot, q):
+    return np.where(robot.prismatic, q, np.deg2rad(q))
+
+
+def inside(robot, m, rng):
+    lower = np.where(np.isfinite(robot.lower), robot.lower, -np.pi)
+    upper = np.where(np.isfinite(robot.upper), robot.upper, np.pi)
+    return rng.uniform(lower, upper, (m, robot.n))
+
+
+def experiment(robot, scatter):
+    scale = np.array([1 / joint.typical_stiffness for joint in robot.joints])
+    return Experiment(robot, LOAD, RING, scale, scatter)
+
+
+def differences(function, x, h=1e-6):
+    """Central differences of a function (k, d) -> (k,), shape (k, d)."""
+    steps = h * np.eye(x.shape[1])
+    return np.stack([(function(x + s) - function(x - s)) / (2 * h) for s in steps], axis=1)
+
+
+@pytest.fixture(scope="module")
+def reference():
+    return planning.find("paper_reference", {})
+
+
+def published(reference, **changes):
+    made = planning.find("paper_reference", changes)
+    return evaluate(made, radians(reference.robot, PUBLISHED)[None], ANCHOR[None])[0]
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_sensitivities_are_those_of_the_forward_model(name):
+    """A at a pose is B of a pull towards the anchor, for every robot that ships."""
+    robot, rng = load(name), np.random.default_rng(3)
+    q = inside(robot, 8, rng)
+    at = station(experiment(robot, SCATTERS["paper"]), q, ANCHOR)
+    cell = paper_cell(robot, Tool(LOAD, np.array(["a", "b", "c"], object), RING))
+    force = 700.0 * (ANCHOR - at.load_point.T) / at.chain_m[:, None]
+    none, number = np.zeros(8), np.arange(8)
+    pulls = Pulls(number, number, q, force, none, none, none, none)
+    typical = np.array([p.typical for p in cell.parameters])
+    B = jacobian(cell, pulls, typical) * typical
+
+    assert np.abs(700 * at.A.transpose(3, 0, 2, 1) - B).max() < 1e-12 * np.abs(B).max()
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("noise", SCATTERS)
+def test_slopes_of_information_are_finite_differences(name, noise):
+    """Joints and anchor change the weighted information as value_and_slope says."""
+    robot, rng = load(name), np.random.default_rng(4)
+    made = experiment(robot, SCATTERS[noise])
+    q, anchor = inside(robot, 6, rng), rng.normal(ANCHOR, 1.0, (6, 3))
+    W = rng.normal(size=(6, robot.n, robot.n))
+    W = W @ W.swapaxes(1, 2)
+
+    def value(x):
+        return value_and_slope(made, station(made, x[:, : robot.n], x[:, robot.n :]), W)[0]
+
+    found, by_q, by_anchor = value_and_slope(made, station(made, q, anchor), W)
+    expected = differences(value, np.hstack([q, anchor]))
+    got = np.hstack([by_q, by_anchor])
+    plain = np.sum(W * information(made, station(made, q, anchor)), axis=(1, 2))
+
+    assert np.abs(got - expected).max() < 1e-6 * np.abs(expected).max()
+    assert found == pytest.approx(plain, rel=1e-12)
+
+
+@pytest.mark.parametrize("noise", SCATTERS)
+def test_information_of_a_pose_is_that_of_its_dense_covariance(noise):
+    """Shared zero, force error and beam give the same as inverting the whole matrix."""
+    robot, rng = load("kr500_rail"), np.random.default_rng(5)
+    scatter = SCATTERS[noise]
+    made = experiment(robot, scatter)
+    q = inside(robot, 3, rng)
+    at = station(made, q, ANCHOR)
+    got = information(made, at)
+
+    for k in range(3):
+        A = at.A[..., k].transpose(0, 2, 1).reshape(9, 7)
+        points, d = at.points[..., k], A.sum(axis=1)
+        if scatter.beam:
+            blocks = []
+            for point in points:
+                reach = np.linalg.norm(point - TRACKER)
+                e = (point - TRACKER) / reach
+                along, across = 8e-6 + 3e-7 * reach, 7.5e-6 + 3e-6 * reach
+                out = across**2 * (np.eye(3) - np.outer(e, e)) + along**2 * np.outer(e, e)
+                blocks.append(out)
+        else:
+            blocks = [scatter.covariance] * 3
+        T = linalg.block_diag(*blocks)
+        pulls = np.repeat(np.arange(len(scatter.force)), scatter.repeats.astype(int))
+        V = np.kron(np.ones((len(pulls), len(pulls))), scatter.zero * T)
+        V += linalg.block_diag(*[T + scatter.force_std[s] ** 2 * np.outer(d, d) for s in pulls])
+        B = np.vstack([scatter.force[s] * A for s in pulls])
+        dense = B.T @ np.linalg.solve(V, B)
+        assert np.abs(got[k] - dense).max() < 1e-9 * np.abs(dense).max()
+
+
+LIMITS = {
+    "chain": Limits(chain_m=(4.0, 5.0)),
+    "flange": Limits(chain_m=(0.0, 99.0), flange_above_m=2.0),
+    "effector": Limits(chain_m=(0.0, 99.0), effector_above_m=2.5),
+    "clearance": Limits(chain_m=(0.0, 99.0), chain_clearance_m=1.0),
+    "fold": Limits(chain_m=(0.0, 99.0), pull_within_rad=0.9),
+}
+
+
+@pytest.mark.parametrize("limits", LIMITS.values(), ids=LIMITS)
+@pytest.mark.parametrize("name", ["kr500_rail", "fanuc_r2000ic"])
+def test_slopes_of_limits_are_finite_differences(limits, name):
+    """Every limit's penalty falls the way its slope says."""
+    robot, rng = load(name), np.random.default_rng(6)
+    made = experiment(robot, SCATTERS["paper"])
+    q, anchor = inside(robot, 40, rng), rng.normal([2.0, 6.0, -0.9], 0.3, (40, 3))
+
+    def value(x):
+        return penalty(limits, station(made, x[:, : robot.n], x[:, robot.n :]))[0]
+
+    broken, by_q, by_anchor = penalty(limits, station(made, q, anchor))
+    expected = differences(value, np.hstack([q, anchor]))
+
+    assert (broken > 0).sum() >= 5
+    assert np.abs(np.hstack([by_q, by_anchor]) - expected).max() < 1e-6 * np.abs(expected).max()
+    at = station(made, q, anchor)
+    assert np.array_equal(kept(limits, at), penalty(limits, at, margin=0.0)[0] == 0)
+
+
+def test_the_chain_is_as_far_from_the_arm_as_a_fine_walk_along_both_says():
+    """The clearance limit measures the true distance of chain and links."""
+    robot, rng = load("kr500_rail"), np.random.default_rng(7)
+    q = inside(robot, 20, rng)
+    at = station(experiment(robot, SCATTERS["paper"]), q, ANCHOR)
+    slack = [s.value for s in slacks(LIMITS["clearance"], at) if "clear" in s.rule]
+    built = model(robot, {"load": LOAD})
+    data = built.createData()
+    share = np.linspace(0, 1, 401)[:, None]
+
+    for k in range(20):
+        pin.framesForwardKinematics(built, data, q[k])
+        joints = [data.oMi[j].translation for j in range(1, 8)]
+        joints.append(data.oMf[built.getFrameId("flange")].translation)
+        tip = data.oMf[built.getFrameId("load")].translation
+        chain = tip + share * (ANCHOR - tip)
+        walk = min(
+            np.linalg.norm(chain[:, None] - (a + share * (b - a))[None], axis=-1).min()
+            for a, b in itertools.pairwise(joints)
+        )
+        assert min(values[k] for values in slack) + 1.0 == pytest.approx(walk, abs=0.02)
+
+
+def random_informations(rng, count, n=3, rows=2):
+    A = rng.normal(size=(count, rows, n)) * rng.uniform(0.1, 3.0, (count, 1, n))
+    return A.swapaxes(1, 2) @ A
+
+
+def made_criteria(rng, n):
+    A = rng.normal(size=(2, 3, n))
+    return [
+        criteria.prediction(A, np.array([1.0, 2.0])),
+        criteria.determinant(n),
+        criteria.average(n),
+        criteria.extreme(n),
+    ]
+
+
+@pytest.mark.parametrize("which", range(4))
+def test_slopes_of_criteria_are_finite_differences(which):
+    """Every information function has the slope it claims, and trace(S M) = 1."""
+    rng = np.random.default_rng(8)
+    M = random_informations(rng, 5, n=4, rows=6)
+    score = made_criteria(rng, 4)[which].score
+    log_g, S = score(M)
+    turn = rng.normal(size=M.shape)
+    turn = turn + turn.swapaxes(1, 2)
+    h = 1e-6
+    expected = (score(M + h * turn)[0] - score(M - h * turn)[0]) / (2 * h)
+
+    assert np.sum(S * turn, axis=(1, 2)) == pytest.approx(expected, rel=1e-5)
+    assert np.sum(S * M, axis=(1, 2)) == pytest.approx(1.0)
+    assert score(3 * M)[0] == pytest.approx(log_g + np.log(3))
+
+
+@pytest.mark.parametrize("which", range(4))
+def test_a_support_is_never_below_the_information_function(which):
+    """G(N) <= trace(Z N) for the Z of any other design: what the bound rests on."""
+    rng = np.random.default_rng(9)
+    criterion = made_criteria(rng, 4)[which]
+    M, N = (random_informations(rng, 500, n=4, rows=5) for _ in range(2))
+    Z = criterion.support(M)
+
+    assert (np.exp(criterion.score(N)[0]) <= np.sum(Z * N, axis=(1, 2)) * (1 + 1e-9)).all()
+
+
+def among(candidates):
+    """The worst direction of a finite list, by looking at all of it."""
+
+    def oracle(Z, hard):
+        return Worst(
+            float(np.sum(Z * candidates, axis=(1, 2)).max()), candidates, len(candidates), 1.0
+        )
+
+    return oracle
+
+
+def best_of_all(criterion, candidates, poses):
+    """The optimum of a small problem by enumeration."""
+    choices = np.array(list(itertools.combinations_with_replacement(range(len(candidates)), poses)))
+    with np.errstate(all="ignore"):
+        figures = criterion.figure(candidates[choices].sum(axis=1))
+    return np.nanmin(figures)
+
+
+def test_the_bound_is_never_above_a_feasible_value_in_1000_small_problems():
+    """Enumeration finds the optimum; the certified bound stays below it, and often near."""
+    rng = np.random.default_rng(10)
+    near = []
+    for number in range(1000):
+        poses, count = rng.integers(2, 5), rng.integers(4, 9)
+        criterion = made_criteria(rng, 3)[number % 4]
+        candidates = random_informations(rng, count)
+        optimum = best_of_all(criterion, candidates, poses)
+        *_, last = bounds(criterion, candidates, int(poses), among(candidates), rounds=2, steps=60)
+        assert last.figure <= optimum * (1 + 1e-9)
+        near.append(last.figure / optimum)
+
+    assert np.median(near) > 0.9
+
+
+def test_the_descent_finds_what_scipy_finds():
+    """From the same starts, the box-bounded minimum of Rosenbrock's valley."""
+    scale = np.array([0.3, 0.4, 0.35])
+
+    def valley(x):
+        y = x / scale
+        value = optimize.rosen(y.T)
+        return value, np.array([optimize.rosen_der(row) for row in y]) / scale
+
+    start = np.random.default_rng(11).uniform(size=(12, 3))
+    ours = descend(valley, start, rounds=2000, gain=1e-15)
+    theirs = optimize.minimize(
+        lambda x: valley(x[None])[0][0], start[0], bounds=[(0, 1)] * 3, method="L-BFGS-B"
+    )
+    held = descend(lambda x: (x.sum(axis=1), np.ones_like(x)), start)
+
+    assert ours.value.min() == pytest.approx(min(theirs.fun, 0.0), abs=1e-9)
+    assert (ours.value < 1e-8).mean() > 0.9
+    assert (held.x == 0).all()
+
+
+def test_the_published_poses_give_what_table_ii_prints(reference):
+    """1.01e-2 mm, within 2 % of 0.990e-2, halved by four times the readings."""
+    epsilon = published(reference).figure * 1e3
+    third = published(reference, plan={"poses": 3, "readings": 3}).figure * 1e3
+
+    assert epsilon == pytest.approx(1.01e-2, rel=0.005)
+    assert abs(epsilon / 0.990e-2 - 1) < 0.02
+    assert third / epsilon == pytest.approx(2.0, rel=1e-9)
+
+
+def test_the_published_plan_by_hand(reference):
+    """Eq. (8) with Pinocchio's Jacobians, one pose and one matrix at a time."""
+    robot = reference.robot
+    tool = {"load": LOAD, **{f"p{i}": np.array(p) for i, p in enumerate(reference.tool.points)}}
+    built = model(robot, tool)
+    data = built.createData()
+
+    def A(q, force, names):
+        pin.computeJointJacobians(built, data, q)
+        pin.updateFramePlacements(built, data)
+        frames = {n: built.getFrameId(n) for n in ("load", *names)}
+        J = {
+            n: pin.getFrameJacobian(built, data, f, pin.LOCAL_WORLD_ALIGNED)[:3]
+            for n, f in frames.items()
+        }
+        f = force(data.oMf[frames["load"]].translation)
+        return np.vstack([J[n] * (J["load"].T @ f) for n in names])
+
+    def to_anchor(at):
+        return 950 * (ANCHOR - at) / np.linalg.norm(ANCHOR - at)
+
+    rows = [A(q, to_anchor, ["p0", "p1", "p2"]) for q in radians(robot, PUBLISHED)]
+    test = A(
+        radians(robot, np.array([8.5, -10, 35, 39, 81, 22, -10])),
+        lambda at: np.array([-124.5, -175.4, -209.1]),
+        ["p0"],
+    )
+    M = 4 * sum(B.T @ B for B in rows)
+    epsilon = 3e-5 * np.sqrt(np.trace(test @ np.linalg.inv(M) @ test.T))
+
+    assert published(reference).figure == pytest.approx(epsilon, rel=1e-9)
+
+
+def test_slopes_of_a_whole_plan_are_finite_differences(reference):
+    """The search goes downhill: criterion, identifiability and limits together."""
+    function = objective(reference, 50.0)
+    x = np.random.default_rng(12).uniform(size=(4, 22))
+    _, slope = function(x)
+    expected = differences(lambda y: function(y)[0], x)
+
+    assert np.abs(slope - expected).max() < 1e-6 * np.abs(expected).max()
+
+
+@pytest.fixture(scope="module")
+def proposal(reference):
+    *_, last = propose(reference, seed=5, effort=NORMAL)
+    return last
+
+
+def test_three_poses_beat_the_paper_threefold_and_certified(reference, proposal):
+    """Epsilon <= 0.305e-2 mm, 98 % efficient, every joint and every limit kept."""
+    plan = proposal.plan
+
+    assert plan.figure * 1e3 <= 0.305e-2
+    assert proposal.efficiency >= 0.98
+    assert 0.29e-2 < proposal.certificate.figure * 1e3 < 0.299e-2
+    assert (plan.relative_std < 1).all()
+    assert kept(reference.limits, station(reference.experiment, plan.q, plan.anchor)).all()
+    assert ((plan.q >= reference.robot.lower) & (plan.q <= reference.robot.upper)).all()
+
+
+def test_no_random_plan_is_below_the_bound(reference, proposal):
+    """Plans that descend from elsewhere, without the limit on single compliances, stay above."""
+    free = planning.find("paper_reference", {"limits": {"max_relative_std": 100.0}})
+    start = np.random.default_rng(99).uniform(size=(60, 22))
+    found = descend(objective(free, 50.0), start, rounds=150)
+    plans = evaluate(free, *search.Box(free, 3).opened(found.x))
+
+    assert min(p.figure for p in plans if p.kept) > proposal.certificate.figure
+
+
+def test_the_same_seed_gives_the_same_plan(reference):
+    """Nothing but the seed decides."""
+    (*_, one), (*_, same), (*_, other) = (
+        propose(reference, seed=seed, effort=QUICK) for seed in (5, 5, 6)
+    )
+
+    assert np.array_equal(one.plan.q, same.plan.q)
+    assert one.certificate.figure == same.certificate.figure
+    assert not np.array_equal(one.plan.q, other.plan.q)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"plan": {"readings": 2}}, "2 readings are too few"),
+        ({"plan": {"readings": 10}}, "cannot be shared equally among 3 poses"),
+        ({"anchor": {"x_m": 60.0}}, r"anchor at \(60, 6, -0.891\) m is out of reach"),
+        ({"tool": {"load_point": [0, 0, 0.25]}}, "load point lies on the axis of joint theta7"),
+        ({"limits": {"flange_above_m": 6.0}}, "keeps the flange above 6 m: .* misses it by 1"),
+        ({"limits": {"joints": {"theta3": [140, 150]}}}, "theta3 = .* leaves nothing"),
+        ({"limits": {"payload_kg": 90}}, "950 N is more than the payload of 90 kg"),
+        ({"pull": {"steps_n": [9.0]}}, "determines every joint: .* compliance of r1"),
+        ({"limits": {"joints": {"theta9": [1, 2]}}}, 'has no joint "theta9"'),
+        ({"criterion": {"points": ["P9"]}}, r"P9 not in \[tool\]"),
+        ({"test_pose": [{"q": [1, 2], "force_n": [1, 2, 3]}]}, "2 joint values"),
+        ({"robot": "kr600"}, 'no robot "kr600"'),
+        ({"noise": {"tracker": "paper"}}, "give one of"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_sentence(changes, words):
+    """Reason and way out, exit 5."""
+    with pytest.raises(InputError, match=words) as refusal:
+        list(propose(planning.find("paper_reference", changes), 1, QUICK))
+
+    assert refusal.value.exit_code == 5
+    assert refusal.value.way_out
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("kind", ["D", "A", "E", "workspace"])
+def test_other_criteria_are_certified_too(kind):
+    """Each criterion finds a plan near its own bound."""
+    made = planning.find("paper_reference", {"criterion": {"kind": kind}, "plan": {"poses": 4}})
+    *_, last = propose(made, seed=2, effort=QUICK)
+
+    assert 0.9 < last.efficiency <= 1
+
+
+def test_all_limits_together_are_kept():
+    """A plan with floor, chain, clearance and pull limits breaks none of them."""
+    limits = {
+        "chain_m": [1.2, 4.5],
+        "effector_above_m": -0.6,
+        "chain_clearance_m": 0.15,
+        "pull_within_deg": 100,
+        "joints": {"theta5": [-180, 180], "theta7": [-180, 180]},
+    }
+    made = planning.find("paper_reference", {"limits": limits})
+    *_, last = propose(made, seed=3, effort=QUICK)
+    at = station(made.experiment, last.plan.q, last.plan.anchor)
+
+    assert all((slack.value >= 0).all() for slack in slacks(made.limits, at))
+    assert np.abs(last.plan.q[:, [4, 6]]).max() <= np.pi + 1e-9
+    assert last.efficiency > 0.9
+
+
+def test_the_command_prints_the_promised_keys(capsys, monkeypatch):
+    """One JSON object with the keys that others read, consistent with itself."""
+    monkeypatch.setattr(planning, "Effort", lambda rounds: QUICK)
+    code = cli._exit_code(["design", "paper_reference", "--json", "--rounds", "1", "--seed", "7"])
+    printed = json.loads(capsys.readouterr().out)
+
+    assert code == 0
+    assert list(printed) == [
+        "poses", "repeats", "anchor", "pull_n", "epsilon_mm", "bound_mm", "efficiency", "seconds",
+    ]  # fmt: skip
+    assert np.array(printed["poses"]).shape == (3, 7)
+    assert printed["repeats"] == 4
+    assert printed["pull_n"] == 950
+    assert printed["efficiency"] == pytest.approx(printed["bound_mm"] / printed["epsilon_mm"])
+
+
+def test_an_interrupted_search_gives_its_best(monkeypatch):
+    """Ctrl-C after the first round: the plan is there, its certificate is not."""
+    monkeypatch.setattr(planning, "Effort", lambda rounds: QUICK)
+    said = []
+
+    def stop(words):
+        said.append(words)
+        raise KeyboardInterrupt
+
+    made = planning.run("paper_reference", {}, 1, 1, stop)
+
+    assert made.interrupted
+    assert made.content()["bound_mm"] is None
+    assert made.content()["epsilon_mm"] < 0.0032
+    assert len(said) == 1
+
+
+def test_a_problem_file_and_its_mistakes(tmp_path):
+    """A user's own file is found by path; wrong words and files are named."""
+    path = tmp_path / "mine.toml"
+    path.write_text(problem.shipped("paper_reference").replace("poses = 3 ", "poses = 4 "))
+    assert planning.find(str(path), {}).poses == 4
+    path.write_text("poses = ")
+    with pytest.raises(InputError, match=r"mine.toml: not valid TOML"):
+        planning.find(str(path), {})
+    path.write_text(problem.shipped("paper_reference") + "colour = 1\n")
+    with pytest.raises(InputError, match="colour"):
+        planning.find(str(path), {})
+    with pytest.raises(InputError, match="no design problem"):
+        planning.find("nowhere", {})
+
+
+def test_the_certificate_gets_better_and_stays_below_the_continuous_design(reference, proposal):
+    """Bounds rise, continuous designs fall, and they meet within a thousandth or so."""
+    pool = search.Box(reference, 1).closed(
+        proposal.plan.q[:, None], np.tile(proposal.plan.anchor, (3, 1))
+    )
+    found = list(certify(reference, pool, np.random.default_rng(1), rounds=4, starts=24))
+    bound, continuous = ([getattr(c, k) for c in found] for k in ("figure", "continuous"))
+
+    assert (np.diff(bound) >= 0).all()
+    assert (np.diff(continuous) <= 0).all()
+    assert bound[-1] < continuous[-1]
