@@ -30,6 +30,7 @@ from pipeline.stages.ingest import ingest
 from pipeline.stages.register import Registration, place, register
 from pipeline.stages.validate import place_of_interest, validate
 from pipeline.stages.variance import noise, rescaled, resting_on
+from pipeline.stages.workspace import workspace
 
 T = TypeVar("T")
 Step = Callable[[Callable[..., T]], Callable[..., T]]
@@ -132,6 +133,7 @@ def _compute(campaign: Campaign, raw: Raw, step: Step[Any]) -> dict[str, Any]:
     where = place_of_interest(raw.settings.test_pose, raw.robot, data.pulls)
     checked = step(validate)(cell, estimate, where, np.random.default_rng(SEED))
     checked = keep("60_validation", checked, tables.VALIDATION)
+    soft = keep("61_workspace", step(workspace)(cell, estimate, where), tables.WORKSPACE)
 
     diagnosis = step(diagnose)(cell, data, estimate, where, np.random.default_rng(SEED))
     examined = examined_table(diagnosis, cell, data, system, estimate)
@@ -159,6 +161,7 @@ def _compute(campaign: Campaign, raw: Raw, step: Step[Any]) -> dict[str, Any]:
     shown = shown | {
         "residuals": residuals,
         "validation": checked,
+        "workspace": soft,
         "examined": examined,
         "diagnosis": clues,
         "separability": separability,

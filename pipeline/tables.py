@@ -241,6 +241,26 @@ VALIDATION = promise(
 )
 
 
+WORKSPACE = promise(
+    "workspace",
+    "row,column",
+    [
+        col("row", I32, "1", "step of the shoulder joint, -1 for the test pose itself"),
+        col("column", I32, "1", "step of the elbow joint, -1 for the test pose itself"),
+        col("reach_m", F64, "m", "load point in the arm's plane, from the shoulder axis outwards"),
+        col("height_m", F64, "m", "load point in the arm's plane, height in F_b"),
+        col(
+            "worst_m_per_n", F64, "m/N", "deflection of the load point per newton, worst direction"
+        ),
+        col("std_m_per_n", F64, "m/N", "its standard uncertainty"),
+        col("direction_x", F64, "1", "direction in which it moves, F_b"),
+        col("direction_y", F64, "1", "as direction_x"),
+        col("direction_z", F64, "1", "as direction_x"),
+    ],
+)
+"""How soft the robot is over the plane that its arm sweeps."""
+
+
 def joints(robot: Robot) -> pa.Schema:
     """Promise of the table of joint values of a robot: pose, r1_m, theta2_rad, ..., approach."""
     values = [

@@ -78,6 +78,16 @@ def result() -> dict[str, Any]:
             {"file": "tracker.csv", "line": 17, "reason": "target P9 is not listed; add it"},
             {"file": "loads.csv", "line": None, "reason": "pose 4 has no load; weigh it again"},
         ],
+        "budget": [
+            {"source": "tracker", **{f"k_theta{j} [%]": 53.81 for j in range(2, 8)}},
+            {"source": "force gain", **{f"k_theta{j} [%]": 0.0123 for j in range(2, 8)}},
+        ],
+        "noise": {
+            "from": "stated",
+            "components": [
+                {"name": "tracker", "found_over_stated": 1.008, "std": 0.0519, "p_value": 0.437}
+            ],
+        },
         "model": {"equilibrium": "undeformed"},
         "assumptions": ["the rail reaches from 0 to 18 m", "Table I is used as printed"],
         "inputs": [
@@ -190,6 +200,7 @@ def tables(seed: int = 20261103, poses: int = 16) -> dict[str, pd.DataFrame]:
         ],
         "registration": _registration(rng),
         "validation": _validation(rng),
+        "workspace": _workspace(),
         "rejected": pd.DataFrame({"file": [], "line": [], "reason": []}),
     }
 
@@ -198,6 +209,18 @@ def _registration(rng: np.random.Generator) -> pd.DataFrame:
     out = pd.DataFrame({"target": ["B1", "B2", "B3", "B4"] * 6})
     out[["dx_m", "dy_m", "dz_m"]] = 3e-5 * rng.standard_normal((len(out), 3))
     return out
+
+
+def _workspace() -> pd.DataFrame:
+    row, column = (grid.ravel() for grid in np.mgrid[-1:12, -1:12])
+    keep = ((row >= 0) & (column >= 0)) | ((row == -1) & (column == -1))
+    out = pd.DataFrame({"row": row[keep], "column": column[keep]})
+    shoulder, elbow = 0.1 * out["row"] - 0.3, 0.1 * out["column"] + 0.5
+    out["reach_m"] = 1.3 * np.cos(shoulder) + 1.5 * np.cos(shoulder + elbow)
+    out["height_m"] = 1.0 + 1.3 * np.sin(shoulder) + 1.5 * np.sin(shoulder + elbow)
+    out["worst_m_per_n"] = 1e-6 * (1 + out["reach_m"] ** 2)
+    out["std_m_per_n"] = 0.004 * out["worst_m_per_n"]
+    return out.assign(direction_x=0.1, direction_y=-0.9, direction_z=0.4)
 
 
 def _validation(rng: np.random.Generator) -> pd.DataFrame:

@@ -81,7 +81,7 @@ def test_the_page_opens_without_error_and_asks_for_nothing(opened):
     page = opened()
 
     assert page.title() == "Joint stiffness of kr500_rail: kr500-sample"
-    assert page.locator("svg").count() == 7
+    assert page.locator("svg").count() == 8
 
 
 @pytest.mark.parametrize("width", [360, 768, 1920])

@@ -52,6 +52,7 @@ AXIS = {
     "residual-force": "Size of the pull [N]",
     "whitened": "Residual [standard deviations]",
     "arrows": "from the side",
+    "workspace": "Reach from the shoulder axis [m]",
     "registration": "Reading of a base reflector, in order",
 }
 
@@ -136,6 +137,7 @@ def test_the_verdict_comes_first_and_the_method_last(sample):
         "test-pose",
         "validation",
         "residuals",
+        "budget",
         "registration",
         "rejected",
         "method",
@@ -260,7 +262,8 @@ def test_figures_follow_the_colours_of_the_page(html):
     pictures = "".join(re.findall(r"<svg.*?</svg>", html, flags=re.DOTALL))
 
     pictures = re.sub(r'(?:href|id|clip-path)="[^"]*"', "", pictures)
-    assert pictures.count("<svg") == 7
+    assert pictures.count("<svg") == 8
+    assert "<image" not in pictures
     assert re.findall(r"#[0-9a-f]{3,6}\b|\brgb\(", pictures) == []
 
 

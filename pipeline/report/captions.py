@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.report.numbers import known, percent, plain
+from pipeline.report.numbers import known, percent, plain, with_std
 from pipeline.report.record import Figure
 from pipeline.report.summaries import (
     Tables,
@@ -184,6 +184,29 @@ def _prediction(result: Result, tables: Tables) -> Figure | None:
     )
 
 
+def _workspace(result: Result, tables: Tables) -> Figure | None:
+    if not has(tables, "workspace") or len(tables["workspace"]) < 20:
+        return None
+    soft = tables["workspace"]
+    here, worst = soft.iloc[0], soft.iloc[int(soft["worst_m_per_n"].to_numpy().argmax())]
+    size = 1e6 * soft["worst_m_per_n"]
+    axis = "xyz"[int(np.abs(here[[f"direction_{a}" for a in "xyz"]].to_numpy(float)).argmax())]
+    said = (
+        f"At the test pose (cross) one newton moves the load point by "
+        f"{with_std(1e6 * here['worst_m_per_n'], 1e6 * here['std_m_per_n'])} µm in its softest "
+        f"direction, mostly along {axis}. Over the plane it is {plain(size.min(), 2)} µm to "
+        f"{plain(size.max(), 2)} µm, most at a reach of {worst['reach_m']:.1f} m and a height of "
+        f"{worst['height_m']:.1f} m."
+    )
+    return Figure(
+        "workspace",
+        "Deflection per newton over the arm's plane",
+        f"{said} Shoulder and elbow go through their ranges, the other joints stay as in the test "
+        f"pose; bright is soft.",
+        f"Map of the deflection per newton of load over reach and height. {said}",
+    )
+
+
 SETS = {"test_pose": "around the test pose", "global": "over the workspace"}
 DRAWS = {"covariance": "full covariance", "independent": "independent"}
 
@@ -194,5 +217,6 @@ WRITERS: dict[str, Callable[[Result, Tables], Figure | None]] = {
     "residual-force": _residual_force,
     "whitened": _whitened,
     "arrows": _arrows,
+    "workspace": _workspace,
     "registration": _registration,
 }

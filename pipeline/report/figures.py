@@ -14,9 +14,10 @@ from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure as Canvas
 from matplotlib.quiver import Quiver
 from matplotlib.ticker import MaxNLocator
+from matplotlib.tri import Triangulation
 
 from pipeline.report.captions import DRAWS, SETS, comparable
-from pipeline.report.numbers import known, percent, plain
+from pipeline.report.numbers import known, percent, plain, with_std
 from pipeline.report.summaries import (
     AXES,
     MM,
@@ -29,7 +30,7 @@ from pipeline.report.summaries import (
     thinned,
     whitened,
 )
-from pipeline.report.svg import BLUE, GRID, INK, MUTED, RED, SERIES, STYLE, Drawing, finish
+from pipeline.report.svg import BLUE, GRID, INK, MUTED, RED, SERIES, SHADES, STYLE, Drawing, finish
 
 mpl.use("Agg")
 
@@ -218,8 +219,12 @@ def _arrows(canvas: Canvas, result: Result, tables: Tables) -> Tips:
         quiver.set_gid(key)  # not earlier: the key below copies all arguments, this one too
         keyed.append(quiver)
         view.scatter(vectors[across], vectors[up], s=5, color=INK, linewidths=0)
+        ends = (
+            vectors[[across, up]].to_numpy() + vectors[[f"r{across}", f"r{up}"]].to_numpy() / scale
+        )
+        view.update_datalim(ends)
+        view.autoscale_view()
         view.set_aspect("equal", adjustable="datalim")
-        view.margins(0.16)
         view.set_title(name, fontsize=8.5, loc="left")
         view.set_ylabel(f"{up} [m]")
         if not wide or up == "z":
@@ -251,6 +256,43 @@ def _round_down(value: float) -> float:
     """1, 2 or 5 times a power of ten, not above the value."""
     power = 10.0 ** np.floor(np.log10(max(value, 1e-300)))
     return float(max(step for step in (1, 2, 5) if step * power <= value * (1 + 1e-12)) * power)
+
+
+def _workspace(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+    soft = tables["workspace"]
+    swept, here = soft[soft["row"] >= 0].reset_index(drop=True), soft.iloc[0]
+    canvas.set_size_inches(5.6, 3.9)
+    axes = canvas.subplots()
+    per_newton = 1e6 * swept["worst_m_per_n"].to_numpy(float)
+    levels = MaxNLocator(len(SHADES), steps=[1, 2, 2.5, 5, 10]).tick_values(
+        per_newton.min(), per_newton.max()
+    )
+    shades = [SHADES[i] for i in np.linspace(0, 8, len(levels) - 1).round().astype(int)]
+    net = Triangulation(swept["reach_m"], swept["height_m"], _triangles(swept))
+    filled = axes.tricontourf(net, per_newton, levels=levels, colors=shades)
+    canvas.colorbar(filled, ax=axes, label="Deflection per newton, softest direction [µm/N]")
+    axes.scatter(swept["reach_m"], swept["height_m"], s=1.2, color=GRID, linewidths=0, gid="soft")
+    axes.scatter(
+        here["reach_m"], here["height_m"], s=60, marker="X", color=RED, edgecolors=INK, gid="here"
+    )
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("Reach from the shoulder axis [m]")
+    axes.set_ylabel("Height [m]")
+    return {"soft": [_softness(r) for r in _rows(swept)], "here": ["test pose: " + _softness(here)]}
+
+
+def _softness(row: Any) -> str:
+    per_newton = with_std(1e6 * row.worst_m_per_n, 1e6 * row.std_m_per_n)
+    return f"reach {row.reach_m:.2f} m, height {row.height_m:.2f} m: {per_newton} µm/N"
+
+
+def _triangles(swept: pd.DataFrame) -> np.ndarray:
+    """Two triangles for every mesh of the joint grid whose four corners are there, (k, 3)."""
+    at = {(int(r.row), int(r.column)): i for i, r in enumerate(_rows(swept))}
+    corners = ((0, 0), (1, 0), (0, 1), (1, 1))
+    meshes = [[at.get((r + a, c + b)) for a, b in corners] for r, c in at]
+    whole = [mesh for mesh in meshes if None not in mesh]
+    return np.array([[m[i] for i in side] for m in whole for side in ((0, 1, 2), (1, 3, 2))])
 
 
 def _registration(canvas: Canvas, result: Result, tables: Tables) -> Tips:
@@ -322,5 +364,6 @@ DRAWERS: dict[str, Callable[[Canvas, Result, Tables], Tips]] = {
     "residual-force": _residual_force,
     "whitened": _whitened,
     "arrows": _arrows,
+    "workspace": _workspace,
     "registration": _registration,
 }

@@ -60,7 +60,7 @@ def compose(result: Result, tables: Tables, run_time_s: float | None = None) -> 
     sections = [
         _stiffness(result),
         _diagnosis(result),
-        _test_pose(result),
+        _test_pose(result, tables),
         _validation(result, tables),
         _residuals(result, tables),
         _budget(result),
@@ -449,15 +449,20 @@ def _blind_spots(spots: list[Any]) -> Table | None:
 # --- predictions ---------------------------------------------------------------------------
 
 
-def _test_pose(result: Result) -> Section | None:
+def _test_pose(result: Result, tables: Tables) -> Section | None:
     plainly = _list(result, "test_pose_deflection")
     extended = _list(result, "extended", "test_pose_deflection")
     return _section(
         "test-pose",
-        "Deflection at the test pose",
+        "Deflection under load",
         [
-            _deflections("deflection", "Predicted deflection, joint springs only", plainly),
-            _deflections("deflection-extended", "With the named causes in the model", extended),
+            _deflections(
+                "deflection", "Predicted deflection at the test pose, joint springs only", plainly
+            ),
+            _deflections(
+                "deflection-extended", "The same with the named causes in the model", extended
+            ),
+            *figures(("workspace",), result, tables),
         ],
     )
 
@@ -549,20 +554,56 @@ def _residuals(result: Result, tables: Tables) -> Section | None:
 
 
 def _budget(result: Result) -> Section | None:
-    lines = [b for b in _list(result, "budget") if isinstance(b, Mapping)]
+    return _section(
+        "budget",
+        "Uncertainty budget",
+        [
+            _budget_table(_list(result, "budget")),
+            _noise_table(_list(result, "noise", "components")),
+        ],
+    )
+
+
+def _budget_table(lines: list[Any]) -> Table | None:
     if not lines:
         return None
-    keys = [k for k in lines[0] if isinstance(lines[0][k], str) or known(lines[0][k])]
+    shares = [key for key in lines[0] if key != "source"]
     rows = [
-        tuple(
-            entry(plain(b.get(k)), b.get(k)) if known(b.get(k)) else text_entry(b.get(k))
-            for k in keys
+        (
+            text_entry(words.SOURCES.get(str(line.get("source")), line.get("source"))),
+            *[entry(_share(line.get(key)), line.get(key)) for key in shares],
         )
-        for b in lines
+        for line in lines
     ]
-    columns = tuple(Column(k.replace("_", " "), numeric=known(lines[0][k])) for k in keys)
-    table = Table("budget", "Where the uncertainty comes from", columns, tuple(rows))
-    return Section("budget", "Uncertainty budget", (table,))
+    columns = (Column("Source"), *[Column(key, numeric=True) for key in shares])
+    note = "Shares of the variance of each stiffness; the largest is where better measuring pays."
+    return Table("budget", "Where the uncertainty comes from", columns, tuple(rows), note)
+
+
+def _share(value: Any) -> str:
+    return "below 0.1" if known(value) and value < 0.1 else plain(value, 2)
+
+
+def _noise_table(found: list[Any]) -> Table | None:
+    rows = []
+    for one in found:
+        scale, std = one.get("found_over_stated"), one.get("std")
+        p = one.get("p_value")
+        rows.append(
+            (
+                text_entry(words.SOURCES.get(str(one.get("name")), one.get("name"))),
+                entry(with_std(scale, std), scale),
+                entry(p_value(p) if known(p) else MISSING, p),
+            )
+        )
+    columns = (
+        Column("Noise of"),
+        Column("Found over stated", numeric=True),
+        Column("Chance of as much or more", numeric=True),
+    )
+    note = "Found from repeats, zeros read again and the effector's own triangle; 1 is as stated."
+    title = "Noise in the readings beside the stated noise"
+    return Table("noise", title, columns, tuple(rows), note) if rows else None
 
 
 def _registration(result: Result, tables: Tables) -> Section | None:

@@ -17,7 +17,13 @@ BLUE, RED, GREEN, PURPLE = "#0072b2", "#c8500a", "#00785a", "#8a4f7e"
 SERIES = (BLUE, RED, GREEN, PURPLE)
 """After Okabe and Ito, darkened so that each has a contrast of 3:1 on white."""
 
+SHADES = tuple(
+    "#00224e #123570 #3b496c #575d6d #707173 #8a8678 #a59c74 #c3b369 #e1cc55".split()  # noqa: SIM905
+)
+"""Nine steps of cividis: brightness alone tells them apart."""
+
 VARIABLES = {
+    **{shade: f"--shade-{step}" for step, shade in enumerate(SHADES)},
     INK: "--fig-ink",
     MUTED: "--fig-muted",
     GRID: "--fig-grid",

@@ -36,6 +36,18 @@ CAUSES = {
     "sign_or_convention": "a sign or an axis convention is mixed up",
 }
 
+SOURCES = {
+    "tracker": "tracker readings",
+    "zero": "zero of each pose",
+    "force_reading": "scale readings",
+    "force reading": "scale readings",
+    "force_gain": "gain of the scale",
+    "force gain": "gain of the scale",
+    "direction": "direction of the chain",
+    "registration": "registration into the base frame",
+    "geometry": "geometry of robot and tool",
+}
+
 VERDICTS = {
     "adequate": ("The model fits", "good"),
     "explained": ("A cause is named", "attention"),

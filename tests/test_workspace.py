@@ -1,0 +1,146 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from pipeline.cell import Tool, paper_cell, predict
+from pipeline.effects import Pulls
+from pipeline.results import Estimate
+from pipeline.robot import SHIPPED, load
+from pipeline.robot.model import model
+from pipeline.stages.validate import Where
+from pipeline.stages.workspace import arm_joints, workspace
+
+LOAD = np.array([0.15, 0.02, 0.25])
+Q = {
+    "kr500_rail": [5.0, 0.3, 0.5, 0.7, 1.2, 0.5, 0.4],
+    "kr500_rail_kuka": [5.0, 0.3, 0.5, 0.7, 1.2, 0.5, 0.4],
+    "fanuc_r2000ic": [0.3, -0.3, -0.5, 0.1, -1.1, 2.5],
+}
+
+
+def cell_of(name):
+    """The paper's cell of a robot with one reflector."""
+    return paper_cell(load(name), Tool(LOAD, np.array(["P1"], object), np.array([[0.2, 0, 0.1]])))
+
+
+def estimate_of(cell, unknown=None):
+    """Compliances near the robot's own, correlated, one of them possibly undetermined."""
+    rng = np.random.default_rng(5)
+    value = cell.robot.nominal_compliance * rng.uniform(0.8, 1.2, cell.robot.n)
+    own = 0.1 * rng.standard_normal((len(value), len(value)))
+    half = 0.03 * value[:, None] * np.hstack([np.ones((len(value), 1)), own])
+    cov = half @ half.T
+    if unknown is not None:
+        cov[unknown] = cov[:, unknown] = 0.0
+        cov[unknown, unknown] = np.inf
+    known = np.isfinite(np.diag(cov))
+    return Estimate(
+        cell.parameters, value, cov, known, np.zeros(1), 1.0, 1, None, "stated", 0.0, 2.0
+    )
+
+
+def moved(cell, q, force, x):
+    """Displacement of the load point itself, asked of the forward model pull by pull."""
+    m = len(force)
+    tool = Tool(LOAD, np.array(["here"], object), LOAD[None])
+    none, zero = np.zeros(m), np.zeros(m, int)
+    pulls = Pulls(zero, zero, np.tile(q, (m, 1)), force, none, none, none, none)
+    return predict(replace(cell, tool=tool), pulls, x).displacement[:, 0]
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_no_pull_moves_the_load_point_further(name):
+    """Of all directions of pull at the test pose none is softer than the map says."""
+    cell, q = cell_of(name), np.array(Q[name])
+    estimate = estimate_of(cell)
+    here = workspace(cell, estimate, Where(q, np.ones(3), True)).iloc[0]
+    pull = np.random.default_rng(1).standard_normal((4000, 3))
+    pull /= np.linalg.norm(pull, axis=1, keepdims=True)
+
+    size = np.linalg.norm(moved(cell, q, pull, estimate.value), axis=1)
+
+    assert size.max() <= here["worst_m_per_n"] * (1 + 1e-9)
+    assert size.max() >= here["worst_m_per_n"] * 0.995
+
+
+def test_its_uncertainty_is_that_of_draws_from_the_covariance():
+    """Compliances drawn from the full covariance scatter the deflection as stated."""
+    name = "kr500_rail"
+    cell, q = cell_of(name), np.array(Q[name])
+    estimate = estimate_of(cell)
+    here = workspace(cell, estimate, Where(q, np.ones(3), True)).iloc[0]
+    rng = np.random.default_rng(2)
+    x = rng.multivariate_normal(estimate.value, estimate.cov, size=1500, method="eigh")
+    size = [np.linalg.norm(moved(cell, q, np.eye(3), each), ord=2) for each in x]
+
+    assert np.std(size) == pytest.approx(here["std_m_per_n"], rel=0.08)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_the_map_lies_where_pinocchio_puts_the_load_point(name):
+    """Heights are those of Pinocchio, and the plane is as wide as the arm is long."""
+    cell, q = cell_of(name), np.array(Q[name])
+    table = workspace(cell, estimate_of(cell), Where(q, np.ones(3), True))
+    built = model(cell.robot, {"load": LOAD})
+    data = built.createData()
+    pin.framesForwardKinematics(built, data, q)
+    at = data.oMf[built.getFrameId("load")].translation
+
+    assert table["height_m"].iloc[0] == pytest.approx(at[2], abs=1e-12)
+    assert 100 < len(table) <= 626
+    assert np.hypot(np.ptp(table["reach_m"]), np.ptp(table["height_m"])) > 2.0
+
+
+def test_every_place_of_the_map_is_reached_once():
+    """The arm keeps to one side of its stretched position, so that no place has two values."""
+    name = "fanuc_r2000ic"
+    cell = cell_of(name)
+    table = workspace(cell, estimate_of(cell), Where(np.array(Q[name]), np.ones(3), True))
+    swept = table[table["row"] >= 0]
+    corners = {(r.row, r.column): (r.reach_m, r.height_m) for r in swept.itertuples()}
+    turns = []
+    for (row, column), here in corners.items():
+        along, across = corners.get((row + 1, column)), corners.get((row, column + 1))
+        if along and across:
+            a, b = np.subtract(along, here), np.subtract(across, here)
+            turns.append(a[0] * b[1] - a[1] * b[0])
+
+    assert len(turns) > 100
+    assert abs(np.sign(turns).sum()) == len(turns)
+
+
+def test_a_stiffness_that_is_not_known_is_taken_as_certain():
+    """An undetermined compliance leaves the map finite."""
+    cell = cell_of("kr500_rail")
+    table = workspace(
+        cell, estimate_of(cell, unknown=6), Where(np.array(Q["kr500_rail"]), np.ones(3), True)
+    )
+
+    assert np.isfinite(table.to_numpy(float)).all()
+
+
+def test_an_arm_without_parallel_joints_has_no_map():
+    """Without a shoulder and an elbow there is no plane to show, and that is no error."""
+    cell = cell_of("kr500_rail")
+    tilted = cell.robot.placement.copy()
+    angle = 0.3
+    tilted[3] = tilted[3] @ np.array(
+        [
+            [1, 0, 0, 0],
+            [0, np.cos(angle), -np.sin(angle), 0],
+            [0, np.sin(angle), np.cos(angle), 0],
+            [0, 0, 0, 1],
+        ]
+    )
+    robot = replace(cell.robot, placement=tilted)
+    q = np.array(Q["kr500_rail"])
+
+    assert arm_joints(cell.robot, q) == (2, 3)
+    assert arm_joints(robot, q) is None
+    assert workspace(
+        replace(cell, robot=robot), estimate_of(cell), Where(q, np.ones(3), True)
+    ).empty
