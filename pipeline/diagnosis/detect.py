@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from pipeline.diagnosis.evidence import Scores
+from pipeline.diagnosis.evidence import ROUNDING, Scores
 from pipeline.diagnosis.view import NULL, View, by_pose_drop, eliminate
 from pipeline.results import Array, Ints
 
@@ -98,7 +98,7 @@ def lack_of_fit(view: View, base: Ints, score: Scores) -> Lack:
     """
     if view.scatter_dof < 10:
         return Lack(1.0, 1.0)
-    noise = view.scatter / view.scatter_dof
+    noise = max(view.scatter / view.scatter_dof, ROUNDING)
     excess, dof = score.rest - view.scatter, score.dof - view.scatter_dof
     by_pose, by_pose_dof = by_pose_drop(view, base)
     return Lack(

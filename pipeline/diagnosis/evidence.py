@@ -14,6 +14,10 @@ WIDTHS = np.array([0.4, 1.0, 2.5, 6.0])
 """Prior standard deviations of a parameter in its typical size; each has the same weight."""
 
 
+ROUNDING = 1e-4
+"""Mean square in units of the noise below which exact data leave rounding, which accuses nobody."""
+
+
 @dataclass(frozen=True, eq=False)
 class Scores(Locked):
     """Every suspect beside one base.
@@ -56,7 +60,7 @@ def scores(view: View, base: Ints, dof: int, M: Array | None = None) -> Scores:
     n = len(view.suspects)
     T, rank = np.zeros(n), np.zeros(n, dtype=np.int64)
     log_evidence = np.zeros(n)
-    rest = max(float(S[-1, -1]), 1e-300)
+    rest = max(float(S[-1, -1]), ROUNDING * dof)
     size = np.bincount(view.owner, minlength=n)
     first = view.first + np.concatenate([[0], np.cumsum(size)[:-1]])
     for k in np.unique(size):

@@ -22,6 +22,12 @@ TOLERATED = 1.3
 SURE = 0.001
 """How unlikely scatter must be before it is called larger than stated."""
 
+LEAST = 0.01
+"""Readings that scatter less than this part of the stated noise are not from an instrument."""
+
+LEAST_M = 1e-7
+"""The same where no noise is stated [m]."""
+
 TRIED = (1.0, 1.4, 2.0, 3.0, 5.0, 8.0, 13.0)
 """Scatter of the scale over its stated one, relative to the tracker's."""
 
@@ -59,7 +65,7 @@ def scatter(view: View, errors: Errors, stated: bool) -> Scatter:
         dof, square, source = view.scatter_dof, view.scatter, "rigidity"
     else:
         dof, square, source = _all_suspects_out(view)
-    tracker = float(np.sqrt(square / dof))
+    tracker = max(float(np.sqrt(square / dof)), LEAST if stated else LEAST_M)
     p = float(stats.chi2.sf(square / TOLERATED**2, dof)) if stated else 1.0
     force, force_p = _force(view, errors)
     return Scatter(tracker, tracker / float(np.sqrt(2 * dof)), p, force, force_p, source)

@@ -11,7 +11,7 @@ from scipy import special, stats
 
 from pipeline.cell import Cell, predict
 from pipeline.diagnosis.blindspots import blind_spots, smallest_visible
-from pipeline.diagnosis.evidence import clean
+from pipeline.diagnosis.evidence import ROUNDING, clean
 from pipeline.diagnosis.gain import Gain, gain, rms
 from pipeline.diagnosis.identify import Case, Found, Rival, by_label, search
 from pipeline.diagnosis.isolability import Twins, twins
@@ -335,7 +335,8 @@ def _clues(found: Found) -> tuple[Clue, ...]:
 def _misfits(view: View) -> tuple[Misfit, ...]:
     """Which place of the cell takes most of the misfit when all its suspects join at once."""
     S = eliminate(view.M, view.base)
-    rest, dof = float(S[-1, -1]), view.rows_left
+    dof = view.rows_left
+    rest = max(float(S[-1, -1]), ROUNDING * dof)
     places: dict[str, list[int]] = {}
     for i, effect in enumerate(view.suspects):
         places.setdefault(location(effect), []).append(i)
@@ -349,9 +350,10 @@ def _misfits(view: View) -> tuple[Misfit, ...]:
         if not k or dof - k < 5:
             continue
         T = float(h[0] @ np.linalg.pinv(G[0], rcond=1e-9, hermitian=True) @ h[0])
-        T = min(T, rest)
-        p = float(special.fdtrc(k, dof - k, (T / k) / max((rest - T) / (dof - k), 1e-300)))
-        out.append(Misfit(place, T / rest if rest > 0 else 0.0, p))
+        T = min(max(T, 0.0), rest)
+        left = max((rest - T) / (dof - k), ROUNDING)
+        p = float(special.fdtrc(k, dof - k, (T / k) / left))
+        out.append(Misfit(place, T / rest, p))
     return tuple(sorted(out, key=lambda m: m.p_value))
 
 
