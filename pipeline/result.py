@@ -151,7 +151,10 @@ def answer(found: Findings) -> dict[str, Any]:
         "budget": budget_entries(stiffness),
         "noise": noise_entry(found.noise, estimate),
         "rejected": rejected_entries(found.rejected),
-        "findings": [entry["finding"] for entry in stiffness if entry["finding"]],
+        "findings": [
+            *registration_findings(found.registration),
+            *(entry["finding"] for entry in stiffness if entry["finding"]),
+        ],
         "registration": registration_entry(found.registration),
         "test_pose_deflection": deflection_entries(cell, estimate, where),
         "model": {"equilibrium": cell.equilibrium},
@@ -339,7 +342,9 @@ def fit_entry(cell: Cell, data: Measured, estimate: Estimate) -> dict[str, Any]:
 
 def second_order_mm(cell: Cell, data: Measured, estimate: Estimate) -> float:
     """How far the deflected robot's geometry would move the targets, rms [mm]; c = B x omits it."""
-    x = np.clip(estimate.value[: len(cell.parameters)], 0.0, None)  # the springs stand first
+    n = len(cell.parameters)  # the springs stand first
+    known = estimate.identifiable[:n] & (estimate.value[:n] > 0)
+    x = np.where(known, estimate.value[:n], cell.robot.nominal_compliance)
     flat, bent = (
         predict(replace(cell, equilibrium=kind), data.pulls, x).displacement
         for kind in ("undeformed", "deformed")
@@ -377,7 +382,7 @@ def sentences(
     """The verdict in two sentences."""
     good = [entry["name"] for entry in stiffness if entry["value"] is not None]
     some = "all" if len(good) == len(stiffness) else f"{len(good)} of {len(stiffness)}"
-    error = rms_mm(found.residuals["left_out_m"].to_numpy())
+    error = left_out_mm(found.residuals)
     left = 1e3 * found.estimate.residual_std_m
     first = {
         "adequate": "The joint stiffness model explains the measured deflections.",
@@ -389,11 +394,14 @@ def sentences(
             f"The joint stiffness model does not fit as well as a tracker measures: {left:.3f} mm "
             f"remain. {why}"
         )
-    return [
-        first,
-        f"{some.capitalize()} stiffnesses have a value, and poses left out of the estimate are "
-        f"predicted to {error:.3f} mm.",
-    ]
+    told = (
+        "no pose can be predicted from the others"
+        if error is None
+        else f"poses left out of the estimate are predicted to {error:.3f} mm"
+    )
+    if not good:
+        first = "These pulls determine no stiffness."
+    return [first, f"{some.capitalize()} stiffnesses have a value, and {told}."]
 
 
 def validation_entry(
@@ -411,7 +419,7 @@ def validation_entry(
 
     return {
         **both("covariance"),
-        "held_out_rms_mm": rms_mm(residuals["left_out_m"].to_numpy()),
+        "held_out_rms_mm": left_out_mm(residuals),
         "independent": both("independent"),
         "poses": int(checked["index"].max()),
         "test_pose_stated": where.stated,
@@ -449,6 +457,21 @@ def registration_entry(registration: Registration) -> dict[str, Any] | None:
     }
 
 
+def registration_findings(registration: Registration) -> list[str]:
+    """A sentence when the base reflectors disagree by more than chance explains."""
+    told = registration_entry(registration)
+    if told is None or told["p_value"] is None or told["p_value"] >= SURE:
+        return []
+    table = registration.table
+    miss = np.linalg.norm(table[["dx_m", "dy_m", "dz_m"]].to_numpy(), axis=1)
+    worst = table.iloc[int(np.argmax(miss))]
+    return [
+        f"The base reflectors do not fit their nominal coordinates (p = {told['p_value']:.1g}): "
+        f"{worst['target']} in {worst['group']} is off by {1e3 * miss.max():.3g} mm; check "
+        f"[base_frame] and whether the tracker or a reflector moved."
+    ]
+
+
 def deflection_entries(cell: Cell, estimate: Estimate, where: Where) -> list[dict[str, Any]]:
     """Predicted deflection at the test pose with its standard uncertainty."""
     A = deflections(cell, where.q[None], where.force[None])[0]
@@ -477,8 +500,13 @@ def assumptions(raw: Raw, where: Where) -> list[str]:
 
 def rms_mm(values: Array) -> float:
     """Root mean square over coordinates [mm], unweighted."""
-    values = np.asarray(values, dtype=float)
-    return 1e3 * float(np.sqrt(np.nanmean(values**2)))
+    return 1e3 * float(np.sqrt(np.mean(np.asarray(values, dtype=float) ** 2)))
+
+
+def left_out_mm(residuals: pd.DataFrame) -> float | None:
+    """The same of the left-out residuals that the other poses can tell; None when there is none."""
+    known = residuals["left_out_m"].dropna().to_numpy()
+    return rms_mm(known) if len(known) else None
 
 
 def finite(value: float) -> float | None:

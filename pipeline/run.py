@@ -19,7 +19,9 @@ from pipeline import handover, result, tables
 from pipeline.campaign import Campaign, Raw, dump
 from pipeline.cell import Tool, paper_cell
 from pipeline.diagnosis.shown import apart_table, clues_table, examined_table
+from pipeline.errors import InputError
 from pipeline.report.render import render
+from pipeline.robot import Robot
 from pipeline.settings import Settings
 from pipeline.stages.assemble import Measured, measured
 from pipeline.stages.diagnose import diagnose
@@ -117,8 +119,11 @@ def _compute(campaign: Campaign, raw: Raw, step: Step[Any]) -> dict[str, Any]:
         paper_cell(raw.robot, tool(raw.settings)), equilibrium=raw.settings.model.equilibrium
     )
 
+    enough(data, raw.robot)
     start = raw.robot.nominal_compliance
     system, estimate = step(identify)(cell, data, start)
+    if not estimate.identifiable.any():
+        raise InputError("these pulls determine no stiffness at all", "pull in more poses")
     found = step(noise)(raw.settings, cell, reduced.placed, data, system, estimate)
     if found.used:
         data = rescaled(data, found)
@@ -170,6 +175,19 @@ def _compute(campaign: Campaign, raw: Raw, step: Step[Any]) -> dict[str, Any]:
     handed = handover.model(campaign.name, answer["diagnosis"]["verdict"], cell, estimate)
     campaign.finish(raw.key, {"result.json": dump(answer), **handover.files(handed), **pages})
     return answer
+
+
+def enough(data: Measured, robot: Robot) -> None:
+    """At least as many coordinates as stiffnesses, or there is nothing to estimate.
+
+    Raises:
+        InputError: Fewer.
+    """
+    if data.delta.size < robot.n:
+        raise InputError(
+            f"{data.delta.size} displacement coordinates for {robot.n} stiffnesses",
+            "add pulls in more poses, or more reflectors",
+        )
 
 
 def tool(settings: Settings) -> Tool:

@@ -24,9 +24,9 @@ class Strict(BaseModel):
 class InstrumentNoise(Strict):
     """Standard uncertainty of one reading in the beam's frame, constant and per metre of range."""
 
-    range_m: NotNegative
+    range_m: Positive
     range_per_m: NotNegative = 0.0
-    transverse_m: NotNegative
+    transverse_m: Positive
     transverse_per_m: NotNegative = 0.0
 
 

@@ -99,6 +99,19 @@ def test_left_out_poses_are_estimated_without_themselves(rng):
         assert ours[out] == pytest.approx(made.c[out] - made.B[out] @ x, abs=1e-12)
 
 
+def test_what_only_one_pose_determines_cannot_be_predicted_there(rng):
+    """A parameter that moves one pose only: that pose has no left-out residual, the others have."""
+    made = system(rng)
+    B = made.B.copy()
+    alone = made.rows.pose == made.rows.pose[0]
+    B[~alone, 2] = 0.0
+
+    left = left_out(replace(made, B=B))
+
+    assert np.isnan(left[alone]).all()
+    assert np.isfinite(left[~alone]).all()
+
+
 def test_noise_that_is_not_stated_comes_from_the_residuals(rng):
     """Doubling every error column changes nothing; intervals are Student's."""
     made = system(rng, stated=False)

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from pipeline import campaign as campaigns
+from pipeline.errors import InputError
 from pipeline.run import run
 from pipeline.simulate import Plan, revised, simulate
 from pipeline.tables import DISPLACEMENTS, FORCES
@@ -246,3 +247,42 @@ def test_a_damaged_answer_is_made_again(tmp_path):
 
     assert run(campaign) == first
     assert json.loads((campaign.reports / "result.json").read_text()) == first
+
+
+def few(poses, steps, targets):
+    """A campaign with so many poses, load steps and targets."""
+    plan = Plan(name="few", poses={"count": poses}, pulls={"steps_n": [3000.0] * steps})
+    return plan.model_copy(update={"tool": dict(list(plan.tool.items())[: 1 + targets])})
+
+
+@pytest.mark.parametrize(
+    ("size", "says"),
+    [((2, 1, 1), "6 displacement coordinates for 7"), ((1, 1, 3), "determine no stiffness")],
+)
+def test_too_few_pulls_are_refused_in_one_sentence(size, says, tmp_path):
+    """Fewer rows than unknowns, or none of the unknowns determined."""
+    with pytest.raises(InputError, match=says):
+        run(write(tmp_path, simulate(few(*size)).files))
+
+
+def test_two_poses_cannot_predict_each_other(tmp_path):
+    """Then there is no left-out error, and no number stands for it."""
+    answer = run(write(tmp_path, simulate(few(2, 1, 3)).files))
+
+    assert answer["validation"]["held_out_rms_mm"] is None
+    assert any(entry["value"] for entry in answer["stiffness"])
+
+
+def test_a_base_reflector_off_by_centimetres_is_told(tmp_path):
+    """The finding names it; the registration claims no microradians any more."""
+    files = dict(simulate(Plan(name="c")).files)
+    good = run(write(tmp_path, files, "good"))
+    toml = files["campaign.toml"].replace(b"B2 = [0.6, 18.5, -0.3]", b"B2 = [0.63, 18.5, -0.3]")
+    assert toml != files["campaign.toml"]
+    bad = run(write(tmp_path, files | {"campaign.toml": toml}, "bad"))
+
+    assert good["findings"] == [e["finding"] for e in good["stiffness"] if e["finding"]]
+    assert "base reflectors do not fit" in bad["findings"][0]
+    assert bad["registration"]["rotation_std_rad"][2] > (
+        50 * good["registration"]["rotation_std_rad"][2]
+    )

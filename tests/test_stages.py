@@ -133,6 +133,14 @@ def test_registration_claims_the_scatter_it_has(settings):
     assert (np.abs(ratio - 1) < 5 * np.sqrt(2 / 400)).all()
 
 
+def test_a_reading_without_any_uncertainty_is_refused(settings):
+    """It would outweigh all others; the sentence names its line."""
+    table = readings(base_rows(settings, R0, T0))
+    table.loc[2, covariance.columns()] = 0.0
+    with pytest.raises(InputError, match=r"t\.csv:4: the uncertainty of B3 is zero"):
+        register(settings, table)
+
+
 def test_two_base_reflectors_are_refused(settings):
     """The sentence says how many there are."""
     with pytest.raises(InputError, match="only 2 base reflectors"):

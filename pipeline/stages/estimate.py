@@ -122,6 +122,11 @@ def left_out(system: System, white: Whitener | None = None) -> Array:
     np.add.at(N, white.pose, A[:, :, None] * A[:, None, :])
     np.add.at(g, white.pose, A * y[:, None])
     prior = np.diag([0.0] * k + [1.0] * r)
-    rest = N.sum(axis=0) + prior - N
-    x = np.einsum("pij,pj->pi", np.linalg.pinv(rest, rcond=1e-14, hermitian=True), g.sum(0) - g)
-    return system.c - np.einsum("mk,mk->m", system.B * typical, x[white.pose, :k])
+    w, V = np.linalg.eigh(N.sum(axis=0) + prior - N)
+    seen = w > DARK**1.5 * w[:, -1:]
+    along = np.einsum("pij,pi->pj", V, g.sum(axis=0) - g) / np.where(seen, w, np.inf)
+    x = np.einsum("pij,pj->pi", V, along)
+    rows = np.hstack([system.B * typical, np.zeros((len(y), r))])
+    needs = np.abs(np.einsum("mi,mij->mj", rows, V[white.pose])) * ~seen[white.pose]
+    left = system.c - np.einsum("mi,mi->m", rows, x[white.pose])
+    return np.where(needs.max(axis=1) > 1e-6 * np.linalg.norm(rows, axis=1), np.nan, left)

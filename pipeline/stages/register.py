@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from scipy import special
 
 from pipeline import covariance
 from pipeline.errors import InputError
@@ -13,6 +14,9 @@ from pipeline.results import Array, Locked
 from pipeline.settings import Settings
 
 XYZ = ["x_m", "y_m", "z_m"]
+
+MISFIT = 1e-4
+"""Base reflectors that agree worse than chance would have it in this part of all campaigns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +55,7 @@ def register(settings: Settings, readings: pd.DataFrame) -> Registration:
     Raises:
         InputError: Fewer than three reflectors, or all of them on one line.
     """
+    _uncertain(readings)
     base = readings[readings["pose"].isna() & readings["target"].isin(list(settings.base_frame))]
     if not settings.base_frame:
         nothing = base.assign(dx_m=0.0, dy_m=0.0, dz_m=0.0)
@@ -71,8 +76,8 @@ def register(settings: Settings, readings: pd.DataFrame) -> Registration:
         if np.abs(step).max() < 1e-15:
             break
     dof = 3 * len(base) - 6
-    if not stated:
-        cov = cov * (chi2 / dof if dof > 0 else 0.0)
+    if not stated or (dof > 0 and special.chdtrc(dof, chi2) < MISFIT):
+        cov = cov * (chi2 / dof if dof > 0 else 0.0)  # reflectors that disagree place it worse
     placed = points @ R.T + t
     table = base.assign(
         **dict(zip(XYZ, placed.T, strict=True)),
@@ -93,6 +98,20 @@ def place(registration: Registration, readings: pd.DataFrame) -> pd.DataFrame:
         **dict(zip(XYZ, moved.T, strict=True)),
         **dict(zip(covariance.columns(), covariance.flat(C).T, strict=True)),
     )
+
+
+def _uncertain(readings: pd.DataFrame) -> None:
+    """No instrument reads without error: a reading that says so would outweigh all others."""
+    C = covariance.matrices(readings)
+    least = np.linalg.eigvalsh(np.where(np.isfinite(C), C, np.eye(3)))[:, 0]
+    if (least <= 0).any():
+        first = readings.iloc[int(np.argmax(least <= 0))]
+        raise InputError(
+            f"the uncertainty of {first['target']} is zero in some direction",
+            "export the readings with their uncertainties, or state [tracker] sigma_m",
+            file=str(first["file"]),
+            line=int(first["line"]),
+        )
 
 
 def _enough(base: pd.DataFrame, nominal: Array) -> None:

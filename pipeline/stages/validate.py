@@ -58,7 +58,7 @@ def validate(
     """Relative deflection errors mu of Eq. (22) around the test pose and in the workspace.
 
     Every pose has a draw of its own, once from the full covariance of the compliances and once
-    as in Eq. (23), each stiffness by itself. Parameters without a finite uncertainty stay put.
+    as in Eq. (23), each stiffness by itself. Parameters that are not identifiable stay put.
 
     Args:
         cell: The paper's model.
@@ -109,7 +109,7 @@ def _around(cell: Cell, test: Where, rng: np.random.Generator, poses: int) -> Ar
 
 
 def _full(estimate: Estimate, rng: np.random.Generator, poses: int) -> Array:
-    known = np.isfinite(estimate.std)
+    known = estimate.identifiable
     x = np.tile(estimate.value, (poses, 1))
     std = estimate.std[known]  # compliances differ by powers of ten: factor the correlations
     values, vectors = np.linalg.eigh(estimate.cov[np.ix_(known, known)] / np.outer(std, std))
@@ -121,7 +121,7 @@ def _full(estimate: Estimate, rng: np.random.Generator, poses: int) -> Array:
 def _each(estimate: Estimate, rng: np.random.Generator, poses: int) -> Array:
     """Eq. (23): stiffnesses, each normal by itself; only those that have a positive value."""
     x = np.tile(estimate.value, (poses, 1))
-    known = np.isfinite(estimate.std) & (estimate.value > 0)
+    known = estimate.identifiable & (estimate.value > 0)
     k = 1 / estimate.value[known]
     x[:, known] = 1 / (k + rng.standard_normal((poses, len(k))) * estimate.std[known] * k**2)
     return x
