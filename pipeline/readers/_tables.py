@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from difflib import get_close_matches
 
 import numpy as np
 import pyarrow as pa
@@ -11,7 +12,7 @@ import pyarrow as pa
 from pipeline.errors import InputError, listed
 from pipeline.readers import _time
 from pipeline.readers._coordinates import Meaning, settled, settled_vertical
-from pipeline.readers._delimited import Field, Kind, Layout, Rows, cells_or_none, rows
+from pipeline.readers._delimited import Field, Kind, Layout, Rows, cells_or_none, rows, shown
 from pipeline.readers._named import Header, Named, one_unit
 from pipeline.readers._reader import (
     EXPANDED,
@@ -34,6 +35,10 @@ AXES = {
 }
 COVARIANCE = ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")
 NOT_DELETED = ("", "0", "no", "false", "n")
+LOST_IF_MISSPELT = {
+    "time": "time", "timestamp": "time", "delete": "delete", "deleted": "delete",
+    "group": "group", "point group": "group",
+}  # fmt: skip
 NAMES = ("group", "target", "reflector", "delete")
 
 
@@ -59,6 +64,8 @@ def read(
         InputError: Unit, angles or kind of coordinates are not stated.
     """
     _once(header, text.name)
+    _nearly(header, text.name)
+    _group_needs_target(header, text.name)
     kind, axes = _kind(header, hints, text.name)
     layout = Layout(
         fields=tuple(_field(column, place, axes) for place, column in enumerate(header.columns)),
@@ -77,12 +84,33 @@ def read(
         axes=axes,
         group="group" if header.has("group") else None,
         target=next((role for role in ("target", "reflector") if header.has(role)), None),
-        covariance=_covariances(table, header, hints),
+        covariance=_covariances(table, header, hints, text.name),
         keep=keep,
         why_not=why_not,
         unused=tuple(c.title for c in header.columns if c.title and not _used(c, axes)),
     )
-    return export(text, hints, found)
+    readings = export(text, hints, found)
+    return replace(readings, rejected=(*_above(text, header), *readings.rejected))
+
+
+def _above(text: Text, header: Header) -> list[tuple[int, str]]:
+    """Rows that stand above the header, which only a damaged file has."""
+    reason = "the row stands above the header; move it below"
+    return [
+        (number, reason)
+        for number, line in text.lines(1, header.line - 1)
+        if len(cells_or_none(line, header.delimiter) or []) == len(header.columns)
+    ]
+
+
+def _group_needs_target(header: Header, file: str) -> None:
+    if header.has("group") and not header.has("target") and not header.has("reflector"):
+        raise InputError(
+            f"there is no column target among {listed(c.title for c in header.columns)}",
+            "add it, or say which column it is in [tracker.mapping] of campaign.toml",
+            file=file,
+            line=header.line or None,
+        )
 
 
 def _once(header: Header, file: str) -> None:
@@ -96,6 +124,21 @@ def _once(header: Header, file: str) -> None:
             file=file,
             line=header.line or None,
         )
+
+
+def _nearly(header: Header, file: str) -> None:
+    """No column may almost have the name of one that is missing: it would be lost unnoticed."""
+    for column in header.columns:
+        if column.role or not column.title:
+            continue
+        near = get_close_matches(column.title.lower(), LOST_IF_MISSPELT, n=1, cutoff=0.75)
+        if near and not header.has(LOST_IF_MISSPELT[near[0]]):
+            raise InputError(
+                f'column "{shown(column.title)}" is not known, but looks like "{near[0]}"',
+                "correct its name, or say what it is in [tracker.mapping] of campaign.toml",
+                file=file,
+                line=header.line or None,
+            )
 
 
 def _kind(header: Header, hints: Hints, file: str) -> tuple[str, tuple[str, str, str]]:
@@ -146,15 +189,28 @@ def _used(column: Named, axes: Sequence[str]) -> bool:
 def _form(text: Text, header: Header, comment: str | None) -> str:
     """How the times are written, told from the first row that has one."""
     place = header.where("time")
-    if place is None:
-        return _time.ISO
     for _, line in text.lines(header.line + 1, most=1000):
         if not line.strip() or (comment and line.lstrip().startswith(comment)):
             continue
         cells = cells_or_none(line, header.delimiter)
-        if cells and place < len(cells) and cells[place]:
+        if cells and place is None:
+            _no_times_elsewhere(cells, header, text.name)
+            return _time.ISO
+        if cells and place is not None and place < len(cells) and cells[place]:
             return _time.form_of(cells[place]) or _time.ISO
     return _time.ISO
+
+
+def _no_times_elsewhere(cells: Sequence[str], header: Header, file: str) -> None:
+    """Without a time column, no other column may hold times: they would be lost unnoticed."""
+    for column, cell in zip(header.columns, cells, strict=False):
+        if not column.role and _time.form_of(cell):
+            raise InputError(
+                f'column "{shown(column.title)}" holds times, but is not called time',
+                "call it time, or say what it is in [tracker.mapping] of campaign.toml",
+                file=file,
+                line=header.line or None,
+            )
 
 
 def _kept(table: Rows, header: Header) -> tuple[Bools | None, str]:
@@ -189,15 +245,28 @@ def _meaning(
     return replace(Meaning(unit, kind, angle), vertical=vertical)
 
 
-def _covariances(table: Rows, header: Header, hints: Hints) -> dict[str, Array]:
+def _all_or_none(header: Header, roles: Sequence[str], file: str) -> bool:
+    there = [role for role in roles if header.has(role)]
+    if there and len(there) < len(roles):
+        lacking = listed(role for role in roles if role not in there)
+        raise InputError(
+            f"the uncertainties lack {lacking}",
+            "correct the titles of their columns, or remove all of them",
+            file=file,
+            line=header.line or None,
+        )
+    return bool(there)
+
+
+def _covariances(table: Rows, header: Header, hints: Hints, file: str) -> dict[str, Array]:
     """Covariances by kind, in the units of the coordinates; NaN where a cell is empty."""
     out = {}
     for prefix, kind, usual in (("u95", EXPANDED, 2.0), ("std", STANDARD, 1.0)):
         roles = [f"{prefix} {axis}" for axis in "xyz"]
-        if header.has(*roles):
+        if _all_or_none(header, roles, file):
             std = [_floats(table.columns[role]) for role in roles]
             out[kind] = diagonal(std, hints.coverage_factor or usual)
-    if header.has(*COVARIANCE):
+    if _all_or_none(header, COVARIANCE, file):
         out[STANDARD] = np.column_stack([_floats(table.columns[role]) for role in COVARIANCE])
     return out
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, listed
 from pipeline.readers._coordinates import Meaning, raw, settled, settled_vertical
 from pipeline.readers._delimited import Field, Layout, Rows, rows, text_of
 from pipeline.readers._reader import (
@@ -31,8 +31,23 @@ VALUES = ("dVal1", "dVal2", "dVal3")
 KINDS = {STANDARD: "d", A_PRIORI: "dApriori"}
 """The scatter within the reading, and what the tracker's own error model expects."""
 
-POINTING = ("dPointingErrorH", "dPointingErrorV", "dPointingErrorD")
+POINTING = (
+    *("dPointingErrorH", "dPointingErrorV", "dPointingErrorD"),
+    *("dPointingError1", "dPointingError2", "dPointingError3"),
+)
 WEATHER = ("dTemperature", "dPressure", "dHumidity")
+
+
+def _names(start: str) -> list[str]:
+    return [
+        *(f"{start}Std{k}" for k in ("1", "2", "3", "Total")),
+        *(f"{start}Covar{k}" for k in (12, 13, 23)),
+    ]
+
+
+STATISTICS = {name for start in KINDS.values() for name in _names(start)}
+COMPLETE = (0, 8, 14)
+"""How many of them there are: none, those without covariances, all."""
 
 
 def recognise(lines: Sequence[str]) -> bool:
@@ -52,6 +67,15 @@ def read(text: Text, hints: Hints) -> Export:
     """
     first, header = next((n, line) for n, line in text.lines() if line.strip())
     titles = _titles(header)
+    known = {*VALUES, *STATISTICS, *POINTING, *WEATHER, ""}
+    strange = [title for title in titles if title not in known]
+    if strange or len({*titles} & STATISTICS) not in COMPLETE:
+        raise InputError(
+            f"the columns are not those of SingleMeasResultT or 2T ({listed(strange or titles)})",
+            "export it again, or describe the table in [tracker.mapping] of campaign.toml",
+            file=text.name,
+            line=first,
+        )
     twice = [title for title in titles if title and titles.count(title) > 1]
     if twice:
         raise InputError(
@@ -74,20 +98,12 @@ def read(text: Text, hints: Hints) -> Export:
 
 
 def _fields(titles: Sequence[str]) -> tuple[Field, ...]:
-    statistics = {name for start in KINDS.values() for name in _names(start)}
     return tuple(
         Field(title, "number")
-        if title in VALUES or title in statistics
+        if title in VALUES or title in STATISTICS
         else Field(f"{title} ({place})", "any" if title else "blank", needed=False)
         for place, title in enumerate(titles, 1)
     )
-
-
-def _names(start: str) -> list[str]:
-    return [
-        *(f"{start}Std{k}" for k in ("1", "2", "3", "Total")),
-        *(f"{start}Covar{k}" for k in (12, 13, 23)),
-    ]
 
 
 def _six(table: Rows, titles: Sequence[str], start: str) -> Array | None:
@@ -137,7 +153,7 @@ def write(readings: Readings, unit: str, digits: int | None) -> bytes:
     scale = raw(np.ones((1, 3)), meaning)[0, 0]
     six = np.zeros((len(numbers), 6)) if readings.covariance is None else readings.covariance
     statistics = [_statistics(row * scale**2) for row in six]
-    titles = [*VALUES, *_names("d"), *POINTING, *_names("dApriori"), *WEATHER]
+    titles = [*VALUES, *_names("d"), *POINTING[:3], *_names("dApriori"), *WEATHER]
     lines = [",".join([*titles, ""])]
     lines += [
         ",".join([*xyz, *s, "0", "0", "0", *s, "20", "1013", "50", ""])

@@ -134,9 +134,10 @@ def _row(first: str, comments: Sequence[str]) -> Row | None:
         return None
     names = PARTS[-compound:] if compound else PARTS[-count:]
     rest = cells[count + 3 :]
-    behind = (
-        titles[count + 3 :] if titles else [_untitled(cell, k) for k, cell in enumerate(rest, 1)]
-    )
+    behind = [_untitled(cell, k) for k, cell in enumerate(rest, 1)]
+    if titles:
+        pairs = zip(titles[count + 3 :], behind, strict=True)
+        behind = [t if t.role else replace(shape, title=t.title) for t, shape in pairs]
     return Row(delimiter, compound, names, tuple(behind), tuple(cells))
 
 
