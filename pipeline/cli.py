@@ -92,13 +92,16 @@ def inspect(
         str | None, typer.Option(help="mm, m or in, where the export does not say.")
     ] = None,
     as_json: AsJson = False,
+    csv: Annotated[
+        bool, typer.Option("--csv", help="Print the readings in SI, for a spreadsheet.")
+    ] = False,
 ) -> None:
     """Say what a tracker export is: dialect, unit, coordinates, times, what is wrong with it."""
     from pipeline import shell
 
     if unit not in (None, "mm", "m", "in"):
         raise UsageError(f'there is no unit "{unit}": use mm, m or in')
-    outcome = shell.inspect(file, unit)
+    outcome = shell.inspect(file, unit, csv)
     _show(outcome, as_json)
     raise typer.Exit(outcome.exit_code)
 

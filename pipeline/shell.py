@@ -176,15 +176,21 @@ def _check(root: Path, name: str) -> Outcome:
     )
 
 
-def inspect(path: Path, unit: str | None) -> Outcome:
-    """Say what a tracker export is; a campaign.toml beside it says what the export does not."""
+def inspect(path: Path, unit: str | None, csv: bool = False) -> Outcome:
+    """Say what a tracker export is, or with `csv` give its readings in SI.
+
+    A campaign.toml beside it says what the export does not.
+    """
+    from pipeline.readers.inspect import as_csv
     from pipeline.readers.inspect import inspect as look
 
     try:
         if not path.is_file():
             raise InputError("there is no such file", "correct the path", file=str(path))
         folder = Campaign(path.parent, path.parent)
-        seen = look(path.name, folder.content(path.name), _hints(folder, unit))
+        data, hints = folder.content(path.name), _hints(folder, unit)
+        seen = look(path.name, data, hints)
+        text = as_csv(path.name, data, hints).decode().rstrip("\n") if csv else seen.to_text()
     except PipelineError as problem:
         failed = _failed(path.name, problem, str(problem), problem.exit_code)
         content = {"file": path.name, "error": failed.content["error"]}
@@ -192,7 +198,7 @@ def inspect(path: Path, unit: str | None) -> Outcome:
     return Outcome(
         campaign=path.name,
         content=seen.to_json(),
-        text=seen.to_text(),
+        text=text,
         exit_code=InputError.exit_code if seen.rejected else 0,
         complaints=[sentence({"file": path.name, **entry}) for entry in seen.rejected],
     )

@@ -6,6 +6,8 @@ from collections.abc import Iterable, Sequence
 
 import pandas as pd
 import pyarrow as pa
+import pyarrow.compute as pc
+from pyarrow import csv
 
 from pipeline.errors import TableMismatch, listed
 from pipeline.results import Parameter
@@ -411,3 +413,20 @@ def _arrow(table: pd.DataFrame) -> pa.Table:
         if pa.types.is_floating(field.type) and arrow[k].null_count:
             arrow = arrow.set_column(k, field.name, pa.array(table[field.name].to_numpy(float)))
     return arrow
+
+
+def as_csv(table: pa.Table) -> bytes:
+    """A table as CSV for a spreadsheet; no cell of words can pass for a formula there.
+
+    Names come from files, and a spreadsheet carries out a cell that starts with one of = + - @:
+    such cells get an apostrophe in front.
+    """
+    columns = [_harmless(column) if column.type == STR else column for column in table.columns]
+    sink = pa.BufferOutputStream()
+    csv.write_csv(pa.table(columns, table.column_names), sink)
+    return bytes(sink.getvalue())
+
+
+def _harmless(words: pa.ChunkedArray) -> pa.ChunkedArray:
+    formula = pc.match_substring_regex(words, r"^\s*[=+\-@\t\r]")
+    return pc.if_else(formula, pc.binary_join_element_wise("'", words, ""), words)

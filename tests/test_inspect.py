@@ -1,5 +1,6 @@
 """`pipeline inspect`: what a tracker export is, as a function and as a command."""
 
+import csv
 import json
 from pathlib import Path
 
@@ -103,6 +104,21 @@ def test_a_missing_unit_is_asked_and_can_be_answered(capsys, tmp_path):
     )
     code, out, _ = run(capsys, path, "--json")
     assert (code, json.loads(out)["unit"]) == (0, "m")
+
+
+def test_readings_for_a_spreadsheet_hold_no_formulas(capsys, tmp_path):
+    """Names that a spreadsheet would carry out get an apostrophe; numbers stay what they are."""
+    path = tmp_path / "t.csv"
+    rows = ["=1+1,P1,-1", "pose,@P2,2", "+a,-b,3", ' =c,"d,e",4']
+    path.write_text("\n".join(["group,target,x_m,y_m,z_m", *(f"{row},5,-6" for row in rows)]))
+
+    code, out, _ = run(capsys, path, "--csv")
+    table = list(csv.DictReader(out.splitlines()))
+
+    assert code == 0
+    assert [row["group"] for row in table] == ["'=1+1", "pose", "'+a", "'=c"]
+    assert [row["target"] for row in table] == ["P1", "'@P2", "'-b", "d,e"]
+    assert [row["x_m"] for row in table] == ["-1", "2", "3", "4"]
 
 
 def test_a_missing_file_is_one_sentence(capsys, tmp_path):

@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import pyarrow as pa
 import pyarrow.compute as pc
 
+from pipeline import tables
 from pipeline.readers import Hints, read
 
 
@@ -109,6 +111,28 @@ def inspect(name: str, data: bytes, hints: Hints | None = None) -> Inspection:
         unused=list(export.unused),
         rejected=[{"line": line, "reason": reason} for line, reason in sorted(export.rejected)],
     )
+
+
+def as_csv(name: str, data: bytes, hints: Hints | None = None) -> bytes:
+    """The readings of an export in SI, as CSV for a spreadsheet.
+
+    Raises:
+        InputError: As `inspect`.
+    """
+    export = read(name, data, hints)
+    nobody = pa.nulls(len(export.line), pa.string())
+    group, target = (
+        nobody if names is None else names.cast(pa.string())
+        for names in (export.group, export.target)
+    )
+    columns = {
+        "line": pa.array(export.line),
+        "group": group,
+        "target": target,
+        **{f"{axis}_m": pa.array(export.position[:, k]) for k, axis in enumerate("xyz")},
+        "time": export.time,
+    }
+    return tables.as_csv(pa.table(columns))
 
 
 def _targets(names: Any, most: int = 50) -> list[str]:
