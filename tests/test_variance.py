@@ -1,5 +1,7 @@
 """The noise that the data have, found without believing any model of the robot."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -19,9 +21,9 @@ from pipeline.tables import conform
 PLAN = Plan(name="noise", seed=5)
 
 
-def found(plan):
+def found(plan, files=None):
     """The noise components of a simulated campaign."""
-    raw = in_memory(simulate(plan).files)
+    raw = in_memory(files or simulate(plan).files)
     kept = {}
 
     def keep(name, table, promise):
@@ -82,6 +84,73 @@ def test_what_the_robot_does_is_no_noise():
 
     assert not clean.larger.any()
     assert dirty.of("tracker") == pytest.approx(clean.of("tracker"), rel=0.02)
+
+
+def without_branch(files):
+    """The same campaign, the load log without its column branch."""
+    rows = files["loads.csv"].decode().splitlines()
+    return {**files, "loads.csv": "\n".join(row.rpartition(",")[0] for row in rows).encode()}
+
+
+def test_pulls_up_and_down_are_no_repeats_where_the_branch_is_not_written_down():
+    """Hysteresis parts them; nobody wrote which is which."""
+    there_and_back = {"steps_n": [1000.0, 2000.0, 3000.0, 2000.0, 1000.0], "repeats": 2}
+    plan = revised(PLAN, {"pulls": there_and_back, "poses": {"count": 8}})
+    dirty = revised(plan, {"hidden": {"effects": ["joint_hysteresis:3"]}})
+
+    clean, result = (found(p, without_branch(simulate(p).files)) for p in (plan, dirty))
+
+    assert not result.larger.any()
+    assert result.of("tracker") == pytest.approx(clean.of("tracker"), rel=0.02)
+
+
+def pulled_both_ways(effects):
+    """Six poses, in each the chain hung to the floor on one side of the rail, then on the other."""
+    drawn = simulate(revised(PLAN, {"poses": {"count": 6}})).files["joints.csv"].decode()
+    q = [[float(v) for v in row.split(",")[1:-1]] for row in drawn.splitlines()[1:]]
+    floor = [[side, pose[0], -0.891] for pose in q for side in (2.5, -2.5)]
+    plan = Plan.model_validate(
+        {
+            "name": "both",
+            "poses": {"q": [pose for pose in q for _ in range(2)], "approach": [1] * 12},
+            "pulls": {"anchors": floor, "anchor": list(range(12))},
+            "hidden": {"effects": effects},
+        }
+    )
+    files = simulate(plan).files
+
+    def first_pose(match):
+        pose, repeat = int(match["pose"]), int(match["repeat"])
+        both = (pose + 1) // 2, repeat + (1 - pose % 2) * 4
+        return f"{match['before']}{both[0]}{match['between']}{both[1]}"
+
+    group = r"(?P<before>pose)(?P<pose>\d+)(?P<between>_rep)(?P<repeat>\d+)"
+    load = r"(?m)^(?P<before>)(?P<pose>\d+)(?P<between>,)(?P<repeat>\d+)(?=,)"
+    head, *joints = files["joints.csv"].decode().splitlines()
+    joints = [f"{k},{row.partition(',')[2]}" for k, row in enumerate(joints[::2], 1)]
+    return {
+        **files,
+        "tracker.csv": re.sub(group, first_pose, files["tracker.csv"].decode()).encode(),
+        "loads.csv": re.sub(load, first_pose, files["loads.csv"].decode()).encode(),
+        "joints.csv": "\n".join([head, *joints]).encode(),
+    }
+
+
+def test_pulls_in_two_directions_are_no_repeats():
+    """As strong, to the left and to the right of the rail, which rolls."""
+    result = found(None, pulled_both_ways(["rail_roll=3x"]))
+
+    assert not result.larger.any()
+
+
+def test_a_ladder_of_small_steps_is_no_repeat():
+    """Ten steps of 4 %: what a rolling rail adds at each of them is no scatter."""
+    ladder = {"steps_n": [2000 * 1.04**k for k in range(10)], "setting_sd_n": 0.0}
+    plan = revised(PLAN, {"pulls": ladder, "poses": {"count": 16}, "tracker": {"sigma_m": 1e-5}})
+
+    result = found(revised(plan, {"hidden": {"effects": ["rail_roll=6x"]}}))
+
+    assert not result.larger.any()
 
 
 def test_scatter_of_repeated_pulls_is_the_scales():

@@ -7,7 +7,7 @@ pulls that were repeated. A wrong model of the robot therefore does not pass for
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +23,9 @@ from pipeline.settings import Settings
 from pipeline.stages.assemble import Measured
 from pipeline.stages.register import XYZ
 
+Loss = Callable[[Array], tuple[Array, float]]
+"""Minus twice a restricted log likelihood by log scales: part of each pose, and the rest."""
+
 SCALED: Mapping[str, tuple[str, ...]] = {
     "tracker": ("tracker", "zero", "direction"),
     "force_reading": ("force_reading",),
@@ -32,8 +35,11 @@ SCALED: Mapping[str, tuple[str, ...]] = {
 NAMES = {"tracker": "tracker_noise", "force_reading": "force_noise"}
 """What the contract calls a component that is larger than stated."""
 
-SAME_FORCE = 0.05
-"""Pulls of one pose and branch whose forces differ by less than this are repeats."""
+SAME_FORCE = 0.03
+"""Repeats pull as strongly as the first of them to this part of it; a turnbuckle is set so."""
+
+SAME_DIRECTION = 0.005
+"""And within this angle [rad]: a chain hung into the same place again."""
 
 SURELY = 0.003
 """A scale this improbable under the stated noise is another noise."""
@@ -134,10 +140,12 @@ def pure_error(system: System, residual: Array, data: Measured, zeros: Zeros, ce
 
     Left out of each group of equal pulls is one free rigid motion of the effector, out of each
     repeated zero another; with fewer than three targets, zeros are taken to stand still instead.
+    Pulls of a group are brought to the force of the first, so that what the model misses in
+    proportion to the force cancels too.
 
     Args:
         system: The system, for its errors.
-        residual: c - B x; the model only carries small differences of force within a group [m].
+        residual: c - B x; the model only carries small differences of direction in a group [m].
         data: The measurements that the system was made from.
         zeros: Repeated zeros; none of them matters when empty.
         cell: For the positions of the targets.
@@ -181,7 +189,9 @@ def _stacked(
     modes = np.zeros((len(pose), 3, 6))
     modes[:, :, :3] = np.eye(3)
     modes[:, :, 3:] = np.swapaxes(np.cross(np.eye(3)[None], levers[:, None, :]), 1, 2)
-    group = np.concatenate([_repeats(data)[data.pull], zero_pose * 1000 + zeros.which[known]])
+    repeats, to_first = _repeats(data)
+    brought = np.repeat(to_first[data.pull], 3)
+    group = np.concatenate([repeats[data.pull], zero_pose * 1000 + zeros.which[known]])
     group[len(data.pull) :] += group[: len(data.pull)].max() + 1
     if len(set(data.target.tolist())) < 3:
         modes[len(data.pull) :] = 0.0
@@ -191,12 +201,13 @@ def _stacked(
         C = np.eye(3) * (1 + 1 / nth)
     factors = covariance.factors(C)
     own = scipy.sparse.block_diag(list(factors), format="csr") if len(factors) else None
-    G, source, common = system.errors.G, system.errors.source, system.errors.common
+    G = scipy.sparse.csr_array(scipy.sparse.diags_array(brought) @ system.errors.G)
+    source, common = system.errors.source, system.errors.common
     if own is not None:
         G = scipy.sparse.csr_array(scipy.sparse.block_diag([G, own], format="csr"))
         source = np.concatenate([source, np.full(own.shape[1], "zero", dtype=object)])
         common = np.concatenate([common, np.zeros(own.shape[1], dtype=bool)])
-    c = np.concatenate([residual, zeros.delta[known].ravel()])
+    c = np.concatenate([brought * residual, zeros.delta[known].ravel()])
     return (
         c,
         Errors(G, source, common),
@@ -206,17 +217,52 @@ def _stacked(
     )
 
 
-def _repeats(data: Measured) -> Ints:
-    """Number of the group of equal pulls (pose, branch, nearly the same force) of each pull."""
-    force = np.linalg.norm(data.pulls.force, axis=1)
-    order = np.lexsort((force, data.pulls.branch, data.pulls.pose))
-    pose, branch, f = data.pulls.pose[order], data.pulls.branch[order], force[order]
-    new = np.ones(len(order), dtype=bool)
-    new[1:] = (pose[1:] != pose[:-1]) | (branch[1:] != branch[:-1])
-    new[1:] |= np.diff(f) > SAME_FORCE * f[1:]
-    group = np.empty(len(order), dtype=np.int64)
-    group[order] = np.cumsum(new) - 1
-    return group
+def _repeats(data: Measured) -> tuple[Ints, Array]:
+    """Which pulls repeat each other, and by what each is to be multiplied to be the first of them.
+
+    Repeats have the same pose, force and branch. Where the branch is not known, the pull before
+    and the last pull unlike theirs have to be alike too: friction answers to where one comes from,
+    and the chain may have been released between two pulls.
+
+    Returns:
+        Number of each pull's group, and force of the group's first over its own, both (m,).
+    """
+    pulls = data.pulls
+    order = np.lexsort((pulls.repeat, pulls.time, pulls.pose))
+    pose, force, branch = pulls.pose[order], pulls.force[order], pulls.branch[order]
+    like = _like(pose, force)
+    before = np.where(branch[:, None] == 0, _before(pose, like), -1)
+    key = np.column_stack([like, branch.astype(np.int64), before])
+    _, first, number = np.unique(key, axis=0, return_index=True, return_inverse=True)
+    size = np.linalg.norm(force, axis=1)
+    group, to_first = np.empty(len(order), dtype=np.int64), np.empty(len(order))
+    group[order], to_first[order] = number.ravel(), size[first][number.ravel()] / size
+    return group, to_first
+
+
+def _like(pose: Ints, force: Array) -> Ints:
+    """Place of the first pull of the same pose with a force like it, shape (m,)."""
+    like = np.full(len(pose), -1, dtype=np.int64)
+    while (free := np.flatnonzero(like < 0)).size:
+        _, first, which = np.unique(pose[free], return_index=True, return_inverse=True)
+        leader = free[first][which]
+        size = np.linalg.norm(force[leader], axis=1)
+        along = np.einsum("mi,mi->m", force[free], force[leader]) / size
+        across = np.sqrt(np.maximum(np.sum(force[free] ** 2, axis=1) - along**2, 0.0))
+        near = np.abs(along / size - 1) <= SAME_FORCE
+        near = (near & (across <= SAME_DIRECTION * size)) | (free == leader)
+        like[free[near]] = leader[near]
+    return like
+
+
+def _before(pose: Ints, like: Ints) -> Ints:
+    """`like` of the pull before and of the last unlike one, -1 where there is none, (m, 2)."""
+    place = np.arange(len(pose))
+    new = np.ones(len(pose), dtype=bool)
+    new[1:] = (pose[1:] != pose[:-1]) | (like[1:] != like[:-1])
+    last = np.column_stack([place, np.flatnonzero(new)[np.cumsum(new) - 1]]) - 1
+    there = (last >= 0) & (pose[last] == pose[:, None])
+    return np.where(there, like[last], -1)
 
 
 def _contrasts(group: Ints, modes: Array) -> scipy.sparse.csc_array:
@@ -254,26 +300,25 @@ def variance_components(
         names: Components to find, keys of `SCALED`.
     """
     X = system.B if design is None else design
-    none = np.full(len(names), np.inf)
+    log_scale, std = np.zeros(len(names)), np.full(len(names), np.inf)
+    p = np.ones(len(names))
     if len(system.rows) - X.shape[1] < FEWEST:
-        return _components(system, names, np.zeros(len(names)), none, len(system.rows))
+        return _components(system, names, log_scale, std, p, len(system.rows))
     common = system.errors.common
     X = np.hstack([X, system.errors.G[:, common].toarray()])
     blocks = _Blocks.of(system, X, [SCALED[name] for name in names])
     told = np.array([_told(system, SCALED[name]) for name in names])
-    log_scale = np.zeros(len(names))
-    std = np.full(len(names), np.inf)
     if told.any():
-        log_scale[told], std[told] = _maximum(blocks, told)
-    return _components(system, names, log_scale, std, blocks.dof)
+        log_scale[told], std[told], p[told] = _maximum(blocks, told)
+    return _components(system, names, log_scale, std, p, blocks.dof)
 
 
 def _components(
-    system: System, names: Sequence[str], log_scale: Array, std: Array, dof: int
+    system: System, names: Sequence[str], log_scale: Array, std: Array, p: Array, dof: int
 ) -> Components:
     lost = ~(std < UNTOLD)
     log_scale, std = np.where(lost, 0.0, log_scale), np.where(lost, np.inf, std)
-    p = np.where(lost, 1.0, stats.norm.sf(log_scale / std))
+    p = np.where(lost, 1.0, p)
     return Components(np.array(names, object), np.exp(log_scale), std, p, dof, system.noise_stated)
 
 
@@ -352,22 +397,56 @@ class _Blocks(Locked):
         g = np.einsum("psi,ps->i", X, y)
         return own, float(np.linalg.slogdet(N)[1] - g @ np.linalg.solve(N, g))
 
+    def of_scales(self, told: Bools) -> Loss:
+        """The loss as a function of some log scales; the other components stay as stated."""
+
+        def loss(x: Array) -> tuple[Array, float]:
+            full = np.zeros(len(told))
+            full[told] = x
+            return self.loss(full)
+
+        return loss
+
 
 STEP = 3e-3
 """Differences of log scale for first and second derivatives."""
 
 
-def _maximum(blocks: _Blocks, told: Bools) -> tuple[Array, Array]:
-    """Newton's method on the log scales that are told; their values and standard uncertainties."""
-    n = int(told.sum())
+def _maximum(blocks: _Blocks, told: Bools) -> tuple[Array, Array, Array]:
+    """The log scales that are told, their standard uncertainties and their p-values.
 
-    def loss(x: Array) -> tuple[Array, float]:
-        full = np.zeros(len(told))
-        full[told] = x
-        return blocks.loss(full)
+    The p-value is of the likelihood ratio against the component as stated. A curvature says
+    nothing of it: a component may stand out clearly at a scale at which it would be invisible.
+    """
+    loss, start = blocks.of_scales(told), np.full(int(told.sum()), blocks.rough)
+    x = _lowest(loss, start)
+    _, H, scores = _derivatives(loss, x)
+    values, vectors = np.linalg.eigh(H)
+    if values.min() <= 0:
+        weak = (vectors[:, values <= 1e-3] ** 2).sum(axis=1) > 0.1
+        cov = (vectors / np.maximum(values, 1e-3)) @ vectors.T
+        information, longer = 2 * np.where(weak, np.inf, np.diag(cov)), np.ones(len(x))
+    else:
+        inverse = (vectors / values) @ vectors.T
+        sandwich = np.diag(inverse @ (scores.T @ scores) @ inverse)
+        information = 2 * np.diag(inverse)
+        longer = np.maximum(sandwich / information, 1.0)
+    best, p = _total(loss, x), np.empty(len(x))
+    for i, k in enumerate(np.flatnonzero(told)):
+        others = told & (np.arange(len(told)) != k)
+        as_stated = blocks.of_scales(others)
+        worse = _total(as_stated, _lowest(as_stated, np.delete(x, i))) - best
+        tail = 0.5 * stats.chi2.sf(max(worse, 0.0) / longer[i], 1)
+        p[i] = tail if x[i] > 0 else 1 - tail
+    return x, np.sqrt(information * longer), p
 
-    x = start = np.full(n, blocks.rough)
+
+def _lowest(loss: Loss, start: Array) -> Array:
+    """Where a loss is lowest, by Newton's method."""
+    x = start
     for _ in range(40):
+        if not len(x):
+            break
         gradient, H, _ = _derivatives(loss, x)
         values, vectors = np.linalg.eigh(H)
         move = vectors @ (vectors.T @ gradient / np.maximum(np.abs(values), 0.5))
@@ -375,24 +454,16 @@ def _maximum(blocks: _Blocks, told: Bools) -> tuple[Array, Array]:
         x = np.clip(x - move, start - 4.0, start + 4.0)
         if np.abs(move).max() < 1e-4:
             break
-    _, H, scores = _derivatives(loss, x)
-    values, vectors = np.linalg.eigh(H)
-    if values.min() <= 0:
-        weak = (vectors[:, values <= 1e-3] ** 2).sum(axis=1) > 0.1
-        cov = (vectors / np.maximum(values, 1e-3)) @ vectors.T
-        return x, np.where(weak, np.inf, np.sqrt(2 * np.diag(cov)))
-    inverse = (vectors / values) @ vectors.T
-    sandwich = inverse @ (scores.T @ scores) @ inverse
-    return x, np.sqrt(np.maximum(np.diag(2 * inverse), np.diag(sandwich)))
+    return x
 
 
-def _derivatives(loss: object, x: Array) -> tuple[Array, Array, Array]:
+def _derivatives(loss: Loss, x: Array) -> tuple[Array, Array, Array]:
     """Gradient and Hessian of the loss, and gradient of each pose's part, shape (p, n)."""
     n = len(x)
     steps = STEP * np.eye(n)
     here = _total(loss, x)
-    ahead = [loss(x + d) for d in steps]  # type: ignore[operator]
-    behind = [loss(x - d) for d in steps]  # type: ignore[operator]
+    ahead = [loss(x + d) for d in steps]
+    behind = [loss(x - d) for d in steps]
     up = np.array([own.sum() + rest for own, rest in ahead])
     down = np.array([own.sum() + rest for own, rest in behind])
     scores = np.stack([(a[0] - b[0]) / (2 * STEP) for a, b in zip(ahead, behind, strict=True)], 1)
@@ -404,8 +475,8 @@ def _derivatives(loss: object, x: Array) -> tuple[Array, Array, Array]:
     return (up - down) / (2 * STEP), H, scores
 
 
-def _total(loss: object, x: Array) -> float:
-    own, rest = loss(x)  # type: ignore[operator]
+def _total(loss: Loss, x: Array) -> float:
+    own, rest = loss(x)
     return float(own.sum() + rest)
 
 
