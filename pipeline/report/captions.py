@@ -10,16 +10,20 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.report import words
 from pipeline.report.numbers import known, percent, plain, with_std
 from pipeline.report.record import Figure
 from pipeline.report.summaries import (
     Tables,
     arrows,
+    gain,
     has,
+    places,
     pose_rms,
     prediction_error,
     registration_by_target,
     residual_force,
+    suspects,
     whitened,
 )
 
@@ -85,6 +89,55 @@ def _pose_rms(result: Result, tables: Tables) -> Figure | None:
     )
 
 
+def _gain(result: Result, tables: Tables) -> Figure | None:
+    causes = (result.get("diagnosis") or {}).get("causes")
+    if not (causes and has(tables, "examined")):
+        return None
+    poses = gain(tables["examined"]).dropna()
+    if poses.empty:
+        return None
+    better = int((poses["after"] < poses["before"]).sum())
+    worst = poses.iloc[int(poses["before"].argmax())]
+    said = (
+        f"With the named causes {better} of {len(poses)} poses are predicted better; pose "
+        f"{int(worst['pose'])}, the worst, goes from {plain(worst['before'])} mm to "
+        f"{plain(worst['after'])} mm."
+    )
+    return Figure(
+        "gain",
+        "Error at poses left out, without and with the named causes",
+        f"{said} Each pose is predicted from all others, the causes chosen anew without it.",
+        f"Pairs of marks per pose: error with joint springs alone and with causes. {said}",
+    )
+
+
+def _evidence(result: Result, tables: Tables) -> Figure | None:
+    if not has(tables, "diagnosis"):
+        return None
+    best = suspects(tables["diagnosis"])
+    if best.empty or best["log_evidence"].iloc[0] < 3:
+        return None
+    first = best.iloc[0]
+    said = (
+        f"By itself {cause_in_words(first)} has the most evidence, "
+        f"{plain(first['log_evidence'], 2)}; {int((best['log_evidence'] > 3).sum())} of "
+        f"{len(tables['diagnosis'])} suspects lie above 3."
+    )
+    return Figure(
+        "evidence",
+        "Evidence for each suspect by itself",
+        f"{said} Scale: natural logarithm of the odds against the joint springs alone; 3 is 20 to "
+        f"1. Suspects that are close to each other are hard to tell apart; the named ones are red.",
+        f"Bars of the evidence for the {len(best)} best suspects. {said}",
+    )
+
+
+def cause_in_words(suspect: Any) -> str:
+    """A row of table DIAGNOSIS in words."""
+    where = str(suspect["where"])
+    return words.from_label(f"{suspect['name']}:{where}" if where else str(suspect["name"]))
+
+
 def _residual_force(result: Result, tables: Tables) -> Figure | None:
     if not (has(tables, "residuals") and has(tables, "forces")):
         return None
@@ -129,7 +182,7 @@ def _whitened(result: Result, tables: Tables) -> Figure | None:
 def _arrows(result: Result, tables: Tables) -> Figure | None:
     if not all(has(tables, name) for name in ("residuals", "displacements", "forces")):
         return None
-    vectors = arrows(tables["residuals"], tables["displacements"], tables["forces"])
+    vectors = arrows(tables["residuals"], places(tables), tables["forces"])
     if vectors.empty:
         return None
     size = np.linalg.norm(vectors[["rx", "ry", "rz"]].to_numpy(float), axis=1)
@@ -213,6 +266,8 @@ DRAWS = {"covariance": "full covariance", "independent": "independent"}
 WRITERS: dict[str, Callable[[Result, Tables], Figure | None]] = {
     "stiffness": _stiffness,
     "prediction": _prediction,
+    "gain": _gain,
+    "evidence": _evidence,
     "pose-rms": _pose_rms,
     "residual-force": _residual_force,
     "whitened": _whitened,

@@ -16,7 +16,7 @@ from matplotlib.quiver import Quiver
 from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
-from pipeline.report.captions import DRAWS, SETS, comparable
+from pipeline.report.captions import DRAWS, SETS, cause_in_words, comparable
 from pipeline.report.numbers import known, percent, plain, with_std
 from pipeline.report.summaries import (
     AXES,
@@ -24,9 +24,12 @@ from pipeline.report.summaries import (
     MOST,
     Tables,
     arrows,
+    gain,
+    places,
     pose_rms,
     prediction_error,
     residual_force,
+    suspects,
     thinned,
     whitened,
 )
@@ -113,6 +116,52 @@ def _pose_rms(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     return tips
 
 
+def _gain(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+    poses = gain(tables["examined"]).dropna()
+    axes = canvas.subplots()
+    at = np.arange(len(poses))
+    before, after = poses["before"].to_numpy(), poses["after"].to_numpy()
+    axes.vlines(at, before, after, color=MUTED, linewidth=0.8)
+    tips = {}
+    kinds = (
+        ("before", before, MUTED, "o", "joint springs"),
+        ("after", after, RED, "D", "with causes"),
+    )
+    for key, mm, colour, marker, name in kinds:
+        axes.scatter(at, mm, color=colour, marker=marker, s=18, gid=key, label=name, zorder=3)
+        pairs = zip(poses["pose"].astype(int), mm, strict=True)
+        tips[key] = [f"pose {pose} left out, {name}: {plain(v)} mm" for pose, v in pairs]
+    _integer_ticks(axes, at, poses["pose"].astype(int).tolist())
+    axes.set_ylim(0)
+    axes.grid(axis="x", visible=False)
+    axes.set_xlabel("Pose left out")
+    axes.set_ylabel("Rms error per coordinate [mm]")
+    _legend_above(axes, 2)
+    return tips
+
+
+def _evidence(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+    best = suspects(tables["diagnosis"])
+    canvas.set_size_inches(5.6, 0.9 + 0.24 * len(best))
+    axes = canvas.subplots()
+    at = np.arange(len(best))
+    named = best["named"].to_numpy(bool)
+    size = best["log_evidence"].to_numpy(float)
+    axes.barh(at, size, color=np.where(named, RED, BLUE).tolist(), height=0.7, gid="evidence")
+    axes.axvline(3, color=MUTED, linewidth=1, linestyle="--")
+    axes.set_yticks(at, [cause_in_words(row) for _, row in best.iterrows()])
+    axes.invert_yaxis()
+    axes.grid(axis="y", visible=False)
+    axes.set_xlabel("Evidence, natural log of the odds")
+    rows = zip(best.iterrows(), size, named, strict=True)
+    return {
+        "evidence": [
+            f"{cause_in_words(row)}: {plain(v, 2)}{', named' if n else ''}"
+            for (_, row), v, n in rows
+        ]
+    }
+
+
 def _integer_ticks(axes: Axes, at: np.ndarray, names: Sequence[int]) -> None:
     step = max(1, int(np.ceil(len(at) / 22)))
     axes.set_xticks(at[::step], [str(name) for name in names[::step]])
@@ -192,7 +241,7 @@ def _whitened(canvas: Canvas, result: Result, tables: Tables) -> Tips:
 
 
 def _arrows(canvas: Canvas, result: Result, tables: Tables) -> Tips:
-    vectors = arrows(tables["residuals"], tables["displacements"], tables["forces"])
+    vectors = arrows(tables["residuals"], places(tables), tables["forces"])
     size = np.linalg.norm(vectors[["rx", "ry", "rz"]].to_numpy(float), axis=1)
     vectors, longest = thinned(vectors, size, MOST // 5), size.max()
     wide = np.ptp(vectors["y"]) >= 2 * max(np.ptp(vectors["x"]), np.ptp(vectors["z"]))
@@ -360,6 +409,8 @@ def _prediction(canvas: Canvas, result: Result, tables: Tables) -> Tips:
 DRAWERS: dict[str, Callable[[Canvas, Result, Tables], Tips]] = {
     "stiffness": _stiffness,
     "prediction": _prediction,
+    "gain": _gain,
+    "evidence": _evidence,
     "pose-rms": _pose_rms,
     "residual-force": _residual_force,
     "whitened": _whitened,

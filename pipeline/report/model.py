@@ -59,7 +59,7 @@ def compose(result: Result, tables: Tables, run_time_s: float | None = None) -> 
     )
     sections = [
         _stiffness(result),
-        _diagnosis(result),
+        _diagnosis(result, tables),
         _test_pose(result, tables),
         _validation(result, tables),
         _residuals(result, tables),
@@ -104,9 +104,9 @@ def _section(key: str, title: str, blocks: Iterable[Block | None]) -> Section | 
 def _verdict_sentences(result: Result) -> list[str]:
     given = result.get("verdict_sentence")
     if isinstance(given, str) and given:
-        return [given]
+        given = [given]
     if given:
-        return [str(sentence) for sentence in given]
+        return [words.in_words(str(sentence)) for sentence in given]
     verdict = _get(result, "diagnosis", "verdict")
     weak = [_joint_name(s) for s in _list(result, "stiffness") if not s.get("identifiable", True)]
     first = words.EXPLAINED.get(
@@ -273,19 +273,24 @@ def _fit_text(result: Result) -> Text | None:
 # --- what is missing -----------------------------------------------------------------------
 
 
-def _diagnosis(result: Result) -> Section | None:
+def _diagnosis(result: Result, tables: Tables) -> Section | None:
     diagnosis = result.get("diagnosis")
     title = "What the simulation gets wrong"
     if not diagnosis:
         return _section(
             "diagnosis", title, [Text("This run did not search for effects the model lacks.")]
         )
+    causes, poses = _list(diagnosis, "causes"), _list(diagnosis, "next_poses")
+    gains = list(dict.fromkeys(" ".join(_gain_sentences(one)) for one in causes))
+    shared = gains[0] if len(gains) == 1 and len(causes) > 1 else ""
     blocks: list[Block | None] = [_explained(diagnosis)]
-    for number, one in enumerate(_list(diagnosis, "causes"), 1):
-        blocks += _cause(number, one)
+    for number, one in enumerate(causes, 1):
+        blocks += _cause(number, one, with_gain=not shared)
     blocks += [
-        _next_poses(_list(diagnosis, "next_poses"), _list(result, "stiffness")),
-        _next_joint_values(_list(diagnosis, "next_poses"), _list(result, "stiffness")),
+        Text(f"Together: {shared[0].lower()}{shared[1:]}") if shared else None,
+        *figures(("gain", "evidence"), result, tables),
+        _next_poses(poses),
+        _next_joint_values(poses, _list(result, "stiffness")),
         _blind_spots(_list(diagnosis, "blind_spots")),
     ]
     return _section("diagnosis", title, blocks)
@@ -293,21 +298,28 @@ def _diagnosis(result: Result) -> Section | None:
 
 def _explained(diagnosis: Mapping[str, Any]) -> Text | None:
     sentence = words.EXPLAINED.get(str(diagnosis.get("verdict")))
+    why = diagnosis.get("why")
+    if why:
+        return Text(words.in_words(str(why)))
     return None if sentence is None else Text(sentence)
 
 
-def _cause(number: int, one: Mapping[str, Any]) -> list[Block]:
+def _cause(number: int, one: Mapping[str, Any], with_gain: bool) -> list[Block]:
     name, where = str(one.get("name")), one.get("where")
     said = words.cause(name, where)
+    facts = [
+        f"It shows like this: {one['signature']}." if one.get("signature") else "",
+        _probability_sentence(one),
+        *_parameter_sentences(one),
+        *(_gain_sentences(one) if with_gain else []),
+        f"What would settle it: {one['needs']}." if one.get("needs") else "",
+    ]
     blocks: list[Block] = [
         Text(f"Cause {number}: {said} ({words.label(name, where)}).", "finding"),
+        Text(" ".join(fact for fact in facts if fact)),
     ]
-    facts = [_probability_sentence(one), *_parameter_sentences(one), *_gain_sentences(one)]
-    blocks.append(Text(" ".join(fact for fact in facts if fact)))
     rivals = _list(one, "rivals")
-    if rivals:
-        blocks.append(_rivals(number, rivals))
-    return blocks
+    return [*blocks, _rivals(number, rivals)] if rivals else blocks
 
 
 def _probability_sentence(one: Mapping[str, Any]) -> str:
@@ -362,14 +374,13 @@ def _rivals(number: int, rivals: list[Any]) -> Table:
     return Table(f"rivals-{number}", f"What else cause {number} could be", columns, tuple(rows))
 
 
-def _next_poses(poses: list[Any], joints: list[Any]) -> Table | None:
-    if not poses:
-        return None
+def _next_poses(poses: list[Any]) -> Table | None:
     rows = [
         (
             entry(str(number), number),
-            text_entry(" / ".join(_said(name) for name in p.get("separates") or [])),
+            text_entry(" / ".join(words.from_label(str(n)) for n in p.get("separates") or [])),
             entry(plain(_size(p.get("force_n"))), _size(p.get("force_n"))),
+            text_entry(_how(p)),
             entry(plain(p.get("sigmas_before"), 2), p.get("sigmas_before")),
             entry(plain(p.get("sigmas_after"), 2), p.get("sigmas_after")),
         )
@@ -379,17 +390,18 @@ def _next_poses(poses: list[Any], joints: list[Any]) -> Table | None:
         Column("Pose", numeric=True),
         Column("Tells apart"),
         Column("Pull [N]", numeric=True),
+        Column("How"),
         Column("Separation now [σ]", numeric=True),
         Column("With this pose [σ]", numeric=True),
     )
     note = "Below 4.6 σ two causes are not told apart reliably."
-    return Table("next-poses", "What to measure next", columns, tuple(rows), note)
+    return Table("next-poses", "What to measure next", columns, tuple(rows), note) if rows else None
 
 
-def _said(name: Any) -> str:
-    """A cause in plain words from its label, `joint_tilt:2` or `joint_tilt`."""
-    base, _, where = str(name).partition(":")
-    return words.cause(base, int(where) if where.isdigit() else where or None)
+def _how(pose: Mapping[str, Any]) -> str:
+    anchor = pose.get("anchor_m")
+    where = f"towards ({', '.join(f'{v:.2f}' for v in anchor)}) m" if anchor else ""
+    return ", ".join(part for part in (where, str(pose.get("pull") or "")) if part)
 
 
 def _size(force: Any) -> float | None:
@@ -419,24 +431,24 @@ def _coordinate(joint: Mapping[str, Any], index: int) -> str:
 
 
 def _blind_spots(spots: list[Any]) -> Table | None:
-    rows = []
+    alike: dict[tuple[str, str, str, bool], list[Any]] = {}
     for spot in spots:
-        name, where = str(spot.get("name")), spot.get("where")
-        smallest = spot.get("smallest_visible")
-        unit = str(spot.get("unit") or "").replace(" ", "·")
-        size = "never visible" if smallest is None else f"{plain(smallest, 2)} {unit}"
-        rows.append(
-            (
-                text_entry(words.cause(name, where)),
-                text_entry(words.label(name, where)),
-                entry(size.removesuffix(" 1"), smallest),
-                text_entry(spot.get("why")),
-                text_entry(spot.get("needs")),
-            )
+        never = spot.get("smallest_visible") is None
+        key = (str(spot.get("name")), str(spot.get("unit") or ""), str(spot.get("needs")), never)
+        alike.setdefault(key, []).append(spot)
+    rows = [
+        (
+            text_entry(words.CAUSES.get(name, name.replace("_", " "))),
+            text_entry(", ".join(str(s["where"]) for s in group if s.get("where") is not None)),
+            entry(*_smallest(group, unit)),
+            text_entry("; ".join(dict.fromkeys(_why(s) for s in group))),
+            text_entry(needs),
         )
+        for (name, unit, needs, _), group in alike.items()
+    ]
     columns = (
         Column("Effect"),
-        Column("Name"),
+        Column("Where"),
         Column("Smallest size seen", numeric=True),
         Column("Why"),
         Column("What would show it"),
@@ -444,6 +456,25 @@ def _blind_spots(spots: list[Any]) -> Table | None:
     note = "These effects may be there without this campaign showing them."
     title = "What these readings cannot see"
     return Table("blind-spots", title, columns, tuple(rows), note) if rows else None
+
+
+def _smallest(group: list[Any], unit: str) -> tuple[str, float | None]:
+    """Smallest visible size of effects of one kind, as a range over their places."""
+    sizes = sorted(s["smallest_visible"] for s in group if known(s.get("smallest_visible")))
+    if not sizes:
+        return "never visible", None
+    factor, letter = (1.0, "") if unit in ("", "1") else common_prefix(sizes[:1])
+    shown = list(dict.fromkeys(plain(size / factor, 2) for size in (sizes[0], sizes[-1])))
+    name = "" if unit in ("", "1") else f" {prefixed(unit, letter)}"
+    return f"{' to '.join(shown)}{name}", sizes[0]
+
+
+def _why(spot: Mapping[str, Any]) -> str:
+    """Why it is not seen; how far a usual size stays below what would be seen, once per group."""
+    size, typical = spot.get("smallest_visible"), spot.get("typical")
+    if known(size) and known(typical):
+        return "a usual size stays below what these readings can show"
+    return str(spot.get("why") or "")
 
 
 # --- predictions ---------------------------------------------------------------------------

@@ -70,9 +70,33 @@ def whitened(residuals: pd.DataFrame) -> Array:
     return values[np.isfinite(values)]
 
 
-def arrows(
-    residuals: pd.DataFrame, displacements: pd.DataFrame, forces: pd.DataFrame
-) -> pd.DataFrame:
+def places(tables: Tables) -> pd.DataFrame:
+    """Where the reflectors are: pose, repeat, target, x, y, z [m], F_b; as measured, or nominal.
+
+    A campaign that arrived already reduced has no positions of its own.
+    """
+    measured = tables["displacements"].rename(columns={f"zero_{a}_m": a for a in "xyz"})
+    if has(tables, "examined") and not np.isfinite(measured["x"].to_numpy(float)).any():
+        return tables["examined"].rename(columns={f"{a}_m": a for a in "xyz"})
+    return measured
+
+
+def gain(examined: pd.DataFrame) -> pd.DataFrame:
+    """Rms error of each pose left out [mm]: pose, before (joint springs), after (named causes)."""
+    mm = examined.assign(
+        before=MM * examined["left_out_m"], after=MM * examined["left_out_extended_m"]
+    )
+    by_pose: pd.DataFrame = mm.groupby("pose")[["before", "after"]].agg(rms)
+    return by_pose.reset_index()
+
+
+def suspects(diagnosis: pd.DataFrame, most: int = 12) -> pd.DataFrame:
+    """The suspects with the most evidence, best first: name, where, log_evidence, named."""
+    told = diagnosis[np.isfinite(diagnosis["log_evidence"].to_numpy(float))]
+    return told.sort_values("log_evidence", ascending=False, kind="stable").head(most)
+
+
+def arrows(residuals: pd.DataFrame, places: pd.DataFrame, forces: pd.DataFrame) -> pd.DataFrame:
     """Residual vector of every reflector under the strongest pull of each pose.
 
     Returns:
@@ -88,10 +112,8 @@ def arrows(
         .set_axis(["rx", "ry", "rz"], axis=1)
         .reset_index()
     )
-    zeros = displacements.rename(columns={f"zero_{a}_m": a for a in "xyz"})
-    placed = vectors.merge(
-        zeros[["pose", "repeat", "target", *"xyz"]], on=["pose", "repeat", "target"]
-    )
+    key = ["pose", "repeat", "target"]
+    placed = vectors.merge(places.drop_duplicates(key)[[*key, *"xyz"]], on=key)
     return _finite(placed, [*"xyz", "rx", "ry", "rz"])
 
 

@@ -2,39 +2,44 @@
 
 from __future__ import annotations
 
+import re
+
 CAUSES = {
-    "rail_lateral": "the carriage gives way sideways on the rail",
-    "rail_vertical": "the carriage gives way vertically on the rail",
-    "rail_roll": "the carriage rolls about the rail",
-    "rail_pitch": "the carriage pitches across the rail",
-    "rail_yaw": "the carriage yaws on the rail",
-    "rail_backlash": "the drive of the rail has backlash",
-    "rail_stiffness_varies": "the rail drive is not equally stiff along the rail",
-    "joint_tilt": "the bearing of a joint tilts",
-    "link_bending": "a link bends",
-    "tool_flex": "the tool or its flange gives way",
-    "joint_hardening": "a joint becomes stiffer or softer under load",
-    "joint_lost_motion": "a joint has lost motion",
-    "joint_hysteresis": "a joint comes back on another path than it went",
-    "compensator": "the gravity compensator acts on the stiffness",
-    "wrist_coupling": "the wrist joints turn each other",
-    "scale_gain": "the spring scale reads a constant factor off",
-    "scale_zero": "the spring scale has a wrong zero",
-    "scale_curvature": "the spring scale is not linear",
-    "chain_weight": "the weight of the chain bends the pull",
-    "chain_offset": "the chain reflectors do not lie on the line of pull",
-    "joint_offset": "a joint's zero is off",
-    "base_rotation": "the base frame is rotated against the robot",
-    "tracker_drift": "the tracker drifted between readings",
-    "gravity_sag": "the arm sags under its own weight",
-    "load_point_offset": "the load point is not where the drawing says",
-    "tracker_noise": "the tracker scatters more than stated",
-    "force_noise": "the force readings scatter more than stated",
-    "outlier": "a reading is an outlier",
-    "label_swap": "names of targets are swapped",
-    "unit_mixup": "a unit is mixed up",
-    "sign_or_convention": "a sign or an axis convention is mixed up",
+    "rail_lateral": "sideways give of the carriage",
+    "rail_vertical": "vertical give of the carriage",
+    "rail_roll": "roll of the carriage about the rail",
+    "rail_pitch": "pitch of the carriage",
+    "rail_yaw": "yaw of the carriage",
+    "rail_backlash": "backlash of the rail drive",
+    "rail_stiffness_varies": "stiffness of the rail drive that varies along the rail",
+    "joint_tilt": "tilt of the bearing",
+    "link_bending": "bending of the link",
+    "tool_flex": "give of the tool or its flange",
+    "joint_hardening": "stiffness that changes with the load",
+    "joint_lost_motion": "lost motion",
+    "joint_hysteresis": "hysteresis",
+    "compensator": "gravity compensator",
+    "wrist_coupling": "coupling of the wrist joints",
+    "scale_gain": "wrong gain of the spring scale",
+    "scale_zero": "wrong zero of the spring scale",
+    "scale_curvature": "curvature of the spring scale",
+    "chain_weight": "weight of the chain",
+    "chain_offset": "chain reflectors beside the line of pull",
+    "joint_offset": "wrong zero",
+    "base_rotation": "rotation of the base frame",
+    "tracker_drift": "drift of the tracker",
+    "gravity_sag": "sag under the arm's own weight",
+    "load_point_offset": "load point or targets away from their stated places",
+    "tracker_noise": "tracker noise larger than stated",
+    "force_noise": "force noise larger than stated",
+    "outlier": "outlying reading",
+    "label_swap": "swapped names of targets",
+    "unit_mixup": "mixed-up unit",
+    "sign_or_convention": "mixed-up sign or axis convention",
 }
+"""Each cause as a noun, so that it fits into any sentence."""
+
+LABEL = re.compile(rf"\b({'|'.join(n for n in CAUSES if '_' in n)})(?::(\w+))?\b")
 
 SOURCES = {
     "tracker": "tracker readings",
@@ -85,3 +90,18 @@ def cause(name: str, where: object) -> str:
 def label(name: str, where: object) -> str:
     """The machine-readable name, `joint_tilt 2`."""
     return name if where is None else f"{name} {where}"
+
+
+def in_words(sentence: str) -> str:
+    """A sentence with the machine-readable names of causes put into words."""
+    return LABEL.sub(lambda found: cause(found[1], _where(found[2])), sentence)
+
+
+def from_label(text: str) -> str:
+    """A cause in words from its label, `joint_tilt:2` or `joint_tilt`."""
+    name, _, where = text.partition(":")
+    return cause(name, _where(where))
+
+
+def _where(text: str | None) -> int | str | None:
+    return int(text) if text and text.isdigit() else text or None
