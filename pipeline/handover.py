@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 import xml.etree.ElementTree as ET
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -140,6 +141,16 @@ def model(campaign: str, verdict: str, cell: Cell, estimate: Estimate) -> Model:
         value=estimate.value[of_machine],
         cov=estimate.cov[np.ix_(of_machine, of_machine)],
     )
+
+
+def extended(
+    campaign: str, verdict: str, cell: Cell, causes: Iterable[Effect], estimate: Estimate | None
+) -> Model | None:
+    """What is handed over of an estimate with named causes in it; None where there are none."""
+    whole = cell.with_effects(*causes)
+    if estimate is None or whole.parameters != estimate.parameters:
+        return None
+    return model(campaign, verdict, whole, estimate)
 
 
 def _measurement(effect: Effect) -> bool:

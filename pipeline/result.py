@@ -9,19 +9,21 @@ import numpy as np
 import pandas as pd
 from scipy import special
 
-from pipeline import files
+from pipeline import files, handover
 from pipeline.campaign import Raw, versions
-from pipeline.cell import Cell, predict
+from pipeline.cell import Cell, jacobian, predict
 from pipeline.diagnosis import verdict as verdicts
+from pipeline.effects import Pulls
 from pipeline.results import Array, Estimate, System
 from pipeline.robot import Joint
 from pipeline.stages.assemble import Measured
 from pipeline.stages.budget import Budget, budget
 from pipeline.stages.estimate import left_out
 from pipeline.stages.register import Registration
-from pipeline.stages.validate import Where, deflections
+from pipeline.stages.validate import Where
 from pipeline.stages.variance import NAMES, Components
 from pipeline.stages.whiten import whitener
+from pipeline.stages.workspace import Known
 
 TRACKER_MEASURES_M = 1e-4
 """A laser tracker measures displacements in a hall to this or better (MPE of the AT500 class)."""
@@ -110,6 +112,7 @@ class Findings:
         estimate: Its solution.
         noise: What repeats and zeros say about the scatter.
         diagnosis: What the model misses.
+        richer: The machine with the named causes in it, None without any.
         residuals: Table RESIDUALS.
         where: The test pose.
         checked: Table VALIDATION.
@@ -125,6 +128,7 @@ class Findings:
     estimate: Estimate
     noise: Components
     diagnosis: verdicts.Diagnosis
+    richer: handover.Model | None
     residuals: pd.DataFrame
     where: Where
     checked: pd.DataFrame
@@ -185,6 +189,9 @@ def extended_entry(found: Findings) -> dict[str, Any] | None:
     return {
         "stiffness": stiffness_entries(found.cell, system, estimate),
         "fit": fit_entry(found.cell, found.data, estimate),
+        "test_pose_deflection": (
+            deflection_entries(found.richer.cell, found.richer, found.where) if found.richer else []
+        ),
     }
 
 
@@ -472,14 +479,16 @@ def registration_findings(registration: Registration) -> list[str]:
     ]
 
 
-def deflection_entries(cell: Cell, estimate: Estimate, where: Where) -> list[dict[str, Any]]:
+def deflection_entries(cell: Cell, estimate: Known, where: Where) -> list[dict[str, Any]]:
     """Predicted deflection at the test pose with its standard uncertainty."""
-    A = deflections(cell, where.q[None], where.force[None])[0]
+    unset, zero = np.zeros(1), np.zeros(1, dtype=np.int64)
+    pulls = Pulls(zero, zero, where.q[None], where.force[None], unset, unset, unset, unset)
+    moved = predict(cell, pulls, estimate.value).displacement[0]
+    A = jacobian(cell, pulls, estimate.value)[0]
     known = np.isfinite(estimate.std)
     cov = estimate.cov[np.ix_(known, known)]
     out = []
-    for name, rows in zip(cell.tool.targets, A, strict=True):
-        move = 1e3 * rows @ estimate.value
+    for name, move, rows in zip(cell.tool.targets, 1e3 * moved, A, strict=True):
         std = 1e3 * np.sqrt(np.diag(rows[:, known] @ cov @ rows[:, known].T))
         axes = dict(zip(("dx_mm", "dy_mm", "dz_mm"), move.tolist(), strict=True))
         out.append({"target": name, **axes, "std_mm": std.tolist()})

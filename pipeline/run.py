@@ -32,6 +32,7 @@ from pipeline.stages.ingest import ingest
 from pipeline.stages.register import Registration, place, register
 from pipeline.stages.validate import place_of_interest, validate
 from pipeline.stages.variance import noise, rescaled, resting_on
+from pipeline.stages.workspace import none as no_workspace
 from pipeline.stages.workspace import workspace
 
 T = TypeVar("T")
@@ -145,6 +146,10 @@ def _compute(campaign: Campaign, raw: Raw, step: Step[Any]) -> dict[str, Any]:
     examined = keep("50_examined", examined, tables.examined(raw.robot))
     clues = keep("51_diagnosis", clues_table(diagnosis), tables.DIAGNOSIS)
     separability = keep("52_separability", apart_table(diagnosis), tables.SEPARABILITY)
+    causes = [cause.effect for cause in diagnosis.causes]
+    richer = handover.extended(campaign.name, diagnosis.verdict, cell, causes, diagnosis.estimate)
+    softer = workspace(richer.cell, richer, where) if richer else no_workspace()
+    softer = keep("62_workspace_extended", softer, tables.WORKSPACE)
 
     answer = result.answer(
         result.Findings(
@@ -157,6 +162,7 @@ def _compute(campaign: Campaign, raw: Raw, step: Step[Any]) -> dict[str, Any]:
             estimate=estimate,
             noise=found,
             diagnosis=diagnosis,
+            richer=richer,
             residuals=residuals,
             where=where,
             checked=checked,
@@ -167,6 +173,7 @@ def _compute(campaign: Campaign, raw: Raw, step: Step[Any]) -> dict[str, Any]:
         "residuals": residuals,
         "validation": checked,
         "workspace": soft,
+        "workspace_extended": softer,
         "examined": examined,
         "diagnosis": clues,
         "separability": separability,

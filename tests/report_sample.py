@@ -201,6 +201,9 @@ def tables(seed: int = 20261103, poses: int = 16) -> dict[str, pd.DataFrame]:
         "registration": _registration(rng),
         "validation": _validation(rng),
         "workspace": _workspace(),
+        "workspace_extended": _workspace().eval("worst_m_per_n = 1.1 * worst_m_per_n"),
+        "examined": rows.assign(left_out_extended_m=0.6 * rows["left_out_m"]),
+        "diagnosis": _suspects(),
         "rejected": pd.DataFrame({"file": [], "line": [], "reason": []}),
     }
 
@@ -209,6 +212,17 @@ def _registration(rng: np.random.Generator) -> pd.DataFrame:
     out = pd.DataFrame({"target": ["B1", "B2", "B3", "B4"] * 6})
     out[["dx_m", "dy_m", "dz_m"]] = 3e-5 * rng.standard_normal((len(out), 3))
     return out
+
+
+def _suspects() -> pd.DataFrame:
+    return pd.DataFrame(
+        {
+            "name": ["joint_tilt", "rail_roll", "scale_zero", "joint_offset"],
+            "where": ["2", "", "", "3"],
+            "log_evidence": [4.2, 31.0, -0.7, np.nan],
+            "named": [False, True, False, False],
+        }
+    )
 
 
 def _workspace() -> pd.DataFrame:

@@ -52,6 +52,9 @@ AXIS = {
     "residual-force": "Size of the pull [N]",
     "whitened": "Residual [standard deviations]",
     "arrows": "from the side",
+    "workspace-extended": "Reach from the shoulder axis [m]",
+    "gain": "Pose left out",
+    "evidence": "Evidence, natural log of the odds",
     "workspace": "Reach from the shoulder axis [m]",
     "registration": "Reading of a base reflector, in order",
 }
@@ -205,6 +208,30 @@ def test_a_stiffness_without_upper_limit_is_drawn_and_said(sample):
     assert 'data-tip="k_r1: 97.4 % of nominal, above 96.6 %"' in html
 
 
+def test_causes_are_called_by_words_everywhere(sample):
+    """Sentences made for the screen name causes by label; the report puts them into words."""
+    result = copy.deepcopy(sample[0])
+    result["verdict_sentence"] = ["With joint_tilt:3 and rail_roll in the model it fits.", "x"]
+    result["diagnosis"]["why"] = "link_bending:upper_arm explains it; joint_tilted does not."
+
+    report = compose(result, sample[1])
+    texts = [b.text for s in report.sections for b in s.blocks if hasattr(b, "text")]
+
+    assert report.sentences[0] == (
+        "With tilt of the bearing in joint 3 and roll of the carriage about the rail in the model "
+        "it fits."
+    )
+    assert "bending of the link in the upper arm explains it; joint_tilted does not." in texts
+
+
+def test_suspects_are_ordered_by_their_evidence(sample):
+    """The figure shows the best suspect first and leaves out what could not be judged."""
+    caption = next(f for f in compose(*sample).figures if f.name == "evidence").caption
+
+    assert caption.startswith("By itself roll of the carriage about the rail has the most evidence")
+    assert "31; 2 of 4 suspects lie above 3" in caption
+
+
 # --- page ----------------------------------------------------------------------------------
 
 
@@ -262,7 +289,7 @@ def test_figures_follow_the_colours_of_the_page(html):
     pictures = "".join(re.findall(r"<svg.*?</svg>", html, flags=re.DOTALL))
 
     pictures = re.sub(r'(?:href|id|clip-path)="[^"]*"', "", pictures)
-    assert pictures.count("<svg") == 8
+    assert pictures.count("<svg") == 11
     assert "<image" not in pictures
     assert re.findall(r"#[0-9a-f]{3,6}\b|\brgb\(", pictures) == []
 

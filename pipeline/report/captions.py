@@ -238,9 +238,18 @@ def _prediction(result: Result, tables: Tables) -> Figure | None:
 
 
 def _workspace(result: Result, tables: Tables) -> Figure | None:
-    if not has(tables, "workspace") or len(tables["workspace"]) < 20:
+    return _softness("workspace", "joint springs only", tables)
+
+
+def _workspace_extended(result: Result, tables: Tables) -> Figure | None:
+    return _softness("workspace-extended", "with the named causes", tables)
+
+
+def _softness(name: str, model: str, tables: Tables) -> Figure | None:
+    table = name.replace("-", "_")
+    if not has(tables, table) or len(tables[table]) < 20:
         return None
-    soft = tables["workspace"]
+    soft = tables[table]
     here, worst = soft.iloc[0], soft.iloc[int(soft["worst_m_per_n"].to_numpy().argmax())]
     size = 1e6 * soft["worst_m_per_n"]
     axis = "xyz"[int(np.abs(here[[f"direction_{a}" for a in "xyz"]].to_numpy(float)).argmax())]
@@ -252,11 +261,11 @@ def _workspace(result: Result, tables: Tables) -> Figure | None:
         f"{worst['height_m']:.1f} m."
     )
     return Figure(
-        "workspace",
-        "Deflection per newton over the arm's plane",
+        name,
+        f"Deflection per newton over the arm's plane, {model}",
         f"{said} Shoulder and elbow go through their ranges, the other joints stay as in the test "
         f"pose; bright is soft.",
-        f"Map of the deflection per newton of load over reach and height. {said}",
+        f"Map of the deflection per newton of load over reach and height, {model}. {said}",
     )
 
 
@@ -273,5 +282,6 @@ WRITERS: dict[str, Callable[[Result, Tables], Figure | None]] = {
     "whitened": _whitened,
     "arrows": _arrows,
     "workspace": _workspace,
+    "workspace-extended": _workspace_extended,
     "registration": _registration,
 }

@@ -25,6 +25,7 @@ from pipeline.report.summaries import (
     Tables,
     arrows,
     gain,
+    has,
     places,
     pose_rms,
     prediction_error,
@@ -248,7 +249,8 @@ def _arrows(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     canvas.set_size_inches(5.6, 4.4 if wide else 3.2)
     views = canvas.subplots(2, 1, sharex=True) if wide else canvas.subplots(1, 2)
     spread = max(float(np.ptp(vectors[a])) for a in "xyz") or 1.0
-    scale = max(longest, 1e-9) / (0.11 * spread)
+    usual = float(np.quantile(size, 0.8))  # one outlier must not make all others invisible
+    scale = max(usual / 0.08, longest / 0.4, 1e-9) / spread
     tips: Tips = {}
     keyed: list[Quiver] = []
     across = "y"
@@ -282,7 +284,7 @@ def _arrows(canvas: Canvas, result: Result, tables: Tables) -> Tips:
             f"pose {r.pose}, {r.target}: {plain(r.rx)}, {plain(r.ry)}, {plain(r.rz)} mm"
             for r in _rows(vectors)
         ]
-    key_length = _round_down(longest)
+    key_length = _round_down(max(usual, 0.2 * longest))
     views[0].quiverkey(
         keyed[0],
         0.88,
@@ -308,14 +310,26 @@ def _round_down(value: float) -> float:
 
 
 def _workspace(canvas: Canvas, result: Result, tables: Tables) -> Tips:
-    soft = tables["workspace"]
+    return _map(canvas, tables["workspace"], levels_of(tables))
+
+
+def _workspace_extended(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+    return _map(canvas, tables["workspace_extended"], levels_of(tables))
+
+
+def levels_of(tables: Tables) -> np.ndarray:
+    """The steps of both maps, so that equal shades mean equal deflection [µm/N]."""
+    names = [name for name in ("workspace", "workspace_extended") if has(tables, name)]
+    size = np.concatenate([1e6 * tables[n]["worst_m_per_n"].to_numpy(float) for n in names])
+    ticks = MaxNLocator(len(SHADES), steps=[1, 2, 2.5, 5, 10])
+    return np.asarray(ticks.tick_values(size.min(), size.max()))
+
+
+def _map(canvas: Canvas, soft: pd.DataFrame, levels: np.ndarray) -> Tips:
     swept, here = soft[soft["row"] >= 0].reset_index(drop=True), soft.iloc[0]
     canvas.set_size_inches(5.6, 3.9)
     axes = canvas.subplots()
     per_newton = 1e6 * swept["worst_m_per_n"].to_numpy(float)
-    levels = MaxNLocator(len(SHADES), steps=[1, 2, 2.5, 5, 10]).tick_values(
-        per_newton.min(), per_newton.max()
-    )
     shades = [SHADES[i] for i in np.linspace(0, 8, len(levels) - 1).round().astype(int)]
     net = Triangulation(swept["reach_m"], swept["height_m"], _triangles(swept))
     filled = axes.tricontourf(net, per_newton, levels=levels, colors=shades)
@@ -416,5 +430,6 @@ DRAWERS: dict[str, Callable[[Canvas, Result, Tables], Tips]] = {
     "whitened": _whitened,
     "arrows": _arrows,
     "workspace": _workspace,
+    "workspace-extended": _workspace_extended,
     "registration": _registration,
 }

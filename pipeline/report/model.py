@@ -287,7 +287,7 @@ def _diagnosis(result: Result, tables: Tables) -> Section | None:
     for number, one in enumerate(causes, 1):
         blocks += _cause(number, one, with_gain=not shared)
     blocks += [
-        Text(f"Together: {shared[0].lower()}{shared[1:]}") if shared else None,
+        Text(shared.replace("With it in", "With all causes in", 1)) if shared else None,
         *figures(("gain", "evidence"), result, tables),
         _next_poses(poses),
         _next_joint_values(poses, _list(result, "stiffness")),
@@ -333,11 +333,12 @@ def _probability_sentence(one: Mapping[str, Any]) -> str:
 
 
 def _parameter_sentences(one: Mapping[str, Any]) -> list[str]:
-    return [
-        f"Its size is {p.get('name')} = {_bracketed(with_std(p.get('value'), p.get('std')))} "
-        f"{str(p.get('unit') or '').replace(' ', '·')}.".replace(" .", ".")
+    sizes = [
+        f"{p.get('name')} = {_bracketed(with_std(p.get('value'), p.get('std')))} "
+        f"{str(p.get('unit') or '').replace(' ', '·')}".rstrip()
         for p in _list(one, "parameters")
     ]
+    return [f"Its size: {', '.join(sizes)}."] if sizes else []
 
 
 def _gain_sentences(one: Mapping[str, Any]) -> list[str]:
@@ -439,7 +440,7 @@ def _blind_spots(spots: list[Any]) -> Table | None:
     rows = [
         (
             text_entry(words.CAUSES.get(name, name.replace("_", " "))),
-            text_entry(", ".join(str(s["where"]) for s in group if s.get("where") is not None)),
+            text_entry(_places(group)),
             entry(*_smallest(group, unit)),
             text_entry("; ".join(dict.fromkeys(_why(s) for s in group))),
             text_entry(needs),
@@ -458,12 +459,18 @@ def _blind_spots(spots: list[Any]) -> Table | None:
     return Table("blind-spots", title, columns, tuple(rows), note) if rows else None
 
 
+def _places(group: list[Any]) -> str:
+    places = [s["where"] for s in group if s.get("where") is not None]
+    return ", ".join(sorted((str(p).replace("_", " ") for p in places), key=lambda p: (len(p), p)))
+
+
 def _smallest(group: list[Any], unit: str) -> tuple[str, float | None]:
     """Smallest visible size of effects of one kind, as a range over their places."""
     sizes = sorted(s["smallest_visible"] for s in group if known(s.get("smallest_visible")))
     if not sizes:
         return "never visible", None
-    factor, letter = (1.0, "") if unit in ("", "1") else common_prefix(sizes[:1])
+    wide = sizes[-1] > 300 * sizes[0]
+    factor, letter = (1.0, "") if unit in ("", "1") or wide else common_prefix(sizes)
     shown = list(dict.fromkeys(plain(size / factor, 2) for size in (sizes[0], sizes[-1])))
     name = "" if unit in ("", "1") else f" {prefixed(unit, letter)}"
     return f"{' to '.join(shown)}{name}", sizes[0]
@@ -493,7 +500,7 @@ def _test_pose(result: Result, tables: Tables) -> Section | None:
             _deflections(
                 "deflection-extended", "The same with the named causes in the model", extended
             ),
-            *figures(("workspace",), result, tables),
+            *figures(("workspace", "workspace-extended"), result, tables),
         ],
     )
 

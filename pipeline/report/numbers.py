@@ -97,7 +97,7 @@ def plain(value: float | None, significant: int = 3) -> str:
     if value == 0:
         return "0"
     if 1e-4 <= abs(value) < 1e6:
-        return at_place(value, min(place_of(abs(value), significant), 0))
+        return at_place(value, place_of(abs(value), significant))
     power = Decimal(repr(abs(float(value)))).adjusted()
     mantissa = at_place(value / 10.0**power, 1 - significant)
     return f"{mantissa} × {ten_to(power)}"

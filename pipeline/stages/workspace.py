@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 import pandas as pd
 
 from pipeline.cell import Cell, Tool, jacobian, predict
 from pipeline.effects import Pulls
-from pipeline.results import Array, Bools, Estimate
+from pipeline.results import Array, Bools
 from pipeline.robot import Configuration, Robot, configure
 from pipeline.stages.validate import Where
 
@@ -22,7 +23,23 @@ FORCE_N = 1000.0
 UP = np.array([0.0, 0.0, 1.0])
 
 
-def workspace(cell: Cell, estimate: Estimate, test: Where, steps: int = STEPS) -> pd.DataFrame:
+class Known(Protocol):
+    """Parameters of a cell with their uncertainty: an estimate, or a model that was handed over."""
+
+    @property
+    def value(self) -> Array:
+        """Best estimate, shape (k,)."""
+
+    @property
+    def cov(self) -> Array:
+        """Covariance of `value`, shape (k, k)."""
+
+    @property
+    def std(self) -> Array:
+        """Standard uncertainty of `value`, shape (k,)."""
+
+
+def workspace(cell: Cell, estimate: Known, test: Where, steps: int = STEPS) -> pd.DataFrame:
     """Deflection of the load point per newton in the worst direction, over the arm's plane.
 
     Shoulder and elbow, the first two neighbouring joints with parallel axes, go through their
@@ -40,9 +57,7 @@ def workspace(cell: Cell, estimate: Estimate, test: Where, steps: int = STEPS) -
     """
     pair = arm_joints(cell.robot, test.q)
     if pair is None:
-        return _table(
-            np.zeros((0, 2)), np.zeros(0), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 2))
-        )
+        return none()
     q, grid = _swept(cell.robot, test.q, pair, steps)
     here = configure(cell.robot, q)
     inside = _same_side(here, cell, pair)
@@ -109,12 +124,12 @@ def _at_load_point(cell: Cell) -> Cell:
     return replace(cell, tool=Tool(point, np.array(["load_point"], dtype=object), point[None]))
 
 
-def _softest(cell: Cell, estimate: Estimate, q: Array) -> tuple[Array, Array, Array]:
+def _softest(cell: Cell, estimate: Known, q: Array) -> tuple[Array, Array, Array]:
     """Largest deflection per newton (m,), its standard uncertainty (m,), direction (m, 3)."""
     m = len(q)
     force = np.tile(FORCE_N * np.eye(3), (m, 1))
-    none, zero = np.zeros(3 * m), np.zeros(3 * m, dtype=np.int64)
-    pulls = Pulls(zero, zero, np.repeat(q, 3, axis=0), force, none, none, none, none)
+    unset, zero = np.zeros(3 * m), np.zeros(3 * m, dtype=np.int64)
+    pulls = Pulls(zero, zero, np.repeat(q, 3, axis=0), force, unset, unset, unset, unset)
     moved = predict(cell, pulls, estimate.value).displacement.reshape(m, 3, 3) / FORCE_N
     pulled, size, turned = np.linalg.svd(moved)
     known = np.isfinite(estimate.std)
@@ -123,6 +138,17 @@ def _softest(cell: Cell, estimate: Estimate, q: Array) -> tuple[Array, Array, Ar
     cov = estimate.cov[np.ix_(known, known)]
     std = np.sqrt(np.einsum("mk,kl,ml->m", slope, cov, slope))
     return size[:, 0], std, turned[:, 0]
+
+
+def none() -> pd.DataFrame:
+    """The table of no model at all."""
+    return _table(
+        np.zeros((0, 2)),
+        np.zeros(0),
+        np.zeros(0),
+        np.zeros((0, 3)),
+        np.zeros((0, 2), dtype=np.int32),
+    )
 
 
 def _table(plane: Array, size: Array, std: Array, direction: Array, grid: Array) -> pd.DataFrame:
