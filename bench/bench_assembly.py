@@ -14,7 +14,7 @@ from pipeline.simulate import Plan, simulate
 from pipeline.stages.assemble import assemble
 from pipeline.stages.estimate import least_squares, solve
 from pipeline.stages.whiten import whitener
-from pipeline.tables import conform
+from pipeline.tables import promised
 
 READINGS = 9_999
 
@@ -83,7 +83,7 @@ def _assembly() -> list[tuple[str, float, str]]:
 
 def _solve() -> list[tuple[str, float, str]]:
     raw = in_memory(simulate(Plan(name="bench")).files)
-    data = reduce(raw, lambda _, table, promise: conform(table, promise).to_pandas()).data
+    data = reduce(raw, promised).data
     typical = raw.robot.nominal_compliance
     cell = paper_cell(raw.robot, tool(raw.settings))
     system = assemble(cell, data, typical)

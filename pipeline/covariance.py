@@ -11,6 +11,7 @@ from pipeline.results import Array
 
 PAIRS = ("xx", "xy", "xz", "yy", "yz", "zz")
 ROW, COLUMN = np.triu_indices(3)
+"""Where each of the six numbers of a covariance stands in its 3x3 matrix."""
 
 
 def columns(before: str = "c", after: str = "_m2") -> list[str]:
@@ -20,8 +21,12 @@ def columns(before: str = "c", after: str = "_m2") -> list[str]:
 
 def matrices(table: pd.DataFrame, names: Sequence[str] | None = None) -> Array:
     """Six columns of a table as matrices, shape (rows, 3, 3)."""
-    upper = table[list(names or columns())].to_numpy(dtype=float)
-    out = np.empty((len(table), 3, 3))
+    return symmetric(table[list(names or columns())].to_numpy(dtype=float))
+
+
+def symmetric(upper: Array) -> Array:
+    """Matrices (m, 3, 3) from their six numbers (m, 6), in the order of `PAIRS`."""
+    out = np.empty((len(upper), 3, 3))
     out[:, ROW, COLUMN] = upper
     out[:, COLUMN, ROW] = upper
     return out

@@ -1,12 +1,13 @@
 """What a laser tracker's reading is worth: its 3x3 covariance, beam frame included.
 
-Six numbers per reading, in the order xx, xy, xz, yy, yz, zz, [m^2].
+Six numbers per reading, in the order of `covariance.PAIRS`, [m^2].
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from pipeline.covariance import COLUMN, ROW
 from pipeline.results import Array
 from pipeline.settings import InstrumentNoise
 
@@ -17,9 +18,6 @@ PAPER_SHARE = np.array([0.25, 0.0, 0.0, 0.25, 0.0, 0.5])
 """Eq. (18): theta uniform on [0, pi/2], phi uniform give E[u u'] = diag(1/4, 1/4, 1/2)."""
 
 ISOTROPIC = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
-
-ROWS, COLUMNS = (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)
-"""Where each of the six numbers stands in the 3x3 matrix."""
 
 
 def beam_covariance(position: Array, noise: InstrumentNoise) -> Array:
@@ -43,19 +41,6 @@ def beam_covariance(position: Array, noise: InstrumentNoise) -> Array:
     across = np.where(nowhere, np.maximum(along, across), across)
     share = np.where(nowhere, 0.0, (along - across) / np.where(nowhere, 1.0, reach) ** 2)
     out = np.empty((len(position), 6))
-    for k, (i, j) in enumerate(zip(ROWS, COLUMNS, strict=True)):
+    for k, (i, j) in enumerate(zip(ROW, COLUMN, strict=True)):
         out[:, k] = share * position[:, i] * position[:, j] + (across if i == j else 0.0)
     return out
-
-
-def full(six: Array) -> Array:
-    """Symmetric matrices from their six numbers, (n, 6) -> (n, 3, 3)."""
-    out = np.empty((len(six), 3, 3))
-    for k, (i, j) in enumerate(zip(ROWS, COLUMNS, strict=True)):
-        out[:, i, j] = out[:, j, i] = six[:, k]
-    return out
-
-
-def packed(matrices: Array) -> Array:
-    """The six numbers of symmetric matrices, (n, 3, 3) -> (n, 6)."""
-    return matrices[:, ROWS, COLUMNS]

@@ -154,10 +154,10 @@ def check(root: Path, name: str) -> Outcome:
 def _check(root: Path, name: str) -> Outcome:
     from pipeline.result import rejected_entries
     from pipeline.run import reduce
-    from pipeline.tables import conform
+    from pipeline.tables import promised
 
     raw = campaigns.find(root, name).read()
-    reduced = reduce(raw, lambda _, table, promise: conform(table, promise).to_pandas())
+    reduced = reduce(raw, promised)
     rejected = rejected_entries(reduced.shown["rejected"])
     used = {
         "readings": len(reduced.shown["readings"]),

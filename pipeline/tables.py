@@ -9,6 +9,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from pyarrow import csv
 
+from pipeline.covariance import PAIRS
 from pipeline.errors import TableMismatch, listed
 from pipeline.results import Parameter
 from pipeline.robot import Robot
@@ -35,7 +36,7 @@ SOURCE_LINE = [
 ]
 COVARIANCE = [
     col(f"c{ab}_m2", F64, "m^2", f"covariance of {ab[0]} and {ab[1]}, NaN where the file has none")
-    for ab in ("xx", "xy", "xz", "yy", "yz", "zz")
+    for ab in PAIRS
 ]
 
 READINGS = promise(
@@ -147,7 +148,7 @@ FORCES = promise(
                 f"covariance of direction cosines {ab[0]} and {ab[1]}; per m^2 of the tracker's "
                 "variance where no noise is stated",
             )
-            for ab in ("xx", "xy", "xz", "yy", "yz", "zz")
+            for ab in PAIRS
         ],
         col("branch", I32, "1", "1 up, -1 down, 0 unknown"),
         col("time_s", F64, "s", "mean time of the loaded targets after the first reading"),
@@ -404,6 +405,15 @@ def conform(table: pd.DataFrame | pa.Table | None, schema: pa.Schema) -> pa.Tabl
         if not field.nullable and cast[field.name].null_count:
             raise TableMismatch(f"table {name}: column {field.name} has empty cells")
     return cast
+
+
+def promised(name: str, table: pd.DataFrame | pa.Table | None, schema: pa.Schema) -> pd.DataFrame:
+    """A table as a run would keep and give it on, without keeping it.
+
+    Raises:
+        TableMismatch: See `conform`.
+    """
+    return conform(table, schema).to_pandas()
 
 
 def _arrow(table: pd.DataFrame) -> pa.Table:

@@ -40,6 +40,6 @@ def read_back() -> Callable[[RawCampaign], Reduced]:
 
     def through_the_stages(campaign: RawCampaign) -> Reduced:
         raw = in_memory(campaign.files)
-        return reduce(raw, lambda _, table, promise: tables.conform(table, promise).to_pandas())
+        return reduce(raw, tables.promised)
 
     return through_the_stages

@@ -11,12 +11,7 @@ from pipeline.cell import paper_cell
 from pipeline.run import reduce, tool
 from pipeline.simulate import Plan, simulate
 from pipeline.stages.assemble import assemble
-from pipeline.tables import conform
-
-
-def keep(_, table, promise):
-    """Tables stay in memory."""
-    return conform(table, promise).to_pandas()
+from pipeline.tables import promised
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +24,7 @@ def raw():
 
 @pytest.fixture(scope="module")
 def data(raw):
-    return reduce(raw, keep).data
+    return reduce(raw, promised).data
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ from pipeline.settings import parse
 from pipeline.simulate import Plan, revised, simulate
 from pipeline.stages.estimate import identify
 from pipeline.stages.variance import noise, repeated_zeros, variance_components
-from pipeline.tables import conform
+from pipeline.tables import promised
 
 PLAN = Plan(name="noise", seed=5)
 
@@ -27,7 +27,7 @@ def found(plan, files=None):
     kept = {}
 
     def keep(name, table, promise):
-        kept[name] = conform(table, promise).to_pandas()
+        kept[name] = promised(name, table, promise)
         return kept[name]
 
     data = reduce(raw, keep).data

@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from pipeline.cell import Tool, jacobian, paper_cell
+from pipeline.covariance import symmetric
 from pipeline.design import criteria
 from pipeline.design.criteria import Criterion
 from pipeline.design.information import Experiment
@@ -18,7 +19,7 @@ from pipeline.design.limits import Limits
 from pipeline.design.scatter import Beam, Scatter
 from pipeline.effects import Pulls
 from pipeline.errors import InputError, listed
-from pipeline.instrument import PAPER_SHARE, PAPER_SIGMA_M, full
+from pipeline.instrument import PAPER_SHARE, PAPER_SIGMA_M
 from pipeline.results import Array, Bools, Locked
 from pipeline.robot import Robot, configure
 from pipeline.settings import InstrumentNoise, NotNegative, Point, Positive, Strict, TestPose
@@ -310,7 +311,7 @@ def _scatter(spec: ProblemFile, repeats: int) -> Scatter:
     sigma = noise.displacement_sigma_m or noise.reading_sigma_m
     covariance = None if sigma is None else sigma**2 * np.eye(3)
     if noise.tracker == "paper":
-        covariance = PAPER_SIGMA_M**2 * full(PAPER_SHARE[None])[0]
+        covariance = PAPER_SIGMA_M**2 * symmetric(PAPER_SHARE[None])[0]
     beam = None
     if isinstance(noise.tracker, InstrumentNoise):
         beam = Beam(noise.tracker, noise.tracker_position_m)

@@ -43,7 +43,7 @@ class Pulls(Locked):
         """Number of pulls m."""
         return len(self.pose)
 
-    def part(self, which: slice) -> Pulls:
+    def part(self, which: slice | Ints) -> Pulls:
         """Some of the pulls."""
         return Pulls(**{field.name: getattr(self, field.name)[which] for field in fields(self)})
 

@@ -6,7 +6,7 @@ anchor, tighten until the scale shows the step, read targets and chain, read the
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -324,7 +324,7 @@ def _pulled(scene: Scene, acting: Array) -> tuple[Pulls, Array, Array]:
     still, values = _still(scene)
     anchor = np.tile(scene.anchor[scene.pose_of], (n, 1))
     nominal = np.linalg.norm(scene.pulls.force, axis=1)
-    pulls = _tiled(scene.pulls, (acting / nominal)[..., None] * scene.pulls.force)
+    pulls = scene.pulls.under((acting / nominal)[..., None] * scene.pulls.force)
     at = forward.predict(still, pulls, values).load_point
     pulls = _aimed(pulls, acting.ravel(), at, anchor)
     moved = forward.predict(still, pulls, values)
@@ -355,21 +355,6 @@ def _scaled(cell: Cell, values: Array, source: str) -> float:
         if isinstance(effect, Noise) and source in effect.source_scaled:
             factor *= 1.0 + float(part.sum())
     return factor
-
-
-def _tiled(pulls: Pulls, force: Array) -> Pulls:
-    """The pulls of n campaigns in one table; `force` has shape (n, m, 3)."""
-    n = len(force)
-    return Pulls(
-        pose=np.tile(pulls.pose, n),
-        repeat=np.tile(pulls.repeat, n),
-        q=np.tile(pulls.q, (n, 1)),
-        force=force.reshape(-1, 3),
-        branch=np.tile(pulls.branch, n),
-        approach=np.tile(pulls.approach, n),
-        time=np.tile(pulls.time, n),
-        time_zero=np.tile(pulls.time_zero, n),
-    )
 
 
 def _still(scene: Scene) -> tuple[Cell, Array]:
@@ -417,7 +402,7 @@ def _chain(scene: Scene, pulls: Pulls, load_point: Array, n: int) -> Array:
 def _zeros(scene: Scene) -> Array:
     """Unloaded targets as read before and after the pulls, in F_b, shape (p, z, t, 3)."""
     still, values = _still(scene)
-    pulls = _rows(scene.pulls, np.flatnonzero(scene.pulls.repeat == 1))
+    pulls = scene.pulls.part(np.flatnonzero(scene.pulls.repeat == 1))
     points = forward.predict(still, pulls, values).unloaded
     times = np.moveaxis(scene.schedule.zero, 1, 0)
     names = scene.plan.targets
@@ -427,7 +412,7 @@ def _zeros(scene: Scene) -> Array:
 def _base(scene: Scene) -> Array:
     """Base reflectors as read at start and end, in F_b, shape (2, b, 3)."""
     points = np.array(list(scene.plan.base_frame.values())).reshape(-1, 3)
-    pulls = _rows(scene.pulls, np.array([0, len(scene.pulls) - 1]))
+    pulls = scene.pulls.part(np.array([0, len(scene.pulls) - 1]))
     return _observed(
         scene,
         pulls,
@@ -436,7 +421,3 @@ def _base(scene: Scene) -> Array:
         list(scene.plan.base_frame),
         instrument_only=True,
     )
-
-
-def _rows(pulls: Pulls, rows: Ints) -> Pulls:
-    return Pulls(**{field.name: getattr(pulls, field.name)[rows] for field in fields(pulls)})

@@ -14,6 +14,7 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline import instrument, readers, tables
+from pipeline.covariance import columns as covariance_columns
 from pipeline.errors import InputError, listed
 from pipeline.readers import Columns, Export, Hints, logs
 from pipeline.readers.assignment import assigned
@@ -23,7 +24,7 @@ from pipeline.settings import InstrumentNoise, Scale, Settings, Tracker
 from pipeline.stages import _pulls, _shots
 from pipeline.stages._shots import Rejection, Shots
 
-SIX = [field.name for field in tables.COVARIANCE]
+SIX = covariance_columns()
 
 
 @dataclass(frozen=True)
