@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from pipeline import cell as forward
 from pipeline.diagnosis.isolability import rich_pulls, rich_tool, twins
 from pipeline.effects import Compound, Elastic, Geometry, Noise, catalogue
+from pipeline.effects.joint_hysteresis import slid
 from pipeline.robot import load, model
 
 NAMES = [
@@ -174,7 +175,7 @@ def _screw(effect, q):
 
 @pytest.mark.parametrize(
     "effect",
-    [e for e in LINEAR if e.name in (*SCREWS, "joint_tilt", "link_bending", "tool_flex")],
+    [e for e in LINEAR if e.name in (*SCREWS, "joint_tilt", "tool_flex") or e.form == "hinge"],
     ids=lambda e: e.label,
 )
 def test_rotations_turn_where_and_how_they_say(bench, effect):
@@ -194,6 +195,28 @@ def test_rotations_turn_where_and_how_they_say(bench, effect):
             moved = turn.apply(before.points[i] - at) + at - before.points[i]
 
             np.testing.assert_allclose(now.displacement[i], moved, atol=2e-6, rtol=5e-3)
+
+
+@pytest.mark.parametrize(("where", "near", "far"), [("upper_arm", 2, 3), ("forearm", 3, 5)])
+def test_a_bending_link_is_a_clamped_beam(bench, where, near, far):
+    """A force F across the end of a beam moves it by F L^3 / 3 EI and turns it by F L^2 / 2 EI."""
+    beam = next(e for e in EFFECTS if (e.where, e.form) == (where, "beam"))
+    cell, pulls, x = bench
+    loaded = forward.load(cell, pulls, x)
+    start, end = (loaded.configuration.frame(j + 1)[1] for j in (near, far))
+    hinge = loaded.configuration.frame(near + 1)[0][:, :, 2]
+    link = end - start
+    length = np.linalg.norm(link, axis=1)
+    across = np.cross(hinge, link / length[:, None])
+    loaded = replace(loaded, load_point=end, force=1000.0 * across, points=end[:, None])
+
+    moved = forward.columns(beam, loaded)[:, 0, :, 0]
+    turned = np.sum(beam.twists(loaded)[:, 0, :3] * hinge, axis=1)
+
+    c = 1.0  # L / EI
+    np.testing.assert_allclose(moved, 1000 * c * length[:, None] ** 2 / 3 * across, atol=1e-6)
+    tau = np.sum(np.cross(end - (start + end) / 2, loaded.force) * hinge, axis=1)
+    np.testing.assert_allclose(turned * tau, 1000 * c * length / 2, rtol=1e-9)
 
 
 def test_gravity_stiffens_as_the_potential_energy_says(bench):
@@ -262,6 +285,23 @@ def test_backlash_depends_on_where_the_carriage_came_from(bench):
     np.testing.assert_allclose(
         moved[:, 0], [[0, 2e-4, 0], [0] * 3, [0] * 3, [0, -2e-4, 0]], atol=1e-9
     )
+
+
+def test_sliding_friction_follows_its_differential_equation(bench):
+    """Dahl's friction, closed in exponentials, is what small steps along the loads give."""
+    torque = np.array([1.2, 0.4, -0.9, 2.0, 0.3, 0.8])
+    pose, repeat = np.array([1, 1, 1, 1, 2, 2]), np.array([3, 1, 2, 4, 1, 2])
+
+    z = slid(pose, repeat, torque)[:, 0]
+
+    expected = np.zeros(6)
+    for run in ([1, 2, 0, 3], [4, 5]):
+        state, last = 0.0, 0.0
+        for i in run:
+            for step in np.full(20_000, (torque[i] - last) / 20_000):
+                state += (1 - state * np.sign(step)) * step
+            expected[i], last = state, torque[i]
+    np.testing.assert_allclose(z, expected, atol=2e-4)
 
 
 def test_twins_are_found_by_rank():

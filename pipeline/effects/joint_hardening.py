@@ -1,7 +1,11 @@
 """A gear grows stiffer (or softer) with its torque: a law that is not a straight line.
 
-Beside c tau the joint turns by h tau (|tau| / tau_rated)^e, e = 2 (cubic) or 1 (quadratic). A
-negative h is a hardening gear.
+Beside c tau the joint turns by
+
+- cubic, quadratic: h tau (|tau| / tau_rated)^e, e = 2 or 1
+- low knee, high knee: h sgn(tau) (|tau| - tau_knee) beyond the knee at 20 % or 50 % of tau_rated
+
+A negative h is a hardening gear.
 """
 
 import numpy as np
@@ -12,24 +16,29 @@ from pipeline.results import Array, Parameter
 from pipeline.robot import Robot
 
 EXPONENT = {"cubic": 2, "quadratic": 1}
+KNEE = {"low knee": 0.2, "high knee": 0.5}
+FORMS = (*EXPONENT, *KNEE)
 
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:
     """One effect for each revolute joint, in each form."""
-    return tuple(_effect(robot, joint, form) for joint in turning(robot) for form in EXPONENT)
+    return tuple(_effect(robot, joint, form) for joint in turning(robot) for form in FORMS)
 
 
 def _effect(robot: Robot, joint: int, form: str) -> Elastic:
     c, rated = compliance(robot, joint), rated_torque(robot, joint)
 
     def response(loaded: Loaded, torque: Array) -> Array:
-        return np.asarray(torque * np.abs(torque / rated) ** EXPONENT[form])
+        size = np.abs(torque)
+        if form in KNEE:
+            return np.asarray(np.sign(torque) * np.maximum(size - KNEE[form] * rated, 0.0))
+        return np.asarray(torque * (size / rated) ** EXPONENT[form])
 
     return Elastic(
         name="joint_hardening",
         where=joint,
         form=form,
-        tolerance=0.1,
+        tolerance=0.2,
         parameters=(Parameter(f"h_{joint}", "rad/(N m)", 0.15 * c, -2 * c, 2 * c),),
         signature=f"displacement over force at joint {joint} changes with the force: "
         "odd in the load, no jump at zero",

@@ -1,8 +1,10 @@
 """Friction in a gear: unloading does not come back the way loading went.
 
-    held:      friction takes its part of the torque both ways: -h sgn(tau) branch
-    left over: what loading wound up is left while unloading:    h sgn(tau) on the way down
-    bow:       a loop that closes at zero and at the pose's peak: h 4 (t - t^2), t = tau / peak
+- held: friction takes its part of the torque both ways, -h sgn(tau) branch
+- left over: what loading wound up is left while unloading, h sgn(tau) on the way down
+- bow: a loop that closes at zero and at the pose's peak, h 4 (t - t^2), t = tau / peak
+- sliding: the joint follows its torque late by -h z; z slides along the loads of the pose,
+  dz = (1 - z sgn(dtau)) dtau / s (Dahl), which closes to an exponential on each way up or down
 
 branch is +1 while the turnbuckle tightens and -1 while it slackens.
 """
@@ -14,7 +16,10 @@ from pipeline.effects._effect import Elastic, Loaded
 from pipeline.results import Array, Ints, Parameter
 from pipeline.robot import Robot
 
-FORMS = ("held", "left over", "bow")
+SLIDES_OVER = {"sliding, tight": 0.05, "sliding": 0.15, "sliding, wide": 0.4}
+"""s over the rated torque."""
+
+FORMS = ("held", "left over", "bow", *SLIDES_OVER)
 
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:
@@ -23,16 +28,19 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
 
 
 def _effect(robot: Robot, joint: int, form: str) -> Elastic:
-    step = 0.03 * rated_torque(robot, joint)
+    rated = rated_torque(robot, joint)
 
     def response(loaded: Loaded, torque: Array) -> Array:
-        branch, sense = loaded.pulls.branch[:, None], np.tanh(torque / step)
+        pulls = loaded.pulls
+        branch, sense = pulls.branch[:, None], np.tanh(torque / (0.03 * rated))
+        if form in SLIDES_OVER:
+            return -slid(pulls.pose, pulls.repeat, torque[:, 0] / (SLIDES_OVER[form] * rated))
         if form == "held":
             return -sense * branch
         if form == "left over":
             return sense * (branch < 0)
-        part = np.abs(torque) / np.maximum(_peak(loaded.pulls.pose, np.abs(torque)), 1e-9)
-        return 4 * (part - part**2) * sense * (branch < 0)
+        part = np.abs(torque) / np.maximum(_peak(pulls.pose, np.abs(torque)), 1e-9)
+        return np.asarray(4 * (part - part**2) * sense * (branch < 0))
 
     return Elastic(
         name="joint_hysteresis",
@@ -43,11 +51,29 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
         signature=f"at the same reading joint {joint} stands elsewhere while unloading than while "
         "loading",
         needs="the same loads on the way up and on the way down, branch recorded in loads.csv",
-        source="Coulomb friction and Masing's rule; 50 urad is an estimate",
+        source="Coulomb friction, Masing's rule, Dahl's model; 50 urad is an estimate",
         carrier=(joint,),
         twists=lambda loaded: joint_screw(loaded, joint),
         response=response,
     )
+
+
+def slid(pose: Ints, repeat: Ints, torque: Array) -> Array:
+    """Dahl's z after each pull, the pulls of a pose in turn and each pose from rest, (m, 1)."""
+    z, before = np.zeros(len(pose)), np.full(len(pose), -1)
+    order = np.lexsort((repeat, pose))
+    follows = pose[order[1:]] == pose[order[:-1]]
+    before[order[1:][follows]] = order[:-1][follows]
+    ready = before < 0
+    start, last = np.zeros(len(pose)), np.zeros(len(pose))
+    done = np.zeros(len(pose), dtype=bool)
+    while ready.any():
+        way = np.sign(torque[ready] - last[ready])
+        z[ready] = way + (start[ready] - way) * np.exp(-np.abs(torque[ready] - last[ready]))
+        done |= ready
+        ready = (before >= 0) & ~done & done[before]
+        start[ready], last[ready] = z[before[ready]], torque[before[ready]]
+    return z[:, None]
 
 
 def _peak(pose: Ints, torque: Array) -> Array:

@@ -7,7 +7,7 @@ from pipeline.effects._effect import Elastic
 from pipeline.results import Parameter
 from pipeline.robot import Robot
 
-WIDTH = {"narrow": 0.03, "wide": 0.12}
+WIDTH = {"narrow": 0.03, "wide": 0.08}
 """tau_b over the rated torque; lost motion is specified at 3 % of the rated torque."""
 
 

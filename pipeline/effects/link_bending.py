@@ -1,16 +1,17 @@
-"""A link of the arm bends: two rotations at its middle, as a slender beam with a load far away.
+"""A link of the arm bends as a beam clamped at its near end, about two axes across it.
 
-A beam's end turns by (L / EI) times the moment at its middle, whatever the load (Euler and
-Bernoulli, without the L^3 / 12 EI of the end's own displacement).
+- beam: it turns about its middle by c = L / EI times the moment there, and its end moves across by
+  c L^2 / 12 times the force there (Euler and Bernoulli, exact for any load at the end)
+- hinge: it turns about its middle only (a link that is stiff but for one section)
 """
 
 import numpy as np
 
 from pipeline.effects._anatomy import arm, compliance
-from pipeline.effects._effect import Elastic, Loaded, linear
+from pipeline.effects._effect import Elastic, Loaded
 from pipeline.results import Array, Parameter
 from pipeline.robot import Robot
-from pipeline.robot.configuration import rotation_about
+from pipeline.robot.configuration import rotation_about, translation_along
 
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:
@@ -19,27 +20,37 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
     if joints is None:
         return ()
     shoulder, elbow, wrist = joints
-    return (
-        _effect(robot, "upper_arm", "upper", shoulder, elbow),
-        _effect(robot, "forearm", "fore", elbow, wrist),
-    )
+    links = (("upper_arm", "upper", shoulder, elbow), ("forearm", "fore", elbow, wrist))
+    return tuple(_effect(robot, *link, form) for link in links for form in ("beam", "hinge"))
 
 
-def _effect(robot: Robot, where: str, short: str, near: int, far: int) -> Elastic:
+def _effect(robot: Robot, where: str, short: str, near: int, far: int, form: str) -> Elastic:
     c = compliance(robot, near)
+    beam = form == "beam"
 
-    def screws(loaded: Loaded) -> Array:
+    def frame(loaded: Loaded) -> tuple[Array, Array, Array, Array]:
+        """Hinge axis of the near joint, direction across, middle, vector along the link."""
         axes, start = loaded.configuration.frame(near)
         _, end = loaded.configuration.frame(far)
         axis = axes[:, :, 2]
         link = end - start - np.sum((end - start) * axis, axis=1, keepdims=True) * axis
         side = np.cross(axis, link / np.linalg.norm(link, axis=1, keepdims=True))
-        middle = (start + end) / 2
-        return np.stack([rotation_about(middle, axis), rotation_about(middle, side)], axis=1)
+        return axis, side, (start + end) / 2, link
+
+    def screws(loaded: Loaded) -> Array:
+        axis, side, middle, _ = frame(loaded)
+        turns = [rotation_about(middle, axis), rotation_about(middle, side)]
+        shifts = [translation_along(side), translation_along(axis)]
+        return np.stack([*turns, *shifts] if beam else turns, axis=1)
+
+    def response(loaded: Loaded, tau: Array) -> Array:
+        length2 = np.sum(frame(loaded)[3] ** 2, axis=1, keepdims=True)
+        return np.concatenate([tau[:, :2], tau[:, 2:] * length2 / 12], axis=1)
 
     return Elastic(
         name="link_bending",
         where=where,
+        form=form,
         parameters=(
             Parameter(f"c_{short}_in_plane", "rad/(N m)", c / 5, 0.0, 5 * c),
             Parameter(f"c_{short}_out_of_plane", "rad/(N m)", c / 5, 0.0, 5 * c),
@@ -48,7 +59,8 @@ def _effect(robot: Robot, where: str, short: str, near: int, far: int) -> Elasti
         "a near twin of the tilt of the joint it hangs on",
         needs="reflectors at the elbow",
         source="beam theory; 2e7 to 4e7 N m/rad per axis is an estimate",
-        carrier=(near, near),
+        carrier=(near,) * (4 if beam else 2),
         twists=screws,
-        response=linear,
+        response=response,
+        shared=(0, 1, 0, 1) if beam else (),
     )
