@@ -90,7 +90,7 @@ def test_an_innocent_robot_is_let_go(noise_scale):
         ("rail_backlash", "rail_backlash"),
         ("joint_tilt:2", "joint_tilt:2"),
         ("joint_hardening:3", "joint_hardening:3"),
-        ("joint_lost_motion:4=2x", "joint_lost_motion:4"),
+        ("joint_lost_motion:3=2x", "joint_lost_motion:3"),
         ("chain_offset=2x", "chain_offset"),
     ],
 )

@@ -70,7 +70,7 @@ def scores(view: View, base: Ints, dof: int, M: Array | None = None) -> Scores:
         h = S[columns, -1]
         G, h, rank[members] = clean(G, h, whole[columns, columns])
         T[members] = _drop(G, h)
-        log_evidence[members] = _evidence(G, h, rest, dof, _one_sided(view, members))
+        log_evidence[members] = _evidence(G, h, rest, dof, *_bounds(view, members))
     return Scores(T, rank, log_evidence, rest, dof)
 
 
@@ -94,8 +94,12 @@ def _drop(G: Array, h: Array) -> Array:
     return np.asarray(np.einsum("ni,nij,nj->n", h, inverse, h))
 
 
-def _evidence(G: Array, h: Array, rest: float, dof: int, one_sided: Array) -> Array:
-    """Log evidence with normal priors of several widths, scatter estimated along (Student)."""
+def _evidence(G: Array, h: Array, rest: float, dof: int, lower: Array, upper: Array) -> Array:
+    """Log evidence with normal priors of several widths, scatter estimated along (Student).
+
+    Priors end at the physical bounds: what is gained is the posterior's share between them over
+    the prior's.
+    """
     eye = np.eye(G.shape[-1])
     out = []
     for width in WIDTHS:
@@ -104,11 +108,23 @@ def _evidence(G: Array, h: Array, rest: float, dof: int, one_sided: Array) -> Ar
         q = np.minimum(np.sum(h * mean, axis=1), rest * (1 - 1e-12))
         _, logdet = np.linalg.slogdet(eye + width**2 * G)
         scatter = np.sqrt(((rest - q) / max(dof, 1))[:, None] * np.einsum("nii->ni", cov))
-        sign = np.sum(one_sided * (np.log(2) + special.log_ndtr(mean / scatter)), axis=1)
-        out.append(-0.5 * logdet - 0.5 * dof * np.log1p(-q / rest) + sign)
+        inside = _log_share(lower, upper, mean, scatter) - _log_share(lower, upper, 0.0, width)
+        out.append(-0.5 * logdet - 0.5 * dof * np.log1p(-q / rest) + inside.sum(axis=1))
     return np.asarray(special.logsumexp(out, axis=0) - np.log(len(WIDTHS)))
 
 
-def _one_sided(view: View, members: Ints) -> Array:
-    """1 where a parameter cannot be negative, 0 where it can, shape (n, k)."""
-    return np.array([[float(p.lower == 0) for p in view.suspects[i].parameters] for i in members])
+def _log_share(lower: Array, upper: Array, mean: Array | float, scatter: Array | float) -> Array:
+    """Log of the part of a normal distribution between two bounds."""
+    low, high = (lower - mean) / scatter, (upper - mean) / scatter
+    flipped = low > 0  # work in the lower tail, where differences keep their digits
+    low, high = np.where(flipped, -high, low), np.where(flipped, -low, high)
+    top, bottom = special.log_ndtr(high), special.log_ndtr(low)
+    return np.asarray(top + np.log1p(-np.exp(np.minimum(bottom - top, -1e-12))))
+
+
+def _bounds(view: View, members: Ints) -> tuple[Array, Array]:
+    """Physical bounds in typical sizes, both shape (n, k)."""
+    suspects = [view.suspects[i].parameters for i in members]
+    lower = np.array([[p.lower / p.typical for p in parameters] for parameters in suspects])
+    upper = np.array([[p.upper / p.typical for p in parameters] for parameters in suspects])
+    return lower, upper

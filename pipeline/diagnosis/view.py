@@ -214,7 +214,35 @@ def look(
     errors = _widened(seen, doubt, force_noise)
     white = whitener(errors, seen.rows.pose)
     spread = np.sqrt(np.asarray(errors.G.multiply(errors.G).sum(axis=1)).ravel())
-    return _view(seen, white, noise, spread)
+    kin = [_kin(seen, accepted, fraction) for accepted, fraction in doubt]
+    more = np.concatenate([seen.nuisance, *kin], axis=1)
+    return _view(seen, more, white, noise, spread)
+
+
+def _kin(seen: Sight, accepted: int, fraction: float) -> Array:
+    """Other laws of the same gear, each moving a fraction of what the accepted one moves, (M, j).
+
+    How a law bends is known to that fraction only, and all pulls bend together.
+    """
+    effect = seen.suspects[accepted]
+    owner = _owner(seen.suspects)
+    mine = [c for c in range(len(owner)) if owner[c] == accepted]
+    index = dict(_accepted_columns(seen.model, seen.suspects))
+    moved = seen.Z[:, mine] @ seen.model.values[[index[c] for c in mine]]
+    others = [
+        i
+        for i, other in enumerate(seen.suspects)
+        if i not in seen.model.accepted and _same_law(effect, other)
+    ]
+    columns = seen.Z[:, np.isin(owner, others)]
+    size = np.linalg.norm(columns, axis=0)
+    return columns * (fraction * np.linalg.norm(moved) / np.where(size > 0, size, np.inf))
+
+
+def _same_law(one: Effect, other: Effect) -> bool:
+    laws = ("joint_hardening", "joint_lost_motion")
+    both_laws = one.name in laws and other.name in laws and one.where == other.where
+    return one.label == other.label or both_laws
 
 
 def _accepted_columns(model: Model, suspects: tuple[Effect, ...]) -> list[tuple[int, int]]:
@@ -254,8 +282,8 @@ def _owner(suspects: tuple[Effect, ...]) -> Ints:
     return np.repeat(np.arange(len(suspects)), [len(effect.parameters) for effect in suspects])
 
 
-def _view(seen: Sight, white: Whitener, noise: float, spread: Array) -> View:
-    model, suspects, rows, more = seen.model, seen.suspects, seen.rows, seen.nuisance
+def _view(seen: Sight, more: Array, white: Whitener, noise: float, spread: Array) -> View:
+    model, suspects, rows = seen.model, seen.suspects, seen.rows
     typical_x = np.array([p.typical for p in model.cell.parameters[: model.springs]])
     typical_z = np.array([p.typical for effect in suspects for p in effect.parameters])
     by_pose = white.by_pose(np.column_stack([seen.B * typical_x, more, seen.Z * typical_z, seen.y]))

@@ -114,7 +114,7 @@ def _backlash(s: Setup, size: float, course: Course) -> None:
 
     def law(own: Array, _: dict[str, Array]) -> Array:
         pushed = np.clip(own / 250.0, -1, 1)  # the friction of the carriage takes the first part
-        return width * (pushed + course.approach) / 2
+        return width / 2 * np.where(np.abs(own) < 1e-6, -course.approach, pushed)
 
     s.machine.springs.append(Spring("backlash", 1, (0, 0, 1), True, law))
 

@@ -17,6 +17,7 @@ from pipeline.diagnosis.identify import Case, Found, Rival, by_label, search
 from pipeline.diagnosis.isolability import Twins, twins
 from pipeline.diagnosis.nextpose import Candidates, Proposal, candidates, propose
 from pipeline.diagnosis.noise import SURE, Scatter, scatter
+from pipeline.diagnosis.separability import separation
 from pipeline.diagnosis.verdict import (
     Amplitude,
     Cause,
@@ -63,7 +64,7 @@ def diagnose(
     """
     whole = catalogue(cell.robot) if effects is None else effects
     known = twins(cell.robot)
-    case, spread = _case(cell, data, estimate, whole, known)
+    case, spread = case_of(cell, data, estimate, whole, known)
     found = search(case, estimate.value, known, rng)
     worth = _gain(case, found, rng)
     causes = _causes(case, found, worth, where, known) + _noise_causes(whole, spread)
@@ -85,7 +86,7 @@ def diagnose(
         misfits=_misfits(found.first),
         scatter=spread,
         equilibrium=case.cell.equilibrium,
-        apart=_apart(found.first),
+        apart=separation(found.first, [f[0] for f in by_label(case.suspects).values()]),
         apart_labels=tuple(by_label(case.suspects)),
         system=system,
         estimate=extended,
@@ -95,10 +96,24 @@ def diagnose(
     )
 
 
-def _case(
-    cell: Cell, data: Measured, estimate: Estimate, whole: tuple[Effect, ...], known: Twins
+def case_of(
+    cell: Cell,
+    data: Measured,
+    estimate: Estimate,
+    whole: tuple[Effect, ...] | None = None,
+    known: Twins | None = None,
 ) -> tuple[Case, Scatter]:
-    """What is asked about, at the scatter and the equilibrium that the data show."""
+    """What is asked about, at the scatter and the equilibrium that the data show.
+
+    Args:
+        cell: The paper's model.
+        data: The measurements.
+        estimate: Its joint springs.
+        whole: The catalogue; that of the robot when not given.
+        known: Its twins; found when not given.
+    """
+    whole = catalogue(cell.robot) if whole is None else whole
+    known = known or twins(cell.robot)
     never = {*known.unmoved, *known.of_stiffness}
     suspects = tuple(e for e in whole if not isinstance(e, Noise) and e.label not in never)
     nuisance = tuple((e, NUISANCE_M) for e in whole if e.name == "load_point_offset")
@@ -355,34 +370,6 @@ def _misfits(view: View) -> tuple[Misfit, ...]:
         p = float(special.fdtrc(k, dof - k, (T / k) / left))
         out.append(Misfit(place, T / rest, p))
     return tuple(sorted(out, key=lambda m: m.p_value))
-
-
-def _apart(view: View) -> Array:
-    """Sigmas between causes at typical size, in the form that stands first; shape (n, n).
-
-    Entry (a, b) is what a typical a leaves when springs and b are fitted; (a, a) when only the
-    springs are.
-    """
-    S = eliminate(view.M, view.base)
-    first = [forms[0] for forms in by_label(view.suspects).values()]
-    most = max(len(view.suspects[i].parameters) for i in first)
-    at = np.full((len(first), most), -1)
-    for row, i in enumerate(first):
-        columns = view.columns([i])
-        at[row, : len(columns)] = columns
-    there = at >= 0
-    G = S[at[:, :, None, None], at[None, None, :, :]]
-    G = G * there[:, :, None, None] * there[None, None, :, :]
-    whole = np.where(there, np.maximum(view.M[at, at], 1e-100), 1.0)
-    own = np.einsum("aiaj->aij", G) / np.sqrt(whole[:, :, None] * whole[:, None, :])
-    inverse = np.linalg.pinv(own, rcond=1e-7, hermitian=True)
-    inverse = inverse / np.sqrt(whole[:, :, None] * whole[:, None, :])
-    h = G.sum(axis=1)
-    alone = np.einsum("aai->a", h)
-    shared = np.einsum("abi,bij,abj->ab", h, inverse, h)
-    left = alone[:, None] - shared
-    np.fill_diagonal(left, alone)
-    return np.asarray(np.sqrt(np.maximum(left, 0.0)))
 
 
 def _next_poses(
