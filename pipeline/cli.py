@@ -224,6 +224,46 @@ def design(
         raise typer.Exit(130)
 
 
+@app.command()
+def effects(
+    robot: Annotated[str, typer.Option(help="A robot that ships, or a robot file.")] = "kr500_rail",
+    as_json: AsJson = False,
+) -> None:
+    """List the causes that a diagnosis knows, with their sizes and signatures."""
+    from pipeline.effects import listing
+    from pipeline.robot import load
+
+    machine = load(robot)
+    typer.echo(listing.as_json(machine) if as_json else listing.as_text(machine))
+
+
+@app.command()
+def league(
+    clean: Annotated[int, typer.Option(help="Games without a secret.")] = 1000,
+    single: Annotated[int, typer.Option(help="Games per known secret.")] = 6,
+    pairs: Annotated[int, typer.Option(help="Games with two secrets.")] = 100,
+    strange: Annotated[int, typer.Option(help="Games per secret outside the catalogue.")] = 15,
+    seed: Annotated[int, typer.Option(help="Determines every game.")] = 2026,
+    log: Annotated[Path | None, typer.Option(help="One JSON line per game.")] = None,
+    page: Annotated[Path | None, typer.Option(help="Markdown page of the results.")] = None,
+) -> None:
+    """Hide effects in machines that share nothing with the catalogue, and see what is named."""
+    from pipeline import contest
+    from pipeline.league.run import League
+    from pipeline.league.table import rows
+
+    rules = League(clean=clean, single=single, pairs=pairs, strange=strange, seed=seed)
+    played = contest.contest(rules, _at_work, log)
+    for what, value, aim in rows(played):
+        typer.echo(f"{what}: {value}" + (f"  (aim {aim})" if aim else ""))
+    if page is not None:
+        command = (
+            f"pipeline league --clean {clean} --single {single} --pairs {pairs} "
+            f"--strange {strange} --seed {seed}"
+        )
+        contest.write_page(played, command, page)
+
+
 def _at_work(words: str) -> None:
     """One line of progress; on a terminal only."""
     if sys.stderr.isatty():

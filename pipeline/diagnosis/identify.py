@@ -12,7 +12,7 @@ from pipeline.cell import Cell
 from pipeline.diagnosis.detect import Lack, Threshold, lack_of_fit, threshold
 from pipeline.diagnosis.evidence import Scores, scores
 from pipeline.diagnosis.isolability import Twins
-from pipeline.diagnosis.view import Model, Sight, View, coefficients, look, sight
+from pipeline.diagnosis.view import Model, Sight, View, coefficients, eliminate, look, sight
 from pipeline.effects import Effect
 from pipeline.results import Array, Ints, Locked
 from pipeline.stages.assemble import Measured
@@ -36,7 +36,7 @@ class Case:
         cell: The paper's model of the campaign, with the equilibrium that fits better.
         data: The measurements.
         suspects: All causes that move something, in all their forms.
-        nuisance: Effects that are always there a little, with their standard sizes in SI.
+        nuisance: What is always there a little, at its standard size [m], shape (M, j).
         noise: Scatter of the tracker over its stated standard uncertainty.
         force_noise: Scatter of the scale over its stated one, relative to the tracker's.
     """
@@ -44,7 +44,7 @@ class Case:
     cell: Cell
     data: Measured
     suspects: tuple[Effect, ...]
-    nuisance: tuple[tuple[Effect, float], ...]
+    nuisance: Array
     noise: float
     force_noise: float = 1.0
 
@@ -148,6 +148,15 @@ class Found(Locked):
     def detected(self) -> bool:
         """True when the joint springs alone do not explain the data."""
         return bool(self.scores.p.min() < self.threshold.p) or self.lack_first.found
+
+    @property
+    def rough(self) -> float:
+        """What is left with the causes over what the readings scatter; 1 where nobody knows."""
+        base = self.plain.base
+        if self.plain.scatter_dof < 10:
+            return 1.0
+        rest = float(eliminate(self.plain.M, base)[-1, -1]) / _dof(self.plain, base)
+        return float(np.sqrt(rest * self.plain.scatter_dof / self.plain.scatter))
 
     @property
     def clean(self) -> bool:

@@ -158,7 +158,7 @@ def sight(
     model: Model,
     data: Measured,
     suspects: tuple[Effect, ...],
-    nuisance: Sequence[tuple[Effect, float]] = (),
+    nuisance: Array | None = None,
 ) -> Sight:
     """Linearise springs and suspects at a model.
 
@@ -166,7 +166,7 @@ def sight(
         model: The model.
         data: The measurements.
         suspects: Causes to ask about.
-        nuisance: Effects that are always there a little, each with its standard size in SI.
+        nuisance: What is always there a little, at its standard size [m], shape (M, j).
     """
     flat = replace(model.cell, equilibrium="undeformed")
     system = assemble(flat, data, model.values)
@@ -180,10 +180,6 @@ def sight(
     for column, index in accepted.items():
         Z[:, column] = system.B[:, index]
     moved = predict(model.cell, data.pulls, model.values).displacement[at].ravel()
-    more = [
-        sensitivity(flat, data.pulls, model.values, [effect])[at].reshape(M, -1) * size
-        for effect, size in nuisance
-    ]
     motions = _rigid(load(model.cell, data.pulls, model.values))[at]
     return Sight(
         model=model,
@@ -194,9 +190,27 @@ def sight(
         B=system.B[:, : model.springs],
         Z=Z,
         y=data.delta.ravel() - moved + system.B @ model.values,
-        nuisance=np.concatenate([*more, np.zeros((M, 0))], axis=1),
+        nuisance=np.zeros((M, 0)) if nuisance is None else nuisance,
         motions=motions.reshape(M, 6),
     )
+
+
+def always_there(model: Model, data: Measured, effects: Sequence[tuple[Effect, float]]) -> Array:
+    """What effects that are always there a little move at their standard sizes [m], (M, j).
+
+    Args:
+        model: The model about which they are linearised.
+        data: The measurements.
+        effects: Each with its standard size, SI, the same for all its parameters.
+    """
+    flat = replace(model.cell, equilibrium="undeformed")
+    at = (data.pull, data.target)
+    M = 3 * len(data.pull)
+    columns = [
+        sensitivity(flat, data.pulls, model.values, [effect])[at].reshape(M, -1) * size
+        for effect, size in effects
+    ]
+    return np.concatenate([*columns, np.zeros((M, 0))], axis=1)
 
 
 def look(

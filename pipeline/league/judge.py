@@ -110,7 +110,8 @@ class Score:
     @property
     def wrong_place(self) -> bool:
         """A name without reservation, in the wrong part of the cell."""
-        return self.confident and not set(self.named_places) & set(self.places)
+        true = {place for places in self.places for place in places.split(" | ")}
+        return self.confident and not set(self.named_places) & true
 
 
 def same(label: str, known: Twins) -> str:

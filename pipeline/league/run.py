@@ -10,6 +10,7 @@ import numpy as np
 
 from pipeline.diagnosis.isolability import Twins, twins
 from pipeline.diagnosis.separability import identifiable
+from pipeline.effects import catalogue
 from pipeline.league.judge import Score, diagnosed, reduced, score
 from pipeline.league.play import Game, Rules, drawn, play
 from pipeline.league.secrets import KNOWN, STRANGE, Secret
@@ -125,7 +126,18 @@ def _sized(
         return [(secret, 1.0) for secret in secrets]
     least = smallest(robot, known, seed, league)
     sized = [(secret, league.times * least.get(secret.label, np.inf)) for secret in secrets]
-    return sized if all(size <= TOO_LARGE for _, size in sized) else None
+    most = largest(robot)
+    return sized if all(size <= most[secret.label] for secret, size in sized) else None
+
+
+def largest(robot: Robot) -> dict[str, float]:
+    """Largest sensible size of each cause, in typical ones: inside its physical bounds."""
+    return {
+        effect.label: min(
+            TOO_LARGE, *(max(p.upper, -p.lower) / p.typical for p in effect.parameters)
+        )
+        for effect in catalogue(robot)
+    }
 
 
 def smallest(robot: Robot, known: Twins, seed: list[int], league: League) -> dict[str, float]:

@@ -82,7 +82,7 @@ class Secret:
 
     Attributes:
         label: `rail_roll`, `joint_tilt:3` of the catalogue, or a name of its own.
-        place: Where in the cell it sits, as the diagnosis words it.
+        place: Where in the cell it sits, as the diagnosis words it; `a | b` where it joins parts.
         known: True when the catalogue has it (perhaps in another form).
         plant: Puts it in.
     """
@@ -454,7 +454,7 @@ STRANGE: tuple[Secret, ...] = (
     Secret("loose_nest", "metrology", False, _loose),
     Secret("scale_creep", "force", False, _creep),
     Secret("joint_softens", "joint 3", False, _softens),
-    Secret("shoulder_elbow_coupling", "joint 3", False, _shoulder_elbow),
+    Secret("shoulder_elbow_coupling", "joint 3 | joint 4 | upper_arm", False, _shoulder_elbow),
     Secret("bilinear_gear", "joint 4", False, _bilinear),
     Secret("tooth_stiffness", "joint 2", False, _teeth),
     Secret("axial_bearing", "joint 3", False, _bearing),

@@ -27,7 +27,7 @@ from pipeline.diagnosis.verdict import (
     Named,
     location,
 )
-from pipeline.diagnosis.view import Sight, View, coefficients, eliminate
+from pipeline.diagnosis.view import Sight, View, always_there, coefficients, eliminate
 from pipeline.effects import Effect, Elastic, Noise, Pulls, catalogue
 from pipeline.errors import InputError
 from pipeline.results import Array, Estimate, Parameter, System
@@ -39,6 +39,9 @@ EQUILIBRIA = ("deformed", "undeformed")
 
 CERTAIN = 0.95
 """A cause less probable than this among its rivals is not named singly."""
+
+ROUGH = 1.6
+"""A model that leaves this many times the scatter has the wrong law, wherever it sits."""
 
 NUISANCE_M = 3e-4
 """Points of the effector are known no better than this; it is part of the uncertainty."""
@@ -117,8 +120,10 @@ def case_of(
     never = {*known.unmoved, *known.of_stiffness}
     suspects = tuple(e for e in whole if not isinstance(e, Noise) and e.label not in never)
     nuisance = tuple((e, NUISANCE_M) for e in whole if e.name == "load_point_offset")
-    plain = Case(replace(cell, equilibrium="undeformed"), data, suspects, nuisance, 1.0)
-    seen = plain.sight(plain.model((), estimate.value))
+    plain = Case(replace(cell, equilibrium="undeformed"), data, suspects, np.zeros((0, 0)), 1.0)
+    start = plain.model((), estimate.value)
+    plain = replace(plain, nuisance=always_there(start, data, nuisance))
+    seen = plain.sight(start)
     spread = scatter(plain.look(seen), seen.errors, data.noise_stated)
     case = replace(plain, noise=spread.tracker, force_noise=spread.force)
     return replace(case, cell=replace(case.cell, equilibrium=_bent(case, seen))), spread
@@ -155,6 +160,13 @@ def _verdict(
     if not found.accepted:
         return "unexplained", "Something is missing from the model, and no known cause explains it."
     names = " and ".join(cause.effect.label for cause in causes if cause.gain is not None)
+    rough = found.rough
+    if rough > ROUGH:
+        return (
+            "unexplained",
+            f"{names} explains most, but what is left is {rough:.1f} times the scatter of the "
+            "readings: the place is likely, the law is another.",
+        )
     if not found.clean:
         return "unexplained", f"Beside {names} something remains that no known cause explains."
     if worth is not None and worth.ci95[0] <= 0:
