@@ -77,6 +77,12 @@ def answered(root: Path, name: str) -> dict[str, Any]:
     return answer
 
 
+def opened(sealed: Path, name: str) -> dict[str, Any]:
+    """The judge's part: the truth."""
+    truth: dict[str, Any] = json.loads((sealed / f"{name}.json").read_text(encoding="utf-8"))
+    return truth
+
+
 def write_page(played: list[Played], command: str, path: Path) -> None:
     """The page of results."""
     path.write_text(page(played, command), encoding="utf-8")

@@ -176,7 +176,8 @@ def diagnosis_entry(found: Findings) -> dict[str, Any]:
     said = verdicts.entry(found.diagnosis, found.cell.robot)
     named = {cause["name"] for cause in said["causes"]}
     said["causes"] += [cause for cause in noise_causes(found.noise) if cause["name"] not in named]
-    if said["verdict"] == "adequate" and not fits(found.estimate):
+    unstated = found.estimate.p_value is None
+    if said["verdict"] == "adequate" and unstated and not fits(found.estimate):
         return said | {"verdict": "unexplained", "why": "No known cause explains the misfit."}
     return said
 

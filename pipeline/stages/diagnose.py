@@ -71,7 +71,9 @@ def diagnose(
     found = search(case, estimate.value, known, rng)
     worth = _gain(case, found, rng)
     causes = _causes(case, found, worth, where, known) + _noise_causes(whole, spread)
-    verdict, why = _verdict(found, causes, worth, spread)
+    verdict, why = _verdict(found, causes, worth)
+    if verdict == "adequate" and _too_much(spread, data.noise_stated):
+        verdict, why = "unexplained", "The residuals are larger than any certificate may be wrong."
     system, extended = _extended(case, found)
     final = found.view
     before = worth.before if worth else _alone(found.first)
@@ -148,9 +150,12 @@ def _alone(view: View) -> Array:
     return view.raw[:, -1] - view.raw[:, : view.springs] @ x
 
 
-def _verdict(
-    found: Found, causes: tuple[Cause, ...], worth: Gain | None, spread: Scatter
-) -> tuple[str, str]:
+def _too_much(spread: Scatter, stated: bool) -> bool:
+    """With one reflector nothing tells scatter from misfit but the certificate."""
+    return stated and spread.known_from == "residuals" and spread.tracker_p < SURE
+
+
+def _verdict(found: Found, causes: tuple[Cause, ...], worth: Gain | None) -> tuple[str, str]:
     """One word and one sentence."""
     if not found.detected:
         if causes:
@@ -223,7 +228,7 @@ def _noise_causes(whole: tuple[Effect, ...], spread: Scatter) -> tuple[Cause, ..
     out = []
     for effect in whole:
         value, std, p = sizes.get(effect.name, (0.0, 0.0, 1.0))
-        if isinstance(effect, Noise) and p < SURE:
+        if isinstance(effect, Noise) and p < SURE and spread.known_from == "rigidity":
             interval = (value - 1.96 * std, value + 1.96 * std)
             size = Amplitude(effect.parameters[0], value, std, interval)
             out.append(Cause(effect, 1 - p, (size,), p, (), (), None, None))
