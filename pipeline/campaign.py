@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import json
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ from typing import Any
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
-from filelock import FileLock
+from filelock import FileLock, Timeout
 
 from pipeline import files, tables
 from pipeline.errors import InputError, PipelineError, UsageError, listed
@@ -101,18 +102,10 @@ class Campaign:
         assert settings.scale is not None
         names: list[str] = []
         for pattern in settings.tracker.files:
-            if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
-                raise InputError(
-                    f'tracker file "{pattern}" lies outside the campaign folder',
-                    "put the export beside campaign.toml",
-                    file="campaign.toml",
-                )
+            _inside(pattern)
             found = sorted(p.relative_to(self.folder).as_posix() for p in self.folder.glob(pattern))
-            if not found and not any(mark in pattern for mark in "*?["):
-                raise _no_export(pattern)
             names += [name for name in found if name not in names]
-        if not names:
-            raise _no_export(" ".join(settings.tracker.files))
+        settings.tracker.none_missing(names)
         others = [settings.tracker.assignment, settings.scale.file, settings.joints.file]
         return [*names, *(name for name in others if name and name not in names)]
 
@@ -123,12 +116,7 @@ class Campaign:
             InputError: Missing, unreadable, too large, outside the folder, or still growing.
         """
         path = self.folder / name
-        if Path(name).is_absolute() or ".." in Path(name).parts:
-            raise InputError(
-                f'"{name}" lies outside the campaign folder',
-                "put it beside campaign.toml",
-                file="campaign.toml",
-            )
+        _inside(name)
         try:
             before = path.stat()
             if before.st_size > LARGEST_FILE:
@@ -189,33 +177,75 @@ class Campaign:
         return tables.conform(found, promise).to_pandas()
 
     @contextmanager
-    def locked(self) -> Iterator[None]:
-        """Hold the campaign for one run; a second run waits for the first."""
-        self.processed.mkdir(parents=True, exist_ok=True)
-        with FileLock(self.processed / ".lock"):
+    def locked(self) -> Iterator[bool]:
+        """Hold the campaign for one run; a second run says so and waits, and then gets True.
+
+        Raises:
+            CannotWrite: The disk refuses.
+            InputError: The results here are those of another folder of the same name.
+        """
+        lock = FileLock(self.processed / ".lock")
+        with files.writing(self.processed):
+            self.processed.mkdir(parents=True, exist_ok=True)
+            waited = self._acquired_late(lock)
+        try:
+            self._claim()
             for folder in (self.processed, self.reports):
-                if folder.is_dir():
+                with files.writing(folder):
                     files.sweep(folder)
-            yield
+            yield waited
+        finally:
+            lock.release()
+
+    def _acquired_late(self, lock: FileLock) -> bool:
+        try:
+            lock.acquire(timeout=0)
+        except Timeout:
+            sys.stderr.write(f"{self.name}: another run holds this campaign; waiting for it.\n")
+            lock.acquire()
+            return True
+        return False
+
+    def _claim(self) -> None:
+        """Never replace what another folder of the same name has made, as long as it is there."""
+        source = (self.manifest() or {}).get("source")
+        if not isinstance(source, str) or source == self.source:
+            return
+        other = self.root / source
+        if (other / "campaign.toml").is_file() and other.resolve() != self.folder.resolve():
+            raise InputError(
+                f"{self.reports} holds the results of another folder named {self.name}, {other}",
+                "rename one of the two folders",
+            )
+
+    @property
+    def source(self) -> str:
+        """Its folder for the manifest: relative to the root where it lies in it."""
+        folder, root = self.folder.resolve(), self.root.resolve()
+        return (folder.relative_to(root) if folder.is_relative_to(root) else folder).as_posix()
 
     def done(self, key: str) -> dict[str, Any] | None:
         """The result of an earlier run with the same key whose outputs are all intact."""
         manifest = self.manifest()
         if manifest is None or manifest.get("key") != key:
             return None
-        for name, digest in manifest["outputs"].items():
-            path = self.root / name
-            if not path.is_file() or files.sha256(path.read_bytes()) != digest:
-                return None
+        try:
+            for name, digest in manifest["outputs"].items():
+                if files.sha256((self.root / name).read_bytes()) != digest:
+                    return None
+        except OSError:
+            return None
         return self.result()
 
     def manifest(self) -> dict[str, Any] | None:
-        """What the last finished run was made from; None when there is none."""
+        """What the last finished run was made from; None when there is none, or an odd one."""
         try:
-            found: dict[str, Any] = json.loads((self.processed / MANIFEST).read_bytes())
-        except (FileNotFoundError, ValueError):
+            found = json.loads((self.processed / MANIFEST).read_bytes())
+        except (OSError, ValueError):
             return None
-        return found
+        if not isinstance(found, dict) or not isinstance(found.get("key"), str):
+            return None
+        return found if isinstance(found.get("outputs"), dict) else None
 
     def result(self) -> dict[str, Any]:
         """Its result.json."""
@@ -227,7 +257,8 @@ class Campaign:
 
     def finish(self, key: str, answers: Mapping[str, bytes]) -> None:
         """Write the answers, then the manifest that makes them count."""
-        (self.processed / MANIFEST).unlink(missing_ok=True)
+        with files.writing(self.processed):
+            (self.processed / MANIFEST).unlink(missing_ok=True)
         for name, data in answers.items():
             files.write(self.reports / name, data)
         kept = [self.reports / name for name in answers]
@@ -235,7 +266,8 @@ class Campaign:
         outputs = {
             path.relative_to(self.root).as_posix(): files.sha256(path.read_bytes()) for path in kept
         }
-        manifest = {"key": key, "outputs": outputs, "code": code_version(), "versions": versions()}
+        manifest = {"key": key, "source": self.source, "outputs": outputs}
+        manifest |= {"code": code_version(), "versions": versions()}
         files.write(self.processed / MANIFEST, dump(manifest))
 
 
@@ -264,6 +296,10 @@ def find(root: Path, name: str) -> Campaign:
     Raises:
         InputError: There is no such folder, or no campaign.toml in it; lists those there are.
     """
+    if not name.strip():
+        raise InputError(
+            "the name of the campaign is empty", "give a name under data/raw or a path"
+        )
     for folder in (root / "data" / "raw" / name, Path(name)):
         if (folder / "campaign.toml").is_file():
             return Campaign(root, folder.resolve())
@@ -273,6 +309,11 @@ def find(root: Path, name: str) -> Campaign:
         )
     known = listed(campaign.name for campaign in every(root))
     raise InputError(f'there is no campaign "{name}"', f"known under data/raw: {known}")
+
+
+def label(name: str) -> str:
+    """The name of the folder that somebody means by a name or a path, there or not."""
+    return Path(name).resolve().name if name.strip() else name
 
 
 def every(root: Path) -> list[Campaign]:
@@ -305,12 +346,13 @@ def _sources(folder: Traversable) -> Iterator[str]:
             yield f"{item.name}:{files.sha256(item.read_bytes())}\n"
 
 
-def _no_export(pattern: str) -> InputError:
-    return InputError(
-        f'no tracker file matches "{pattern}"',
-        "copy the export into the campaign folder or correct [tracker] files",
-        file="campaign.toml",
-    )
+def _inside(name: str) -> None:
+    if Path(name).is_absolute() or ".." in Path(name).parts:
+        raise InputError(
+            f'"{name}" lies outside the campaign folder',
+            "put it beside campaign.toml",
+            file="campaign.toml",
+        )
 
 
 def _key(content: Mapping[str, bytes], robot: Robot) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.exceptions import Abort, TyperException
 
-from pipeline.errors import MISFIT, PipelineError, UsageError
+from pipeline.errors import MISFIT, Interrupted, PipelineError, UsageError, worst
 
 if TYPE_CHECKING:
     from pipeline.shell import Outcome
@@ -46,11 +46,11 @@ def run(
 
     if engine not in ("prefect", "local"):
         raise UsageError(f'there is no engine "{engine}": use prefect or local')
-    worst = 0
+    codes = []
     for outcome in shell.run_all(root, campaigns or [], engine, force):
-        worst = max(worst, outcome.exit_code, MISFIT if strict and outcome.misfit else 0)
+        codes += [outcome.exit_code, MISFIT if strict and outcome.misfit else 0]
         _show(outcome, as_json)
-    raise typer.Exit(worst)
+    raise typer.Exit(worst(codes))
 
 
 @app.command()
@@ -111,8 +111,13 @@ def status(as_json: AsJson = False, root: Root = Path()) -> None:
     """List the campaigns under data/raw: new, changed or done, with their verdicts."""
     from pipeline import shell
 
+    codes = []
     for outcome in shell.status(root):
+        codes.append(outcome.exit_code)
         _show(outcome, as_json)
+    if not codes:
+        typer.secho(str(shell.no_campaign(root)), err=True)
+    raise typer.Exit(worst(codes))
 
 
 @app.command()
@@ -220,8 +225,7 @@ def design(
     made = planning.run(problem, changes, seed, rounds, _at_work)
     typer.echo(made.as_json() if as_json else made.as_text())
     if made.interrupted:
-        typer.secho("Interrupted; this is the best plan so far.", err=True, fg="red")
-        raise typer.Exit(130)
+        raise Interrupted("Interrupted; this is the best plan so far.")
 
 
 @app.command()
@@ -284,11 +288,16 @@ def main(arguments: list[str] | None = None) -> None:
 def _exit_code(arguments: list[str] | None) -> int:
     try:
         code: Any = app(args=arguments, standalone_mode=False, prog_name="pipeline")
+        if code == Interrupted.exit_code:  # Typer's word for a KeyboardInterrupt
+            raise KeyboardInterrupt
         return code if isinstance(code, int) else 0
     except PipelineError as problem:
         return _say(str(problem), problem.exit_code)
     except (Abort, KeyboardInterrupt):
-        return _say("Interrupted; run it again to go on, nothing half-written counts.", 130)
+        return _say(
+            "Interrupted; run it again to go on, nothing half-written counts.",
+            Interrupted.exit_code,
+        )
     except TyperException as problem:
         return _say(f"{problem} Try `pipeline --help`.", UsageError.exit_code)
     except BrokenPipeError:

@@ -55,8 +55,26 @@ class InputError(PipelineError):
         super().__init__(f"{place(file, line)}{thing}; {way_out}.")
 
 
+class CannotWrite(PipelineError):
+    """The disk refuses what we want to keep: no permission, no space, something in the way."""
+
+    exit_code = 3
+
+
+class Interrupted(PipelineError):
+    """The engineer stopped it."""
+
+    exit_code = 130
+
+
 class TableMismatch(PipelineError):
     """A table does not keep the promise of its schema."""
+
+
+def worst(codes: Iterable[int]) -> int:
+    """The exit code that matters most: our faults, disk, command, input, model, nothing."""
+    order = (1, CannotWrite.exit_code, UsageError.exit_code, InputError.exit_code, MISFIT, 0)
+    return min(codes, key=order.index, default=0)
 
 
 def place(file: str | None, line: int | None) -> str:

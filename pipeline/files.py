@@ -3,14 +3,56 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import hashlib
 import os
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
+
+from pipeline.errors import CannotWrite
+
+FULL = (errno.ENOSPC, errno.EDQUOT)
+CLOSED = (errno.EACCES, errno.EPERM, errno.EROFS)
 
 
 def write(path: Path, data: bytes) -> None:
-    """Replace `path` by `data` in one step; a reader sees the old or the new, never a part."""
+    """Replace `path` by `data` in one step; a reader sees the old or the new, never a part.
+
+    Raises:
+        CannotWrite: The disk refuses.
+    """
+    with writing(path):
+        _write(path, data)
+
+
+@contextlib.contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Say in one sentence what the disk refuses to write at `path`.
+
+    Raises:
+        CannotWrite: With the way out.
+    """
+    try:
+        yield
+    except OSError as problem:
+        thing = f"{path} cannot be written ({problem.strerror or problem})"
+        raise CannotWrite(f"{thing}; {_way_out(path, problem)}.") from problem
+
+
+def _way_out(path: Path, problem: OSError) -> str:
+    if isinstance(problem, FileExistsError | NotADirectoryError):
+        for above in (path, *path.parents):
+            if os.path.exists(above) and not os.path.isdir(above):
+                return f"{above} is no folder, move it out of the way"
+    if problem.errno in FULL:
+        return "free some space and run it again"
+    if problem.errno in CLOSED:
+        return "get the permission to write there, or work in a copy with --root"
+    return "check what is there, then run it again"
+
+
+def _write(path: Path, data: bytes) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:

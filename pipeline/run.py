@@ -51,9 +51,14 @@ def run(campaign: Campaign, step: Step[Any] = plain, force: bool = False) -> dic
 
     Nothing is computed when inputs, code and libraries are those of the last finished run.
     """
-    with campaign.locked():
-        raw = step(campaign.read)()
-        found = None if force else campaign.done(raw.key)
+    raw = step(campaign.read)()
+    found = None if force else campaign.done(raw.key)  # a finished project may be read-only
+    if found is not None:
+        return found
+    with campaign.locked() as waited:
+        if waited:  # the other run may have done it, and the files may have changed since
+            raw = step(campaign.read)()
+            found = None if force else campaign.done(raw.key)
         return _compute(campaign, raw, step) if found is None else found
 
 

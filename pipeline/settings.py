@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from pipeline.errors import InputError
+from pipeline.results import Array
+from pipeline.robot import Robot
 
 Point = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -82,6 +86,21 @@ class Tracker(Strict):
             raise ValueError("sigma_m and noise are both given; keep one of them")
         return self
 
+    def none_missing(self, found: Sequence[str]) -> None:
+        """Every export that `files` asks for by name is there, and at least one in all.
+
+        Raises:
+            InputError: One is missing.
+        """
+        for pattern in self.files:
+            glob = any(mark in pattern for mark in "*?[")
+            if not found or (not glob and pattern not in found):
+                raise InputError(
+                    "the tracker export is missing",
+                    "put it into the campaign folder or correct [tracker] files in campaign.toml",
+                    file=pattern,
+                )
+
 
 class Naming(Strict):
     """How group and target names are read."""
@@ -137,6 +156,45 @@ class TestPose(Strict):
 
     q: list[float]
     force_n: Point
+
+    @field_validator("force_n")
+    @classmethod
+    def pulls(cls, force: Point) -> Point:
+        """Without a force nothing deflects, and there is nothing to predict."""
+        if not any(force):
+            raise ValueError("the force must be greater than zero")
+        return force
+
+    def joint_values(self, robot: Robot) -> Array:
+        """`q` in m and rad, shape (n,).
+
+        Raises:
+            InputError: It has another number of joints than the robot.
+        """
+        if len(self.q) != robot.n:
+            raise InputError(
+                f"test_pose.q has {len(self.q)} values, the robot {robot.n} joints",
+                f"give one value per joint: {', '.join(joint.name for joint in robot.joints)}",
+                file="campaign.toml",
+            )
+        return np.where(robot.prismatic, self.q, np.deg2rad(self.q))
+
+    def within_limits(self, robot: Robot) -> None:
+        """The robot can stand there.
+
+        Raises:
+            InputError: It has another number of joints, or one of them is outside its limits.
+        """
+        values = self.joint_values(robot)
+        for joint, said, value in zip(robot.joints, self.q, values, strict=True):
+            if not joint.lower - 1e-9 <= value <= joint.upper + 1e-9:
+                unit, one = ("m", 1.0) if joint.prismatic else ("deg", np.rad2deg(1.0))
+                raise InputError(
+                    f"test_pose.q has {joint.name} = {said:g} {unit}, outside its limits "
+                    f"{one * joint.lower:g} to {one * joint.upper:g} {unit}",
+                    "give a pose that the robot can take, in m and degrees",
+                    file="campaign.toml",
+                )
 
 
 class Model(Strict):

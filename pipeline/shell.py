@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 import traceback
 from collections.abc import Callable, Iterator
@@ -15,9 +16,9 @@ from typing import Any
 from pipeline import campaign as campaigns
 from pipeline import files, service
 from pipeline.campaign import Campaign
-from pipeline.errors import InputError, PipelineError, UsageError
+from pipeline.errors import CannotWrite, InputError, PipelineError, UsageError
 
-NAME = "letters, digits, dot, dash and underscore"
+NAME = "a plain folder name that begins with no dot"
 
 
 @dataclass(frozen=True)
@@ -25,10 +26,10 @@ class Outcome:
     """What became of one campaign.
 
     Attributes:
-        campaign: Its name as asked for.
+        campaign: Name of its folder, also where it was asked for by path.
         content: What --json prints.
         text: What is printed otherwise, one or more lines.
-        exit_code: 0 done, 1 internal, 5 rejected in whole or in part.
+        exit_code: 0 done, 1 internal, 3 not written, 5 rejected in whole or in part.
         misfit: The model does not fit.
         complaints: Sentences for stderr.
     """
@@ -53,18 +54,44 @@ def run_all(root: Path, names: list[str], engine: str, force: bool) -> Iterator[
     """Bring campaigns up to date; one that fails stops none of the others."""
     everyone = names or [found.name for found in campaigns.every(root)]
     if not everyone:
-        raise InputError(
-            f"there is no campaign under {root / 'data' / 'raw'}",
-            "make a folder with `pipeline init NAME` or `pipeline simulate`",
-        )
+        raise no_campaign(root)
     for name in everyone:
-        with progress(name):
-            outcome = _guarded(name, partial(_run, root, name, engine, force))
+        label = campaigns.label(name)
+        with progress(label):
+            outcome = _guarded(label, partial(_run, root, name, engine, force))
         yield outcome
+
+
+def no_campaign(root: Path) -> InputError:
+    """What to say where there is nothing to do."""
+    return InputError(
+        f"there is no campaign under {root / 'data' / 'raw'}",
+        "make a folder with `pipeline init NAME` or `pipeline simulate`",
+    )
 
 
 def _run(root: Path, name: str, engine: str, force: bool) -> Outcome:
     campaign = campaigns.find(root, name)
+    return _dated(_guarded(campaign.name, partial(_computed, campaign, engine, force)), campaign)
+
+
+def _dated(outcome: Outcome, campaign: Campaign) -> Outcome:
+    """Where there is no new report, say that the old one is still there."""
+    old = campaign.reports / "index.html"
+    if "error" not in outcome.content or not old.is_file():
+        return outcome
+    return replace(
+        outcome,
+        content=outcome.content | {"earlier_report": str(old)},
+        complaints=[*outcome.complaints, f"{campaign.name}: {old} is {EARLIER}."],
+    )
+
+
+EARLIER = "of an earlier input or program"
+
+
+def _computed(campaign: Campaign, engine: str, force: bool) -> Outcome:
+    name = campaign.name
     if engine == "local" or (not force and current(campaign)):
         from pipeline.run import run
 
@@ -82,11 +109,14 @@ def _run(root: Path, name: str, engine: str, force: bool) -> Outcome:
         text="\n".join(lines),
         exit_code=InputError.exit_code if rejected else 0,
         misfit=answer["diagnosis"]["verdict"] != "adequate",
-        complaints=[f"{name}: {sentence(entry)}" for entry in rejected],
+        complaints=[f"{name}: {line}" for line in sentences(rejected)],
     )
 
 
 def _through_prefect(campaign: Campaign, force: bool) -> dict[str, Any]:
+    home = campaign.root / service.HOME
+    with files.writing(home):
+        home.mkdir(parents=True, exist_ok=True)
     service.settle(campaign.root)
     from pipeline.flow import identify  # importing Prefect takes two seconds
 
@@ -108,6 +138,30 @@ def sentence(rejected: dict[str, Any]) -> str:
     """One rejected row in words."""
     line = "" if rejected["line"] is None else f":{rejected['line']}"
     return f"{rejected['file']}{line}: {rejected['reason']}"
+
+
+ALIKE = 3
+"""How many of the rows that differ in numbers only are told one by one."""
+
+
+def sentences(rejected: list[dict[str, Any]]) -> list[str]:
+    """Rejected rows in words, those of a file that are alike counted; result.json has them all."""
+    groups: dict[tuple[str, str], list[dict[str, Any]]] = {}
+    for entry in rejected:
+        alike = re.sub(r"[0-9]+", "0", entry["reason"])
+        groups.setdefault((entry["file"], alike), []).append(entry)
+    return [line for entries in groups.values() for line in _told(entries)]
+
+
+def _told(entries: list[dict[str, Any]]) -> list[str]:
+    first: dict[str, dict[str, Any]] = {}
+    for entry in entries:
+        first.setdefault(entry["reason"], entry)
+    told = [sentence(entry) for entry in list(first.values())[:ALIKE]]
+    more = len(entries) - len(told)
+    if more:
+        told.append(f"{entries[0]['file']}: ... and {more} more line{'s' * (more > 1)} like this")
+    return told
 
 
 def _guarded(name: str, work: Callable[[], Outcome]) -> Outcome:
@@ -141,14 +195,14 @@ def record_crash(problem: Exception) -> str:
     path = Path(tempfile.gettempdir()) / f"pipeline-crash-{files.sha256(text)[:8]}.txt"
     try:
         files.write(path, text)
-    except OSError as worse:
+    except CannotWrite as worse:
         return f"internal error ({problem!r}); its details could not be kept ({worse})."
     return f"internal error ({type(problem).__name__}: {problem}); please report it with {path}."
 
 
 def check(root: Path, name: str) -> Outcome:
     """Ingest a campaign and say what would be used; write nothing."""
-    return _guarded(name, partial(_check, root, name))
+    return _guarded(campaigns.label(name), partial(_check, root, name))
 
 
 def _check(root: Path, name: str) -> Outcome:
@@ -156,8 +210,9 @@ def _check(root: Path, name: str) -> Outcome:
     from pipeline.run import reduce
     from pipeline.tables import promised
 
-    raw = campaigns.find(root, name).read()
-    reduced = reduce(raw, promised)
+    campaign = campaigns.find(root, name)
+    name = campaign.name
+    reduced = reduce(campaign.read(), promised)
     rejected = rejected_entries(reduced.shown["rejected"])
     used = {
         "readings": len(reduced.shown["readings"]),
@@ -172,7 +227,7 @@ def _check(root: Path, name: str) -> Outcome:
         content={"campaign": name, **used},
         text=text,
         exit_code=InputError.exit_code if rejected else 0,
-        complaints=[f"{name}: {sentence(entry)}" for entry in rejected],
+        complaints=[f"{name}: {line}" for line in sentences(rejected)],
     )
 
 
@@ -200,7 +255,7 @@ def inspect(path: Path, unit: str | None, csv: bool = False) -> Outcome:
         content=seen.to_json(),
         text=text,
         exit_code=InputError.exit_code if seen.rejected else 0,
-        complaints=[sentence({"file": path.name, **entry}) for entry in seen.rejected],
+        complaints=sentences([{"file": path.name, **entry} for entry in seen.rejected]),
     )
 
 
@@ -219,7 +274,7 @@ def _hints(folder: Campaign, unit: str | None) -> Any:
 def status(root: Path) -> Iterator[Outcome]:
     """State of every campaign under data/raw."""
     for campaign in campaigns.every(root):
-        yield _guarded(campaign.name, partial(_status, campaign))
+        yield _dated(_guarded(campaign.name, partial(_status, campaign)), campaign)
 
 
 def _status(campaign: Campaign) -> Outcome:
@@ -228,9 +283,13 @@ def _status(campaign: Campaign) -> Outcome:
     state = "done" if answer else "changed" if before else "new"
     verdict = answer["diagnosis"]["verdict"] if answer else None
     content = {"campaign": campaign.name, "state": state, "verdict": verdict}
-    report = str(campaign.reports / "index.html") if answer else ""
+    report = campaign.reports / "index.html"
+    shown = str(report) if report.is_file() else ""
+    if shown and not answer:
+        content |= {"earlier_report": shown}
+        shown += f" ({EARLIER})"
     return Outcome(
-        campaign.name, content, f"{campaign.name:24} {state:8} {verdict or '':12} {report}".rstrip()
+        campaign.name, content, f"{campaign.name:24} {state:8} {verdict or '':12} {shown}".rstrip()
     )
 
 
@@ -293,8 +352,8 @@ def compensate(
 
 TEMPLATE = """\
 format = 1
-name   = "{name}"
-robot  = "{robot}"          # {shipped}, or the path of a robot file
+name   = {name}
+robot  = {robot}          # {shipped}, or the path of a robot file
 
 [tracker]
 files   = ["tracker*.csv", "tracker*.txt"]
@@ -329,20 +388,29 @@ def init(root: Path, name: str, robot: str) -> Path:
     """Make the folder of a new campaign.
 
     Raises:
-        UsageError: The name is no folder name, or the folder is there already.
-        InputError: There is no such robot.
+        UsageError: The name is no folder name, the folder is there already, or there is no such
+            robot.
     """
     from pipeline.robot import SHIPPED, load
+    from pipeline.toml import quoted
 
-    if not name or name.startswith(".") or not all(c.isalnum() or c in "._-" for c in name):
+    if not name.strip() or name[0] == "." or any(c in "/\\" or not c.isprintable() for c in name):
         raise UsageError(f'"{name}" cannot name a campaign: use {NAME}')
     folder = root / "data" / "raw" / name
     if folder.exists():
         raise UsageError(f"{folder} is there already: choose another name")
-    joints = load(robot, folder).joints
+    try:
+        joints = load(robot, folder).joints
+    except InputError as problem:
+        if problem.file != "campaign.toml":  # which is still to be written
+            raise
+        raise UsageError(f"--robot: {problem.thing}; {problem.way_out}") from problem
     columns = [f"{j.name}_m" if j.prismatic else f"{j.name}_deg" for j in joints]
     text = TEMPLATE.format(
-        name=name, robot=robot, shipped=", ".join(SHIPPED), q=", ".join("0" for _ in joints)
+        name=quoted(name),
+        robot=quoted(robot),
+        shipped=", ".join(SHIPPED),
+        q=", ".join("0" for _ in joints),
     )
     files.write(folder / "loads.csv", b"pose,repeat,force_n,branch\n")
     files.write(folder / "joints.csv", f"pose,{','.join(columns)},approach\n".encode())

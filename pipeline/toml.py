@@ -44,4 +44,9 @@ def _value(value: Any) -> str:
         return f"[\n    {inner},\n]" if long else f"[{inner}]"
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)  # inf, -inf and nan are words of TOML
-    return json.dumps(value, ensure_ascii=False)
+    return quoted(value) if isinstance(value, str) else json.dumps(value)
+
+
+def quoted(text: str) -> str:
+    """A basic string of TOML, which escapes what JSON escapes."""
+    return json.dumps(text, ensure_ascii=False)

@@ -73,7 +73,8 @@ def write(
         raise UsageError(f"{folder} is there already: choose another --name, or use --force")
     made = simulate(wanted, robot=load_robot(wanted.robot, plan.parent if plan else None))
     files.write(sealed, dump(made.truth))
-    _place(made, folder)
+    with files.writing(folder):
+        _place(made, folder)
     return Written(folder, sealed)
 
 

@@ -7,11 +7,13 @@ import shutil
 import sqlite3
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
 
-from pipeline import shell
+from pipeline import campaign as campaigns
+from pipeline.run import run
 
 HERE = Path(__file__).parents[1]
 STAGES = "select substr(name, 1, instr(name, '-') - 1), state_type from task_run"
@@ -42,12 +44,13 @@ def test_prefect_gives_the_answer_of_the_plain_run(tmp_path):
         env=environment | {"PYTHONPATH": str(HERE)},
         check=False,
     )
-    [alone] = shell.run_all(plain, ["good"], "local", False)
+    ordered = []
+    alone = run(campaigns.find(plain, "good"), step=partial(noted, ordered))
 
     broken, good = (json.loads(line) for line in done.stdout.splitlines())
     assert done.returncode == 5
     assert done.stderr.splitlines() == [f"broken: {broken['error']['message']}"]
-    assert good == alone.content
+    assert good == alone
     for name in ("result.json", "figures/prediction.svg"):
         ours, theirs = (where / "reports" / "good" / name for where in (plain, root))
         assert ours.read_bytes() == theirs.read_bytes()
@@ -55,20 +58,24 @@ def test_prefect_gives_the_answer_of_the_plain_run(tmp_path):
         "broken": "FAILED",
         "good": "COMPLETED",
     }
-    assert kept(root, STAGES) == [
-        ("identify", "COMPLETED"),
-        ("ingest", "COMPLETED"),
-        ("ingest", "FAILED"),
-        ("read", "COMPLETED"),
-        ("read", "COMPLETED"),
-        ("register", "COMPLETED"),
-        ("render", "COMPLETED"),
-        ("validate", "COMPLETED"),
-    ]
+    assert {"read", "ingest", "identify", "diagnose", "render"} <= set(ordered)
+    both = [("read", "COMPLETED"), ("ingest", "FAILED")]  # of the broken one
+    both += [(stage, "COMPLETED") for stage in ordered]
+    assert kept(root, STAGES) == sorted(both)
     assert kept(root, "select key from artifact where key not null") == [
         ("good-report",),
         ("good-stiffness",),
     ]
+
+
+def noted(names, stage):
+    """The stage as it is; its name is noted when it is carried out."""
+
+    def carried_out(*given, **named):
+        names.append(stage.__name__)
+        return stage(*given, **named)
+
+    return carried_out
 
 
 def kept(root, question):

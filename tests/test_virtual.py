@@ -5,7 +5,7 @@ import json
 import pytest
 
 from pipeline import cli, virtual
-from pipeline.errors import InputError, UsageError
+from pipeline.errors import CannotWrite, InputError, UsageError
 
 FEW = {"name": "few", "poses": {"count": 2}}
 
@@ -48,7 +48,7 @@ def test_an_interrupted_replacement_leaves_the_old_campaign(tmp_path, monkeypatc
         real(path, data)
 
     monkeypatch.setattr(virtual.files, "write", failing)
-    with pytest.raises(OSError, match="no space"):
+    with pytest.raises(CannotWrite, match="no space"):
         virtual.write(tmp_path, None, FEW | {"seed": 2}, force=True)
 
     assert {p.name: p.read_bytes() for p in folder.iterdir()} == before
@@ -67,7 +67,7 @@ def test_a_replacement_that_cannot_take_its_place_gives_it_back(tmp_path, monkey
         real(old, new)
 
     monkeypatch.setattr(virtual.os, "rename", refusing)
-    with pytest.raises(OSError, match="permission"):
+    with pytest.raises(CannotWrite, match="permission"):
         virtual.write(tmp_path, None, FEW | {"seed": 2}, force=True)
 
     assert {p.name: p.read_bytes() for p in folder.iterdir()} == before

@@ -322,7 +322,8 @@ def load(name: str, folder: Path | None = None) -> Robot:
         folder: The campaign folder.
 
     Raises:
-        InputError: There is no such robot; lists those that ship.
+        InputError: There is no such robot, with a list of those that ship, or its file cannot be
+            read or is none.
     """
     if name in SHIPPED:
         return parse(
@@ -335,4 +336,14 @@ def load(name: str, folder: Path | None = None) -> Robot:
             f"use one of {listed(SHIPPED)}, or the path of a robot file ending in .toml",
             file="campaign.toml" if folder else None,
         )
-    return parse(path.read_text("utf-8"), path.name)
+    try:
+        return parse(path.read_text("utf-8-sig"), path.name)
+    except UnicodeDecodeError as problem:
+        raise InputError("is not UTF-8", "save it as UTF-8", file=path.name) from problem
+    except OSError as problem:
+        raise InputError(
+            f"cannot be read ({problem.strerror})",
+            "check the file and its permissions",
+            file=path.name,
+            passing=True,
+        ) from problem

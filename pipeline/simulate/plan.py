@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from datetime import datetime
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from pipeline.errors import InputError
 from pipeline.settings import InstrumentNoise, NotNegative, Point, Positive, Scale, Strict, TestPose
@@ -104,6 +105,14 @@ class Instrument(Strict):
     dialect: str = "plain"
     unit: Literal["mm", "m", "in"] = "mm"
     digits: Annotated[int, Field(ge=0, le=15)] | Literal["full"] | None = None
+
+    @field_validator("digits", mode="before")
+    @classmethod
+    def digits_count(cls, said: Any) -> Any:
+        """One sentence for whatever is neither a number nor `full`."""
+        if said is None or said == "full" or re.fullmatch(r"[0-9]|1[0-5]", str(said)):
+            return said
+        raise ValueError(f'"{said}" is neither a number from 0 to 15 nor full')
 
     @model_validator(mode="after")
     def one_noise(self) -> Instrument:

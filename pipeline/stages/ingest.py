@@ -61,6 +61,8 @@ def ingest(settings: Settings, robot: Robot, raw: Mapping[str, bytes]) -> Ingest
     Raises:
         InputError: A file is missing or cannot be trusted, or nothing usable is left.
     """
+    if settings.test_pose is not None:
+        settings.test_pose.within_limits(robot)
     log = settings.joints.file
     joints, q = logs.joints(log, _file(raw, log, "[joints]"), robot)
     if settings.tracker and settings.scale:
@@ -134,14 +136,7 @@ def tracker_files(settings: Settings, names: Sequence[str]) -> list[str]:
 
 def _exports(settings: Settings, tracker: Tracker, raw: Mapping[str, bytes]) -> dict[str, Export]:
     found = tracker_files(settings, list(raw))
-    for pattern in tracker.files:
-        glob = any(mark in pattern for mark in "*?[")
-        if not found or (not glob and pattern not in found):
-            raise InputError(
-                "the tracker export is missing",
-                "put it into the campaign folder or correct files in [tracker] of campaign.toml",
-                file=pattern,
-            )
+    tracker.none_missing(found)
     said = hints(tracker)
     exports = {name: readers.read(name, raw[name], said) for name in found}
     if tracker.assignment:

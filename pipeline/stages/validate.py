@@ -9,7 +9,6 @@ import pandas as pd
 
 from pipeline.cell import Cell, columns, load
 from pipeline.effects import Elastic, Pulls
-from pipeline.errors import InputError
 from pipeline.results import Array, Estimate
 from pipeline.robot import Robot
 from pipeline.settings import TestPose
@@ -42,14 +41,7 @@ def place_of_interest(stated: TestPose | None, robot: Robot, pulls: Pulls) -> Wh
     if stated is None:
         strongest = int(np.argmax(np.linalg.norm(pulls.force, axis=1)))
         return Where(pulls.q[strongest], pulls.force[strongest], stated=False)
-    if len(stated.q) != robot.n:
-        raise InputError(
-            f"test_pose.q has {len(stated.q)} values, the robot {robot.n} joints",
-            f"give one value per joint: {', '.join(joint.name for joint in robot.joints)}",
-            file="campaign.toml",
-        )
-    q = np.where(robot.prismatic, stated.q, np.deg2rad(stated.q))
-    return Where(q, np.array(stated.force_n), stated=True)
+    return Where(stated.joint_values(robot), np.array(stated.force_n), stated=True)
 
 
 def validate(
