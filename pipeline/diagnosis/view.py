@@ -23,6 +23,10 @@ from pipeline.stages.whiten import Whitener, whitener
 CUT = 1e-11
 """Relative size of an eigenvalue of products of scaled columns that is rounding."""
 
+LOOSE = 0.05
+"""How far a law may be off in one pull alone, as a fraction of what it moves; the rest of its
+tolerance bends all pulls together."""
+
 NULL = 1e-7
 """What is left of a column relative to the whole column when it is a mix of others."""
 
@@ -281,7 +285,7 @@ def _widened(seen: Sight, doubt: Sequence[tuple[int, float]], force_noise: float
     parts = dict(_accepted_columns(model, suspects))
     for accepted, fraction in doubt:
         column = [c for c in parts if _owner(suspects)[c] == accepted]
-        moved = fraction * Z[:, column] @ model.values[[parts[c] for c in column]]
+        moved = min(fraction, LOOSE) * Z[:, column] @ model.values[[parts[c] for c in column]]
         pulls = rows.pull.max() + 1
         block = scipy.sparse.csr_array(
             (moved, (np.arange(len(moved)), rows.pull)), (len(moved), pulls)
