@@ -14,7 +14,7 @@ from pipeline.diagnosis.evidence import Scores, scores
 from pipeline.diagnosis.isolability import Twins
 from pipeline.diagnosis.view import Model, Sight, View, coefficients, eliminate, look, sight
 from pipeline.effects import Effect
-from pipeline.results import Array, Ints, Locked
+from pipeline.results import Array, Bools, Ints, Locked
 from pipeline.stages.assemble import Measured
 
 MOST = 3
@@ -167,14 +167,15 @@ class Found(Locked):
 def search(case: Case, start: Array, twins: Twins, rng: np.random.Generator) -> Found:
     """Add the likeliest cause, exchange and drop, until nothing is left or three stand."""
     seen = case.fitted((), start)
-    first = view = case.look(seen)
+    first = plain = view = case.look(seen)
     score = now = scores(first, first.base, _dof(first, first.base))
+    p = score.p
     limit = threshold(first, first.base, score.dof, rng)
     lack = lack_first = lack_of_fit(first, first.base, score)
     refused: dict[str, None] = {}
     tried: set[tuple[int, ...]] = {()}
-    while len(view.model.accepted) < MOST and (now.p.min() < limit.p or lack.found):
-        added = _add(case, view, now, limit, refused)
+    while len(view.model.accepted) < MOST and (p.min() < limit.p or lack.found):
+        added = _add(case, view, now, p < limit.p, refused)
         if added is None:
             break
         accepted = (*view.model.accepted, added)
@@ -186,7 +187,8 @@ def search(case: Case, start: Array, twins: Twins, rng: np.random.Generator) -> 
         view = case.look(seen, seen.model.accepted)
         now = scores(view, view.base, _dof(view, view.base))
         lack = lack_of_fit(view, view.base, now)
-    plain = case.look(seen)
+        plain = case.look(seen)
+        p = scores(plain, plain.base, _dof(plain, plain.base)).p
     rivals, p_values = _rivals(case, plain)
     return Found(
         seen=seen,
@@ -217,19 +219,22 @@ def by_label(suspects: Sequence[Effect]) -> dict[str, list[int]]:
     return out
 
 
-def _add(
-    case: Case, view: View, now: Scores, limit: Threshold, refused: dict[str, None]
-) -> int | None:
-    """The likeliest further cause of a possible size, if it is worth it."""
+def _add(case: Case, view: View, now: Scores, found: Bools, refused: dict[str, None]) -> int | None:
+    """The likeliest further cause of a possible size.
+
+    It must be found beyond the scatter, and be worth its name even if the laws of those that
+    are accepted already hold only roughly.
+    """
     taken = {case.suspects[i].label for i in view.model.accepted}
     for i in np.argsort(-now.log_evidence):
-        if now.log_evidence[i] < WORTH or now.p[i] > limit.p:
+        label = case.suspects[i].label
+        if now.log_evidence[i] < WORTH:
             return None
-        if case.suspects[i].label in taken:
+        if not found[i] or label in taken:
             continue
         if possible(case, view, int(i)):
             return int(i)
-        refused[case.suspects[i].label] = None
+        refused[label] = None
     return None
 
 
