@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from pipeline.errors import InputError
 from pipeline.results import Array
 
 PAIRS = ("xx", "xy", "xz", "yy", "yz", "zz")
@@ -41,3 +42,18 @@ def factors(matrices: Array) -> Array:
     """L with L L' = C for positive semidefinite C, shape (m, 3, 3); rank may be less than 3."""
     values, vectors = np.linalg.eigh(matrices)
     return vectors * np.sqrt(np.clip(values, 0.0, None))[:, None, :]
+
+
+def stated(matrices: Array) -> bool:
+    """Whether measurements have covariances: all of them or none, (m, 3, 3) with NaN for none.
+
+    Raises:
+        InputError: Only some have.
+    """
+    known = np.isfinite(matrices).all(axis=(1, 2))
+    if known.any() and not known.all():
+        raise InputError(
+            f"{int((~known).sum())} of {len(known)} readings have no uncertainty, the others have",
+            "state sigma_m in [tracker] for those without",
+        )
+    return bool(known.all())

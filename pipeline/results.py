@@ -96,7 +96,10 @@ class System(Locked):
         B: Derivative of the displacements by x, shape (M, k).
         c: Displacements loaded minus unloaded [m], shape (M,).
         errors: Where c may be wrong and by how much.
-        noise_stated: False when the campaign states no noise; G then is one unit per row.
+        noise_stated: False when the campaign states no noise of the tracker.
+        found_m: What of it was found in its place, per axis of one reading [m]; None where it is
+            stated, and where it is not yet found: then G's columns of tracker, zero and direction
+            are relative to it, and the others are in metres.
     """
 
     parameters: tuple[Parameter, ...]
@@ -105,6 +108,12 @@ class System(Locked):
     c: Array
     errors: Errors
     noise_stated: bool
+    found_m: float | None = None
+
+    @property
+    def relative(self) -> bool:
+        """Whether a part of G still waits for the noise of the tracker."""
+        return not self.noise_stated and self.found_m is None
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,8 +126,8 @@ class Estimate(Locked):
         cov: Covariance of `value`, shape (k, k); infinite on the diagonal where undetermined.
         identifiable: True where the data determine the entry to better than its typical size, (k,).
         residual: c - B x [m], shape (M,).
-        chi2: Weighted sum of squared residuals; about `dof` if the model is true. In units of
-            the estimated variance (hence equal to dof) when no noise is stated.
+        chi2: Weighted sum of squared residuals; about `dof` if the model is true, or if the noise
+            of the tracker is found from these residuals.
         dof: Rows minus determined parameters.
         p_value: Probability of a chi2 this large or larger; None when no noise is stated.
         noise_from: `stated`, `replicates` or `residuals`.

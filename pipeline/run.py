@@ -130,6 +130,7 @@ def _compute(campaign: Campaign, raw: Raw, step: Step[Any]) -> dict[str, Any]:
     system, estimate = step(identify)(cell, data, start)
     if not estimate.identifiable.any():
         raise InputError("these pulls determine no stiffness at all", "pull in more poses")
+    data = data.in_metres(system.found_m)
     found = step(noise)(raw.settings, cell, reduced.placed, data, system, estimate)
     if found.used:
         data = rescaled(data, found)

@@ -591,3 +591,41 @@ def test_covariances_of_the_file_come_first():
     assert readings.covariance_from.tolist()[2:5] == ["file", "stated", "file"]
     assert readings.cyy_m2[2] == pytest.approx((2e-5) ** 2)
     assert readings.cyy_m2[3] == pytest.approx((3e-5) ** 2)
+
+
+SIGMA = "sigma_m = 3.0e-5\n"
+
+
+def with_uncertainty(bare):
+    """The campaign's export with 0.02 mm per axis, but none for some targets."""
+    head, *lines = tracker_csv().splitlines()
+    lines = [line + (",,," if line.split(",")[1] in bare else ",0.02,0.02,0.02") for line in lines]
+    return "\n".join([head + ",std_x_mm,std_y_mm,std_z_mm", *lines, ""])
+
+
+def test_a_chain_without_uncertainty_is_asked_for():
+    """The targets have one and nothing says what the chain's reflectors have: no guess."""
+    bare = with_uncertainty(["Pl1", "Pl2"])
+    with pytest.raises(InputError) as refused:
+        read(bare, toml=TOML.replace(SIGMA, ""))
+
+    assert "no uncertainty, as others have" in str(refused.value)
+    assert "state sigma_m in [tracker]" in str(refused.value)
+    assert not read(bare).rejected.num_rows
+
+
+def test_a_target_without_uncertainty_is_left_out_and_named():
+    """P3 has none; P1, P2 and the chain have one and are used."""
+    got = read(with_uncertainty(["P3"]), toml=TOML.replace(SIGMA, ""))
+    lost = [why for _, _, why in reasons(got) if "no uncertainty" in why]
+
+    assert len(lost) == sum(target == "P3" for _, target, *_ in tracker_rows())
+    assert set(got.readings["target"].to_pylist()) == {*BASE, *CHAIN, "P1", "P2"}
+
+
+def test_no_uncertainty_anywhere_is_a_campaign_of_unstated_noise():
+    """Nothing is left out, and no covariance is made up."""
+    got = read(with_uncertainty([*TOOL, *CHAIN, *BASE]), toml=TOML.replace(SIGMA, ""))
+
+    assert not got.rejected.num_rows
+    assert np.isnan(got.readings["cxx_m2"].to_numpy()).all()

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import scipy.sparse
+from scipy import stats
 
 from pipeline import covariance
 from pipeline.campaign import in_memory
@@ -15,7 +16,14 @@ from pipeline.run import reduce, tool
 from pipeline.settings import parse
 from pipeline.simulate import Plan, revised, simulate
 from pipeline.stages.estimate import identify
-from pipeline.stages.variance import noise, repeated_zeros, variance_components
+from pipeline.stages.variance import (
+    Components,
+    noise,
+    repeated_zeros,
+    rescaled,
+    resting_on,
+    variance_components,
+)
 from pipeline.tables import promised
 
 PLAN = Plan(name="noise", seed=5)
@@ -23,6 +31,11 @@ PLAN = Plan(name="noise", seed=5)
 
 def found(plan, files=None):
     """The noise components of a simulated campaign."""
+    return reduced(plan, files)[0]
+
+
+def reduced(plan, files=None):
+    """Noise components, measurements, system and estimate of a simulated campaign."""
     raw = in_memory(files or simulate(plan).files)
     kept = {}
 
@@ -33,7 +46,8 @@ def found(plan, files=None):
     data = reduce(raw, keep).data
     cell = paper_cell(raw.robot, tool(raw.settings))
     system, estimate = identify(cell, data, raw.robot.nominal_compliance)
-    return noise(raw.settings, cell, kept["21_placed"], data, system, estimate)
+    result = noise(raw.settings, cell, kept["21_placed"], data, system, estimate)
+    return result, data, system, estimate
 
 
 def test_components_of_a_balanced_table_are_those_of_the_analysis_of_variance():
@@ -201,3 +215,75 @@ def test_differences_of_zeros_are_independent_of_their_mean():
 
     assert zeros.delta == pytest.approx(np.array([[0.1, 0, 0], [0.15, 0.3, -0.3]]))
     assert zeros.cov == pytest.approx(np.array([5 * np.eye(3), (9 + 5 / 4) * np.eye(3)]))
+
+
+def test_what_is_stated_counts_where_the_trackers_noise_is_not():
+    """One reflector, one zero, no repeats: gain and scale make stiffnesses as uncertain as ever."""
+    one = {
+        "poses": {"count": 12},
+        "tool": {"load_point": [0.15, 0.0, 0.25], "P1": [0.2, 0.05, 0.12]},
+        "pulls": {"zero": "before"},
+        "scale": {"sigma_n": 20.0, "gain_sigma": 0.03},
+    }
+    plan = Plan.model_validate({"name": "one", **one})
+    _, _, _, known = reduced(plan)
+    result, _, system, estimate = reduced(revised(plan, {"tracker": {"stated": False}}))
+
+    assert not result.used
+    assert estimate.noise_from == "residuals"
+    assert system.found_m == pytest.approx(3e-5, rel=0.2)
+    assert estimate.std == pytest.approx(known.std, rel=0.2)
+
+
+def components(replaced, std):
+    """A tracker and a scale with a tenth more noise than stated, one of them beyond doubt."""
+    p = [1e-9 if name == replaced else 0.4 for name in ("tracker", "force_reading")]
+    name = np.array(["tracker", "force_reading"], object)
+    return Components(name, np.array([1.1, 1.1]), np.array(std), np.array(p), 900, True, 80.0, 90)
+
+
+@pytest.mark.parametrize(("replaced", "dof"), [("tracker", 200.0), ("force_reading", 8.0)])
+def test_student_asks_the_component_that_was_replaced(replaced, dof):
+    """A scale known to 5 % has 200 degrees of freedom, one known to 25 % has 8."""
+    _, _, _, estimate = reduced(revised(PLAN, {"poses": {"count": 4}}))
+    found = resting_on(estimate, components(replaced, [0.05, 0.25]))
+
+    assert found.quantile == pytest.approx(stats.t.ppf(0.975, dof))
+    assert found.p_value == pytest.approx(
+        stats.f.sf((estimate.chi2 - 80) / (estimate.dof - 90), estimate.dof - 90, dof)
+    )
+
+
+def test_pure_error_is_the_scatter_of_repeats_about_their_means():
+    """One reflector, one zero: contrasts and their sum of squares as in a one-way layout."""
+    plan = Plan.model_validate(
+        {
+            "name": "one",
+            "poses": {"count": 8},
+            "tool": {"load_point": [0.15, 0.0, 0.25], "P1": [0.2, 0.05, 0.12]},
+            "pulls": {
+                "steps_n": [1500.0, 3000.0], "repeats": 4, "zero": "before", "setting_sd_n": 0.0,
+            },
+            "scale": {"sigma_n": 1e-6},
+            "tracker": {"stated": False},
+        }
+    )  # fmt: skip
+    result, data, _, estimate = reduced(plan)
+    step = data.pulls.pose * 2 + (np.linalg.norm(data.pulls.force, axis=1) > 2000)
+    table = pd.DataFrame(estimate.residual.reshape(-1, 3)).groupby(step)
+    within = float((table.count() - 1).mul(table.var()).to_numpy().sum())
+
+    assert result.chi2_dof == 8 * 2 * 3 * 3
+    assert result.of("tracker") ** 2 == pytest.approx(within / result.chi2_dof, rel=0.01)
+    assert result.chi2 == pytest.approx(result.chi2_dof, rel=0.01)
+
+
+def test_a_noisier_tracker_places_the_base_worse_too():
+    """All that the tracker's readings give is scaled, and nothing of the scale."""
+    found, data, _, _ = reduced(revised(PLAN, {"tracker": {"noise_scale": 2.0}}))
+    louder = rescaled(data, found)
+    square = found.of("tracker") ** 2
+
+    assert louder.rotation_cov == pytest.approx(square * data.rotation_cov)
+    assert louder.direction_cov == pytest.approx(square * data.direction_cov)
+    assert louder.reading_std == pytest.approx(data.reading_std)

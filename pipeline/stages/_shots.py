@@ -255,6 +255,27 @@ def once(shots: Shots, width: int) -> tuple[Shots, list[Rejection]]:
     return shots.only(good), rejected
 
 
+def weighed(shots: Shots, stated: bool) -> tuple[Shots, list[Rejection]]:
+    """Only readings of targets and chain that have a covariance, if any of them has one.
+
+    Whether the noise is known is settled here for all that follows: for every reading or for none.
+
+    Args:
+        stated: Whether campaign.toml gives a noise to those that have none of their own.
+    """
+    if stated or shots.covariance is None:
+        return shots, []
+    ours = shots.role >= 0
+    own = np.isfinite(shots.covariance).all(axis=1)
+    lacking = ours & ~own
+    if not (ours & own).any():
+        return shots, []
+    reason = (
+        "this reading has no uncertainty, as others have; export it or state sigma_m in [tracker]"
+    )
+    return shots.only(~lacking), shots.rejections(np.flatnonzero(lacking), reason)
+
+
 def _repeated(shots: Shots, width: int) -> Bools:
     """Readings that may be there more than once, shape (n,)."""
     state = shots.slot >= 0

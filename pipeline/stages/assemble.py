@@ -16,6 +16,11 @@ from pipeline.robot import Robot
 
 FORCE = ["fx_n", "fy_n", "fz_n"]
 DELTA = ["dx_m", "dy_m", "dz_m"]
+TRACKED = ("tracker", "zero", "direction")
+"""Sources of error that are in proportion to the noise of the tracker."""
+
+SMALL_M = 1e-5
+"""Where that noise is not known, directions err by this much, and what it does is divided by it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +41,9 @@ class Measured(Locked):
         direction_cov: Covariance of the direction cosines, shape (m, 3, 3).
         rotation_cov: Covariance of the registration's rotation [rad^2], shape (3, 3).
         gain_std: Relative standard uncertainty of the scale's gain.
-        noise_stated: False: the covariances of readings are relative, 1 m^2 each.
+        noise_stated: False: the covariances of readings are relative, 1 m^2 each, and so are those
+            of zeros and directions.
+        found_m: What the relative ones have been multiplied by [m], None if by nothing.
         tool_std: Standard uncertainty per axis of the tool's nominal points [m].
         joint_std: Standard uncertainty of the joints' zeros [m] or [rad], shape (n,).
     """
@@ -57,6 +64,22 @@ class Measured(Locked):
     noise_stated: bool
     tool_std: float = 0.0
     joint_std: Array = field(default_factory=lambda: np.zeros(0))
+    found_m: float | None = None
+
+    def scaled(self, factor: float) -> Measured:
+        """The same with the standard uncertainties of readings, zeros, directions multiplied."""
+        return replace(
+            self,
+            loaded_cov=self.loaded_cov * factor**2,
+            zero_cov=self.zero_cov * factor**2,
+            direction_cov=self.direction_cov * factor**2,
+        )
+
+    def in_metres(self, found_m: float | None) -> Measured:
+        """The same with a noise of the tracker in place of the unstated one [m]; None: as it is."""
+        if found_m is None:
+            return self
+        return replace(self.scaled(found_m / (self.found_m or 1.0)), found_m=found_m)
 
 
 def measured(
@@ -126,7 +149,7 @@ def measured(
 def _covariances(rows: pd.DataFrame) -> tuple[Array, Array, bool]:
     loaded = covariance.matrices(rows, covariance.columns("loaded_c"))
     zero = covariance.matrices(rows, covariance.columns("zero_c"))
-    if np.isfinite(loaded).all() and np.isfinite(zero).all():
+    if covariance.stated(loaded) and covariance.stated(zero):
         return loaded, zero, True
     count = rows["zero_count"].to_numpy(float)
     share = np.divide(1.0, count, out=np.zeros_like(count), where=count > 0)
@@ -156,6 +179,7 @@ def assemble(cell: Cell, data: Measured, values: Array) -> System:
         c=data.delta.ravel() + (B @ values - model),
         errors=errors(cell, data, values),
         noise_stated=data.noise_stated,
+        found_m=data.found_m,
     )
 
 
@@ -173,28 +197,28 @@ def _rows(data: Measured) -> Rows:
 def errors(cell: Cell, data: Measured, values: Array) -> Errors:
     """G of c = B x + G e: tracker, shared zero, force (reading, direction, gain), frame, geometry.
 
-    Where no noise of the tracker is stated, only tracker and zero remain, relative to it.
+    All in metres, but what is in proportion to a noise of the tracker that nobody stated.
     """
     d, m = len(data.pull), len(data.pulls)
     blocks = [
         _Block("tracker", False, covariance.factors(data.loaded_cov), np.arange(d), d),
         _Block("zero", False, covariance.factors(data.zero_cov), data.zero, data.zero.max() + 1),
     ]
-    if data.noise_stated:
-        force = data.pulls.force
-        size = np.linalg.norm(force, axis=1, keepdims=True)
-        reading = (force / size * data.reading_std[:, None])[:, None, :]
-        direction = np.swapaxes(covariance.factors(data.direction_cov), 1, 2) * size[:, None, :]
-        gain = force[:, None, :] * data.gain_std
-        moved = _moved(cell, data, values, np.concatenate([reading, direction, gain], axis=1))
-        turn = covariance.factors(data.rotation_cov[None])[0].T
-        blocks += [
-            _Block("force_reading", False, moved[..., :1], data.pull, m),
-            _Block("direction", False, moved[..., 1:4], data.pull, m),
-            _Block("registration", True, _turned(cell, data, values, turn), np.zeros(d, int), 1),
-            _Block("force_gain", True, moved[..., 4:], np.zeros(d, int), 1),
-            _Block("geometry", True, _geometry(cell, data, values), np.zeros(d, int), 1),
-        ]
+    force = data.pulls.force
+    size = np.linalg.norm(force, axis=1, keepdims=True)
+    reading = (force / size * data.reading_std[:, None])[:, None, :]
+    gain = force[:, None, :] * data.gain_std
+    unit = 1.0 if data.noise_stated or data.found_m else SMALL_M
+    direction = np.swapaxes(covariance.factors(data.direction_cov), 1, 2) * size[:, None, :] * unit
+    moved = _moved(cell, data, values, np.concatenate([reading, direction, gain], axis=1))
+    turn = covariance.factors(data.rotation_cov[None])[0].T
+    blocks += [
+        _Block("force_reading", False, moved[..., :1], data.pull, m),
+        _Block("direction", False, moved[..., 1:4] / unit, data.pull, m),
+        _Block("registration", True, _turned(cell, data, values, turn), np.zeros(d, int), 1),
+        _Block("force_gain", True, moved[..., 4:], np.zeros(d, int), 1),
+        _Block("geometry", True, _geometry(cell, data, values), np.zeros(d, int), 1),
+    ]
     parts = [_sparse(block) for block in blocks]
     return Errors(
         G=scipy.sparse.hstack([part for part, *_ in parts], format="csr"),

@@ -40,8 +40,8 @@ def budget(system: System, estimate: Estimate, white: Whitener | None = None) ->
     """Split the covariance by source: x = K c with K = (B' V^-1 B)^-1 B' V^-1, so K G G' K'.
 
     The estimator K weighs with the whole V; each source then contributes (K G_s)(K G_s)', and these
-    add up to the covariance of x. Where no noise is stated, G is relative and the sum is scaled to
-    the residuals as the covariance is.
+    add up to the covariance of x. Where G is still relative, the sum is scaled to the residuals as
+    the covariance is.
 
     Args:
         system: The system that the estimate is from.
@@ -55,6 +55,6 @@ def budget(system: System, estimate: Estimate, white: Whitener | None = None) ->
     names = np.array(list(dict.fromkeys(system.errors.source.tolist())), dtype=object)
     parts = [moved[:, system.errors.source == name] for name in names]
     cov = np.stack([part @ part.T for part in parts])
-    if not system.noise_stated:
+    if system.relative:
         cov = cov * float(np.sum(white(estimate.residual) ** 2) / max(estimate.dof, 1))
     return Budget(names, cov)

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
+import scipy.sparse
 from scipy import special  # scipy.stats takes a second to import
 
 from pipeline.cell import Cell
-from pipeline.results import Array, Estimate, System
-from pipeline.stages.assemble import Measured, assemble
+from pipeline.results import Array, Errors, Estimate, System
+from pipeline.stages.assemble import TRACKED, Measured, assemble
 from pipeline.stages.whiten import Whitener, whitener
 
 DARK = 1e-8
 """A mix of parameters that moves the data this much less than the strongest one is undetermined."""
+
+NO_NOISE_M = 1e-12
+"""Residuals below this are rounding [m]."""
 
 
 def solve(system: System, start: Array, white: Whitener | None = None) -> Estimate:
@@ -33,7 +38,7 @@ def solve(system: System, start: Array, white: Whitener | None = None) -> Estima
     value, cov, chi2, rank = least_squares(white(system.B), white(system.c), typical, start)
     residual = system.c - system.B @ value
     dof = len(system.rows) - rank
-    scale = 1.0 if system.noise_stated else chi2 / max(dof, 1)
+    scale = chi2 / max(dof, 1) if system.relative else 1.0
     cov = np.where(np.isinf(cov), np.inf, cov * scale)  # a perfect fit has scale 0
     std = np.sqrt(np.diag(cov))
     return Estimate(
@@ -79,8 +84,66 @@ def least_squares(
 
 
 def identify(cell: Cell, data: Measured, start: Array) -> tuple[System, Estimate]:
-    """The parameters of a cell from one campaign's measurements; x starts at `start`."""
+    """The parameters of a cell from one campaign's measurements; x starts at `start`.
+
+    A noise of the tracker that is not stated is found from the residuals, beside the errors that
+    are stated, about the first solution and about the next.
+    """
+    value = np.asarray(start, dtype=float)
+    if not data.noise_stated and data.found_m is None:
+        for _ in range(2):
+            found_m = tracker_noise(assemble(cell, data, value))
+            weighed = data.in_metres(found_m)
+            value = solve(assemble(cell, weighed, value), value).value
+        data = data.in_metres(tracker_noise(assemble(cell, data, value)))
     return iterate(lambda values: assemble(cell, data, values), start)
+
+
+def tracker_noise(system: System) -> float:
+    """Standard uncertainty per axis of a reading [m] for which V = s^2 V_tracker + V_rest fits.
+
+    Restricted likelihood of the residuals: log|V| + log|B' V^-1 B| + r' V^-1 r is smallest. With
+    nothing but the tracker's errors that is s^2 = r' V_tracker^-1 r / (M - k).
+
+    Args:
+        system: A system whose noise of the tracker is still relative.
+    """
+    tracked = np.isin(system.errors.source.astype(str), TRACKED)
+    typical = np.array([p.typical for p in system.parameters])
+
+    def fit(errors: Errors) -> tuple[float, float, int]:
+        """Minus twice the restricted log likelihood, chi2 and degrees of freedom."""
+        white = whitener(errors, system.rows.pose)
+        A, y = white(system.B), white(system.c)
+        _, _, chi2, rank = least_squares(A, y, typical, np.zeros(len(typical)))
+        seen = np.linalg.svd(A * typical, compute_uv=False)[:rank]
+        return white.log_det + 2 * float(np.sum(np.log(seen))) + chi2, chi2, len(y) - rank
+
+    def scaled(log_s: float) -> Errors:
+        factor = np.where(tracked, np.exp(log_s), 1.0)
+        G = scipy.sparse.csr_array(system.errors.G @ scipy.sparse.diags_array(factor))
+        return replace(system.errors, G=G)
+
+    alone = replace(
+        system.errors,
+        G=system.errors.G[:, tracked],
+        source=system.errors.source[tracked],
+        common=system.errors.common[tracked],
+    )
+    _, chi2, dof = fit(alone)
+    most = max(float(np.sqrt(chi2 / max(dof, 1))), NO_NOISE_M)
+    if tracked.all():
+        return most
+    bounds = np.log([max(1e-3 * most, NO_NOISE_M), 2 * most])
+    from scipy import optimize  # slow to import, and seldom needed
+
+    best = optimize.minimize_scalar(
+        lambda log_s: fit(scaled(log_s))[0],
+        bounds=bounds,
+        method="bounded",
+        options={"xatol": 1e-6},
+    )
+    return float(np.exp(best.x))
 
 
 def iterate(

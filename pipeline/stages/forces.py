@@ -41,7 +41,7 @@ def forces(settings: Settings, placed: pd.DataFrame, loads: pd.DataFrame) -> pd.
     u = chain / length
     across = np.eye(3) - u[:, :, None] * u[:, None, :]
     C = covariance.matrices(near) + covariance.matrices(far)
-    if not np.isfinite(C).all():
+    if not covariance.stated(covariance.matrices(placed)):
         C = np.broadcast_to(2 * np.eye(3), C.shape)
     direction = across @ C @ across / length[..., None] ** 2
     reading = pulls["force_n"].to_numpy()

@@ -97,10 +97,11 @@ def _raw(
     shots, strange = _shots.known(_shots.gather(exports, settings), settings)
     _shots.check_units(shots, settings)
     shots, copies = _shots.once(shots, len(settings.measured) + 2)
+    shots, bare = _shots.weighed(shots, tracker.noise is not None or tracker.sigma_m is not None)
     _three_base_reflectors(shots, settings)
     _some_pull(shots, settings)
     unread = [(file, n, why) for file, e in exports.items() for n, why in e.rejected]
-    causes: list[Rejection] = [*unread, *strange, *copies, *loads.rejected, *joints.rejected]
+    causes: list[Rejection] = [*unread, *strange, *copies, *bare, *loads.rejected, *joints.rejected]
     complete = _pulls.complete(shots, settings, loads, joints)
     shots, loads = shots.only(complete.shots), loads.only(complete.loads, complete.why_not_load)
     seen = np.bincount(shots.slot[shots.slot >= 0], minlength=len(shots.pose)) > 0

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -20,14 +21,15 @@ from pipeline.cell import Cell
 from pipeline.results import Array, Bools, Errors, Estimate, Ints, Locked, Rows, Strings, System
 from pipeline.robot import configure
 from pipeline.settings import Settings
-from pipeline.stages.assemble import Measured
+from pipeline.stages.assemble import TRACKED, Measured
 from pipeline.stages.register import XYZ
+from pipeline.stages.whiten import whitener
 
 Loss = Callable[[Array], tuple[Array, float]]
 """Minus twice a restricted log likelihood by log scales: part of each pose, and the rest."""
 
 SCALED: Mapping[str, tuple[str, ...]] = {
-    "tracker": ("tracker", "zero", "direction"),
+    "tracker": TRACKED,
     "force_reading": ("force_reading",),
 }
 """The components, and the sources of error whose standard uncertainty each of them multiplies."""
@@ -47,6 +49,9 @@ SURELY = 0.003
 UNTOLD = 0.5
 """A relative standard uncertainty of a scale above this: the data cannot tell it."""
 
+ZEROS = -1
+"""Stands for the pull of a contrast between zeros."""
+
 FEWEST = 12
 """Contrasts below this say too little about a component."""
 
@@ -62,6 +67,9 @@ class Components(Locked):
         p_value: Probability of a scale this large or larger if the stated noise were true, (n,).
         dof: Contrasts that were looked at.
         stated: False when the campaign states no noise of the tracker; its scale then is in m.
+        chi2: Weighted sum of squares of the contrasts of pulls, which are a part of the misfit of
+            every model, in the noise as it is used.
+        chi2_dof: Their number.
     """
 
     name: Strings
@@ -70,6 +78,8 @@ class Components(Locked):
     p_value: Array
     dof: int
     stated: bool
+    chi2: float = 0.0
+    chi2_dof: int = 0
 
     @property
     def larger(self) -> Bools:
@@ -77,9 +87,15 @@ class Components(Locked):
         return self.p_value < SURELY
 
     @property
+    def replaced(self) -> Bools:
+        """Components whose noise found takes the place of the stated or missing one, shape (n,)."""
+        missing = (self.name == "tracker") & (not self.stated)
+        return self.larger | (missing & np.isfinite(self.std))
+
+    @property
     def used(self) -> bool:
-        """Whether the noise found takes the place of the stated one."""
-        return bool(self.larger.any()) or (not self.stated and bool(np.isfinite(self.std[0])))
+        """Whether any is."""
+        return bool(self.replaced.any())
 
     def of(self, name: str) -> float:
         """Scale of one component."""
@@ -159,7 +175,7 @@ def pure_error(system: System, residual: Array, data: Measured, zeros: Zeros, ce
         repeat=np.zeros(contrasts, np.int64),
         target=np.full(contrasts, "", dtype=object),
         axis=np.zeros(contrasts, np.int64),
-        pull=np.zeros(contrasts, np.int64),
+        pull=np.where(at < 3 * len(data.pull), 0, ZEROS),
     )
     G = scipy.sparse.csr_array(K.T @ errors.G)
     return System(
@@ -169,6 +185,7 @@ def pure_error(system: System, residual: Array, data: Measured, zeros: Zeros, ce
         c=K.T @ c,
         errors=Errors(G, errors.source, errors.common),
         noise_stated=system.noise_stated,
+        found_m=system.found_m,
     )
 
 
@@ -198,7 +215,7 @@ def _stacked(
     C = zeros.cov[known]
     if not data.noise_stated:
         nth = zeros.which[known][:, None, None]
-        C = np.eye(3) * (1 + 1 / nth)
+        C = (system.found_m or 1.0) ** 2 * np.eye(3) * (1 + 1 / nth)
     factors = covariance.factors(C)
     own = scipy.sparse.block_diag(list(factors), format="csr") if len(factors) else None
     G = scipy.sparse.csr_array(scipy.sparse.diags_array(brought) @ system.errors.G)
@@ -304,8 +321,9 @@ def variance_components(
     p = np.ones(len(names))
     if len(system.rows) - X.shape[1] < FEWEST:
         return _components(system, names, log_scale, std, p, len(system.rows))
-    common = system.errors.common
-    X = np.hstack([X, system.errors.G[:, common].toarray()])
+    common = system.errors.G[:, system.errors.common].toarray()
+    felt = np.linalg.norm(common, axis=0) > 0.01 * np.sqrt(np.mean(system.c**2))
+    X = np.hstack([X, common[:, felt]])
     blocks = _Blocks.of(system, X, [SCALED[name] for name in names])
     told = np.array([_told(system, SCALED[name]) for name in names])
     if told.any():
@@ -318,8 +336,10 @@ def _components(
 ) -> Components:
     lost = ~(std < UNTOLD)
     log_scale, std = np.where(lost, 0.0, log_scale), np.where(lost, np.inf, std)
-    p = np.where(lost, 1.0, p)
-    return Components(np.array(names, object), np.exp(log_scale), std, p, dof, system.noise_stated)
+    name = np.array(names, object)
+    missing = (name == "tracker") & (not system.noise_stated)
+    scale = np.exp(log_scale) * np.where(missing, system.found_m or 1.0, 1.0)
+    return Components(name, scale, std, np.where(lost | missing, 1.0, p), dof, system.noise_stated)
 
 
 def _told(system: System, sources: Sequence[str]) -> bool:
@@ -481,25 +501,33 @@ def _total(loss: Loss, x: Array) -> float:
 
 
 def rescaled(data: Measured, found: Components) -> Measured:
-    """The same measurements with the noise that was found wherever it is larger than stated."""
+    """The same measurements with the noise that was found wherever it is larger than stated.
+
+    A tracker noisier than stated also placed the base frame worse; where it was not stated, the
+    scatter of the base reflectors themselves has said how well that is placed.
+    """
     factor = np.where(found.larger | ~np.array([found.stated, True]), found.scale, 1.0)
     tracker, force = factor.tolist()
     return replace(
-        data,
-        loaded_cov=data.loaded_cov * tracker**2,
-        zero_cov=data.zero_cov * tracker**2,
-        direction_cov=data.direction_cov * tracker**2,
+        data.scaled(tracker / (data.found_m or 1.0)),
+        rotation_cov=data.rotation_cov * (tracker**2 if found.stated else 1.0),
         reading_std=data.reading_std * force,
         noise_stated=True,
+        found_m=None,
     )
 
 
 def resting_on(estimate: Estimate, found: Components) -> Estimate:
-    """The estimate whose noise is itself estimated: Student's quantile, F test of the misfit."""
-    dof = 0.5 / float(np.min(found.std)) ** 2
+    """The estimate whose noise is itself estimated: Student's quantile, and the test of misfit.
+
+    The noise was made to fit the contrasts, so they cannot speak for the model: what chi2 holds
+    beside them is compared with them (F test of the lack of fit).
+    """
+    dof = 0.5 / float(np.max(found.std[found.replaced])) ** 2
+    lack, lack_dof = max(estimate.chi2 - found.chi2, 0.0), estimate.dof - found.chi2_dof
     return replace(
         estimate,
-        p_value=float(stats.f.sf(estimate.chi2 / max(estimate.dof, 1), estimate.dof, dof)),
+        p_value=float(stats.f.sf(lack / lack_dof, lack_dof, dof)) if lack_dof > 0 else None,
         noise_from="replicates",
         quantile=float(stats.t.ppf(0.975, dof)),
     )
@@ -515,4 +543,18 @@ def noise(
 ) -> Components:
     """The noise of a campaign from its repeats, its repeated zeros and its effector's triangle."""
     zeros = repeated_zeros(settings, placed)
-    return variance_components(pure_error(system, estimate.residual, data, zeros, cell))
+    pure = pure_error(system, estimate.residual, data, zeros, cell)
+    found = variance_components(pure)
+    return replace(found, **_of_pulls(pure, found)) if found.used else found
+
+
+def _of_pulls(pure: System, found: Components) -> dict[str, Any]:
+    """`chi2` and `chi2_dof` of the contrasts between pulls."""
+    rows = np.flatnonzero(pure.rows.pull != ZEROS)
+    factor = np.ones(len(pure.errors.source))
+    for name in found.name[found.replaced]:
+        unit = (pure.found_m or 1.0) if name == "tracker" else 1.0
+        factor[np.isin(pure.errors.source.astype(str), SCALED[name])] = found.of(name) / unit
+    G = scipy.sparse.csr_array(pure.errors.G[rows] @ scipy.sparse.diags_array(factor))
+    white = whitener(replace(pure.errors, G=G), pure.rows.pose[rows])
+    return {"chi2": float(np.sum(white(pure.c[rows]) ** 2)), "chi2_dof": len(rows)}
