@@ -21,7 +21,7 @@ from pipeline.stages.budget import Budget, budget
 from pipeline.stages.estimate import left_out
 from pipeline.stages.register import Registration
 from pipeline.stages.validate import Where
-from pipeline.stages.variance import NAMES, Components
+from pipeline.stages.variance import NAMES, Components, at_most
 from pipeline.stages.whiten import whitener
 from pipeline.stages.workspace import Known
 
@@ -260,7 +260,7 @@ def noise_causes(found: Components) -> list[dict[str, Any]]:
         {
             "name": NAMES[name],
             "where": None,
-            "probability": 1 - float(found.p_value[i]),
+            "probability": at_most(float(found.p_value[i])),
             "parameters": [
                 {
                     "name": f"s_{name.split('_')[0]}",

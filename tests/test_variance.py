@@ -18,6 +18,7 @@ from pipeline.simulate import Plan, revised, simulate
 from pipeline.stages.estimate import identify
 from pipeline.stages.variance import (
     Components,
+    at_most,
     noise,
     repeated_zeros,
     rescaled,
@@ -287,3 +288,9 @@ def test_a_noisier_tracker_places_the_base_worse_too():
     assert louder.rotation_cov == pytest.approx(square * data.rotation_cov)
     assert louder.direction_cov == pytest.approx(square * data.direction_cov)
     assert louder.reading_std == pytest.approx(data.reading_std)
+
+
+@pytest.mark.parametrize(("p", "most"), [(0.05, 0.711), (0.01, 0.889), (0.9, 0.5), (0.0, 1.0)])
+def test_a_p_value_is_no_probability_of_the_cause(p, most):
+    """Sellke, Bayarri and Berger: odds of 2.5 and 8 to one at most for p = 0.05 and 0.01."""
+    assert at_most(p) == pytest.approx(most, abs=5e-4)

@@ -34,6 +34,7 @@ from pipeline.results import Array, Estimate, Parameter, System
 from pipeline.stages.assemble import Measured, assemble
 from pipeline.stages.estimate import solve
 from pipeline.stages.validate import Where
+from pipeline.stages.variance import at_most
 
 EQUILIBRIA = ("deformed", "undeformed")
 
@@ -231,7 +232,7 @@ def _noise_causes(whole: tuple[Effect, ...], spread: Scatter) -> tuple[Cause, ..
         if isinstance(effect, Noise) and p < SURE and spread.known_from == "rigidity":
             interval = (value - 1.96 * std, value + 1.96 * std)
             size = Amplitude(effect.parameters[0], value, std, interval)
-            out.append(Cause(effect, 1 - p, (size,), p, (), (), None, None))
+            out.append(Cause(effect, at_most(p), (size,), p, (), (), None, None))
     return tuple(out)
 
 
