@@ -16,6 +16,8 @@ from pipeline.diagnosis import verdict as verdicts
 from pipeline.effects import Pulls
 from pipeline.results import Array, Estimate, System
 from pipeline.robot import Joint
+from pipeline.screening.finding import Finding
+from pipeline.screening.fit import Fitted
 from pipeline.stages.assemble import Measured
 from pipeline.stages.budget import Budget, budget
 from pipeline.stages.estimate import left_out
@@ -105,41 +107,38 @@ class Findings:
     Attributes:
         campaign: Name of the campaign.
         raw: What its folder holds.
-        cell: The paper's model.
-        data: The measurements.
-        registration: Where the tracker stands.
-        system: The linear system of the joint springs.
-        estimate: Its solution.
-        noise: What repeats and zeros say about the scatter.
-        diagnosis: What the model misses.
+        given: The joint springs from the data as given.
+        right: The joint springs from the data with every mistake put right; the same without any.
+        mistakes: What is wrong with the data.
+        diagnosis: What the model misses, beside the mistakes.
         richer: The machine with the named causes in it, None without any.
-        residuals: Table RESIDUALS.
+        residuals: Table RESIDUALS of `given`.
         where: The test pose.
-        checked: Table VALIDATION.
-        rejected: Table REJECTED.
+        checked: Table VALIDATION of `given`.
     """
 
     campaign: str
     raw: Raw
-    cell: Cell
-    data: Measured
-    registration: Registration
-    system: System
-    estimate: Estimate
-    noise: Components
+    given: Fitted
+    right: Fitted
+    mistakes: tuple[Finding, ...]
     diagnosis: verdicts.Diagnosis
     richer: handover.Model | None
     residuals: pd.DataFrame
     where: Where
     checked: pd.DataFrame
-    rejected: pd.DataFrame
+
+    @property
+    def estimate(self) -> Estimate:
+        """The joint springs from the data as given."""
+        return self.given.estimate
 
 
 def answer(found: Findings) -> dict[str, Any]:
     """result.json of a campaign."""
-    cell, estimate, raw, where = found.cell, found.estimate, found.raw, found.where
-    stiffness = stiffness_entries(cell, found.system, estimate)
-    fit = fit_entry(cell, found.data, estimate)
+    given, raw, where = found.given, found.raw, found.where
+    cell, estimate = given.case.cell, given.estimate
+    stiffness = stiffness_entries(cell, given.system, estimate)
     diagnosis = diagnosis_entry(found)
     return {
         "format": 1,
@@ -148,18 +147,18 @@ def answer(found: Findings) -> dict[str, Any]:
         "robot": raw.settings.robot,
         "verdict_sentence": sentences(diagnosis["verdict"], diagnosis["why"], stiffness, found),
         "stiffness": stiffness,
-        "fit": fit,
+        "fit": fit_entry(cell, given.data, estimate),
         "diagnosis": diagnosis,
-        "extended": extended_entry(found) or {"stiffness": stiffness, "fit": fit},
+        "extended": extended_entry(found),
         "validation": validation_entry(found.checked, found.residuals, where),
         "budget": budget_entries(stiffness),
-        "noise": noise_entry(found.noise, estimate),
-        "rejected": rejected_entries(found.rejected),
+        "noise": noise_entry(found.right.noise, found.right.estimate),
+        "rejected": rejected_entries(given.case.rejected),
         "findings": [
-            *registration_findings(found.registration),
+            *registration_findings(given.reduced.registration),
             *(entry["finding"] for entry in stiffness if entry["finding"]),
         ],
-        "registration": registration_entry(found.registration),
+        "registration": registration_entry(given.reduced.registration),
         "test_pose_deflection": deflection_entries(cell, estimate, where),
         "model": {"equilibrium": cell.equilibrium},
         "assumptions": assumptions(raw, where),
@@ -172,24 +171,77 @@ def answer(found: Findings) -> dict[str, Any]:
 
 
 def diagnosis_entry(found: Findings) -> dict[str, Any]:
-    """`diagnosis`: what the diagnosis says, and scatter that the repeats have found already."""
-    said = verdicts.entry(found.diagnosis, found.cell.robot)
+    """`diagnosis`: mistakes in the data first, then what the diagnosis says of the corrected data.
+
+    Scatter that the repeats have found already joins the causes.
+    """
+    said = verdicts.entry(found.diagnosis, found.right.case.robot)
     named = {cause["name"] for cause in said["causes"]}
-    said["causes"] += [cause for cause in noise_causes(found.noise) if cause["name"] not in named]
+    noisy = [cause for cause in noise_causes(found.right.noise) if cause["name"] not in named]
+    said["causes"] = [*data_causes(found), *said["causes"], *noisy]
+    if found.mistakes:
+        return said | {"verdict": "bad_data", "why": bad_data_sentence(found.mistakes)}
     unstated = found.estimate.p_value is None
     if said["verdict"] == "adequate" and unstated and not fits(found.estimate):
         return said | {"verdict": "unexplained", "why": "No known cause explains the misfit."}
     return said
 
 
-def extended_entry(found: Findings) -> dict[str, Any] | None:
-    """`extended`: stiffnesses and fit with the named causes in the model, None without any."""
-    system, estimate = found.diagnosis.system, found.diagnosis.estimate
-    if system is None or estimate is None:
-        return None
+def bad_data_sentence(mistakes: tuple[Finding, ...]) -> str:
+    """What is wrong with the data, and what was done about it."""
+    first, *more = mistakes
+    others = f", and {len(more)} more mistakes were found" if more else ""
+    return (
+        f"The data hold a mistake: {first.evidence}{others}. Nothing was repaired: the "
+        f"stiffnesses are those of the data as given, the corrected ones stand beside them."
+    )
+
+
+def data_causes(found: Findings) -> list[dict[str, Any]]:
+    """The mistakes in the data, as causes."""
+    if not found.mistakes:
+        return []
+    before, after = (rms_mm(left_out(one.system)) for one in (found.given, found.right))
+    gain = {
+        "held_out_rms_before_mm": before,
+        "held_out_rms_after_mm": after,
+        "reduction": 1 - after / before if before else None,
+        "ci95": None,
+        "test_pose_change_mm": None,
+    }
+    return [
+        {
+            "name": one.name,
+            "where": one.where,
+            "probability": 1 - (one.p_value or 0.0),
+            "parameters": []
+            if one.size is None
+            else [{"name": "size", "value": one.size, "std": None, "unit": one.size_unit}],
+            "p_value": one.p_value,
+            "rivals": [],
+            "gain": gain,
+            "evidence": {
+                "sentence": one.evidence,
+                "correction": one.correction,
+                "before": one.before,
+                "after": one.after,
+                "unit": one.unit,
+            },
+        }
+        for one in found.mistakes
+    ]
+
+
+def extended_entry(found: Findings) -> dict[str, Any]:
+    """`extended`: stiffnesses and fit with mistakes put right and named causes in the model."""
+    right, said = found.right, found.diagnosis
+    known = said.system is not None and said.estimate is not None
+    system, estimate = (said.system, said.estimate) if known else (right.system, right.estimate)
+    assert system is not None  # known, or the joint springs
+    assert estimate is not None
     return {
-        "stiffness": stiffness_entries(found.cell, system, estimate),
-        "fit": fit_entry(found.cell, found.data, estimate),
+        "stiffness": stiffness_entries(right.case.cell, system, estimate),
+        "fit": fit_entry(right.case.cell, right.data, estimate),
         "test_pose_deflection": (
             deflection_entries(found.richer.cell, found.richer, found.where) if found.richer else []
         ),
@@ -407,7 +459,9 @@ def sentences(
         if error is None
         else f"poses left out of the estimate are predicted to {error:.3f} mm"
     )
-    if not good:
+    if found.mistakes:
+        first = why
+    elif not good:
         first = "These pulls determine no stiffness."
     return [first, f"{some.capitalize()} stiffnesses have a value, and {told}."]
 

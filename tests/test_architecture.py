@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "pipeline"
-CORE = ("robot", "effects", "stages", "design", "readers", "simulate", "diagnosis")
+CORE = ("robot", "effects", "stages", "design", "readers", "simulate", "diagnosis", "screening")
 OUTSIDE = {"prefect", "typer", "matplotlib", "filelock", "jinja2", "typst"}
 LATE = ("pinocchio", "prefect", "matplotlib", "scipy", "pandas", "pyarrow", "numpy")
 

@@ -105,7 +105,7 @@ def joints(name: str, data: bytes, robot: Robot) -> tuple[Log, Array]:
         The log with its poses, and the joint values [m] or [rad], shape (n, joints).
 
     Raises:
-        InputError: A joint is missing or outside its limits; the file cannot be read.
+        InputError: A joint is missing; the file cannot be read.
     """
     approach = Quantity("approach", {}, needed=False)
     header = set(columns(name, data))
@@ -121,7 +121,6 @@ def joints(name: str, data: bytes, robot: Robot) -> tuple[Log, Array]:
     q = np.column_stack([log.number[quantity.stem] for quantity in wanted])
     if from_controller:
         q = q @ robot.controller_matrix.T + robot.controller_offset
-    _within_limits(log, q, robot)
     return log, q
 
 
@@ -135,7 +134,12 @@ def _has(header: set[str], wanted: Sequence[Quantity]) -> bool:
     return all(_header.suffixed(sorted(header), q.stem, list(q.units)) for q in wanted)
 
 
-def _within_limits(log: Log, q: Array, robot: Robot) -> None:
+def within_limits(log: Log, q: Array, robot: Robot) -> None:
+    """Joint values [m] or [rad], shape (n, joints), lie within the robot's limits.
+
+    Raises:
+        InputError: One of them does not.
+    """
     slack = 1e-9
     outside = (q < robot.lower - slack) | (q > robot.upper + slack)
     if not outside.any():

@@ -402,6 +402,8 @@ def _prediction(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     steps = np.linspace(0, 1, 41)
     for index, ((where, draw_from), mu) in enumerate(errors.items()):
         at, key = 100 * np.quantile(mu, steps), f"mu-{index}"
+        if at[4] <= 0:  # no stiffness had a value to draw about, and zero has no logarithm
+            continue
         name = f"{SETS.get(where, where)}, {DRAWS.get(draw_from, draw_from)}"
         style = "-" if draw_from == "covariance" else "--"
         colour = SERIES[list(SETS).index(where) if where in SETS else 2]

@@ -308,6 +308,7 @@ def _cause(number: int, one: Mapping[str, Any], with_gain: bool) -> list[Block]:
     name, where = str(one.get("name")), one.get("where")
     said = words.cause(name, where)
     facts = [
+        _evidence_sentence(one),
         f"It shows like this: {one['signature']}." if one.get("signature") else "",
         _probability_sentence(one),
         *_parameter_sentences(one),
@@ -320,6 +321,15 @@ def _cause(number: int, one: Mapping[str, Any], with_gain: bool) -> list[Block]:
     ]
     rivals = _list(one, "rivals")
     return [*blocks, _rivals(number, rivals)] if rivals else blocks
+
+
+def _evidence_sentence(one: Mapping[str, Any]) -> str:
+    """What speaks for a mistake in the data, and what the corrected result rests on."""
+    evidence = one.get("evidence")
+    if not isinstance(evidence, Mapping):
+        return ""
+    said = [str(evidence.get(key) or "") for key in ("sentence", "correction")]
+    return " ".join(f"{text[0].upper()}{text[1:]}." for text in said if text)
 
 
 def _probability_sentence(one: Mapping[str, Any]) -> str:

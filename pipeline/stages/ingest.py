@@ -6,7 +6,7 @@ is left out and listed with its reason.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
@@ -39,6 +39,7 @@ class Ingested:
         displacements: Table DISPLACEMENTS of a campaign that arrives reduced, else None.
         forces: Table FORCES of a campaign that arrives reduced, else None.
         dialects: Dialect recognised in each tracker export.
+        doubt: Why the values are implausible, where that was not to stop the reading.
     """
 
     readings: pa.Table
@@ -48,15 +49,20 @@ class Ingested:
     displacements: pa.Table | None
     forces: pa.Table | None
     dialects: dict[str, str]
+    doubt: InputError | None = None
 
 
-def ingest(settings: Settings, robot: Robot, raw: Mapping[str, bytes]) -> Ingested:
+def ingest(
+    settings: Settings, robot: Robot, raw: Mapping[str, bytes], plausible: bool = True
+) -> Ingested:
     """Read a campaign.
 
     Args:
         settings: campaign.toml.
         robot: The robot, for the columns and limits of the joint log.
         raw: Content of the raw files by name relative to the campaign folder.
+        plausible: Refuse values that only a wrong unit or convention explains; False lets them
+            through to whoever can say which one it is.
 
     Raises:
         InputError: A file is missing or cannot be trusted, or nothing usable is left.
@@ -65,9 +71,23 @@ def ingest(settings: Settings, robot: Robot, raw: Mapping[str, bytes]) -> Ingest
         settings.test_pose.within_limits(robot)
     log = settings.joints.file
     joints, q = logs.joints(log, _file(raw, log, "[joints]"), robot)
+    doubt = _doubt(lambda: logs.within_limits(joints, q, robot), plausible)
     if settings.tracker and settings.scale:
-        return _raw(settings, settings.tracker, settings.scale, robot, raw, joints, q)
-    return _reduced(settings, robot, raw, joints, q)
+        return _raw(
+            settings, settings.tracker, settings.scale, robot, raw, joints, q, plausible, doubt
+        )
+    return _reduced(settings, robot, raw, joints, q, doubt)
+
+
+def _doubt(check: Callable[[], None], plausible: bool) -> InputError | None:
+    """What a check complains about; raised when only plausible values may pass."""
+    try:
+        check()
+    except InputError as problem:
+        if plausible:
+            raise
+        return problem
+    return None
 
 
 def _file(raw: Mapping[str, bytes], name: str, said: str) -> bytes:
@@ -91,11 +111,13 @@ def _raw(
     raw: Mapping[str, bytes],
     joints: logs.Log,
     q: Array,
+    plausible: bool,
+    doubt: InputError | None,
 ) -> Ingested:
     loads = logs.loads(scale.file, _file(raw, scale.file, "[scale]"))
     exports = _exports(settings, tracker, raw)
     shots, strange = _shots.known(_shots.gather(exports, settings), settings)
-    _shots.check_units(shots, settings)
+    doubt = _doubt(lambda: _shots.check_units(shots, settings), plausible) or doubt
     shots, copies = _shots.once(shots, len(settings.measured) + 2)
     shots, bare = _shots.weighed(shots, tracker.noise is not None or tracker.sigma_m is not None)
     _three_base_reflectors(shots, settings)
@@ -119,6 +141,7 @@ def _raw(
         displacements=None,
         forces=None,
         dialects={name: export.dialect for name, export in exports.items()},
+        doubt=doubt,
     )
 
 
@@ -305,7 +328,12 @@ def _nothing_left(rejected: Sequence[Rejection]) -> InputError:
 
 
 def _reduced(
-    settings: Settings, robot: Robot, raw: Mapping[str, bytes], joints: logs.Log, q: Array
+    settings: Settings,
+    robot: Robot,
+    raw: Mapping[str, bytes],
+    joints: logs.Log,
+    q: Array,
+    doubt: InputError | None,
 ) -> Ingested:
     said = settings.displacements
     assert said
@@ -349,6 +377,7 @@ def _reduced(
         displacements=_displacements(moved, said.sigma_m),
         forces=_forces(forces),
         dialects={},
+        doubt=doubt,
     )
 
 

@@ -166,33 +166,61 @@ def pure_error(system: System, residual: Array, data: Measured, zeros: Zeros, ce
         zeros: Repeated zeros; none of them matters when empty.
         cell: For the positions of the targets.
     """
-    c, errors, pose, group, modes = _stacked(system, residual, data, zeros, cell)
-    K = _contrasts(group, modes)
+    stack = stacked(system, residual, data, zeros, cell)
+    errors = stack.errors
+    K = _contrasts(stack.group, stack.modes)
     contrasts = K.shape[1]
     at = np.asarray(np.abs(K).argmax(axis=0)).ravel()
     rows = Rows(
-        pose=pose[at],
+        pose=stack.pose[at],
         repeat=np.zeros(contrasts, np.int64),
         target=np.full(contrasts, "", dtype=object),
         axis=np.zeros(contrasts, np.int64),
         pull=np.where(at < 3 * len(data.pull), 0, ZEROS),
     )
-    G = scipy.sparse.csr_array(K.T @ errors.G)
+    G = scipy.sparse.csr_array(K.T @ scipy.sparse.diags_array(stack.to_first) @ errors.G)
     return System(
         parameters=(),
         rows=rows,
         B=np.zeros((contrasts, 0)),
-        c=K.T @ c,
+        c=K.T @ (stack.to_first * stack.c),
         errors=Errors(G, errors.source, errors.common),
         noise_stated=system.noise_stated,
         found_m=system.found_m,
     )
 
 
-def _stacked(
-    system: System, residual: Array, data: Measured, zeros: Zeros, cell: Cell
-) -> tuple[Array, Errors, Ints, Ints, Array]:
-    """Rows of c, then of the repeated zeros: values, errors, pose, group, rigid modes (rows, 6)."""
+@dataclass(frozen=True, eq=False)
+class Stack(Locked):
+    """All that one campaign's readings tell of displacements: rows of c, then repeated zeros.
+
+    Attributes:
+        c: Values [m], shape (R,).
+        errors: Their errors.
+        pose: Pose number of each row, shape (R,).
+        target: Index of its target, shape (R,).
+        axis: 0, 1, 2 for x, y, z of F_b, shape (R,).
+        pull: Index of its pull, -1 for repeated zeros, shape (R,).
+        which: Number of the difference of zeros, 0 for rows of c, shape (R,).
+        group: Equal pulls share a number, and so do the targets of one repeated zero, shape (R,).
+        modes: What six small rigid motions of the effector do to it, shape (R, 6).
+        to_first: Force of the first pull of its group over its own, shape (R,).
+    """
+
+    c: Array
+    errors: Errors
+    pose: Ints
+    target: Ints
+    axis: Ints
+    pull: Ints
+    which: Ints
+    group: Ints
+    modes: Array
+    to_first: Array
+
+
+def stacked(system: System, c: Array, data: Measured, zeros: Zeros, cell: Cell) -> Stack:
+    """Rows of c (or of residuals, shape (M,)), and below them the repeated zeros."""
     first = np.unique(data.pulls.pose, return_index=True)[1]
     q = dict(zip(data.pulls.pose[first].tolist(), data.pulls.q[first], strict=True))
     known = np.isin(zeros.pose, list(q))
@@ -207,7 +235,7 @@ def _stacked(
     modes[:, :, :3] = np.eye(3)
     modes[:, :, 3:] = np.swapaxes(np.cross(np.eye(3)[None], levers[:, None, :]), 1, 2)
     repeats, to_first = _repeats(data)
-    brought = np.repeat(to_first[data.pull], 3)
+    brought = np.repeat(np.append(to_first[data.pull], np.ones(len(zero_pose))), 3)
     group = np.concatenate([repeats[data.pull], zero_pose * 1000 + zeros.which[known]])
     group[len(data.pull) :] += group[: len(data.pull)].max() + 1
     if len(set(data.target.tolist())) < 3:
@@ -218,19 +246,23 @@ def _stacked(
         C = (system.found_m or 1.0) ** 2 * np.eye(3) * (1 + 1 / nth)
     factors = covariance.factors(C)
     own = scipy.sparse.block_diag(list(factors), format="csr") if len(factors) else None
-    G = scipy.sparse.csr_array(scipy.sparse.diags_array(brought) @ system.errors.G)
-    source, common = system.errors.source, system.errors.common
+    G, source, common = system.errors.G, system.errors.source, system.errors.common
     if own is not None:
         G = scipy.sparse.csr_array(scipy.sparse.block_diag([G, own], format="csr"))
         source = np.concatenate([source, np.full(own.shape[1], "zero", dtype=object)])
         common = np.concatenate([common, np.zeros(own.shape[1], dtype=bool)])
-    c = np.concatenate([brought * residual, zeros.delta[known].ravel()])
-    return (
-        c,
-        Errors(G, source, common),
-        np.repeat(pose, 3),
-        np.repeat(group, 3),
-        modes.reshape(-1, 6),
+    d = len(data.pull)
+    return Stack(
+        c=np.concatenate([c, zeros.delta[known].ravel()]),
+        errors=Errors(G, source, common),
+        pose=np.repeat(pose, 3),
+        target=np.repeat(target, 3),
+        axis=np.tile(np.arange(3), len(pose)),
+        pull=np.repeat(np.append(data.pull, np.full(len(zero_pose), -1)), 3),
+        which=np.repeat(np.append(np.zeros(d, np.int64), zeros.which[known]), 3),
+        group=np.repeat(group, 3),
+        modes=modes.reshape(-1, 6),
+        to_first=brought,
     )
 
 

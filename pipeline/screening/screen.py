@@ -1,0 +1,76 @@
+"""Stage 5b. Bad data found and named, one after the other, and the campaign without them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from pipeline.results import Estimate, System
+from pipeline.screening.case import Case, Reduced, bring
+from pipeline.screening.conventions import conventions
+from pipeline.screening.finding import Finding
+from pipeline.screening.labels import labels
+from pipeline.screening.outliers import base_outlier, chain_outlier, noise_scale, outlier
+from pipeline.screening.pulls import force_unit, reversed_pull
+from pipeline.stages.estimate import identify
+from pipeline.stages.variance import repeated_zeros
+
+MOST = 12
+"""More bad readings than this are no bad readings: the campaign is what is wrong."""
+
+
+@dataclass(frozen=True, eq=False)
+class Screened:
+    """What is wrong with the data.
+
+    Attributes:
+        findings: Every mistake, in the order in which they were put right.
+        case: The campaign with all of them put right; the given one when there are none.
+    """
+
+    findings: tuple[Finding, ...]
+    case: Case
+
+
+def screen(case: Case, reduced: Reduced) -> Screened:
+    """Name mistakes, from those that spoil everything to those that spoil one reading.
+
+    Args:
+        case: The campaign as given.
+        reduced: Its measurements.
+    """
+    findings: list[Finding] = []
+    brought = case
+    if case.settings.displacements is None:
+        case = _put_right(case, conventions(case), findings)
+        case = _put_right(case, labels(case), findings)
+    for _ in range(MOST):
+        if case is not brought:
+            reduced, brought = bring(case), case
+        system, estimate = identify(case.cell, reduced.data, case.robot.nominal_compliance)
+        found = next(filter(None, _asked(case, reduced, system, estimate)), [])
+        case = _put_right(case, found, findings)
+        if not found:
+            break
+    return Screened(tuple(findings), case)
+
+
+def _put_right(case: Case, found: list[Finding], findings: list[Finding]) -> Case:
+    for finding in found:
+        findings.append(finding)
+        case = finding.correct(case)
+    return case
+
+
+def _asked(
+    case: Case, reduced: Reduced, system: System, estimate: Estimate
+) -> Iterator[list[Finding]]:
+    """What is found, the cheapest and grossest questions first."""
+    yield reversed_pull(case, estimate)
+    yield force_unit(case, estimate)
+    if case.settings.displacements is None:
+        yield chain_outlier(case)
+        zeros = repeated_zeros(case.settings, reduced.placed)
+        spread = noise_scale(system, estimate, reduced.data, zeros, case.cell)
+        yield base_outlier(reduced.registration, spread[0])
+        yield outlier(case, reduced, zeros, system, estimate, spread)

@@ -1,0 +1,250 @@
+"""Bad data are named with their place, put right on the side, and never silently."""
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.campaign import find, in_memory
+from pipeline.errors import InputError
+from pipeline.robot import load
+from pipeline.robot.variants import variants
+from pipeline.run import ingested, run
+from pipeline.screening.case import bring, conformed, plain
+from pipeline.screening.conventions import anchored_miss, conventions, miss
+from pipeline.screening.fit import fit
+from pipeline.screening.screen import screen
+from pipeline.simulate import Plan, revised, simulate
+
+PLAN = Plan(name="bad", seed=11, poses={"count": 8}, pulls={"steps_n": [1500.0, 3000.0]})
+
+
+def campaign(*effects, **changes):
+    """A campaign with something planted in it."""
+    return simulate(revised(PLAN, {"hidden": {"effects": list(effects)}, **changes}))
+
+
+def case_of(files):
+    return ingested(in_memory(files), conformed, plain, plausible=False)
+
+
+def findings(files):
+    case = case_of(files)
+    return screen(case, bring(case)).findings
+
+
+BLUNDERS = [
+    "outlier",
+    "outlier:pose03_rep0_unloaded/P2=1e-3",
+    "label_swap",
+    "label_swap:pose05_rep2_loaded",
+    "unit_mixup:inch",
+    "unit_mixup:m",
+    "unit_mixup:kgf",
+    "unit_mixup:lbf",
+    "unit_mixup:rad",
+    "sign_or_convention:controller_axes",
+    "sign_or_convention:left_handed",
+    "sign_or_convention:pull_reversed",
+    "sign_or_convention:d_5",
+]
+
+
+@pytest.mark.parametrize("blunder", BLUNDERS)
+def test_a_blunder_is_named_with_its_place(blunder):
+    """First of all findings stands what the operator did, and where."""
+    made = campaign(blunder)
+    truth = made.truth["effects"][0]
+
+    found = findings(made.files)
+
+    assert [(f.name, f.where) for f in found] == [(truth["name"], truth["where"])]
+
+
+@pytest.mark.parametrize("noise", [{"sigma_m": 3e-5}, {"noise": "paper"}, {"noise_scale": 1.3}])
+def test_good_data_are_left_alone(noise):
+    """Nothing is found in a clean campaign, whatever its noise."""
+    assert not findings(campaign(tracker=noise).files)
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        "rail_backlash",
+        "joint_hysteresis:3",
+        "rail_roll=2x",
+        "base_rotation=3x",
+        "joint_offset:3=5x",
+    ],
+)
+def test_physics_is_no_bad_data(effect):
+    """What the model misses is for the diagnosis."""
+    assert not findings(campaign(effect).files)
+
+
+def test_an_outlier_is_seen_beside_a_fault_of_the_model():
+    """A beam break of 1 mm while the rail has backlash that nobody told about."""
+    made = campaign("outlier=1e-3", "rail_backlash")
+
+    found = findings(made.files)
+
+    truth = {effect["name"]: effect["where"] for effect in made.truth["effects"]}
+    assert [(f.name, f.where) for f in found] == [("outlier", truth["outlier"])]
+
+
+def test_an_outlier_of_the_base_is_found():
+    """One base reading 1 mm off."""
+    made = campaign()
+    head, row, *rest = made.files["tracker.csv"].decode().splitlines()
+    group, target, x, *more = row.split(",")
+    row = ",".join([group, target, str(float(x) + 1.0), *more])
+
+    found = findings({**made.files, "tracker.csv": "\n".join([head, row, *rest]).encode()})
+
+    assert [(f.name, f.where) for f in found] == [("outlier", f"{group}/{target}")]
+    assert found[0].size == pytest.approx(1e-3, rel=0.2)
+
+
+def test_an_outlier_of_the_chain_is_found():
+    """One end of the chain read 20 mm off along it."""
+    made = campaign()
+    lines = made.files["tracker.csv"].decode().splitlines()
+    k = next(i for i, line in enumerate(lines) if line.startswith("pose03_rep1_loaded,Pl2"))
+    near, far = (np.array(lines[i].split(",")[2:5], float) for i in (k - 1, k))
+    off = far + 20 * (far - near) / np.linalg.norm(far - near)
+    cells = lines[k].split(",")
+    lines[k] = ",".join([*cells[:2], *(f"{v:.4f}" for v in off), *cells[5:]])
+
+    found = findings({**made.files, "tracker.csv": "\n".join(lines).encode()})
+
+    assert [(f.name, f.where) for f in found] == [("outlier", "pose03_rep1_loaded/Pl1-Pl2")]
+
+
+def test_names_exchanged_in_the_whole_campaign_are_one_finding():
+    """P1 and P3 carry each other's names everywhere."""
+    text = campaign().files["tracker.csv"].decode()
+    text = text.replace(",P1,", ",P?,").replace(",P3,", ",P1,").replace(",P?,", ",P3,")
+
+    found = findings({**campaign().files, "tracker.csv": text.encode()})
+
+    assert [(f.name, f.where) for f in found] == [("label_swap", "all groups")]
+
+
+def test_exchanged_names_of_base_reflectors_are_found():
+    """B1 and B3 in campaign.toml stand for each other."""
+    made = campaign()
+    text = made.files["campaign.toml"].decode()
+    text = text.replace("B1 =", "B? =").replace("B3 =", "B1 =").replace("B? =", "B3 =")
+
+    found = findings({**made.files, "campaign.toml": text.encode()})
+
+    assert [(f.name, f.where) for f in found] == [("label_swap", "B1-B3")]
+
+
+def test_one_pull_with_the_chain_the_wrong_way_round():
+    """Pl1 and Pl2 exchanged in one group are a swapped label, not a convention."""
+    made = campaign()
+    lines = made.files["tracker.csv"].decode().splitlines()
+    swap = {"Pl1": "Pl2", "Pl2": "Pl1"}
+    for i, line in enumerate(lines):
+        group, target, *rest = line.split(",")
+        if group == "pose02_rep2_loaded":
+            lines[i] = ",".join([group, swap.get(target, target), *rest])
+
+    found = findings({**made.files, "tracker.csv": "\n".join(lines).encode()})
+
+    assert [(f.name, f.where) for f in found] == [("label_swap", "pose02_rep2_loaded")]
+
+
+def test_a_wrong_sign_in_a_robot_file_is_named(tmp_path):
+    """The robot's own file has d_4 turned round; a table in the other convention likewise."""
+    made = campaign()
+    wrong = load("kr500_rail").text.replace("d_m = 1.3", "d_m = -1.3")
+    (tmp_path / "robot.toml").write_text(wrong)
+    text = made.files["campaign.toml"].decode().replace('"kr500_rail"', '"robot.toml"')
+    raw = in_memory({**made.files, "campaign.toml": text.encode()}, tmp_path)
+
+    found = conventions(ingested(raw, conformed, plain, plausible=False))
+
+    assert [(f.name, f.where) for f in found] == [("sign_or_convention", "d_4")]
+
+
+def test_dh_for_modified_dh_is_named(tmp_path):
+    """Khalil's table entered as a classic one."""
+    made = campaign()
+    text = load("kr500_rail").text.replace('"khalil"', '"standard"')
+    text = re.sub("^r_m", "d_m", re.sub("^d_m", "a_m", text, flags=re.M), flags=re.M)
+    (tmp_path / "robot.toml").write_text(text)
+    settings = made.files["campaign.toml"].decode().replace('"kr500_rail"', '"robot.toml"')
+    raw = in_memory({**made.files, "campaign.toml": settings.encode()}, tmp_path)
+
+    found = conventions(ingested(raw, conformed, plain, plausible=False))
+
+    assert [(f.name, f.where) for f in found] == [("sign_or_convention", "modified_dh")]
+
+
+def test_every_variant_of_a_table_stands_elsewhere():
+    """No sign of the shipped table can be turned round without the reflectors showing it."""
+    case = case_of(campaign().files)
+
+    for name, other in variants(case.robot):
+        moved = replace(case, robot=other)
+        assert miss(moved) > 0.03 or anchored_miss(moved) > 0.3, name
+
+
+def test_two_mistakes_at_once_are_both_named():
+    """Radians for degrees, and a left-handed tracker frame."""
+    made = campaign("unit_mixup:rad", "sign_or_convention:left_handed")
+
+    found = findings(made.files)
+
+    assert {(f.name, f.where) for f in found} == {
+        ("unit_mixup", "rad"),
+        ("sign_or_convention", "left_handed"),
+    }
+
+
+def test_the_corrected_result_is_that_of_good_data():
+    """With the unit put right the stiffnesses are those of the same campaign without mistake."""
+    clean = case_of(campaign().files)
+    case = case_of(campaign("unit_mixup:kgf").files)
+
+    right = screen(case, bring(case)).case
+
+    expected = fit(clean, bring(clean)).estimate.value
+    assert fit(right, bring(right)).estimate.value == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_value_that_no_mistake_explains_is_refused():
+    """One joint value outside its limits stays an error with its line."""
+    made = campaign()
+    head, row, *rest = made.files["joints.csv"].decode().splitlines()
+    cells = row.split(",")
+    cells[3] = "170.0"
+    log = "\n".join([head, ",".join(cells), *rest]).encode()
+
+    with pytest.raises(InputError, match="outside its limits"):
+        case_of({**made.files, "joints.csv": log})
+
+
+def test_the_answer_has_both_results(tmp_path):
+    """result.json: bad_data, as given under stiffness, put right under extended."""
+    made = campaign("sign_or_convention:pull_reversed")
+    folder = tmp_path / "data" / "raw" / "bad"
+    folder.mkdir(parents=True)
+    for name, content in made.files.items():
+        (folder / name).write_bytes(content)
+
+    answer = run(find(tmp_path, "bad"))
+
+    written = json.loads((tmp_path / "reports" / "bad" / "result.json").read_text())
+    assert written == answer
+    assert answer["diagnosis"]["verdict"] == "bad_data"
+    (cause,) = answer["diagnosis"]["causes"]
+    assert (cause["name"], cause["where"]) == ("sign_or_convention", "pull_reversed")
+    given = [entry["compliance"] for entry in answer["stiffness"]]
+    right = [entry["compliance"] for entry in answer["extended"]["stiffness"]]
+    assert given == pytest.approx([-x for x in right], rel=1e-2)
+    assert "Nothing was repaired" in " ".join(answer["verdict_sentence"])
