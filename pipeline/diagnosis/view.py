@@ -254,7 +254,8 @@ def _kin(seen: Sight, accepted: int, fraction: float) -> Array:
     ]
     columns = seen.Z[:, np.isin(owner, others)]
     size = np.linalg.norm(columns, axis=0)
-    return columns * (fraction * np.linalg.norm(moved) / np.where(size > 0, size, np.inf))
+    scale = fraction * np.linalg.norm(moved) / np.where(size > 0, size, np.inf)
+    return np.asarray(columns * scale)
 
 
 def _same_law(one: Effect, other: Effect) -> bool:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pipeline.league.machine import Law, Machine, Spring
-from pipeline.results import Array
+from pipeline.results import Array, Ints
 from pipeline.robot import Robot
 
 Hook = Callable[[Array, "Course"], Array]
@@ -28,8 +28,8 @@ class Course:
         rng: For secrets that are random.
     """
 
-    pose: Array
-    repeat: Array
+    pose: Ints
+    repeat: Ints
     time: Array
     branch: Array
     approach: Array
@@ -126,7 +126,7 @@ def _rail_varies(s: Setup, size: float, course: Course) -> None:
 
     def law(own: Array, _: dict[str, Array]) -> Array:
         saw = 2 * np.abs(2 * ((course.q[:, 0] / pitch + phase) % 1) - 1) - 1
-        return own * c * 0.55 * size * saw  # a triangle instead of a sine
+        return np.asarray(own * c * 0.55 * size * saw)  # a triangle instead of a sine
 
     s.machine.springs.append(Spring("varies", 1, (0, 0, 1), True, law))
 
@@ -178,7 +178,7 @@ def _gear(joint: int) -> Secret:
         def law(own: Array, _: dict[str, Array]) -> Array:
             t = np.abs(own)
             over = np.maximum(t - knee[0], 0) + np.maximum(t - knee[1], 0)
-            return -np.sign(own) * over * c * 0.15 * size * 0.9
+            return np.asarray(-np.sign(own) * over * c * 0.15 * size * 0.9)
 
         s.machine.springs.append(Spring("gear", joint, (0, 0, 1), False, law))
 
@@ -280,7 +280,7 @@ def _chain_weight(s: Setup, size: float, course: Course) -> None:
         tension = np.linalg.norm(F, axis=1)
         out[:, 2] -= 25.0 * size
         along = np.sum(out * F, axis=1) / tension
-        return out - F * ((along - tension) / tension)[:, None]
+        return np.asarray(out - F * ((along - tension) / tension)[:, None])
 
     s.force.append(acts)
 
@@ -425,7 +425,8 @@ def _rubs(s: Setup, size: float, course: Course) -> None:
     push = course.rng.standard_normal((int(course.pose.max()) + 1, 3))
 
     def acts(F: Array, c: Course) -> Array:
-        return F + np.linalg.norm(F, axis=1)[:, None] * 0.008 * size * push[c.pose.astype(int)]
+        size_n = np.linalg.norm(F, axis=1)[:, None]
+        return np.asarray(F + size_n * 0.008 * size * push[c.pose])
 
     s.force.append(acts)
 
