@@ -17,7 +17,8 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
 from pipeline.report.captions import DRAWS, SETS, cause_in_words, comparable
-from pipeline.report.numbers import known, percent, plain, with_std
+from pipeline.report.history import drifts, robots
+from pipeline.report.numbers import common_prefix, known, percent, plain, prefixed, with_std
 from pipeline.report.summaries import (
     AXES,
     MM,
@@ -435,3 +436,64 @@ DRAWERS: dict[str, Callable[[Canvas, Result, Tables], Tips]] = {
     "workspace-extended": _workspace_extended,
     "registration": _registration,
 }
+
+
+def draw_history(name: str, results: Sequence[Result]) -> Drawing:
+    """Draw the history of one robot: `history-0` is the first of `overview.robots`."""
+    own = list(robots(results).values())[int(name.rpartition("-")[2])]
+    with rc_context(STYLE):
+        canvas = Canvas()
+        return finish(canvas, name, _history(canvas, own))
+
+
+def _history(canvas: Canvas, results: Sequence[Result]) -> Tips:
+    found = drifts(results)
+    canvas.set_size_inches(5.6, 0.7 + 0.85 * len(found))
+    views = canvas.subplots(len(found), 1, sharex=True, squeeze=False)[:, 0]
+    tips = {}
+    for index, (view, joint) in enumerate(zip(views, found, strict=True)):
+        points = _points(results, joint.name)
+        factor, letter = common_prefix(value for _, value, _, _ in points)
+        colour = RED if joint.sure else BLUE
+        at = np.array([p[0] for p in points])
+        value, low, high = (np.array([p[k] for p in points]) / factor for k in (1, 2, 3))
+        top = np.where(np.isfinite(high), high, value)
+        view.vlines(at, low, top, color=colour, linewidth=1.6)
+        view.scatter(at, value, color=colour, s=16, zorder=3, gid=f"history-{index}")
+        view.set_ylabel(f"{joint.name}\n[{_unit(results, joint.name, letter)}]", fontsize=7.5)
+        view.yaxis.set_major_locator(MaxNLocator(3))
+        tips[f"history-{index}"] = [
+            f"{results[i].get('campaign')}: {joint.name} {plain(v, 4)}, "
+            + (f"{plain(a, 4)} to {plain(b, 4)}" if np.isfinite(b) else f"above {plain(a, 4)}")
+            for i, v, a, b in zip(at, value, low, high, strict=True)
+        ]
+    step = max(1, -(-len(results) // 8))
+    names = [str(r.get("measured") or r.get("campaign"))[:10] for r in results]
+    views[-1].set_xticks(range(0, len(results), step), names[::step], rotation=20, ha="right")
+    views[-1].set_xlim(-0.5, len(results) - 0.5)
+    return tips
+
+
+def _points(results: Sequence[Result], name: str) -> list[tuple[int, float, float, float]]:
+    """Number of the campaign, stiffness and its 95 % interval, where there is a value."""
+    out = []
+    for at, result in enumerate(results):
+        for joint in result.get("stiffness") or []:
+            if joint.get("name") == name and known(joint.get("value")) and known(joint.get("std")):
+                low, high = [*(joint.get("ci95") or []), None, None][:2]
+                out.append(
+                    (
+                        at,
+                        float(joint["value"]),
+                        float(low) if known(low) else float(joint["value"]),
+                        float(high) if known(high) else float("inf"),
+                    )
+                )
+    return out
+
+
+def _unit(results: Sequence[Result], name: str, letter: str) -> str:
+    units = [
+        j.get("unit") for r in results for j in r.get("stiffness") or [] if j.get("name") == name
+    ]
+    return prefixed(str(units[0] or ""), letter)

@@ -13,6 +13,7 @@ import pandas as pd
 
 from pipeline.report import words
 from pipeline.report.captions import figures
+from pipeline.report.history import Change, changes
 from pipeline.report.numbers import (
     MISSING,
     common_prefix,
@@ -45,7 +46,12 @@ MOST_ROWS = 400
 """Rows of rejected readings shown; the rest is counted and stands in the tables."""
 
 
-def compose(result: Result, tables: Tables, run_time_s: float | None = None) -> Report:
+def compose(
+    result: Result,
+    tables: Tables,
+    run_time_s: float | None = None,
+    previous: Result | None = None,
+) -> Report:
     """Everything the report says about a campaign.
 
     Args:
@@ -53,12 +59,13 @@ def compose(result: Result, tables: Tables, run_time_s: float | None = None) -> 
         tables: REGISTRATION, RESIDUALS, REJECTED, VALIDATION, FORCES and DISPLACEMENTS by the
             lower-case name of their promise, SI.
         run_time_s: How long the run took [s].
+        previous: The result of the robot's previous campaign, to say what has changed.
     """
     title, tone = words.VERDICTS.get(
         _get(result, "diagnosis", "verdict"), ("Stiffness identified", "neutral")
     )
     sections = [
-        _stiffness(result),
+        _stiffness(result, previous),
         _diagnosis(result, tables),
         _test_pose(result, tables),
         _validation(result, tables),
@@ -68,13 +75,16 @@ def compose(result: Result, tables: Tables, run_time_s: float | None = None) -> 
         _rejected(result, tables),
         _method(result),
     ]
+    campaign, robot = str(result.get("campaign") or "campaign"), str(result.get("robot") or "robot")
     return Report(
-        campaign=str(result.get("campaign") or "campaign"),
-        robot=str(result.get("robot") or "robot"),
+        kicker=f"Joint stiffness · {robot}",
+        heading=campaign,
+        title=f"Joint stiffness of {robot}: {campaign}",
         verdict=title,
         tone=tone,
         sentences=tuple(_verdict_sentences(result)),
         sections=tuple(s for s in sections if s is not None),
+        elsewhere="The same stands in index.html and report.pdf, the numbers in result.json.",
         run_time=None if run_time_s is None else f"{run_time_s:.1f} s",
     )
 
@@ -125,18 +135,20 @@ def _joint_name(one: Mapping[str, Any]) -> str:
 # --- stiffness -----------------------------------------------------------------------------
 
 
-def _stiffness(result: Result) -> Section | None:
+def _stiffness(result: Result, previous: Result | None) -> Section | None:
     joints = _list(result, "stiffness")
     if not joints:
         return None
     said = [*_list(result, "findings"), *(j.get("finding") for j in joints)]
+    since = changes(_list(previous, "stiffness"), joints) if previous else []
+    said += [_changed(c, str(_get(previous, "campaign"))) for c in since if c.sure]
     findings = [Text(f, "finding") for f in dict.fromkeys(str(f) for f in said if f)]
     return _section(
         "stiffness",
         "Joint stiffnesses",
         [
             *findings,
-            _stiffness_table(joints, _extended_stiffness(result)),
+            _stiffness_table(joints, _extended_stiffness(result), since, previous),
             *figures(("stiffness",), result, {}),
             _compliance_table(joints),
             _fit_text(result),
@@ -144,7 +156,16 @@ def _stiffness(result: Result) -> Section | None:
     )
 
 
-def _stiffness_table(joints: list[Any], extended: list[Any]) -> Table:
+def _changed(change: Change, campaign: str) -> str:
+    return (
+        f"{change.name} changed by {_bracketed(with_std(change.percent, change.percent_std))} % "
+        f"since {campaign}, more than chance explains."
+    )
+
+
+def _stiffness_table(
+    joints: list[Any], extended: list[Any], since: list[Change], previous: Result | None
+) -> Table:
     factor, letter = common_prefix(j.get("value") for j in joints)
     richer = {j.get("name"): j for j in extended}
     has_nominal = any(known(j.get("nominal")) for j in joints)
@@ -159,6 +180,9 @@ def _stiffness_table(joints: list[Any], extended: list[Any]) -> Table:
         columns += [Column("Nominal", numeric=True), Column("Of nominal [%]", numeric=True)]
     if richer:
         columns.append(Column("With the named causes", numeric=True))
+    changed = {change.name: change for change in since}
+    if changed:
+        columns.append(Column(f"Change since {_get(previous, 'campaign')} [%]", numeric=True))
     rows = []
     for joint in joints:
         row = _stiffness_row(joint, factor, letter)
@@ -166,12 +190,20 @@ def _stiffness_table(joints: list[Any], extended: list[Any]) -> Table:
             row += _nominal_entries(joint, factor)
         if richer:
             row.append(_scaled(richer.get(joint.get("name")), factor))
+        if changed:
+            row.append(_change_entry(changed.get(_joint_name(joint))))
         rows.append(tuple(row))
     note = (
         "Stiffness is one over the estimated compliance; its interval is that of the compliance, "
         "turned over, and therefore not symmetric."
     )
     return Table("stiffness", "Stiffness of each joint", tuple(columns), tuple(rows), note)
+
+
+def _change_entry(change: Change | None) -> Entry:
+    if change is None or change.percent is None:
+        return Entry(MISSING)
+    return entry(with_std(change.percent, change.percent_std), change.percent)
 
 
 def _extended_stiffness(result: Result) -> list[Any]:

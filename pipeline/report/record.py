@@ -15,10 +15,12 @@ class Entry:
     Attributes:
         text: What is shown.
         sort: What it is sorted by: a number where it shows one.
+        link: Address relative to the page, where it leads somewhere.
     """
 
     text: str
     sort: float | str | None = None
+    link: str = ""
 
 
 @dataclass(frozen=True)
@@ -97,30 +99,29 @@ class Section:
 
 @dataclass(frozen=True)
 class Report:
-    """Everything that is said about one campaign.
+    """Everything that is said on one page.
 
     Attributes:
-        campaign: Its name.
-        robot: Name of the robot.
+        kicker: What the page is about, above its heading.
+        heading: Its heading, a campaign's name.
+        title: Title of page and PDF, complete in itself.
         verdict: The verdict in a few words.
         tone: `good`, `attention`, `bad` or `neutral`.
         sentences: The verdict in two sentences to act on.
         sections: The rest, in order of use.
+        elsewhere: Where else to find what stands here.
         run_time: How long the run took, or None.
     """
 
-    campaign: str
-    robot: str
+    kicker: str
+    heading: str
+    title: str
     verdict: str
     tone: str
     sentences: tuple[str, ...]
     sections: tuple[Section, ...]
+    elsewhere: str = ""
     run_time: str | None = None
-
-    @property
-    def title(self) -> str:
-        """Title of page and PDF."""
-        return f"Joint stiffness of {self.robot}: {self.campaign}"
 
     @property
     def figures(self) -> tuple[Figure, ...]:

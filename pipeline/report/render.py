@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from importlib.resources import files
 from typing import Any
@@ -16,6 +16,7 @@ from markupsafe import Markup
 
 from pipeline import __version__
 from pipeline.report.model import compose
+from pipeline.report.overview import overview
 from pipeline.report.record import Report
 
 HERE = files("pipeline.report")
@@ -25,26 +26,37 @@ def render(
     result: Mapping[str, Any],
     tables: Mapping[str, pd.DataFrame],
     run_time_s: float | None = None,
+    previous: Mapping[str, Any] | None = None,
 ) -> dict[str, bytes]:
-    """Every file of a report.
+    """Every file of a campaign's report.
 
     Args:
         result: The object of result.json.
         tables: Tables by the lower-case name of their promise, SI; what is missing is left out.
         run_time_s: How long the run took [s]; the only thing here that may differ between two runs.
+        previous: The result of the robot's previous campaign, to say what has changed.
 
     Returns:
         Content by path below the report's folder: index.html, report.pdf, figures/*.svg.
     """
     from pipeline.report.figures import draw  # matplotlib takes half a second to import
 
-    report = compose(result, tables, run_time_s)
+    report = compose(result, tables, run_time_s, previous)
     drawings = {figure.name: draw(figure.name, result, tables) for figure in report.figures}
     return {
         "index.html": page(report, {n: d.inline for n, d in drawings.items()}).encode(),
         "report.pdf": pdf(report, {n: d.svg for n, d in drawings.items()}),
         **{f"figures/{n}.svg": d.svg.encode() for n, d in drawings.items()},
     }
+
+
+def render_overview(results: Sequence[Mapping[str, Any]]) -> bytes:
+    """The page over all campaigns, from their results."""
+    from pipeline.report.figures import draw_history
+
+    report = overview(results)
+    drawings = {figure.name: draw_history(figure.name, results) for figure in report.figures}
+    return page(report, {name: drawing.inline for name, drawing in drawings.items()}).encode()
 
 
 def page(report: Report, drawings: Mapping[str, str]) -> str:

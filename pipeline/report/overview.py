@@ -1,0 +1,279 @@
+"""What is said over several campaigns: the page over all of them, and two beside each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+from urllib.parse import quote
+
+from pipeline.report import words
+from pipeline.report.history import (
+    Change,
+    Drift,
+    chance,
+    changes,
+    drifts,
+    ordered,
+    robots,
+    together,
+)
+from pipeline.report.numbers import (
+    MISSING,
+    common_prefix,
+    known,
+    p_value,
+    plain,
+    prefixed,
+    with_std,
+)
+from pipeline.report.record import (
+    Block,
+    Column,
+    Entry,
+    Figure,
+    Report,
+    Section,
+    Table,
+    Text,
+    entry,
+    text_entry,
+)
+from pipeline.results import Array
+
+Result = Mapping[str, Any]
+
+
+# --- all campaigns -------------------------------------------------------------------------
+
+
+def overview(results: Sequence[Result]) -> Report:
+    """The page over all campaigns: their verdicts, and each stiffness over time.
+
+    Args:
+        results: The result.json of every finished campaign.
+    """
+    by_robot = robots(results)
+    drifting = {name: [d.name for d in drifts(own) if d.sure] for name, own in by_robot.items()}
+    sections = [Section("campaigns", "Campaigns", (_campaigns(ordered(results)),))]
+    sections += [
+        Section(f"robot-{number}", name, _robot(number, name, own))
+        for number, (name, own) in enumerate(by_robot.items())
+    ]
+    moved = any(drifting.values())
+    return Report(
+        kicker="Joint stiffness",
+        heading="All campaigns",
+        title="Joint stiffness: all campaigns",
+        verdict="A stiffness has changed" if moved else "No stiffness has changed",
+        tone="attention" if moved else "good",
+        sentences=tuple(_overview_sentences(results, by_robot, drifting)),
+        sections=tuple(sections),
+        elsewhere="Each campaign's own page has the whole of its story.",
+    )
+
+
+def _overview_sentences(
+    results: Sequence[Result], by_robot: Mapping[str, Any], drifting: Mapping[str, list[str]]
+) -> list[str]:
+    campaigns = "1 campaign" if len(results) == 1 else f"{len(results)} campaigns"
+    machines = "1 robot" if len(by_robot) == 1 else f"{len(by_robot)} robots"
+    said = [f"{campaigns} on {machines}."]
+    for robot, names in drifting.items():
+        if names:
+            said.append(
+                f"{robot}: {', '.join(names)} changed by more than chance explains; "
+                f"look at the history below before relying on an older model."
+            )
+    if not any(drifting.values()):
+        several = any(len(own) > 1 for own in by_robot.values())
+        said.append(
+            "Between campaigns of one robot every stiffness agrees within its uncertainty."
+            if several
+            else "A robot's second campaign will show here whether its stiffnesses hold."
+        )
+    return said
+
+
+def _campaigns(results: Sequence[Result]) -> Table:
+    rows = []
+    for result in results:
+        verdict = (result.get("diagnosis") or {}).get("verdict")
+        left_out = (result.get("validation") or {}).get("held_out_rms_mm")
+        name = str(result.get("campaign"))
+        rows.append(
+            (
+                Entry(name, name, f"{quote(name)}/index.html"),
+                text_entry(result.get("robot")),
+                text_entry(_day(result)),
+                text_entry(words.VERDICTS.get(str(verdict), (str(verdict or MISSING), ""))[0]),
+                text_entry(
+                    ", ".join(
+                        words.cause(str(c.get("name")), c.get("where"))
+                        for c in (result.get("diagnosis") or {}).get("causes") or []
+                    )
+                ),
+                entry(plain(left_out), left_out),
+            )
+        )
+    columns = (
+        Column("Campaign"),
+        Column("Robot"),
+        Column("Measured"),
+        Column("Verdict"),
+        Column("Named causes"),
+        Column("Error at poses left out [mm]", numeric=True),
+    )
+    return Table("campaigns", "Every campaign with a result", columns, tuple(rows))
+
+
+def _day(result: Result) -> str | None:
+    measured = result.get("measured")
+    return str(measured)[:10] if measured else None
+
+
+def _robot(number: int, name: str, results: Sequence[Result]) -> tuple[Block, ...]:
+    if len(results) < 2:
+        return (Text(f"One campaign so far, {results[0].get('campaign')}."),)
+    found = drifts(results)
+    blocks: list[Block] = [
+        Text(f"{d.name} changed by more than chance explains.", "finding") for d in found if d.sure
+    ]
+    return (*blocks, _drift_table(number, found), _history_figure(number, name, results, found))
+
+
+def _drift_table(number: int, found: Sequence[Drift]) -> Table:
+    rows = tuple(
+        (
+            text_entry(d.name),
+            entry(str(d.campaigns), d.campaigns),
+            entry(plain(d.first_to_last), d.first_to_last),
+            entry(with_std(d.percent_a_year, d.percent_a_year_std), d.percent_a_year),
+            entry(p_value(d.p_value) if known(d.p_value) else MISSING, d.p_value),
+            text_entry("changed" if d.sure else "holds" if d.campaigns > 1 else "one value"),
+        )
+        for d in found
+    )
+    columns = (
+        Column("Joint"),
+        Column("Campaigns", numeric=True),
+        Column("First to last [%]", numeric=True),
+        Column("Per year [%]", numeric=True),
+        Column("Chance of such scatter", numeric=True),
+        Column("So"),
+    )
+    note = (
+        "Tested on the compliances, whose errors are normal, at 1 % for all joints together; an "
+        "error that all campaigns share, such as the scale's gain, cancels here and is not seen."
+    )
+    return Table(f"drift-{number}", "Has a stiffness changed?", columns, rows, note)
+
+
+def _history_figure(
+    number: int, name: str, results: Sequence[Result], found: Sequence[Drift]
+) -> Figure:
+    changed = [d.name for d in found if d.sure]
+    said = f"{len(results)} campaigns of {name}. " + (
+        f"Changed: {', '.join(changed)} (red)." if changed else "No joint stands out."
+    )
+    return Figure(
+        f"history-{number}",
+        "Each stiffness over the campaigns",
+        f"{said} Bars are 95 % intervals; they should overlap as long as nothing changes.",
+        f"One row per joint with the stiffness of each campaign and its interval. {said}",
+    )
+
+
+# --- two beside each other -----------------------------------------------------------------
+
+
+def comparison(
+    names: tuple[str, str],
+    before: Sequence[Any],
+    after: Sequence[Any],
+    covariances: tuple[Array, Array] | None,
+) -> Report:
+    """Two campaigns, or two models of one, joint by joint.
+
+    Args:
+        names: What they are called.
+        before: Stiffness entries of the first.
+        after: Of the second.
+        covariances: Of their compliances, when they are independent; without them, as for two
+            models of one campaign, nothing is tested.
+    """
+    found = changes(before, after, independent=covariances is not None)
+    surely = [c.name for c in found if c.sure]
+    test = _test(before, after, covariances)
+    verdict = "Not tested" if covariances is None else "They differ" if surely else "They agree"
+    title = f"{names[0]} beside {names[1]}"
+    return Report(
+        kicker="Joint stiffness compared",
+        heading=title,
+        title=f"Joint stiffness: {title}",
+        verdict=verdict,
+        tone="neutral" if covariances is None else "attention" if surely else "good",
+        sentences=tuple(_comparison_sentences(found, surely, test, covariances is not None)),
+        sections=(Section("joints", "Joint by joint", (_comparison_table(names, before, found),)),),
+    )
+
+
+def _test(
+    before: Sequence[Any], after: Sequence[Any], covariances: tuple[Array, Array] | None
+) -> str:
+    if covariances is None or [j.get("name") for j in before] != [j.get("name") for j in after]:
+        return ""
+    chi2, dof = together(before, after, *covariances)
+    p = chance(chi2, dof)
+    if p is None:
+        return ""
+    return (
+        f"All joints together, correlations included: chi² {plain(chi2)} for {dof} ({p_value(p)})."
+    )
+
+
+def _comparison_sentences(
+    found: Sequence[Change], surely: list[str], test: str, independent: bool
+) -> list[str]:
+    if not found:
+        return ["They have no joint in common."]
+    if not independent:
+        return [
+            "Two models of the same readings share their errors, so what they differ by is no "
+            "matter of chance: it is what the richer model takes away from the springs."
+        ]
+    said = (
+        f"{', '.join(surely)} differ{'s' if len(surely) == 1 else ''} by more than chance explains."
+        if surely
+        else "No stiffness differs by more than chance explains."
+    )
+    return [said, test] if test else [said]
+
+
+def _comparison_table(
+    names: tuple[str, str], before: Sequence[Any], found: Sequence[Change]
+) -> Table:
+    factor, letter = common_prefix(c.before for c in found)
+    units = {j.get("name"): str(j.get("unit") or "") for j in before}
+    rows = tuple(
+        (
+            text_entry(c.name),
+            entry(plain(c.before / factor, 4) if c.before else MISSING, c.before),
+            entry(plain(c.after / factor, 4) if c.after else MISSING, c.after),
+            text_entry(prefixed(units.get(c.name, ""), letter)),
+            entry(with_std(c.percent, c.percent_std), c.percent),
+            entry(plain(c.sigmas, 2), c.sigmas),
+            text_entry("differs" if c.sure else "" if c.sigmas is None else "agrees"),
+        )
+        for c in found
+    )
+    columns = (
+        Column("Joint"),
+        Column(names[0], numeric=True),
+        Column(names[1], numeric=True),
+        Column("Unit"),
+        Column("Change [%]", numeric=True),
+        Column("Difference of compliance [σ]", numeric=True),
+        Column("So"),
+    )
+    note = "Tested on the compliances, whose errors are normal, at 1 % for all joints together."
+    return Table("comparison", "Stiffness of each joint", columns, rows, note)

@@ -1,0 +1,220 @@
+from __future__ import annotations
+
+import copy
+import json
+
+import numpy as np
+import pytest
+import report_sample
+from scipy import stats
+
+from pipeline.report.history import changes, drifts, ordered, previous, together
+from pipeline.report.model import compose
+from pipeline.report.overview import comparison, overview
+from pipeline.report.record import Figure, Table
+from pipeline.report.render import render, render_overview
+
+
+def joint(name, compliance, std, **more):
+    """A stiffness entry of a revolute joint."""
+    value = 1 / compliance if compliance > 0 else None
+    return {
+        "name": name,
+        "joint": 2,
+        "unit": "N m/rad",
+        "value": value,
+        "std": std * value**2 if value else None,
+        "ci95": [1 / (compliance + 2 * std), 1 / (compliance - 2 * std)] if value else [None, None],
+        "identifiable": True,
+        "compliance": compliance,
+        "compliance_std": std,
+    } | more
+
+
+def campaign(name, compliances, std=1e-9, measured=None, robot="kr500_rail"):
+    """A result with as many joints as compliances."""
+    stiffness = [joint(f"k_{k}", c, std) for k, c in enumerate(compliances)]
+    return {
+        "campaign": name,
+        "robot": robot,
+        "measured": measured,
+        "stiffness": stiffness,
+        "diagnosis": {"verdict": "adequate", "causes": []},
+    }
+
+
+def years(rng, drift, n=6, joints=7, std=1e-9):
+    """Campaigns half a year apart; the first joint's compliance grows by `drift` a year."""
+    true = 2e-7 * np.ones(joints)
+    out = []
+    for k in range(n):
+        now = true + np.eye(joints)[0] * drift * k / 2
+        day = f"20{20 + k // 2}-{1 + 6 * (k % 2):02d}-01"
+        out.append(campaign(f"c{k}", now + std * rng.standard_normal(joints), std, day))
+    return out
+
+
+def test_campaigns_of_a_steady_robot_are_rarely_flagged():
+    """Over 1000 histories of seven joints that do not change, at most about 1 % are flagged."""
+    rng = np.random.default_rng(11)
+    flagged = sum(any(d.sure for d in drifts(years(rng, 0.0))) for _ in range(1000))
+
+    assert flagged <= 20  # 1 % of 1000 and 3 standard deviations
+
+
+def test_a_drift_is_flagged_at_its_joint_and_measured():
+    """A joint that softens by five standard uncertainties a year is named, with its rate."""
+    found = [drifts(years(np.random.default_rng(seed), 5e-9)) for seed in range(100)]
+
+    assert sum(d[0].sure for d in found) >= 99
+    assert sum(any(d.sure for d in rest[1:]) for rest in found) <= 4
+    rates = np.array([(d[0].percent_a_year, d[0].percent_a_year_std) for d in found])
+    pull = (rates[:, 0] + 100 * 5e-9 / (2e-7 + 1.25 * 5e-9)) / rates[:, 1]
+    assert abs(pull.mean()) < 0.4
+    assert 0.8 < pull.std() < 1.25
+
+
+def test_a_step_without_a_trend_is_flagged_too():
+    """One campaign that stands apart is seen, dated or not."""
+    rng = np.random.default_rng(4)
+    results = [campaign(f"c{k}", 2e-7 + 1e-9 * rng.standard_normal(3)) for k in range(5)]
+    results[2]["stiffness"][1] = joint("k_1", 2.1e-7, 1e-9)
+
+    found = drifts(results)
+
+    assert [d.sure for d in found] == [False, True, False]
+    assert found[1].percent_a_year is None
+
+
+def test_two_campaigns_differ_with_the_stated_frequency():
+    """Where nothing changed, 1 % of the comparisons of seven joints are flagged at all."""
+    rng = np.random.default_rng(8)
+    flagged = 0
+    for _ in range(2000):
+        a, b = (campaign("x", 2e-7 + 1e-9 * rng.standard_normal(7)) for _ in range(2))
+        flagged += any(c.sure for c in changes(a["stiffness"], b["stiffness"]))
+
+    assert 5 <= flagged <= 38  # 20 expected
+
+
+def test_a_change_has_the_uncertainty_of_both():
+    """The spread of the change in percent over repetitions is what is stated."""
+    rng = np.random.default_rng(9)
+    found = []
+    for _ in range(1500):
+        a = [joint("k", 2e-7 + 3e-9 * rng.standard_normal(), 3e-9)]
+        b = [joint("k", 1.6e-7 + 2e-9 * rng.standard_normal(), 2e-9)]
+        found.append(changes(a, b)[0])
+
+    assert np.mean([c.percent for c in found]) == pytest.approx(25, abs=0.3)
+    assert np.std([c.percent for c in found]) == pytest.approx(
+        np.mean([c.percent_std for c in found]), rel=0.06
+    )
+    assert all(c.sure for c in found)
+
+
+def test_all_joints_together_use_the_correlations():
+    """The joint chi-square is distributed as one, and not when correlations are left out."""
+    rng = np.random.default_rng(10)
+    half = 1e-9 * (0.2 * rng.standard_normal((4, 4)) + 1.0)
+    cov = half @ half.T
+    with_, without = [], []
+    for _ in range(1500):
+        a, b = (
+            [joint(f"k{k}", 2e-7 + e, float(np.sqrt(cov[k, k]))) for k, e in enumerate(half @ z)]
+            for z in rng.standard_normal((2, 4))
+        )
+        with_.append(together(a, b, cov, cov)[0])
+        without.append(together(a, b, np.diag(np.diag(cov)), np.diag(np.diag(cov)))[0])
+
+    assert stats.kstest(with_, stats.chi2(4).cdf).pvalue > 1e-3
+    assert stats.kstest(without, stats.chi2(4).cdf).pvalue < 1e-6
+
+
+def test_what_is_not_determined_is_not_compared():
+    """A joint without a value in one campaign has no change and raises no alarm."""
+    a = [joint("k", 2e-7, 1e-9), joint("l", 2e-7, 1e-9)]
+    b = [joint("k", 3e-7, 1e-9, identifiable=False, value=None), joint("l", -1e-9, 1e-9)]
+
+    first, second = changes(a, b)
+
+    assert (first.percent, first.sigmas, first.sure) == (None, None, False)
+    assert second.percent is None
+    assert second.sure  # its compliance has changed for certain, though it gives no stiffness
+
+
+def test_the_previous_campaign_is_the_last_earlier_one_of_the_robot():
+    """Later ones, other robots and undated ones are never taken for the previous one."""
+    now = campaign("now", [2e-7], measured="2026-05-01T08:00:00")
+    others = [
+        campaign("old", [2e-7], measured="2025-01-01"),
+        campaign("last", [2e-7], measured="2026-04-30T23:00:00"),
+        campaign("later", [2e-7], measured="2026-05-02"),
+        campaign("other", [2e-7], measured="2026-04-30T23:30:00", robot="fanuc"),
+        campaign("undated", [2e-7]),
+        now,
+    ]
+
+    assert previous(now, others)["campaign"] == "last"
+    assert previous(campaign("undated", [2e-7]), others) is None
+    assert ordered(others)[0]["campaign"] == "old"
+    assert ordered(others)[-1]["campaign"] == "undated"
+
+
+# --- pages ---------------------------------------------------------------------------------
+
+
+def test_a_campaign_says_what_changed_since_the_previous_one():
+    """The stiffness table has the change with its uncertainty, and a certain one is a finding."""
+    result, tables = report_sample.result(), report_sample.tables()
+    before = copy.deepcopy(result) | {"campaign": "kr500-spring"}
+    before["stiffness"][1]["value"] *= 1.5
+    before["stiffness"][1]["compliance"] /= 1.5
+    before["stiffness"][1]["compliance_std"] /= 1.5
+
+    report = compose(result, tables, previous=before)
+    stiffness = report.sections[0]
+    table = next(b for b in stiffness.blocks if isinstance(b, Table))
+    findings = [b.text for b in stiffness.blocks if getattr(b, "tone", "") == "finding"]
+
+    assert table.columns[-1].title == "Change since kr500-spring [%]"
+    assert [row[-1].text for row in table.rows][:2] == ["0.00 ± 0.58", "-33.33 ± 0.76"]
+    assert sum("changed by" in text for text in findings) == 1
+    assert "k_theta2 changed by (-33.33 ± 0.76)" in " ".join(findings).replace("\N{NBSP}", " ")
+    assert b"Change since kr500-spring" in render(result, tables, previous=before)["index.html"]
+
+
+def test_the_overview_lists_all_and_flags_the_one_that_changed():
+    """Every campaign has a line with a link to its page; a drift is said first and drawn in red."""
+    results = [*years(np.random.default_rng(1), 8e-9), campaign("solo <b>", [1e-7], robot="f")]
+    report = overview(results)
+    page = render_overview(results).decode()
+
+    assert report.tone == "attention"
+    assert "k_0 changed by more than chance explains" in report.sentences[-1]
+    assert len(report.sections[0].blocks[0].rows) == 7
+    assert 'href="c3/index.html"' in page
+    assert 'href="solo%20%3Cb%3E/index.html"' in page
+    assert "<b>" not in page
+    assert page.count('data-tip="') == 6 * 7
+    assert "One campaign so far" in page
+    assert [f.name for f in report.figures] == ["history-1"]
+
+
+def test_the_overview_is_the_same_every_time():
+    """The same results, in whatever order they are found, give the same bytes."""
+    results = years(np.random.default_rng(1), 0.0)
+
+    assert render_overview(results) == render_overview(json.loads(json.dumps(results[::-1])))
+
+
+def test_two_models_of_one_campaign_are_not_tested():
+    """Models of the same readings share their errors: a difference is shown and not judged."""
+    a, b = campaign("x", [2e-7, 1e-7])["stiffness"], campaign("x", [3e-7, 1e-7])["stiffness"]
+
+    report = comparison(("x", "x, extended"), a, b, None)
+    table = next(x for s in report.sections for x in s.blocks if not isinstance(x, Figure))
+
+    assert report.verdict == "Not tested"
+    assert table.rows[0][4].text == "-33.3"
+    assert [row[6].text for row in table.rows] == [table.rows[0][5].text] * 2
