@@ -255,8 +255,10 @@ class Campaign:
         found: dict[str, Any] = json.loads(path.read_bytes())
         return found
 
-    def finish(self, key: str, answers: Mapping[str, bytes]) -> None:
-        """Write the answers, then the manifest that makes them count."""
+    def finish(
+        self, key: str, answers: Mapping[str, bytes], about: Mapping[str, Any] | None = None
+    ) -> None:
+        """Write the answers, then the manifest that makes them count, with `about` in it."""
         with files.writing(self.processed):
             (self.processed / MANIFEST).unlink(missing_ok=True)
         for name, data in answers.items():
@@ -267,8 +269,21 @@ class Campaign:
             path.relative_to(self.root).as_posix(): files.sha256(path.read_bytes()) for path in kept
         }
         manifest = {"key": key, "source": self.source, "outputs": outputs}
-        manifest |= {"code": code_version(), "versions": versions()}
+        manifest |= {"code": code_version(), "versions": versions()} | dict(about or {})
         files.write(self.processed / MANIFEST, dump(manifest))
+
+    def amend(self, answers: Mapping[str, bytes], about: Mapping[str, Any]) -> None:
+        """Replace some answers of a finished run and put `about` into its manifest."""
+        manifest = self.manifest()
+        if manifest is None:
+            raise UsageError(f"{self.name} has no result: run `pipeline run {self.name}` first")
+        with files.writing(self.processed):
+            (self.processed / MANIFEST).unlink()
+        for name, data in answers.items():
+            files.write(self.reports / name, data)
+            path = (self.reports / name).relative_to(self.root).as_posix()
+            manifest["outputs"][path] = files.sha256(data)
+        files.write(self.processed / MANIFEST, dump(manifest | dict(about)))
 
 
 def dump(content: object) -> bytes:

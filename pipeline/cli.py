@@ -107,6 +107,56 @@ def inspect(
 
 
 @app.command()
+def report(
+    campaign: Annotated[
+        str | None, typer.Argument(help="Name or path; without it the page over all campaigns.")
+    ] = None,
+    form: Annotated[str, typer.Option("--format", help="html, pdf, json or text.")] = "html",
+    show: Annotated[bool, typer.Option("--open", help="Open it.")] = False,
+    root: Root = Path(),
+) -> None:
+    """Bring a campaign's report up to date and say where it is; with --format text, print it."""
+    from pipeline import shell
+
+    if form not in ("html", "pdf", "json", "text"):
+        raise UsageError(f'there is no format "{form}": use html, pdf, json or text')
+    if form == "text":
+        if campaign is None:
+            raise UsageError("name the campaign whose report you want as text")
+        typer.echo(shell.report_text(root, campaign), nl=False)
+        return
+    path = shell.report(root, campaign, form)
+    typer.echo(path)
+    if show:
+        _open(path)
+
+
+@app.command()
+def compare(
+    first: Annotated[str, typer.Argument(help="A campaign, or campaign:extended.")],
+    second: Annotated[str, typer.Argument(help="Another one, or another model of it.")],
+    as_json: AsJson = False,
+    show: Annotated[bool, typer.Option("--open", help="Open the page.")] = False,
+    root: Root = Path(),
+) -> None:
+    """Say how the stiffnesses of two campaigns, or of two models of one, differ."""
+    from pipeline import shell
+
+    outcome, path = shell.compare(root, first, second)
+    _show(outcome, as_json)
+    typer.secho(path, err=True)
+    if show:
+        _open(path)
+
+
+def _open(path: Path) -> None:
+    import webbrowser
+
+    if not webbrowser.open(path.resolve().as_uri()):
+        raise UsageError(f"no program opens {path} here: open it yourself")
+
+
+@app.command()
 def status(as_json: AsJson = False, root: Root = Path()) -> None:
     """List the campaigns under data/raw: new, changed or done, with their verdicts."""
     from pipeline import shell

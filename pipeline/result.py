@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
+from datetime import date
 from typing import Any
 
 import numpy as np
@@ -18,6 +20,7 @@ from pipeline.results import Array, Estimate, System
 from pipeline.robot import Joint
 from pipeline.screening.finding import Finding
 from pipeline.screening.fit import Fitted
+from pipeline.settings import Settings
 from pipeline.stages.assemble import Measured
 from pipeline.stages.budget import Budget, budget
 from pipeline.stages.estimate import left_out
@@ -134,6 +137,19 @@ class Findings:
         return self.given.estimate
 
 
+def measured_on(settings: Settings, readings: pd.DataFrame | None) -> str | None:
+    """The date in campaign.toml, else the first reading's, else a date within the name."""
+    if settings.date is not None:
+        return settings.date.isoformat()
+    if readings is not None and readings["time"].notna().any():
+        return pd.Timestamp(readings["time"].min()).isoformat()
+    found = re.search(r"\b\d{4}-\d{2}-\d{2}\b", settings.name)
+    try:
+        return date.fromisoformat(found[0]).isoformat() if found else None
+    except ValueError:
+        return None
+
+
 def answer(found: Findings) -> dict[str, Any]:
     """result.json of a campaign."""
     given, raw, where = found.given, found.raw, found.where
@@ -145,6 +161,7 @@ def answer(found: Findings) -> dict[str, Any]:
         "campaign": found.campaign,
         "name": raw.settings.name,
         "robot": raw.settings.robot,
+        "measured": measured_on(raw.settings, given.reduced.shown["readings"]),
         "verdict_sentence": sentences(diagnosis["verdict"], diagnosis["why"], stiffness, found),
         "stiffness": stiffness,
         "fit": fit_entry(cell, given.data, estimate),

@@ -135,9 +135,11 @@ def _compute(campaign: Campaign, raw: Raw, step: Step) -> dict[str, Any]:
         "diagnosis": clues,
         "separability": separability,
     }
-    pages = step(render)(answer, shown, time.perf_counter() - began)
+    run_time_s = time.perf_counter() - began
+    pages = step(render)(answer, shown, run_time_s)
     handed = handover.model(campaign.name, answer["diagnosis"]["verdict"], case.cell, estimate)
-    campaign.finish(raw.key, {"result.json": dump(answer), **handover.files(handed), **pages})
+    answers = {"result.json": dump(answer), **handover.files(handed), **pages}
+    campaign.finish(raw.key, answers, {"run_time_s": run_time_s})
     return answer
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import re
 import tomllib
 from collections.abc import Sequence
@@ -209,6 +210,7 @@ class Settings(Strict):
     format: Literal[1]
     name: str = Field(min_length=1, max_length=200)
     robot: str
+    date: datetime.date | None = None
     tracker: Tracker | None = None
     naming: Naming = Naming()
     base_frame: dict[str, Point] = {}

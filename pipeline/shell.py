@@ -60,6 +60,9 @@ def run_all(root: Path, names: list[str], engine: str, force: bool) -> Iterator[
         with progress(label):
             outcome = _guarded(label, partial(_run, root, name, engine, force))
         yield outcome
+    from pipeline import archive
+
+    archive.refresh(root)
 
 
 def no_campaign(root: Path) -> InputError:
@@ -269,6 +272,55 @@ def _hints(folder: Campaign, unit: str | None) -> Any:
     tracker = parse(folder.content("campaign.toml").decode("utf-8-sig")).tracker
     said = hints(tracker) if tracker else Hints()
     return replace(said, unit=unit or said.unit)
+
+
+def report(root: Path, name: str | None, form: str) -> Path:
+    """A report brought up to date: its page, PDF or numbers; without a name the page over all.
+
+    Raises:
+        UsageError: There is no finished campaign, or only campaigns have this form.
+    """
+    from pipeline import archive
+
+    if name is None:
+        if form != "html":
+            raise UsageError(f"the page over all campaigns has no form {form}: name a campaign")
+        page = archive.refresh(root)
+        if page is None:
+            raise UsageError("no campaign is finished: run `pipeline run` first")
+        return page
+    from pipeline.run import run
+
+    campaign = campaigns.find(root, name)
+    run(campaign)
+    archive.refresh(root)
+    names = {"html": "index.html", "pdf": "report.pdf", "json": "result.json"}
+    return campaign.reports / names[form]
+
+
+def report_text(root: Path, name: str) -> str:
+    """A campaign's report as plain text."""
+    from pipeline import archive
+    from pipeline.report.history import previous
+    from pipeline.report.model import compose
+    from pipeline.report.text import as_text
+
+    report(root, name, "html")
+    campaign = campaigns.find(root, name)
+    before = previous(campaign.result(), [c.result() for c in archive.finished(root)])
+    return as_text(compose(campaign.result(), archive.shown(campaign), previous=before))
+
+
+def compare(root: Path, first: str, second: str) -> tuple[Outcome, Path]:
+    """Two campaigns or models beside each other, and the page that says so."""
+    from pipeline import archive
+    from pipeline.report.render import page
+    from pipeline.report.text import as_text
+
+    said, content = archive.compare(root, first, second)
+    path = root / "reports" / f"{first}--{second}.html".replace(":", ".").replace("/", ".")
+    files.write(path, page(said, {}).encode())
+    return Outcome(f"{first}--{second}", content | {"page": str(path)}, as_text(said)), path
 
 
 def status(root: Path) -> Iterator[Outcome]:

@@ -457,8 +457,10 @@ def _history(canvas: Canvas, results: Sequence[Result]) -> Tips:
         colour = RED if joint.sure else BLUE
         at = np.array([p[0] for p in points])
         value, low, high = (np.array([p[k] for p in points]) / factor for k in (1, 2, 3))
-        top = np.where(np.isfinite(high), high, value)
-        view.vlines(at, low, top, color=colour, linewidth=1.6)
+        endless = ~np.isfinite(high)
+        top = np.concatenate([value, high[~endless]]).max(initial=0.0)
+        view.vlines(at, low, np.where(endless, top, high), color=colour, linewidth=1.6)
+        view.scatter(at[endless], np.full(endless.sum(), top), color=colour, marker="^", s=20)
         view.scatter(at, value, color=colour, s=16, zorder=3, gid=f"history-{index}")
         view.set_ylabel(f"{joint.name}\n[{_unit(results, joint.name, letter)}]", fontsize=7.5)
         view.yaxis.set_major_locator(MaxNLocator(3))
@@ -468,7 +470,9 @@ def _history(canvas: Canvas, results: Sequence[Result]) -> Tips:
             for i, v, a, b in zip(at, value, low, high, strict=True)
         ]
     step = max(1, -(-len(results) // 8))
-    names = [str(r.get("measured") or r.get("campaign"))[:10] for r in results]
+    days = [str(r.get("measured") or "")[:10] for r in results]
+    distinct = len(set(days)) == len(days) and all(days)
+    names = days if distinct else [str(r.get("campaign"))[-24:] for r in results]
     views[-1].set_xticks(range(0, len(results), step), names[::step], rotation=20, ha="right")
     views[-1].set_xlim(-0.5, len(results) - 0.5)
     return tips

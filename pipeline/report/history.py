@@ -52,6 +52,7 @@ class Drift:
         name: `k_theta2`.
         campaigns: How many determine it.
         first_to_last: Change from the first to the last in percent of the first.
+        first_to_last_std: Its standard uncertainty.
         p_value: Chance of as much scatter between the campaigns if nothing changed, chi-square.
         percent_a_year: Slope in percent of the mean per year, None below three dated campaigns.
         percent_a_year_std: Its standard uncertainty.
@@ -61,6 +62,7 @@ class Drift:
     name: str
     campaigns: int
     first_to_last: float | None
+    first_to_last_std: float | None
     p_value: float | None
     percent_a_year: float | None
     percent_a_year_std: float | None
@@ -184,7 +186,7 @@ def _series(results: Sequence[Result], name: Any) -> list[tuple[str | None, floa
 
 def _drift(name: str, points: list[tuple[str | None, float, float]], tested: int) -> Drift:
     if len(points) < 2:
-        return Drift(name, len(points), None, None, None, None, sure=False)
+        return Drift(name, len(points), None, None, None, None, None, sure=False)
     x, std = np.array([p[1] for p in points]), np.array([p[2] for p in points])
     mean = np.average(x, weights=std**-2)
     p_scatter = chance(float(np.sum(((x - mean) / std) ** 2)), len(x) - 1)
@@ -196,10 +198,12 @@ def _drift(name: str, points: list[tuple[str | None, float, float]], tested: int
         if slope is None or slope_std is None
         else (-100 * slope / mean, 100 * slope_std / mean)
     )
+    ratio = float(x[0] / x[-1]) if min(x[0], x[-1]) > 0 else None
     return Drift(
         name=name,
         campaigns=len(points),
-        first_to_last=100 * (x[0] / x[-1] - 1) if min(x[0], x[-1]) > 0 else None,
+        first_to_last=100 * (ratio - 1) if ratio else None,
+        first_to_last_std=100 * ratio * float(np.hypot(*(std / x)[[0, -1]])) if ratio else None,
         p_value=p_scatter,
         percent_a_year=share[0] if share else None,
         percent_a_year_std=abs(share[1]) if share else None,

@@ -146,7 +146,7 @@ def _drift_table(number: int, found: Sequence[Drift]) -> Table:
         (
             text_entry(d.name),
             entry(str(d.campaigns), d.campaigns),
-            entry(plain(d.first_to_last), d.first_to_last),
+            entry(with_std(d.first_to_last, d.first_to_last_std), d.first_to_last),
             entry(with_std(d.percent_a_year, d.percent_a_year_std), d.percent_a_year),
             entry(p_value(d.p_value) if known(d.p_value) else MISSING, d.p_value),
             text_entry("changed" if d.sure else "holds" if d.campaigns > 1 else "one value"),

@@ -1,0 +1,47 @@
+"""A report as plain text, for a terminal."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator
+
+from pipeline.report.record import Figure, Report, Table, Text
+
+WIDTH = 96
+
+
+def as_text(report: Report) -> str:
+    """The words and tables of a report; of figures, what they show."""
+    return "\n".join(_lines(report)) + "\n"
+
+
+def _lines(report: Report) -> Iterator[str]:
+    yield from (report.title, "=" * len(report.title), "", report.verdict)
+    for sentence in report.sentences:
+        yield from textwrap.wrap(sentence, WIDTH)
+    for section in report.sections:
+        yield from ("", section.title, "-" * len(section.title))
+        for block in section.blocks:
+            yield ""
+            if isinstance(block, Table):
+                yield from _table(block)
+            elif isinstance(block, Text):
+                mark = "! " if block.tone == "finding" else ""
+                yield from textwrap.wrap(mark + block.text, WIDTH)
+            elif isinstance(block, Figure):
+                yield from textwrap.wrap(f"[{block.name}.svg] {block.alt}", WIDTH)
+
+
+def _table(table: Table) -> Iterator[str]:
+    yield table.title
+    head = [column.title for column in table.columns]
+    rows = [head, *([entry.text for entry in row] for row in table.rows)]
+    widths = [max(len(row[k]) for row in rows) for k in range(len(head))]
+    for row in rows:
+        cells = (
+            text.rjust(width) if column.numeric else text.ljust(width)
+            for text, width, column in zip(row, widths, table.columns, strict=True)
+        )
+        yield f"  {'   '.join(cells)}".rstrip()
+    if table.note:
+        yield from textwrap.wrap(table.note, WIDTH)

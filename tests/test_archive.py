@@ -1,0 +1,160 @@
+"""Several campaigns of one robot in a project folder, as a user has them after a year."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import pytest
+
+from pipeline import archive
+from pipeline.cli import _exit_code
+from pipeline.shell import run_all, status
+from pipeline.simulate import simulate
+
+DAYS = {"spring": "2026-03-01", "autumn": "2026-09-01"}
+
+
+def raw(root, name, day, campaign):
+    """A campaign's folder, dated."""
+    folder = root / "data" / "raw" / name
+    folder.mkdir(parents=True)
+    for file, content in campaign.files.items():
+        if file == "campaign.toml":
+            content = content.replace(b"[tracker]", f"date = {day}\n\n[tracker]".encode(), 1)
+        (folder / file).write_bytes(content)
+
+
+def contents(root):
+    """Bytes of everything under reports, but for the stated run time."""
+    found = {}
+    for path in sorted((root / "reports").rglob("*")):
+        if path.is_file() and path.suffix != ".pdf":
+            text = path.read_bytes()
+            start = text.find(b'<span id="run-time">')
+            end = text.find(b"</span>", start)
+            found[path.relative_to(root).as_posix()] = (
+                text[:start] + text[end:] if start > 0 else text
+            )
+    return found
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory, small_plan):
+    """Two finished campaigns of one robot, half a year apart."""
+    root = tmp_path_factory.mktemp("project")
+    for later, (name, day) in enumerate(DAYS.items()):
+        plan = small_plan.model_copy(update={"seed": small_plan.seed + later})
+        raw(root, name, day, simulate(plan))
+    assert [o.exit_code for o in run_all(root, [], "local", force=False)] == [0, 0]
+    return root
+
+
+def test_every_run_brings_the_page_over_all_campaigns_up_to_date(project):
+    """After a run there is a page that leads to each campaign's own."""
+    page = (project / "reports" / "index.html").read_text("utf-8")
+
+    for name, day in DAYS.items():
+        assert f'href="{name}/index.html"' in page
+        assert (project / "reports" / name / "index.html").is_file()
+        assert day in page
+
+
+def test_the_later_report_says_what_changed_since_the_earlier_one(project):
+    """The later campaign has the column, the earlier one has none to compare with."""
+    pages = {name: (project / "reports" / name / "index.html").read_text("utf-8") for name in DAYS}
+
+    assert "Change since spring [%]" in pages["autumn"]
+    assert "Change since" not in pages["spring"]
+
+
+def test_nothing_is_written_a_second_time(project):
+    """A second run finds everything true and touches no file; all campaigns count as done."""
+    before = {p: p.stat().st_mtime_ns for p in (project / "reports").rglob("*") if p.is_file()}
+
+    list(run_all(project, [], "local", force=False))
+
+    assert {p: p.stat().st_mtime_ns for p in before} == before
+    assert [outcome.content["state"] for outcome in status(project)] == ["done", "done"]
+
+
+def test_the_order_of_the_runs_does_not_matter(project, tmp_path):
+    """A campaign that arrives late is still the previous one of those measured after it."""
+    shutil.copytree(project / "data" / "raw" / "autumn", tmp_path / "data" / "raw" / "autumn")
+    list(run_all(tmp_path, [], "local", force=False))
+    alone = (tmp_path / "reports" / "autumn" / "index.html").read_text("utf-8")
+    shutil.copytree(project / "data" / "raw" / "spring", tmp_path / "data" / "raw" / "spring")
+
+    list(run_all(tmp_path, ["spring"], "local", force=False))
+
+    assert "Change since" not in alone
+    assert contents(tmp_path) == contents(project)
+
+
+def test_a_run_that_is_going_on_is_left_out(project, tmp_path):
+    """Without its manifest a result does not count: the page over all leaves it out."""
+    shutil.copytree(project, tmp_path / "copy")
+    (tmp_path / "copy" / "data" / "processed" / "spring" / "manifest.json").unlink()
+
+    page = archive.refresh(tmp_path / "copy")
+
+    assert "spring/index.html" not in page.read_text("utf-8")
+    assert "Change since" not in (page.parent / "autumn" / "index.html").read_text("utf-8")
+
+
+def test_report_gives_every_form(project, capsys):
+    """`pipeline report` prints the path of page, PDF or numbers, or the report itself as text."""
+    for form, file in (("html", "index.html"), ("pdf", "report.pdf"), ("json", "result.json")):
+        assert _exit_code(["report", "spring", "--format", form, "--root", str(project)]) == 0
+        assert capsys.readouterr().out.strip() == str(project / "reports" / "spring" / file)
+
+    assert _exit_code(["report", "autumn", "--format", "text", "--root", str(project)]) == 0
+    text = capsys.readouterr().out
+    assert text.startswith("Joint stiffness of kr500_rail: autumn\n====")
+    assert "Change since spring [%]" in text
+    assert _exit_code(["report", "--root", str(project)]) == 0
+    assert capsys.readouterr().out.strip() == str(project / "reports" / "index.html")
+
+
+def test_compare_says_how_two_campaigns_differ(project, capsys):
+    """As text, as data, and as a page; the data are those of the two results."""
+    assert _exit_code(["compare", "spring", "autumn", "--json", "--root", str(project)]) == 0
+    told = json.loads(capsys.readouterr().out)
+    results = {n: json.loads((project / "reports" / n / "result.json").read_bytes()) for n in DAYS}
+    first = results["spring"]["stiffness"][1], results["autumn"]["stiffness"][1]
+
+    assert told["stiffness"][1]["name"] == "k_theta2"
+    assert told["stiffness"][1]["percent"] == pytest.approx(
+        100 * (first[1]["value"] / first[0]["value"] - 1)
+    )
+    assert 0 <= told["p_value"] <= 1
+    assert told["dof"] == sum(s["identifiable"] for s in results["spring"]["stiffness"])
+    assert "spring beside autumn" in (project / "reports" / "spring--autumn.html").read_text(
+        "utf-8"
+    )
+    assert _exit_code(["compare", "spring", "autumn", "--root", str(project)]) == 0
+    assert "Change [%]" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["compare", "spring", "spring:best"], 'no model "best": use joints or extended'),
+        (["compare", "spring", "spring:extended"], "names no cause"),
+        (["compare", "spring", "winter"], 'there is no campaign "winter"'),
+        (["report", "spring", "--format", "odt"], 'no format "odt"'),
+        (["report", "--format", "pdf"], "name a campaign"),
+        (["report", "--format", "text"], "name the campaign"),
+    ],
+)
+def test_what_cannot_be_done_is_said(project, capsys, words, said):
+    """A wrong word gives one sentence and exit code 2."""
+    assert _exit_code([*words, "--root", str(project)]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_a_project_without_results_has_no_page(tmp_path, capsys):
+    """Before the first run there is nothing to show, and it is said."""
+    assert archive.refresh(tmp_path) is None
+    assert _exit_code(["report", "--root", str(tmp_path)]) == 2
+    assert "no campaign is finished" in capsys.readouterr().err
