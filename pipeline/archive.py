@@ -40,9 +40,13 @@ INDEX_MANIFEST = "index.json"
 
 def finished(root: Path) -> list[Campaign]:
     """Campaigns with a result that counts, by name; their raw folders may be gone."""
-    found = sorted((root / "reports").glob("*/result.json"))
-    all_of_them = [Campaign(root, root / "data" / "raw" / path.parent.name) for path in found]
-    return [campaign for campaign in all_of_them if campaign.manifest() is not None]
+    out = []
+    for path in sorted((root / "reports").glob("*/result.json")):
+        campaign = Campaign(root, root / "data" / "raw" / path.parent.name)
+        manifest = campaign.manifest()
+        if manifest is not None:  # a campaign that was run by path lies elsewhere
+            out.append(Campaign(root, root / manifest.get("source", campaign.folder)))
+    return out
 
 
 def refresh(root: Path) -> Path | None:

@@ -91,6 +91,21 @@ def test_the_order_of_the_runs_does_not_matter(project, tmp_path):
     assert contents(tmp_path) == contents(project)
 
 
+def test_a_campaign_run_by_path_is_told_too(project, tmp_path, small_plan):
+    """A folder outside data/raw has its place in the archive, and learns of the one before it."""
+    shutil.copytree(project, tmp_path / "copy")
+    elsewhere = tmp_path / "stick"
+    raw(elsewhere, "winter", "2026-12-01", simulate(small_plan))
+    folder = str(elsewhere / "data" / "raw" / "winter")
+
+    done = list(run_all(tmp_path / "copy", [folder], "local", force=False))
+
+    reports = tmp_path / "copy" / "reports"
+    assert [outcome.exit_code for outcome in done] == [0]
+    assert "Change since autumn [%]" in (reports / "winter" / "index.html").read_text("utf-8")
+    assert 'href="winter/index.html"' in (reports / "index.html").read_text("utf-8")
+
+
 def test_a_run_that_is_going_on_is_left_out(project, tmp_path):
     """Without its manifest a result does not count: the page over all leaves it out."""
     shutil.copytree(project, tmp_path / "copy")
