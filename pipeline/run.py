@@ -136,7 +136,9 @@ def _compute(campaign: Campaign, raw: Raw, step: Step) -> dict[str, Any]:
         "separability": separability,
     }
     pages = step(render)(answer, shown, time.perf_counter() - began)
-    handed = handover.model(campaign.name, answer["diagnosis"]["verdict"], case.cell, estimate)
+    verdict = answer["diagnosis"]["verdict"]
+    handed = replace(richer, verdict=verdict) if richer else None
+    handed = handed or handover.model(campaign.name, verdict, case.cell, estimate)
     campaign.finish(raw.key, {"result.json": dump(answer), **handover.files(handed), **pages})
     return answer
 
