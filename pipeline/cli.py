@@ -12,6 +12,7 @@ from typer.exceptions import Abort, TyperException
 from pipeline.errors import MISFIT, Interrupted, PipelineError, UsageError, worst
 
 if TYPE_CHECKING:
+    from pipeline.preferences import Preferences
     from pipeline.shell import Outcome
 
 app = typer.Typer(
@@ -51,6 +52,91 @@ def run(
         codes += [outcome.exit_code, MISFIT if strict and outcome.misfit else 0]
         _show(outcome, as_json)
     raise typer.Exit(worst(codes))
+
+
+@app.command()
+def serve(
+    interval: Annotated[float | None, typer.Option(help="Seconds between two looks.")] = None,
+    cron: Annotated[str | None, typer.Option(help="A cron line instead of the interval.")] = None,
+    port: Annotated[
+        int | None, typer.Option(help="Of Prefect's page; reports get the next.")
+    ] = None,
+    root: Root = Path(),
+) -> None:
+    """Run new and changed campaigns by themselves, with Prefect's page on this machine."""
+    from pipeline import service
+
+    wanted = _preferred(root, interval_s=interval, cron=cron, port=port)
+    every = f"at {wanted.service.cron}" if wanted.service.cron else _every(wanted)
+
+    def started(urls: dict[str, str]) -> None:
+        typer.echo(f"{urls['page']}  Prefect's page: runs, results, logs")
+        typer.echo(f"{urls['reports']}  the reports")
+        typer.secho(f"Looking at {root / 'data' / 'raw'} {every}; Ctrl-C stops.", err=True)
+
+    service.serve(root, wanted, started)
+
+
+@app.command()
+def doctor(as_json: AsJson = False, root: Root = Path()) -> None:
+    """Say what is missing on this machine, and how to get it."""
+    import json
+    from dataclasses import asdict
+
+    from pipeline import doctor as examination
+
+    sound = True
+    for finding in examination.examine(root):
+        mark = "ok" if finding.good else "MISSING" if finding.needed else "note"
+        line = f"{mark:8} {finding.what:16} {finding.said}"
+        typer.echo(json.dumps(asdict(finding)) if as_json else line)
+        sound = sound and (finding.good or not finding.needed)
+    raise typer.Exit(0 if sound else UsageError.exit_code)
+
+
+@app.command()
+def deploy(
+    pool: Annotated[str, typer.Option(help="Work pool whose workers run the campaigns.")],
+    interval: Annotated[float | None, typer.Option(help="Seconds between two looks.")] = None,
+    cron: Annotated[str | None, typer.Option(help="A cron line instead of the interval.")] = None,
+    root: Root = Path(),
+) -> None:
+    """Let the workers of a team's own Prefect server look at data/raw: see docs/teams.md."""
+    from pipeline import service
+
+    wanted = _preferred(root, interval_s=interval, cron=cron)
+    typer.echo(service.deploy(root, pool, wanted))
+
+
+@app.command()
+def watch(
+    interval: Annotated[float | None, typer.Option(help="Seconds between two looks.")] = None,
+    as_json: AsJson = False,
+    root: Root = Path(),
+) -> None:
+    """Run new and changed campaigns by themselves, without Prefect."""
+    from pipeline import service
+    from pipeline import watch as watching
+
+    wanted = _preferred(root, interval_s=interval)
+    service.stop_on_sigterm()
+    where = root / "data" / "raw"
+    typer.secho(f"Looking at {where} {_every(wanted)}; Ctrl-C stops.", err=True)
+    for outcome in watching.watch(root, wanted):
+        _show(outcome, as_json)
+
+
+def _preferred(root: Path, **said: Any) -> Preferences:
+    """What pipeline.toml says, and the command line otherwise."""
+    from pipeline import preferences
+
+    return preferences.load(
+        root, {name: value for name, value in said.items() if value is not None}
+    )
+
+
+def _every(preferences: Preferences) -> str:
+    return f"every {preferences.service.interval_s:g} s"
 
 
 @app.command()
@@ -172,14 +258,24 @@ def status(as_json: AsJson = False, root: Root = Path()) -> None:
 
 @app.command()
 def init(
-    name: str,
-    robot: Annotated[str, typer.Option(help="A robot that ships, or a robot file.")] = "kr500_rail",
+    name: Annotated[str | None, typer.Argument(help="Of the new campaign.")] = None,
+    robot: Annotated[str | None, typer.Option(help="A robot that ships, or a robot file.")] = None,
     root: Root = Path(),
 ) -> None:
-    """Prepare the folder of a new campaign: campaign.toml to fill in, loads.csv, joints.csv."""
+    """Prepare the folder of a new campaign; on a terminal it asks for what was not given."""
     from pipeline import shell
 
-    typer.echo(shell.init(root, name, robot))
+    ask = sys.stdin.isatty()
+    if name is None and not ask:
+        raise UsageError("the campaign has no name: write `pipeline init NAME`")
+    name = name or typer.prompt(f"Name of the campaign ({shell.NAME})", err=True)
+    if robot is None and ask:
+        robot = typer.prompt(f"Robot ({shell.robots()}, or a file)", "kr500_rail", err=True)
+    known = {
+        key: typer.prompt(f"{what} [{unit}]", default, type=float, err=True) if ask else default
+        for key, (what, unit, default) in shell.ASKED.items()
+    }
+    typer.echo(shell.init(root, name, robot or "kr500_rail", **known))
 
 
 @app.command()

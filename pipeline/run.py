@@ -137,7 +137,9 @@ def _compute(campaign: Campaign, raw: Raw, step: Step) -> dict[str, Any]:
     }
     run_time_s = time.perf_counter() - began
     pages = step(render)(answer, shown, run_time_s)
-    handed = handover.model(campaign.name, answer["diagnosis"]["verdict"], case.cell, estimate)
+    verdict = answer["diagnosis"]["verdict"]
+    handed = replace(richer, verdict=verdict) if richer else None
+    handed = handed or handover.model(campaign.name, verdict, case.cell, estimate)
     answers = {"result.json": dump(answer), **handover.files(handed), **pages}
     campaign.finish(raw.key, answers, {"run_time_s": run_time_s})
     return answer

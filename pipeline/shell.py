@@ -55,11 +55,14 @@ def run_all(root: Path, names: list[str], engine: str, force: bool) -> Iterator[
     everyone = names or [found.name for found in campaigns.every(root)]
     if not everyone:
         raise no_campaign(root)
+    compute = plainly if engine == "local" else through_prefect
     for name in everyone:
         label = campaigns.label(name)
         with progress(label):
-            outcome = _guarded(label, partial(_run, root, name, engine, force))
-        yield outcome
+            done = outcome(
+                label, partial(campaigns.find, root, name), partial(compute, force=force)
+            )
+        yield done
     from pipeline import archive
 
     archive.refresh(root)
@@ -73,9 +76,18 @@ def no_campaign(root: Path) -> InputError:
     )
 
 
-def _run(root: Path, name: str, engine: str, force: bool) -> Outcome:
-    campaign = campaigns.find(root, name)
-    return _dated(_guarded(campaign.name, partial(_computed, campaign, engine, force)), campaign)
+Compute = Callable[[Campaign], dict[str, Any]]
+"""How a campaign is brought up to date: campaign in, result.json out."""
+
+
+def outcome(name: str, find: Callable[[], Campaign], compute: Compute) -> Outcome:
+    """What becomes of one campaign; whatever goes wrong is part of it."""
+
+    def work() -> Outcome:
+        campaign = find()
+        return _dated(_guarded(campaign.name, partial(_outcome, campaign, compute)), campaign)
+
+    return _guarded(name, work)
 
 
 def _dated(outcome: Outcome, campaign: Campaign) -> Outcome:
@@ -93,14 +105,8 @@ def _dated(outcome: Outcome, campaign: Campaign) -> Outcome:
 EARLIER = "of an earlier input or program"
 
 
-def _computed(campaign: Campaign, engine: str, force: bool) -> Outcome:
-    name = campaign.name
-    if engine == "local" or (not force and current(campaign)):
-        from pipeline.run import run
-
-        answer = run(campaign, force=force)
-    else:
-        answer = _through_prefect(campaign, force)
+def _outcome(campaign: Campaign, compute: Compute) -> Outcome:
+    name, answer = campaign.name, compute(campaign)
     rejected = answer["rejected"]
     lines = [
         f"{name}: {' '.join(answer['verdict_sentence'])}",
@@ -116,7 +122,17 @@ def _computed(campaign: Campaign, engine: str, force: bool) -> Outcome:
     )
 
 
-def _through_prefect(campaign: Campaign, force: bool) -> dict[str, Any]:
+def plainly(campaign: Campaign, force: bool = False) -> dict[str, Any]:
+    """Bring a campaign up to date in this process."""
+    from pipeline.run import run
+
+    return run(campaign, force=force)
+
+
+def through_prefect(campaign: Campaign, force: bool = False) -> dict[str, Any]:
+    """Bring a campaign up to date as a Prefect flow, unless nothing is to be done."""
+    if not force and current(campaign):
+        return campaign.result()
     home = campaign.root / service.HOME
     with files.writing(home):
         home.mkdir(parents=True, exist_ok=True)
@@ -180,7 +196,7 @@ def _failed(name: str, problem: Exception, words: str, code: int) -> Outcome:
     error = {"kind": type(problem).__name__, "message": words, "exit_code": code}
     if isinstance(problem, InputError):
         error |= {"file": problem.file, "line": problem.line}
-        error |= {"thing": problem.thing, "way_out": problem.way_out}
+        error |= {"thing": problem.thing, "way_out": problem.way_out, "passing": problem.passing}
     return Outcome(
         name,
         {"campaign": name, "error": error},
@@ -410,14 +426,14 @@ robot  = {robot}          # {shipped}, or the path of a robot file
 [tracker]
 files   = ["tracker*.csv", "tracker*.txt"]
 # unit  = "mm"              # only where the export itself does not say: mm | m | in
-sigma_m = 3.0e-5            # standard uncertainty per axis of one reading [m]
+sigma_m = {sigma_m}          # standard uncertainty per axis of one reading [m]
 
 [base_frame]                # fixed reflectors, nominal coordinates in F_b [m]: at least three
 # B1 = [0.6, -0.5, -0.30]
 
 [scale]
 file       = "loads.csv"
-sigma_n    = 2.0            # standard uncertainty of one reading [N]
+sigma_n    = {sigma_n}            # standard uncertainty of one reading [N]
 sigma_rel  = 0.0
 gain_sigma = 0.0            # relative standard uncertainty of the scale's gain (certificate)
 
@@ -436,8 +452,29 @@ P3 = [-0.10, -0.18, 0.22]
 """
 
 
-def init(root: Path, name: str, robot: str) -> Path:
+ASKED = {
+    "sigma_mm": ("Standard uncertainty of one tracker reading per axis", "mm", 0.03),
+    "sigma_n": ("Standard uncertainty of one scale reading", "N", 2.0),
+}
+"""What `init` asks on a terminal, with unit and default."""
+
+
+def robots() -> str:
+    """The robots that ship, for a sentence."""
+    from pipeline.robot import SHIPPED
+
+    return ", ".join(SHIPPED)
+
+
+def init(root: Path, name: str, robot: str, sigma_mm: float = 0.03, sigma_n: float = 2.0) -> Path:
     """Make the folder of a new campaign.
+
+    Args:
+        root: The project's root.
+        name: Of the campaign and its folder.
+        robot: A robot that ships, or a robot file.
+        sigma_mm: Standard uncertainty of one tracker reading per axis [mm].
+        sigma_n: Standard uncertainty of one scale reading [N].
 
     Raises:
         UsageError: The name is no folder name, the folder is there already, or there is no such
@@ -462,6 +499,8 @@ def init(root: Path, name: str, robot: str) -> Path:
         name=quoted(name),
         robot=quoted(robot),
         shipped=", ".join(SHIPPED),
+        sigma_m=f"{1e-3 * sigma_mm:.3g}",
+        sigma_n=f"{sigma_n:g}",
         q=", ".join("0" for _ in joints),
     )
     files.write(folder / "loads.csv", b"pose,repeat,force_n,branch\n")

@@ -1,0 +1,167 @@
+"""The command line as people and programs meet it: words, exit codes, interruption."""
+
+import contextlib
+import json
+import os
+import pty
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from pipeline import campaign as campaigns
+from pipeline import doctor
+from pipeline.run import run
+
+HERE = Path(__file__).parents[1]
+DATA = HERE / "data" / "raw"
+ENVIRONMENT = os.environ | {"PYTHONPATH": str(HERE), "COLUMNS": "100"}
+
+
+def pipeline(root, *arguments, **more):
+    """Run the command line as a user does."""
+    return subprocess.run(
+        [sys.executable, "-m", "pipeline", *arguments, "--root", root],
+        capture_output=True,
+        text=True,
+        cwd=HERE,
+        env=ENVIRONMENT,
+        timeout=120,
+        check=False,
+        **more,
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (["run", "--engine", "airflow"], 2, 'there is no engine "airflow"'),
+        (["compensate", "kr500_demo", "path.csv"], 2, "run `pipeline run kr500_demo` first"),
+        (["run", "nowhere", "--engine", "local"], 5, 'there is no campaign "nowhere"'),
+        (["init", "../escape"], 2, "cannot name a campaign"),
+        (["deploy", "--pool", "robots"], 2, "PREFECT_API_URL is not set"),
+        (["run", "--no-such-option"], 2, "--no-such-option"),
+    ],
+)
+def test_what_cannot_be_done_is_said_in_a_sentence(tmp_path, arguments, code, said):
+    """One line on stderr, nothing on stdout but the campaign's name, the documented exit code."""
+    shutil.copytree(DATA / "kr500_demo", tmp_path / "data" / "raw" / "kr500_demo")
+    done = pipeline(tmp_path, *arguments)
+
+    assert done.returncode == code
+    assert said in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_strict_turns_a_misfit_into_exit_code_4(tmp_path):
+    """Without --strict a verdict is no error."""
+    shutil.copytree(DATA / "fanuc_r2000ic", tmp_path / "data" / "raw" / "a")
+    plain = pipeline(tmp_path, "run", "--engine", "local", "a")
+    strict = pipeline(tmp_path, "run", "--engine", "local", "a", "--strict")
+
+    assert (plain.returncode, strict.returncode) == (0, 4)
+    assert plain.stdout == strict.stdout
+
+
+def test_a_run_stopped_by_ctrl_c_leaves_nothing_that_counts(tmp_path):
+    """Exit code 130, one sentence, no manifest and no half-written file; the next run finishes."""
+    shutil.copytree(DATA / "kr500_demo", tmp_path / "data" / "raw" / "a")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "pipeline", "run", "--engine", "local", "--root", tmp_path],
+        cwd=HERE,
+        env=ENVIRONMENT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    processed = tmp_path / "data" / "processed" / "a"
+    began = time.monotonic()
+    while not (processed / "10_readings.parquet").is_file():  # in the midst of the run
+        assert time.monotonic() - began < 60
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+
+    assert (process.returncode, out) == (130, "")
+    assert err.splitlines() == ["Interrupted; run it again to go on, nothing half-written counts."]
+    assert not (processed / "manifest.json").exists()
+    campaign = campaigns.find(tmp_path, "a")
+    run(campaign)
+    assert campaign.done(campaign.read().key) is not None
+    assert not [path for path in tmp_path.rglob(".*") if path.name != ".lock"]
+
+
+def on_a_terminal(command, answers):
+    """Run a command whose stdin is a terminal; its stdout and exit code."""
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen(
+        command,
+        stdin=theirs,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=HERE,
+        env=ENVIRONMENT,
+    )
+    os.close(theirs)
+    os.write(ours, "".join(f"{answer}\n" for answer in answers).encode())
+    out, err = process.communicate(timeout=60)
+    with contextlib.suppress(OSError):
+        os.close(ours)
+    return out, err, process.returncode
+
+
+def test_init_asks_on_a_terminal(tmp_path):
+    """Name, robot and the two uncertainties go into campaign.toml; stdout is the folder."""
+    command = [sys.executable, "-m", "pipeline", "init", "--root", str(tmp_path)]
+    out, err, code = on_a_terminal(command, ["hall-3", "fanuc_r2000ic", "0.05", "4"])
+    folder = tmp_path / "data" / "raw" / "hall-3"
+    content = tomllib.loads((folder / "campaign.toml").read_text())
+
+    assert (code, out.strip()) == (0, str(folder))
+    assert "Standard uncertainty of one tracker reading" in err
+    assert content["robot"] == "fanuc_r2000ic"
+    assert content["tracker"]["sigma_m"] == pytest.approx(5e-5)
+    assert content["scale"]["sigma_n"] == 4.0
+
+
+def test_init_without_a_terminal_asks_nothing(tmp_path):
+    """A script gets the defaults, and a sentence where the name is missing."""
+    named = pipeline(tmp_path, "init", "a", stdin=subprocess.DEVNULL)
+    nameless = pipeline(tmp_path, "init", stdin=subprocess.DEVNULL)
+
+    assert (named.returncode, named.stderr) == (0, "")
+    assert nameless.returncode == 2
+    assert "pipeline init NAME" in nameless.stderr
+
+
+def test_doctor_names_what_is_missing_and_the_way_out(tmp_path, monkeypatch):
+    """A library too new, one that is not there, a project without campaigns."""
+    monkeypatch.setattr(
+        doctor.installed,
+        "requires",
+        lambda _: ["numpy<1", "no-such-library>=2", "scipy", "x; extra == 'dev'"],
+    )
+    found = {finding.what: finding for finding in doctor.examine(tmp_path)}
+
+    assert not found["numpy"].good
+    assert "python -m pip install 'numpy<1'" in found["numpy"].said
+    assert found["no-such-library"].said == (
+        "is missing; python -m pip install 'no-such-library>=2'"
+    )
+    assert "scipy" not in found
+    assert "x" not in found
+    assert (found["campaigns"].good, found["campaigns"].needed) == (False, False)
+
+
+def test_doctor_answers_programs(tmp_path):
+    """One JSON object per line, whatever was found."""
+    done = pipeline(tmp_path, "doctor", "--json")
+
+    assert done.returncode in (0, 2)
+    assert {"what", "good", "said", "needed"} == set(json.loads(done.stdout.splitlines()[0]))

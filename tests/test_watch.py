@@ -1,0 +1,242 @@
+"""By itself: what is new or changed and complete is run once, and changed verdicts are told."""
+
+import http.server
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from pipeline import files, preferences, shell, watch
+from pipeline.campaign import find
+from pipeline.errors import InputError
+from pipeline.preferences import Notify, Preferences
+
+HERE = Path(__file__).parents[1]
+KEPT = HERE / "data" / "raw" / "fanuc_r2000ic"
+
+
+class Runs:
+    """Stands in for a run: counts, fails when told, and leaves a result behind."""
+
+    def __init__(self, verdict="adequate"):
+        self.of, self.verdict, self.problem = [], verdict, {}
+
+    def __call__(self, campaign):
+        """Run one campaign."""
+        self.of.append(campaign.name)
+        if campaign.name in self.problem:
+            raise self.problem[campaign.name]
+        answer = {
+            "rejected": [],
+            "verdict_sentence": ["Said."],
+            "diagnosis": {"verdict": self.verdict},
+        }
+        files.write(campaign.reports / "result.json", json.dumps(answer).encode())
+        return answer
+
+
+@pytest.fixture
+def runs():
+    return Runs()
+
+
+def arrive(root, *names):
+    """Copies of the kept campaign under data/raw."""
+    for name in names:
+        shutil.copytree(KEPT, root / "data" / "raw" / name)
+    return root
+
+
+def look(root, runs, pause=lambda _: None, webhook=None):
+    """One look at data/raw: what became of each campaign that was taken."""
+    return list(watch.scan(root, 5.0, runs, Notify(webhook=webhook), pause))
+
+
+def test_new_campaigns_are_run_once_and_changed_ones_again(tmp_path, runs):
+    """The second look takes nothing; a third, after one file was replaced, that campaign."""
+    arrive(tmp_path, "a", "b")
+    look(tmp_path, runs)
+    look(tmp_path, runs)
+    (tmp_path / "data/raw/b/forces.csv").write_bytes(b"changed")
+    look(tmp_path, runs)
+
+    assert runs.of == ["a", "b", "b"]
+
+
+def test_a_folder_that_still_grows_waits_for_the_next_look(tmp_path, runs):
+    """A file that changes while we wait keeps its campaign back, and no other."""
+    arrive(tmp_path, "a", "b")
+    growing = tmp_path / "data/raw/a/forces.csv"
+    look(tmp_path, runs, pause=lambda _: growing.write_bytes(growing.read_bytes() + b"more"))
+    assert runs.of == ["b"]
+
+    look(tmp_path, runs)
+    assert runs.of == ["b", "a"]
+
+
+def test_a_rejected_campaign_is_reported_once_and_stops_nothing(tmp_path, runs):
+    """The others run; it is taken again only when its folder changes."""
+    arrive(tmp_path, "a", "b")
+    runs.problem["a"] = InputError("is empty", "export it again", file="tracker.csv")
+    first, _ = look(tmp_path, runs)
+    look(tmp_path, runs)
+
+    assert first.exit_code == 5
+    assert first.complaints == ["a: tracker.csv: is empty; export it again."]
+    assert runs.of == ["a", "b"]
+    (tmp_path / "data/raw/a/forces.csv").write_bytes(b"new")
+    look(tmp_path, runs)
+    assert runs.of == ["a", "b", "a"]
+
+
+@pytest.mark.parametrize(
+    "problem",
+    [InputError("was away", "try again", passing=True), RuntimeError("a server is down")],
+    ids=["a share that was away", "an internal error"],
+)
+def test_what_may_heal_is_tried_three_times(tmp_path, runs, problem):
+    """Then it rests until the folder changes."""
+    arrive(tmp_path, "a")
+    runs.problem["a"] = problem
+    for _ in range(5):
+        look(tmp_path, runs)
+
+    assert runs.of == ["a"] * 3
+
+
+def test_a_lost_report_is_made_again(tmp_path, runs):
+    """Who deletes reports/ gets them back with the next look."""
+    arrive(tmp_path, "a")
+    look(tmp_path, runs)
+    shutil.rmtree(tmp_path / "reports")
+    look(tmp_path, runs)
+
+    assert runs.of == ["a", "a"]
+
+
+@pytest.fixture
+def hook():
+    """A webhook on this machine; what it got, and the status it answers with."""
+    got, status = [], [200]
+
+    class Hook(http.server.BaseHTTPRequestHandler):
+        def do_POST(self):
+            got.append(json.loads(self.rfile.read(int(self.headers["Content-Length"]))))
+            self.send_response(status[0])
+            self.end_headers()
+
+        def log_message(self, format, *args):
+            pass
+
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Hook) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}/hook", got, status
+        server.shutdown()
+
+
+def test_a_changed_verdict_is_told_once(tmp_path, runs, hook):
+    """First verdict and every other one reach the webhook; a run that changes nothing does not."""
+    address, got, _ = hook
+    arrive(tmp_path, "a")
+    changed = tmp_path / "data/raw/a/forces.csv"
+    for content, verdict in (("1", "adequate"), ("2", "adequate"), ("3", "unexplained")):
+        changed.write_text(content)
+        runs.verdict = verdict
+        look(tmp_path, runs, webhook=address)
+
+    assert [(one["before"], one["verdict"]) for one in got] == [
+        (None, "adequate"),
+        ("adequate", "unexplained"),
+    ]
+    assert got[1]["text"] == "a: adequate -> unexplained. Said."
+    assert got[1]["report"] == str(tmp_path / "reports" / "a" / "index.html")
+
+
+def test_what_could_not_be_told_is_told_later(tmp_path, runs, hook):
+    """A webhook that answers with an error, or nothing, gets the word with the next look."""
+    address, got, status = hook
+    arrive(tmp_path, "a")
+    look(tmp_path, runs, webhook="http://127.0.0.1:9/nobody")
+    status[0] = 500
+    look(tmp_path, runs, webhook=address)
+    status[0] = 200
+    look(tmp_path, runs, webhook=address)
+    look(tmp_path, runs, webhook=address)
+
+    assert len(got) == 2
+    assert runs.of == ["a"]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[service]\ninterval_s = 0\n", "service.interval_s: "),
+        ("[notify]\nwebhook = 'file:///etc/passwd'\n", "begins with https:// or http://"),
+        ("[servise]\n", "servise: "),
+        ("no toml", "not valid TOML"),
+    ],
+)
+def test_wrong_preferences_are_named(tmp_path, text, said):
+    """pipeline.toml with a wrong word or value is refused, with the word."""
+    (tmp_path / "pipeline.toml").write_text(text)
+
+    with pytest.raises(InputError, match=r"pipeline\.toml: ") as problem:
+        preferences.load(tmp_path)
+    assert said in str(problem.value)
+
+
+def test_the_command_line_outdoes_the_preferences(tmp_path):
+    """--interval beats interval_s; what is not said stays."""
+    (tmp_path / "pipeline.toml").write_text("[service]\ninterval_s = 600\nquiet_s = 9\n")
+
+    assert preferences.load(tmp_path, {"interval_s": 30}).service.interval_s == 30
+    assert preferences.load(tmp_path, {"interval_s": 30}).service.quiet_s == 9
+    assert preferences.load(tmp_path / "none") == Preferences()
+
+
+def test_watch_runs_what_arrives_until_ctrl_c(tmp_path):
+    """A campaign copied while `watch` looks has its report; Ctrl-C ends it with 130."""
+    (tmp_path / "data" / "raw").mkdir(parents=True)
+    (tmp_path / "pipeline.toml").write_text("[service]\ninterval_s = 5\nquiet_s = 1\n")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "pipeline", "watch", "--json", "--root", tmp_path],
+        cwd=HERE,
+        env=os.environ | {"PYTHONPATH": str(HERE)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert "Ctrl-C stops" in process.stderr.readline()
+        arrive(tmp_path, "a")
+        line = json.loads(process.stdout.readline())
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=30)
+    finally:
+        process.kill()
+
+    assert line == find(tmp_path, "a").result()
+    assert (tmp_path / "reports" / "a" / "index.html").is_file()
+    assert (process.returncode, out) == (130, "")
+    assert err.startswith("Interrupted")
+
+
+def test_a_finished_run_is_not_repeated_when_its_memory_was_lost(tmp_path):
+    """Killed between run and memory: the next look recognises the result and computes nothing."""
+    arrive(tmp_path, "a")
+    look(tmp_path, shell.plainly)
+    campaign = find(tmp_path, "a")
+    made = (campaign.reports / "result.json").stat().st_mtime_ns
+    (campaign.processed / watch.MEMORY).unlink()
+    time.sleep(0.01)
+    [again] = look(tmp_path, shell.plainly)
+
+    assert (campaign.reports / "result.json").stat().st_mtime_ns == made
+    assert again.content == campaign.result()
