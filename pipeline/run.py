@@ -7,6 +7,7 @@ order and keeps every table. How a stage is carried out (plainly, or as a Prefec
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
