@@ -50,7 +50,7 @@ def stated(matrices: Array) -> bool:
     Raises:
         InputError: Only some have.
     """
-    known = np.isfinite(matrices).all(axis=(1, 2))
+    known = np.asarray(np.isfinite(matrices).all(axis=(1, 2)), dtype=bool)
     if known.any() and not known.all():
         raise InputError(
             f"{int((~known).sum())} of {len(known)} readings have no uncertainty, the others have",

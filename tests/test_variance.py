@@ -281,13 +281,46 @@ def test_pure_error_is_the_scatter_of_repeats_about_their_means():
 
 def test_a_noisier_tracker_places_the_base_worse_too():
     """All that the tracker's readings give is scaled, and nothing of the scale."""
-    found, data, _, _ = reduced(revised(PLAN, {"tracker": {"noise_scale": 2.0}}))
+    found, data, _, _ = reduced(revised(PLAN, {"tracker": {"noise_scale": 1.3}}))
     louder = rescaled(data, found)
     square = found.of("tracker") ** 2
 
+    assert found.larger[0]
+    assert not data.rotation_found
     assert louder.rotation_cov == pytest.approx(square * data.rotation_cov)
     assert louder.direction_cov == pytest.approx(square * data.direction_cov)
     assert louder.reading_std == pytest.approx(data.reading_std)
+
+
+def test_base_reflectors_that_have_told_their_scatter_are_not_asked_twice():
+    """At four times the stated noise they disagree themselves, and the rotation says so."""
+    found, data, _, _ = reduced(revised(PLAN, {"tracker": {"noise_scale": 4.0}}))
+
+    assert data.rotation_found
+    assert rescaled(data, found).rotation_cov == pytest.approx(data.rotation_cov)
+
+
+@pytest.mark.slow
+def test_clean_campaigns_have_any_p_value():
+    """No noise stated, three repeats: of 60 campaigns' p-values, chance explains the spread."""
+    plan = revised(
+        PLAN,
+        {
+            "poses": {"count": 10},
+            "pulls": {"steps_n": [1500.0, 3000.0], "repeats": 3},
+            "tracker": {"stated": False},
+            "scale": {"sigma_n": 15.0},
+        },
+    )
+    raw = in_memory(simulate(plan).files)
+    robot, effector, p = raw.robot, tool(raw.settings), []
+    for seed in range(60):
+        found, data, _, _ = reduced(revised(plan, {"seed": seed}))
+        louder = rescaled(data, found)
+        _, estimate = identify(paper_cell(robot, effector), louder, robot.nominal_compliance)
+        p.append(resting_on(estimate, found).p_value)
+
+    assert stats.kstest(p, "uniform").pvalue > 1e-3
 
 
 @pytest.mark.parametrize(("p", "most"), [(0.05, 0.711), (0.01, 0.889), (0.9, 0.5), (0.0, 1.0)])

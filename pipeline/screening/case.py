@@ -116,7 +116,8 @@ def bring(case: Case, keep: Keep = conformed, step: Step = plain) -> Reduced:
     off = np.where(robot.prismatic, settings.joints.sigma_m, settings.joints.sigma_rad)
     points = settings.tool_uncertainty.sigma_m
     names = case.tool.targets
-    data = measured(robot, names, case.joints, pulled, moved, rotation, gain, points, off)
+    told = registration.from_scatter
+    data = measured(robot, names, case.joints, pulled, moved, rotation, gain, points, off, told)
     shown = {
         "readings": case.readings,
         "rejected": case.rejected,

@@ -43,6 +43,7 @@ class Measured(Locked):
         gain_std: Relative standard uncertainty of the scale's gain.
         noise_stated: False: the covariances of readings are relative, 1 m^2 each, and so are those
             of zeros and directions.
+        rotation_found: Whether `rotation_cov` rests on the scatter of the base reflectors.
         found_m: What the relative ones have been multiplied by [m], None if by nothing.
         tool_std: Standard uncertainty per axis of the tool's nominal points [m].
         joint_std: Standard uncertainty of the joints' zeros [m] or [rad], shape (n,).
@@ -64,6 +65,7 @@ class Measured(Locked):
     noise_stated: bool
     tool_std: float = 0.0
     joint_std: Array = field(default_factory=lambda: np.zeros(0))
+    rotation_found: bool = False
     found_m: float | None = None
 
     def scaled(self, factor: float) -> Measured:
@@ -92,6 +94,7 @@ def measured(
     gain_std: float,
     tool_std: float = 0.0,
     joint_std: Array | None = None,
+    rotation_found: bool = False,
 ) -> Measured:
     """Join the tables of a campaign into arrays; rows without a partner are left out.
 
@@ -105,6 +108,7 @@ def measured(
         gain_std: As in `Measured`.
         tool_std: As in `Measured`.
         joint_std: As in `Measured`; none where not given.
+        rotation_found: As in `Measured`.
     """
     pulls = forces.merge(joints, on="pose").sort_values(["pose", "repeat"], ignore_index=True)
     key = pd.MultiIndex.from_frame(pulls[["pose", "repeat"]])
@@ -143,6 +147,7 @@ def measured(
         noise_stated=stated,
         tool_std=tool_std,
         joint_std=np.zeros(robot.n) if joint_std is None else joint_std,
+        rotation_found=rotation_found,
     )
 
 

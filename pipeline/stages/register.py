@@ -31,6 +31,7 @@ class Registration(Locked):
         table: Table REGISTRATION, residuals of every base reading; empty without a base frame.
         chi2: Weighted sum of squared residuals; None without stated noise or base frame.
         dof: Coordinates minus six.
+        from_scatter: Whether `cov` rests on the residuals instead of a stated noise.
     """
 
     R: Array
@@ -40,6 +41,7 @@ class Registration(Locked):
     table: pd.DataFrame
     chi2: float | None
     dof: int
+    from_scatter: bool = False
 
 
 def register(settings: Settings, readings: pd.DataFrame) -> Registration:
@@ -76,14 +78,15 @@ def register(settings: Settings, readings: pd.DataFrame) -> Registration:
         if np.abs(step).max() < 1e-15:
             break
     dof = 3 * len(base) - 6
-    if not stated or (dof > 0 and special.chdtrc(dof, chi2) < MISFIT):
+    from_scatter = not stated or (dof > 0 and bool(special.chdtrc(dof, chi2) < MISFIT))
+    if from_scatter:
         cov = cov * (chi2 / dof if dof > 0 else 0.0)  # reflectors that disagree place it worse
     placed = points @ R.T + t
     table = base.assign(
         **dict(zip(XYZ, placed.T, strict=True)),
         **dict(zip(["dx_m", "dy_m", "dz_m"], (placed - nominal).T, strict=True)),
     )
-    return Registration(R, t, cov, centre, table, chi2 if stated else None, dof)
+    return Registration(R, t, cov, centre, table, chi2 if stated else None, dof, from_scatter)
 
 
 def place(registration: Registration, readings: pd.DataFrame) -> pd.DataFrame:

@@ -90,7 +90,7 @@ class Components(Locked):
     def replaced(self) -> Bools:
         """Components whose noise found takes the place of the stated or missing one, shape (n,)."""
         missing = (self.name == "tracker") & (not self.stated)
-        return self.larger | (missing & np.isfinite(self.std))
+        return np.asarray(self.larger | (missing & np.isfinite(self.std)), dtype=bool)
 
     @property
     def used(self) -> bool:
@@ -535,14 +535,15 @@ def _total(loss: Loss, x: Array) -> float:
 def rescaled(data: Measured, found: Components) -> Measured:
     """The same measurements with the noise that was found wherever it is larger than stated.
 
-    A tracker noisier than stated also placed the base frame worse; where it was not stated, the
-    scatter of the base reflectors themselves has said how well that is placed.
+    A tracker noisier than stated also placed the base frame worse, unless the scatter of the base
+    reflectors themselves has said already how well that is placed.
     """
     factor = np.where(found.larger | ~np.array([found.stated, True]), found.scale, 1.0)
     tracker, force = factor.tolist()
+    told = data.rotation_found or not found.stated
     return replace(
         data.scaled(tracker / (data.found_m or 1.0)),
-        rotation_cov=data.rotation_cov * (tracker**2 if found.stated else 1.0),
+        rotation_cov=data.rotation_cov * (1.0 if told else tracker**2),
         reading_std=data.reading_std * force,
         noise_stated=True,
         found_m=None,
