@@ -58,7 +58,7 @@ def test_prefect_gives_the_answer_of_the_plain_run(tmp_path):
         "broken": "FAILED",
         "good": "COMPLETED",
     }
-    assert {"read", "ingest", "identify", "diagnose", "render"} <= set(ordered)
+    assert {"read", "ingest", "fit", "diagnose", "render"} <= set(ordered)
     both = [("read", "COMPLETED"), ("ingest", "FAILED")]  # of the broken one
     both += [(stage, "COMPLETED") for stage in ordered]
     assert kept(root, STAGES) == sorted(both)
