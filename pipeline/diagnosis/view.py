@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse
+from scipy import special
 
 from pipeline.cell import Cell, load, predict, sensitivity
 from pipeline.effects import Effect, Loaded
@@ -26,6 +27,9 @@ CUT = 1e-11
 LOOSE = 0.05
 """How far a law may be off in one pull alone, as a fraction of what it moves; the rest of its
 tolerance bends all pulls together."""
+
+SOFT = 1e-4
+"""How unlikely it must be that the reflectors only seem to move against each other."""
 
 NULL = 1e-7
 """What is left of a column relative to the whole column when it is a mix of others."""
@@ -68,6 +72,8 @@ class View(Locked):
         common: Number of columns of common errors.
         scatter: Sum of squares [1] that no rigid motion of the effector can make.
         scatter_dof: Its degrees of freedom.
+        soft_p: Probability of what the reflectors move against each other in proportion to the
+            load, if that were scatter; 1 where nothing is left over for the question.
         spread: Standard uncertainty of each row of c [m], shape (M,).
         free: Orthonormal whitened displacements of each pose by a free stiffness of its own: six
             rigid motions of the effector in proportion to the force, shape (M + r, 6).
@@ -86,6 +92,7 @@ class View(Locked):
     common: int
     scatter: float
     scatter_dof: int
+    soft_p: float
     spread: Array
     free: Array
 
@@ -313,7 +320,7 @@ def _view(seen: Sight, more: Array, white: Whitener, noise: float, spread: Array
     bottom = np.zeros((r, top.shape[1]))
     bottom[:, k : k + r] = np.eye(r)
     A = np.vstack([top, bottom])
-    scatter, scatter_dof = _scatter(rows, white, seen.y, seen.motions)
+    scatter, scatter_dof, soft_p = _scatter(seen, white)
     size = np.linalg.norm(seen.data.pulls.force, axis=1)[rows.pull, None]
     free = _orthonormal(white, white.by_pose(seen.motions * size))
     return View(
@@ -330,25 +337,57 @@ def _view(seen: Sight, more: Array, white: Whitener, noise: float, spread: Array
         common=r,
         scatter=scatter / noise**2,
         scatter_dof=scatter_dof,
+        soft_p=soft_p,
         spread=noise * spread,
         free=np.vstack([free, np.zeros((r, 6))]),
     )
 
 
-def _scatter(rows: Rows, white: Whitener, y: Array, motions: Array) -> tuple[float, int]:
+def _scatter(seen: Sight, white: Whitener) -> tuple[float, int, float]:
     """Sum of squares of y that no rigid motion of the effector in any pull explains, and its dof.
 
     The effector is stiff: whatever happens to arm, rail, force or tracker, its reflectors keep
-    their distances. What changes them is the scatter of the readings alone.
+    their distances. What changes them is the scatter of the readings alone; or, in proportion to
+    the load, a loose nest or a soft effector, and then that is no scatter.
     """
+    rows = seen.rows
     place = _place_in_pose(rows)
     wide = np.zeros((len(rows), 6 * (place.max() + 1)))
-    wide[np.arange(len(rows))[:, None], 6 * place[:, None] + np.arange(6)] = motions
+    wide[np.arange(len(rows))[:, None], 6 * place[:, None] + np.arange(6)] = seen.motions
     basis = _orthonormal(white, white.by_pose(wide))
-    mine = white.by_pose(y)
-    along = _per_pose(white.pose, basis * mine[:, None])
     dof = len(rows) - round(float(np.sum(basis**2)))
-    return (float(np.sum(mine**2) - np.sum(along**2)), dof) if dof > 0 else (0.0, 0)
+    if dof < 10:
+        return 0.0, 0, 1.0
+
+    def bent(columns: Array) -> Array:
+        inside = np.einsum("mk,mj->mkj", basis, columns)
+        along = np.zeros((white.pose.max() + 1, *inside.shape[1:]))
+        np.add.at(along, white.pose, inside)
+        return np.asarray(columns - np.einsum("mk,mkj->mj", basis, along[white.pose]))
+
+    mine = bent(white.by_pose(seen.y)[:, None])[:, 0]
+    loose = bent(white.by_pose(_loose(seen)))
+    U, size, _ = np.linalg.svd(loose, full_matrices=False)
+    kept = size > 1e-6 * max(size[0], 1e-300)
+    square, k = float(mine @ mine), int(kept.sum())
+    along = float(np.sum((U[:, kept].T @ mine) ** 2))
+    left = dof - k
+    if k == 0 or left < 10:
+        return square, dof, 1.0
+    p = float(special.fdtrc(k, left, (along / k) / ((square - along) / left)))
+    return (square - along, left, p) if p < SOFT else (square, dof, p)
+
+
+def _loose(seen: Sight) -> Array:
+    """Each reflector by itself, along each axis of F_b and of the tool, by the load, (M, 6 t)."""
+    data, rows = seen.data, seen.rows
+    axes = load(seen.model.cell, data.pulls, seen.model.values).configuration.flange_axes
+    size = np.linalg.norm(data.pulls.force, axis=1)[rows.pull] / 1000.0
+    along = np.concatenate([np.eye(3)[rows.axis], axes[rows.pull, rows.axis]], axis=1)
+    target = np.repeat(data.target, 3)
+    out = np.zeros((len(rows), 6 * (target.max() + 1)))
+    out[np.arange(len(rows))[:, None], 6 * target[:, None] + np.arange(6)] = along * size[:, None]
+    return out
 
 
 def _orthonormal(white: Whitener, columns: Array) -> Array:

@@ -27,7 +27,7 @@ from pipeline.diagnosis.verdict import (
     Named,
     location,
 )
-from pipeline.diagnosis.view import Sight, View, always_there, coefficients, eliminate
+from pipeline.diagnosis.view import SOFT, Sight, View, always_there, coefficients, eliminate
 from pipeline.effects import Effect, Elastic, Noise, Pulls, catalogue
 from pipeline.errors import InputError
 from pipeline.results import Array, Estimate, Parameter, System
@@ -73,6 +73,9 @@ def diagnose(
     worth = _gain(case, found, rng)
     causes = _causes(case, found, worth, where, known) + _noise_causes(whole, spread)
     verdict, why = _verdict(found, causes, worth)
+    if found.first.soft_p < SOFT:
+        verdict = "unexplained"
+        why = "The reflectors move against each other under load: a loose nest or a soft effector."
     if verdict == "adequate" and _too_much(spread, data.noise_stated):
         verdict, why = "unexplained", "The residuals are larger than any certificate may be wrong."
     system, extended = _extended(case, found)
