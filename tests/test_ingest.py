@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
+from pipeline.instrument import beam_covariance
 from pipeline.robot import load
-from pipeline.settings import parse
+from pipeline.settings import InstrumentNoise, parse
 from pipeline.stages.ingest import ingest
 
 TOML = """
@@ -151,6 +152,15 @@ def test_the_instrument_model_turns_with_the_beam():
     assert row.covariance_from == "instrument"
     assert np.sqrt([row.cxx_m2, row.cyy_m2, row.czz_m2]) == pytest.approx([3e-5, 3e-5, 1.2e-5])
     assert [row.cxy_m2, row.cxz_m2, row.cyz_m2] == pytest.approx([0, 0, 0], abs=1e-20)
+
+
+def test_a_reading_at_the_instrument_has_no_beam():
+    """Where there is no direction the larger part holds all round."""
+    noise = InstrumentNoise(range_m=2e-5, transverse_m=1e-5)
+
+    assert beam_covariance(np.zeros((1, 3)), noise)[0] == pytest.approx(
+        [4e-10, 0, 0, 4e-10, 0, 4e-10]
+    )
 
 
 def test_spatial_analyzer_gives_the_same_readings():
@@ -345,6 +355,24 @@ def test_base_reflectors_may_be_read_again_and_again():
     assert len(got.readings) == len(tracker_rows()) + 1
 
 
+def test_a_true_copy_of_a_base_reading_is_one_reading():
+    """The same line of a base reflector twice, time included, is a copy."""
+    text = tracker_csv()
+    got = read(text + text.splitlines()[2] + "\n")
+
+    assert [(n, "repeats tracker.csv:3" in why) for _, n, why in reasons(got)] == [(26, True)]
+    assert got.readings.equals(read().readings)
+
+
+def test_the_order_of_loads_does_not_matter():
+    """Rows of loads.csv and joints.csv may stand in any order."""
+    header, *rows = LOADS.splitlines()
+    got = read(loads="\n".join([header, *rows[::-1], "1,9,5.0,up", ""]))
+
+    assert [n for _, n, _ in reasons(got)] == [5]
+    assert got.loads.to_pandas().force_n.tolist() == [698.0, 1403.5, 702.31]
+
+
 def test_a_cut_off_last_line_is_not_believed():
     """A file that ends inside a number, `-350.00`, may have lost digits."""
     text = "\n".join(line.rsplit(",", 1)[0] for line in tracker_csv().splitlines())
@@ -381,7 +409,7 @@ def test_a_wrong_unit_in_one_file_of_two_is_refused():
     base = tracker_csv([(g, t, x / 1e3, y / 1e3, z / 1e3) for g, t, x, y, z in rows[:3]])
     toml = TOML.replace('["tracker.csv"]', '["t*.csv"]')
     with pytest.raises(InputError, match=r"t2.csv:2: .*1000 times too small"):
-        read(tracker_csv(rows[3:]), toml=toml, **{"t2.csv": base})
+        read(tracker_csv(rows), toml=toml, **{"t2.csv": base})
 
 
 @pytest.mark.parametrize(
@@ -542,6 +570,10 @@ def test_a_bad_row_does_not_shift_the_assignment():
         (change(rows=None), "rows.csv: the file is missing; "),
         (change(rows=without(assignment(), "5,1,0")), r"has 24 rows but rows.csv assigns 23.*; "),
         (
+            change(rows=assignment() + "25,2,2,loaded,P1\n"),
+            r"has 24 rows but rows.csv assigns 25.*; ",
+        ),
+        (
             change(rows=assignment().replace("\n5,", "\n4,")),
             "rows.csv:5: lines 5, 6 contradict.*; ",
         ),
@@ -560,7 +592,7 @@ def test_a_bad_row_does_not_shift_the_assignment():
             "have no names; .*assignment",
         ),
     ],
-    ids=["missing", "short", "twice", "gap", "state", "target", "group", "none"],
+    ids=["missing", "short", "long", "twice", "gap", "state", "target", "group", "none"],
 )
 def test_an_assignment_that_does_not_fit_is_refused(changed, message):
     """Nobody guesses which reading is which."""
@@ -629,3 +661,63 @@ def test_no_uncertainty_anywhere_is_a_campaign_of_unstated_noise():
 
     assert not got.rejected.num_rows
     assert np.isnan(got.readings["cxx_m2"].to_numpy()).all()
+
+
+def test_an_assignment_must_agree_with_the_names_there_are():
+    """An export with targets but no groups: the assignment adds the groups, and is checked."""
+    rows = tracker_rows()
+    text = "".join(f"{t};{x:.4f};{y:.4f};{z:.4f}\n" for _, t, x, y, z in rows)
+    columns = ["target", "pose", "repeat", "state", "x_m", "y_m", "z_m"]
+    got = read(text, toml=NAMELESS, **{"rows.csv": assignment()})
+
+    assert got.readings.select(columns).equals(read().readings.select(columns))
+    swapped = assignment().replace("unloaded,P2", "unloaded,P9", 1)
+    with pytest.raises(
+        InputError, match=r"tracker.csv:5: the export calls this reading P2, rows.csv"
+    ):
+        read(text, toml=NAMELESS, **{"rows.csv": swapped})
+
+
+def test_base_reflectors_read_within_a_pose_are_base_readings():
+    """B1 in the group of a pose belongs to the base, not to the pose."""
+    rows = [*tracker_rows(), ("pose01_rep1_loaded", "B1", 600.0, -500.0, -300.0)]
+    row = read(tracker_csv(rows)).readings.to_pandas().iloc[-1]
+
+    assert row.group == "pose01_rep1_loaded"
+    assert row[["pose", "repeat", "state"]].isna().all()
+
+
+def test_group_names_of_any_letters_are_read():
+    """An expression with letters beyond ASCII, which the quick way to match does not know."""
+    rows = [
+        (g.replace("pose", "Prüfung").replace("_loaded", "_loaded·"), *r)
+        for g, *r in tracker_rows()
+    ]
+    group = r"\w+?0*(?P<pose>\d+)_rep(?P<repeat>\d+)_(?P<state>unloaded|loaded)\W?"
+    toml = TOML.replace("[base_frame]", f"[naming]\ngroup = '{group}'\n[base_frame]")
+    columns = ["target", "pose", "repeat", "state", "x_m"]
+
+    assert (
+        read(tracker_csv(rows), toml=toml)
+        .readings.select(columns)
+        .equals(read().readings.select(columns))
+    )
+
+
+@pytest.mark.parametrize(
+    "group",
+    [
+        r"x|pose(?P<pose>[0-9]+)_rep(?P<repeat>[0-9]+)_(?P<state>unloaded|loaded)",
+        r"pose(?P<pose>[0-9]+)_rep(?P<repeat>[0-9]+)_(?P<state>unloaded|loaded)(?!x)",
+        r"(?i)POSE(?P<pose>[0-9]+)_rep(?P<repeat>[0-9]+)_(?P<state>(?:un)?loaded)",
+    ],
+    ids=["alternatives", "look-ahead", "flags"],
+)
+def test_any_expression_reads_groups_alike(group):
+    """Python's expressions decide, also those that the quick way to match cannot do."""
+    toml = TOML.replace("[base_frame]", f"[naming]\ngroup = '{group}'\n[base_frame]")
+    rows = [*tracker_rows(), ("again_pose01_rep2_loaded", "P1", 1201.0, 50.0, 120.0)]
+    got = read(tracker_csv(rows), toml=toml)
+
+    assert got.readings.equals(read().readings)
+    assert ["does not match naming.group" in why for _, _, why in reasons(got)] == [True]

@@ -351,3 +351,139 @@ def test_in_metres_any_coordinate_comes_back_exactly():
         hints = Hints(unit=None if reader.says_unit else "m")
         export = readers.read("t", reader.write(readings, "m", None), hints)
         np.testing.assert_array_equal(export.position, readings.position)
+
+
+# --- what must not be lost unnoticed --------------------------------------------------------------
+
+PLAIN = "group,target,x_mm,y_mm,z_mm,time\na,P1,1,2,3,2026-11-03T08:00:00\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "asked"),
+    [
+        (PLAIN.replace("y_mm", "x_mm"), r"t:1: .*no column y_mm|both look like"),
+        (
+            PLAIN.replace("z_mm,time", "z_mm,z_m").replace("2026-11-03T08:00:00", "3"),
+            "both look like the z",
+        ),
+        (
+            PLAIN.replace("time", "tine"),
+            't:1: column "tine" is not known, but looks like "time"; correct',
+        ),
+        (
+            PLAIN.replace("time", "when"),
+            't:1: column "when" holds times, but is not called time; call it',
+        ),
+        (PLAIN.replace("time", "std_x_mm"), "t:1: the uncertainties lack std y, std z; correct"),
+        (PLAIN.replace("target", "tarhet"), "t:1: there is no column target; add it"),
+    ],
+    ids=["twice", "two units", "misspelt", "renamed", "partly", "target"],
+)
+def test_columns_that_would_be_lost_are_asked_about(text, asked):
+    """A title that is wrong by a letter must not cost the times or the uncertainties in silence."""
+    with pytest.raises(InputError, match=asked):
+        readers.read("t", text.encode())
+
+
+@pytest.mark.parametrize("cell", ["2026-11-03", "2026-11-03T08", "08:00:00", "2026-11-03T08:00:0"])
+def test_half_a_time_is_no_time(cell):
+    """A date alone, an hour alone: the row is damaged."""
+    text = PLAIN + "a,P2,1,2,3,2026-11-03T08:00:48\n"
+    export = readers.read("t", text.replace("2026-11-03T08:00:00", cell).encode())
+
+    assert export.line.tolist() == [3]
+
+
+def test_times_with_a_zone_become_utc():
+    """09:00 in Paris in winter is 08:00 UTC; a file that has both kinds of times is refused."""
+    zoned = PLAIN.replace("T08:00:00", "T09:00:00+01:00")
+    assert times(readers.read("t", zoned.encode())) == ["2026-11-03 08:00:00"]
+    assert times(readers.read("t", PLAIN.replace(":00\n", ":00Z\n").encode())) == [
+        "2026-11-03 08:00:00"
+    ]
+    with pytest.raises(InputError, match="some times have a zone and some have none"):
+        readers.read("t", (zoned + "a,P2,1,2,3,2026-11-03T08:00:00\n").encode())
+
+
+def test_times_under_a_misspelt_title_are_times():
+    """SpatialAnalyzer's columns are known by their place; a time is told by its form."""
+    text = (GOLDEN / "sa_compound.txt").read_text().replace("Timestamp", "Tmsp")
+
+    assert times(readers.read("t", text.encode())) == times(golden("sa_compound.txt"))
+
+
+def test_half_a_second_of_a_time_is_refused():
+    """`08:00:0` has lost a digit."""
+    data = (GOLDEN / "sa_compound.txt").read_bytes().replace(b"08:00:08", b"08:00:0")
+    export = readers.read("t", data)
+
+    assert export.line.tolist() == [7, 8]
+
+
+def test_names_of_which_only_some_hold_a_group_are_not_cut():
+    """One name with `::` among others without is a name."""
+    text = "Name;X [mm];Y [mm];Z [mm]\na::P1;1;2;3\nP2;1;2;3\n"
+    export = readers.read("t", text.encode())
+
+    assert export.group is None
+    assert export.target.to_pylist() == ["a::P1", "P2"]
+
+
+def test_bytes_that_windows_does_not_know_are_latin_1():
+    """Five bytes have no letter in cp1252; the file is read as latin-1 and says so."""
+    export = readers.read("t", PLAIN.replace("a,", "a\x81,").encode("latin-1"))
+
+    assert (export.encoding, export.group.to_pylist()) == ("latin-1", ["a\x81"])
+
+
+def test_rows_above_the_header_are_not_lost():
+    """A row that a damaged export has above its header is listed."""
+    text = "g;P9;1;2;3\nGroup;Name;X [mm];Y [mm];Z [mm]\ng;P1;1;2;3\n"
+    export = readers.read("t", text.encode())
+
+    assert export.line.tolist() == [3]
+    assert export.rejected[0][0] == 1
+
+
+def test_an_emscon_dump_with_a_missing_column_is_refused():
+    """Without one of the a-priori columns the other covariance would be taken in silence."""
+    text = (GOLDEN / "emscon_vive" / "20200710_Exp1_laserData.csv").read_text()
+    with pytest.raises(InputError, match="not those of SingleMeasResultT or 2T"):
+        readers.read("t", text.replace("dAprioriStd1", "", 1).encode(), MM)
+    with pytest.raises(InputError, match=r"\(dAprioriStt1\)"):
+        readers.read("t", text.replace("dAprioriStd1", "dAprioriStt1", 1).encode(), MM)
+
+
+def test_emscon_coordinates_that_are_no_lengths_are_asked():
+    """Where dStdTotal is not the length of the three, the coordinates may be angles."""
+    readings = some_readings("mm", 4)
+    dump = READERS["emscon"].write(readings, "mm", 4).decode().splitlines()
+    cells = dump[1].split(",")
+    cells[6] = "0.5"
+    dump[1] = ",".join(cells)
+    with pytest.raises(InputError, match="does not say its coordinate system; write coordinates"):
+        readers.read("t", "\n".join(dump).encode(), MM)
+
+
+@pytest.mark.parametrize("vertical", ["zenith", "elevation"])
+@pytest.mark.parametrize("kind", ["spherical", "cylindrical"])
+def test_covariances_of_angles_become_those_of_coordinates(kind, vertical):
+    """C = J C J', J by differences of what the reader itself does with the numbers."""
+    columns = {"range": 1, "azimuth": 2, ("vertical" if kind == "spherical" else "z"): 3}
+    columns |= {"group": 10, "target": 11} | {
+        f"c{ab}": k for k, ab in enumerate(("xx", "xy", "xz", "yy", "yz", "zz"), 4)
+    }
+    hints = Hints(unit="mm", angle="deg", vertical=vertical, mapping=Columns(columns, header=0))
+    six = [4e-4, 1e-5, -2e-5, 9e-8, 1e-8, 6e-8]
+
+    def at(values):
+        row = ";".join(repr(float(value)) for value in [*values, *six]) + ";g;P1"
+        return readers.read("t", row.encode(), hints)
+
+    start, step = np.array([3000.0, 40.0, 70.0]), np.array([0.1, 1e-3, 1e-3])
+    pairs = [(at(start + d), at(start - d)) for d in np.diag(step)]
+    J = np.array([(a.position[0] - b.position[0]) for a, b in pairs]).T / (2 * step)
+    C = np.array(six)[[[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
+
+    got = at(start).covariance[0][[[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
+    np.testing.assert_allclose(got, J @ C @ J.T, rtol=1e-6, atol=1e-20)

@@ -40,9 +40,11 @@ def form_of(cell: str) -> str | None:
 def moment(cell: str, form: str) -> datetime | None:
     """The time in a cell, with its zone if it has one, or None when the cell is of another form."""
     bare = cell.strip().lstrip(APOSTROPHE)
+    if form in _FORMS and form_of(bare) != form:  # strptime takes 16:38:2 for a time
+        return None
     try:
         if form == ISO:
-            return datetime.fromisoformat(bare) if form_of(bare) == ISO else None
+            return datetime.fromisoformat(bare)
         fraction = _FRACTION.search(bare)
         found = datetime.strptime(_FRACTION.sub("", bare), form)
     except ValueError:
@@ -68,7 +70,7 @@ def moments(cells: pa.Array, form: str) -> pa.TimestampArray:
         else cells
     )
     length = pc.min_max(pc.binary_length(bare)).as_py()
-    # strptime takes 16:38:2 for a time; where widths differ the careful way decides
+    # where widths differ the careful way decides
     if length["min"] != length["max"]:
         raise pa.ArrowInvalid("times of different width")
     return pc.strptime(bare, format=form, unit="us")

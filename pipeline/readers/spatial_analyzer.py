@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.readers import _named, _time
+from pipeline.readers import _named, _time, plain
 from pipeline.readers._coordinates import Meaning, raw, settled, settled_vertical
 from pipeline.readers._delimited import (
     DELIMITERS,
@@ -46,6 +46,7 @@ from pipeline.readers._text import Text
 from pipeline.results import Array
 
 COMMENT = "//"
+SAMPLE = 60
 PARTS = ("collection", "group", "target")
 COORDINATES = {
     "cartesian": ("x", "y", "z"),
@@ -58,7 +59,7 @@ SHORT_UNIT = re.compile(r"\bunits?\s*[:=]?\s*(mm|m|in)\b|[\[(](mm|m|in)[\])]", r
 
 
 @dataclass(frozen=True)
-class Row:
+class Shape:
     """How rows are made up.
 
     Attributes:
@@ -66,25 +67,25 @@ class Row:
         compound: Parts that `::` joins in the first cell, 0 where names have own columns.
         names: Names of the leading columns, `target` last.
         rest: What stands behind the three coordinates.
-        sample: Cells of the first row.
+        form: How times are written.
     """
 
     delimiter: str
     compound: int
     names: tuple[str, ...]
     rest: tuple[Named, ...]
-    sample: tuple[str, ...]
+    form: str
 
 
 def recognise(lines: Sequence[str]) -> bool:
-    """The first row that is no comment has a name of one to three parts, then three numbers."""
+    """Rows that are no comments have a name of one to three parts, then three numbers."""
     comments = [line for line in lines if line.lstrip().startswith(COMMENT)]
-    first = next((line for line in lines if _is_row(line)), "")
-    row = _row(first, comments)
-    if row is None:
+    sample = [line for line in lines if _is_row(line)]
+    shape = _shape(sample, comments)
+    if shape is None or _named.find(sample) or plain.recognise(sample):  # rows under a header
         return False
-    columns = len(row.names) > 1 and row.delimiter != ";"  # those are rows of an .xyz file
-    return bool(comments) or row.compound > 0 or columns
+    columns = len(shape.names) > 1 and shape.delimiter != ";"  # those are rows of an .xyz file
+    return bool(comments) or shape.compound > 0 or columns
 
 
 def read(text: Text, hints: Hints) -> Export:
@@ -95,10 +96,13 @@ def read(text: Text, hints: Hints) -> Export:
     """
     first = next(n for n, line in text.lines() if _is_row(line))
     comments = [line for _, line in text.lines(1, first - 1) if line.strip()]
-    row = _row(text.line(first), comments)
-    assert row is not None  # recognised before
-    fields = (*_name_fields(row.names), *_number_fields(), *_rest_fields(row))
-    layout = Layout(fields, row.delimiter, first, hints.decimal, COMMENT, _form(row), row.compound)
+    sample = [line for _, line in text.lines(first, SAMPLE) if _is_row(line)]
+    shape = _shape(sample, comments)
+    assert shape is not None  # recognised before
+    fields = (*_name_fields(shape.names), *_number_fields(), *_rest_fields(shape))
+    layout = Layout(
+        fields, shape.delimiter, first, hints.decimal, COMMENT, shape.form, shape.compound
+    )
     table = rows(text, layout)
     meaning = _meaning(comments, hints, table, text.name, first)
     found = Found(
@@ -106,10 +110,10 @@ def read(text: Text, hints: Hints) -> Export:
         rows=table,
         meaning=meaning,
         axes=("1", "2", "3"),
-        group="group" if "group" in row.names else None,
+        group="group" if "group" in shape.names else None,
         target="target",
-        covariance=_covariance(table, row, hints),
-        unused=tuple(n.title for n in row.rest if not n.role or n.role == "rms"),
+        covariance=_covariance(table, shape, hints),
+        unused=tuple(n.title for n in shape.rest if not n.role or n.role == "rms"),
     )
     return export(text, hints, found)
 
@@ -118,27 +122,39 @@ def _is_row(line: str) -> bool:
     return bool(line.strip()) and not line.lstrip().startswith(COMMENT)
 
 
-def _row(first: str, comments: Sequence[str]) -> Row | None:
-    """How rows are made up, told from the first one and the header, or None when this is no row."""
-    delimiter = max(DELIMITERS, key=first.count)
-    cells = cells_or_none(first, delimiter)
-    if not cells or len(cells) < 4:
-        return None
-    titles = _titles(comments, len(cells), delimiter)
-    compound = cells[0].count("::") + 1 if "::" in cells[0] else 0
-    if compound > 3:
-        return None
-    count = 1 if compound else _names(cells, titles)
-    numbers = cells[count : count + 3]
-    if not 1 <= count <= 3 or len(numbers) < 3 or not all(map(_is_number, numbers)):
-        return None
-    names = PARTS[-compound:] if compound else PARTS[-count:]
-    rest = cells[count + 3 :]
-    behind = [_untitled(cell, k) for k, cell in enumerate(rest, 1)]
-    if titles:
-        pairs = zip(titles[count + 3 :], behind, strict=True)
-        behind = [t if t.role else replace(shape, title=t.title) for t, shape in pairs]
-    return Row(delimiter, compound, names, tuple(behind), tuple(cells))
+def _shape(sample: Sequence[str], comments: Sequence[str]) -> Shape | None:
+    """How rows are made up, told from the first sound ones and the header; None when they are not.
+
+    A damaged row says nothing about the others, but at least half of them must be alike.
+    """
+    delimiter = max(DELIMITERS, key="".join(sample).count)
+    cut = [cells for line in sample if (cells := cells_or_none(line, delimiter))]
+    for cells in cut:
+        titles = _titles(comments, len(cells), delimiter)
+        compound = cells[0].count("::") + 1 if "::" in cells[0] else 0
+        count = 1 if compound else _names(cells, titles)
+        numbers = cells[count : count + 3]
+        alike = [other for other in cut if len(other) == len(cells)]
+        fits = 1 <= count <= 3 and len(numbers) == 3 and all(map(_is_number, numbers))
+        if fits and compound <= 3 and 2 * len(alike) >= len(sample):
+            names = PARTS[-(compound or count) :]
+            rest, form = _rest([row[count + 3 :] for row in alike], titles[count + 3 :])
+            return Shape(delimiter, compound, names, rest, form)
+    return None
+
+
+def _rest(cells: Sequence[Sequence[str]], titles: Sequence[Named]) -> tuple[tuple[Named, ...], str]:
+    """What stands behind the coordinates, and how times are written; a time is told by its form."""
+    out, form = [], _time.ISO
+    for place, column in enumerate(zip(*cells, strict=True)):
+        named = titles[place] if titles else Named(f"field {place + 1} behind Z", "", None)
+        forms = [found for cell in column if (found := _time.form_of(cell))]
+        if forms and not named.role:
+            named = replace(named, role="time")
+        if forms and named.role == "time":
+            form = forms[0]
+        out.append(named)
+    return tuple(out), form
 
 
 def _is_number(cell: str) -> bool:
@@ -162,11 +178,6 @@ def _titles(comments: Sequence[str], count: int, delimiter: str) -> list[Named]:
     return []
 
 
-def _untitled(cell: str, place: int) -> Named:
-    role = "time" if _time.form_of(cell) else ""
-    return Named(f"field {place} behind the coordinates", role, None)
-
-
 def _name_fields(names: Sequence[str]) -> list[Field]:
     return [Field(n, "any" if n == "collection" else "name", n != "collection") for n in names]
 
@@ -175,10 +186,10 @@ def _number_fields() -> list[Field]:
     return [Field(axis, "number") for axis in ("1", "2", "3")]
 
 
-def _rest_fields(row: Row) -> list[Field]:
+def _rest_fields(shape: Shape) -> list[Field]:
     """Fields behind the coordinates; those without a role are not looked at."""
     out = []
-    for place, column in enumerate(row.rest):
+    for place, column in enumerate(shape.rest):
         kind: Kind = "any"
         if column.role == "time":
             kind = "time"
@@ -190,16 +201,6 @@ def _rest_fields(row: Row) -> list[Field]:
             Field(column.role if kind in ("time", "number") else f"rest {place}", kind, False)
         )
     return out
-
-
-def _form(row: Row) -> str:
-    """The form of the times, told from the first row."""
-    for column, cell in zip(
-        row.rest, row.sample[-len(row.rest) :] if row.rest else (), strict=True
-    ):
-        if column.role == "time":
-            return _time.form_of(cell) or _time.ISO
-    return _time.ISO
 
 
 def _meaning(comments: Sequence[str], hints: Hints, table: Rows, file: str, line: int) -> Meaning:
@@ -260,10 +261,10 @@ def _kinds(comments: Sequence[str]) -> set[str]:
     return found
 
 
-def _covariance(table: Rows, row: Row, hints: Hints) -> dict[str, Array]:
+def _covariance(table: Rows, shape: Shape, hints: Hints) -> dict[str, Array]:
     """Covariances that the header names: per axis, expanded or standard, and the RMS of a point."""
     out = {}
-    roles = {column.role for column in row.rest}
+    roles = {column.role for column in shape.rest}
     for prefix, kind, usual in (("std", STANDARD, 1.0), ("u95", EXPANDED, 2.0)):
         axes = [f"{prefix} {axis}" for axis in "xyz"]
         if set(axes) <= roles:
