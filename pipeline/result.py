@@ -260,7 +260,9 @@ def extended_entry(found: Findings) -> dict[str, Any]:
         "stiffness": stiffness_entries(right.case.cell, system, estimate),
         "fit": fit_entry(right.case.cell, right.data, estimate),
         "test_pose_deflection": (
-            deflection_entries(found.richer.cell, found.richer, found.where) if found.richer else []
+            deflection_entries(found.richer.cell, found.richer, found.where)
+            if found.richer
+            else deflection_entries(right.case.cell, right.estimate, found.where)
         ),
     }
 

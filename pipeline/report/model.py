@@ -148,7 +148,9 @@ def _stiffness(result: Result, previous: Result | None) -> Section | None:
         "Joint stiffnesses",
         [
             *findings,
-            _stiffness_table(joints, _extended_stiffness(result), since, previous),
+            _stiffness_table(
+                joints, _extended_stiffness(result), _richer_words(result), since, previous
+            ),
             *figures(("stiffness",), result, {}),
             _compliance_table(joints),
             _fit_text(result),
@@ -163,8 +165,17 @@ def _changed(change: Change, campaign: str) -> str:
     )
 
 
+def _richer_words(result: Result) -> str:
+    wrong = _get(result, "diagnosis", "verdict") == "bad_data"
+    return "With the data put right" if wrong else "With the named causes"
+
+
 def _stiffness_table(
-    joints: list[Any], extended: list[Any], since: list[Change], previous: Result | None
+    joints: list[Any],
+    extended: list[Any],
+    richer_words: str,
+    since: list[Change],
+    previous: Result | None,
 ) -> Table:
     factor, letter = common_prefix(j.get("value") for j in joints)
     richer = {j.get("name"): j for j in extended}
@@ -179,7 +190,7 @@ def _stiffness_table(
     if has_nominal:
         columns += [Column("Nominal", numeric=True), Column("Of nominal [%]", numeric=True)]
     if richer:
-        columns.append(Column("With the named causes", numeric=True))
+        columns.append(Column(richer_words, numeric=True))
     changed = {change.name: change for change in since}
     if changed:
         columns.append(Column(f"Change since {_get(previous, 'campaign')} [%]", numeric=True))
@@ -319,7 +330,7 @@ def _diagnosis(result: Result, tables: Tables) -> Section | None:
     for number, one in enumerate(causes, 1):
         blocks += _cause(number, one, with_gain=not shared)
     blocks += [
-        Text(shared.replace("With it in", "With all causes in", 1)) if shared else None,
+        Text(shared.replace("With it ", "With all causes ", 1)) if shared else None,
         *figures(("gain", "evidence"), result, tables),
         _next_poses(poses),
         _next_joint_values(poses, _list(result, "stiffness")),
@@ -393,7 +404,7 @@ def _gain_sentences(one: Mapping[str, Any]) -> list[str]:
         less = gain.get("reduction")
         share = f" ({percent(less)} less{sure})" if known(less) else ""
         said.append(
-            f"With it in the model the error at poses that were left out falls from "
+            f"With it {'put right' if one.get('evidence') else 'in the model'} the error at poses that were left out falls from "
             f"{plain(before)} mm to {plain(after)} mm{share}."
         )
     if known(gain.get("test_pose_change_mm")):
@@ -537,10 +548,10 @@ def _test_pose(result: Result, tables: Tables) -> Section | None:
         "Deflection under load",
         [
             _deflections(
-                "deflection", "Predicted deflection at the test pose, joint springs only", plainly
+                "deflection", "Predicted deflection at the test pose, joint springs alone", plainly
             ),
             _deflections(
-                "deflection-extended", "The same with the named causes in the model", extended
+                "deflection-extended", f"The same: {_richer_words(result).lower()}", extended
             ),
             *figures(("workspace", "workspace-extended"), result, tables),
         ],
