@@ -149,8 +149,8 @@ def _side(root: Path, name: str) -> tuple[str, list[dict[str, Any]], Array]:
     campaign, model = _campaign_and_model(root, name)
     result = campaign.result()
     if model == "extended":
-        if not result["diagnosis"]["causes"]:
-            raise UsageError(f"{campaign.name} names no cause and so has no extended model")
+        if result["extended"]["stiffness"] == result["stiffness"]:
+            raise UsageError(f"{campaign.name} has no richer model than its joint springs")
         entries = result["extended"]["stiffness"]
         std = [j["compliance_std"] for j in entries]
         return campaign.name, entries, np.diag([np.nan if s is None else s**2 for s in std])
