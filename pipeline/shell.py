@@ -7,7 +7,6 @@ import re
 import sys
 import traceback
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -56,13 +55,14 @@ def run_all(root: Path, names: list[str], engine: str, force: bool) -> Iterator[
     if not everyone:
         raise no_campaign(root)
     compute = plainly if engine == "local" else through_prefect
-    for name in everyone:
-        label = campaigns.label(name)
-        with progress(label):
-            done = outcome(
-                label, partial(campaigns.find, root, name), partial(compute, force=force)
-            )
-        yield done
+    with Progress(len(everyone)) as bar:
+        for name in everyone:
+            label = campaigns.label(name)
+            bar.now(label)
+            find = partial(campaigns.find, root, name)
+            done = outcome(label, find, partial(compute, force=force))
+            bar.done()
+            yield done
     from pipeline import archive
 
     archive.refresh(root)
@@ -509,10 +509,48 @@ def init(root: Path, name: str, robot: str, sigma_mm: float = 0.03, sigma_n: flo
     return folder
 
 
-def progress(name: str) -> AbstractContextManager[Any]:
-    """A moving sign on stderr while a campaign is computed; on a terminal only."""
-    if not sys.stderr.isatty():
-        return nullcontext()
-    from rich.console import Console
+class Progress:
+    """A bar on stderr over campaigns, with the time that remains; on a terminal only."""
 
-    return Console(stderr=True).status(f"{name} ...")
+    def __init__(self, total: int) -> None:
+        """Make a bar for so many campaigns."""
+        self._total = total
+        self._bar: Any = None
+
+    def __enter__(self) -> Progress:
+        """Make it ready."""
+        if sys.stderr.isatty():
+            from rich import progress
+            from rich.console import Console
+
+            self._bar = progress.Progress(
+                progress.SpinnerColumn(),
+                progress.TextColumn("{task.description}"),
+                progress.BarColumn(),
+                progress.MofNCompleteColumn(),
+                progress.TimeElapsedColumn(),
+                progress.TimeRemainingColumn(),
+                console=Console(stderr=True),
+                transient=True,
+                redirect_stdout=False,  # else what is printed would go to stderr, the bar's console
+                redirect_stderr=False,
+            )
+            self._task = self._bar.add_task("", total=self._total)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Take it away."""
+        if self._bar is not None:
+            self._bar.stop()
+
+    def now(self, name: str) -> None:
+        """Say which campaign is being computed."""
+        if self._bar is not None:
+            self._bar.update(self._task, description=name)
+            self._bar.start()
+
+    def done(self) -> None:
+        """One campaign further; the bar makes room for what is said about it."""
+        if self._bar is not None:
+            self._bar.advance(self._task)
+            self._bar.stop()

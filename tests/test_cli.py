@@ -116,6 +116,29 @@ def on_a_terminal(command, answers):
     return out, err, process.returncode
 
 
+def test_a_bar_shows_on_the_terminal_and_stdout_stays_data(tmp_path):
+    """With a terminal for stderr and a pipe for stdout: the bar there, one JSON line each here."""
+    for name in ("a", "b"):
+        (tmp_path / "data" / "raw" / name).mkdir(parents=True)
+        (tmp_path / "data" / "raw" / name / "campaign.toml").write_text("format = 1\n")
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-m", "pipeline", "run", "--json", "--root", tmp_path]
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=theirs, text=True, cwd=HERE, env=ENVIRONMENT
+    )
+    os.close(theirs)
+    shown = b""
+    with contextlib.suppress(OSError):  # how a terminal says that nobody is left
+        while more := os.read(ours, 65536):
+            shown += more
+    out, _ = process.communicate(timeout=60)
+    os.close(ours)
+
+    assert [json.loads(line)["campaign"] for line in out.splitlines()] == ["a", "b"]
+    assert b"1/2" in shown
+    assert b"b: campaign.toml: " in shown
+
+
 def test_init_asks_on_a_terminal(tmp_path):
     """Name, robot and the two uncertainties go into campaign.toml; stdout is the folder."""
     command = [sys.executable, "-m", "pipeline", "init", "--root", str(tmp_path)]

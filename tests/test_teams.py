@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 import urllib.request
 from pathlib import Path
@@ -68,14 +69,11 @@ def until(there, seconds, log=None):
 @pytest.fixture
 def postgres(tmp_path):
     """A PostgreSQL of our own on this machine; how to ask it."""
-    bin_, data = programs(), tmp_path / "pg"
-    data.mkdir()
-    tmp_path.chmod(0o755)
+    # pytest's own folders are for their owner only, and PostgreSQL refuses to run as root
+    bin_, data = programs(), Path(tempfile.mkdtemp(prefix="postgres-"))
     as_user = []
-    if os.geteuid() == 0:  # PostgreSQL refuses to run as root
+    if os.geteuid() == 0:
         shutil.chown(data, "postgres")
-        for folder in (tmp_path.parent, tmp_path.parent.parent):
-            folder.chmod(folder.stat().st_mode | 0o011)
         as_user = ["runuser", "-u", "postgres", "--"]
     subprocess.run(
         [*as_user, bin_ / "initdb", "-D", data, "-U", "prefect", "-A", "trust"],
@@ -97,6 +95,7 @@ def postgres(tmp_path):
     with process(*server, log=log):
         until(lambda: ask("select 1"), 60, log)
         yield ask
+    shutil.rmtree(data)
 
 
 def answers():
