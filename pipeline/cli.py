@@ -260,6 +260,9 @@ def status(as_json: AsJson = False, root: Root = Path()) -> None:
 def init(
     name: Annotated[str | None, typer.Argument(help="Of the new campaign.")] = None,
     robot: Annotated[str | None, typer.Option(help="A robot that ships, or a robot file.")] = None,
+    plan: Annotated[
+        Path | None, typer.Option(help="Plan file: its poses, steps and tool are filled in.")
+    ] = None,
     root: Root = Path(),
 ) -> None:
     """Prepare the folder of a new campaign; on a terminal it asks for what was not given."""
@@ -269,6 +272,11 @@ def init(
     if name is None and not ask:
         raise UsageError("the campaign has no name: write `pipeline init NAME`")
     name = name or typer.prompt(f"Name of the campaign ({shell.NAME})", err=True)
+    if plan is not None:
+        from pipeline import virtual
+
+        typer.echo(virtual.prepare(root, name, plan))
+        return
     if robot is None and ask:
         robot = typer.prompt(f"Robot ({shell.robots()}, or a file)", "kr500_rail", err=True)
     known = {
@@ -282,6 +290,9 @@ def init(
 def simulate(
     plan: Annotated[
         Path | None, typer.Argument(help="Plan file; without it the plan of the demo.")
+    ] = None,
+    plan_file: Annotated[
+        Path | None, typer.Option("--plan", help="The same, as an option.")
     ] = None,
     name: Annotated[str | None, typer.Option(help="Name of the campaign.")] = None,
     robot: Annotated[str | None, typer.Option(help="A robot that ships, or a robot file.")] = None,
@@ -331,7 +342,7 @@ def simulate(
         },
         "hidden": {"stiffness_spread": spread, "effects": effect},
     }
-    written = virtual.write(root, plan, changes, noise, exact, truth, force)
+    written = virtual.write(root, plan or plan_file, changes, noise, exact, truth, force)
     typer.echo(written.folder)
     typer.secho(f"truth: {written.truth}", err=True)
 
@@ -351,13 +362,21 @@ def design(
     ] = None,
     robot: Annotated[str | None, typer.Option(help="A robot that ships, or a robot file.")] = None,
     criterion: Annotated[str | None, typer.Option(help="test_pose, workspace, D, A or E.")] = None,
+    add_to: Annotated[
+        str | None, typer.Option(help="Propose further poses for this campaign.")
+    ] = None,
     name: Annotated[str | None, typer.Option(help="Name of the plan.")] = None,
     seed: Annotated[int, typer.Option(help="Determines the plan.")] = 1,
     rounds: Annotated[int, typer.Option(min=1, help="Rounds of new starts.")] = 2,
+    write: Annotated[
+        bool | None,
+        typer.Option("--write/--no-write", help="Plan file and sheet; not with --json."),
+    ] = None,
     as_json: AsJson = False,
     root: Root = Path(),
 ) -> None:
     """Choose the poses to measure, and say how near they are to the best that could be."""
+    from pipeline import campaign as campaigns
     from pipeline import planning
 
     changes = {
@@ -368,7 +387,10 @@ def design(
         "anchor": dict(zip(("x_m", "y_m", "z_m"), anchor, strict=True)) if anchor else None,
         "criterion": {"kind": criterion},
     }
-    made = planning.run(problem, changes, seed, rounds, _at_work)
+    campaign = campaigns.find(root, add_to) if add_to else None
+    made = planning.run(problem, changes, seed, rounds, _at_work, campaign)
+    if write or (write is None and not as_json):
+        made = planning.write(root, made, seed)
     typer.echo(made.as_json() if as_json else made.as_text())
     if made.interrupted:
         raise Interrupted("Interrupted; this is the best plan so far.")

@@ -13,7 +13,7 @@ from pipeline import files
 from pipeline.campaign import dump
 from pipeline.errors import InputError, UsageError
 from pipeline.robot import load as load_robot
-from pipeline.simulate import Plan, RawCampaign, parse, revised, simulate
+from pipeline.simulate import Plan, RawCampaign, parse, prepared, revised, simulate
 
 INSTRUMENT = {
     "range_m": 8e-6,
@@ -76,6 +76,27 @@ def write(
     with files.writing(folder):
         _place(made, folder)
     return Written(folder, sealed)
+
+
+def prepare(root: Path, name: str, plan: Path) -> Path:
+    """Make the folder of a campaign that will measure a plan: all but forces and tracker export.
+
+    Args:
+        root: The project's root.
+        name: Name of the campaign.
+        plan: The plan file.
+
+    Raises:
+        UsageError: The folder is there already.
+        InputError: The plan cannot be carried out, or the name cannot name a campaign.
+    """
+    folder = root / "data" / "raw" / name
+    if folder.exists():
+        raise UsageError(f"{folder} is there already: choose another name")
+    wanted = revised(_read(plan), {"name": name})
+    for inner, data in prepared(wanted, load_robot(wanted.robot, plan.parent)).items():
+        files.write(folder / inner, data)
+    return folder
 
 
 def _read(path: Path | None) -> Plan:

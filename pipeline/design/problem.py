@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import resources
 from typing import Annotated, Any, Literal
 
@@ -24,7 +24,7 @@ from pipeline.results import Array, Bools, Locked
 from pipeline.robot import Robot, configure
 from pipeline.settings import InstrumentNoise, NotNegative, Point, Positive, Strict, TestPose
 
-SHIPPED = ("paper_reference",)
+SHIPPED = ("paper_reference", "diagnosis_reference")
 Range = tuple[float, float]
 G_N_PER_KG = 9.81
 
@@ -106,7 +106,27 @@ class LimitSpec(Strict):
     pull_within_deg: Annotated[float, Field(gt=0, lt=180)] | None = None
     payload_kg: Positive | None = None
     max_relative_std: Positive = 1.0
-    approach: Literal["alternate", "up", "down"] = "alternate"
+    approach: Literal["crossed", "up", "down"] = "crossed"
+
+
+class DiagnosisSpec(Strict):
+    """How much of the criterion may be given up for the power to diagnose, and for which pulls.
+
+    `programmes` are the load steps that a pose may get [N]; a step is negative where the
+    turnbuckle is slackened to it from above.
+    """
+
+    allowed: Annotated[float, Field(ge=1, allow_inf_nan=False)] = 1.25
+    poses: int = Field(ge=1, le=200)
+    programmes: list[list[float]] = Field(min_length=1)
+
+    @field_validator("programmes")
+    @classmethod
+    def not_empty(cls, value: list[list[float]]) -> list[list[float]]:
+        """Every programme has steps, and no step is zero."""
+        if not all(steps and all(steps) for steps in value):
+            raise ValueError("every programme needs load steps, and no step is 0 N")
+        return value
 
 
 class ProblemFile(Strict):
@@ -124,6 +144,7 @@ class ProblemFile(Strict):
     test_pose: list[WeightedPose] = Field(default_factory=list)
     noise: NoiseSpec = NoiseSpec(displacement_sigma_m=3e-5)
     limits: LimitSpec = LimitSpec()
+    diagnosis: DiagnosisSpec | None = None
 
     @model_validator(mode="after")
     def points_are_there(self) -> ProblemFile:
@@ -326,6 +347,18 @@ def _scatter(spec: ProblemFile, repeats: int) -> Scatter:
     )
 
 
+def with_steps(problem: Problem, steps: Array) -> Experiment:
+    """The experiment of a pose that is pulled once in each of these steps [N], signs ignored."""
+    noise, force = problem.spec.noise, np.abs(steps)
+    scatter = replace(
+        problem.experiment.scatter,
+        force=force,
+        repeats=np.ones(len(force)),
+        force_std=np.hypot(noise.scale_sigma_n, noise.scale_sigma_rel * force),
+    )
+    return replace(problem.experiment, scatter=scatter)
+
+
 def _ends(value: float | Range) -> Range:
     return value if isinstance(value, tuple) else (value, value)
 
@@ -362,6 +395,8 @@ def _span(robot: Robot, k: int) -> str:
 
 def _check_payload(spec: ProblemFile) -> None:
     payload, pull = spec.limits.payload_kg, max(spec.pull.steps_n)
+    if spec.diagnosis is not None:
+        pull = max(pull, *(abs(step) for steps in spec.diagnosis.programmes for step in steps))
     if payload is not None and pull > payload * G_N_PER_KG:
         raise InputError(
             f"a pull of {pull:g} N is more than the payload of {payload:g} kg carries "

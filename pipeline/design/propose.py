@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pipeline.design.bound import Certificate, certify
+from pipeline.design.discriminate import Sight, lens
+from pipeline.design.measurement import Measurement, of_mixed, of_plan, seen_by
 from pipeline.design.problem import Problem
 from pipeline.design.search import Effort, Plan, Progress, found, rounded, search
+from pipeline.design.trade import Aim, Mixed, trade
 from pipeline.results import Array
 
 
@@ -19,20 +22,43 @@ class Proposal:
 
     Attributes:
         problem: What it was made for.
-        plan: Poses and anchor, rounded as they are printed.
+        plan: The pure optimum: poses and anchor, rounded as they are printed.
         certificate: Lower bound of the figure; None while it is not yet computed.
         done: What has been done, for a line of progress.
+        mixed: The plan with power to diagnose, where the problem asks for one.
     """
 
     problem: Problem
     plan: Plan
     certificate: Certificate | None
     done: str
+    mixed: Mixed | None = None
+
+    @property
+    def figure(self) -> float:
+        """The criterion of what is to be measured, in its unit."""
+        return self.plan.figure if self.mixed is None else self.mixed.figure
+
+    @property
+    def relative_std(self) -> Array:
+        """Standard uncertainty of each compliance over its nominal size, shape (n,)."""
+        return self.plan.relative_std if self.mixed is None else self.mixed.relative_std
 
     @property
     def efficiency(self) -> float | None:
         """Lower bound over figure: at most one."""
-        return None if self.certificate is None else self.certificate.figure / self.plan.figure
+        return None if self.certificate is None else self.certificate.figure / self.figure
+
+    @property
+    def measurement(self) -> Measurement:
+        """What is to be done."""
+        if self.mixed is None:
+            return of_plan(self.problem, self.plan)
+        return of_mixed(self.problem, self.mixed, aim_of(self.problem).programmes)
+
+    def sights(self) -> list[Sight]:
+        """What the plan will and will not see."""
+        return seen_by(lens(self.problem), self.measurement)
 
 
 def propose(
@@ -50,7 +76,7 @@ def propose(
         InputError: No plan meets the request; says why and what to change.
     """
     effort = effort or Effort()
-    for_search, for_bound = np.random.default_rng(seed).spawn(2)
+    for_search, for_bound, for_trade = np.random.default_rng(seed).spawn(3)
     progress: Progress | None = None
     plan: Plan | None = None
     for progress in search(problem, for_search, effort, known):
@@ -59,6 +85,21 @@ def propose(
             yield Proposal(problem, plan, None, f"round {progress.round} of {progress.rounds}")
     assert progress is not None  # a search has at least one round
     plan = plan or found(problem, progress)
+    proposal = Proposal(problem, plan, None, "search")
     pool, rounds, starts = progress.pool, effort.bounds, effort.directions
     for certificate in certify(problem, pool, for_bound, rounds, starts, known):
-        yield Proposal(problem, plan, certificate, f"bound, search {certificate.rounds}")
+        proposal = replace(
+            proposal, certificate=certificate, done=f"bound, search {certificate.rounds}"
+        )
+        yield proposal
+    if problem.spec.diagnosis is not None:
+        for mixed in trade(lens(problem), plan, aim_of(problem), for_trade):
+            yield replace(proposal, mixed=mixed, done=f"exchange, {mixed.named} causes named")
+
+
+def aim_of(problem: Problem) -> Aim:
+    """What the problem's [diagnosis] allows."""
+    spec = problem.spec.diagnosis
+    assert spec is not None  # asked for where there is one
+    programmes = tuple(np.array(steps) for steps in spec.programmes)
+    return Aim(spec.allowed, spec.poses, programmes)

@@ -18,6 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.covariance import symmetric
+from pipeline.instrument import beam_covariance
 from pipeline.results import Array, Locked
 from pipeline.settings import InstrumentNoise
 
@@ -103,6 +105,25 @@ class Scatter(Locked):
         f = float(self.repeats @ self.force)
         back = (b / a**2) / (1 - b * h / a)
         return lost + (g * g * h - 2 * f * g) / a + back * (f - g * h) ** 2
+
+    def reading(self, points: Array) -> Array:
+        """Covariance of one reading of all points [m^2], block diagonal, (m, 3 t, 3 t).
+
+        Args:
+            points: In F_b [m], shape (t, 3, m).
+        """
+        t, _, m = points.shape
+        out = np.zeros((m, t, 3, t, 3))
+        each = np.arange(t)
+        if self.beam is None:
+            assert self.covariance is not None  # one of the two is given
+            out[:, each, :, each] = self.covariance
+        else:
+            noise, position = self.beam.noise, np.array(self.beam.position)
+            ray = np.moveaxis(points, -1, 1) - position
+            six = beam_covariance(ray.reshape(-1, 3), noise)
+            out[:, each, :, each] = symmetric(six).reshape(t, m, 3, 3)
+        return out.reshape(m, 3 * t, 3 * t)
 
     def see(self, points: Array, A: Array) -> Seen:
         """T^-1 A, and what its derivative needs.

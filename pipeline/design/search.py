@@ -6,7 +6,7 @@ The same seed gives the same plan; nothing here looks at a clock.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -229,8 +229,10 @@ def evaluate(problem: Problem, q: Array, anchor: Array, known: Array | None = No
 
 
 def rounded(problem: Problem, plan: Plan, known: Array | None = None) -> Plan:
-    """The plan with its numbers as they are printed: 1e-6 m and 1e-6 degrees."""
+    """The plan as it is printed: 1e-6 m and 1e-6 degrees, a rail robot's poses along the rail."""
     slides = problem.robot.prismatic
+    if slides[0]:
+        plan = replace(plan, q=plan.q[np.argsort(plan.q[:, 0])])
     q = np.where(slides, plan.q, np.rad2deg(plan.q)).round(6)
     q = np.clip(np.where(slides, q, np.deg2rad(q)), problem.lower, problem.upper)
     return evaluate(problem, q[None], plan.anchor.round(6)[None], known)[0]

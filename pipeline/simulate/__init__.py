@@ -1,6 +1,6 @@
 """The virtual cell: poses, pulls, noise and hidden effects become the files of a raw campaign."""
 
-from pipeline.simulate.campaign import RawCampaign, raw_files, readings, simulate, truth
+from pipeline.simulate.campaign import RawCampaign, prepared, raw_files, readings, simulate, truth
 from pipeline.simulate.hidden import Planted, plant
 from pipeline.simulate.plan import Plan, parse, revised
 from pipeline.simulate.scene import Draws, Scene, build, draw
@@ -15,6 +15,7 @@ __all__ = [
     "draw",
     "parse",
     "plant",
+    "prepared",
     "raw_files",
     "readings",
     "revised",

@@ -70,6 +70,37 @@ def simulate(
     )
 
 
+TO_FILL = b"""
+[base_frame]                # fixed reflectors, nominal coordinates in F_b [m]: at least three
+# B1 = [0.6, -0.5, -0.30]
+"""
+
+
+def prepared(plan: Plan, robot: Robot) -> dict[str, bytes]:
+    """The files of a campaign before it is measured: forces and tracker export are still to come.
+
+    Args:
+        plan: What is to be measured.
+        robot: Its robot.
+
+    Raises:
+        InputError: A pose of the plan is out of limits, or no feasible one was found.
+    """
+    scene = build(plan, robot, np.random.default_rng(plan.seed))
+    q = scene.pulls.q[scene.pulls.repeat == 1]
+    rows = zip(scene.pulls.pose, scene.pulls.repeat, scene.pulls.branch, strict=True)
+    loads = [f"{pose},{repeat},,{'up' if way > 0 else 'down'}\n" for pose, repeat, way in rows]
+    toml_text = _campaign_toml(plan, plan.robot)
+    if "base_frame" not in plan.model_fields_set:
+        toml_text = _campaign_toml(plan.model_copy(update={"base_frame": {}}), plan.robot) + TO_FILL
+    files = {
+        "campaign.toml": toml_text,
+        "loads.csv": "".join(["pose,repeat,force_n,branch\n", *loads]).encode(),
+        "joints.csv": _joints(scene, in_log_units(robot, q)),
+    }
+    return files | ({} if plan.robot in SHIPPED else {"robot.toml": robot.text.encode()})
+
+
 def raw_files(scene: Scene, draws: Draws, which: int = 0) -> dict[str, bytes]:
     """The files of one of the drawn campaigns, nothing gone wrong."""
     return written(scene, notebook(scene, draws, which))
@@ -124,13 +155,17 @@ def readings(scene: Scene, draws: Draws, which: int = 0) -> Readings:
     """All readings of one drawn campaign in the order in which they were taken."""
     plan, m = scene.plan, len(scene.pulls)
     base, zeros = list(plan.base_frame), draws.zero.shape[2]
-    per_pose = m // len(scene.anchor)
+    after = np.bincount(scene.pose_of) + 1
     wide = max(2, len(str(len(scene.anchor))))
     names = [f"pose{p + 1:0{wide}d}_rep" for p in range(len(scene.anchor))]
-    last = [0, per_pose + 1]
     group = [
         *(name for name in ("base_start", "base_end") for _ in base),
-        *(f"{n}{last[z]}_unloaded" for n in names for z in range(zeros) for _ in plan.targets),
+        *(
+            f"{name}{(0, last)[z]}_unloaded"
+            for name, last in zip(names, after, strict=True)
+            for z in range(zeros)
+            for _ in plan.targets
+        ),
         *(
             f"{names[p]}{repeat}_loaded"
             for p, repeat in zip(scene.pose_of, scene.pulls.repeat, strict=True)

@@ -14,6 +14,8 @@ from pipeline.settings import InstrumentNoise, NotNegative, Point, Positive, Sca
 
 Step = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
+SignedStep = Annotated[float, Field(allow_inf_nan=False)]
+
 TOOL: dict[str, Point] = {
     "load_point": (0.15, 0.0, 0.25),
     "P1": (0.20, 0.05, 0.12),
@@ -65,6 +67,8 @@ class Pull(Strict):
     Attributes:
         steps_n: What the scale shows at each load step, in the order of tightening.
         repeats: How often the steps are run through, the chain released in between.
+        pose_steps_n: Load steps of each pose, where poses differ; a step is negative where the
+            turnbuckle is slackened to it from above.
         zero: Whether the unloaded targets are read only before the pulls or after them too.
         anchors: Attachment points on the floor [m], F_b; spread along the robot when not given.
         anchor: Index into `anchors` per pose; in turn for drawn poses, else the nearest in reach.
@@ -73,6 +77,7 @@ class Pull(Strict):
 
     steps_n: list[Step] = Field(default=[1200.0, 3000.0, 2000.0], min_length=1)
     repeats: int = Field(default=1, ge=1)
+    pose_steps_n: list[list[SignedStep]] | None = Field(default=None, min_length=1)
     zero: Literal["before", "before_after"] = "before_after"
     anchors: list[Point] | None = Field(default=None, min_length=1)
     anchor: list[int] | None = None
@@ -209,6 +214,20 @@ class Plan(Strict):
             raise ValueError("pulls.anchor needs pulls.anchors and one index per pose")
         if not all(0 <= index < len(anchors) for index in chosen):
             raise ValueError(f"pulls.anchor counts from 0 to {len(anchors) - 1}")
+        return self
+
+    @model_validator(mode="after")
+    def steps_are_there(self) -> Plan:
+        """Where poses have steps of their own, each has at least one, and none is zero."""
+        steps = self.pulls.pose_steps_n
+        if steps is None:
+            return self
+        if len(steps) != self.poses.number:
+            raise ValueError(
+                f"pulls.pose_steps_n is for {len(steps)} poses, there are {self.poses.number}"
+            )
+        if not all(own and all(own) for own in steps):
+            raise ValueError("pulls.pose_steps_n: every pose needs steps, and no step is 0 N")
         return self
 
     @property

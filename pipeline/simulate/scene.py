@@ -122,20 +122,21 @@ def build(
     q, anchor = _stand(plan, robot, for_poses)
     planted = (*effects(plan.hidden.effects, robot), *hidden)
     truth, values = _truth(plan, robot, planted, for_truth)
-    schedule = _schedule(plan)
-    steps, branch = _steps(plan)
-    pose_of = np.repeat(np.arange(len(q)), len(steps))
+    steps = _steps(plan)
+    count = np.array([len(own) for own in steps])
+    schedule = _schedule(plan, count)
+    pose_of = np.repeat(np.arange(len(q)), count)
     pulls = Pulls(
         pose=pose_of + 1,
-        repeat=np.tile(np.arange(1, len(steps) + 1), len(q)),
+        repeat=np.concatenate([np.arange(1, k + 1) for k in count]),
         q=q[pose_of],
         force=np.zeros((len(pose_of), 3)),
-        branch=np.tile(branch, len(q)),
+        branch=np.concatenate([_branch(plan, own) for own in steps]),
         approach=_approach(plan)[pose_of],
         time=schedule.loaded.mean(axis=1),
         time_zero=schedule.zero.mean(axis=(1, 2))[pose_of],
     )
-    shown = np.tile(steps, len(q))
+    shown = np.abs(np.concatenate(steps))
     return Scene(
         plan=plan,
         robot=robot,
@@ -257,34 +258,42 @@ def _truth(
     return truth, np.concatenate([1 / stiffness, *(one.values for one in planted)])
 
 
-def _steps(plan: Plan) -> tuple[Array, Array]:
-    """What the scale is to show at each pull of a pose, and the branch; each run starts slack."""
-    steps = np.array(plan.pulls.steps_n)
-    branch = np.ones(len(steps))
-    for k in range(1, len(steps)):
-        change = np.sign(steps[k] - steps[k - 1])
-        branch[k] = change or branch[k - 1]
-    return np.tile(steps, plan.pulls.repeats), np.tile(branch, plan.pulls.repeats)
+def _steps(plan: Plan) -> list[Array]:
+    """What the scale is to show at each pull of each pose; each run starts slack."""
+    pulls = plan.pulls
+    each = pulls.pose_steps_n or [pulls.steps_n] * plan.poses.number
+    return [np.tile(np.array(steps, dtype=float), pulls.repeats) for steps in each]
 
 
-def _schedule(plan: Plan) -> Schedule:
-    """Lay the readings along the clock: base, poses with zeros and pulls, base."""
-    clock, poses, t = plan.clock, plan.poses.number, len(plan.targets)
-    pulls = len(plan.pulls.steps_n) * plan.pulls.repeats
+def _branch(plan: Plan, steps: Array) -> Array:
+    """Which way the turnbuckle was last turned at each pull of a pose."""
+    run = steps[: len(steps) // plan.pulls.repeats]
+    branch = np.sign(run)
+    for k in range(1, len(run)):
+        if run[k] > 0:
+            branch[k] = np.sign(run[k] - abs(run[k - 1])) or branch[k - 1]
+    return np.tile(branch, plan.pulls.repeats)
+
+
+def _schedule(plan: Plan, count: Ints) -> Schedule:
+    """Lay the readings along the clock: base, poses with zeros and `count` pulls each, base."""
+    clock, t = plan.clock, len(plan.targets)
     zeros = 2 if plan.pulls.zero == "before_after" else 1
     one = clock.reading_s
     zero_s, pull_s = t * one, clock.pull_s + (t + 2) * one
-    pose_s = clock.pose_s + pulls * pull_s + zeros * zero_s + (zeros - 1) * clock.pull_s
-    start = len(plan.base_frame) * one + pose_s * np.arange(poses) + clock.pose_s
+    pose_s = clock.pose_s + count * pull_s + zeros * zero_s + (zeros - 1) * clock.pull_s
+    before = np.cumsum(pose_s) - pose_s
+    start = len(plan.base_frame) * one + before + clock.pose_s
     reading = one * np.arange(t + 2)
-    loaded = start + zero_s + clock.pull_s + pull_s * np.arange(pulls)[:, None]
-    after = zero_s + pulls * pull_s + clock.pull_s
-    zero = start[:, None, None] + np.array([0.0, after])[:zeros, None] + reading[:t]
-    ends = np.array([0.0, len(plan.base_frame) * one + pose_s * poses])
+    pull = np.concatenate([np.arange(k) for k in count])
+    loaded = np.repeat(start, count) + zero_s + clock.pull_s + pull_s * pull
+    after = np.stack([np.zeros(len(count)), zero_s + count * pull_s + clock.pull_s], axis=1)
+    zero = start[:, None, None] + after[:, :zeros, None] + reading[:t]
+    ends = np.array([0.0, len(plan.base_frame) * one + pose_s.sum()])
     return Schedule(
         base=ends[:, None] + one * np.arange(len(plan.base_frame)),
         zero=zero,
-        loaded=loaded.T.reshape(-1, 1) + reading,
+        loaded=loaded[:, None] + reading,
     )
 
 

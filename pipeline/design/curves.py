@@ -1,0 +1,118 @@
+"""The criterion along one quantity: size of the plan (Fig. 5), place of the anchor (Fig. 6)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.design.descent import descend
+from pipeline.design.problem import Problem, build, revised
+from pipeline.design.search import HARD, Effort, Plan, evaluate, objective, search
+from pipeline.design.space import Box
+from pipeline.errors import InputError
+from pipeline.results import Array, Locked
+
+QUICK = Effort(rounds=1, poses=192, settled=16, exchanged=4)
+
+
+@dataclass(frozen=True, eq=False)
+class BySize(Locked):
+    """Best figures by size of the plan.
+
+    Attributes:
+        poses: m_0 of each curve, shape (a,).
+        readings: n, shape (b,).
+        figure: Best figure found, NaN where n cannot be shared among m_0 poses, shape (a, b).
+    """
+
+    poses: Array
+    readings: Array
+    figure: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ByAnchor(Locked):
+    """Best figures by one coordinate of the anchor.
+
+    Attributes:
+        axis: 0, 1, 2 for x, y, z.
+        at: That coordinate [m], shape (a,).
+        figure: Best figure found, NaN where none keeps the limits, shape (a,).
+        fixed_poses: Figure of the plan's own poses with the anchor there, shape (a,).
+    """
+
+    axis: int
+    at: Array
+    figure: Array
+    fixed_poses: Array
+
+
+def by_size(problem: Problem, poses: Sequence[int], readings: Sequence[int], seed: int) -> BySize:
+    """Best figure for each m_0 and n; the limit on single compliances is left out.
+
+    Args:
+        problem: The problem.
+        poses: Values of m_0.
+        readings: Values of n.
+        seed: Determines the searches.
+    """
+    figure = np.full((len(poses), len(readings)), np.nan)
+    for i, m0 in enumerate(poses):
+        for j, n in enumerate(readings):
+            if n % m0 == 0 and n >= 3:
+                figure[i, j] = _best(_sized(problem, m0, n), seed)
+    return BySize(np.array(poses), np.array(readings), figure)
+
+
+def _sized(problem: Problem, poses: int, readings: int) -> Problem:
+    changes = {
+        "plan": {"poses": poses, "readings": readings},
+        "pull": {"steps_n": [max(problem.spec.pull.steps_n)]},
+        "limits": {"max_relative_std": 1e3},
+    }
+    return build(revised(problem.spec, changes), problem.robot)
+
+
+def _best(problem: Problem, seed: int) -> float:
+    try:
+        *_, last = search(problem, np.random.default_rng(seed), QUICK)
+    except InputError:
+        return float("nan")
+    return float("nan") if last.best is None else last.best.figure
+
+
+def by_anchor(
+    problem: Problem, plan: Plan, at: Array, seed: int, axis: int = 0, starts: int = 6
+) -> ByAnchor:
+    """Best figure with the anchor held at places along one axis.
+
+    Args:
+        problem: The problem.
+        plan: Its plan; every search also starts from its poses.
+        at: Places [m], shape (a,).
+        seed: Determines the searches.
+        axis: 0, 1, 2 for x, y, z.
+        starts: Random starts at each place.
+    """
+    rng = np.random.default_rng(seed)
+    best = [_held(problem, plan, axis, float(x), rng, starts) for x in at]
+    anchor = np.tile(plan.anchor, (len(at), 1))
+    anchor[:, axis] = at
+    there = evaluate(problem, np.repeat(plan.q[None], len(at), axis=0), anchor)
+    return ByAnchor(axis, at, np.array(best), np.array([p.figure for p in there]))
+
+
+def _held(
+    problem: Problem, plan: Plan, axis: int, x: float, rng: np.random.Generator, starts: int
+) -> float:
+    place = dict(zip(("x_m", "y_m", "z_m"), plan.anchor.tolist(), strict=True))
+    place[("x_m", "y_m", "z_m")[axis]] = x
+    held = build(revised(problem.spec, {"anchor": place}), problem.robot)
+    box = Box(held, held.poses)
+    mine = box.closed(plan.q[None], np.array([list(place.values())]))
+    start = np.vstack([mine, rng.uniform(size=(starts, box.size))])
+    found = descend(objective(held, HARD), np.clip(start, 0, 1), rounds=200, gain=1e-6)
+    plans = evaluate(held, *box.opened(found.x))
+    return min((p.figure for p in plans if p.kept), default=float("nan"))

@@ -1,0 +1,248 @@
+"""What a plan can see: which causes it would notice and tell from every rival, from which size on.
+
+The columns of a cause are its derivative in the forward model, whitened by the plan's own scatter.
+A cause is noticed when what the joint springs cannot explain of it stands out of the scatter, and
+it is named when no rival can explain it either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.cell import Cell, paper_cell, sensitivity
+from pipeline.design.information import Experiment, station
+from pipeline.design.problem import Problem, with_steps
+from pipeline.design.schedule import pulls_at
+from pipeline.diagnosis.blindspots import needed
+from pipeline.diagnosis.isolability import Twins, twins
+from pipeline.diagnosis.nextpose import APART
+from pipeline.effects import Effect, Noise, catalogue
+from pipeline.results import Array, Bools, Ints, Locked
+
+P_EACH = 0.01 / 25
+"""False alarms of one cause: 1 % for all, which count as some 25 independent tests."""
+NULL = 1e-7
+"""What is left of a column relative to the whole column when it is a mix of others."""
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What a plan sees of one cause, twins taken as one.
+
+    Attributes:
+        name: Label of the cause, or of its twins joined by " = ".
+        detected_from: Size from which it is noticed in 80 % of the cases, in typical sizes; inf
+            when no size is. Of its main mathematical form, the first in the catalogue.
+        named_from: Size from which it is told from every rival in whatever form, in typical sizes.
+        rival: The cause it is hardest to tell from, empty when nothing hides it.
+        needs: What would settle it.
+    """
+
+    name: str
+    detected_from: float
+    named_from: float
+    rival: str
+    needs: str
+
+
+@dataclass(frozen=True, eq=False)
+class Lens(Locked):
+    """The causes a plan is asked about, with everything that does not depend on its poses.
+
+    Attributes:
+        problem: The problem.
+        cell: The paper's cell of its robot.
+        suspects: Causes that move something, each in each of its forms.
+        owner: Index of the suspect of each column, shape (K,).
+        typical: Typical size of each column's parameter, shape (K,).
+        group: Number of the cause of each suspect; forms and twins share one.
+        main: Suspects that are the main form of their cause, the first in the catalogue.
+        names: Name of each group.
+        twins: What tip loading can never tell.
+    """
+
+    problem: Problem
+    cell: Cell
+    suspects: tuple[Effect, ...]
+    owner: Ints
+    typical: Array
+    group: Ints
+    main: Bools
+    names: tuple[str, ...]
+    twins: Twins
+
+    @property
+    def springs(self) -> int:
+        """Number of joint springs, the first columns of products."""
+        return self.problem.robot.n
+
+
+def lens(problem: Problem) -> Lens:
+    """Everything about the catalogue of a problem's robot that does not depend on poses."""
+    robot = problem.robot
+    hidden = twins(robot)
+    never = {*hidden.of_stiffness, *hidden.unmoved}
+    suspects = tuple(
+        effect
+        for effect in catalogue(robot)
+        if not isinstance(effect, Noise) and effect.label not in never
+    )
+    names = _classes([effect.label for effect in suspects], hidden.pairs)
+    order = list(dict.fromkeys(names.values()))
+    sizes = [len(effect.parameters) for effect in suspects]
+    return Lens(
+        problem=problem,
+        cell=paper_cell(robot, problem.tool),
+        suspects=suspects,
+        owner=np.repeat(np.arange(len(suspects)), sizes),
+        typical=np.array([p.typical for effect in suspects for p in effect.parameters]),
+        group=np.array([order.index(names[effect.label]) for effect in suspects]),
+        main=_first([effect.label for effect in suspects]),
+        names=tuple(order),
+        twins=hidden,
+    )
+
+
+def _first(labels: Sequence[str]) -> Bools:
+    return np.array([label not in labels[:i] for i, label in enumerate(labels)])
+
+
+def _classes(labels: Sequence[str], pairs: Sequence[tuple[str, str]]) -> dict[str, str]:
+    """Label -> name of its class of twins."""
+    classes = [{label} for label in dict.fromkeys(labels)]
+    for pair in pairs:
+        joined = [c for c in classes if not c.isdisjoint(pair)]
+        classes = [c for c in classes if c not in joined] + [set().union(*joined)]
+    return {label: " = ".join(sorted(c)) for c in classes for label in c}
+
+
+def rows(
+    view: Lens, q: Array, anchor: Array, approach: Array, steps: Array, start_s: Array
+) -> Array:
+    """Whitened columns [springs | suspects] of poses with the same load steps, (m, R, W).
+
+    Args:
+        view: The causes.
+        q: Joint values [m] or [rad], shape (m, n).
+        anchor: Anchor [m], shape (3,) or (m, 3).
+        approach: Which way the carriage came, +1 or -1, shape (m,).
+        steps: Load steps [N]; negative where the turnbuckle was slackened to it, shape (s,).
+        start_s: When each pose's first zero is read [s], shape (m,).
+    """
+    cell, x = view.cell, view.problem.experiment.scale
+    made = with_steps(view.problem, steps)
+    pulls = pulls_at(made, q, anchor, approach, steps, start_s)
+    B = sensitivity(cell, pulls, x, cell.effects) * x
+    Z = sensitivity(cell, pulls, x, view.suspects) * view.typical
+    X = np.concatenate([B, Z], axis=-1).reshape(len(q), -1, view.springs + len(view.owner))
+    L = np.linalg.cholesky(_covariance(made, q, anchor))
+    return np.asarray(np.linalg.solve(L, X))
+
+
+def _covariance(experiment: Experiment, q: Array, anchor: Array) -> Array:
+    """Covariance of all displacements of each pose [m^2], pulls outermost, (m, R, R)."""
+    scatter = experiment.scatter
+    at = station(experiment, q, anchor)
+    T = scatter.reading(at.points)
+    size, m, s = T.shape[-1], len(q), len(scatter.force)
+    d = at.A.sum(axis=1).reshape(size, m).T
+    V = np.kron(np.eye(s) + scatter.zero, np.ones((size, size))) * np.tile(T, (1, s, s))
+    for k, std in enumerate(scatter.force_std):
+        block = slice(k * size, (k + 1) * size)
+        V[:, block, block] += std**2 * d[:, :, None] * d[:, None]
+    return np.asarray(V)
+
+
+def sights(view: Lens, M: Array) -> list[Sight]:
+    """What a plan with these products, shape (W, W), sees of every cause of the catalogue."""
+    seen, apart, rival = separations(view, M[None])
+    detected, named = _sizes(view, seen, apart)
+    out = []
+    for g, name in enumerate(view.names):
+        members = np.flatnonzero((view.group == g) & view.main)
+        worst = members[np.argmax(named[0, members])]
+        hidden = apart[0, worst] < 0.999 * seen[0, worst]
+        other = view.names[rival[0, worst]] if hidden else ""
+        sizes = _size(detected[0, members].max()), _size(named[0, worst])
+        out.append(Sight(name, *sizes, other, view.suspects[worst].needs))
+    return out + [Sight(*never) for never in _never(view)]
+
+
+def named_from(view: Lens, M: Array) -> Array:
+    """Size from which each cause is named, in typical sizes, by plans (k, W, W), (k, g)."""
+    seen, apart, _ = separations(view, M)
+    named = _sizes(view, seen, apart)[1]
+    members = [(view.group == g) & view.main for g in range(len(view.names))]
+    return np.stack([named[:, of_cause].max(axis=1) for of_cause in members], axis=1)
+
+
+def _sizes(view: Lens, seen: Array, apart: Array) -> tuple[Array, Array]:
+    """Sizes from which each suspect is noticed and named, in typical sizes, both (k, n)."""
+    count = np.bincount(view.owner, minlength=len(view.suspects))
+    least = {k: float(np.sqrt(needed(int(k), P_EACH) / k)) for k in np.unique(count)}
+    threshold = np.array([least[k] for k in count])
+    detected = threshold / np.maximum(seen, 1e-300)
+    return detected, np.maximum(detected, APART / np.maximum(apart, 1e-300))
+
+
+def _size(times: float) -> float:
+    return float(times) if times < 1e4 else np.inf
+
+
+def _never(view: Lens) -> list[tuple[str, float, float, str, str]]:
+    """Causes that no pull at the tip can show."""
+    needs = {effect.label: effect.needs for effect in catalogue(view.problem.robot)}
+    return [
+        (name, np.inf, np.inf, "the joint springs", needs[name]) for name in view.twins.of_stiffness
+    ]
+
+
+def separations(view: Lens, M: Array) -> tuple[Array, Array, Ints]:
+    """How far each suspect at typical size stands out, in sigmas per parameter.
+
+    Args:
+        view: The causes, K columns of n suspects.
+        M: Products of plans, shape (k, W, W).
+
+    Returns:
+        Beside the springs, shape (k, n); beside springs and the rival that hides it best,
+        (k, n); the group of that rival, (k, n).
+    """
+    first, n = view.springs, len(view.suspects)
+    size = np.sqrt(np.maximum(np.einsum("kii->ki", M)[:, first:], 1e-300))
+    S = _eliminated(M, first) / size[:, :, None] / size[:, None]
+    starts = np.searchsorted(view.owner, np.arange(n))
+    count = np.bincount(view.owner, minlength=n)
+    own = np.maximum(np.einsum("kii->ki", S), 0.0)
+    seen = np.add.reduceat(own * size**2, starts, axis=1) / count
+    left = np.maximum(own[:, None] - _taken(S, view.owner, n), 0.0) * size[:, None] ** 2
+    left = np.add.reduceat(left, starts, axis=2) / count
+    left = np.where(view.group[:, None] == view.group[None], np.inf, left)
+    hiding = np.argmin(left, axis=1)
+    apart = np.minimum(np.min(left, axis=1), seen)
+    return np.sqrt(seen), np.sqrt(apart), view.group[hiding]
+
+
+def _eliminated(M: Array, first: int) -> Array:
+    """Products of what is left of the other columns when the first ones are fitted."""
+    scale = np.sqrt(np.maximum(np.einsum("kii->ki", M[:, :first, :first]), 1e-300))
+    N = M[:, :first, :first] / scale[:, :, None] / scale[:, None]
+    C = M[:, :first, first:] / scale[:, :, None]
+    return np.asarray(M[:, first:, first:] - np.swapaxes(C, 1, 2) @ np.linalg.solve(N, C))
+
+
+def _taken(S: Array, owner: Ints, n: int) -> Array:
+    """What each suspect explains of each column, shape (k, n, K); rounding explains nothing."""
+    out = np.empty((len(S), n, S.shape[-1]))
+    count = np.bincount(owner, minlength=n)
+    for k in np.unique(count):
+        members = np.flatnonzero(count == k)
+        columns = np.searchsorted(owner, members)[:, None] + np.arange(k)
+        values, vectors = np.linalg.eigh(S[:, columns[:, :, None], columns[:, None]])
+        root = np.where(values > NULL, np.maximum(values, NULL) ** -0.5, 0.0)
+        half = (vectors * root[..., None, :]).swapaxes(-1, -2)
+        out[:, members] = ((half @ S[:, columns]) ** 2).sum(axis=2)
+    return out

@@ -1,0 +1,68 @@
+"""What an existing campaign already tells, so that further poses can be planned on top of it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pipeline.cell import Cell
+from pipeline.design.problem import ProblemFile, validated
+from pipeline.results import Array
+from pipeline.settings import Settings
+from pipeline.stages.assemble import Measured
+from pipeline.stages.estimate import identify
+from pipeline.stages.whiten import whitener
+
+
+def information_of(cell: Cell, data: Measured, scale: Array) -> Array:
+    """Fisher information of a campaign's readings about the scaled compliances, shape (n, n).
+
+    Args:
+        cell: The paper's cell of its robot and tool.
+        data: Its measurements; where they state no noise, the residuals say how large it is.
+        scale: Compliance that counts as one, shape (n,).
+    """
+    system, estimate = identify(cell, data, scale)
+    white = whitener(system.errors, system.rows.pose)
+    B = white(system.B) * scale
+    noise = (
+        1.0 if system.noise_stated else float(np.sum(white(estimate.residual) ** 2)) / estimate.dof
+    )
+    return np.asarray(B.T @ B / noise)
+
+
+def continued(spec: ProblemFile, settings: Settings, name: str) -> ProblemFile:
+    """The problem with robot, tool, noise and test pose of a campaign.
+
+    Args:
+        spec: Plan, pull, anchor and limits.
+        settings: The campaign's settings.
+        name: Name of the plan.
+
+    Raises:
+        InputError: The problem asks for points that the campaign's tool does not have.
+    """
+    content: dict[str, Any] = spec.model_dump(exclude_unset=True)
+    content |= {"name": name, "robot": settings.robot, "diagnosis": None}
+    names = ["load_point", *settings.measured]
+    content["tool"] = {point: settings.tool[point] for point in names}
+    points = [p for p in spec.criterion.points or [] if p in settings.measured]
+    content["criterion"] = content.get("criterion", {}) | {"points": points or None}
+    if settings.test_pose is not None:
+        content["test_pose"] = [settings.test_pose.model_dump()]
+    noise = _noise(settings)
+    return validated(content | ({"noise": noise} if noise else {}), "the options")
+
+
+def _noise(settings: Settings) -> dict[str, Any] | None:
+    tracker, scale = settings.tracker, settings.scale
+    if tracker is None or scale is None:
+        return None
+    force = {"scale_sigma_n": scale.sigma_n, "scale_sigma_rel": scale.sigma_rel}
+    if tracker.sigma_m is not None:
+        return {"reading_sigma_m": tracker.sigma_m} | force
+    if tracker.noise is not None:
+        noise = tracker.noise if isinstance(tracker.noise, str) else tracker.noise.model_dump()
+        return {"tracker": noise} | force
+    return None

@@ -1,0 +1,76 @@
+"""What the operator does: poses in order, the carriage's approach and the load steps of each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.design.discriminate import Lens, Sight, rows, sights
+from pipeline.design.information import station
+from pipeline.design.problem import Problem
+from pipeline.design.schedule import crossed, starts
+from pipeline.design.search import Plan
+from pipeline.design.trade import Mixed
+from pipeline.results import Array, Locked
+
+
+@dataclass(frozen=True, eq=False)
+class Measurement(Locked):
+    """A plan with everything that has to be done.
+
+    Attributes:
+        q: Joint values [m] or [rad], shape (m, n).
+        anchor: Anchor of the chain in F_b [m], shape (3,).
+        approach: Which way the carriage comes along the rail, +1 or -1, shape (m,).
+        steps: Load steps of each pose [N]; negative where the turnbuckle is slackened to the step.
+    """
+
+    q: Array
+    anchor: Array
+    approach: Array
+    steps: tuple[Array, ...]
+
+    @property
+    def uniform(self) -> bool:
+        """All poses have the same load steps."""
+        return len({tuple(steps) for steps in self.steps}) == 1
+
+
+def of_plan(problem: Problem, plan: Plan) -> Measurement:
+    """The measurement of a plan: every pose with all steps, approached across its pull."""
+    direction = station(problem.experiment, plan.q, plan.anchor).direction.T
+    ways = {"up": np.ones(len(plan.q)), "down": -np.ones(len(plan.q))}
+    approach = ways.get(problem.spec.limits.approach, crossed(direction, plan.q[:, 0]))
+    steps = np.tile(np.array(problem.spec.pull.steps_n), problem.repeats)
+    return Measurement(plan.q, plan.anchor, approach, (steps,) * len(plan.q))
+
+
+def of_mixed(problem: Problem, mixed: Mixed, programmes: tuple[Array, ...]) -> Measurement:
+    """The measurement of a plan with power to diagnose, along the rail."""
+    visits = mixed.visits
+    slides = problem.robot.prismatic
+    order = np.argsort(visits.q[:, 0]) if slides[0] else np.arange(len(visits.q))
+    shown = np.where(slides, visits.q, np.rad2deg(visits.q)).round(6)[order]
+    q = np.clip(np.where(slides, shown, np.deg2rad(shown)), problem.lower, problem.upper)
+    steps = tuple(programmes[k] for k in visits.programme[order])
+    return Measurement(q, visits.anchor, visits.approach[order], steps)
+
+
+def seen_by(view: Lens, measurement: Measurement) -> list[Sight]:
+    """What a measurement sees of every cause, each pose at its own time."""
+    start_s = starts(np.array([len(own) for own in measurement.steps]), len(view.cell.tool.targets))
+    programmes = [tuple(steps) for steps in measurement.steps]
+    M = np.zeros((view.springs + len(view.owner),) * 2)
+    for steps in dict.fromkeys(programmes):
+        which = np.array([own == steps for own in programmes])
+        X = rows(
+            view,
+            measurement.q[which],
+            measurement.anchor,
+            measurement.approach[which],
+            np.array(steps),
+            start_s[which],
+        )
+        M += np.einsum("mri,mrj->ij", X, X)
+    return sights(view, M)

@@ -1,0 +1,82 @@
+"""A proposal as the plan that `pipeline simulate` rehearses and `pipeline init` prepares."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pipeline import toml
+from pipeline.design.propose import Proposal
+from pipeline.settings import InstrumentNoise
+
+HEADER = """\
+# Made by `pipeline design {problem}`: {figure}.
+# Rehearse it:        pipeline simulate {file}
+# Prepare its folder: pipeline init {name} --plan {file}
+"""
+
+
+def plan_text(proposal: Proposal, file: str, figure: str) -> str:
+    """The plan as TOML, joint values in m and degrees.
+
+    Args:
+        proposal: What was designed.
+        file: Where the plan will be, for the commands in its header.
+        figure: The criterion in words.
+    """
+    spec = proposal.problem.spec
+    header = HEADER.format(problem=spec.name, figure=figure, file=file, name=spec.name)
+    return header + toml.dumps(plan_content(proposal))
+
+
+def plan_content(proposal: Proposal) -> dict[str, Any]:
+    """The entries of the plan; what the problem does not say keeps the simulator's default."""
+    spec, measurement = proposal.problem.spec, proposal.measurement
+    slides = proposal.problem.robot.prismatic
+    q = np.where(slides, measurement.q, np.rad2deg(measurement.q)).round(6)
+    content: dict[str, Any] = {
+        "name": spec.name,
+        "robot": spec.robot,
+        "seed": 1,
+        "poses": {"q": q.tolist(), "approach": measurement.approach.astype(int).tolist()},
+        "pulls": _pulls(proposal),
+        "tool": {name: list(at) for name, at in spec.tool.items()},
+        "tracker": _tracker(proposal),
+        "scale": {
+            "sigma_n": spec.noise.scale_sigma_n,
+            "sigma_rel": spec.noise.scale_sigma_rel,
+        },
+    }
+    if spec.test_pose:
+        first = spec.test_pose[0]
+        content["test_pose"] = {"q": first.q, "force_n": list(first.force_n)}
+    return content
+
+
+def _pulls(proposal: Proposal) -> dict[str, Any]:
+    problem, measurement = proposal.problem, proposal.measurement
+    steps: dict[str, Any]
+    if proposal.mixed is None:
+        steps = {"steps_n": problem.spec.pull.steps_n, "repeats": problem.repeats}
+    else:
+        steps = {"pose_steps_n": [own.tolist() for own in measurement.steps]}
+    return steps | {
+        "zero": problem.spec.noise.zero,
+        "anchors": [measurement.anchor.tolist()],
+        "anchor": [0] * len(measurement.q),
+    }
+
+
+def _tracker(proposal: Proposal) -> dict[str, Any]:
+    """The instrument; a sigma of a displacement is shared by its two readings."""
+    noise = proposal.problem.spec.noise
+    position = {"position": list(noise.tracker_position_m)}
+    if noise.displacement_sigma_m is not None:
+        readings = 1.5 if noise.zero == "before_after" else 2.0
+        return position | {"sigma_m": noise.displacement_sigma_m / np.sqrt(readings)}
+    if noise.reading_sigma_m is not None:
+        return position | {"sigma_m": noise.reading_sigma_m}
+    if isinstance(noise.tracker, InstrumentNoise):
+        return position | {"noise": noise.tracker.model_dump()}
+    return position | {"noise": noise.tracker}

@@ -1,0 +1,81 @@
+"""The pulls of a plan: load steps, branches, approaches and times, as the operator will do them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.design.information import Experiment, station
+from pipeline.effects import Pulls
+from pipeline.results import Array
+
+READING_S, TIGHTEN_S, POSE_S = 8.0, 60.0, 120.0
+"""One reading, tightening or slackening the chain, driving to the next pose."""
+
+
+def branches(steps: Array) -> Array:
+    """Which way the turnbuckle is last turned before each step: +1 tightened, -1 slackened.
+
+    Args:
+        steps: Load steps [N]; negative where it is slackened to the first step from above.
+    """
+    out = np.sign(steps)
+    for k in range(1, len(steps)):
+        if steps[k] > 0:
+            out[k] = np.sign(steps[k] - abs(steps[k - 1])) or out[k - 1]
+    return out
+
+
+def starts(pulls: Array, targets: int = 3) -> Array:
+    """When the first zero of each pose is read [s], from the number of pulls at each, (m,)."""
+    zero, pull = _lasting(targets)
+    spent = POSE_S + 2 * zero + TIGHTEN_S + pull * np.asarray(pulls, dtype=float)
+    return np.concatenate([[0.0], np.cumsum(spent)[:-1]])
+
+
+def _lasting(targets: int) -> tuple[float, float]:
+    """How long a zero and a pull with both ends of the chain take [s]."""
+    return targets * READING_S, TIGHTEN_S + (targets + 2) * READING_S
+
+
+def pulls_at(
+    experiment: Experiment, q: Array, anchor: Array, approach: Array, steps: Array, start_s: Array
+) -> Pulls:
+    """One row per pull of poses with the same load steps.
+
+    Args:
+        experiment: Robot and load point.
+        q: Joint values [m] or [rad], shape (m, n).
+        anchor: Anchor [m], shape (3,) or (m, 3).
+        approach: Which way the carriage came, +1 or -1, shape (m,).
+        steps: Load steps [N], as in `branches`, shape (s,).
+        start_s: When each pose's first zero is read [s], shape (m,).
+    """
+    m, s = len(q), len(steps)
+    zero, pull = _lasting(len(experiment.points))
+    after = 0.0 if experiment.scatter.zero == 1 else zero + s * pull + TIGHTEN_S  # a second zero
+    direction = station(experiment, q, anchor).direction.T
+    return Pulls(
+        pose=np.repeat(np.arange(1, m + 1), s),
+        repeat=np.tile(np.arange(1, s + 1), m),
+        q=np.repeat(q, s, axis=0),
+        force=(np.abs(steps)[:, None] * direction[:, None]).reshape(-1, 3),
+        branch=np.tile(branches(steps), m),
+        approach=np.repeat(approach, s),
+        time=(start_s[:, None] + pull * np.arange(1, s + 1)).ravel(),
+        time_zero=np.repeat(start_s + (zero - READING_S + after) / 2, s),
+    )
+
+
+def crossed(direction: Array, order: Array) -> Array:
+    """Approaches that cross the pull along the rail: both ways for either sign of u_y.
+
+    Args:
+        direction: Of the pull at each pose, shape (m, 3).
+        order: Position of each pose along the rail, shape (m,).
+    """
+    approach = np.ones(len(direction))
+    for side in (direction[:, 1] >= 0, direction[:, 1] < 0):
+        rows = np.flatnonzero(side)
+        rows = rows[np.argsort(order[rows], kind="stable")]
+        approach[rows[1::2]] = -1.0
+    return approach

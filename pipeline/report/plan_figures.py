@@ -1,0 +1,143 @@
+"""Pictures of a plan: every pose from the side and from above, the criterion along a quantity."""
+
+from __future__ import annotations
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Canvas
+
+from pipeline.design.curves import ByAnchor, BySize
+from pipeline.design.discriminate import Sight
+from pipeline.design.measurement import Measurement
+from pipeline.design.problem import Problem
+from pipeline.report.numbers import plain
+from pipeline.report.svg import BLUE, GREEN, INK, MUTED, RED, SERIES, STYLE, Drawing, finish
+from pipeline.results import Array
+from pipeline.robot import configure
+
+mpl.use("Agg")
+
+AROUND_M = 1.0
+"""Room around robot and anchor in the pictures."""
+MARKERS = ("o", "s", "^", "D", "v", "P")
+
+
+def pose_picture(problem: Problem, measurement: Measurement, number: int) -> Drawing:
+    """One pose from the side and from above, with rail, floor, chain and anchor."""
+    robot = problem.robot
+    at = configure(robot, measurement.q[number][None])
+    tool = at.points(np.vstack([problem.tool.load_point, problem.tool.points]))[0]
+    arm = np.vstack([at.origin[0], at.flange_origin])
+    with rc_context(STYLE):
+        canvas = Canvas(figsize=(5.6, 2.9))
+        across = 1 if robot.prismatic[0] else 0
+        views = ((across, 2, "from the side"), (across, 1 - across, "from above"))
+        for axes, (h, v, name) in zip(canvas.subplots(1, 2), views, strict=True):
+            _view(axes, problem, arm, tool, measurement.anchor, (h, v))
+            axes.set_title(name, fontsize=8.5, loc="left")
+        handles, labels = canvas.axes[0].get_legend_handles_labels()
+        canvas.legend(handles, labels, loc="outside lower center", ncols=5, handlelength=1.6)
+        return finish(canvas, f"pose-{number + 1}", {})
+
+
+def _view(
+    axes: Axes, problem: Problem, arm: Array, tool: Array, anchor: Array, plane: tuple[int, int]
+) -> None:
+    h, v = plane
+    all_points = np.vstack([arm, tool, anchor])
+    low, high = all_points.min(axis=0) - AROUND_M / 2, all_points.max(axis=0) + AROUND_M / 2
+    if problem.robot.prismatic[0]:
+        rail = [problem.lower[0], problem.upper[0]]
+        axes.plot(rail, [0, 0], color=MUTED, linewidth=4, alpha=0.5, label="rail")
+    if v == 2:
+        axes.axhline(anchor[2], color=MUTED, linewidth=1.2, label="floor")
+        low[2] = min(low[2], anchor[2] - 0.1)
+    axes.plot(arm[:, h], arm[:, v], color=INK, linewidth=2.4, marker="o", markersize=3, label="arm")
+    effector = np.vstack([arm[-1], tool[0]])
+    axes.plot(effector[:, h], effector[:, v], color=INK, linewidth=1.2)
+    axes.scatter(tool[1:, h], tool[1:, v], color=BLUE, s=12, zorder=3, label="reflectors")
+    chain = np.vstack([tool[0], anchor])
+    axes.plot(chain[:, h], chain[:, v], color=RED, linewidth=1.4, linestyle="--", label="chain")
+    axes.scatter(anchor[h], anchor[v], color=RED, marker="s", s=22, zorder=3)
+    middle, half = (low + high) / 2, float(max(high[h] - low[h], high[v] - low[v])) / 2
+    axes.set_xlim(middle[h] - half, middle[h] + half)
+    axes.set_ylim(middle[v] - half, middle[v] + half)
+    axes.set_aspect("equal")
+    axes.set_xlabel(f"{'xyz'[h]} [m]")
+    axes.set_ylabel(f"{'xyz'[v]} [m]")
+
+
+def size_curves(curves: BySize, scale: float, label: str, name: str = "size") -> Drawing:
+    """The criterion against the number of readings, one curve per number of poses: Fig. 5."""
+    with rc_context(STYLE):
+        canvas = Canvas()
+        axes = canvas.subplots()
+        tips = {}
+        for k, m0 in enumerate(curves.poses):
+            known = np.isfinite(curves.figure[k])
+            x, y = curves.readings[known], scale * curves.figure[k, known]
+            colour, marker = SERIES[k % len(SERIES)], MARKERS[k % len(MARKERS)]
+            axes.plot(x, y, color=colour, linewidth=1.2)
+            key = f"poses-{m0}"
+            axes.scatter(x, y, color=colour, marker=marker, s=24, gid=key, label=f"{m0} poses")
+            tips[key] = [
+                f"{m0} poses, {n} readings: {plain(f, 4)}" for n, f in zip(x, y, strict=True)
+            ]
+        axes.set_xlabel("Readings n")
+        axes.set_ylabel(label)
+        axes.set_ylim(0)
+        axes.legend(loc="upper right")
+        return finish(canvas, name, tips)
+
+
+def anchor_curve(curve: ByAnchor, scale: float, label: str, name: str = "anchor") -> Drawing:
+    """The criterion against the place of the anchor, poses chosen anew and poses kept: Fig. 6."""
+    with rc_context(STYLE):
+        canvas = Canvas()
+        axes = canvas.subplots()
+        kept = scale * curve.fixed_poses
+        axes.plot(curve.at, kept, color=MUTED, linewidth=1.2, label="poses of the plan kept")
+        best = scale * curve.figure
+        axes.plot(curve.at, best, color=BLUE, linewidth=1.2)
+        axes.scatter(curve.at, best, color=BLUE, s=20, gid="best", label="poses chosen anew")
+        axes.set_xlabel(f"{'xyz'[curve.axis]} of the anchor [m]")
+        axes.set_ylabel(label)
+        axes.set_ylim(0)
+        axes.legend(loc="upper right")
+        said = [
+            f"{x:.2f} m: {plain(y, 4)}"
+            for x, y in zip(curve.at, best, strict=True)
+            if np.isfinite(y)
+        ]
+        return finish(canvas, name, {"best": said})
+
+
+def sight_chart(sights: list[Sight], name: str = "sights") -> Drawing:
+    """From which size on each cause is noticed and named, in multiples of its typical size."""
+    shown = sorted(sights, key=lambda sight: -min(sight.named_from, 1e6))
+    with rc_context(STYLE):
+        canvas = Canvas(figsize=(5.6, 0.9 + 0.15 * len(shown)))
+        axes = canvas.subplots()
+        at = np.arange(len(shown))
+        edge = 30.0
+        noticed = np.minimum([s.detected_from for s in shown], edge)
+        named = np.minimum([s.named_from for s in shown], edge)
+        axes.axvline(1, color=MUTED, linewidth=1, linestyle="--")
+        axes.hlines(at, noticed, named, color=MUTED, linewidth=0.8)
+        axes.scatter(noticed, at, color=GREEN, s=13, gid="noticed", label="noticed", zorder=3)
+        axes.scatter(named, at, color=BLUE, marker="D", s=13, gid="named", label="named", zorder=3)
+        axes.set_xscale("log")
+        axes.set_xlim(0.005, edge * 1.15)
+        axes.set_xticks([0.01, 0.1, 1, 10], ["0.01", "0.1", "1", "10"])
+        axes.set_yticks(at, [s.name for s in shown], fontsize=6.5)
+        axes.set_ylim(-1, len(shown))
+        axes.grid(axis="y", visible=False)
+        axes.set_xlabel("Smallest size [typical sizes]; at the right edge: no size")
+        axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, borderaxespad=0.2)
+        tips = {
+            "noticed": [f"{s.name}: noticed from {plain(s.detected_from)}" for s in shown],
+            "named": [f"{s.name}: named from {plain(s.named_from)}" for s in shown],
+        }
+        return finish(canvas, name, tips)
