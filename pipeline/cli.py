@@ -63,7 +63,7 @@ def serve(
     ] = None,
     root: Root = Path(),
 ) -> None:
-    """Run new and changed campaigns by themselves, with Prefect's page on this machine."""
+    """Run new campaigns by themselves; Prefect's page shows them."""
     from pipeline import service
 
     wanted = _preferred(root, interval_s=interval, cron=cron, port=port)
@@ -101,7 +101,7 @@ def deploy(
     cron: Annotated[str | None, typer.Option(help="A cron line instead of the interval.")] = None,
     root: Root = Path(),
 ) -> None:
-    """Let the workers of a team's own Prefect server look at data/raw: see docs/teams.md."""
+    """Put the scan on a team's own Prefect server: docs/teams.md."""
     from pipeline import service
 
     wanted = _preferred(root, interval_s=interval, cron=cron)
@@ -114,7 +114,7 @@ def watch(
     as_json: AsJson = False,
     root: Root = Path(),
 ) -> None:
-    """Run new and changed campaigns by themselves, without Prefect."""
+    """Run new campaigns by themselves, without Prefect."""
     from pipeline import service
     from pipeline import watch as watching
 
@@ -152,7 +152,7 @@ def compensate(
     ] = None,
     root: Root = Path(),
 ) -> None:
-    """Write offsets that cancel the deflection along a path, from the model of CAMPAIGN."""
+    """Write offsets that cancel the deflection along a path."""
     from pipeline import shell
 
     written = shell.compensate(root, campaign, path, tip, output)
@@ -265,7 +265,7 @@ def init(
     ] = None,
     root: Root = Path(),
 ) -> None:
-    """Prepare the folder of a new campaign; on a terminal it asks for what was not given."""
+    """Make the folder of a new campaign; asks on a terminal."""
     from pipeline import shell
 
     ask = sys.stdin.isatty()
