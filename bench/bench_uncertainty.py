@@ -1,4 +1,4 @@
-"""Is the stated uncertainty true? Monte Carlo of the whole chain, and coverage anywhere in the hall.
+"""Is the stated uncertainty true? Monte Carlo of the chain, and coverage anywhere in the hall.
 
 First the GUM's Supplement 1: the demo campaign's own estimate is taken for the truth, its raw
 readings are drawn anew many times, and every stage is run on each; the scatter of the stiffnesses

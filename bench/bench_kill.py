@@ -1,0 +1,100 @@
+"""kill -9 at random moments of a run, then run again: is result.json what it would have been?"""
+
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.simulate import Plan, simulate
+
+KILLS = 100
+WORKER = """
+import os, signal, sys, time
+from pathlib import Path
+import pipeline.report.figures
+from pipeline.campaign import find
+from pipeline.run import run
+
+root = Path(sys.argv[1])
+for line in sys.stdin:
+    delay = float(line)
+    child = os.fork()
+    if child == 0:
+        run(find(root, "killed"), force=delay >= 0)
+        os._exit(0)
+    if delay >= 0:
+        time.sleep(delay)
+        os.kill(child, signal.SIGKILL)
+    _, status = os.waitpid(child, 0)
+    print(status, flush=True)
+"""
+
+
+class Victim:
+    """A campaign and a process whose children run it."""
+
+    def __init__(self, root: Path, plan: Plan) -> None:
+        """Write the campaign's raw files and start the process."""
+        self.root = root
+        folder = root / "data" / "raw" / "killed"
+        folder.mkdir(parents=True)
+        for name, content in simulate(plan).files.items():
+            (folder / name).write_bytes(content)
+        self.worker = subprocess.Popen(
+            [sys.executable, "-c", WORKER, str(root)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+
+    def __enter__(self) -> "Victim":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.worker.communicate()
+
+    def run(self, killed_after_s: float = -1.0) -> int:
+        """Run to the end, or be killed in the middle; the child's wait status."""
+        assert self.worker.stdin
+        assert self.worker.stdout
+        self.worker.stdin.write(f"{killed_after_s}\n")
+        self.worker.stdin.flush()
+        return int(self.worker.stdout.readline())
+
+    @property
+    def result(self) -> bytes:
+        """Its result.json."""
+        return (self.root / "reports" / "killed" / "result.json").read_bytes()
+
+    @property
+    def leftovers(self) -> list[Path]:
+        """Half-written files."""
+        return [path for path in self.root.rglob(".*.????????") if path.is_file()]
+
+
+def survived(victim: Victim, moments: Sequence[float]) -> Iterator[tuple[int, bool]]:
+    """For each moment, as a fraction of an undisturbed run: wait status, whether all is as it was.
+
+    The killed run starts from nothing that it could take over.
+    """
+    began = time.perf_counter()
+    victim.run()
+    usual, whole = time.perf_counter() - began, victim.result
+    for moment in moments:
+        status = victim.run(moment * usual)
+        again = victim.run()
+        yield status, again == 0 and victim.result == whole and not victim.leftovers
+
+
+def run() -> list[tuple[str, float, str]]:
+    """Share of killed runs after which the next one gives the same answer, byte by byte."""
+    moments = np.random.default_rng(9).uniform(0, 1, KILLS).tolist()
+    with tempfile.TemporaryDirectory() as folder, Victim(Path(folder), Plan(name="killed")) as one:
+        said = list(survived(one, moments))
+    hit = sum(status == 9 for status, _ in said)
+    same = sum(good for _, good in said)
+    return [("killed, run again, result.json identical", same / KILLS, f"aim 1; {hit} were hit")]

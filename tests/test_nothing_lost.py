@@ -1,0 +1,100 @@
+"""Killed, no space left, two at once, read-only, still being written: nothing is lost."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from bench.bench_kill import Victim, survived
+from pipeline.campaign import find
+from pipeline.errors import InputError
+from pipeline.run import run
+from pipeline.simulate import Plan
+
+PLAN = Plan(name="killed", poses={"count": 7}, pulls={"steps_n": [3000.0]})
+COMMAND = [sys.executable, "-m", "pipeline"]
+
+
+@pytest.fixture
+def victim(tmp_path):
+    with Victim(tmp_path, PLAN) as one:
+        yield one
+
+
+def test_a_killed_run_leaves_nothing_behind(victim):
+    """Kill -9 at five moments of a run: the next run gives the same result.json."""
+    said = list(survived(victim, [0.1, 0.3, 0.5, 0.7, 0.9]))
+
+    assert [good for _, good in said] == [True] * 5
+    assert sum(status == 9 for status, _ in said) >= 3
+
+
+def test_a_full_disk_leaves_the_old_answer(victim):
+    """No file may grow beyond 20 kB: one sentence, exit code 3, the answer as it was."""
+    victim.run()
+    before = victim.result
+    limited = "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000)); "
+    limited += "from pipeline.cli import main; main(sys.argv[1:])"
+    command = [sys.executable, "-c", limited, "run", "killed", "--engine", "local", "--force"]
+    done = subprocess.run(
+        [*command, "--root", str(victim.root)], capture_output=True, text=True, check=False
+    )
+
+    assert done.returncode == 3
+    assert "Traceback" not in done.stderr
+    assert "cannot be written" in done.stderr
+    assert not victim.leftovers
+    assert victim.run() == 0
+    assert victim.result == before
+
+
+def test_two_runs_at_once_agree(victim):
+    """The second waits for the first and finds its work done."""
+    command = [*COMMAND, "run", "killed", "--engine", "local", "--json", "--root", str(victim.root)]
+    both = [
+        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        for _ in range(2)
+    ]
+    said = [process.communicate()[0] for process in both]
+
+    assert [process.returncode for process in both] == [0, 0]
+    assert said[0] == said[1] != ""
+
+
+def test_raw_files_stay_as_they_are(victim):
+    """A run reads the raw folder and never writes there, so that it may be read-only."""
+    folder = victim.root / "data" / "raw" / "killed"
+    before = {path.name: (path.read_bytes(), path.stat().st_mtime_ns) for path in folder.iterdir()}
+    for path in [*folder.iterdir(), folder]:
+        path.chmod(path.stat().st_mode & ~0o222)
+    try:
+        run(find(victim.root, "killed"))
+    finally:
+        folder.chmod(0o755)
+
+    after = {path.name: (path.read_bytes(), path.stat().st_mtime_ns) for path in folder.iterdir()}
+    assert after == before
+
+
+def test_a_file_that_grows_while_it_is_read_is_refused(victim, monkeypatch):
+    """The exporter still writes: come back when it is finished."""
+    folder = victim.root / "data" / "raw" / "killed"
+    path = folder / "tracker.csv"
+    whole = os.path.getsize(path)
+    read = type(path).read_bytes
+
+    def slow(self):
+        data = read(self)
+        if self == path:
+            with path.open("ab") as file:
+                file.write(b"pose01_rep9_loaded,P1,1,2,3,2026-11-03T08:00:08\n")
+        return data
+
+    monkeypatch.setattr(type(path), "read_bytes", slow)
+
+    with pytest.raises(InputError, match=r"tracker.csv: changed while it was read") as refused:
+        run(find(victim.root, "killed"))
+
+    assert refused.value.passing
+    assert os.path.getsize(path) > whole
