@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from pipeline import handover, result, tables
 from pipeline.campaign import Campaign, Raw, dump
@@ -72,9 +73,19 @@ def ingested(raw: Raw, keep: Keep, step: Step, plausible: bool = True) -> Case:
         displacements=got.displacements,
         forces=got.forces,
     )
-    if got.doubt is not None and not conventions(case):
+    if got.doubt is None:
+        return case
+    if not conventions(case):
         raise got.doubt
-    return case
+    doubted = pd.concat([case.rejected, doubt_row(got.doubt)], ignore_index=True)
+    return replace(case, rejected=keep("13_rejected", doubted, tables.REJECTED))
+
+
+def doubt_row(doubt: InputError) -> pd.DataFrame:
+    """A file that no value of can be right as given, as a row of REJECTED."""
+    reason = f"{doubt.thing}; {doubt.way_out}"
+    line = pd.array([doubt.line], dtype="Int64")
+    return pd.DataFrame({"file": [doubt.file or "campaign.toml"], "line": line, "reason": [reason]})
 
 
 def _compute(campaign: Campaign, raw: Raw, step: Step) -> dict[str, Any]:

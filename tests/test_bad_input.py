@@ -101,6 +101,10 @@ KEPT = {
 """What costs only its own rows: the rest is estimated and the loss is listed."""
 
 
+MENDED = {"metres as mm"}
+"""What only a wrong unit explains: refused as given, with the corrected result beside it."""
+
+
 @pytest.mark.parametrize("name", CASES)
 def test_bad_input_is_named_and_refused(name, tmp_path, capsys):
     """Exit 5, every word an engineer needs, no traceback; good rows are kept where that is safe."""
@@ -125,6 +129,12 @@ def test_bad_input_is_named_and_refused(name, tmp_path, capsys):
     if name in KEPT:
         assert answer["rejected"]
         assert all(entry["value"] for entry in answer["stiffness"][1:])
+    elif name in MENDED:
+        assert answer["diagnosis"]["verdict"] == "bad_data"
+        assert "unit_mixup" in [cause["name"] for cause in answer["diagnosis"]["causes"]]
+        nominal = [entry["nominal"] for entry in answer["extended"]["stiffness"][1:]]
+        found = [entry["value"] for entry in answer["extended"]["stiffness"][1:]]
+        assert found == pytest.approx(nominal, rel=0.2)
     else:
         assert set(answer) == {"campaign", "error"}
         assert len(err.splitlines()) == 1
