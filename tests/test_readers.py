@@ -210,6 +210,51 @@ def test_any_table_by_its_mapping():
     assert times(export) == ["2026-11-03 08:00:08", "2026-11-03 08:00:48"]
 
 
+@pytest.mark.parametrize(
+    "titles",
+    [
+        "X [mm];U(95) [mm];Y [mm];U(95) [mm];Z [mm];U(95) [mm]",
+        "X (mm);U(95) X (µm);Y (mm);U(95) Y (µm);Z (mm);U(95) Z (µm)",
+        "X mm;UX(95) mm;Y mm;UY(95) mm;Z mm;UZ(95) mm",
+        "x_mm;std_x_um;y_mm;std_y_um;z_mm;std_z_um",
+    ],
+)
+def test_uncertainties_are_found_by_their_titles(titles):
+    """Behind their axis or by its name, in the unit of the coordinates or in micrometres."""
+    factor = 1000 if "µm" in titles or "um" in titles else 1
+    u = [f"{value * factor:g}" for value in (0.02, 0.04, 0.06)]
+    text = f"Group;Name;{titles}\ng;P1;1;{u[0]};2;{u[1]};3;{u[2]}\n"
+    export = readers.read("t", text.encode())
+
+    k = 1 if "std" in titles else 2
+    assert export.position.tolist() == [[0.001, 0.002, 0.003]]
+    expected = [(value * 1e-3 / k) ** 2 for value in (0.02, 0.04, 0.06)]
+    np.testing.assert_allclose(export.covariance[0][[0, 3, 5]], expected, rtol=1e-12)
+
+
+def test_dates_and_times_of_day_in_two_columns():
+    """Both make a time; a row that lacks one of them is left out, one that lacks both is kept."""
+    head = "Name;Date;Time;X [mm];Y [mm];Z [mm]"
+    rows = ["P1;03.11.2026;'08:00:08", "P2;03.11.2026;", "P3;;", "P4;03.11.2026;08:00:60"]
+    export = readers.read("t", "\n".join([head, *(f"{row};1;2;3" for row in rows)]).encode())
+
+    assert export.target.to_pylist() == ["P1", "P3"]
+    assert times(export) == ["2026-11-03 08:00:08", "None"]
+    assert [line for line, _ in export.rejected] == [3, 5]
+
+
+def test_tables_with_runs_of_blanks():
+    """Delimiter = " " takes any number of blanks for one."""
+    text = "  P1   1.5  -2.5\t3.5  \n P2 4 5  6\n"
+    hints = Hints(unit="mm", mapping=Columns({"target": 1, "x": 2, "y": 3, "z": 4}, delimiter=" "))
+    export = readers.read("t", text.encode(), hints)
+
+    assert export.target.to_pylist() == ["P1", "P2"]
+    np.testing.assert_array_equal(
+        export.position, [[0.0015, -0.0025, 0.0035], [0.004, 0.005, 0.006]]
+    )
+
+
 # --- ambiguity is asked back ----------------------------------------------------------------------
 
 

@@ -11,6 +11,7 @@ from pipeline.errors import InputError
 from pipeline.results import Array
 
 UNITS = ("mm", "m", "in")
+METRES = {"mm": 1e-3, "m": 1.0, "in": 0.0254, "um": 1e-6}
 ANGLES = {"deg": np.pi / 180.0, "rad": 1.0, "gon": np.pi / 200.0}
 KINDS = ("cartesian", "spherical", "cylindrical")
 
@@ -35,9 +36,16 @@ class Meaning:
 
 def metres(values: Array, unit: str) -> Array:
     """Lengths in metres; mm are divided by 1000, which rounds once, 0.001 would round twice."""
-    if unit == "mm":
-        return values / 1000.0
+    if unit in ("mm", "um"):
+        return values / (1000.0 if unit == "mm" else 1e6)
     return values * 0.0254 if unit == "in" else values
+
+
+def uncertainties(values: Array, stated: str | None, unit: str) -> Array:
+    """Uncertainties of a column that may state another unit, in the unit of the coordinates."""
+    if stated not in METRES or stated == unit:
+        return values
+    return values * (METRES[stated] / METRES[unit])
 
 
 def in_unit(values: Array, unit: str) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pipeline.errors import InputError
 from pipeline.readers._delimited import DELIMITERS
@@ -13,6 +13,7 @@ UNIT_WORDS = {
     "mm": "mm", "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
     "m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
     "in": "in", "inch": "in", "inches": "in",
+    "um": "um", "µm": "um", "μm": "um", "micron": "um", "microns": "um",
 }  # fmt: skip
 ANGLE_WORDS = {
     "deg": "deg", "degree": "deg", "degrees": "deg", "°": "deg",
@@ -26,7 +27,17 @@ AXES = {
     "phi": "vertical", "zenith": "zenith", "elevation": "elevation", "el": "elevation",
     "inclination": "elevation",
 }  # fmt: skip
-FILLING = {"coordinate", "coord", "pos", "position", "angle", "value", "actual", "measured"}
+FILLING = {
+    "coordinate",
+    "coord",
+    "koordinate",
+    "pos",
+    "position",
+    "angle",
+    "value",
+    "actual",
+    "measured",
+}
 STANDARD_WORDS = {"std", "stddev", "sigma", "uncertainty", "sd", "unc"}
 TIMES = ({"time"}, {"timestamp"}, {"date", "time"}, {"datetime"}, {"date"}, {"time", "stamp"})
 NAMES = {
@@ -34,9 +45,13 @@ NAMES = {
     "point group": "group",
     "target": "target", "target name": "target", "point": "target", "point name": "target",
     "pointname": "target", "point id": "target", "pointid": "target", "name": "target",
+    "punkt": "target", "punktname": "target", "gruppe": "group",
     "reflector": "reflector",
     "delete": "delete", "deleted": "delete", "rms": "rms",
 }  # fmt: skip
+SHORT_UNITS = ("mm", "m", "in", "um", "µm", "μm", "deg", "rad", "gon")
+EXPANDED_WORDS = {"u", "95", "expanded", "k", "2", "uncertainty"}
+IN_UNIT = re.compile(r"\[[^\]]*\]")
 IN_BRACKETS = re.compile(r"[\[(]\s*([^\])]*?)\s*[\])]")
 
 
@@ -49,7 +64,7 @@ class Named:
         role: `x`, `y`, `z`, `range`, `azimuth`, `vertical`, `zenith`, `elevation`; the same
             after `std ` or `u95 `; `time`, `group`, `target`, `collection`, `delete`, `rms`; or
             empty when we do not know.
-        unit: `mm`, `m`, `in`, `deg`, `rad`, `gon`, or None where it says none.
+        unit: `mm`, `m`, `in`, `um`, `deg`, `rad`, `gon`, or None where it says none.
     """
 
     title: str
@@ -90,8 +105,8 @@ def named(title: str) -> Named:
         if word in UNIT_WORDS or word in ANGLE_WORDS:
             unit = UNIT_WORDS.get(word) or ANGLE_WORDS[word]
             rest = re.sub(rf"[\[(]\s*{re.escape(inside)}\s*[\])]", " ", rest)
-    words = re.findall(r"[a-z]+|[0-9]+", rest.lower().replace("_", " "))
-    if unit is None and len(words) > 1 and words[-1] in ("mm", "m", "in", "deg", "rad", "gon"):
+    words = re.findall(r"[^\W\d_]+|[0-9]+", rest.lower())
+    if unit is None and len(words) > 1 and words[-1] in SHORT_UNITS:
         word = words.pop()
         unit = UNIT_WORDS.get(word) or ANGLE_WORDS[word]
     return Named(bare, _role(words), unit)
@@ -103,16 +118,16 @@ def _role(words: Sequence[str]) -> str:
         return "time"
     if " ".join(words) in NAMES:
         return NAMES[" ".join(words)]
-    fused = re.fullmatch(r"(u|s|std|sigma)(x|y|z)", "".join(words))
+    fused = re.fullmatch(r"(u|s|std|sigma)(x|y|z)(95)?", "".join(words))
     if fused:
-        return f"std {fused[2]}"
+        return f"{'u95' if fused[3] else 'std'} {fused[2]}"
     axes = [AXES[word] for word in words if word in AXES]
     if len(axes) != 1:
         return ""
     others = bag - {word for word in words if word in AXES} - FILLING
     if not others:
         return axes[0]
-    if others <= {"u", "95", "expanded", "k", "2", "uncertainty"} and others & {"95", "expanded"}:
+    if others <= EXPANDED_WORDS and others & {"95", "expanded"}:
         return f"u95 {axes[0]}"
     if others <= STANDARD_WORDS | {"u", "1", "dev", "standard", "deviation"}:
         return f"std {axes[0]}"
@@ -122,7 +137,25 @@ def _role(words: Sequence[str]) -> str:
 def header(line: str, number: int, delimiter: str | None = None) -> Header:
     """A line as a header."""
     delimiter = delimiter or max(DELIMITERS, key=line.count)
-    return Header(number, delimiter, tuple(named(cell) for cell in line.split(delimiter)))
+    return Header(number, delimiter, _in_context([named(cell) for cell in line.split(delimiter)]))
+
+
+def _in_context(columns: Sequence[Named]) -> tuple[Named, ...]:
+    """Roles that a title has beside others: U(95) behind its axis, a date beside a time of day."""
+    out: list[Named] = []
+    titles = [_words(column.title) for column in columns]
+    for column, words in zip(columns, titles, strict=True):
+        behind = out[-1].role if out else ""
+        if words == {"u", "95"} and behind in AXES.values():
+            column = replace(column, role=f"u95 {behind}")
+        if words == {"date"} and {"time"} in titles:
+            column = replace(column, role="date")
+        out.append(column)
+    return tuple(out)
+
+
+def _words(title: str) -> set[str]:
+    return set(re.findall(r"[^\W\d_]+|[0-9]+", IN_UNIT.sub(" ", title.lower()))) - {*UNIT_WORDS}
 
 
 def find(lines: Sequence[str]) -> Header | None:
@@ -141,13 +174,14 @@ def one_unit(found: Header, roles: Sequence[str], file: str) -> str | None:
     Raises:
         InputError: They state different ones.
     """
-    places = [place for role in roles if (place := found.where(role)) is not None]
-    units = {found.columns[place].unit for place in places} - {None}
+    columns = [column for column in found.columns if column.role in roles]
+    units = {column.unit for column in columns}
     if len(units) > 1:
+        titles = ", ".join(column.title for column in columns)
         raise InputError(
-            f"the coordinates have different units ({', '.join(sorted(u for u in units if u))})",
+            f"the columns {titles} have different units",
             "export all of them in the same unit",
             file=file,
-            line=found.line,
+            line=found.line or None,
         )
     return units.pop() if units else None

@@ -11,7 +11,7 @@ import pyarrow as pa
 
 from pipeline.errors import InputError, listed
 from pipeline.readers import _time
-from pipeline.readers._coordinates import Meaning, settled, settled_vertical
+from pipeline.readers._coordinates import Meaning, settled, settled_vertical, uncertainties
 from pipeline.readers._delimited import Field, Kind, Layout, Rows, cells_or_none, rows, shown
 from pipeline.readers._named import Header, Named, one_unit
 from pipeline.readers._reader import (
@@ -34,7 +34,7 @@ AXES = {
     "cylindrical": ("range", "azimuth", "z"),
 }
 COVARIANCE = ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")
-NOT_DELETED = ("", "0", "no", "false", "n")
+NOT_DELETED = ("", "-", "0", "no", "false", "n")
 LOST_IF_MISSPELT = {
     "time": "time", "timestamp": "time", "delete": "delete", "deleted": "delete",
     "group": "group", "point group": "group",
@@ -68,7 +68,7 @@ def read(
     _group_needs_target(header, text.name)
     kind, axes = _kind(header, hints, text.name)
     layout = Layout(
-        fields=tuple(_field(column, place, axes) for place, column in enumerate(header.columns)),
+        fields=tuple(_field(c, k, axes, header.has("date")) for k, c in enumerate(header.columns)),
         delimiter=header.delimiter,
         first=header.line + 1,
         decimal=hints.decimal,
@@ -76,21 +76,50 @@ def read(
         moment=form or _form(text, header, comment),
     )
     table = rows(text, layout)
+    if header.has("date"):
+        table = _dated(table, layout.moment)
     keep, why_not = _kept(table, header)
+    meaning = _meaning(header, hints, table, kind, axes, text.name)
     found = Found(
         dialect=dialect,
         rows=table,
-        meaning=_meaning(header, hints, table, kind, axes, text.name),
+        meaning=meaning,
         axes=axes,
         group="group" if header.has("group") else None,
         target=next((role for role in ("target", "reflector") if header.has(role)), None),
-        covariance=_covariances(table, header, hints, text.name),
+        covariance=_covariances(table, header, hints, meaning.unit, text.name),
         keep=keep,
         why_not=why_not,
         unused=tuple(c.title for c in header.columns if c.title and not _used(c, axes)),
     )
     readings = export(text, hints, found)
     return replace(readings, rejected=(*_above(text, header), *readings.rejected))
+
+
+def _dated(table: Rows, form: str) -> Rows:
+    """Times of the day put together with their dates; rows without a time that can be read go."""
+    days, clocks = (table.columns[role].to_pylist() for role in ("date", "time"))
+    moments = [
+        _time.moment(f"{day} {clock.lstrip(_time.APOSTROPHE)}", form)
+        for day, clock in zip(days, clocks, strict=True)
+    ]
+    empty = [not day and not clock for day, clock in zip(days, clocks, strict=True)]
+    keep = np.array([bool(m) or e for m, e in zip(moments, empty, strict=True)], dtype=bool)
+    lost = tuple(
+        (
+            int(line),
+            "date and time are no time in the form of the others; correct or remove the row",
+        )
+        for line in table.line[~keep]
+    )
+    times = [_time.without_zone(m) if m else None for m in moments]
+    columns = {**table.columns, "time": pa.array(times, _time.MOMENT)}
+    return Rows(
+        {name: column.filter(pa.array(keep)) for name, column in columns.items()},
+        table.line[keep],
+        table.order[keep],
+        (*table.rejected, *lost),
+    )
 
 
 def _above(text: Text, header: Header) -> list[tuple[int, str]]:
@@ -168,15 +197,17 @@ def _present(header: Header, role: str) -> str | None:
     return next((name for name in alike if header.has(name)), None)
 
 
-def _field(column: Named, place: int, axes: Sequence[str]) -> Field:
+def _field(column: Named, place: int, axes: Sequence[str], dated: bool = False) -> Field:
     name = column.role or f"column {place + 1}"
     kind: Kind = "any" if column.title else "blank"
     if column.role in axes:
         return Field(name, "number", title=column.title)
     if column.role in NAMES:
         return Field(name, "name", column.role != "delete", column.title)
-    if column.role == "time":
+    if column.role == "time" and not dated:
         return Field(name, "time", needed=False, title=column.title)
+    if column.role in ("date", "time"):
+        return Field(name, "name", needed=False, title=column.title)
     if column.role.startswith(("std ", "u95 ")) or column.role in COVARIANCE:
         return Field(name, "number", needed=False, title=column.title)
     return Field(f"{name} ({place + 1})", kind, needed=False)
@@ -197,7 +228,9 @@ def _form(text: Text, header: Header, comment: str | None) -> str:
             _no_times_elsewhere(cells, header, text.name)
             return _time.ISO
         if cells and place is not None and place < len(cells) and cells[place]:
-            return _time.form_of(cells[place]) or _time.ISO
+            date = header.where("date")
+            day = f"{cells[date]} " if date is not None and date < len(cells) else ""
+            return _time.form_of(day + cells[place].lstrip(_time.APOSTROPHE)) or _time.ISO
     return _time.ISO
 
 
@@ -258,13 +291,16 @@ def _all_or_none(header: Header, roles: Sequence[str], file: str) -> bool:
     return bool(there)
 
 
-def _covariances(table: Rows, header: Header, hints: Hints, file: str) -> dict[str, Array]:
+def _covariances(
+    table: Rows, header: Header, hints: Hints, unit: str, file: str
+) -> dict[str, Array]:
     """Covariances by kind, in the units of the coordinates; NaN where a cell is empty."""
     out = {}
     for prefix, kind, usual in (("u95", EXPANDED, 2.0), ("std", STANDARD, 1.0)):
         roles = [f"{prefix} {axis}" for axis in "xyz"]
         if _all_or_none(header, roles, file):
-            std = [_floats(table.columns[role]) for role in roles]
+            own = one_unit(header, roles, file)
+            std = [uncertainties(_floats(table.columns[role]), own, unit) for role in roles]
             out[kind] = diagonal(std, hints.coverage_factor or usual)
     if _all_or_none(header, COVARIANCE, file):
         out[STANDARD] = np.column_stack([_floats(table.columns[role]) for role in COVARIANCE])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -137,3 +138,10 @@ def _short_lines(name: str, starts: Ints) -> None:
             file=name,
             line=longest + 1,
         )
+
+
+def squeezed(text: Text) -> Text:
+    """The text with single blanks for runs of blanks and tabs, none at the ends of lines."""
+    data = re.sub(rb"[ \t]+", b" ", text.data)
+    data = re.sub(rb"^ | (?=\r?$)", b"", data, flags=re.MULTILINE)
+    return Text(text.name, data, text.encoding, _starts(data)[0])

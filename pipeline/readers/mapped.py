@@ -7,7 +7,7 @@ from pipeline.readers import _named, _tables
 from pipeline.readers._delimited import DELIMITERS
 from pipeline.readers._named import Header, Named
 from pipeline.readers._reader import Columns, Export, Hints
-from pipeline.readers._text import Text
+from pipeline.readers._text import Text, squeezed
 
 NAME = "table by [tracker.mapping]"
 ROLES = {
@@ -29,6 +29,8 @@ def read(text: Text, hints: Hints) -> Export:
     """
     assert hints.mapping is not None
     mapping = hints.mapping
+    if mapping.delimiter == " ":
+        text = squeezed(text)
     header = _header(text, mapping)
     return _tables.read(text, hints, header, NAME, mapping.comment, mapping.time_format)
 

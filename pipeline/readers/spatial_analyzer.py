@@ -16,7 +16,13 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.readers import _named, _time, plain
-from pipeline.readers._coordinates import Meaning, raw, settled, settled_vertical
+from pipeline.readers._coordinates import (
+    Meaning,
+    raw,
+    settled,
+    settled_vertical,
+    uncertainties,
+)
 from pipeline.readers._delimited import (
     DELIMITERS,
     NUMBER,
@@ -28,7 +34,7 @@ from pipeline.readers._delimited import (
     rows,
     text_of,
 )
-from pipeline.readers._named import ANGLE_WORDS, UNIT_WORDS, Named
+from pipeline.readers._named import ANGLE_WORDS, UNIT_WORDS, Header, Named
 from pipeline.readers._reader import (
     EXPANDED,
     RMS,
@@ -112,7 +118,7 @@ def read(text: Text, hints: Hints) -> Export:
         axes=("1", "2", "3"),
         group="group" if "group" in shape.names else None,
         target="target",
-        covariance=_covariance(table, shape, hints),
+        covariance=_covariance(table, shape, hints, meaning.unit, text.name),
         unused=tuple(n.title for n in shape.rest if not n.role or n.role == "rms"),
     )
     return export(text, hints, found)
@@ -261,17 +267,21 @@ def _kinds(comments: Sequence[str]) -> set[str]:
     return found
 
 
-def _covariance(table: Rows, shape: Shape, hints: Hints) -> dict[str, Array]:
+def _covariance(table: Rows, shape: Shape, hints: Hints, unit: str, file: str) -> dict[str, Array]:
     """Covariances that the header names: per axis, expanded or standard, and the RMS of a point."""
     out = {}
-    roles = {column.role for column in shape.rest}
+    header = Header(0, shape.delimiter, shape.rest)
+
+    def said(roles: Sequence[str]) -> list[Array]:
+        own = _named.one_unit(header, roles, file)
+        return [uncertainties(np.asarray(table.columns[role]), own, unit) for role in roles]
+
     for prefix, kind, usual in (("std", STANDARD, 1.0), ("u95", EXPANDED, 2.0)):
         axes = [f"{prefix} {axis}" for axis in "xyz"]
-        if set(axes) <= roles:
-            std = [np.asarray(table.columns[axis]) for axis in axes]
-            out[kind] = diagonal(std, hints.coverage_factor or usual)
-    if "rms" in roles:
-        out[RMS] = diagonal([np.asarray(table.columns["rms"]) / np.sqrt(3.0)] * 3)
+        if header.has(*axes):
+            out[kind] = diagonal(said(axes), hints.coverage_factor or usual)
+    if header.has("rms"):
+        out[RMS] = diagonal([said(["rms"])[0] / np.sqrt(3.0)] * 3)
     return out
 
 
