@@ -12,9 +12,12 @@ import report_sample
 from get_browser import browser_path
 
 from pipeline.report.model import compose
-from pipeline.report.render import render
+from pipeline.report.render import render, render_overview
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
+
+
+AXE = package_files("axe_playwright_python").joinpath("axe.min.js").read_text("utf-8")
 
 
 @pytest.fixture(scope="module")
@@ -43,11 +46,11 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> str:
 @pytest.fixture
 def opened(browser, address):
     """Opens the report; console messages, failures and requests are judged at the end."""
-    contexts, wrong = [], []
+    contexts, wrong, sample = [], [], address
 
-    def open_page(width: int = 1280, scheme: str = "light", reduced: str = "reduce"):
+    def open_page(width: int = 1280, scheme: str = "light", address: str = sample):
         context = browser.new_context(
-            viewport={"width": width, "height": 900}, color_scheme=scheme, reduced_motion=reduced
+            viewport={"width": width, "height": 900}, color_scheme=scheme, reduced_motion="reduce"
         )
         contexts.append(context)
         page = context.new_page()
@@ -101,6 +104,24 @@ def test_nothing_overflows(opened, width):
     assert outside == []
 
 
+@pytest.mark.parametrize(("width", "scheme"), [(360, "dark"), (1920, "light")])
+def test_the_page_over_all_campaigns_is_as_good(opened, tmp_path, width, scheme):
+    """The overview passes axe-core, does not overflow, and its history can be read by keyboard."""
+    results = [
+        report_sample.result() | {"campaign": f"c{k}", "measured": f"202{k}-01-01"}
+        for k in range(4)
+    ]
+    (tmp_path / "index.html").write_bytes(render_overview(results))
+    page = opened(width, scheme, address=(tmp_path / "index.html").as_uri())
+    page.evaluate(AXE)
+
+    assert page.evaluate("axe.run({exclude: [['svg']]})")["violations"] == []
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    page.locator(".plot").focus()
+    page.keyboard.press("ArrowRight")
+    assert page.locator("#tip").inner_text().startswith("c0: k_r1 77.92")
+
+
 def test_what_is_cut_off_can_be_scrolled_to(opened):
     """On a telephone a wide table scrolls within its own frame, by keyboard too."""
     page = opened(360)
@@ -114,7 +135,7 @@ def test_what_is_cut_off_can_be_scrolled_to(opened):
 def test_axe_finds_nothing(opened, width, scheme):
     """Contrast, names, roles and structure pass axe-core in light and in dark."""
     page = opened(width, scheme)
-    page.evaluate(package_files("axe_playwright_python").joinpath("axe.min.js").read_text("utf-8"))
+    page.evaluate(AXE)
 
     found = page.evaluate("axe.run({exclude: [['svg']]})")
     complaints = [

@@ -127,7 +127,7 @@ def _evidence(result: Result, tables: Tables) -> Figure | None:
         "evidence",
         "Evidence for each suspect by itself",
         f"{said} Scale: natural logarithm of the odds against the joint springs alone; 3 is 20 to "
-        f"1. Suspects that are close to each other are hard to tell apart; the named ones are red.",
+        f"1. Suspects close to each other are hard to tell apart; the named ones are marked.",
         f"Bars of the evidence for the {len(best)} best suspects. {said}",
     )
 

@@ -151,17 +151,13 @@ def _evidence(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     size = best["log_evidence"].to_numpy(float)
     axes.barh(at, size, color=np.where(named, RED, BLUE).tolist(), height=0.7, gid="evidence")
     axes.axvline(3, color=MUTED, linewidth=1, linestyle="--")
-    axes.set_yticks(at, [cause_in_words(row) for _, row in best.iterrows()])
+    said = [cause_in_words(row) for _, row in best.iterrows()]
+    axes.set_yticks(at, [f"{s} (named)" if n else s for s, n in zip(said, named, strict=True)])
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("Evidence, natural log of the odds")
-    rows = zip(best.iterrows(), size, named, strict=True)
-    return {
-        "evidence": [
-            f"{cause_in_words(row)}: {plain(v, 2)}{', named' if n else ''}"
-            for (_, row), v, n in rows
-        ]
-    }
+    rows = zip(said, size, named, strict=True)
+    return {"evidence": [f"{s}: {plain(v, 2)}{', named' if n else ''}" for s, v, n in rows]}
 
 
 def _integer_ticks(axes: Axes, at: np.ndarray, names: Sequence[int]) -> None:

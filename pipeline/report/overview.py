@@ -173,7 +173,7 @@ def _history_figure(
 ) -> Figure:
     changed = [d.name for d in found if d.sure]
     said = f"{len(results)} campaigns of {name}. " + (
-        f"Changed: {', '.join(changed)} (red)." if changed else "No joint stands out."
+        f"Changed: {', '.join(changed)} in another colour." if changed else "No joint stands out."
     )
     return Figure(
         f"history-{number}",

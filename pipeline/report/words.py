@@ -25,7 +25,7 @@ CAUSES = {
     "scale_curvature": "curvature of the spring scale",
     "chain_weight": "weight of the chain",
     "chain_offset": "offset of the chain reflectors",
-    "joint_offset": "wrong zero",
+    "joint_offset": "wrong joint zero",
     "base_rotation": "rotation of the base frame",
     "tracker_drift": "drift of the tracker",
     "gravity_sag": "sag under the arm's own weight",
