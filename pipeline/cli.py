@@ -436,6 +436,26 @@ def league(
         contest.write_page(played, command, page)
 
 
+@app.command()
+def paper(
+    repetitions: Annotated[int, typer.Option(min=10, help="Of Table IV.")] = 200,
+    poses: Annotated[int, typer.Option(min=10, help="Validation poses of each set.")] = 1000,
+    seed: Annotated[int, typer.Option(help="Determines every draw and search.")] = 1,
+    write: Annotated[
+        bool | None, typer.Option("--write/--no-write", help="Page and PDF; not with --json.")
+    ] = None,
+    as_json: AsJson = False,
+    root: Root = Path(),
+) -> None:
+    """Compute the paper's tables and figures again, and show what a better plan gives."""
+    from pipeline import reproduction
+
+    made = reproduction.run(seed, repetitions, poses, _at_work)
+    typer.echo(made.as_json() if as_json else made.as_text())
+    if write or (write is None and not as_json):
+        typer.echo(reproduction.write(root, made))
+
+
 def _at_work(words: str) -> None:
     """One line of progress; on a terminal only."""
     if sys.stderr.isatty():

@@ -12,6 +12,7 @@ from pipeline import cli, planning
 from pipeline.cell import Tool, jacobian, paper_cell
 from pipeline.design import criteria, problem, search
 from pipeline.design.bound import Worst, bounds, certify
+from pipeline.design.curves import by_anchor, by_size
 from pipeline.design.descent import descend
 from pipeline.design.information import Experiment, information, station, value_and_slope
 from pipeline.design.limits import Limits, kept, penalty, slacks
@@ -455,6 +456,19 @@ def test_all_limits_together_are_kept():
     assert all((slack.value >= 0).all() for slack in slacks(made.limits, at))
     assert np.abs(last.plan.q[:, [4, 6]]).max() <= np.pi + 1e-9
     assert last.efficiency > 0.9
+
+
+def test_more_readings_and_a_freer_anchor_never_hurt(reference, proposal):
+    """Curves: 1/sqrt(n) exactly, NaN where n cannot be shared, poses anew below poses kept."""
+    sizes = by_size(reference, [3, 4], [3, 6, 12], 1, QUICK)
+    places = np.linspace(2.0, 5.0, 3)
+    anchors = by_anchor(reference, proposal.plan, places, 1, starts=2)
+
+    assert sizes.figure[0, 0] == pytest.approx(2 * sizes.figure[0, 2], rel=1e-3)
+    assert np.isnan(sizes.figure[1, :2]).all()
+    assert np.nanmin(sizes.figure) < 0.32e-5
+    assert (anchors.figure <= anchors.fixed_poses * 1.001).all()
+    assert (anchors.figure > proposal.certificate.figure).all()
 
 
 def test_the_command_prints_the_promised_keys(capsys, monkeypatch):

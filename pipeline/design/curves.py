@@ -49,7 +49,13 @@ class ByAnchor(Locked):
     fixed_poses: Array
 
 
-def by_size(problem: Problem, poses: Sequence[int], readings: Sequence[int], seed: int) -> BySize:
+def by_size(
+    problem: Problem,
+    poses: Sequence[int],
+    readings: Sequence[int],
+    seed: int,
+    effort: Effort = QUICK,
+) -> BySize:
     """Best figure for each m_0 and n; the limit on single compliances is left out.
 
     Args:
@@ -57,12 +63,13 @@ def by_size(problem: Problem, poses: Sequence[int], readings: Sequence[int], see
         poses: Values of m_0.
         readings: Values of n.
         seed: Determines the searches.
+        effort: How hard to search each.
     """
     figure = np.full((len(poses), len(readings)), np.nan)
     for i, m0 in enumerate(poses):
         for j, n in enumerate(readings):
             if n % m0 == 0 and n >= 3:
-                figure[i, j] = _best(_sized(problem, m0, n), seed)
+                figure[i, j] = _best(_sized(problem, m0, n), seed, effort)
     return BySize(np.array(poses), np.array(readings), figure)
 
 
@@ -75,9 +82,9 @@ def _sized(problem: Problem, poses: int, readings: int) -> Problem:
     return build(revised(problem.spec, changes), problem.robot)
 
 
-def _best(problem: Problem, seed: int) -> float:
+def _best(problem: Problem, seed: int, effort: Effort) -> float:
     try:
-        *_, last = search(problem, np.random.default_rng(seed), QUICK)
+        *_, last = search(problem, np.random.default_rng(seed), effort)
     except InputError:
         return float("nan")
     return float("nan") if last.best is None else last.best.figure
