@@ -54,6 +54,7 @@ clean:
 	@touch $@
 
 # pip compiles one file at a time and some settings forbid Python to do it later: compile here, on all cores.
+# --no-deps, because the lock is complete, and pip would look past a pin where somebody asks for its extras.
 # A few packages carry templates that are no valid Python; these stay uncompiled, hence `|| true`.
 .venv/.installed: requirements.lock
 	@set -e; \
@@ -68,6 +69,6 @@ clean:
 	echo "Building .venv with $$("$$found" --version), which takes a minute or two, once."; \
 	rm -rf .venv; \
 	"$$found" -m venv .venv; \
-	$(PIP) install --require-hashes --only-binary :all: --no-compile -r requirements.lock; \
+	$(PIP) install --no-deps --require-hashes --only-binary :all: --no-compile -r requirements.lock; \
 	$(PY) -W ignore -m compileall -qq -j 0 .venv/lib || true
 	@touch $@
