@@ -113,6 +113,10 @@ def scan(
         outcome = shell.outcome(campaign.name, lambda c=campaign: c, compute)  # type: ignore[misc]
         _learn(campaign, now, outcome)
         yield outcome
+    if before:
+        from pipeline import archive  # brings pandas, which watching itself does not need
+
+        archive.refresh(root)
     for campaign in campaigns.every(root):
         _tell(campaign, notify or Notify())
 

@@ -9,8 +9,9 @@ import pytest
 
 from pipeline import archive
 from pipeline.cli import _exit_code
-from pipeline.shell import run_all, status
+from pipeline.shell import plainly, run_all, status
 from pipeline.simulate import simulate
+from pipeline.watch import scan
 
 DAYS = {"spring": "2026-03-01", "autumn": "2026-09-01"}
 
@@ -104,6 +105,18 @@ def test_a_campaign_run_by_path_is_told_too(project, tmp_path, small_plan):
     assert [outcome.exit_code for outcome in done] == [0]
     assert "Change since autumn [%]" in (reports / "winter" / "index.html").read_text("utf-8")
     assert 'href="winter/index.html"' in (reports / "index.html").read_text("utf-8")
+
+
+def test_a_campaign_that_arrives_by_itself_joins_the_page(project, tmp_path, small_plan):
+    """What `watch` and `serve` run stands on the page over all campaigns as well."""
+    shutil.copytree(project, tmp_path / "copy")
+    raw(tmp_path / "copy", "winter", "2026-12-01", simulate(small_plan))
+
+    found = [o.campaign for o in scan(tmp_path / "copy", 0.0, plainly, pause=lambda _: None)]
+
+    page = (tmp_path / "copy" / "reports" / "index.html").read_text("utf-8")
+    assert "winter" in found
+    assert 'href="winter/index.html"' in page
 
 
 def test_a_run_that_is_going_on_is_left_out(project, tmp_path):
