@@ -69,14 +69,37 @@ def campaign_readings():
     )
 
 
+def semicolons(data):
+    """As a German spreadsheet saves it."""
+    return re.sub(rb"(\d)\.(\d{4})(?!\d)(?! )", rb"\1,\2", data.replace(b",", b";"))
+
+
+def iso_times(data):
+    """Times in another form, without the blank before them."""
+    return re.sub(rb" (\d\d)/(\d\d)/(\d\d) ([\d:]+)", rb"20\3-\1-\2T\4", data)
+
+
+VARIANTS = {name: (name, bytes) for name in READERS} | {
+    "plain, semicolons": ("plain", semicolons),
+    "plain, quoted": ("plain", lambda data: re.sub(rb"(P\w+|B\d)", rb'"\1"', data)),
+    "spatialanalyzer, columns": ("spatialanalyzer", lambda data: data.replace(b"::", b", ")),
+    "spatialanalyzer, bare": ("spatialanalyzer", lambda data: data.partition(b"stamp\r\n")[2]),
+    "spatialanalyzer, ISO": ("spatialanalyzer", iso_times),
+    "tracker_pilot, semicolons": ("tracker_pilot", semicolons),
+}
+"""Forms to damage: what the writers write, and what other settings of the programs make of it."""
+
+
 class Bench:
     """A dialect's clean campaign: its bytes, its settings and what is read from it."""
 
     def __init__(self, name):
-        """Write the campaign in a dialect and read it once."""
-        reader = READERS[name]
+        """Write the campaign in a form and read it once."""
+        key, transform = VARIANTS[name]
+        reader = self.reader = READERS[key]
         readings = campaign_readings()
-        extra = [] if reader.says_unit else ['unit = "mm"']
+        bare = name.endswith("bare") or not reader.says_unit
+        extra = ['unit = "mm"'] if bare else []
         extra += [] if reader.says_names else ['assignment = "rows.csv"']
         toml = TOML.replace("EXTRA", "\n".join(extra))
         for word, points in (("BASE", BASE), ("TOOL", TOOL)):
@@ -87,7 +110,7 @@ class Bench:
         rows = zip(readings.group, readings.target, strict=True)
         lines = [f"{k},{g},{t}" for k, (g, t) in enumerate(rows, 1)]
         self.assignment = "\n".join(["order,group,target", *lines, ""]).encode()
-        self.clean = reader.write(readings, "mm", 4)
+        self.clean = transform(reader.write(readings, "mm", 4))
         table = self.ingest(self.clean).readings.to_pylist()
         lines = text_lines(self.clean)
         self.meaning = {lines[row["line"] - 1]: content(row) for row in table}
@@ -374,7 +397,7 @@ def damaged(rng, data):
 @pytest.fixture(scope="module")
 def benches():
     """A clean campaign per dialect."""
-    return {name: Bench(name) for name in READERS}
+    return {name: Bench(name) for name in VARIANTS}
 
 
 def run(bench, name, seeds):
@@ -383,7 +406,7 @@ def run(bench, name, seeds):
     for seed in seeds:
         data = damaged(random.Random(seed), bench.clean)
         try:
-            outcomes.append(check(bench, data, READERS[name].says_names))
+            outcomes.append(check(bench, data, bench.reader.says_names))
         except Exception as problem:
             raise AssertionError(
                 f"{name}, seed {seed}: {problem!r}\n{data.decode('latin-1')}"
@@ -391,20 +414,20 @@ def run(bench, name, seeds):
     return outcomes
 
 
-@pytest.mark.parametrize("name", READERS)
+@pytest.mark.parametrize("name", VARIANTS)
 def test_damaged_exports_are_refused_or_read_honestly(benches, name):
     """A few hundred damaged exports, some of each kind of outcome."""
-    outcomes = run(benches[name], name, range(120))
+    outcomes = run(benches[name], name, range(60))
 
     assert {"refused", "partly", "same"} >= set(outcomes)
-    assert outcomes.count("refused") > 5
+    assert outcomes.count("refused") > 2
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", READERS)
+@pytest.mark.parametrize("name", VARIANTS)
 def test_ten_thousand_damaged_exports(benches, name):
     """Ten thousand of them, shared out among the dialects."""
-    run(benches[name], name, range(1000, 1000 + 10_000 // len(READERS) + 1))
+    run(benches[name], name, range(1000, 1000 + 10_000 // len(VARIANTS) + 1))
 
 
 TEXT = st.text(st.sampled_from("0123456789.,;:-+eE\"'\t \r\n/ABPpxyzgrouptaget_m|=@"), max_size=400)

@@ -457,6 +457,16 @@ def test_times_under_a_misspelt_title_are_times():
     assert times(readers.read("t", text.encode())) == times(golden("sa_compound.txt"))
 
 
+def test_spatial_analyzer_with_times_of_another_form():
+    """ISO times on the full hour behind joined names."""
+    text = (
+        (GOLDEN / "sa_compound.txt").read_text().replace("11/03/26 08:00:08", "11/03/26 08:00:00")
+    )
+    text = text.replace(" 11/03/26 ", "2026-11-03T")
+
+    assert times(readers.read("t", text.encode()))[0] == "2026-11-03 08:00:00"
+
+
 def test_half_a_second_of_a_time_is_refused():
     """`08:00:0` has lost a digit."""
     data = (GOLDEN / "sa_compound.txt").read_bytes().replace(b"08:00:08", b"08:00:0")

@@ -19,7 +19,7 @@ from pyarrow import csv as arrow_csv
 
 from pipeline.errors import InputError
 from pipeline.readers import _time
-from pipeline.readers._text import Text
+from pipeline.readers._text import CHUNK, Text
 from pipeline.readers._time import MOMENT
 from pipeline.results import Array, Bools, Ints, Locked
 
@@ -120,10 +120,11 @@ def _fast(text: Text, layout: Layout) -> Rows | None:
     )
     if not len(line):
         return None
+    direct = layout.moment == _time.ISO or _fixed_width(text, layout, line)
     if layout.joined:
         body, layout = _separated(body, layout)
     try:
-        table = _read(body, layout)
+        table = _read(body, layout, direct)
         if len(table) != len(line):
             return None
         columns = {
@@ -145,9 +146,11 @@ def _separated(body: pa.Buffer, layout: Layout) -> tuple[pa.Buffer, Layout]:
     names = layout.fields[: layout.joined]
     fields = [field for name in names for field in (blank, name)][1:]
     data = np.frombuffer(body, dtype=np.uint8).copy()
-    colon = data == ord(":")
-    at = np.flatnonzero(colon[:-1] & colon[1:])
-    data[at] = data[at + 1] = ord(layout.delimiter)
+    for begin in range(0, len(data), CHUNK):
+        piece = data[begin : begin + CHUNK + 1]
+        colon = piece == ord(":")
+        at = np.flatnonzero(colon[:-1] & colon[1:])
+        piece[at] = piece[at + 1] = ord(layout.delimiter)
     rest = layout.fields[layout.joined :]
     return pa.py_buffer(data), replace(layout, fields=(*fields, *rest), joined=0)
 
@@ -180,8 +183,22 @@ def _without(text: Text, first: int, special: Bools) -> pa.Buffer:
     return pa.py_buffer(b"".join(data[starts[a] : starts[b]] for a, b in edge.reshape(-1, 2)))
 
 
-def _read(body: pa.Buffer, layout: Layout) -> pa.Table:
-    if layout.moment != _time.ISO:
+def _fixed_width(text: Text, layout: Layout, line: Ints) -> bool:
+    """Whether every row ends in a time with two digits everywhere, which Arrow may then read."""
+    template = _time.template(layout.moment)
+    if layout.fields[-1].kind != "time" or not template:
+        return False
+    data = np.frombuffer(text.data, dtype=np.uint8)
+    end = text.starts[line] - (data[text.starts[line] - 1] == ord("\n"))
+    end -= data[end - 1] == ord("\r")
+    marks = [(len(template) - k, ord(mark)) for k, mark in enumerate(template) if mark != "0"]
+    begins = np.isin(data[end - len(template) - 1], [ord(layout.delimiter), ord(" ")])
+    return bool(begins.all()) and all((data[end - k] == mark).all() for k, mark in marks)
+
+
+def _read(body: pa.Buffer, layout: Layout, direct: bool) -> pa.Table:
+    """All columns; times as such where that is safe, else as text."""
+    if not direct:
         return _typed(body, layout, pa.string())
     try:
         return _typed(body, layout, MOMENT)
@@ -205,6 +222,7 @@ def _typed(body: pa.Buffer, layout: Layout, moment: pa.DataType) -> pa.Table:
             null_values=[""],
             strings_can_be_null=False,
             check_utf8=False,
+            timestamp_parsers=[arrow_csv.ISO8601 if layout.moment == _time.ISO else layout.moment],
         ),
     ).rename_columns([layout.fields[int(key)].name for key in wanted])
 
@@ -238,7 +256,7 @@ def _names(column: pa.ChunkedArray, field: Field) -> pa.DictionaryArray:
 
 def _moments(column: pa.ChunkedArray, field: Field, layout: Layout) -> pa.TimestampArray:
     cells = column.combine_chunks()
-    if layout.moment == _time.ISO:
+    if pa.types.is_timestamp(cells.type):
         return cells.cast(MOMENT)
     if not field.needed and pc.max(pc.binary_length(cells)).as_py() == 0:
         return pa.nulls(len(cells), MOMENT)
@@ -250,10 +268,11 @@ def _check_times(text: Text, layout: Layout, columns: dict[str, pa.Array], line:
     place = next((k for k, f in enumerate(layout.fields) if f.kind == "time"), None)
     if place is None or layout.moment != _time.ISO:
         return
+    behind = place - len(layout.fields)  # from the end: the first cell may hold several names
     times = columns[layout.fields[place].name]
     ticks = times.view(pa.int64()).to_numpy(zero_copy_only=False)  # NaN where there is no time
     for number in line[ticks % 3_600_000_000 == 0].tolist():
-        cell = cells(text.line(number), layout.delimiter)[place]
+        cell = cells(text.line(number), layout.delimiter)[behind]
         if cell and _time.form_of(cell) != _time.ISO:
             raise _Unexpected
 

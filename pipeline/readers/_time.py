@@ -37,6 +37,14 @@ def form_of(cell: str) -> str | None:
     return None
 
 
+def template(form: str) -> str:
+    """A time of this form with zeros for digits, or nothing where its width may vary."""
+    digits = {"%Y": "0000"} | dict.fromkeys(("%y", "%m", "%d", "%H", "%M", "%S"), "00")
+    for mark, zeros in digits.items():
+        form = form.replace(mark, zeros)
+    return "" if "%" in form or form == ISO else form
+
+
 def moment(cell: str, form: str) -> datetime | None:
     """The time in a cell, with its zone if it has one, or None when the cell is of another form."""
     bare = cell.strip().lstrip(APOSTROPHE)

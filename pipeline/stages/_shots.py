@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -114,8 +115,10 @@ def gather(exports: Mapping[str, Export], settings: Settings) -> Shots:
     sizes = [len(export.line) for export in exports.values()]
     return Shots(
         files=tuple(exports),
-        file=np.repeat(np.arange(len(sizes)), sizes),
-        line=np.concatenate([export.line for export in exports.values()]),
+        file=_stacked(
+            [np.full(size, k) if k else np.zeros(size, int) for k, size in enumerate(sizes)]
+        ),
+        line=_stacked([export.line for export in exports.values()]),
         group=group,
         target=target,
         position=_stacked([export.position for export in exports.values()]),
@@ -133,7 +136,8 @@ def _joined(parts: Sequence[pa.DictionaryArray]) -> pa.DictionaryArray:
     return pa.chunked_array(parts).unify_dictionaries().combine_chunks()
 
 
-def _stacked(parts: Sequence[Array]) -> Array:
+def _stacked(parts: Sequence[Any]) -> Any:
+    """Arrays one below the other; a single one is not copied, which a million rows notice."""
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 

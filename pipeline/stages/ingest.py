@@ -217,7 +217,7 @@ def _readings(shots: Shots, tracker: Tracker) -> pa.Table:
     loaded = shots.loaded if len(shots.loaded) else none.astype(bool)
     words = pa.array(["unloaded", "loaded"])
     columns = {
-        "file": pa.array(shots.files).take(pa.array(shots.file)),
+        "file": _files(shots),
         "line": pa.array(shots.line),
         "group": shots.group.cast(pa.string()),
         "target": shots.target.cast(pa.string()),
@@ -230,6 +230,12 @@ def _readings(shots: Shots, tracker: Tracker) -> pa.Table:
         "time": shots.time,
     }
     return tables.conform(pa.table(columns), tables.READINGS)
+
+
+def _files(shots: Shots) -> pa.Array:
+    if len(shots.files) == 1:
+        return pa.repeat(shots.files[0], len(shots))
+    return pa.array(shots.files).take(pa.array(shots.file))
 
 
 def _column(values: Array) -> pa.Array:
