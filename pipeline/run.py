@@ -100,7 +100,8 @@ def _compute(campaign: Campaign, raw: Raw, step: Step) -> dict[str, Any]:
     right = step(fit)(screened.case, bring(screened.case)) if screened.findings else given
 
     system, estimate = given.system, given.estimate
-    if not estimate.identifiable.any():
+    told = given if estimate.identifiable.any() else right  # a mistake may hide every stiffness
+    if not told.estimate.identifiable.any():
         raise InputError("these pulls determine no stiffness at all", "pull in more poses")
     keep("30_system", result.system_table(system), tables.system(system.parameters))
     keep("31_errors", result.errors_table(system), tables.ERRORS)
@@ -109,9 +110,11 @@ def _compute(campaign: Campaign, raw: Raw, step: Step) -> dict[str, Any]:
     residuals = keep("42_residuals", result.residuals_table(system, estimate), tables.RESIDUALS)
 
     where = place_of_interest(raw.settings.test_pose, right.case.robot, right.data.pulls)
-    checked = step(validate)(case.cell, estimate, where, np.random.default_rng(SEED))
+    checked = step(validate)(told.case.cell, told.estimate, where, np.random.default_rng(SEED))
     checked = keep("60_validation", checked, tables.VALIDATION)
-    soft = keep("61_workspace", step(workspace)(case.cell, estimate, where), tables.WORKSPACE)
+    soft = keep(
+        "61_workspace", step(workspace)(told.case.cell, told.estimate, where), tables.WORKSPACE
+    )
 
     cell, data = right.case.cell, right.data
     diagnosis = step(diagnose)(cell, data, right.estimate, where, np.random.default_rng(SEED))

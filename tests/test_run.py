@@ -51,6 +51,7 @@ def exact(changes=None):
     return revised(revised(plan, silent), changes or {})
 
 
+SWAPPED = "label_swap:pose03_rep1_loaded"
 TABLE_III = [8.0e7, 3.8e6, 6.6e6, 3.9e6, 5.6e5, 6.6e5, 4.7e5]
 
 
@@ -286,3 +287,16 @@ def test_a_base_reflector_off_by_centimetres_is_told(tmp_path):
     assert bad["registration"]["rotation_std_rad"][2] > (
         50 * good["registration"]["rotation_std_rad"][2]
     )
+
+
+def test_exchanged_names_are_told_and_the_corrected_result_stands_beside(tmp_path):
+    """P2 and P3 of one pull exchanged hide every stiffness: the name, the place, the right values."""
+    plan = revised(Plan(name="swapped", seed=5), {"hidden": {"effects": [SWAPPED]}})
+
+    answer = run(write(tmp_path, simulate(plan).files))
+
+    assert answer["diagnosis"]["verdict"] == "bad_data"
+    assert answer["diagnosis"]["causes"][0]["name"] == "label_swap"
+    assert answer["diagnosis"]["causes"][0]["where"] == "pose03_rep1_loaded"
+    right = [entry["value"] for entry in answer["extended"]["stiffness"]]
+    assert right[1:4] == pytest.approx(TABLE_III[1:4], rel=0.02)
