@@ -290,7 +290,7 @@ def test_a_base_reflector_off_by_centimetres_is_told(tmp_path):
 
 
 def test_exchanged_names_are_told_and_the_corrected_result_stands_beside(tmp_path):
-    """P2 and P3 of one pull exchanged hide every stiffness: the name, the place, the right values."""
+    """P2 and P3 of one pull exchanged hide every stiffness: name, place and right values come."""
     plan = revised(Plan(name="swapped", seed=5), {"hidden": {"effects": [SWAPPED]}})
 
     answer = run(write(tmp_path, simulate(plan).files))
