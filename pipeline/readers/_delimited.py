@@ -19,7 +19,7 @@ from pyarrow import csv as arrow_csv
 
 from pipeline.errors import InputError
 from pipeline.readers import _time
-from pipeline.readers._text import CHUNK, Text
+from pipeline.readers._text import CHUNK, Text, in_pieces
 from pipeline.readers._time import MOMENT
 from pipeline.results import Array, Bools, Ints, Locked
 
@@ -146,11 +146,15 @@ def _separated(body: pa.Buffer, layout: Layout) -> tuple[pa.Buffer, Layout]:
     names = layout.fields[: layout.joined]
     fields = [field for name in names for field in (blank, name)][1:]
     data = np.frombuffer(body, dtype=np.uint8).copy()
-    for begin in range(0, len(data), CHUNK):
+    mark = ord(layout.delimiter)
+
+    def cut(begin: int) -> None:
         piece = data[begin : begin + CHUNK + 1]
         colon = piece == ord(":")
         at = np.flatnonzero(colon[:-1] & colon[1:])
-        piece[at] = piece[at + 1] = ord(layout.delimiter)
+        piece[at] = piece[at + 1] = mark
+
+    in_pieces(cut, len(data))
     rest = layout.fields[layout.joined :]
     return pa.py_buffer(data), replace(layout, fields=(*fields, *rest), joined=0)
 

@@ -51,14 +51,15 @@ def complete(shots: Shots, settings: Settings, loads: Log, joints: Log) -> Compl
     """Leave out what lacks its counterpart, and only that."""
     states = _states(shots, len(settings.measured), loads, joints)
     why = _why_not(shots, settings, states, loads.file, joints.file)
-    dropped = np.array([bool(reason) for reason in why], dtype=bool)
-    state = shots.slot >= 0
-    out = (
-        state & dropped[np.where(state, shots.slot, 0)] if len(why) else np.zeros(len(shots), bool)
-    )
+    dropped = np.zeros(len(shots.pose), dtype=bool)
+    dropped[list(why)] = True
+    out = np.zeros(len(shots), dtype=bool)
+    if why:
+        state = shots.slot >= 0
+        out[state] = dropped[shots.slot[state]]
     rejected: list[Rejection] = []
     for k in np.flatnonzero(out):
-        rejected += shots.rejections(np.array([k]), why[shots.slot[k]])
+        rejected += shots.rejections(np.array([k]), why[int(shots.slot[k])])
     lone = _without_zero(shots, states) & ~out
     for k in np.flatnonzero(lone):
         name, pose = shots.target[int(k)].as_py(), shots.pose[shots.slot[k]]
@@ -107,18 +108,18 @@ def _place(known: Ints, wanted: Ints) -> Ints:
 
 def _why_not(
     shots: Shots, settings: Settings, states: _States, load_file: str, joint_file: str
-) -> list[str]:
-    """For each slot why it cannot be used, empty where it can."""
+) -> dict[int, str]:
+    """Slots that cannot be used, and why."""
     t = len(settings.measured)
     read = states.present.any(axis=1)
     usable = (states.present[:, :t] & states.zero).any(axis=1)
     chain = states.present[:, t:].all(axis=1)
     loaded = shots.loaded
-    why = [""] * len(shots.pose)
+    why: dict[int, str] = {}
 
     def because(which: Bools, text: str) -> None:
-        for k in np.flatnonzero(which & read):
-            why[k] = why[k] or text.format(pose=shots.pose[k], repeat=shots.repeat[k])
+        for k in np.flatnonzero(which & read).tolist():
+            why.setdefault(k, text.format(pose=shots.pose[k], repeat=shots.repeat[k]))
 
     because(
         ~states.joints,
@@ -153,6 +154,8 @@ def _literal(name: str) -> str:
 def _without_zero(shots: Shots, states: _States) -> Bools:
     """Loaded readings of a target whose zero is missing."""
     t = states.zero.shape[1]
+    if not (states.present[:, :t] & ~states.zero)[shots.loaded].any():
+        return np.zeros(len(shots), dtype=bool)
     out: Bools = (shots.slot >= 0) & (shots.role >= 0) & (shots.role < t)
     slot, role = shots.slot[out], shots.role[out]
     out[out] = shots.loaded[slot] & ~states.zero[slot, role]
@@ -180,13 +183,13 @@ def _absent(shots: Shots, settings: Settings, states: _States, dropped: Bools) -
 
 
 def _loads(
-    shots: Shots, states: _States, dropped: Bools, why: list[str], loads: Log
+    shots: Shots, states: _States, dropped: Bools, why: dict[int, str], loads: Log
 ) -> tuple[Bools, list[str]]:
     """Rows of the load log with a usable pull, and why the others are none."""
     kept = np.zeros(len(loads.line), dtype=bool)
     read = states.present.any(axis=1) & (states.load >= 0)
     kept[states.load[read & ~dropped]] = True
-    reason = {int(states.load[s]): why[s] for s in np.flatnonzero(read & dropped)}
+    reason = {int(states.load[s]): why[s] for s in np.flatnonzero(read & dropped).tolist()}
     pose, repeat = loads.number["pose"], loads.number["repeat"]
     why_not = [""] * len(kept)
     for k in np.flatnonzero(~kept).tolist():

@@ -174,7 +174,8 @@ def _keys_at_once(names: pa.StringArray, pattern: str) -> Ints | None:
 
     Arrow's expressions are RE2: without look-around, and ASCII where Python's know all letters.
     """
-    if pc.any(pc.match_substring_regex(names, "[^ -~]")).as_py():
+    letters = np.frombuffer(b"".join(names.buffers()[2:]), dtype=np.uint8)
+    if letters.min(initial=ord("~")) < ord(" ") or letters.max(initial=0) > ord("~"):
         return None
     keys = np.full((len(names), 3), -1, dtype=np.int64)
     try:
