@@ -271,7 +271,8 @@ def init(
     ask = sys.stdin.isatty()
     if name is None and not ask:
         raise UsageError("the campaign has no name: write `pipeline init NAME`")
-    name = name or typer.prompt(f"Name of the campaign ({shell.NAME})", err=True)
+    if name is None:
+        name = str(typer.prompt(f"Name of the campaign ({shell.NAME})", err=True))
     if plan is not None:
         from pipeline import virtual
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable
 
 import pytest
@@ -10,6 +11,9 @@ from pipeline import tables
 from pipeline.campaign import in_memory
 from pipeline.run import Reduced, reduce
 from pipeline.simulate import Plan, RawCampaign, simulate
+
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # a shell's background job ignores Ctrl-C
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # and its children would do so too
 
 SEED = 20261103
 
