@@ -237,6 +237,19 @@ class Campaign:
             return None
         return self.result()
 
+    def current(self) -> bool:
+        """Whether its last run still stands, so that no engine needs to start.
+
+        Raises:
+            InputError: It cannot be read, and trying again will not help.
+        """
+        try:
+            return self.done(self.read().key) is not None
+        except InputError as problem:
+            if problem.passing:  # the engine reads again a little later
+                return False
+            raise
+
     def manifest(self) -> dict[str, Any] | None:
         """What the last finished run was made from; None when there is none, or an odd one."""
         try:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline import campaign as campaigns
-from pipeline import preferences, service
+from pipeline import preferences, server
 from pipeline.errors import InputError
 
 PYTHONS = ((3, 11), (3, 15))
@@ -117,12 +117,12 @@ def _preferences(root: Path) -> Finding:
 def _service(root: Path) -> Iterator[Finding]:
     api = os.environ.get("PREFECT_API_URL")
     if api:
-        good = service.answers(api)
+        good = server.answers(api)
         said = (
             f"{api} {'answers' if good else 'does not answer; start it or unset PREFECT_API_URL'}"
         )
         yield Finding("Prefect server", good, said)
         return
-    urls = service.serving(root)
+    urls = server.serving(root)
     said = f"runs at {urls['page']}" if urls else "not running; `pipeline serve` starts it"
     yield Finding("service", True, said, needed=False)

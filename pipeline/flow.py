@@ -1,6 +1,6 @@
 """The stages of run.py as a Prefect flow: one task per stage, artifacts at the end.
 
-The only file that imports Prefect, which takes seconds; `service.settle` comes before it, because
+The only file that imports Prefect, which takes seconds; `server.settle` comes before it, because
 Prefect reads its settings when it is imported.
 """
 
@@ -36,10 +36,10 @@ from prefect.types.entrypoint import EntrypointType
 from pipeline import watch
 from pipeline.campaign import Campaign, find
 from pipeline.errors import InputError
+from pipeline.outcome import Outcome
 from pipeline.preferences import Preferences, load
 from pipeline.run import run
-from pipeline.service import PARENT, REPORTS_URL, follow
-from pipeline.shell import Outcome, current
+from pipeline.server import PARENT, REPORTS_URL, follow
 
 
 def _named() -> str:
@@ -70,7 +70,7 @@ def scan(root: str) -> None:
 def _within(campaign: Campaign) -> dict[str, Any]:
     """One campaign as a flow of its own, unless its last run still stands."""
     with contextlib.suppress(InputError):  # one that cannot be read is a run to be seen, too
-        if current(campaign):
+        if campaign.current():
             return campaign.result()
     answer: dict[str, Any] = identify(str(campaign.root), str(campaign.folder))
     return answer

@@ -7,6 +7,8 @@ campaign that cannot be read makes a run happen twice.
 from __future__ import annotations
 
 import json
+import signal
+import sys
 import time
 import urllib.error
 import urllib.request
@@ -15,11 +17,11 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from pipeline import campaign as campaigns
-from pipeline import files, shell
+from pipeline import files
 from pipeline.campaign import Campaign, dump
 from pipeline.errors import InputError
+from pipeline.outcome import Compute, Outcome, outcome
 from pipeline.preferences import Notify, Preferences
-from pipeline.shell import Outcome
 
 MEMORY = "seen.json"
 PATIENCE = 3
@@ -91,7 +93,7 @@ def _seen(campaign: Campaign, now: str) -> bool:
 def scan(
     root: Path,
     quiet_s: float,
-    compute: shell.Compute,
+    compute: Compute,
     notify: Notify | None = None,
     pause: Callable[[float], None] = time.sleep,
 ) -> Iterator[Outcome]:
@@ -110,9 +112,9 @@ def scan(
     for campaign, now in before.items():
         if fingerprint(campaign) != now:  # still being copied: the next look will take it
             continue
-        outcome = shell.outcome(campaign.name, lambda c=campaign: c, compute)  # type: ignore[misc]
-        _learn(campaign, now, outcome)
-        yield outcome
+        made = outcome(campaign.name, lambda c=campaign: c, compute)  # type: ignore[misc]
+        _learn(campaign, now, made)
+        yield made
     if before:
         from pipeline import archive  # brings pandas, which watching itself does not need
 
@@ -121,17 +123,17 @@ def scan(
         _tell(campaign, notify or Notify())
 
 
-def _learn(campaign: Campaign, now: str, outcome: Outcome) -> None:
+def _learn(campaign: Campaign, now: str, made: Outcome) -> None:
     before = recall(campaign)
     attempts = before.attempts + 1 if before.print == now else 1
-    remember(campaign, replace(before, print=now, verdict=verdict_of(outcome), attempts=attempts))
+    remember(campaign, replace(before, print=now, verdict=verdict_of(made), attempts=attempts))
 
 
-def verdict_of(outcome: Outcome) -> str:
+def verdict_of(made: Outcome) -> str:
     """The verdict, `rejected` when the input was, or `failed` when trying again may help."""
-    error = outcome.content.get("error")
+    error = made.content.get("error")
     if error is None:
-        return str(outcome.content["diagnosis"]["verdict"])
+        return str(made.content["diagnosis"]["verdict"])
     lasting = error["exit_code"] == InputError.exit_code and not error.get("passing")
     return "rejected" if lasting else "failed"
 
@@ -171,10 +173,17 @@ def _posted(address: str, content: dict[str, str | None]) -> bool:
         return False
 
 
+def stop_on_sigterm() -> None:
+    """End as an ordinary exit on SIGTERM, so that everything is put away."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+
+
 def watch(root: Path, preferences: Preferences) -> Iterator[Outcome]:
     """Look at data/raw again and again, without Prefect; ends with the process."""
+    from pipeline.run import run  # brings the numerical libraries, which take a second
+
     service = preferences.service
     while True:
         began = time.monotonic()
-        yield from scan(root, service.quiet_s, shell.plainly, preferences.notify)
+        yield from scan(root, service.quiet_s, run, preferences.notify)
         time.sleep(max(0.0, service.interval_s - (time.monotonic() - began)))

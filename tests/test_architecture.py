@@ -1,6 +1,7 @@
 """The walls of the house, read from the code's own imports."""
 
 import ast
+import graphlib
 import subprocess
 import sys
 from pathlib import Path
@@ -71,3 +72,24 @@ def test_prefect_is_imported_by_the_flow_only():
     }
 
     assert knowing == {"flow.py"}
+
+
+def test_no_two_files_import_each_other():
+    """Whatever a file uses stands below it, also what is imported late."""
+    known = {
+        ".".join(("pipeline", *path.relative_to(PACKAGE).with_suffix("").parts)): path
+        for path in PACKAGE.rglob("*.py")
+    }
+
+    graphlib.TopologicalSorter(
+        {name: used(path) & set(known) for name, path in known.items()}
+    ).prepare()
+
+
+def used(path):
+    """Modules, and what may be one: `from pipeline import files` uses pipeline.files."""
+    tree = ast.parse(path.read_text("utf-8"))
+    froms = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and not node.level]
+    return {f"{node.module}.{name.name}" for node in froms for name in node.names} | set(
+        imports(path)
+    )

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pipeline import compensate, handover, shell
+from pipeline import compensate, correction, handover
 from pipeline.campaign import find, in_memory
 from pipeline.cell import paper_cell
 from pipeline.effects import catalogue
@@ -117,7 +117,7 @@ def path_rows(path, rows):
 
 def test_compensate_writes_the_offsets_that_the_demo_path_needs(demo, path, true, tmp_path):
     """From the command's file: millimetres of deflection fall to within the stated 95 %."""
-    written = shell.compensate(demo, "kr500_demo", DEMO_PATH, output=tmp_path / "offsets.csv")
+    written = correction.compensate(demo, "kr500_demo", DEMO_PATH, output=tmp_path / "offsets.csv")
     table = np.genfromtxt(written.path, delimiter=",", names=True)
     joints = np.column_stack(
         [table["d_r1_m"], *(np.deg2rad(table[f"d_theta{j}_deg"]) for j in range(2, 8))]

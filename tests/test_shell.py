@@ -13,8 +13,9 @@ import pytest
 from filelock import FileLock
 
 from pipeline import campaign as campaigns
-from pipeline import cli, files, shell
+from pipeline import cli, files
 from pipeline.errors import CannotWrite, worst
+from pipeline.outcome import sentences
 from pipeline.simulate import Plan, simulate
 
 PROJECT = Path(__file__).parents[1]
@@ -339,7 +340,7 @@ def test_reasons_that_differ_in_numbers_are_counted():
     rows += [{"file": "t.csv", "line": 40, "reason": "not a number"}]
     rows += [{"file": "u.csv", "line": 1, "reason": "pose 1 is odd"}]
 
-    assert shell.sentences(rows) == [
+    assert sentences(rows) == [
         "t.csv:1: pose 1 is odd",
         "t.csv:2: pose 2 is odd",
         "t.csv:3: pose 3 is odd",

@@ -13,10 +13,11 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import files, preferences, shell, watch
+from pipeline import files, preferences, watch
 from pipeline.campaign import find
 from pipeline.errors import InputError
 from pipeline.preferences import Notify, Preferences
+from pipeline.run import run
 
 HERE = Path(__file__).parents[1]
 KEPT = HERE / "data" / "raw" / "fanuc_r2000ic"
@@ -231,12 +232,12 @@ def test_watch_runs_what_arrives_until_ctrl_c(tmp_path):
 def test_a_finished_run_is_not_repeated_when_its_memory_was_lost(tmp_path):
     """Killed between run and memory: the next look recognises the result and computes nothing."""
     arrive(tmp_path, "a")
-    look(tmp_path, shell.plainly)
+    look(tmp_path, run)
     campaign = find(tmp_path, "a")
     made = (campaign.reports / "result.json").stat().st_mtime_ns
     (campaign.processed / watch.MEMORY).unlink()
     time.sleep(0.01)
-    [again] = look(tmp_path, shell.plainly)
+    [again] = look(tmp_path, run)
 
     assert (campaign.reports / "result.json").stat().st_mtime_ns == made
     assert again.content == campaign.result()
