@@ -7,7 +7,7 @@ order and keeps every table. How a stage is carried out (plainly, or as a Prefec
 from __future__ import annotations
 
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from pipeline.diagnosis.shown import apart_table, clues_table, examined_table
 from pipeline.errors import InputError
 from pipeline.report.render import render
 from pipeline.robot import Robot
-from pipeline.screening.case import Case, Keep, Reduced, Step, bring, plain
+from pipeline.screening.case import Case, Keep, Reduced, Step, bring, conformed, plain
 from pipeline.screening.case import tool as tool
 from pipeline.screening.conventions import conventions
 from pipeline.screening.fit import fit
@@ -89,9 +89,33 @@ def doubt_row(doubt: InputError) -> pd.DataFrame:
 
 
 def _compute(campaign: Campaign, raw: Raw, step: Step) -> dict[str, Any]:
-    """Everything: to stiffnesses, what is wrong with data or model, and a report."""
+    """Everything: to the answer, and a report on disk."""
     began = time.perf_counter()
-    keep = campaign.keep
+    found = answered(campaign.name, raw, campaign.keep, step)
+    run_time_s = time.perf_counter() - began
+    pages = step(render)(found.answer, found.shown, run_time_s)
+    answers = {"result.json": dump(found.answer), **handover.files(found.model), **pages}
+    campaign.finish(raw.key, answers, {"run_time_s": run_time_s})
+    return found.answer
+
+
+@dataclass(frozen=True, eq=False)
+class Answered:
+    """What the files of a campaign say.
+
+    Attributes:
+        answer: result.json.
+        shown: The tables a reader wants to see, by name.
+        model: The identified robot, None where there is none to hand over.
+    """
+
+    answer: dict[str, Any]
+    shown: dict[str, pd.DataFrame]
+    model: handover.Model | None
+
+
+def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) -> Answered:
+    """To stiffnesses and what is wrong with data or model."""
     case = ingested(raw, keep, step, plausible=False)
     reduced = bring(case, keep, step)
     enough(reduced.data, raw.robot)
@@ -123,13 +147,13 @@ def _compute(campaign: Campaign, raw: Raw, step: Step) -> dict[str, Any]:
     clues = keep("51_diagnosis", clues_table(diagnosis), tables.DIAGNOSIS)
     separability = keep("52_separability", apart_table(diagnosis), tables.SEPARABILITY)
     causes = [cause.effect for cause in diagnosis.causes]
-    richer = handover.extended(campaign.name, diagnosis.verdict, cell, causes, diagnosis.estimate)
+    richer = handover.extended(name, diagnosis.verdict, cell, causes, diagnosis.estimate)
     softer = workspace(richer.cell, richer, where) if richer else no_workspace()
     softer = keep("62_workspace_extended", softer, tables.WORKSPACE)
 
     answer = result.answer(
         result.Findings(
-            campaign=campaign.name,
+            campaign=name,
             raw=raw,
             given=given,
             right=right,
@@ -150,14 +174,9 @@ def _compute(campaign: Campaign, raw: Raw, step: Step) -> dict[str, Any]:
         "diagnosis": clues,
         "separability": separability,
     }
-    run_time_s = time.perf_counter() - began
-    pages = step(render)(answer, shown, run_time_s)
     verdict = answer["diagnosis"]["verdict"]
     handed = replace(richer, verdict=verdict) if richer else None
-    handed = handed or handover.model(campaign.name, verdict, case.cell, estimate)
-    answers = {"result.json": dump(answer), **handover.files(handed), **pages}
-    campaign.finish(raw.key, answers, {"run_time_s": run_time_s})
-    return answer
+    return Answered(answer, shown, handed or handover.model(name, verdict, case.cell, estimate))
 
 
 def enough(data: Measured, robot: Robot) -> None:

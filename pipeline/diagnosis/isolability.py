@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
@@ -67,6 +68,7 @@ def rich_tool(rng: np.random.Generator) -> Tool:
     return Tool(points[0], np.array(["P1", "P2", "P3"], dtype=object), points[1:])
 
 
+@lru_cache(maxsize=8)
 def twins(robot: Robot) -> Twins:
     """Find the twins among the causes of a robot by the ranks of a rich random design."""
     rng = np.random.default_rng(20)

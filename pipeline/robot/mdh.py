@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import tomllib
 from dataclasses import dataclass
+from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import Any, Literal
@@ -326,9 +327,7 @@ def load(name: str, folder: Path | None = None) -> Robot:
             read or is none.
     """
     if name in SHIPPED:
-        return parse(
-            (resources.files(__package__) / f"{name}.toml").read_text("utf-8"), f"{name}.toml"
-        )
+        return _shipped(name)
     path = (folder or Path()) / name
     if path.suffix != ".toml" or not path.is_file():
         raise InputError(
@@ -347,3 +346,9 @@ def load(name: str, folder: Path | None = None) -> Robot:
             file=path.name,
             passing=True,
         ) from problem
+
+
+@cache
+def _shipped(name: str) -> Robot:
+    text = (resources.files(__package__) / f"{name}.toml").read_text("utf-8")
+    return parse(text, f"{name}.toml")
