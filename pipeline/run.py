@@ -13,11 +13,20 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline import handover, result, tables
+from pipeline import handover, tables
 from pipeline.campaign import Campaign, Raw, dump
 from pipeline.diagnosis.shown import apart_table, clues_table, examined_table
 from pipeline.errors import InputError
 from pipeline.report.render import render
+from pipeline.result.answer import answer as answer_of
+from pipeline.result.findings import Findings
+from pipeline.result.tables import (
+    covariance_table,
+    errors_table,
+    estimate_table,
+    residuals_table,
+    system_table,
+)
 from pipeline.robot import Robot
 from pipeline.screening.case import Case, Keep, Reduced, Step, bring, conformed, plain
 from pipeline.screening.case import tool as tool
@@ -127,11 +136,11 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
     told = given if estimate.identifiable.any() else right  # a mistake may hide every stiffness
     if not told.estimate.identifiable.any():
         raise InputError("these pulls determine no stiffness at all", "pull in more poses")
-    keep("30_system", result.system_table(system), tables.system(system.parameters))
-    keep("31_errors", result.errors_table(system), tables.ERRORS)
-    keep("40_estimate", result.estimate_table(estimate), tables.ESTIMATE)
-    keep("41_covariance", result.covariance_table(estimate), tables.covariance(estimate.parameters))
-    residuals = keep("42_residuals", result.residuals_table(system, estimate), tables.RESIDUALS)
+    keep("30_system", system_table(system), tables.system(system.parameters))
+    keep("31_errors", errors_table(system), tables.ERRORS)
+    keep("40_estimate", estimate_table(estimate), tables.ESTIMATE)
+    keep("41_covariance", covariance_table(estimate), tables.covariance(estimate.parameters))
+    residuals = keep("42_residuals", residuals_table(system, estimate), tables.RESIDUALS)
 
     where = place_of_interest(raw.settings.test_pose, right.case.robot, right.data.pulls)
     checked = step(validate)(told.case.cell, told.estimate, where, np.random.default_rng(SEED))
@@ -151,8 +160,8 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
     softer = workspace(richer.cell, richer, where) if richer else no_workspace()
     softer = keep("62_workspace_extended", softer, tables.WORKSPACE)
 
-    answer = result.answer(
-        result.Findings(
+    answer = answer_of(
+        Findings(
             campaign=name,
             raw=raw,
             given=given,

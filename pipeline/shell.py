@@ -70,7 +70,7 @@ def check(root: Path, name: str) -> Outcome:
 
 
 def _check(root: Path, name: str) -> Outcome:
-    from pipeline.result import rejected_entries
+    from pipeline.result.inputs import rejected_entries
     from pipeline.run import reduce
     from pipeline.tables import promised
 

@@ -1,0 +1,1 @@
+"""What leaves the pipeline: result.json as the campaign contract words it, and result tables."""

@@ -1,0 +1,120 @@
+"""`diagnosis` and `noise`: mistakes in the data first, then what the model misses."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pipeline.diagnosis import verdict as verdicts
+from pipeline.result.findings import Findings
+from pipeline.result.fit import fits
+from pipeline.result.numbers import rms_mm
+from pipeline.results import Estimate
+from pipeline.screening.finding import Finding
+from pipeline.stages.estimate import left_out
+from pipeline.stages.variance import NAMES, Components, at_most
+
+
+def diagnosis_entry(found: Findings) -> dict[str, Any]:
+    """`diagnosis`: mistakes in the data first, then what the diagnosis says of the corrected data.
+
+    Scatter that the repeats have found already joins the causes.
+    """
+    said = verdicts.entry(found.diagnosis, found.right.case.robot)
+    named = {cause["name"] for cause in said["causes"]}
+    noisy = [cause for cause in noise_causes(found.right.noise) if cause["name"] not in named]
+    said["causes"] = [*data_causes(found), *said["causes"], *noisy]
+    if found.mistakes:
+        return said | {"verdict": "bad_data", "why": bad_data_sentence(found.mistakes)}
+    unstated = found.estimate.p_value is None
+    if said["verdict"] == "adequate" and unstated and not fits(found.estimate):
+        return said | {"verdict": "unexplained", "why": "No known cause explains the misfit."}
+    return said
+
+
+def bad_data_sentence(mistakes: tuple[Finding, ...]) -> str:
+    """What is wrong with the data, and what was done about it."""
+    first, *more = mistakes
+    others = f", and {len(more)} more mistakes were found" if more else ""
+    return (
+        f"The data hold a mistake: {first.evidence}{others}. Nothing was repaired: the "
+        f"stiffnesses are those of the data as given, the corrected ones stand beside them."
+    )
+
+
+def data_causes(found: Findings) -> list[dict[str, Any]]:
+    """The mistakes in the data, as causes."""
+    if not found.mistakes:
+        return []
+    before, after = (rms_mm(left_out(one.system)) for one in (found.given, found.right))
+    gain = {
+        "held_out_rms_before_mm": before,
+        "held_out_rms_after_mm": after,
+        "reduction": 1 - after / before if before else None,
+        "ci95": None,
+        "test_pose_change_mm": None,
+    }
+    return [
+        {
+            "name": one.name,
+            "where": one.where,
+            "probability": 1 - (one.p_value or 0.0),
+            "parameters": []
+            if one.size is None
+            else [{"name": "size", "value": one.size, "std": None, "unit": one.size_unit}],
+            "p_value": one.p_value,
+            "rivals": [],
+            "gain": gain,
+            "evidence": {
+                "sentence": one.evidence,
+                "correction": one.correction,
+                "before": one.before,
+                "after": one.after,
+                "unit": one.unit,
+            },
+        }
+        for one in found.mistakes
+    ]
+
+
+def noise_entry(found: Components, estimate: Estimate) -> dict[str, Any]:
+    """The noise found in the data beside the stated one."""
+    return {
+        "from": estimate.noise_from,
+        "contrasts": found.dof,
+        "components": [
+            {
+                "name": name,
+                "found_over_stated": float(found.scale[i]),
+                "std": float(found.std[i] * found.scale[i]),
+                "p_value": float(found.p_value[i]),
+            }
+            for i, name in enumerate(found.name)
+            if np.isfinite(found.std[i])
+        ],
+    }
+
+
+def noise_causes(found: Components) -> list[dict[str, Any]]:
+    """The noise components that are larger than stated, as causes."""
+    return [
+        {
+            "name": NAMES[name],
+            "where": None,
+            "probability": at_most(float(found.p_value[i])),
+            "parameters": [
+                {
+                    "name": f"s_{name.split('_')[0]}",
+                    "value": float(found.scale[i]) - 1,
+                    "std": float(found.std[i] * found.scale[i]),
+                    "unit": "1",
+                }
+            ],
+            "p_value": float(found.p_value[i]),
+            "rivals": [],
+            "gain": None,
+        }
+        for i, name in enumerate(found.name)
+        if found.larger[i]
+    ]
