@@ -115,12 +115,12 @@ class Answered:
     Attributes:
         answer: result.json.
         shown: The tables a reader wants to see, by name.
-        model: The identified robot, None where there is none to hand over.
+        model: The identified robot, for those who load it elsewhere.
     """
 
     answer: dict[str, Any]
     shown: dict[str, pd.DataFrame]
-    model: handover.Model | None
+    model: handover.Model
 
 
 def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) -> Answered:

@@ -15,12 +15,12 @@ from pipeline.results import Errors, Parameter, Rows, System
 from pipeline.run import reduce, tool
 from pipeline.settings import parse
 from pipeline.simulate import Plan, revised, simulate
+from pipeline.stages.contrasts import repeated_zeros
 from pipeline.stages.estimate import identify
 from pipeline.stages.variance import (
     Components,
     at_most,
     noise,
-    repeated_zeros,
     rescaled,
     resting_on,
     variance_components,

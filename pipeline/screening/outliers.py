@@ -21,8 +21,8 @@ from pipeline.results import Array, Estimate, Ints, Locked, System
 from pipeline.screening.case import Case, Reduced
 from pipeline.screening.finding import Finding
 from pipeline.stages.assemble import Measured
+from pipeline.stages.contrasts import Stack, Zeros, pure_error, stacked
 from pipeline.stages.register import XYZ, Registration
-from pipeline.stages.variance import Stack, Zeros, pure_error, stacked
 from pipeline.stages.whiten import Whitener, whitener
 
 FAMILY = 1e-3

@@ -12,8 +12,8 @@ from pipeline.screening.finding import Finding
 from pipeline.screening.labels import labels
 from pipeline.screening.outliers import base_outlier, chain_outlier, noise_scale, outlier
 from pipeline.screening.pulls import force_unit, reversed_pull
+from pipeline.stages.contrasts import repeated_zeros
 from pipeline.stages.estimate import identify
-from pipeline.stages.variance import repeated_zeros
 
 MOST = 12
 """More bad readings than this are no bad readings: the campaign is what is wrong."""
