@@ -13,6 +13,7 @@ from pathlib import Path
 from pipeline import campaign as campaigns
 from pipeline import preferences, server
 from pipeline.errors import InputError
+from pipeline.storage import Store
 
 PYTHONS = ((3, 11), (3, 15))
 ROOM_BYTES = 2**30
@@ -44,6 +45,7 @@ def examine(root: Path) -> Iterator[Finding]:
     yield _room(root)
     yield _raw(root)
     yield _preferences(root)
+    yield from _storage(root)
     yield from _service(root)
 
 
@@ -112,6 +114,22 @@ def _preferences(root: Path) -> Finding:
         return Finding(preferences.FILE, False, str(problem))
     there = (root / preferences.FILE).is_file()
     return Finding(preferences.FILE, True, "is valid" if there else "is not there, and need not be")
+
+
+def _storage(root: Path) -> Iterator[Finding]:
+    try:
+        address = preferences.load(root).storage.raw
+    except InputError:  # told already
+        return
+    if address is None:
+        return
+    store = Store(address)
+    try:
+        found = len(store.marks())
+    except InputError as problem:
+        yield Finding("storage", False, str(problem))
+    else:
+        yield Finding("storage", True, f"{found} objects at {store.shown}")
 
 
 def _service(root: Path) -> Iterator[Finding]:

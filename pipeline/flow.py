@@ -61,8 +61,7 @@ def scan(root: str) -> None:
     if PARENT in os.environ:
         follow(int(os.environ[PARENT]))
     preferences = load(Path(root))
-    quiet_s = preferences.service.quiet_s
-    outcomes = list(watch.scan(Path(root), quiet_s, _within, preferences.notify))
+    outcomes = list(watch.scan(Path(root), preferences, _within))
     if outcomes:
         create_markdown_artifact(key="scan", markdown=_summary(outcomes))
 

@@ -1,4 +1,4 @@
-"""pipeline.toml in the project's root: how often to look for campaigns, and whom to tell."""
+"""pipeline.toml in the project's root: how often to look for campaigns, where, and whom to tell."""
 
 from __future__ import annotations
 
@@ -49,11 +49,34 @@ class Notify(Strict):
         return address
 
 
+class Storage(Strict):
+    """Campaigns that live on object storage.
+
+    Attributes:
+        raw: Address of the campaign folders, such as s3://bucket/raw; copied to data/raw.
+        reports: Where reports/ is put after a run.
+        processed: Where the tables of data/processed are put after a run.
+    """
+
+    raw: str | None = None
+    reports: str | None = None
+    processed: str | None = None
+
+    @field_validator("raw", "reports", "processed")
+    @classmethod
+    def an_address(cls, address: str | None) -> str | None:
+        """Not a folder of this machine."""
+        if address is not None and "://" not in address:
+            raise ValueError("an address looks like s3://bucket/folder")
+        return address
+
+
 class Preferences(Strict):
     """A whole pipeline.toml; all of it may be missing."""
 
     service: Service = Service()
     notify: Notify = Notify()
+    storage: Storage = Storage()
 
 
 def load(root: Path, said: Mapping[str, Any] | None = None) -> Preferences:
@@ -80,7 +103,9 @@ def load(root: Path, said: Mapping[str, Any] | None = None) -> Preferences:
         where = ".".join(str(part) for part in first["loc"])
         message = first["msg"].removeprefix("Value error, ")
         raise InputError(
-            f"{where}: {message}", "correct it as docs/serve.md describes", file=FILE
+            f"{where}: {message}",
+            "correct it as docs/serve.md or docs/object-storage.md describes",
+            file=FILE,
         ) from problem
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline import campaign as campaigns
-from pipeline import files, server
+from pipeline import files, mirror, preferences, server
 from pipeline.campaign import Campaign
 from pipeline.errors import InputError, PipelineError
 from pipeline.outcome import EARLIER, Outcome, dated, failed, guarded, outcome, sentences
@@ -18,8 +18,11 @@ from pipeline.progress import Progress
 
 def run_all(root: Path, names: list[str], engine: str, force: bool) -> Iterator[Outcome]:
     """Bring campaigns up to date; one that fails stops none of the others."""
+    storage = preferences.load(root).storage
+    refused = mirror.fetch(root, storage)
+    yield from refused
     everyone = names or [found.name for found in campaigns.every(root)]
-    if not everyone:
+    if not everyone and not refused:
         raise no_campaign(root)
     compute = plainly if engine == "local" else through_prefect
     with Progress(len(everyone)) as bar:
@@ -33,6 +36,7 @@ def run_all(root: Path, names: list[str], engine: str, force: bool) -> Iterator[
     from pipeline import archive
 
     archive.refresh(root)
+    yield from mirror.publish(root, storage)
 
 
 def no_campaign(root: Path) -> InputError:

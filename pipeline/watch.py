@@ -17,7 +17,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from pipeline import campaign as campaigns
-from pipeline import files
+from pipeline import files, mirror
 from pipeline.campaign import Campaign, dump
 from pipeline.errors import InputError
 from pipeline.outcome import Compute, Outcome, outcome
@@ -92,23 +92,24 @@ def _seen(campaign: Campaign, now: str) -> bool:
 
 def scan(
     root: Path,
-    quiet_s: float,
+    preferences: Preferences,
     compute: Compute,
-    notify: Notify | None = None,
     pause: Callable[[float], None] = time.sleep,
 ) -> Iterator[Outcome]:
     """Run what is new or changed and has stopped growing; one that fails stops none of the others.
 
     Args:
         root: The project's root.
-        quiet_s: How long a folder must stay as it is [s].
+        preferences: How long a folder must stay as it is, where campaigns live, whom to tell.
         compute: How a campaign is brought up to date.
-        notify: Whom to tell about changed verdicts.
         pause: Waits; given by tests.
     """
+    storage = preferences.storage
+    refused = mirror.fetch(root, storage)
     before = waiting(root)
     if before:
-        pause(quiet_s)
+        pause(preferences.service.quiet_s)
+        refused = mirror.fetch(root, storage)  # what still grows there grows here, too
     for campaign, now in before.items():
         if fingerprint(campaign) != now:  # still being copied: the next look will take it
             continue
@@ -119,8 +120,10 @@ def scan(
         from pipeline import archive  # brings pandas, which watching itself does not need
 
         archive.refresh(root)
+    refused += mirror.publish(root, storage)
+    yield from mirror.untold(root, refused)
     for campaign in campaigns.every(root):
-        _tell(campaign, notify or Notify())
+        _tell(campaign, preferences.notify)
 
 
 def _learn(campaign: Campaign, now: str, made: Outcome) -> None:
@@ -185,5 +188,5 @@ def watch(root: Path, preferences: Preferences) -> Iterator[Outcome]:
     service = preferences.service
     while True:
         began = time.monotonic()
-        yield from scan(root, service.quiet_s, run, preferences.notify)
+        yield from scan(root, preferences, run)
         time.sleep(max(0.0, service.interval_s - (time.monotonic() - began)))

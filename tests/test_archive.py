@@ -9,6 +9,7 @@ import pytest
 
 from pipeline import archive
 from pipeline.cli import _exit_code
+from pipeline.preferences import Preferences
 from pipeline.shell import plainly, run_all, status
 from pipeline.simulate import simulate
 from pipeline.watch import scan
@@ -112,7 +113,7 @@ def test_a_campaign_that_arrives_by_itself_joins_the_page(project, tmp_path, sma
     shutil.copytree(project, tmp_path / "copy")
     raw(tmp_path / "copy", "winter", "2026-12-01", simulate(small_plan))
 
-    found = [o.campaign for o in scan(tmp_path / "copy", 0.0, plainly, pause=lambda _: None)]
+    found = [o.campaign for o in scan(tmp_path / "copy", Preferences(), plainly, lambda _: None)]
 
     page = (tmp_path / "copy" / "reports" / "index.html").read_text("utf-8")
     assert "winter" in found

@@ -57,7 +57,7 @@ def arrive(root, *names):
 
 def look(root, runs, pause=lambda _: None, webhook=None):
     """One look at data/raw: what became of each campaign that was taken."""
-    return list(watch.scan(root, 5.0, runs, Notify(webhook=webhook), pause))
+    return list(watch.scan(root, Preferences(notify=Notify(webhook=webhook)), runs, pause))
 
 
 def test_new_campaigns_are_run_once_and_changed_ones_again(tmp_path, runs):

@@ -1,0 +1,312 @@
+"""Campaigns on object storage, against an S3-compatible server on this machine."""
+
+import contextlib
+import http.server
+import os
+import shutil
+import socket
+import threading
+from pathlib import Path
+
+import localbucket
+import pytest
+
+from pipeline import files, mirror
+from pipeline.cli import _exit_code
+from pipeline.preferences import Preferences, Storage, load
+from pipeline.storage import Store
+from pipeline.watch import scan
+
+KEPT = Path(__file__).parents[1] / "data" / "raw" / "fanuc_r2000ic"
+LONG_AGO = 1_700_000_000
+
+
+@pytest.fixture
+def asked():
+    """What the server was asked."""
+    return []
+
+
+@pytest.fixture
+def bucket(tmp_path, monkeypatch, asked):
+    """A bucket, as the folder that the server keeps it in."""
+
+    class Handler(localbucket.S3Handler):
+        data_root = tmp_path / "server"
+
+        def log_message(self, format, *args):
+            asked.append(f"{self.command} {self.path.partition('?')[0]}")
+
+    with serving(Handler) as port:
+        at(monkeypatch, port)
+        here = tmp_path / "server" / "robots"
+        here.mkdir(parents=True)
+        yield here
+
+
+@contextlib.contextmanager
+def serving(handler):
+    """A server of this machine; its port."""
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, args=[0.01], daemon=True).start()
+        yield server.server_port
+        server.shutdown()
+
+
+def at(monkeypatch, port):
+    """This machine's storage is behind this port."""
+    monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{port}")
+    monkeypatch.setenv("AWS_ACCESS_KEY_ID", "operator")
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "not-for-the-screen")
+    monkeypatch.setenv("AWS_EC2_METADATA_DISABLED", "true")
+
+
+def upload(bucket, campaign, age_s=0):
+    """A campaign into the bucket, as old as LONG_AGO less `age_s`."""
+    folder = bucket / "raw" / campaign
+    shutil.copytree(KEPT, folder, dirs_exist_ok=True)
+    for path in folder.iterdir():
+        os.utime(path, (LONG_AGO - age_s,) * 2)
+    return folder
+
+
+WHERE = Storage(raw="s3://robots/raw")
+
+
+def said(outcomes):
+    return [line for outcome in outcomes for line in outcome.complaints]
+
+
+@pytest.mark.slow
+def test_a_campaign_in_a_bucket_is_run_and_its_report_put_back(bucket, asked, tmp_path, capsys):
+    """`run` takes it from there and leaves report and tables there; locks and truth stay here."""
+    root = tmp_path / "project"
+    upload(bucket, "c")
+    files.write(
+        root / "pipeline.toml",
+        b'[storage]\nraw = "s3://robots/raw"\n'
+        b'reports = "s3://robots/reports"\nprocessed = "s3://robots/tables"\n',
+    )
+    files.write(root / "data" / "processed" / "c.truth.json", b"{}")
+    code = _exit_code(["run", "--engine", "local", "--root", str(root)])
+    there = {path.relative_to(bucket).as_posix() for path in bucket.rglob("*") if path.is_file()}
+    put = [line for line in asked if line.startswith("PUT")]
+    asked.clear()
+    again = _exit_code(["run", "--engine", "local", "--root", str(root)])
+
+    assert (code, again, capsys.readouterr().err) == (0, 0, "")
+    assert {"reports/c/index.html", "reports/c/report.pdf", "reports/index.html"} <= there
+    assert {"tables/c/40_estimate.parquet", "tables/c/manifest.json"} <= there
+    assert not [name for name in there if ".lock" in name or "truth" in name or "storage" in name]
+    report = root / "reports" / "c" / "index.html"
+    assert (bucket / "reports" / "c" / "index.html").read_bytes() == report.read_bytes()
+    assert put
+    assert asked == ["GET /robots"]  # the second time: one look, nothing travels
+
+
+def test_only_changed_answers_are_put_back(bucket, tmp_path):
+    """Reports and tables, each once as long as it stays as it is; locks, notes and truth never."""
+    where = Storage(reports="s3://robots/reports", processed="s3://robots/tables")
+    tables = tmp_path / "data" / "processed"
+    for path in (
+        "c/40_estimate.parquet",
+        "c/manifest.json",
+        "c/seen.json",
+        "c/.lock",
+        "t.truth.json",
+    ):
+        files.write(tables / path, path.encode())
+    files.write(tmp_path / "reports" / "c" / "index.html", b"page")
+    assert mirror.publish(tmp_path, where) == []
+    found = {path.relative_to(bucket).as_posix() for path in bucket.rglob("*") if path.is_file()}
+    (bucket / "reports" / "c" / "index.html").write_bytes(b"theirs")
+    files.write(tables / "c" / "40_estimate.parquet", b"newer")
+    mirror.publish(tmp_path, where)
+
+    assert found == {
+        "reports/c/index.html",
+        "tables/c/40_estimate.parquet",
+        "tables/c/manifest.json",
+    }
+    assert (bucket / "reports" / "c" / "index.html").read_bytes() == b"theirs"
+    assert (bucket / "tables" / "c" / "40_estimate.parquet").read_bytes() == b"newer"
+
+
+def test_only_what_changed_travels(bucket, asked, tmp_path):
+    """One object is put again: it alone is fetched, and an equal one changes no file here."""
+    folder = upload(bucket, "c")
+    mirror.fetch(tmp_path, WHERE)
+    here = tmp_path / "data" / "raw" / "c"
+    before = {path.name: path.stat().st_mtime_ns for path in here.iterdir()}
+    for path in KEPT.iterdir():
+        assert (here / path.name).read_bytes() == path.read_bytes()
+    asked.clear()
+    (folder / "forces.csv").write_bytes(b"changed")
+    os.utime(folder / "joints.csv", (LONG_AGO + 5,) * 2)
+    mirror.fetch(tmp_path, WHERE)
+    fetched = {line.rpartition("/")[2] for line in asked if "/raw/c/" in line}
+
+    assert fetched == {"forces.csv", "joints.csv"}
+    assert (here / "forces.csv").read_bytes() == b"changed"
+    assert (here / "joints.csv").stat().st_mtime_ns == before["joints.csv"]
+
+
+def test_a_change_within_the_second_of_the_copy_is_seen(bucket, tmp_path):
+    """Same size, same second: storage shows no difference, so young objects are looked at again."""
+    path = upload(bucket, "c") / "forces.csv"
+    path.write_bytes(b"one")
+    mirror.fetch(tmp_path, WHERE)
+    stamp = path.stat().st_mtime
+    path.write_bytes(b"two")
+    os.utime(path, (stamp, stamp))
+    mirror.fetch(tmp_path, WHERE)
+
+    assert (tmp_path / "data/raw/c/forces.csv").read_bytes() == b"two"
+
+
+def test_a_campaign_that_still_arrives_in_the_bucket_waits(bucket, tmp_path):
+    """What grows there while we wait is not run before the next look."""
+    folder, runs = upload(bucket, "c"), []
+
+    def compute(campaign):
+        runs.append((campaign.folder / "forces.csv").read_bytes())
+        return {
+            "rejected": [],
+            "verdict_sentence": ["Said."],
+            "diagnosis": {"verdict": "adequate"},
+        }
+
+    def growing(_):
+        (folder / "forces.csv").write_bytes(b"all of it")
+
+    preferences = Preferences(storage=WHERE)
+    assert list(scan(tmp_path, preferences, compute, growing)) == []
+    list(scan(tmp_path, preferences, compute, lambda _: None))
+
+    assert runs == [b"all of it"]
+
+
+def test_work_of_this_machine_is_never_replaced(bucket, tmp_path):
+    """A campaign of the same name, a copy that was edited: a sentence, and no file moves."""
+    upload(bucket, "mine")
+    edited = upload(bucket, "edited")
+    files.write(tmp_path / "data/raw/mine/campaign.toml", b"format = 1")
+    assert len(said(mirror.fetch(tmp_path, WHERE))) == 1
+    mine = tmp_path / "data/raw/edited/forces.csv"
+    mine.write_bytes(b"mine")
+    mirror.fetch(tmp_path, WHERE)  # nothing changed there: nothing to say
+    (edited / "forces.csv").write_bytes(b"theirs")
+    (edited / "joints.csv").write_bytes(b"theirs")
+    refused = mirror.fetch(tmp_path, WHERE)
+
+    assert [outcome.campaign for outcome in refused] == ["edited", "mine"]
+    assert "is not what was copied from s3://robots/raw; move it" in said(refused)[0]
+    assert mine.read_bytes() == b"mine"
+    assert (mine.parent / "joints.csv").read_bytes() == (KEPT / "joints.csv").read_bytes()
+    assert [path.name for path in (tmp_path / "data/raw/mine").iterdir()] == ["campaign.toml"]
+
+
+def test_what_vanishes_there(bucket, tmp_path):
+    """A file taken out of a campaign goes here, too; a campaign taken out as a whole stays."""
+    folder = upload(bucket, "c")
+    mirror.fetch(tmp_path, WHERE)
+    here = tmp_path / "data" / "raw" / "c"
+    (folder / "README.md").unlink()
+    files.write(here / "notes.txt", b"of the operator")
+    mirror.fetch(tmp_path, WHERE)
+    assert not (here / "README.md").exists()
+    assert (here / "notes.txt").exists()
+
+    shutil.rmtree(folder)
+    assert mirror.fetch(tmp_path, WHERE) == []
+    assert (here / "forces.csv").exists()
+
+
+def test_a_name_cannot_leave_data_raw(tmp_path, monkeypatch):
+    """Objects may be called anything; nothing is written outside of its campaign."""
+    names = ["../x/campaign.toml", "a/campaign.toml", "a/../../../b", ".c/campaign.toml", "d\\e/f"]
+    monkeypatch.setattr(Store, "marks", lambda _: dict.fromkeys(names, (1, 0.0)))
+    monkeypatch.setattr(Store, "read", lambda *_: b"x")
+    mirror.fetch(tmp_path, WHERE)
+    found = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*")}
+
+    assert {name for name in found if (tmp_path / name).is_file()} == {
+        "data/raw/a/campaign.toml",
+        "data/processed/storage.json",
+    }
+
+
+class Closed(http.server.BaseHTTPRequestHandler):
+    """A storage that lets nobody in, in the words of S3."""
+
+    def do_GET(self):
+        """As S3 answers a wrong key."""
+        body = b"<Error><Code>AccessDenied</Code><Message>Access Denied</Message></Error>"
+        self.send_response(403)
+        self.send_header("Content-Type", "application/xml")
+        self.send_header("Content-Length", str(len(body)))
+        self.end_headers()
+        self.wfile.write(body)
+
+    def log_message(self, format, *args):
+        """Say nothing."""
+
+
+def test_denied_is_said_in_a_sentence(tmp_path, monkeypatch, capsys):
+    """Exit code 5 and the way out on one line, and no key on the screen."""
+    (tmp_path / "pipeline.toml").write_text('[storage]\nraw = "s3://robots/raw"\n')
+    with serving(Closed) as port:
+        at(monkeypatch, port)
+        code = _exit_code(["run", "--engine", "local", "--root", str(tmp_path)])
+    err = capsys.readouterr().err
+
+    assert code == 5
+    assert err.startswith("storage: s3://robots/raw cannot be read (access is denied); give a key")
+    assert len(err.splitlines()) == 1
+    assert "not-for-the-screen" not in err
+
+
+@pytest.mark.parametrize(
+    ("address", "words"),
+    [
+        ("s3://no-such-bucket/raw", "(there is no such bucket); make it"),
+        ("s3://robots/raw?nonsense=1", "Unexpected query parameter"),
+        ("nonsense://robots/raw", "Protocol not known: nonsense"),
+    ],
+)
+def test_a_wrong_address_is_said_in_a_sentence(bucket, tmp_path, address, words):
+    """The address, what is wrong with it, what to do."""
+    [line] = said(mirror.fetch(tmp_path, Storage(raw=address)))
+
+    assert line.startswith(f"storage: {address.partition('?')[0]} cannot be read (")
+    assert words in line
+    assert said(mirror.publish(tmp_path, Storage(reports=address))) == []  # nothing to put there
+    files.write(tmp_path / "reports" / "index.html", b"page")
+    [line] = said(mirror.publish(tmp_path, Storage(reports=address)))
+    assert "index.html cannot be written (" in line
+
+
+@pytest.mark.slow
+def test_an_unreachable_storage_stops_no_campaign_and_is_told_once(tmp_path, monkeypatch):
+    """What is here is run all the same; the next look says nothing new."""
+    with socket.socket() as nobody:
+        nobody.bind(("127.0.0.1", 0))
+        at(monkeypatch, nobody.getsockname()[1])
+        shutil.copytree(KEPT, tmp_path / "data" / "raw" / "c")
+        answer = {"rejected": [], "verdict_sentence": ["."], "diagnosis": {"verdict": "adequate"}}
+        preferences = Preferences(storage=WHERE)
+        first = list(scan(tmp_path, preferences, lambda _: answer, lambda _: None))
+        files.write(tmp_path / "reports" / "c" / "result.json", b"{}")
+        second = list(scan(tmp_path, preferences, lambda _: answer, lambda _: None))
+
+    assert [outcome.campaign for outcome in first] == ["c", "storage"]
+    assert "(it cannot be reached); check the network" in said(first)[0]
+    assert second == []
+
+
+def test_an_address_without_a_scheme_is_refused(tmp_path):
+    """A folder of this machine is no storage."""
+    (tmp_path / "pipeline.toml").write_text('[storage]\nraw = "bucket/raw"\n')
+
+    with pytest.raises(Exception, match=r"storage\.raw: an address looks like s3://bucket/folder"):
+        load(tmp_path)
