@@ -9,8 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from pipeline import cell as forward
 from pipeline.diagnosis.isolability import rich_pulls, rich_tool, twins
-from pipeline.effects import Compound, Elastic, Geometry, Noise, catalogue
+from pipeline.effects import Compound, Elastic, Geometry, Noise, baseline, catalogue
 from pipeline.effects.joint_hysteresis import slid
+from pipeline.effects.nameless import nameless
 from pipeline.robot import load, model
 
 NAMES = [
@@ -347,3 +348,39 @@ def test_every_effect_tells_what_it_is(effect):
         assert parameter.typical < parameter.upper
     assert isinstance(effect, Noise) or effect.facets
     assert not isinstance(effect, Compound) or len(effect.facets) > 1
+
+
+def moved(robot, effects):
+    """Columns of effects under pulls as varied as they can be, shape (rows, parameters)."""
+    rng = np.random.default_rng(5)
+    cell, pulls = forward.paper_cell(robot, rich_tool(rng)), rich_pulls(robot, rng)
+    Z = forward.sensitivity(cell, pulls, robot.nominal_compliance, effects)
+    return Z.reshape(-1, Z.shape[-1])
+
+
+def beyond(columns, base):
+    """Part of each column that no mix of the base makes, relative to the column."""
+    Q = np.linalg.qr(base / np.linalg.norm(base, axis=0))[0]
+    return np.linalg.norm(columns - Q @ (Q.T @ columns), axis=0) / np.linalg.norm(columns, axis=0)
+
+
+@pytest.mark.parametrize("robot", [KR500, FANUC], ids=["kr500_rail", "fanuc_r2000ic"])
+def test_what_competes_without_a_name_is_no_stiffness_and_no_cause(robot):
+    """Every parameter moves the reflectors as no joint spring can, under a label of its own."""
+    springs = moved(robot, baseline(robot))
+
+    for strange in nameless(robot):
+        assert (beyond(moved(robot, [strange]), springs) > 1e-3).all(), strange.label
+    labels = [effect.label for effect in (*nameless(robot), *catalogue(robot))]
+    assert len(set(labels)) == len(nameless(robot)) + len({e.label for e in catalogue(robot)})
+
+
+def test_a_hinge_between_parallel_joints_moves_as_their_cross_talk():
+    """(s3 + s4)(t3 + t4) / 4 holds s3 t4 + s4 t3: in its own plane such a link has no signature."""
+    springs = moved(KR500, baseline(KR500))
+    hinge = next(e for e in EFFECTS if (e.where, e.form) == ("upper_arm", "hinge"))
+    talk = [e for e in nameless(KR500) if e.label == "cross_talk:3-4"]
+    in_plane, out_of_plane = moved(KR500, [hinge]).T
+
+    assert beyond(in_plane[:, None], np.hstack([springs, moved(KR500, talk)])) < 1e-9
+    assert beyond(out_of_plane[:, None], np.hstack([springs, moved(KR500, talk)])) > 0.1

@@ -111,7 +111,10 @@ def test_twins_stay_undecided(name):
     assert one.verdict == "ambiguous"
 
 
-@pytest.mark.parametrize("name", ["rail_joint_rocks", "chain_rubs", "loose_nest"])
+@pytest.mark.parametrize(
+    "name",
+    ["rail_joint_rocks", "chain_rubs", "loose_nest", "shoulder_elbow_coupling", "hertzian_rollers"],
+)
 def test_what_nobody_knows_is_not_given_a_name(name):
     """A cause outside the catalogue is noticed, and no name is certain."""
     one = played(43, **{name: 1.5})

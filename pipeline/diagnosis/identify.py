@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from scipy import special
@@ -23,6 +24,10 @@ MOST = 3
 WORTH = 3.0
 """A further cause must be worth this much log evidence (20 to 1)."""
 
+NAMELESS = 0.25
+"""Odds of one thing without a name against one cause of the catalogue, before the data speak: about
+one fault in five is none of the catalogue."""
+
 FURTHER = 0.1
 """A suspect that was not worth naming contradicts the model only this far below the threshold:
 what is left was searched once more after each cause that was named."""
@@ -36,21 +41,21 @@ class Case:
         cell: The paper's model of the campaign, with the equilibrium that fits better.
         data: The measurements.
         suspects: All causes that move something, in all their forms.
-        nuisance: What is always there a little, at its standard size [m], shape (M, j).
         noise: Scatter of the tracker over its stated standard uncertainty.
         force_noise: Scatter of the scale over its stated one, relative to the tracker's.
+        nameless: What competes with the suspects and is never named.
     """
 
     cell: Cell
     data: Measured
     suspects: tuple[Effect, ...]
-    nuisance: Array
     noise: float
     force_noise: float = 1.0
+    nameless: tuple[Effect, ...] = ()
 
-    def sight(self, model: Model) -> Sight:
-        """The campaign linearised at a model."""
-        return sight(model, self.data, self.suspects, self.nuisance)
+    def sight(self, model: Model, near: Sight | None = None) -> Sight:
+        """The campaign linearised at a model, with the errors of a near one where it is given."""
+        return sight(model, self.data, self.suspects, near)
 
     def look(self, seen: Sight, doubt: Sequence[int] = ()) -> View:
         """What is seen, weighed by the scatter found; the laws of `doubt` hold only roughly."""
@@ -64,8 +69,10 @@ class Case:
     def fitted(self, accepted: tuple[int, ...], start: Array, rounds: int = 4) -> Sight:
         """Joint springs and accepted causes estimated together, linearised anew each round."""
         model, few = self.model(accepted, start), self.only(accepted)
+        near = None
         for _ in range(rounds):
-            view = few.look(few.sight(replace(model, accepted=tuple(range(len(accepted))))))
+            near = few.sight(replace(model, accepted=tuple(range(len(accepted)))), near)
+            view = few.look(near)
             values = solved(view, view.base)
             step = np.abs(values - model.values) / view.typical[_of_model(view)]
             model = replace(model, values=values)
@@ -111,12 +118,26 @@ class Rival:
 
 
 @dataclass(frozen=True, eq=False)
+class Stranger:
+    """What could stand where an accepted cause stands, and is nothing that the catalogue knows.
+
+    Attributes:
+        probability: That it is nothing of the catalogue.
+        suspect: Index of the likeliest of what competes without a name, behind the suspects.
+    """
+
+    probability: float
+    suspect: int
+
+
+@dataclass(frozen=True, eq=False)
 class Found(Locked):
     """What the search ends with.
 
     Attributes:
         seen: The campaign linearised at the joint springs and all accepted causes.
         plain: The same, weighed.
+        wide: The same, beside what competes without a name.
         view: The same, with the laws of the accepted causes taken as rough.
         first: The campaign seen from the joint springs alone.
         scores: Suspects beside the joint springs alone.
@@ -127,11 +148,14 @@ class Found(Locked):
         accepted: Indices of the accepted suspects.
         p_values: Of each accepted cause when it joined, beside all others.
         rivals: For each accepted cause, itself and those that could stand there, likeliest first.
+        strange: For each accepted cause, how likely nothing of the catalogue stands there; empty
+            where nothing competes.
         refused: Labels of causes that would need a physically impossible size.
     """
 
     seen: Sight
     plain: View
+    wide: View
     view: View
     first: View
     scores: Scores
@@ -142,12 +166,18 @@ class Found(Locked):
     accepted: tuple[int, ...]
     p_values: tuple[float, ...]
     rivals: tuple[tuple[Rival, ...], ...]
+    strange: tuple[Stranger, ...]
     refused: tuple[str, ...]
 
     @property
     def detected(self) -> bool:
         """True when the joint springs alone do not explain the data."""
         return bool(self.scores.p.min() < self.threshold.p) or self.lack_first.found
+
+    @property
+    def stranger(self) -> Stranger | None:
+        """The likeliest that is nothing of the catalogue."""
+        return max(self.strange, key=lambda one: one.probability, default=None)
 
     @property
     def rough(self) -> float:
@@ -190,9 +220,12 @@ def search(case: Case, start: Array, twins: Twins, rng: np.random.Generator) -> 
         plain = case.look(seen)
         p = scores(plain, plain.base, _dof(plain, plain.base)).p
     rivals, p_values = _rivals(case, plain)
+    wide = case.look(seen.beside(case.nameless))
+    strange = _strange(case, wide)
     return Found(
         seen=seen,
         plain=plain,
+        wide=wide,
         view=view,
         first=first,
         scores=score,
@@ -203,6 +236,7 @@ def search(case: Case, start: Array, twins: Twins, rng: np.random.Generator) -> 
         accepted=view.model.accepted,
         p_values=p_values,
         rivals=rivals,
+        strange=strange,
         refused=tuple(refused),
     )
 
@@ -303,10 +337,54 @@ def _odds(case: Case, view: View, now: Scores, rest: Sequence[int]) -> tuple[Riv
     for label, forms in by_label(case.suspects).items():
         if label in taken:
             continue
-        evidence = now.log_evidence[forms]
         labels.append(label)
-        logs.append(special.logsumexp(evidence) - np.log(len(forms)))
-        best.append(forms[int(np.argmax(evidence))])
+        logs.append(_together(now, forms))
+        best.append(forms[int(np.argmax(now.log_evidence[forms]))])
     probability = special.softmax(np.array(logs))
     order = [i for i in np.argsort(-probability, kind="stable") if probability[i] > 1e-3]
     return tuple(Rival(labels[i], best[i], float(probability[i])) for i in order)
+
+
+def _strange(case: Case, wide: View) -> tuple[Stranger, ...]:
+    """For each accepted cause: how likely something without a name stands in its place.
+
+    Either in its place alone, or in the place of several causes that only together look like it.
+    """
+    accepted = wide.model.accepted
+    if not accepted or not case.nameless:
+        return ()
+    out = [Stranger(0.0, len(case.suspects))] * len(accepted)
+    for count in range(1, len(accepted) + 1):
+        for gone in combinations(range(len(accepted)), count):
+            stranger = _instead(case, wide, gone)
+            for place in gone:
+                if stranger.probability > out[place].probability:
+                    out[place] = stranger
+    return tuple(out)
+
+
+def _instead(case: Case, wide: View, gone: Sequence[int]) -> Stranger:
+    """How likely one thing without a name stands instead of the causes in some places."""
+    accepted = wide.model.accepted
+    rest = tuple(a for place, a in enumerate(accepted) if place not in gone)
+    known = len(case.suspects)
+    first, named = None, 0.0
+    for place in gone:
+        base = np.concatenate([np.arange(wide.first), wide.columns(rest)])
+        now = scores(wide, base, _dof(wide, base))
+        first = now if first is None else first
+        named += float(now.log_evidence[accepted[place]])
+        rest = (*rest, accepted[place])
+    assert first is not None
+    if len(gone) == 1:
+        taken = {case.suspects[a].label for a in rest[:-1]}
+        free = [f for label, f in by_label(case.suspects).items() if label not in taken]
+        named = float(special.logsumexp([_together(first, forms) for forms in free]))
+    others = first.log_evidence[known:]
+    strange = float(special.logsumexp(others)) + np.log(NAMELESS)
+    return Stranger(float(special.expit(strange - named)), known + int(np.argmax(others)))
+
+
+def _together(now: Scores, forms: Sequence[int]) -> float:
+    """Log evidence of a cause, its forms equally likely."""
+    return float(special.logsumexp(now.log_evidence[list(forms)]) - np.log(len(forms)))

@@ -10,8 +10,8 @@ import numpy as np
 from pipeline.cell import sensitivity
 from pipeline.diagnosis.identify import Case
 from pipeline.diagnosis.view import View, coefficients, eliminate
-from pipeline.effects import Pulls
-from pipeline.results import Array, Locked
+from pipeline.effects import Effect, Pulls
+from pipeline.results import Array, Ints, Locked
 from pipeline.robot import configure
 from pipeline.simulate.poses import default_anchors, draw_poses
 
@@ -20,13 +20,16 @@ APART = 4.6
 
 CANDIDATES = 240
 
+SPRINGS = "joint_springs"
+"""What a cause is told from when nothing else could stand in its place."""
+
 
 @dataclass(frozen=True, eq=False)
 class Proposal(Locked):
     """One pull that would help.
 
     Attributes:
-        separates: Labels of the two causes.
+        separates: Labels of the two causes, or of a cause and `SPRINGS`.
         q: Joint values [m] or [rad], shape (n,).
         anchor: Where to attach the chain [m], F_b, shape (3,).
         force_n: How strongly to pull [N].
@@ -90,9 +93,8 @@ def candidates(case: Case, rng: np.random.Generator) -> Candidates:
 
 
 def propose(
-    case: Case,
     view: View,
-    pair: tuple[int, int],
+    pair: tuple[int, int | None],
     rest: Sequence[int],
     among: Candidates,
     most: int = 4,
@@ -100,31 +102,31 @@ def propose(
     """Pulls that tell two suspects apart best, one after the other until they are apart.
 
     Args:
-        case: The case.
         view: The campaign from the model with all accepted causes.
-        pair: Indices of the two suspects.
+        pair: Indices of the two suspects; None for the joint springs alone.
         rest: Accepted causes that are not in question.
         among: Reachable pulls.
         most: So many pulls at most.
     """
-    a, b = pair
-    M = view.M
-    before = apart(view, M, a, b, rest)
-    more = _products(case, view, among, sorted({a, b, *rest}))
+    duel = _duel(view, pair, rest)
+    labels = [SPRINGS if i is None else view.suspects[i].label for i in pair]
+    M = duel.M
+    before = float(duel.apart(M))
+    more = duel.products(view, among)
     out: list[Proposal] = []
     while len(out) < most and (not out or out[-1].after < APART):
-        after = apart(view, M + more, a, b, rest)
+        after = duel.apart(M + more)
         best = int(np.argmax(after))
         if after[best] < before * 1.05 + 0.05:
             break
         M = M + more[best]
         out.append(
             Proposal(
-                (case.suspects[a].label, case.suspects[b].label),
+                (labels[0], labels[1]),
                 among.pulls.q[best],
                 among.anchor[best],
                 float(np.linalg.norm(among.pulls.force[best])),
-                float(before),
+                before,
                 float(after[best]),
                 len(out) + 1,
             )
@@ -132,41 +134,71 @@ def propose(
     return out
 
 
-def apart(view: View, M: Array, a: int, b: int, rest: Sequence[int]) -> Array:
-    """Sigmas between two suspects: what each, at its fitted size, leaves when the other is fitted.
+@dataclass(frozen=True, eq=False)
+class _Duel(Locked):
+    """Two suspects beside springs and causes that are not in question: only their columns.
 
-    The smaller of both directions, for products M of shape (..., W, W).
+    Attributes:
+        effects: Those that are not in question, then the two.
+        columns: Columns of the view: springs, common errors, then those of `effects`.
+        M: Products of these columns.
+        taken: Columns of M that are estimated whoever it was.
+        mine: Columns of M of either suspect.
+        size: What each would be, fitted alone.
     """
-    return np.minimum(_left(view, M, a, b, rest), _left(view, M, b, a, rest))
+
+    effects: tuple[Effect, ...]
+    columns: Ints
+    M: Array
+    taken: Ints
+    mine: tuple[Ints, Ints]
+    size: tuple[Array, Array]
+
+    def apart(self, M: Array) -> Array:
+        """Sigmas between them: what each, at its fitted size, leaves when the other is fitted.
+
+        The smaller of both directions, for products M of shape (..., W, W).
+        """
+        ahead = self._left(M, self.mine[0], self.size[0], self.mine[1])
+        if not len(self.mine[1]):
+            return ahead
+        return np.minimum(ahead, self._left(M, self.mine[1], self.size[1], self.mine[0]))
+
+    def _left(self, M: Array, true: Ints, size: Array, other: Ints) -> Array:
+        S = eliminate(M, np.concatenate([self.taken, other]))[..., true[:, None], true]
+        return np.asarray(np.sqrt(np.maximum(np.einsum("i,...ij,j->...", size, S, size), 0.0)))
+
+    def products(self, view: View, among: Candidates) -> Array:
+        """What each candidate would add to M, shape (m, W, W)."""
+        flat = replace(view.model.cell, equilibrium="undeformed")
+        pulls, values = among.pulls, view.model.values
+        m, springs = len(pulls), flat.effects[:1]
+        X = np.zeros((m, 3 * len(flat.tool.targets), len(self.columns)))
+        B = sensitivity(flat, pulls, values, springs).reshape(*X.shape[:2], -1)
+        Z = sensitivity(flat, pulls, values, self.effects).reshape(*X.shape[:2], -1)
+        X[:, :, : view.springs] = B
+        X[:, :, view.first :] = Z
+        X = X * view.typical[self.columns] / np.median(view.spread)
+        return np.swapaxes(X, 1, 2) @ X
 
 
-def _left(view: View, M: Array, true: int, other: int, rest: Sequence[int]) -> Array:
-    springs = np.arange(view.first)
-    base = np.concatenate([springs, view.columns(rest), view.columns([true])])
-    mine = view.columns([true])
-    size = coefficients(view.M, base)[-len(mine) :]
-    taken = np.concatenate([springs, view.columns(rest), view.columns([other])])
-    used = np.concatenate([taken, mine])
-    small = M[..., used[:, None], used]
-    S = eliminate(small, np.arange(len(taken)))[..., len(taken) :, len(taken) :]
-    return np.asarray(np.sqrt(np.maximum(np.einsum("i,...ij,j->...", size, S, size), 0.0)))
-
-
-def _products(case: Case, view: View, among: Candidates, needed: list[int]) -> Array:
-    """What each candidate would add to the products, shape (m, W, W)."""
-    flat = replace(view.model.cell, equilibrium="undeformed")
-    pulls, values = among.pulls, view.model.values
-    springs = flat.effects[:1]
-    W, m = len(view.M), len(pulls)
-    X = np.zeros((m, 3 * len(flat.tool.targets), W))
-    B = sensitivity(flat, pulls, values, springs)
-    X[:, :, : view.springs] = B.reshape(m, -1, view.springs)
-    chosen = [case.suspects[i] for i in needed]
-    Z = sensitivity(flat, pulls, values, chosen)
-    columns = np.concatenate([view.columns([i]) for i in needed])
-    X[:, :, columns] = Z.reshape(m, -1, len(columns))
-    at = np.concatenate([np.arange(view.springs), columns])
-    scale = np.zeros(W)
-    scale[at] = view.typical[at]
-    X = X * scale / np.median(view.spread)
-    return np.swapaxes(X, 1, 2) @ X
+def _duel(view: View, pair: tuple[int, int | None], rest: Sequence[int]) -> _Duel:
+    two = [i for i in pair if i is not None]
+    mine = [view.columns([] if i is None else [i]) for i in pair]
+    parts = [np.arange(view.first), *(view.columns([i]) for i in rest), *mine]
+    ends = np.cumsum([len(part) for part in parts])
+    at = [np.arange(end - len(part), end) for end, part in zip(ends, parts, strict=True)]
+    taken = np.concatenate(at[:-2])
+    sizes = []
+    for columns in mine:
+        base = np.concatenate([*parts[:-2], columns])
+        sizes.append(coefficients(view.M, base)[len(base) - len(columns) :])
+    columns = np.concatenate(parts)
+    return _Duel(
+        effects=tuple(view.suspects[i] for i in (*rest, *two)),
+        columns=columns,
+        M=view.M[np.ix_(columns, columns)],
+        taken=taken,
+        mine=(at[-2], at[-1]),
+        size=(sizes[0], sizes[1]),
+    )

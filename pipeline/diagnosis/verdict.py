@@ -73,10 +73,12 @@ class Cause(Locked):
 
     Attributes:
         effect: What it is.
-        probability: Against the others that could stand in its place.
+        probability: Against the others of the catalogue that could stand in its place.
         amplitudes: Its parameters.
         p_value: Chance of so much evidence if it were absent.
         rivals: The others, likeliest first.
+        unnamed: What has no name and would stand there instead, and how likely something without
+            a name does; None where nothing was asked.
         twins: Labels of rivals that no pose tells from it.
         gain: Left-out error without and with all named causes; None for causes of scatter.
         test_pose_change_m: By how much the predicted deflection at the test pose changes [m].
@@ -87,6 +89,7 @@ class Cause(Locked):
     amplitudes: tuple[Amplitude, ...]
     p_value: float
     rivals: tuple[Named, ...]
+    unnamed: Named | None
     twins: tuple[str, ...]
     gain: Gain | None
     test_pose_change_m: float | None
@@ -228,10 +231,21 @@ def _cause(cause: Cause) -> dict[str, Any]:
             {"name": r.effect.name, "where": r.effect.where, "probability": r.probability}
             for r in cause.rivals
         ],
+        "outside_catalogue": _unnamed(cause.unnamed),
         "twins": list(cause.twins),
         "signature": effect.signature,
         "needs": effect.needs,
         "gain": _gain(cause),
+    }
+
+
+def _unnamed(one: Named | None) -> dict[str, Any] | None:
+    if one is None:
+        return None
+    return {
+        "probability": one.probability,
+        "looks_like": one.effect.name,
+        "where": one.effect.where,
     }
 
 

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse
 from scipy import special
 
-from pipeline.cell import Cell, load, predict, sensitivity
+from pipeline.cell import Cell, jacobian, load, predict, sensitivity
 from pipeline.effects import Effect, Loaded
 from pipeline.results import Array, Errors, Ints, Locked, Rows
 from pipeline.robot.configuration import rotation_about, velocity
@@ -70,13 +71,10 @@ class View(Locked):
         M: A'A, shape (W, W).
         springs: Number of spring columns.
         common: Number of columns of common errors.
-        scatter: Sum of squares [1] that no rigid motion of the effector can make.
-        scatter_dof: Its degrees of freedom.
-        soft_p: Probability of what the reflectors move against each other in proportion to the
-            load, if that were scatter; 1 where nothing is left over for the question.
         spread: Standard uncertainty of each row of c [m], shape (M,).
-        free: Orthonormal whitened displacements of each pose by a free stiffness of its own: six
-            rigid motions of the effector in proportion to the force, shape (M + r, 6).
+        noise: Standard uncertainties are this many times the stated ones.
+        seen: What was weighed.
+        white: What weighed it.
     """
 
     model: Model
@@ -90,11 +88,42 @@ class View(Locked):
     M: Array
     springs: int
     common: int
-    scatter: float
-    scatter_dof: int
-    soft_p: float
     spread: Array
-    free: Array
+    noise: float
+    seen: Sight
+    white: Whitener
+
+    @cached_property
+    def _scatter(self) -> tuple[float, int, float]:
+        return _scatter(self.seen, self.white)
+
+    @property
+    def scatter(self) -> float:
+        """Sum of squares [1] that no rigid motion of the effector can make."""
+        return self._scatter[0] / self.noise**2
+
+    @property
+    def scatter_dof(self) -> int:
+        """Degrees of freedom of `scatter`."""
+        return self._scatter[1]
+
+    @property
+    def soft_p(self) -> float:
+        """Probability of what the reflectors move against each other in proportion to the load.
+
+        If that were scatter; 1 where nothing is left over for the question.
+        """
+        return self._scatter[2]
+
+    @cached_property
+    def free(self) -> Array:
+        """Orthonormal whitened displacements of each pose by a free stiffness of its own.
+
+        Six rigid motions of the effector in proportion to the force, shape (M + r, 6).
+        """
+        size = np.linalg.norm(self.seen.data.pulls.force, axis=1)[self.rows.pull, None]
+        free = _orthonormal(self.white, self.white.by_pose(self.seen.motions * size))
+        return np.vstack([free, np.zeros((self.common, 6))])
 
     @property
     def poses(self) -> int:
@@ -139,7 +168,6 @@ class Sight(Locked):
         B: Columns of the springs, shape (M, k).
         Z: Columns of the suspects, shape (M, K).
         y: c linearised at the model, shape (M,).
-        nuisance: Effects that are always there a little, at their standard size, shape (M, j).
         motions: Rigid motions of the effector, shape (M, 6).
     """
 
@@ -151,8 +179,15 @@ class Sight(Locked):
     B: Array
     Z: Array
     y: Array
-    nuisance: Array
     motions: Array
+
+    def beside(self, more: tuple[Effect, ...]) -> Sight:
+        """The same with further effects asked about, behind the suspects."""
+        flat = replace(self.model.cell, equilibrium="undeformed")
+        at = (self.data.pull, self.data.target)
+        columns = sensitivity(flat, self.data.pulls, self.model.values, more)[at]
+        Z = np.concatenate([self.Z, columns.reshape(len(self.rows), -1)], axis=1)
+        return replace(self, suspects=self.suspects + more, Z=Z)
 
     def bent(self, equilibrium: str) -> Sight:
         """The same springs with another equilibrium: c loses what the second order explains."""
@@ -166,10 +201,7 @@ class Sight(Locked):
 
 
 def sight(
-    model: Model,
-    data: Measured,
-    suspects: tuple[Effect, ...],
-    nuisance: Array | None = None,
+    model: Model, data: Measured, suspects: tuple[Effect, ...], near: Sight | None = None
 ) -> Sight:
     """Linearise springs and suspects at a model.
 
@@ -177,51 +209,38 @@ def sight(
         model: The model.
         data: The measurements.
         suspects: Causes to ask about.
-        nuisance: What is always there a little, at its standard size [m], shape (M, j).
+        near: The campaign linearised at a model so near that errors are the same to their few
+            digits; they are computed anew where it is not given.
     """
     flat = replace(model.cell, equilibrium="undeformed")
-    system = assemble(flat, data, model.values)
     at = (data.pull, data.target)
-    M = len(system.rows)
+    M = 3 * len(data.pull)
+    if near is None:
+        system = assemble(flat, data, model.values)
+        B, rows, errors = system.B, system.rows, system.errors
+        motions = _rigid(load(model.cell, data.pulls, model.values))[at].reshape(M, 6)
+    else:
+        B = jacobian(flat, data.pulls, model.values)[at].reshape(M, -1)
+        rows, errors, motions = near.rows, near.errors, near.motions
     accepted = dict(_accepted_columns(model, suspects))
     if len(accepted) == len(_owner(suspects)):
         Z = np.zeros((M, len(accepted)))
     else:
         Z = sensitivity(flat, data.pulls, model.values, suspects)[at].reshape(M, -1)
     for column, index in accepted.items():
-        Z[:, column] = system.B[:, index]
+        Z[:, column] = B[:, index]
     moved = predict(model.cell, data.pulls, model.values).displacement[at].ravel()
-    motions = _rigid(load(model.cell, data.pulls, model.values))[at]
     return Sight(
         model=model,
         data=data,
         suspects=suspects,
-        rows=system.rows,
-        errors=system.errors,
-        B=system.B[:, : model.springs],
+        rows=rows,
+        errors=errors,
+        B=B[:, : model.springs],
         Z=Z,
-        y=data.delta.ravel() - moved + system.B @ model.values,
-        nuisance=np.zeros((M, 0)) if nuisance is None else nuisance,
-        motions=motions.reshape(M, 6),
+        y=data.delta.ravel() - moved + B @ model.values,
+        motions=motions,
     )
-
-
-def always_there(model: Model, data: Measured, effects: Sequence[tuple[Effect, float]]) -> Array:
-    """What effects that are always there a little move at their standard sizes [m], (M, j).
-
-    Args:
-        model: The model about which they are linearised.
-        data: The measurements.
-        effects: Each with its standard size, SI, the same for all its parameters.
-    """
-    flat = replace(model.cell, equilibrium="undeformed")
-    at = (data.pull, data.target)
-    M = 3 * len(data.pull)
-    columns = [
-        sensitivity(flat, data.pulls, model.values, [effect])[at].reshape(M, -1) * size
-        for effect, size in effects
-    ]
-    return np.concatenate([*columns, np.zeros((M, 0))], axis=1)
 
 
 def look(
@@ -240,7 +259,7 @@ def look(
     white = whitener(errors, seen.rows.pose)
     spread = np.sqrt(np.asarray(errors.G.multiply(errors.G).sum(axis=1)).ravel())
     kin = [_kin(seen, accepted, fraction) for accepted, fraction in doubt]
-    more = np.concatenate([seen.nuisance, *kin], axis=1)
+    more = np.concatenate([np.zeros((len(seen.rows), 0)), *kin], axis=1)
     return _view(seen, more, white, noise, spread)
 
 
@@ -257,7 +276,8 @@ def _kin(seen: Sight, accepted: int, fraction: float) -> Array:
     others = [
         i
         for i, other in enumerate(seen.suspects)
-        if i not in seen.model.accepted and _same_law(effect, other)
+        if i not in seen.model.accepted
+        and (effect.label == other.label or same_gear(effect, other))
     ]
     columns = seen.Z[:, np.isin(owner, others)]
     size = np.linalg.norm(columns, axis=0)
@@ -265,10 +285,10 @@ def _kin(seen: Sight, accepted: int, fraction: float) -> Array:
     return np.asarray(columns * scale)
 
 
-def _same_law(one: Effect, other: Effect) -> bool:
+def same_gear(one: Effect, other: Effect) -> bool:
+    """True when both are laws of how one gear turns with its torque."""
     laws = ("joint_hardening", "joint_lost_motion")
-    both_laws = one.name in laws and other.name in laws and one.where == other.where
-    return one.label == other.label or both_laws
+    return one.name in laws and other.name in laws and one.where == other.where
 
 
 def _accepted_columns(model: Model, suspects: tuple[Effect, ...]) -> list[tuple[int, int]]:
@@ -320,9 +340,6 @@ def _view(seen: Sight, more: Array, white: Whitener, noise: float, spread: Array
     bottom = np.zeros((r, top.shape[1]))
     bottom[:, k : k + r] = np.eye(r)
     A = np.vstack([top, bottom])
-    scatter, scatter_dof, soft_p = _scatter(seen, white)
-    size = np.linalg.norm(seen.data.pulls.force, axis=1)[rows.pull, None]
-    free = _orthonormal(white, white.by_pose(seen.motions * size))
     return View(
         model=model,
         suspects=suspects,
@@ -335,11 +352,10 @@ def _view(seen: Sight, more: Array, white: Whitener, noise: float, spread: Array
         M=A.T @ A,
         springs=k,
         common=r,
-        scatter=scatter / noise**2,
-        scatter_dof=scatter_dof,
-        soft_p=soft_p,
         spread=noise * spread,
-        free=np.vstack([free, np.zeros((r, 6))]),
+        noise=noise,
+        seen=seen,
+        white=white,
     )
 
 

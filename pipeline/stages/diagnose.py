@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import scipy.sparse
@@ -13,7 +14,7 @@ from pipeline.cell import Cell, predict
 from pipeline.diagnosis.blindspots import blind_spots, smallest_visible
 from pipeline.diagnosis.evidence import ROUNDING, clean
 from pipeline.diagnosis.gain import Gain, gain, rms
-from pipeline.diagnosis.identify import Case, Found, Rival, by_label, search
+from pipeline.diagnosis.identify import Case, Found, by_label, search
 from pipeline.diagnosis.isolability import Twins, twins
 from pipeline.diagnosis.nextpose import Candidates, Proposal, candidates, propose
 from pipeline.diagnosis.noise import SURE, Scatter, scatter
@@ -27,8 +28,9 @@ from pipeline.diagnosis.verdict import (
     Named,
     location,
 )
-from pipeline.diagnosis.view import SOFT, Sight, View, always_there, coefficients, eliminate
+from pipeline.diagnosis.view import SOFT, Sight, View, coefficients, eliminate, same_gear
 from pipeline.effects import Effect, Elastic, Noise, Pulls, catalogue
+from pipeline.effects.nameless import nameless
 from pipeline.errors import InputError
 from pipeline.results import Array, Estimate, Parameter, System
 from pipeline.stages.assemble import Measured, assemble
@@ -41,11 +43,14 @@ EQUILIBRIA = ("deformed", "undeformed")
 CERTAIN = 0.95
 """A cause less probable than this among its rivals is not named singly."""
 
+UNKNOWN = 0.5
+"""What has no name stands where a cause was sought if it is likelier than this."""
+
 ROUGH = 1.6
 """A model that leaves this many times the scatter has the wrong law, wherever it sits."""
 
-NUISANCE_M = 3e-4
-"""Points of the effector are known no better than this; it is part of the uncertainty."""
+POINTS_M = 3e-4
+"""Standard uncertainty per axis of the tool's points [m] where the campaign states none."""
 
 
 def diagnose(
@@ -86,7 +91,7 @@ def diagnose(
         why=why,
         causes=causes,
         blind_spots=blind_spots(whole, final, final.base, found.threshold.p, known),
-        next_poses=_next_poses(case, found, causes, known, rng),
+        next_poses=_next_poses(case, found, causes, worth, known, rng),
         refused=found.refused,
         clues=_clues(found),
         threshold=found.threshold.p,
@@ -125,13 +130,14 @@ def case_of(
     known = known or twins(cell.robot)
     never = {*known.unmoved, *known.of_stiffness}
     suspects = tuple(e for e in whole if not isinstance(e, Noise) and e.label not in never)
-    nuisance = tuple((e, NUISANCE_M) for e in whole if e.name == "load_point_offset")
-    plain = Case(replace(cell, equilibrium="undeformed"), data, suspects, np.zeros((0, 0)), 1.0)
+    data = replace(data, tool_std=data.tool_std or POINTS_M)
+    plain = Case(replace(cell, equilibrium="undeformed"), data, suspects, 1.0)
     start = plain.model((), estimate.value)
-    plain = replace(plain, nuisance=always_there(start, data, nuisance))
     seen = plain.sight(start)
     spread = scatter(plain.look(seen), seen.errors, data.noise_stated)
-    case = replace(plain, noise=spread.tracker, force_noise=spread.force)
+    case = replace(
+        plain, noise=spread.tracker, force_noise=spread.force, nameless=nameless(cell.robot)
+    )
     return replace(case, cell=replace(case.cell, equilibrium=_bent(case, seen))), spread
 
 
@@ -178,18 +184,48 @@ def _verdict(found: Found, causes: tuple[Cause, ...], worth: Gain | None) -> tup
         )
     if not found.clean:
         return "unexplained", f"Beside {names} something remains that no known cause explains."
+    stranger = found.stranger
+    unnamed = stranger.probability if stranger else 0.0
+    looks = found.wide.suspects[stranger.suspect].signature if stranger else ""
+    if unnamed > UNKNOWN:
+        return (
+            "unexplained",
+            f"{names} comes nearest, but something that the catalogue has no name for explains "
+            f"more: it looks like {looks}.",
+        )
     if worth is not None and worth.ci95[0] <= 0:
         return "ambiguous", f"{names} fits, but does not predict left-out poses better for certain."
+    twice = _two_laws(found, causes)
+    if twice:
+        return (
+            "ambiguous",
+            f"Joint {twice} turns by a law of its own: {names} describe it only together.",
+        )
     doubtful = [c for c in causes if c.twins or c.probability < CERTAIN]
     if doubtful:
         told = "; ".join(
             " or ".join([c.effect.label, *(r.effect.label for r in c.rivals[:3])]) for c in doubtful
         )
         return "ambiguous", f"The data cannot tell {told}."
+    if unnamed > 1 - CERTAIN:
+        return (
+            "ambiguous",
+            f"The data cannot tell {names} from something that the catalogue has no name for, "
+            f"which looks like {looks}.",
+        )
     return (
         "explained",
         f"With {names} in the model nothing is left but the scatter of the readings.",
     )
+
+
+def _two_laws(found: Found, causes: Sequence[Cause]) -> int | str | None:
+    """The joint whose gear needs two laws of the catalogue at once: it has a third one."""
+    effects = [cause.effect for cause in causes[: len(found.accepted)]]
+    for one, other in combinations(effects, 2):
+        if same_gear(one, other):
+            return one.where
+    return None
 
 
 def _causes(
@@ -211,12 +247,20 @@ def _causes(
                 amplitudes=sizes[place],
                 p_value=found.p_values[place],
                 rivals=tuple(Named(case.suspects[r.suspect], r.probability) for r in rivals),
+                unnamed=_unnamed(found, place),
                 twins=_twins_of(effect.label, known),
                 gain=worth,
                 test_pose_change_m=change,
             )
         )
     return tuple(out)
+
+
+def _unnamed(found: Found, place: int) -> Named | None:
+    if not found.strange:
+        return None
+    one = found.strange[place]
+    return Named(found.wide.suspects[one.suspect], one.probability)
 
 
 def _twins_of(label: str, known: Twins) -> tuple[str, ...]:
@@ -235,7 +279,7 @@ def _noise_causes(whole: tuple[Effect, ...], spread: Scatter) -> tuple[Cause, ..
         if isinstance(effect, Noise) and p < SURE and spread.known_from == "rigidity":
             interval = (value - 1.96 * std, value + 1.96 * std)
             size = Amplitude(effect.parameters[0], value, std, interval)
-            out.append(Cause(effect, at_most(p), (size,), p, (), (), None, None))
+            out.append(Cause(effect, at_most(p), (size,), p, (), None, (), None, None))
     return tuple(out)
 
 
@@ -318,7 +362,7 @@ def _rise(case: Case, view: View, suspect: int, parameter: Parameter, at: float)
     values[held] = at
     few = case.only(model.accepted)
     short = tuple(range(len(model.accepted)))
-    now = few.look(few.sight(replace(model, values=values, accepted=short)))
+    now = few.look(few.sight(replace(model, values=values, accepted=short), view.seen))
     column = now.columns([model.accepted.index(suspect)])
     k = [p.name for p in case.suspects[suspect].parameters].index(parameter.name)
     fixed = int(column[k])
@@ -397,11 +441,12 @@ def _next_poses(
     case: Case,
     found: Found,
     causes: Sequence[Cause],
+    worth: Gain | None,
     known: Twins,
     rng: np.random.Generator,
 ) -> tuple[Proposal, ...]:
     """For every undecided pair the pulls that would decide it, as far as any can."""
-    pairs = list(_undecided(found, causes, known))
+    pairs = _undecided(found, causes, worth, known)
     if not pairs:
         return ()
     try:
@@ -409,22 +454,30 @@ def _next_poses(
     except InputError:
         return ()
     out: list[Proposal] = []
-    for place, rival in pairs:
-        mine = found.accepted[place]
+    for mine, rival in pairs:
         rest = [i for i in found.accepted if i != mine]
-        out += propose(case, found.plain, (mine, rival.suspect), rest, among)
+        out += propose(found.wide, (mine, rival), rest, among)
     return tuple(out)
 
 
 def _undecided(
-    found: Found, causes: Sequence[Cause], known: Twins, most: int = 3
-) -> list[tuple[int, Rival]]:
-    pairs = []
-    for place in range(len(found.accepted)):
+    found: Found, causes: Sequence[Cause], worth: Gain | None, known: Twins, most: int = 3
+) -> list[tuple[int, int | None]]:
+    """Accepted causes, each with what it must still be told from; None stands for nothing at all.
+
+    Twins are left out: no pull helps, a sensor does (`needs` of the causes).
+    """
+    pairs: list[tuple[int, int | None]] = []
+    for place, mine in enumerate(found.accepted):
         cause = causes[place]
-        if cause.probability >= CERTAIN:
-            continue
-        rivals = [r for r in found.rivals[place] if r.label != cause.effect.label]
-        never = _twins_of(cause.effect.label, known)
-        pairs += [(place, r) for r in rivals if r.label not in never and r.probability > 0.02]
+        never = (cause.effect.label, *_twins_of(cause.effect.label, known))
+        rivals = [r for r in found.rivals[place] if r.label not in never and r.probability > 0.02]
+        if cause.probability < CERTAIN:
+            pairs += [(mine, r.suspect) for r in rivals]
+        if found.strange and found.strange[place].probability > 1 - CERTAIN:
+            pairs.append((mine, found.strange[place].suspect))
+    if not pairs and worth is not None and worth.ci95[0] <= 0:
+        pairs = [
+            (mine, None) for mine, c in zip(found.accepted, causes, strict=False) if not c.twins
+        ]
     return pairs[:most]
