@@ -100,16 +100,15 @@ def _evidence(G: Array, h: Array, rest: float, dof: int, lower: Array, upper: Ar
     Priors end at the physical bounds: what is gained is the posterior's share between them over
     the prior's.
     """
-    eye = np.eye(G.shape[-1])
-    out = []
-    for width in WIDTHS:
-        cov = np.linalg.inv(G + eye / width**2)
-        mean = np.einsum("nij,nj->ni", cov, h)
-        q = np.minimum(np.sum(h * mean, axis=1), rest * (1 - 1e-12))
-        _, logdet = np.linalg.slogdet(eye + width**2 * G)
-        scatter = np.sqrt(((rest - q) / max(dof, 1))[:, None] * np.einsum("nii->ni", cov))
-        inside = _log_share(lower, upper, mean, scatter) - _log_share(lower, upper, 0.0, width)
-        out.append(-0.5 * logdet - 0.5 * dof * np.log1p(-q / rest) + inside.sum(axis=1))
+    k = G.shape[-1]
+    width = WIDTHS[:, None, None]
+    inverse = np.linalg.inv(G + np.eye(k) / width[..., None] ** 2)  # (widths, n, k, k)
+    mean = np.einsum("wnij,nj->wni", inverse, h)
+    q = np.minimum(np.einsum("nj,wnj->wn", h, mean), rest * (1 - 1e-12))
+    _, logdet = np.linalg.slogdet(np.eye(k) + width[..., None] ** 2 * G)
+    scatter = np.sqrt(((rest - q) / max(dof, 1))[..., None] * np.einsum("wnii->wni", inverse))
+    inside = _log_share(lower, upper, mean, scatter) - _log_share(lower, upper, 0.0, width)
+    out = -0.5 * logdet - 0.5 * dof * np.log1p(-q / rest) + inside.sum(axis=-1)
     return np.asarray(special.logsumexp(out, axis=0) - np.log(len(WIDTHS)))
 
 

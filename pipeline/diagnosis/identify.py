@@ -12,7 +12,6 @@ from scipy import special
 from pipeline.cell import Cell
 from pipeline.diagnosis.detect import Lack, Threshold, lack_of_fit, threshold
 from pipeline.diagnosis.evidence import Scores, scores
-from pipeline.diagnosis.isolability import Twins
 from pipeline.diagnosis.view import Model, Sight, View, coefficients, eliminate, look, sight
 from pipeline.effects import Effect
 from pipeline.results import Array, Bools, Ints, Locked
@@ -23,6 +22,9 @@ MOST = 3
 
 WORTH = 3.0
 """A further cause must be worth this much log evidence (20 to 1)."""
+
+ROUGH = 1.6
+"""A model that leaves this many times the scatter has the wrong law, wherever it sits."""
 
 NAMELESS = 0.25
 """Odds of one thing without a name against one cause of the catalogue, before the data speak: about
@@ -140,6 +142,7 @@ class Found(Locked):
         wide: The same, beside what competes without a name.
         view: The same, with the laws of the accepted causes taken as rough.
         first: The campaign seen from the joint springs alone.
+        single: Causes that could be the only one, likeliest first.
         scores: Suspects beside the joint springs alone.
         threshold: Calibrated for them.
         lack_first: Lack of fit of the joint springs alone.
@@ -158,6 +161,7 @@ class Found(Locked):
     wide: View
     view: View
     first: View
+    single: tuple[Rival, ...]
     scores: Scores
     threshold: Threshold
     lack_first: Lack
@@ -189,12 +193,17 @@ class Found(Locked):
         return float(np.sqrt(rest * self.plain.scatter_dof / self.plain.scatter))
 
     @property
+    def explains(self) -> bool:
+        """True when causes are accepted that leave nothing but scatter."""
+        return bool(self.accepted) and self.clean and self.rough <= ROUGH
+
+    @property
     def clean(self) -> bool:
         """True when nothing is left to explain."""
         return not self.lack.found and self.left >= FURTHER * self.threshold.p
 
 
-def search(case: Case, start: Array, twins: Twins, rng: np.random.Generator) -> Found:
+def search(case: Case, start: Array, rng: np.random.Generator) -> Found:
     """Add the likeliest cause, exchange and drop, until nothing is left or three stand."""
     seen = case.fitted((), start)
     first = plain = view = case.look(seen)
@@ -228,6 +237,7 @@ def search(case: Case, start: Array, twins: Twins, rng: np.random.Generator) -> 
         wide=wide,
         view=view,
         first=first,
+        single=_odds(case, score, (), 0.0),
         scores=score,
         threshold=limit,
         lack_first=lack_first,
@@ -326,11 +336,11 @@ def _rivals(case: Case, view: View) -> tuple[tuple[tuple[Rival, ...], ...], tupl
         base = np.concatenate([np.arange(view.first), view.columns(rest)])
         now = scores(view, base, _dof(view, base))
         p_values.append(float(now.p[accepted[place]]))
-        out.append(_odds(case, view, now, rest))
+        out.append(_odds(case, now, rest))
     return tuple(out), tuple(p_values)
 
 
-def _odds(case: Case, view: View, now: Scores, rest: Sequence[int]) -> tuple[Rival, ...]:
+def _odds(case: Case, now: Scores, rest: Sequence[int], least: float = 1e-3) -> tuple[Rival, ...]:
     """Probabilities of all causes that could stand in one place, forms taken together."""
     taken = {case.suspects[i].label for i in rest}
     labels, logs, best = [], [], []
@@ -341,7 +351,7 @@ def _odds(case: Case, view: View, now: Scores, rest: Sequence[int]) -> tuple[Riv
         logs.append(_together(now, forms))
         best.append(forms[int(np.argmax(now.log_evidence[forms]))])
     probability = special.softmax(np.array(logs))
-    order = [i for i in np.argsort(-probability, kind="stable") if probability[i] > 1e-3]
+    order = [i for i in np.argsort(-probability, kind="stable") if probability[i] >= least]
     return tuple(Rival(labels[i], best[i], float(probability[i])) for i in order)
 
 

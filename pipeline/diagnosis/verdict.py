@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.diagnosis.blindspots import BlindSpot
-from pipeline.diagnosis.gain import Gain
+from pipeline.diagnosis.gain import Alone, Gain
 from pipeline.diagnosis.nextpose import Proposal
 from pipeline.diagnosis.noise import Scatter
 from pipeline.effects import Effect
@@ -131,6 +131,7 @@ class Diagnosis(Locked):
         verdict: adequate | explained | ambiguous | unexplained | bad_data.
         why: One sentence for it.
         causes: The named causes.
+        alone: What the likeliest causes do each by itself.
         blind_spots: What would have gone unnoticed.
         next_poses: What to measure next.
         refused: Labels that fit best only at a physically impossible size.
@@ -153,6 +154,7 @@ class Diagnosis(Locked):
     verdict: str
     why: str
     causes: tuple[Cause, ...]
+    alone: tuple[Alone, ...]
     blind_spots: tuple[BlindSpot, ...]
     next_poses: tuple[Proposal, ...]
     refused: tuple[str, ...]
@@ -178,6 +180,7 @@ def entry(diagnosis: Diagnosis, robot: Robot) -> dict[str, Any]:
         "verdict": diagnosis.verdict,
         "why": diagnosis.why,
         "causes": [_cause(cause) for cause in diagnosis.causes],
+        "alone": [_alone(one) for one in diagnosis.alone],
         "blind_spots": [_blind(spot) for spot in diagnosis.blind_spots],
         "next_poses": [_pose(proposal, robot) for proposal in diagnosis.next_poses],
         "refused": list(diagnosis.refused),
@@ -246,6 +249,17 @@ def _unnamed(one: Named | None) -> dict[str, Any] | None:
         "probability": one.probability,
         "looks_like": one.effect.name,
         "where": one.effect.where,
+    }
+
+
+def _alone(one: Alone) -> dict[str, Any]:
+    return {
+        "name": one.effect.name,
+        "where": one.effect.where,
+        "form": one.effect.form or None,
+        "probability": one.probability,
+        "reduction": one.reduction,
+        "ci95": list(one.ci95),
     }
 
 

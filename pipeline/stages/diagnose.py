@@ -13,8 +13,8 @@ from scipy import special, stats
 from pipeline.cell import Cell, predict
 from pipeline.diagnosis.blindspots import blind_spots, smallest_visible
 from pipeline.diagnosis.evidence import ROUNDING, clean
-from pipeline.diagnosis.gain import Gain, gain, rms
-from pipeline.diagnosis.identify import Case, Found, by_label, search
+from pipeline.diagnosis.gain import Gain, alone, gain, rms
+from pipeline.diagnosis.identify import ROUGH, Case, Found, by_label, search
 from pipeline.diagnosis.isolability import Twins, twins
 from pipeline.diagnosis.nextpose import Candidates, Proposal, candidates, propose
 from pipeline.diagnosis.noise import SURE, Scatter, scatter
@@ -46,8 +46,8 @@ CERTAIN = 0.95
 UNKNOWN = 0.5
 """What has no name stands where a cause was sought if it is likelier than this."""
 
-ROUGH = 1.6
-"""A model that leaves this many times the scatter has the wrong law, wherever it sits."""
+SHOWN = 5
+"""So many causes are shown that could be the only one."""
 
 POINTS_M = 3e-4
 """Standard uncertainty per axis of the tool's points [m] where the campaign states none."""
@@ -74,22 +74,30 @@ def diagnose(
     whole = catalogue(cell.robot) if effects is None else effects
     known = twins(cell.robot)
     case, spread = case_of(cell, data, estimate, whole, known)
-    found = search(case, estimate.value, known, rng)
+    case, spread, found = _searched(case, spread, estimate.value, rng)
     worth = _gain(case, found, rng)
     causes = _causes(case, found, worth, where, known) + _noise_causes(whole, spread)
     verdict, why = _verdict(found, causes, worth)
+    if verdict == "explained" and found.accepted and case.force_noise > 1:
+        verdict = "ambiguous"
+        why = (
+            "What the causes leave is scatter only if the scale scatters "
+            f"{case.force_noise * case.noise:.0f} times as much as stated."
+        )
     if found.first.soft_p < SOFT:
         verdict = "unexplained"
         why = "The reflectors move against each other under load: a loose nest or a soft effector."
     if verdict == "adequate" and _too_much(spread, data.noise_stated):
         verdict, why = "unexplained", "The residuals are larger than any certificate may be wrong."
     system, extended = _extended(case, found)
+    single = [(r.suspect, r.probability) for r in found.single[:SHOWN]]
     final = found.view
     before = worth.before if worth else _alone(found.first)
     return Diagnosis(
         verdict=verdict,
         why=why,
         causes=causes,
+        alone=alone(found.first, single, rng) if worth else (),
         blind_spots=blind_spots(whole, final, final.base, found.threshold.p, known),
         next_poses=_next_poses(case, found, causes, worth, known, rng),
         refused=found.refused,
@@ -108,6 +116,23 @@ def diagnose(
         left_out_after_m=worth.after if worth else before,
         noise_floor_m=rms(found.first.spread),
     )
+
+
+def _searched(
+    case: Case, spread: Scatter, start: Array, rng: np.random.Generator
+) -> tuple[Case, Scatter, Found]:
+    """Seek causes with the scale as good as stated; with a worse one only if that leaves nothing.
+
+    A cause that nobody has named yet looks like a scatter of the scale, pull by pull: only what
+    no cause takes may be scatter.
+    """
+    stated = replace(case, force_noise=1.0)
+    found = search(stated, start, rng)
+    if case.force_noise > 1 and found.detected and not found.explains:
+        other = search(case, start, rng)
+        if other.explains or not other.detected:
+            return case, spread, other
+    return stated, replace(spread, force=1.0, force_p=1.0), found
 
 
 def case_of(
@@ -175,12 +200,11 @@ def _verdict(found: Found, causes: tuple[Cause, ...], worth: Gain | None) -> tup
     if not found.accepted:
         return "unexplained", "Something is missing from the model, and no known cause explains it."
     names = " and ".join(cause.effect.label for cause in causes if cause.gain is not None)
-    rough = found.rough
-    if rough > ROUGH:
+    if found.rough > ROUGH:
         return (
             "unexplained",
-            f"{names} explains most, but what is left is {rough:.1f} times the scatter of the "
-            "readings: the place is likely, the law is another.",
+            f"{names} explains most, but what is left is {found.rough:.1f} times the scatter "
+            "of the readings: the place is likely, the law is another.",
         )
     if not found.clean:
         return "unexplained", f"Beside {names} something remains that no known cause explains."

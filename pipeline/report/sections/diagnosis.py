@@ -44,6 +44,7 @@ def diagnosis(result: Result, tables: Tables) -> Section | None:
     for number, one in enumerate(causes, 1):
         blocks += _cause(number, one, with_gain=not shared)
     blocks += [
+        _alone(items(said, "alone")),
         Text(shared.replace("With it ", "With all causes ", 1)) if shared else None,
         *figures(("gain", "evidence"), result, tables),
         next_poses(poses),
@@ -68,6 +69,7 @@ def _cause(number: int, one: Mapping[str, Any], with_gain: bool) -> list[Block]:
         _evidence_sentence(one),
         f"It shows like this: {one['signature']}." if one.get("signature") else "",
         _probability_sentence(one),
+        _unnamed_sentence(one),
         *_parameter_sentences(one),
         *(_gain_sentences(one) if with_gain else []),
         f"What would settle it: {one['needs']}." if one.get("needs") else "",
@@ -78,6 +80,41 @@ def _cause(number: int, one: Mapping[str, Any], with_gain: bool) -> list[Block]:
     ]
     rivals = items(one, "rivals")
     return [*blocks, _rivals(number, rivals)] if rivals else blocks
+
+
+def _alone(single: list[Any]) -> Table | None:
+    """What each of the likeliest causes does if it is the only one."""
+    rows = []
+    for one in single:
+        low, high = [*(one.get("ci95") or []), None, None][:2]
+        name, where = str(one.get("name")), one.get("where")
+        rows.append(
+            (
+                text_entry(words.cause(name, where)),
+                text_entry(words.label(name, where)),
+                entry(probability(one.get("probability")), one.get("probability")),
+                entry(percent(one.get("reduction")), one.get("reduction")),
+                text_entry(f"{percent(low)} to {percent(high)}"),
+            )
+        )
+    columns = (
+        Column("Cause"),
+        Column("Name"),
+        Column("Probability", numeric=True),
+        Column("Left-out error falls by", numeric=True),
+        Column("95 % interval"),
+    )
+    return Table("alone", "If it is one cause alone", columns, tuple(rows)) if rows else None
+
+
+def _unnamed_sentence(one: Mapping[str, Any]) -> str:
+    """How likely it is none of the known causes; said where it matters."""
+    other = one.get("outside_catalogue") or {}
+    chance = other.get("probability")
+    if not known(chance) or chance < 0.01:
+        return ""
+    looks = words.cause(str(other.get("looks_like")), other.get("where"))
+    return f"That it is none of the known causes has {probability(chance)}; it would be: {looks}."
 
 
 def _evidence_sentence(one: Mapping[str, Any]) -> str:
