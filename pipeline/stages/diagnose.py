@@ -295,7 +295,11 @@ def _noise_causes(whole: tuple[Effect, ...], spread: Scatter) -> tuple[Cause, ..
     """Causes of scatter: the readings scatter more than a certificate may be wrong."""
     sizes = {
         "tracker_noise": (spread.tracker - 1, spread.tracker_std, spread.tracker_p),
-        "force_noise": (spread.force * spread.tracker - 1, spread.force, spread.force_p),
+        "force_noise": (
+            spread.force * spread.tracker - 1,
+            spread.force_std * spread.tracker,
+            spread.force_p,
+        ),
     }
     out = []
     for effect in whole:

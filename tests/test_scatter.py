@@ -1,0 +1,56 @@
+"""How much the readings scatter: found where it is there, and no evidence out of rounding."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline import campaign
+from pipeline.cell import paper_cell
+from pipeline.diagnosis.noise import scatter
+from pipeline.run import reduce, tool
+from pipeline.screening.case import conformed
+from pipeline.simulate import simulate
+from pipeline.simulate.plan import Plan
+from pipeline.stages.diagnose import case_of
+from pipeline.stages.estimate import identify
+
+
+def seen(seed, scale_noise=1.0, sigma_n=2.0):
+    """A campaign from the joint springs alone, nothing scaled, and its errors as stated."""
+    plan = Plan(
+        poses={"count": 20},
+        pulls={"steps_n": [1000, 2000, 3000, 1500]},
+        scale={"sigma_n": sigma_n, "noise_scale": scale_noise},
+    )
+    files = simulate(plan, np.random.default_rng(seed)).files
+    raw = campaign.in_memory(files)
+    data = reduce(raw, conformed).data
+    cell = paper_cell(raw.robot, tool(raw.settings))
+    _, estimate = identify(cell, data, cell.robot.nominal_compliance)
+    case, _ = case_of(cell, data, estimate)
+    case = replace(case, noise=1.0, force_noise=1.0)
+    sight = case.sight(case.model((), estimate.value))
+    return case.look(sight), sight.errors
+
+
+def test_a_scale_that_scatters_more_than_stated_is_found_with_its_size():
+    """15 N stated, 45 N true: the factor lies within four of its standard uncertainties."""
+    found = scatter(*seen(3, scale_noise=3.0, sigma_n=15.0), stated=True)
+
+    assert found.force_p < 1e-3
+    assert 0 < found.force_std < 1.0
+    assert found.force * found.tracker == pytest.approx(3.0, abs=4 * found.force_std)
+
+
+def test_columns_that_are_nearly_alike_are_no_evidence_of_noise():
+    """A direction at the limit of what counts as a rank does not come and go with the scale."""
+    view, errors = seen(4)
+    rng = np.random.default_rng(5)
+    longest = int(np.argmax(np.linalg.norm(view.A[:, : view.springs], axis=0)))
+    column = view.raw[:, longest] * view.typical[longest]
+    away = rng.standard_normal(len(column)) * np.linalg.norm(column) / np.sqrt(len(column))
+    for apart in 1e-10 * 2.0 ** np.arange(8):
+        raw = np.column_stack([view.raw[:, :-1], column + apart * away, view.raw[:, -1]])
+        doubled = replace(view, raw=raw, typical=np.append(view.typical, 1.0))
+        assert scatter(doubled, errors, stated=True).force_p > 1e-3
