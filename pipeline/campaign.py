@@ -157,7 +157,7 @@ class Campaign:
         sink = io.BytesIO()
         pq.write_table(kept, sink, compression="zstd")
         files.write(self.processed / f"{name}.parquet", sink.getvalue())
-        return kept.to_pandas()
+        return tables.frame(kept)
 
     def table(self, name: str, promise: pa.Schema) -> pd.DataFrame:
         """Read one of its tables and check it against its promise."""
@@ -174,7 +174,7 @@ class Campaign:
                     f"{path.name}: column {field.name} in {field.metadata[b'unit'].decode()} is "
                     f"missing; run `pipeline run {self.name} --force`"
                 )
-        return tables.conform(found, promise).to_pandas()
+        return tables.promised(name, found, promise)
 
     @contextmanager
     def locked(self) -> Iterator[bool]:

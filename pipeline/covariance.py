@@ -8,11 +8,12 @@ import numpy as np
 import pandas as pd
 
 from pipeline.errors import InputError
-from pipeline.results import Array
+from pipeline.results import Array, Bools
 
 PAIRS = ("xx", "xy", "xz", "yy", "yz", "zz")
 ROW, COLUMN = np.triu_indices(3)
 """Where each of the six numbers of a covariance stands in its 3x3 matrix."""
+PLACES = tuple(zip(ROW.tolist(), COLUMN.tolist(), strict=True))
 
 
 def columns(before: str = "c", after: str = "_m2") -> list[str]:
@@ -38,19 +39,63 @@ def flat(matrices: Array) -> Array:
     return matrices[:, ROW, COLUMN]
 
 
+def numbers(table: pd.DataFrame, names: Sequence[str] | None = None) -> list[Array]:
+    """The six columns of a table, each shape (rows,)."""
+    return [table[name].to_numpy(dtype=float) for name in names or columns()]
+
+
+def alike(six: Sequence[Array]) -> bool:
+    """Whether all rows of six columns have the same covariance, and there is one."""
+    return len(six[0]) > 0 and all(bool((column == column[0]).all()) for column in six)
+
+
+def isotropic(one: Sequence[float]) -> bool:
+    """Whether a covariance is the same in all directions, so that no rotation changes it."""
+    xx, xy, xz, yy, yz, zz = one
+    return xx == yy == zz and xy == xz == yz == 0
+
+
+def turned(six: Sequence[Array], R: Array) -> list[Array]:
+    """Columns of R C R' from those of C; a million equal ones cost as much as one."""
+    if alike(six):
+        if isotropic([column[0] for column in six]):
+            return list(six)
+        one = flat(R @ symmetric(np.array([[column[0] for column in six]])) @ R.T)[0]
+        return [np.full(len(six[0]), value) for value in one]
+    unit = flat(R @ symmetric(np.eye(6)) @ R.T)
+    return list(np.ascontiguousarray((np.column_stack(six) @ unit).T))
+
+
+def singular(six: Sequence[Array]) -> Bools:
+    """Where a covariance has no scatter in some direction, by Cholesky's pivots, shape (m,)."""
+    m = len(six[0])
+    xx, xy, xz, yy, yz, zz = (column[:1] for column in six) if alike(six) else six
+    with np.errstate(divide="ignore", invalid="ignore"):
+        second = yy - xy * xy / xx
+        below = yz - xy * xz / xx
+        third = zz - xz * xz / xx - below * below / second
+    rounding = 1e-13 * (xx + yy + zz)
+    none = (xx <= rounding) | (second <= rounding) | (third <= rounding)
+    return np.broadcast_to(none, m) if m else none
+
+
 def factors(matrices: Array) -> Array:
     """L with L L' = C for positive semidefinite C, shape (m, 3, 3); rank may be less than 3."""
     values, vectors = np.linalg.eigh(matrices)
     return vectors * np.sqrt(np.clip(values, 0.0, None))[:, None, :]
 
 
-def stated(matrices: Array) -> bool:
-    """Whether measurements have covariances: all of them or none, (m, 3, 3) with NaN for none.
+def known(six: Sequence[Array]) -> Bools:
+    """Where a covariance is known, NaN standing for one that is not, shape (m,)."""
+    return np.asarray(np.logical_and.reduce([np.isfinite(column) for column in six]))
+
+
+def stated(known: Bools) -> bool:
+    """Whether measurements have covariances: all of them or none.
 
     Raises:
         InputError: Only some have.
     """
-    known = np.asarray(np.isfinite(matrices).all(axis=(1, 2)), dtype=bool)
     if known.any() and not known.all():
         raise InputError(
             f"{int((~known).sum())} of {len(known)} readings have no uncertainty, the others have",

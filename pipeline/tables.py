@@ -26,6 +26,8 @@ def promise(table: str, key: str, columns: Iterable[pa.Field]) -> pa.Schema:
 
 
 I32, I64, F64, STR = pa.int32(), pa.int64(), pa.float64(), pa.string()
+WORD = pa.dictionary(I32, STR)
+"""Text that is the same in many rows: each word once, and its number in every row."""
 
 POSE = col("pose", I32, "1", "pose number of the campaign")
 REPEAT = col("repeat", I32, "1", "pull within the pose")
@@ -43,17 +45,18 @@ READINGS = promise(
     "readings",
     "file,line",
     [
-        *SOURCE_LINE,
+        SOURCE_LINE[0].with_type(WORD),
+        SOURCE_LINE[1],
         col("group", STR, "1", "group as the instrument named it"),
-        TARGET,
+        TARGET.with_type(WORD),
         col("pose", I32, "1", "pose number, null for base reflectors", nullable=True),
         col("repeat", I32, "1", "pull within the pose, null for base reflectors", nullable=True),
-        col("state", STR, "1", "unloaded or loaded, null for base reflectors", nullable=True),
+        col("state", WORD, "1", "unloaded or loaded, null for base reflectors", nullable=True),
         col("x_m", F64, "m", "tracker frame"),
         col("y_m", F64, "m", "tracker frame"),
         col("z_m", F64, "m", "tracker frame"),
         *COVARIANCE,
-        col("covariance_from", STR, "1", "file | instrument | stated | paper | none"),
+        col("covariance_from", WORD, "1", "file | instrument | stated | paper | none"),
         col(
             "time",
             pa.timestamp("us"),
@@ -413,7 +416,12 @@ def promised(name: str, table: pd.DataFrame | pa.Table | None, schema: pa.Schema
     Raises:
         TableMismatch: See `conform`.
     """
-    return conform(table, schema).to_pandas()
+    return frame(conform(table, schema))
+
+
+def frame(table: pa.Table) -> pd.DataFrame:
+    """A table as pandas has it, its columns not copied where that can be."""
+    return table.to_pandas(split_blocks=True)
 
 
 def _arrow(table: pd.DataFrame) -> pa.Table:
@@ -431,7 +439,8 @@ def as_csv(table: pa.Table) -> bytes:
     Names come from files, and a spreadsheet carries out a cell that starts with one of = + - @:
     such cells get an apostrophe in front.
     """
-    columns = [_harmless(column) if column.type == STR else column for column in table.columns]
+    texts = [column.cast(STR) if column.type == WORD else column for column in table.columns]
+    columns = [_harmless(column) if column.type == STR else column for column in texts]
     sink = pa.BufferOutputStream()
     csv.write_csv(pa.table(columns, table.column_names), sink)
     return bytes(sink.getvalue())

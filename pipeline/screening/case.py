@@ -89,7 +89,7 @@ class Reduced:
 
 def conformed(_: str, table: pd.DataFrame | pa.Table | None, promise: pa.Schema) -> pd.DataFrame:
     """Check a table's promise and keep it nowhere."""
-    return tables.conform(table, promise).to_pandas()
+    return tables.frame(tables.conform(table, promise))
 
 
 def plain(stage: Callable[..., Any]) -> Callable[..., Any]:

@@ -152,9 +152,11 @@ def measured(
 
 
 def _covariances(rows: pd.DataFrame) -> tuple[Array, Array, bool]:
-    loaded = covariance.matrices(rows, covariance.columns("loaded_c"))
-    zero = covariance.matrices(rows, covariance.columns("zero_c"))
-    if covariance.stated(loaded) and covariance.stated(zero):
+    of = [
+        covariance.numbers(rows, covariance.columns(f"{state}_c")) for state in ("loaded", "zero")
+    ]
+    loaded, zero = (covariance.symmetric(np.column_stack(six)) for six in of)
+    if all(covariance.stated(covariance.known(six)) for six in of):
         return loaded, zero, True
     count = rows["zero_count"].to_numpy(float)
     share = np.divide(1.0, count, out=np.zeros_like(count), where=count > 0)

@@ -6,11 +6,13 @@ import numpy as np
 import pandas as pd
 
 from pipeline import covariance
+from pipeline.results import Array, Ints
 from pipeline.settings import Scale, Settings
+from pipeline.stages._index import found, means, places, pull_numbers
 from pipeline.stages.register import XYZ
 
-PULL = ["pose", "repeat"]
-BRANCH = {"up": 1, "down": -1}
+BRANCH = np.array([1, -1, 0])
+"""up, down, unknown"""
 
 
 def forces(settings: Settings, placed: pd.DataFrame, loads: pd.DataFrame) -> pd.DataFrame:
@@ -28,32 +30,35 @@ def forces(settings: Settings, placed: pd.DataFrame, loads: pd.DataFrame) -> pd.
     Returns:
         Table FORCES, one row per pull that has both.
     """
-    loaded = placed[placed["state"] == "loaded"]
-    ends = [
-        loaded[loaded["target"] == name].astype({"pose": int, "repeat": int}).set_index(PULL)
-        for name in settings.naming.chain
-    ]
-    pulls = loads.set_index(PULL).sort_index()
-    both = pulls.index.intersection(ends[0].index).intersection(ends[1].index)
-    near, far, pulls = ends[0].loc[both], ends[1].loc[both], pulls.loc[both]
-    chain = far[XYZ].to_numpy() - near[XYZ].to_numpy()
-    length = np.linalg.norm(chain, axis=1, keepdims=True)
-    u = chain / length
-    across = np.eye(3) - u[:, :, None] * u[:, None, :]
-    C = covariance.matrices(near) + covariance.matrices(far)
-    if not covariance.stated(covariance.matrices(placed)):
-        C = np.broadcast_to(2 * np.eye(3), C.shape)
-    direction = across @ C @ across / length[..., None] ** 2
-    reading = pulls["force_n"].to_numpy()
+    loads = loads.sort_values(["pose", "repeat"])
+    target = places(placed["target"], [*settings.naming.chain, *settings.measured])
+    loaded = places(placed["state"], ["loaded"]) == 0
+    pull, pulls = pull_numbers(placed), pull_numbers(loads)
+    ends = [_rows(pull, loaded & (target == end), pulls) for end in (0, 1)]
+    both = (ends[0] >= 0) & (ends[1] >= 0)
+    loads, pulls, (near, far) = loads[both], pulls[both], (end[both] for end in ends)
+
+    points = placed[XYZ].to_numpy()
+    chain = points[far] - points[near]
+    length = np.linalg.norm(chain, axis=1)
+    u = chain / length[:, None]
+    six = covariance.numbers(placed)
+    if covariance.stated(covariance.known(six)):
+        C = [column[near] + column[far] for column in six]
+    else:
+        C = [np.full(len(u), 2.0 * (i == j)) for i, j in covariance.PLACES]
+    direction = [column / length**2 for column in _across(u, C)]
+    reading = loads["force_n"].to_numpy()
     force = reading[:, None] * u
+    measured = np.flatnonzero(loaded & (target >= 2))
     return pd.DataFrame(
         {
-            **{name: both.get_level_values(name) for name in PULL},
+            **{name: loads[name].to_numpy() for name in ("pose", "repeat")},
             **dict(zip(["fx_n", "fy_n", "fz_n"], force.T, strict=True)),
             "reading_std_n": reading_std(settings.scale or Scale(), reading),
-            **dict(zip(covariance.columns("u", ""), covariance.flat(direction).T, strict=True)),
-            "branch": pulls["branch"].map(BRANCH).fillna(0).astype(int).to_numpy(),
-            "time_s": _seconds(loaded, settings.measured).reindex(both).to_numpy(),
+            **dict(zip(covariance.columns("u", ""), direction, strict=True)),
+            "branch": BRANCH[places(loads["branch"], ["up", "down"])],
+            "time_s": _mean_by_pull(placed["time_s"].to_numpy()[measured], pull[measured], pulls),
         }
     )
 
@@ -63,6 +68,25 @@ def reading_std(scale: Scale, reading: np.ndarray) -> np.ndarray:
     return np.hypot(scale.sigma_n, scale.sigma_rel * reading)
 
 
-def _seconds(loaded: pd.DataFrame, measured: list[str]) -> pd.Series:
-    rows = loaded[loaded["target"].isin(measured)].astype({"pose": int, "repeat": int})
-    return rows.groupby(PULL)["time_s"].mean()
+def _rows(pull: Ints, which: np.ndarray, pulls: Ints) -> Ints:
+    """The row that is one end of the chain in each of some pulls, -1 where none is, shape (m,)."""
+    rows = np.flatnonzero(which)
+    at = found(pull[rows], pulls)
+    return np.where(at >= 0, np.append(rows, -1)[at], -1)
+
+
+def _across(u: Array, C: list[Array]) -> list[Array]:
+    """(I - u u') C (I - u u') of directions (m, 3), in six columns."""
+    full = covariance.symmetric(np.column_stack(C))
+    v = np.einsum("mij,mj->mi", full, u)
+    s = np.einsum("mi,mi->m", u, v)
+    return [
+        C[k] - u[:, i] * v[:, j] - v[:, i] * u[:, j] + s * u[:, i] * u[:, j]
+        for k, (i, j) in enumerate(covariance.PLACES)
+    ]
+
+
+def _mean_by_pull(values: Array, pull: Ints, pulls: Ints) -> Array:
+    """Mean of the values in each of some pulls, NaN where there is none, shape (m,)."""
+    at = found(pulls, pull)
+    return means(values[at >= 0], at[at >= 0], len(pulls))

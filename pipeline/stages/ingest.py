@@ -18,7 +18,7 @@ from pipeline.covariance import columns as covariance_columns
 from pipeline.errors import InputError, listed
 from pipeline.readers import Columns, Export, Hints, logs
 from pipeline.readers.assignment import assigned
-from pipeline.results import Array
+from pipeline.results import Array, Bools
 from pipeline.robot import Robot
 from pipeline.settings import InstrumentNoise, Scale, Settings, Tracker
 from pipeline.stages import _pulls, _shots
@@ -216,14 +216,15 @@ def _readings(shots: Shots, tracker: Tracker) -> pa.Table:
     pose, repeat = (values if len(values) else none for values in (shots.pose, shots.repeat))
     loaded = shots.loaded if len(shots.loaded) else none.astype(bool)
     words = pa.array(["unloaded", "loaded"])
+    said = pa.array(loaded[at].astype(np.int32), mask=~state)
     columns = {
         "file": _files(shots),
         "line": pa.array(shots.line),
         "group": shots.group.cast(pa.string()),
-        "target": shots.target.cast(pa.string()),
+        "target": shots.target,
         "pose": pa.array(pose[at].astype(np.int32), mask=~state),
         "repeat": pa.array(repeat[at].astype(np.int32), mask=~state),
-        "state": words.take(pa.array(loaded[at].astype(np.int32), mask=~state)),
+        "state": pa.DictionaryArray.from_arrays(said, words),
         **{f"{axis}_m": _column(shots.position[:, k]) for k, axis in enumerate("xyz")},
         **{name: _column(covariance[k]) for k, name in enumerate(SIX)},
         "covariance_from": source,
@@ -232,24 +233,27 @@ def _readings(shots: Shots, tracker: Tracker) -> pa.Table:
     return tables.conform(pa.table(columns), tables.READINGS)
 
 
-def _files(shots: Shots) -> pa.Array:
-    if len(shots.files) == 1:
-        return pa.repeat(shots.files[0], len(shots))
-    return pa.array(shots.files).take(pa.array(shots.file))
+def _files(shots: Shots) -> pa.DictionaryArray:
+    return pa.DictionaryArray.from_arrays(shots.file.astype(np.int32), list(shots.files))
 
 
 def _column(values: Array) -> pa.Array:
     return pa.array(np.ascontiguousarray(values))
 
 
-def _covariance(shots: Shots, tracker: Tracker) -> tuple[list[Array], pa.Array]:
+def _covariance(shots: Shots, tracker: Tracker) -> tuple[list[Array], pa.DictionaryArray]:
     """Covariance of every reading, six columns, and where each is from."""
     stated, source = _stated_covariance(shots, tracker)
     if shots.covariance is None:
-        return stated, pa.repeat(source, len(shots))
+        return stated, _alternatives(np.zeros(len(shots), bool), [source])
     own = np.isfinite(shots.covariance).all(axis=1)
     columns = [np.where(own, shots.covariance[:, k], stated[k]) for k in range(6)]
-    return columns, pa.array(np.where(own, "file", source))
+    return columns, _alternatives(own, [source, "file"])
+
+
+def _alternatives(which: Bools, words: Sequence[str]) -> pa.DictionaryArray:
+    """The second of two words where `which`, else the first."""
+    return pa.DictionaryArray.from_arrays(which.astype(np.int32), list(words))
 
 
 def _stated_covariance(shots: Shots, tracker: Tracker) -> tuple[list[Array], str]:

@@ -12,6 +12,7 @@ from pipeline import covariance
 from pipeline.errors import InputError
 from pipeline.results import Array, Locked
 from pipeline.settings import Settings
+from pipeline.stages._index import run
 
 XYZ = ["x_m", "y_m", "z_m"]
 
@@ -91,24 +92,31 @@ def register(settings: Settings, readings: pd.DataFrame) -> Registration:
 
 def place(registration: Registration, readings: pd.DataFrame) -> pd.DataFrame:
     """Table PLACED: the readings of the poses moved into F_b, with their covariances."""
-    poses = readings[readings["pose"].notna()]
-    R = registration.R
-    moved = poses[XYZ].to_numpy() @ R.T + registration.t
-    C = R @ covariance.matrices(poses) @ R.T
-    since = (poses["time"] - readings["time"].min()).dt.total_seconds()
-    return poses.assign(
-        time_s=since.astype(float),
-        **dict(zip(XYZ, moved.T, strict=True)),
-        **dict(zip(covariance.columns(), covariance.flat(C).T, strict=True)),
-    )
+    poses = readings.iloc[run(np.flatnonzero(readings["pose"].notna().to_numpy()))]
+    R, t = registration.R, registration.t
+    moved = R @ np.array([poses[axis].to_numpy() for axis in XYZ]) + t[:, None]
+    C = covariance.turned(covariance.numbers(poses), R)
+    new = {
+        **{name: poses[name].astype("int32") for name in ("pose", "repeat")},
+        **dict(zip(XYZ, moved, strict=True)),
+        **dict(zip(covariance.columns(), C, strict=True)),
+        "time_s": _seconds(poses["time"], readings["time"].min()),
+    }
+    kept = {name: poses[name] for name in poses.columns if name not in new}
+    return pd.DataFrame(kept | new, index=poses.index, copy=False)
+
+
+def _seconds(times: pd.Series[pd.Timestamp], start: pd.Timestamp) -> Array:
+    """Seconds after `start`, NaN for no time, shape (n,)."""
+    since = times.to_numpy("datetime64[us]") - np.datetime64(start, "us")
+    return np.asarray(since / np.timedelta64(1, "s"), dtype=float)
 
 
 def _uncertain(readings: pd.DataFrame) -> None:
     """No instrument reads without error: a reading that says so would outweigh all others."""
-    C = covariance.matrices(readings)
-    least = np.linalg.eigvalsh(np.where(np.isfinite(C), C, np.eye(3)))[:, 0]
-    if (least <= 0).any():
-        first = readings.iloc[int(np.argmax(least <= 0))]
+    without = covariance.singular(covariance.numbers(readings)) if len(readings) else np.zeros(0)
+    if without.any():
+        first = readings.iloc[int(np.argmax(without))]
         raise InputError(
             f"the uncertainty of {first['target']} is zero in some direction",
             "export the readings with their uncertainties, or state [tracker] sigma_m",
