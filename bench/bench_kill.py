@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline import files
 from pipeline.simulate import Plan, simulate
 
 KILLS = 100
@@ -72,8 +73,8 @@ class Victim:
 
     @property
     def leftovers(self) -> list[Path]:
-        """Half-written files; the next run that computes something removes them."""
-        return [path for path in self.root.rglob(".*.????????") if path.is_file()]
+        """Half-written files; the next command that brings campaigns up to date removes them."""
+        return files.leftovers(self.root)
 
 
 def survived(victim: Victim, moments: Sequence[float]) -> Iterator[tuple[int, bool]]:

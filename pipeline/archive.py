@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from filelock import FileLock
 
 from pipeline import files
 from pipeline.campaign import Campaign, code_version, dump, find, versions
@@ -52,7 +53,7 @@ def finished(root: Path) -> list[Campaign]:
 def refresh(root: Path) -> Path | None:
     """Bring the page over all campaigns up to date, and every report's change since the last.
 
-    Nothing is drawn again whose content is still true.
+    Nothing is drawn again whose content is still true; what a killed run left half-written goes.
 
     Returns:
         The page over all campaigns, None when there is no campaign.
@@ -60,6 +61,7 @@ def refresh(root: Path) -> Path | None:
     campaigns = finished(root)
     results = {campaign.name: campaign.result() for campaign in campaigns}
     for campaign in campaigns:
+        campaign.tidy()
         before = previous(results[campaign.name], results.values())
         if _told(campaign.manifest()) != _mark(before):
             _tell(campaign, before)
@@ -109,8 +111,13 @@ def _index(root: Path, results: list[dict[str, Any]]) -> Path:
         current = False
     if not current:
         content = render_overview(results)
-        files.write(page, content)
-        files.write(manifest, dump({"key": key, "page": files.sha256(content)}))
+        with files.writing(manifest):
+            manifest.parent.mkdir(parents=True, exist_ok=True)
+            with FileLock(manifest.with_name(".lock")):
+                for path in (page, manifest):
+                    files.sweep(path.parent, f".{path.name}.????????")
+                files.write(page, content)
+                files.write(manifest, dump({"key": key, "page": files.sha256(content)}))
     return page
 
 

@@ -10,7 +10,7 @@ import io
 import json
 import sys
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib import metadata, resources
@@ -196,6 +196,18 @@ class Campaign:
             yield waited
         finally:
             lock.release()
+
+    def tidy(self) -> None:
+        """Remove what a killed run left behind, also where nothing has to be computed.
+
+        A run at work cleans up after itself, and a disk that cannot be written stays as it is.
+        """
+        folders = (self.processed, self.reports)
+        if not any(files.leftovers(folder) for folder in folders):
+            return
+        with suppress(Timeout, OSError), FileLock(self.processed / ".lock", timeout=0):
+            for folder in folders:
+                files.sweep(folder)
 
     def _acquired_late(self, lock: FileLock) -> bool:
         try:

@@ -13,6 +13,8 @@ from pathlib import Path
 from pipeline.errors import CannotWrite
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
+BEGUN = ".*.????????"
+"""What the names of half-written files are like."""
 CLOSED = (errno.EACCES, errno.EPERM, errno.EROFS)
 
 
@@ -68,11 +70,15 @@ def _write(path: Path, data: bytes) -> None:
         raise
 
 
-def sweep(folder: Path) -> None:
+def sweep(folder: Path, pattern: str = f"**/{BEGUN}") -> None:
     """Remove what a killed `write` left behind; only while the folder's lock is held."""
-    for path in folder.rglob(".*.????????"):
-        if path.is_file():
-            path.unlink(missing_ok=True)
+    for path in leftovers(folder, pattern):
+        path.unlink(missing_ok=True)
+
+
+def leftovers(folder: Path, pattern: str = f"**/{BEGUN}") -> list[Path]:
+    """Files in a folder that a `write` has begun; what nobody works at is of a killed one."""
+    return [path for path in folder.glob(pattern) if path.is_file()]
 
 
 def sha256(data: bytes) -> str:

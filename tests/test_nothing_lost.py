@@ -7,6 +7,7 @@ import sys
 import pytest
 
 from bench.bench_kill import Victim, survived
+from pipeline.archive import refresh
 from pipeline.campaign import find
 from pipeline.errors import InputError
 from pipeline.run import run
@@ -29,6 +30,23 @@ def test_a_killed_run_leaves_nothing_behind(victim):
     assert [good for _, good in said] == [True] * 5
     assert sum(status == 9 for status, _ in said) >= 3
     run(find(victim.root, "killed"), force=True)
+    assert not victim.leftovers
+
+
+def test_what_a_killed_run_left_goes_though_nothing_is_computed(victim):
+    """The answer stands, half-written files beside it go; while another run works they stay."""
+    victim.run()
+    one = find(victim.root, "killed")
+    begun = [one.reports / ".index.html.abcd1234", one.processed / ".40_estimate.parquet.x_y_z_12"]
+    for path in begun:
+        path.write_bytes(b"half")
+    with one.locked():
+        begun[0].write_bytes(b"half")
+        refresh(victim.root)
+        assert victim.leftovers == begun[:1]
+    begun[1].write_bytes(b"half")
+    refresh(victim.root)
+
     assert not victim.leftovers
 
 

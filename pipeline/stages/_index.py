@@ -45,7 +45,7 @@ def numbered(keys: Ints) -> tuple[Ints, Ints]:
 
 
 def found(known: Ints, wanted: Ints) -> Ints:
-    """Where each wanted number stands among known ones, of equals the last; -1 where it does not."""
+    """Where each wanted number stands among known ones, the last of equals; else -1."""
     if not len(known):
         return np.full(len(wanted), -1)
     order = None if (known[1:] >= known[:-1]).all() else np.argsort(known, kind="stable")
