@@ -6,14 +6,12 @@ import sys
 
 import pytest
 
-from bench.bench_kill import Victim, survived
+from bench.bench_kill import PLAN, Victim, survived
 from pipeline.archive import refresh
 from pipeline.campaign import find
 from pipeline.errors import InputError
 from pipeline.run import run
-from pipeline.simulate import Plan
 
-PLAN = Plan(name="killed", poses={"count": 7}, pulls={"steps_n": [3000.0]})
 COMMAND = [sys.executable, "-m", "pipeline"]
 
 
