@@ -27,6 +27,7 @@ from pipeline import files, tables
 from pipeline.errors import InputError, PipelineError, UsageError, listed
 from pipeline.robot import Robot
 from pipeline.robot import load as load_robot
+from pipeline.robot.mdh import parse as parse_robot
 from pipeline.settings import Settings
 from pipeline.settings import parse as parse_settings
 
@@ -317,9 +318,12 @@ def dump(content: object) -> bytes:
 
 
 def in_memory(content: Mapping[str, bytes], folder: Path | None = None) -> Raw:
-    """A campaign from the bytes of its files; `folder` is where a robot file of its own lies."""
+    """A campaign from the bytes of its files; its own robot's is among them or in `folder`."""
     settings = _settings(content)
-    robot = load_robot(settings.robot, folder)
+    if settings.robot in content:
+        robot = parse_robot(content[settings.robot].decode("utf-8-sig"), settings.robot)
+    else:
+        robot = load_robot(settings.robot, folder)
     return Raw(settings, robot, content, _key(content, robot))
 
 

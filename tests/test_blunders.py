@@ -2,6 +2,7 @@
 
 import csv
 import io
+import tomllib
 
 import numpy as np
 import pytest
@@ -114,6 +115,19 @@ def test_other_conventions_are_broken_as_named(small_campaign, wrong):
     ] == [("Pl1", "Pl2"), ("Pl2", "Pl1")] * 21
     assert changed(other_robot, small_campaign) == {"campaign.toml"}
     assert b'robot = "kr500_rail_kuka"' in other_robot.files["campaign.toml"]
+
+
+def test_modified_parameters_are_entered_as_standard_ones(small_campaign, wrong):
+    """The robot file keeps every number; its lengths stand under the classic letters."""
+    campaign = wrong("sign_or_convention:modified_dh")
+    was = tomllib.loads(load("kr500_rail").text)
+    now = tomllib.loads(campaign.files["robot.toml"].decode())
+    lengths = [(row["a_m"], row["d_m"]) for row in now["joint"]]
+
+    assert (was["convention"], now["convention"]) == ("khalil", "standard")
+    assert lengths == [(row.get("d_m", 0), row.get("r_m", 0)) for row in was["joint"]]
+    assert changed(small_campaign, campaign) == {"campaign.toml"}
+    assert campaign.truth["effects"][0]["where"] == "modified_dh"
 
 
 def test_blunders_and_effects_mix(small_plan):

@@ -49,6 +49,7 @@ BLUNDERS = [
     "sign_or_convention:left_handed",
     "sign_or_convention:pull_reversed",
     "sign_or_convention:d_5",
+    "sign_or_convention:modified_dh",
 ]
 
 

@@ -6,6 +6,7 @@ import tomllib
 from collections.abc import Iterator
 from dataclasses import replace
 
+from pipeline import toml
 from pipeline.robot.mdh import JointRow, Robot, RobotFile, placements
 
 LENGTHS = {"a_m": "a", "d_m": "d", "r_m": "r"}
@@ -32,6 +33,15 @@ def variants(robot: Robot) -> Iterator[tuple[str, Robot]]:
             yield f"alpha_{j + 1}", _with_row(robot, file, j, {"alpha_deg": -row.alpha_deg})
     rows, convention, name = _other_convention(file)
     yield name, _with_rows(robot, rows, convention)
+
+
+def misread(robot: Robot) -> tuple[str, str]:
+    """The robot's file with its letters under the other convention, and what they are in truth."""
+    file = _file(robot)
+    rows, convention, _ = _other_convention(file)
+    wrong = file.model_copy(update={"joint": rows, "convention": convention})
+    text = toml.dumps(wrong.model_dump(exclude_none=True))
+    return text, "standard_dh" if file.convention == "standard" else "modified_dh"
 
 
 def _with_row(robot: Robot, file: RobotFile, j: int, change: dict[str, float]) -> Robot:

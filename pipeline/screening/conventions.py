@@ -47,6 +47,12 @@ UNITS = {
 """Factor on the tracker's coordinates: the unit they are in, and the sentence for it."""
 
 
+DH_SAYS = {
+    "modified_dh": "the robot's table is one of modified DH parameters, read as standard ones",
+    "standard_dh": "the robot's table is one of standard DH parameters, read as modified ones",
+}
+
+
 @dataclass(frozen=True)
 class Hypothesis:
     """One mistake that may have been made.
@@ -201,7 +207,7 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
         yield Hypothesis(
             "sign_or_convention",
             name,
-            f"the robot's table is wrong in {name}" + _called(robot),
+            DH_SAYS.get(name) or f"the robot's table is wrong in {name}" + _called(robot),
             partial(replace, robot=robot),
             table=True,
         )

@@ -25,8 +25,9 @@ from pipeline.stages.contrasts import Stack, Zeros, pure_error, stacked
 from pipeline.stages.register import XYZ, Registration
 from pipeline.stages.whiten import Whitener, whitener
 
-FAMILY = 1e-3
-"""Probability that chance makes any reading of a clean campaign an outlier."""
+FAMILY = 2e-3
+"""Probability that chance makes any reading of a clean campaign an outlier, in each of two tests:
+of the readings of the poses and of the base reflectors."""
 
 SMALLEST_M = 8e-5
 """A reading off by less than this is not worth being named."""
@@ -96,11 +97,9 @@ def outlier(
         estimate: Its joint springs.
         spread: As `noise_scale` gives it.
     """
-    data, cell = reduced.data, case.cell
-    stack = stacked(system, estimate.residual, data, zeros, cell)
-    counts = _zero_counts(reduced.placed, case.settings.measured)
+    data = reduced.data
+    stack, white, counts = _prepared(case, reduced, zeros, system, estimate)
     scale, contrasts = spread
-    white = whitener(stack.errors, stack.pose)
     floor = _floor(reduced.placed, scale)
     springs = _shifts(stack, white, counts, _springs(system, stack, white), local=False)
     poses, pulls = (
@@ -128,6 +127,22 @@ def outlier(
             return [_finding(case, reduced, shifts, best, size, p, variance)]
         return []
     return []
+
+
+def beside_springs(
+    case: Case, reduced: Reduced, zeros: Zeros, system: System, estimate: Estimate
+) -> Shifts:
+    """The best shift of every reading beside the joint springs; arguments as for `outlier`."""
+    stack, white, counts = _prepared(case, reduced, zeros, system, estimate)
+    return _shifts(stack, white, counts, _springs(system, stack, white), local=False)
+
+
+def _prepared(
+    case: Case, reduced: Reduced, zeros: Zeros, system: System, estimate: Estimate
+) -> tuple[Stack, Whitener, dict[tuple[int, int], int]]:
+    stack = stacked(system, estimate.residual, reduced.data, zeros, case.cell)
+    white = whitener(stack.errors, stack.pose)
+    return stack, white, _zero_counts(reduced.placed, case.settings.measured)
 
 
 def _of_whole_pull(stack: Stack, white: Whitener, shifts: Shifts, k: int) -> float:

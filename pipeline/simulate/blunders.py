@@ -14,6 +14,8 @@ from pipeline.errors import UsageError, listed
 from pipeline.readers import Readings
 from pipeline.results import Array, Bools, Locked, Parameter
 from pipeline.robot import Robot
+from pipeline.robot.mdh import parse
+from pipeline.robot.variants import misread
 from pipeline.simulate._words import amounts, parts
 
 KGF_N, LBF_N, INCH_M = 9.80665, 4.4482216152605, 0.0254
@@ -26,6 +28,7 @@ class Notebook(Locked):
 
     Attributes:
         robot: What campaign.toml will call the robot.
+        robot_text: Its file, for a robot that does not ship with the pipeline.
         targets: Names of the measured targets.
         readings: Readings of the tracker.
         reading_n: Readings of the scale [N], shape (m,).
@@ -35,6 +38,7 @@ class Notebook(Locked):
     """
 
     robot: str
+    robot_text: str
     targets: tuple[str, ...]
     readings: Readings
     reading_n: Array
@@ -147,6 +151,7 @@ def _sign_or_convention(
     notes: Notebook, where: str, size: Array, rng: np.random.Generator
 ) -> tuple[Notebook, str]:
     """A sign or a convention is not the one that is stated."""
+    misread_robot, misread_as = misread(parse(notes.robot_text, "robot.toml"))
     possible = [
         name
         for name, can in (
@@ -154,6 +159,7 @@ def _sign_or_convention(
             ("left_handed", True),
             ("pull_reversed", True),
             ("d_5", notes.robot in SISTER),
+            (misread_as, True),
         )
         if can
     ]
@@ -163,6 +169,8 @@ def _sign_or_convention(
     if where == "left_handed":
         position = notes.readings.position * [1.0, -1.0, 1.0]
         return replace(notes, readings=replace(notes.readings, position=position)), where
+    if where == misread_as:
+        return replace(notes, robot="robot.toml", robot_text=misread_robot), where
     if where == "d_5":
         return replace(notes, robot=SISTER[notes.robot]), where
     other = {"Pl1": "Pl2", "Pl2": "Pl1"}
@@ -171,6 +179,8 @@ def _sign_or_convention(
 
 
 UNITS = ("inch", "m", "kgf", "lbf", "rad")
+CONVENTIONS = ("controller_axes", "left_handed", "pull_reversed", "d_5")
+CONVENTIONS += ("modified_dh", "standard_dh")
 BLUNDERS: Mapping[str, Blunder] = {
     blunder.name: blunder
     for blunder in (
@@ -179,7 +189,7 @@ BLUNDERS: Mapping[str, Blunder] = {
         Blunder("unit_mixup", UNITS, (), _unit_mixup),
         Blunder(
             "sign_or_convention",
-            ("controller_axes", "left_handed", "pull_reversed", "d_5"),
+            CONVENTIONS,
             (),
             _sign_or_convention,
         ),

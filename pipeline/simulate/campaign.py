@@ -111,6 +111,7 @@ def notebook(scene: Scene, draws: Draws, which: int = 0) -> Notebook:
     q = scene.pulls.q[scene.pulls.repeat == 1]
     return Notebook(
         robot=scene.plan.robot,
+        robot_text=scene.robot.text,
         targets=tuple(scene.plan.targets),
         readings=readings(scene, draws, which),
         reading_n=draws.reading_n[which],
@@ -136,7 +137,7 @@ def written(scene: Scene, notes: Notebook) -> dict[str, bytes]:
     if not READERS[tracker.dialect].says_names:
         files["assignment.csv"] = _assignment(notes.readings)
     if notes.robot not in SHIPPED:
-        files["robot.toml"] = scene.robot.text.encode()
+        files["robot.toml"] = notes.robot_text.encode()
     return files
 
 
