@@ -1,4 +1,4 @@
-"""A million readings: from the bytes of an export to checked tables, against bare reading."""
+"""A million readings: from the bytes of an export to displacements, against bare reading."""
 
 import statistics
 import threading
@@ -11,11 +11,12 @@ from pyarrow import csv
 
 from bench.timing import seconds
 from pipeline import readers
+from pipeline.campaign import Raw, in_memory
 from pipeline.readers import READERS
-from pipeline.robot import load
-from pipeline.settings import parse
+from pipeline.run import ingested, reduce
+from pipeline.screening.case import plain, to_displacements
 from pipeline.simulate import Plan
-from pipeline.stages.ingest import ingest
+from pipeline.tables import promised
 
 POSES, PULLS = 10_000, 19
 TARGETS = ("P1", "P2", "P3", "Pl1", "Pl2")
@@ -23,22 +24,37 @@ BASE = {"B1": (0.6, -0.5, -0.3), "B2": (0.6, 18.5, -0.3), "B3": (-0.6, 18.5, -0.
 RUNS = 5
 
 
+INSTRUMENT = "noise = { range_m = 8e-6, transverse_m = 7.5e-6, transverse_per_m = 3e-6 }"
+
+
 def run() -> list[tuple[str, float, str]]:
     """How many times the time of `pyarrow.csv.read_csv` on the same bytes; memory in GB.
 
     Bare reading knows how times are written, so that both sides turn them into timestamps.
     """
-    raw, toml = _campaign()
-    settings, robot = parse(toml), load("kr500_rail")
-    rows = raw["tracker.csv"].count(b"\n") - 1
+    files, toml = _campaign()
+    export = files["tracker.csv"]
+    raw = in_memory(files | {"campaign.toml": toml.encode()})
+    beams = toml.replace("sigma_m = 3e-5", INSTRUMENT)
+    with_beams = in_memory(files | {"campaign.toml": beams.encode()})
+    aim = "times bare reading, aim 3"
     out = [
-        _row("plain CSV to readings", raw["tracker.csv"]),
-        _row("SpatialAnalyzer to readings", _spatial_analyzer(raw["tracker.csv"]), 3),
+        _row("plain CSV to readings", export),
+        _row("SpatialAnalyzer to readings", _spatial_analyzer(export), 3),
     ]
-    whole = _times(lambda: ingest(settings, robot, raw), raw["tracker.csv"])
-    out.append((f"ingest of a campaign of {rows} readings", whole, "times bare reading, aim 3"))
-    peak = _peak_gb(lambda: ingest(settings, robot, raw))
-    return [*out, ("its peak memory", peak, "GB for the whole process, aim 2")]
+    for what, work in (
+        ("with every check", lambda: ingested(raw, promised, plain)),
+        ("and reduced to forces and displacements", lambda: _displacements(raw)),
+        ("the same with a covariance for every beam", lambda: _displacements(with_beams)),
+        ("and joined to the arrays of the estimator", lambda: reduce(raw, promised)),
+    ):
+        out.append((f"1e6 readings {what}", _times(work, export), aim))
+    peak = _peak_gb(lambda: reduce(raw, promised))
+    return [*out, ("peak memory", peak, "GB for the whole process, aim 2")]
+
+
+def _displacements(raw: Raw) -> object:
+    return to_displacements(ingested(raw, promised, plain), promised)
 
 
 def _row(what: str, data: bytes, header: int = 1) -> tuple[str, float, str]:

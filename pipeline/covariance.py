@@ -23,14 +23,19 @@ def columns(before: str = "c", after: str = "_m2") -> list[str]:
 
 def matrices(table: pd.DataFrame, names: Sequence[str] | None = None) -> Array:
     """Six columns of a table as matrices, shape (rows, 3, 3)."""
-    return symmetric(table[list(names or columns())].to_numpy(dtype=float))
+    return full(numbers(table, names))
 
 
 def symmetric(upper: Array) -> Array:
     """Matrices (m, 3, 3) from their six numbers (m, 6), in the order of `PAIRS`."""
-    out = np.empty((len(upper), 3, 3))
-    out[:, ROW, COLUMN] = upper
-    out[:, COLUMN, ROW] = upper
+    return full(list(upper.T))
+
+
+def full(six: Sequence[Array]) -> Array:
+    """Matrices (m, 3, 3) from six columns, in the order of `PAIRS`."""
+    out = np.empty((len(six[0]), 3, 3))
+    for (i, j), column in zip(PLACES, six, strict=True):
+        out[:, i, j] = out[:, j, i] = column
     return out
 
 

@@ -97,9 +97,28 @@ def plain(stage: Callable[..., Any]) -> Callable[..., Any]:
     return stage
 
 
-def bring(case: Case, keep: Keep = conformed, step: Step = plain) -> Reduced:
-    """From readings in the tracker's frame to forces and displacements in F_b."""
-    settings, robot = case.settings, case.robot
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """The tables between readings and measurements.
+
+    Attributes:
+        registration: Where the tracker stands.
+        base: Table REGISTRATION.
+        placed: Table PLACED.
+        forces: Table FORCES.
+        displacements: Table DISPLACEMENTS.
+    """
+
+    registration: Registration
+    base: pd.DataFrame
+    placed: pd.DataFrame
+    forces: pd.DataFrame
+    displacements: pd.DataFrame
+
+
+def to_displacements(case: Case, keep: Keep = conformed, step: Step = plain) -> Placed:
+    """From readings in the tracker's frame to tables of forces and displacements in F_b."""
+    settings = case.settings
     registration = step(register)(settings, case.readings)
     base = keep("20_registration", registration.table, tables.REGISTRATION)
     placed = keep("21_placed", place(registration, case.readings), tables.PLACED)
@@ -110,22 +129,30 @@ def bring(case: Case, keep: Keep = conformed, step: Step = plain) -> Reduced:
         pulled, moved = case.forces, case.displacements
     pulled = keep("22_forces", pulled, tables.FORCES)
     moved = keep("23_displacements", moved, tables.DISPLACEMENTS)
+    return Placed(registration, base, placed, pulled, moved)
 
+
+def bring(case: Case, keep: Keep = conformed, step: Step = plain) -> Reduced:
+    """From readings in the tracker's frame to forces and displacements in F_b, as arrays."""
+    settings, robot = case.settings, case.robot
+    got = to_displacements(case, keep, step)
+    registration = got.registration
     gain = settings.scale.gain_sigma if settings.scale else 0.0
     rotation = registration.cov[:3, :3]
     off = np.where(robot.prismatic, settings.joints.sigma_m, settings.joints.sigma_rad)
     points = settings.tool_uncertainty.sigma_m
     names = case.tool.targets
     told = registration.from_scatter
+    pulled, moved = got.forces, got.displacements
     data = measured(robot, names, case.joints, pulled, moved, rotation, gain, points, off, told)
     shown = {
         "readings": case.readings,
         "rejected": case.rejected,
-        "registration": base,
+        "registration": got.base,
         "forces": pulled,
         "displacements": moved,
     }
-    return Reduced(data, registration, placed, shown)
+    return Reduced(data, registration, got.placed, shown)
 
 
 def tool(settings: Settings) -> Tool:

@@ -155,7 +155,7 @@ def _covariances(rows: pd.DataFrame) -> tuple[Array, Array, bool]:
     of = [
         covariance.numbers(rows, covariance.columns(f"{state}_c")) for state in ("loaded", "zero")
     ]
-    loaded, zero = (covariance.symmetric(np.column_stack(six)) for six in of)
+    loaded, zero = (covariance.full(six) for six in of)
     if all(covariance.stated(covariance.known(six)) for six in of):
         return loaded, zero, True
     count = rows["zero_count"].to_numpy(float)

@@ -77,8 +77,7 @@ def _rows(pull: Ints, which: np.ndarray, pulls: Ints) -> Ints:
 
 def _across(u: Array, C: list[Array]) -> list[Array]:
     """(I - u u') C (I - u u') of directions (m, 3), in six columns."""
-    full = covariance.symmetric(np.column_stack(C))
-    v = np.einsum("mij,mj->mi", full, u)
+    v = np.einsum("mij,mj->mi", covariance.full(C), u)
     s = np.einsum("mi,mi->m", u, v)
     return [
         C[k] - u[:, i] * v[:, j] - v[:, i] * u[:, j] + s * u[:, i] * u[:, j]
