@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import json
+import stat
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -120,6 +121,12 @@ class Campaign:
         _inside(name)
         try:
             before = path.stat()
+            if not (stat.S_ISREG(before.st_mode) or stat.S_ISDIR(before.st_mode)):
+                raise InputError(
+                    "is no file but a device or a pipe, which never ends",
+                    f"copy the file itself into {self.folder.name}",
+                    file=name,
+                )
             if before.st_size > LARGEST_FILE:
                 raise InputError(
                     f"has {before.st_size / 2**30:.1f} GiB, more than {LARGEST_FILE / 2**30:.0f}",

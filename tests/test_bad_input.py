@@ -1,11 +1,14 @@
 """Bad input at the command line: one sentence with file, line, thing and way out; exit 5."""
 
 import json
+import os
 import re
 
 import pytest
 
 from pipeline import cli
+from pipeline.campaign import find
+from pipeline.errors import InputError
 from pipeline.simulate import Plan, simulate
 
 GOOD = simulate(Plan(name="c", poses={"count": 8})).files
@@ -86,6 +89,11 @@ CASES = {
     "joint limit": ("joints.csv", first_cell("theta3_deg", "140.0"), [".csv:2", "theta3", "140"]),
     "text for a number": ("loads.csv", first_cell("force_n", "12oo"), ["loads.csv:2", "12oo"]),
     "unknown word": ("campaign.toml", replaced("sigma_m", "sigma_mm"), ["toml:", "sigma_mm"]),
+    "header only": ("tracker.csv", lines(lambda rows: rows[:1]), ["tracker.csv", "no reading"]),
+    "all in one place": ("tracker.csv", scaled(0.0), ["tracker.csv:2", "base reflectors", "one"]),
+    "second header": ("tracker.csv", lines(lambda r: [*r, "group,target,x_m,y_m,z_m,time", *r[9:]]),
+                      ["another header begins here", "split"]),
+    "workbook": ("tracker.csv", lambda content: b"PK\x03\x04" + content, ["Excel", "CSV"]),
     "not TOML": ("campaign.toml", replaced("=", "=="), ["campaign.toml", "TOML"]),
 }  # fmt: skip
 
@@ -138,3 +146,16 @@ def test_bad_input_is_named_and_refused(name, tmp_path, capsys):
     else:
         assert set(answer) == {"campaign", "error"}
         assert len(err.splitlines()) == 1
+
+
+def test_a_pipe_for_a_file_is_refused_at_once(tmp_path):
+    """Reading it would wait for ever."""
+    folder = tmp_path / "data" / "raw" / "c"
+    folder.mkdir(parents=True)
+    for each, content in GOOD.items():
+        (folder / each).write_bytes(content)
+    (folder / "joints.csv").unlink()
+    os.mkfifo(folder / "joints.csv")
+
+    with pytest.raises(InputError, match=r"joints\.csv: is no file but a device or a pipe"):
+        find(tmp_path, "c").read()

@@ -228,6 +228,7 @@ def test_latin_1_names_are_read():
         ("pose01_rep2_loaded,P2,881.0000", "pose01_rep2_loaded,P2,8_81.0000", "not a number"),
         ("pose01_rep2_loaded,P2,881.0000", "pose01_rep2_loaded,P2,", "has nothing in column x_mm"),
         ("pose01_rep2_loaded,P2,881.0000", "pose01_rep2_loaded,P2,1e999", "too large"),
+        ("pose01_rep2_loaded,P2,881.0000", "pose01_rep2_loaded,P2,1e200", "than 10 000 km"),
         (
             "pose01_rep2_loaded,P2,881.0000",
             "pose01_rep2_loaded,,881.0000",
@@ -253,6 +254,22 @@ def test_a_bad_row_is_left_out_and_named(old, new, said):
     kept, whole = got.readings.to_pydict()["line"], read().readings.to_pydict()["line"]
     assert sorted(set(whole) - set(kept)) == [bad[0][1]]
     assert len(got.loads) == 3
+
+
+def test_a_header_that_comes_again_is_named_as_such():
+    """A program that appends writes one each time; the rows below it count."""
+    header, *rows = tracker_csv().splitlines()
+    got = read("\n".join([header, *rows[:7], header, *rows[7:], ""]))
+
+    assert reasons(got) == [("tracker.csv", 9, "the header comes again; remove the row")]
+    assert len(got.readings) == len(rows)
+
+
+def test_a_force_beyond_any_scale_is_left_out():
+    """1e300 N would drown every other pull."""
+    got = read(loads=LOADS.replace("702.31", "7e300"))
+
+    assert ("loads.csv", 2) in [r[:2] for r in reasons(got) if "larger than any" in r[2]]
 
 
 def test_an_unreadable_time_costs_its_row():

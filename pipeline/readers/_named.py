@@ -137,10 +137,10 @@ def _role(words: Sequence[str]) -> str:
 def header(line: str, number: int, delimiter: str | None = None) -> Header:
     """A line as a header."""
     delimiter = delimiter or max(DELIMITERS, key=line.count)
-    return Header(number, delimiter, _in_context([named(cell) for cell in line.split(delimiter)]))
+    return Header(number, delimiter, in_context([named(cell) for cell in line.split(delimiter)]))
 
 
-def _in_context(columns: Sequence[Named]) -> tuple[Named, ...]:
+def in_context(columns: Sequence[Named]) -> tuple[Named, ...]:
     """Roles that a title has beside others: U(95) behind its axis, a date beside a time of day."""
     out: list[Named] = []
     titles = [_words(column.title) for column in columns]

@@ -22,6 +22,11 @@ reading (standard) leaves out what does not change during it, calibration and sl
 is a scatter too, of one number for three axes: it is used only when campaign.toml asks for it."""
 
 
+FARTHEST_M = 1e7
+"""No tracker reads so far, whatever unit was mistaken for whatever other."""
+TOO_FAR = "the coordinates are farther than 10 000 km; measure it again or remove the row"
+
+
 @dataclass(frozen=True)
 class Columns:
     """[tracker.mapping]: columns of any delimited table, by header name or by number from 1.
@@ -209,7 +214,10 @@ def export(text: Text, hints: Hints, found: Found) -> Export:
         unused=found.unused,
         rejected=rows.rejected,
     )
-    return everything if found.keep is None else kept(everything, found.keep, found.why_not)
+    if found.keep is not None:
+        everything = kept(everything, found.keep, found.why_not)
+    near = np.logical_and.reduce([np.abs(axis) <= FARTHEST_M for axis in everything.position.T])
+    return everything if near.all() else kept(everything, near, TOO_FAR)
 
 
 def kept(readings: Export, keep: Bools, why_not: str) -> Export:

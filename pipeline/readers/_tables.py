@@ -13,7 +13,7 @@ from pipeline.errors import InputError, listed
 from pipeline.readers import _time
 from pipeline.readers._coordinates import Meaning, settled, settled_vertical, uncertainties
 from pipeline.readers._delimited import Field, Kind, Layout, Rows, cells_or_none, rows, shown
-from pipeline.readers._named import Header, Named, one_unit
+from pipeline.readers._named import Header, Named, in_context, named, one_unit
 from pipeline.readers._reader import (
     EXPANDED,
     STANDARD,
@@ -93,7 +93,35 @@ def read(
         unused=tuple(c.title for c in header.columns if c.title and not _used(c, axes)),
     )
     readings = export(text, hints, found)
-    return replace(readings, rejected=(*_above(text, header), *readings.rejected))
+    again = _again(text, header, readings.rejected)
+    return replace(readings, rejected=(*_above(text, header), *again))
+
+
+def _again(
+    text: Text, header: Header, rejected: Sequence[tuple[int, str]]
+) -> list[tuple[int, str]]:
+    """What was rejected, a header that comes again named as such.
+
+    Raises:
+        InputError: One comes that has other columns or units, so that other rows follow.
+    """
+    out = []
+    first = text.line(header.line).strip() if header.line else None
+    for number, reason in rejected:
+        if text.line(number).strip() == first:
+            out.append((number, "the header comes again; remove the row"))
+            continue
+        cells = cells_or_none(text.line(number), header.delimiter) or []
+        found = in_context([named(cell) for cell in cells])
+        if {"x", "y", "z"} <= {column.role for column in found}:
+            raise InputError(
+                "another header begins here, with other columns or units",
+                "split the export there into two files and list them in [tracker] files",
+                file=text.name,
+                line=number,
+            )
+        out.append((number, reason))
+    return out
 
 
 def _dated(table: Rows, form: str) -> Rows:

@@ -20,6 +20,14 @@ MAX_LINE_BYTES = 10_000
 CHUNK = 1 << 20
 """Bytes looked at in one go: temporary arrays of this size stay in the cache."""
 
+OTHER_PROGRAMS = {
+    b"PK\x03\x04": "an Excel workbook or a ZIP archive",
+    b"\xd0\xcf\x11\xe0": "an old Excel workbook",
+    b"\x1f\x8b": "compressed",
+    b"%PDF": "a PDF",
+}
+"""How files begin that are no text, and what they are."""
+
 MARKS = {b"\xef\xbb\xbf": "utf-8", b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
 
 
@@ -71,6 +79,9 @@ def text(name: str, data: bytes) -> Text:
             "split it into several exports and list them in [tracker] files",
             file=name,
         )
+    for begin, what in OTHER_PROGRAMS.items():
+        if data.startswith(begin):
+            raise InputError(f"the file is {what}", "save it as CSV or text", file=name)
     data, encoding = _as_utf8(name, data)
     if not data or data.isspace():
         raise InputError("the file is empty", "export it again", file=name)

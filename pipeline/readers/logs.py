@@ -25,6 +25,8 @@ Rejection = tuple[str, int | None, str]
 FORCE = {"n": 1.0, "kn": 1e3, "kgf": 9.80665, "lbf": 4.4482216152605}
 LENGTH = {"m": 1.0, "mm": 1e-3}
 ANGLE = {"deg": np.pi / 180.0, "rad": 1.0}
+LARGEST = 1e8
+"""Of lengths, angles and forces [SI], whatever unit was mistaken for whatever other."""
 BRANCHES = ("up", "down")
 
 
@@ -202,7 +204,13 @@ def table(name: str, data: bytes, wanted: Sequence[Quantity]) -> Log:
             names = read.columns[column[0]].cast(pa.string())
             word[q.stem] = names.to_numpy(zero_copy_only=False)
     rejected = tuple((name, line, reason) for line, reason in read.rejected)
-    return Log(name, number, word, read.line, rejected)
+    log = Log(name, number, word, read.line, rejected)
+    for q in wanted:
+        if q.units and q.stem in number:
+            possible = ~(np.abs(log.number[q.stem]) > LARGEST)
+            reason = f"{q.stem} is larger than any instrument shows; correct or remove the row"
+            log = log.only(possible, reason)
+    return log
 
 
 def _floats(column: pa.Array) -> Array:

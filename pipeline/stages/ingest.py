@@ -116,6 +116,7 @@ def _raw(
 ) -> Ingested:
     loads = logs.loads(scale.file, _file(raw, scale.file, "[scale]"))
     exports = _exports(settings, tracker, raw)
+    _some_reading(exports)
     shots, strange = _shots.known(_shots.gather(exports, settings), settings)
     doubt = _doubt(lambda: _shots.check_units(shots, settings), plausible) or doubt
     shots, copies = _shots.once(shots, len(settings.measured) + 2)
@@ -182,6 +183,18 @@ def hints(tracker: Tracker) -> Hints:
     said = tracker.model_dump(exclude={"files", "assignment", "mapping", "sigma_m", "noise"})
     mapping = tracker.mapping
     return Hints(**said, mapping=Columns(**mapping.model_dump()) if mapping else None)
+
+
+def _some_reading(exports: Mapping[str, Export]) -> None:
+    if not any(len(export.line) for export in exports.values()):
+        unread = [(file, n, why) for file, e in exports.items() for n, why in e.rejected]
+        if unread:
+            raise _nothing_left(unread)
+        raise InputError(
+            "there is no reading in it, nothing but a header",
+            "export the readings, or correct files in [tracker]",
+            file=next(iter(exports)),
+        )
 
 
 def _three_base_reflectors(shots: Shots, settings: Settings) -> None:

@@ -65,8 +65,8 @@ def register(settings: Settings, readings: pd.DataFrame) -> Registration:
         zero = np.zeros(3)
         return Registration(np.eye(3), zero, np.zeros((6, 6)), zero, nothing, None, 0)
     nominal = np.array([settings.base_frame[target] for target in base["target"]]).reshape(-1, 3)
-    _enough(base, nominal)
     points = base[XYZ].to_numpy()
+    _enough(base, nominal, points)
     C = covariance.matrices(base)
     stated = bool(np.isfinite(C).all())
     if not stated:
@@ -100,7 +100,7 @@ def place(registration: Registration, readings: pd.DataFrame) -> pd.DataFrame:
         **{name: poses[name].astype("int32") for name in ("pose", "repeat")},
         **dict(zip(XYZ, moved, strict=True)),
         **dict(zip(covariance.columns(), C, strict=True)),
-        "time_s": _seconds(poses["time"], readings["time"].min()),
+        "time_s": _seconds(poses["time"], pd.Timestamp(readings["time"].min())),
     }
     kept = {name: poses[name] for name in poses.columns if name not in new}
     return pd.DataFrame(kept | new, index=poses.index, copy=False)
@@ -108,7 +108,7 @@ def place(registration: Registration, readings: pd.DataFrame) -> pd.DataFrame:
 
 def _seconds(times: pd.Series[pd.Timestamp], start: pd.Timestamp) -> Array:
     """Seconds after `start`, NaN for no time, shape (n,)."""
-    since = times.to_numpy("datetime64[us]") - np.datetime64(start, "us")
+    since = times.to_numpy("datetime64[us]") - start.to_datetime64()
     return np.asarray(since / np.timedelta64(1, "s"), dtype=float)
 
 
@@ -125,7 +125,7 @@ def _uncertain(readings: pd.DataFrame) -> None:
         )
 
 
-def _enough(base: pd.DataFrame, nominal: Array) -> None:
+def _enough(base: pd.DataFrame, nominal: Array, points: Array) -> None:
     names = sorted(set(base["target"]))
     if len(names) < 3:
         raise InputError(
@@ -133,7 +133,16 @@ def _enough(base: pd.DataFrame, nominal: Array) -> None:
             "measure at least three that stand in [base_frame]",
             file="campaign.toml",
         )
-    spread = np.linalg.svd(nominal - nominal.mean(axis=0), compute_uv=False)
+    spread, read = (
+        np.linalg.svd(at - at.mean(axis=0), compute_uv=False) for at in (nominal, points)
+    )
+    if read[1] < 1e-9 * spread[0]:
+        raise InputError(
+            f"the base reflectors {', '.join(names)} were all read in one place or on one line",
+            "export the readings again, these are no coordinates of different reflectors",
+            file=str(base["file"].iloc[0]),
+            line=int(base["line"].iloc[0]),
+        )
     if spread[1] < 1e-3 * spread[0]:
         raise InputError(
             f"the base reflectors {', '.join(names)} lie on one line",
