@@ -26,7 +26,7 @@ from pipeline.stages.estimate import identify
 from pipeline.stages.register import XYZ
 from pipeline.stages.variance import repeated_zeros
 
-EACH = 200
+EACH = 100
 ALLOWED = 0.005
 SIZES_MM = (0.1, 0.2, 0.3)
 NOISES = {

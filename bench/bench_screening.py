@@ -27,8 +27,8 @@ INSTRUMENT = {
     "transverse_per_m": 3e-6,
 }
 NOISES = ({"sigma_m": 3e-5}, {"noise": "paper"}, {"noise": INSTRUMENT})
-BLUNDERS = ("outlier", "outlier=5e-4", "outlier=2e-4", "outlier=1e-4", "label_swap")
-BLUNDERS += ("unit_mixup", "sign_or_convention")
+BLUNDERS = ("outlier", "outlier=5e-4", "label_swap", "unit_mixup", "sign_or_convention")
+"""What is planted; smaller outliers are in bench_outliers, beside what could be seen of them."""
 
 
 def run() -> Iterable[tuple[str, float, str]]:

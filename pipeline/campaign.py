@@ -34,6 +34,7 @@ from pipeline.settings import parse as parse_settings
 
 LIBRARIES = ("numpy", "scipy", "pandas", "pyarrow", "pin", "prefect", "matplotlib", "typst")
 MANIFEST = "manifest.json"
+REJECTION = "rejection.json"
 LARGEST_FILE = 4 * 2**30
 
 
@@ -269,6 +270,30 @@ class Campaign:
             if problem.passing:  # the engine reads again a little later
                 return False
             raise
+
+    @contextmanager
+    def remembering(self, key: str) -> Iterator[None]:
+        """Keep why an input is rejected while it is computed; a result makes it forgotten."""
+        path = self.processed / REJECTION
+        try:
+            yield
+        except InputError as problem:
+            if not problem.passing:
+                why = {
+                    name: getattr(problem, name) for name in ("thing", "way_out", "file", "line")
+                }
+                files.write(path, dump({"key": key, "why": why}))
+            raise
+        with files.writing(path):
+            path.unlink(missing_ok=True)
+
+    def rejection(self, key: str) -> InputError | None:
+        """Why the last run rejected the input with this key; None where it did not."""
+        try:
+            kept = json.loads((self.processed / REJECTION).read_bytes())
+            return InputError(**kept["why"]) if kept["key"] == key else None
+        except (OSError, ValueError, TypeError, KeyError):
+            return None
 
     def manifest(self) -> dict[str, Any] | None:
         """What the last finished run was made from; None when there is none, or an odd one."""

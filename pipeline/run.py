@@ -56,7 +56,10 @@ def run(campaign: Campaign, step: Step = plain, force: bool = False) -> dict[str
         if waited:  # the other run may have done it, and the files may have changed since
             raw = step(campaign.read)()
             found = None if force else campaign.done(raw.key)
-        return _compute(campaign, raw, step) if found is None else found
+        if found is not None:
+            return found
+        with campaign.remembering(raw.key):
+            return _compute(campaign, raw, step)
 
 
 def reduce(raw: Raw, keep: Keep, step: Step = plain) -> Reduced:

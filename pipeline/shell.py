@@ -146,8 +146,13 @@ def status(root: Path) -> Iterator[Outcome]:
 
 
 def _status(campaign: Campaign) -> Outcome:
-    before = campaign.manifest()
-    answer = campaign.done(campaign.read().key)
+    before, key = campaign.manifest(), campaign.read().key
+    answer = campaign.done(key)
+    rejected = None if answer else campaign.rejection(key)
+    if rejected:
+        told = failed(campaign.name, rejected, str(rejected), rejected.exit_code)
+        content = {"campaign": campaign.name, "state": "rejected", "verdict": None}
+        return replace(told, content=told.content | content, text=f"{campaign.name:24} rejected")
     state = "done" if answer else "changed" if before else "new"
     verdict = answer["diagnosis"]["verdict"] if answer else None
     content = {"campaign": campaign.name, "state": state, "verdict": verdict}

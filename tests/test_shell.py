@@ -177,6 +177,25 @@ def test_a_report_of_an_earlier_input_is_told(done, say):
     assert json.loads(line)["earlier_report"] == report
 
 
+def test_status_remembers_why_the_last_run_rejected_these_files(done, say):
+    """Until one of them changes or a result comes."""
+    joints = done / "data" / "raw" / "c" / "joints.csv"
+    good = joints.read_text()
+    joints.write_text("no table at all")
+    ran, _, said = say(done, "run", "--engine", "local")
+    code, out, err = say(done, "status")
+    joints.write_text("no table at all, but another one")
+    other = say(done, "status")
+    joints.write_text(good)
+    again = say(done, "run", "--engine", "local")
+
+    assert (ran, code) == (5, 5)
+    assert "rejected" in out
+    assert err == said
+    assert (other[0], again[0], say(done, "status")[0]) == (0, 0, 0)
+    assert "changed" in other[1]
+
+
 def test_a_finished_project_is_only_read(done, say):
     """`run` with nothing to do and `status` write nothing, not even a lock."""
     for lock in done.rglob(".lock"):
