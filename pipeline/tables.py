@@ -400,7 +400,7 @@ def conform(table: pd.DataFrame | pa.Table | None, schema: pa.Schema) -> pa.Tabl
     if missing:
         raise TableMismatch(f"table {name} lacks the columns {listed(missing)}")
     try:
-        arrow = _arrow(table[schema.names]) if isinstance(table, pd.DataFrame) else table
+        arrow = _arrow(table, schema) if isinstance(table, pd.DataFrame) else table
         cast = arrow.select(schema.names).replace_schema_metadata(None).cast(schema)
     except (pa.ArrowInvalid, pa.ArrowTypeError, ValueError) as problem:
         raise TableMismatch(f"table {name} does not keep its promise: {problem}") from problem
@@ -424,13 +424,15 @@ def frame(table: pa.Table) -> pd.DataFrame:
     return table.to_pandas(split_blocks=True)
 
 
-def _arrow(table: pd.DataFrame) -> pa.Table:
+def _arrow(table: pd.DataFrame, schema: pa.Schema) -> pa.Table:
     """A frame whose NaN stay numbers: nobody stated that covariance is not an empty cell."""
-    arrow = pa.Table.from_pandas(table, preserve_index=False)
-    for k, field in enumerate(arrow.schema):
-        if pa.types.is_floating(field.type) and arrow[k].null_count:
-            arrow = arrow.set_column(k, field.name, pa.array(table[field.name].to_numpy(float)))
-    return arrow
+    columns = [
+        pa.array(table[field.name].to_numpy(float))
+        if pa.types.is_floating(field.type)
+        else pa.array(table[field.name], from_pandas=True)
+        for field in schema
+    ]
+    return pa.table(columns, schema.names)
 
 
 def as_csv(table: pa.Table) -> bytes:

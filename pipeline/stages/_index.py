@@ -28,6 +28,20 @@ def pull_numbers(table: pd.DataFrame) -> Ints:
     return pose * 2**31 + repeat
 
 
+def taken(table: pd.DataFrame, names: Sequence[str], rows: Ints) -> dict[str, Array]:
+    """Some columns at some rows; columns that are one array in memory are taken once.
+
+    The covariances of a stated noise are such: two different arrays in six columns.
+    """
+    out: dict[int, Array] = {}
+    columns = {name: table[name].to_numpy() for name in names}
+    where = {name: column.__array_interface__["data"][0] for name, column in columns.items()}
+    for name, column in columns.items():
+        if where[name] not in out:
+            out[where[name]] = column[rows]
+    return {name: out[where[name]] for name in names}
+
+
 def run(rows: Ints) -> Ints | slice:
     """Some rows in order, as a slice where none between them is missing: that copies nothing."""
     if len(rows) and rows[-1] - rows[0] == len(rows) - 1:

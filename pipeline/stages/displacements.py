@@ -8,7 +8,7 @@ import pandas as pd
 from pipeline import covariance
 from pipeline.results import Array, Ints
 from pipeline.settings import Settings
-from pipeline.stages._index import means, numbered, places
+from pipeline.stages._index import means, numbered, places, taken
 from pipeline.stages.register import XYZ
 
 
@@ -39,14 +39,15 @@ def displacements(settings: Settings, placed: pd.DataFrame) -> pd.DataFrame:
     repeat = placed["repeat"].to_numpy(np.int64)
     loaded = loaded[_order(pose[loaded], repeat[loaded], target[loaded])]
     own = member[loaded]
-    xyz = {axis: placed[axis].to_numpy()[loaded] for axis in XYZ}
+    xyz = taken(placed, XYZ, loaded)
+    cov = taken(placed, covariance.columns(), loaded)
     shared = {name: values[own] for name, values in zero.items()}
     columns = {
         "pose": pose[loaded],
         "repeat": repeat[loaded],
         "target": pd.Categorical.from_codes(target[loaded], names),
         **{f"d{axis}": xyz[axis] - shared[f"zero_{axis}"] for axis in XYZ},
-        **{f"loaded_{name}": placed[name].to_numpy()[loaded] for name in covariance.columns()},
+        **{f"loaded_{name}": values for name, values in cov.items()},
         **shared,
     }
     return pd.DataFrame(columns, copy=False)

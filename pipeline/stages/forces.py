@@ -30,16 +30,19 @@ def forces(settings: Settings, placed: pd.DataFrame, loads: pd.DataFrame) -> pd.
     Returns:
         Table FORCES, one row per pull that has both.
     """
-    loads = loads.sort_values(["pose", "repeat"])
+    pulls = pull_numbers(loads)
+    if (pulls[1:] < pulls[:-1]).any():
+        order = np.argsort(pulls, kind="stable")
+        loads, pulls = loads.iloc[order], pulls[order]
     target = places(placed["target"], [*settings.naming.chain, *settings.measured])
     loaded = places(placed["state"], ["loaded"]) == 0
-    pull, pulls = pull_numbers(placed), pull_numbers(loads)
+    pull = pull_numbers(placed)
     ends = [_rows(pull, loaded & (target == end), pulls) for end in (0, 1)]
     both = (ends[0] >= 0) & (ends[1] >= 0)
     loads, pulls, (near, far) = loads[both], pulls[both], (end[both] for end in ends)
 
-    points = placed[XYZ].to_numpy()
-    chain = points[far] - points[near]
+    at = [placed[axis].to_numpy() for axis in XYZ]
+    chain = np.column_stack([points[far] - points[near] for points in at])
     length = np.linalg.norm(chain, axis=1)
     u = chain / length[:, None]
     six = covariance.numbers(placed)

@@ -12,6 +12,7 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from pipeline import instrument, readers, tables
 from pipeline.covariance import columns as covariance_columns
@@ -287,12 +288,12 @@ def _alike(six: Array, n: int) -> list[Array]:
 
 
 def _loads(loads: logs.Log) -> pa.Table:
-    branch = loads.word.get("branch", np.array([""] * len(loads.line), dtype=object))
+    branch = pa.array(loads.word.get("branch", [""] * len(loads.line)), pa.string())
     columns = {
         "pose": _int32(loads.number["pose"]),
         "repeat": _int32(loads.number["repeat"]),
         "force_n": pa.array(loads.number["force"]),
-        "branch": pa.array([word or None for word in branch], pa.string()),
+        "branch": pc.if_else(pc.equal(branch, ""), None, branch),
         **_source(loads),
     }
     return tables.conform(pa.table(columns), tables.LOADS)
