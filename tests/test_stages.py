@@ -241,3 +241,52 @@ def test_a_target_without_a_zero_has_no_displacement(settings):
     ]
 
     assert displacements(settings, readings(rows))["target"].tolist() == ["P1"]
+
+
+def test_the_order_of_rows_does_not_matter(settings):
+    """Readings and loads in any order, names as text or as codes: the same tables."""
+    rng = np.random.default_rng(4)
+    rows, loads = [], []
+    for pose in (3, 1, 2):
+        for repeat, state in [(0, "unloaded"), (1, "loaded"), (2, "loaded"), (3, "unloaded")]:
+            group = f"pose{pose}_rep{repeat}_{state}"
+            names = ["P1", "P2", "P3"] + (["Pl1", "Pl2"] if state == "loaded" else [])
+            rows += [(group, n, pose, repeat, state, rng.normal(size=3), len(rows)) for n in names]
+            loads += [(pose, repeat, 100.0 * repeat, "up")] * (state == "loaded")
+    table = readings(rows)
+    loads = pd.DataFrame(loads, columns=["pose", "repeat", "force_n", "branch"])
+    mixed, mixed_loads = table.sample(frac=1, random_state=1), loads.sample(frac=1, random_state=2)
+    coded = mixed.astype({"target": "category", "state": "category"})
+
+    for other in (mixed, coded):
+        pulled, moved = forces(settings, other, mixed_loads), displacements(settings, other)
+        pd.testing.assert_frame_equal(pulled, forces(settings, table, loads), rtol=1e-12)
+        pd.testing.assert_frame_equal(moved, displacements(settings, table), rtol=1e-12)
+    assert len(pulled) == 6
+    assert len(moved) == 18
+
+
+def test_a_time_that_is_missing_leaves_the_others(settings):
+    """The mean time of a pull is that of its readings that have one."""
+    at = np.array([1.0, 2.0, 3.0])
+    rows = [("g", name, 1, 1, "loaded", at, s) for name, s in [("P1", 10), ("P2", 20), ("P3", 90)]]
+    table = readings([*rows, *chain_rows(at, at + 0.3)])
+    table.loc[2, "time_s"] = np.nan
+
+    assert forces(settings, table, LOADS)["time_s"].tolist() == [15.0]
+
+
+@pytest.mark.parametrize("same", [True, False])
+def test_covariances_turn_as_matrices_do(same):
+    """Columns of R C R', many alike at once or each of its own; what has no scatter is found."""
+    rng = np.random.default_rng(6)
+    half = rng.normal(size=(50, 3, 3)) * 1e-5
+    half[7, :, 2] = half[7, :, 0]  # no scatter in one direction
+    C = half @ np.swapaxes(half, 1, 2)
+    C = np.broadcast_to(C[3], C.shape) if same else C
+    six = list(np.ascontiguousarray(covariance.flat(C).T))
+
+    turned = covariance.full(covariance.turned(six, R0))
+
+    assert np.abs(turned - R0 @ C @ R0.T).max() < 1e-24
+    assert np.flatnonzero(covariance.singular(six)).tolist() == ([] if same else [7])
