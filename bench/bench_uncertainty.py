@@ -20,6 +20,7 @@ from pipeline.run import ingested
 from pipeline.screening.case import bring, conformed, plain
 from pipeline.screening.fit import fit
 from pipeline.simulate import build, draw, parse, raw_files, revised, simulate
+from pipeline.stages.budget import budget
 from pipeline.stages.estimate import identify
 
 PLAN = Path(__file__).parents[1] / "data" / "plans" / "kr500_demo.toml"
@@ -33,11 +34,24 @@ INSTRUMENT = {
 
 
 def run() -> Iterable[tuple[str, float, str]]:
-    """Scatter over claim per stiffness, coverage per stiffness, noise named falsely and rightly."""
+    """Budget, scatter over claim and coverage per stiffness; noise named falsely and rightly."""
+    yield from _budget()
     with ProcessPoolExecutor(os.cpu_count()) as pool:
         yield from _supplement_one(pool)
         yield from _coverage(pool)
         yield from _noise(pool)
+
+
+def _budget() -> Iterable[tuple[str, float, str]]:
+    """Relative standard uncertainty of each stiffness, and how much of its variance is whose."""
+    case = ingested(in_memory(simulate(parse(PLAN.read_text("utf-8"))).files), conformed, plain)
+    system, estimate = identify(case.cell, bring(case).data, case.robot.nominal_compliance)
+    parts = budget(system, estimate)
+    for joint in range(case.robot.n):
+        shares = zip(parts.source, parts.share[:, joint], strict=True)
+        said = ", ".join(f"{source} {share:.1%}" for source, share in shares)
+        std = estimate.std[joint] / estimate.value[joint]
+        yield (f"demo: relative standard uncertainty of stiffness {joint + 1}", std, said)
 
 
 def _supplement_one(pool: ProcessPoolExecutor) -> Iterable[tuple[str, float, str]]:
