@@ -38,8 +38,8 @@ LOAD = np.array([0.15, 0.0, 0.25])
 RING = np.array([[0.15, 0, 0.1], [-0.075, 0.13, 0.1], [-0.075, -0.13, 0.1]])
 BEAM = InstrumentNoise(range_m=8e-6, range_per_m=3e-7, transverse_m=7.5e-6, transverse_per_m=3e-6)
 TRACKER = np.array([6.5, 8.0, 0.7])
-NORMAL = Effort(rounds=1, poses=384, bounds=8, directions=64)
-QUICK = Effort(rounds=1, poses=96, settled=12, exchanged=3, bounds=5, directions=32)
+NORMAL = Effort(first=0, rounds=1, poses=384, bounds=8, directions=64)
+QUICK = Effort(first=0, rounds=1, poses=96, settled=12, exchanged=3, bounds=5, directions=32)
 SCATTERS = {
     "paper": Scatter(np.array([950.0]), np.array([4.0]), np.zeros(1), 0.0, 9e-10 * np.eye(3)),
     "half sphere": Scatter(
@@ -354,6 +354,38 @@ def test_the_published_plan_by_hand(reference):
     assert published(reference).figure == pytest.approx(epsilon, rel=1e-9)
 
 
+def test_test_poses_count_by_their_weights(reference):
+    """Squares of the figures of single test poses, averaged with the weights, are the whole's."""
+    first = reference.spec.test_pose[0].model_dump()
+    second = first | {"q": [2.0, 30, 10, 60, 40, -50, 80], "force_n": [200.0, 50.0, -100.0]}
+
+    def figure(*poses):
+        return published(reference, test_pose=list(poses)).figure
+
+    alone = np.array([figure(first), figure(second)])
+    both = figure(first | {"weight": 1.0}, second | {"weight": 3.0})
+
+    assert both**2 == pytest.approx(np.array([0.25, 0.75]) @ alone**2, rel=1e-9)
+    assert alone[0] != pytest.approx(alone[1], rel=0.1)
+
+
+def test_the_workspace_is_all_poses_under_forces_from_everywhere(reference):
+    """The criterion of 200 poses is that of 20 000 other ones, within their sampling."""
+    robot, rng = reference.robot, np.random.default_rng(13)
+    plan = published(reference, criterion={"kind": "workspace"})
+    q = inside(robot, 20_000, rng)
+    force = rng.normal(size=(len(q), 3))
+    force *= 300 / np.linalg.norm(force, axis=1, keepdims=True)
+    scale = reference.experiment.scale
+    cell = paper_cell(robot, Tool(LOAD, np.array(["a"], object), RING[:1]))
+    none, number = np.zeros(len(q)), np.arange(len(q))
+    A = jacobian(cell, Pulls(number, number, q, force, none, none, none, none), none[:7])
+    A = A[:, 0] * scale
+    mean = np.einsum("pia,ab,pib->", A, np.linalg.inv(plan.M), A) / len(q)
+
+    assert plan.figure == pytest.approx(np.sqrt(mean), rel=0.1)
+
+
 def test_slopes_of_a_whole_plan_are_finite_differences(reference):
     """The search goes downhill: criterion, identifiability and limits together."""
     function = objective(reference, 50.0)
@@ -380,6 +412,38 @@ def test_three_poses_beat_the_paper_threefold_and_certified(reference, proposal)
     assert (plan.relative_std < 1).all()
     assert kept(reference.limits, station(reference.experiment, plan.q, plan.anchor)).all()
     assert ((plan.q >= reference.robot.lower) & (plan.q <= reference.robot.upper)).all()
+
+
+@pytest.mark.parametrize(
+    "limits",
+    [
+        {"joints": {"theta2": [-5, 5]}},
+        {"max_relative_std": 0.5},
+        {"flange_above_m": 2.0},
+        {"chain_m": [0.1, 1.5]},
+    ],
+    ids=lambda limits: next(iter(limits)),
+)
+def test_a_plan_that_breaks_a_limit_does_not_count(proposal, limits):
+    """Joint limits, identifiability, floor and chain each turn a good plan into none."""
+    plan = proposal.plan
+    made = planning.find("paper_reference", {"limits": limits})
+
+    assert plan.kept
+    assert not evaluate(made, plan.q[None], plan.anchor[None])[0].kept
+
+
+def test_a_plan_is_there_after_a_first_quick_round(reference):
+    """Twice a round the best so far, from the first look on, and it never gets worse."""
+    effort = Effort(first=48, rounds=1, poses=96, settled=6, exchanged=2)
+    found = list(search.search(reference, np.random.default_rng(5), effort))
+    figures = [progress.best.figure for progress in found]
+
+    assert [(progress.round, progress.rounds) for progress in found] == [
+        (1, 2), (1, 2), (2, 2), (2, 2),
+    ]  # fmt: skip
+    assert figures == sorted(figures, reverse=True)
+    assert figures[0] > figures[-1]
 
 
 def test_no_random_plan_is_below_the_bound(reference, proposal):

@@ -120,7 +120,7 @@ def test_the_minimum_of_fig_6_is_where_the_curve_is_lowest():
 
 def test_the_command_prints_every_entry(capsys, monkeypatch, tmp_path):
     """Both robots, paper, ours and ratio, assumptions and misprints; page and PDF are written."""
-    small = paper.Effort(rounds=1, poses=48, settled=6, exchanged=1)
+    small = paper.Effort(first=0, rounds=1, poses=48, settled=6, exchanged=1)
     monkeypatch.setattr(paper, "Effort", lambda **_: small)
     four, curve = np.array([3, 4, 6, 12]), np.linspace(3e-6, 4e-6, paper.PLACES)
     sizes = BySize(four, four, np.full((4, 4), 3e-6))

@@ -22,7 +22,7 @@ from pipeline.design.search import Plan, evaluate
 from pipeline.design.trade import Aim, feasible_poses, trade
 from pipeline.effects import Pulls
 from pipeline.errors import InputError, UsageError
-from pipeline.report.plan_sheet import Extras, expected, sheet
+from pipeline.report.plan_sheet import Extras, _log, expected, sheet
 from pipeline.robot import load
 from pipeline.run import reduce
 from pipeline.simulate import build, parse, simulate
@@ -293,6 +293,27 @@ def test_the_sheet_gives_the_axes_of_the_controller(proposal):
     assert back == pytest.approx(q, abs=2e-3)
 
 
+def test_each_pose_says_where_to_drive_and_how_to_pull(proposal):
+    """Axes of the controller stand beside the picture; the same step again needs a release."""
+    measurement = proposal.measurement
+    twice = Measurement(
+        measurement.q, measurement.anchor, measurement.approach, (np.array([3000.0, 3000.0]),) * 6
+    )
+    report = sheet(proposal, Extras(proposal.sights()), 1.0)
+    axes = next(
+        block for s in report.sections for block in s.blocks if getattr(block, "name", "") == "axes"
+    )
+    for number, section in enumerate(s for s in report.sections if s.title.startswith("Pose ")):
+        said = section.blocks[0].text
+        assert all(cell.text in said for cell in axes.rows[number][1:])
+        way = "rising" if measurement.approach[number] > 0 else "falling"
+        assert f"the carriage arrives with r {way}" in said
+    moved = expected(proposal.problem, twice)
+    turned = [row[1].text for row in _log(proposal.problem, 0, twice.steps[0], moved).rows]
+
+    assert turned == ["tighten to", "release, tighten to"]
+
+
 @pytest.fixture(scope="module")
 def written(proposal, tmp_path_factory):
     root = tmp_path_factory.mktemp("project")
@@ -369,7 +390,7 @@ def test_further_poses_build_on_what_is_known(written, realistic):
     from pipeline.design.propose import propose
     from pipeline.design.search import Effort
 
-    quick = Effort(rounds=1, poses=96, settled=8, exchanged=2, bounds=3, directions=24)
+    quick = Effort(first=0, rounds=1, poses=96, settled=8, exchanged=2, bounds=3, directions=24)
     *_, last = propose(further, 3, quick, known)
     alone = further.criterion.figure(known[None])[0]
 

@@ -14,7 +14,7 @@ from pipeline.design.space import Box
 from pipeline.errors import InputError
 from pipeline.results import Array, Locked
 
-QUICK = Effort(rounds=1, poses=192, settled=16, exchanged=4)
+QUICK = Effort(first=0, rounds=1, poses=192, settled=16, exchanged=4)
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,6 +22,8 @@ from pipeline.results import Array, Locked
 
 SOFT, HARD = 50.0, 2e4
 """Weight of broken limits while looking around, and while settling."""
+QUICKER = 3
+"""The first round follows this many times fewer plans to their end."""
 STD_MARGIN = 0.995
 """The search keeps this much inside the largest allowed uncertainty."""
 
@@ -31,6 +33,8 @@ class Effort:
     """How hard to search.
 
     Attributes:
+        first: Poses in all starts of a quick round before the others, so that a plan is there
+            after seconds; 0 for none.
         rounds: Times that new starts are tried.
         poses: Poses in all starts of a round together.
         settled: How many of the best are followed to their end.
@@ -39,6 +43,7 @@ class Effort:
         directions: Starts of each of them.
     """
 
+    first: int = 192
     rounds: int = 2
     poses: int = 768
     settled: int = 48
@@ -93,7 +98,7 @@ def search(
     effort: Effort | None = None,
     known: Array | None = None,
 ) -> Iterator[Progress]:
-    """Look for the plan with the smallest figure; after every round give the best so far.
+    """Look for the plan with the smallest figure; twice a round give the best so far.
 
     Args:
         problem: What to plan.
@@ -110,18 +115,27 @@ def search(
     check_reachable(problem, rng)
     best: Plan | None = None
     x = np.empty((0, box.size))
-    for done in range(1, effort.rounds + 1):
-        start = rng.uniform(size=(max(32, effort.poses // problem.poses), box.size))
+    looks = [(effort.first, QUICKER)] * bool(effort.first) + [(effort.poses, 1)] * effort.rounds
+    for done, (poses, share) in enumerate(looks, 1):
+        settled, exchanged = -(-effort.settled // share), -(-effort.exchanged // share)
+        start = rng.uniform(size=(max(32, poses // problem.poses), box.size))
         near = descend(soft, start, rounds=160, gain=1e-5)
-        order = np.argsort(near.value)[: effort.settled]
-        far = descend(hard, np.vstack([x, near.x[order]]), rounds=600)
-        x = far.x[np.argsort(far.value)][: effort.settled]
-        changed = exchange(problem, x[: effort.exchanged], known)
+        x = np.vstack([x, near.x[np.argsort(near.value)[:settled]]])
+        best, nearest = _best(evaluate(problem, *box.opened(x), known), best)
+        yield Progress(done, len(looks), best, _single(box, x), nearest)
+        far = descend(hard, x, rounds=600)
+        x = far.x[np.argsort(far.value)][:settled]
+        changed = exchange(problem, x[:exchanged], known)
         x = np.vstack([descend(hard, changed, rounds=600, gain=1e-11).x, x])
-        plans = evaluate(problem, *box.opened(x), known)
-        best = min([p for p in (best, *plans) if p and p.kept], key=_figure, default=None)
-        nearest = min(plans, key=lambda plan: float(plan.relative_std.max()))
-        yield Progress(done, effort.rounds, best, _single(box, x), nearest)
+        best, nearest = _best(evaluate(problem, *box.opened(x), known), best)
+        yield Progress(done, len(looks), best, _single(box, x), nearest)
+
+
+def _best(plans: list[Plan], best: Plan | None) -> tuple[Plan | None, Plan]:
+    """The best plan that keeps all limits, and the least bad of the others."""
+    kept_ones = [p for p in (best, *plans) if p and p.kept]
+    nearest = min(plans, key=lambda plan: float(plan.relative_std.max()))
+    return min(kept_ones, key=_figure, default=None), nearest
 
 
 def _figure(plan: Plan) -> float:

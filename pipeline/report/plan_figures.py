@@ -105,7 +105,7 @@ def anchor_curve(curve: ByAnchor, scale: float, label: str, name: str = "anchor"
         axes.set_xlabel(f"{'xyz'[curve.axis]} of the anchor [m]")
         axes.set_ylabel(label)
         axes.set_ylim(0)
-        axes.legend(loc="upper right")
+        axes.legend(loc="lower right")
         said = [
             f"{x:.2f} m: {plain(y, 4)}"
             for x, y in zip(curve.at, best, strict=True)

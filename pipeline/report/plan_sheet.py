@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +29,7 @@ from pipeline.report.record import (
     text_entry,
 )
 from pipeline.results import Array
+from pipeline.robot import Robot
 
 MM = 1e3
 BEFORE = (
@@ -101,8 +103,9 @@ def worth(proposal: Proposal) -> str:
             f", {plain(ratio, 3)} times that of the best plan found for this alone: the price of "
             f"the power to diagnose"
         )
-    share = percent(proposal.plan.figure and certificate.figure / proposal.plan.figure, 4)
-    return f"{said}{pure}. No plan can be below {bound}; the best one found reaches {share} of it."
+    share = percent(certificate.figure / proposal.plan.figure, 4)
+    whose = "this one" if proposal.mixed is None else "the best plan for this alone"
+    return f"{said}{pure}. No plan can be below {bound}: {whose} is {share} efficient."
 
 
 def _figure(proposal: Proposal, value: float) -> str:
@@ -163,7 +166,7 @@ def _driving(problem: Problem, measurement: Measurement) -> Section:
     columns = [
         Column("Pose", True),
         *(Column(name, True) for name in names),
-        *((Column("Carriage comes"),) if rail else ()),
+        *((Column("Carriage"),) if rail else ()),
         Column("Chain [m]", True),
         Column("Flange z [m]", True),
     ]
@@ -174,16 +177,21 @@ def _driving(problem: Problem, measurement: Measurement) -> Section:
 
 
 def _way(approach: float) -> str:
-    return "from small r" if approach > 0 else "from large r"
+    return "r rising" if approach > 0 else "r falling"
+
+
+def _turned(robot: Robot, q: Array) -> Array:
+    """Joint values (m, n) [m] or [deg] as the controller shows them."""
+    offset = np.where(robot.prismatic, robot.controller_offset, np.rad2deg(robot.controller_offset))
+    return np.asarray(np.linalg.solve(robot.controller_matrix, (q - offset).T).T)
 
 
 def _axes(problem: Problem, q: Array) -> Table:
     """The same poses in the controller's own axes."""
     robot = problem.robot
-    offset = np.where(robot.prismatic, robot.controller_offset, np.rad2deg(robot.controller_offset))
-    axes = np.linalg.solve(robot.controller_matrix, (q - offset).T).T
     rows = [
-        (_number(number), *(_cell(value, 3) for value in row)) for number, row in enumerate(axes, 1)
+        (_number(number), *(_cell(value, 3) for value in row))
+        for number, row in enumerate(_turned(robot, q), 1)
     ]
     columns = (Column("Pose", True), *(Column(name, True) for name in robot.controller))
     note = "In the axes of the controller; rail in m, the others in degrees."
@@ -191,21 +199,36 @@ def _axes(problem: Problem, q: Array) -> Table:
 
 
 def _pulling(problem: Problem, measurement: Measurement) -> list[Section]:
-    moved = expected(problem, measurement)
+    moved, robot = expected(problem, measurement), problem.robot
+    shown = np.where(robot.prismatic, measurement.q, np.rad2deg(measurement.q))
+    names = robot.controller or tuple(joint.name for joint in robot.joints)
+    shown = _turned(robot, shown) if robot.controller else shown
     out = []
     for number, steps in enumerate(measurement.steps):
         name = f"Pose {number + 1}"
         figure = Figure(
             f"pose-{number + 1}",
-            name,
+            "From the side and from above",
             f"{name} as it should look: chain from the effector to the anchor.",
             f"Line drawing of {name.lower()} from the side and from above, with rail, floor, arm, "
             f"reflectors, chain and anchor.",
         )
-        out.append(
-            Section(f"pose{number + 1}", name, (figure, _log(problem, number, steps, moved)))
-        )
+        drive = Text(_drive_to(measurement, number, names, shown[number], robot))
+        log = _log(problem, number, steps, moved)
+        out.append(Section(f"pose{number + 1}", name, (drive, figure, log)))
     return out
+
+
+def _drive_to(
+    measurement: Measurement, number: int, names: Sequence[str], values: Array, robot: Robot
+) -> str:
+    units = ("m" if slides else "deg" for slides in robot.prismatic)
+    places = ", ".join(
+        f"{name} {value:.3f} {unit}" for name, value, unit in zip(names, values, units, strict=True)
+    )
+    if not robot.prismatic[0]:
+        return f"Drive to {places}."
+    return f"Drive to {places}; the carriage arrives with {_way(measurement.approach[number])}."
 
 
 def expected(problem: Problem, measurement: Measurement) -> list[Array]:
@@ -226,7 +249,8 @@ def _log(problem: Problem, number: int, steps: Array, moved: list[Array]) -> Tab
     for k, (step, way) in enumerate(zip(steps, branches(steps), strict=True)):
         shown = ", ".join(f"{MM * x:.2f}" for x in moved[number][k])
         group = f"pose{number + 1:02d}_rep{k + 1}_loaded"
-        turned = "tighten to" if way > 0 else "slacken to"
+        again = k > 0 and way > 0 and abs(step) == abs(steps[k - 1])
+        turned = "release, tighten to" if again else "tighten to" if way > 0 else "slacken to"
         blank = Entry("_" * 12)
         rows.append(
             (
