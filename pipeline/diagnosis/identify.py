@@ -76,7 +76,7 @@ class Case:
             near = few.sight(replace(model, accepted=tuple(range(len(accepted)))), near)
             view = few.look(near)
             values = solved(view, view.base)
-            step = np.abs(values - model.values) / view.typical[_of_model(view)]
+            step = np.abs(values - model.values) / view.typical[of_model(view)]
             model = replace(model, values=values)
             if np.max(step, initial=0.0) < 1e-3:
                 break
@@ -91,7 +91,7 @@ class Case:
         return Model(cell, values, springs, accepted)
 
 
-def _of_model(view: View) -> Ints:
+def of_model(view: View) -> Ints:
     """Columns of the model's own parameters in their order."""
     chosen = [view.columns([i]) for i in view.model.accepted]
     return np.concatenate([np.arange(view.springs), *chosen]).astype(np.int64)
@@ -100,7 +100,7 @@ def _of_model(view: View) -> Ints:
 def solved(view: View, base: Ints) -> Array:
     """Parameters of the view's model, estimated, SI."""
     found = dict(zip(base.tolist(), coefficients(view.M, base), strict=True))
-    mine = _of_model(view)
+    mine = of_model(view)
     return np.array([found[c] for c in mine.tolist()]) * view.typical[mine]
 
 

@@ -449,6 +449,48 @@ def _tripod(s: Setup, size: float, course: Course) -> None:
     s.drift = lambda hours: d * (np.asarray(hours)[..., None] > middle)
 
 
+def _tilts_with_play(s: Setup, size: float, course: Course) -> None:
+    """The bearing of joint 4 has play: it tips over at a small moment, and no further."""
+    for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)):
+
+        def law(own: Array, _: dict[str, Array]) -> Array:
+            return 8e-5 * size * np.clip(own / 60.0, -1, 1)
+
+        s.machine.springs.append(Spring(f"play{axis}", 4, axis, False, law))
+
+
+def _clamp(s: Setup, size: float, course: Course) -> None:
+    """The effector turns in its clamp under the first pull, and stays turned."""
+
+    def law(own: Array, _: dict[str, Array]) -> Array:
+        first = np.zeros_like(own)
+        first[course.repeat == 0] = own[course.repeat == 0]
+        torn = first[np.searchsorted(course.pose, course.pose)]
+        return 1.2e-4 * size * np.sign(torn) * (np.abs(own) > 0)
+
+    s.machine.springs.append(Spring("clamp", 8, (0, 0, 1), False, law))
+
+
+def _cable(s: Setup, size: float, course: Course) -> None:
+    """A cable tightens as the robot yields and pulls back along one direction of the hall."""
+    d = course.rng.standard_normal(3)
+    d = d / np.linalg.norm(d)
+
+    def acts(F: Array, _: Course) -> Array:
+        along = np.maximum(np.sum(F * d, axis=1), 0.0)
+        return np.asarray(F - 0.02 * size * along[:, None] * d)
+
+    s.force.append(acts)
+
+
+def _oil(s: Setup, size: float, course: Course) -> None:
+    """Joint 5 goes on giving way while it is held: each pull of a pose finds it further."""
+    c = float(NOMINAL[4])
+    s.machine.springs.append(
+        Spring("oil", 5, (0, 0, 1), False, lambda own, _: 0.05 * size * c * own * course.repeat)
+    )
+
+
 STRANGE: tuple[Secret, ...] = (
     Secret("rail_joint_rocks", "rail", False, _rail_joint),
     Secret("hertzian_rollers", "rail", False, _hertz),
@@ -462,6 +504,10 @@ STRANGE: tuple[Secret, ...] = (
     Secret("chain_rubs", "force", False, _rubs),
     Secret("carriage_walks", "rail", False, _walks),
     Secret("tripod_step", "metrology", False, _tripod),
+    Secret("bearing_with_play", "joint 4", False, _tilts_with_play),
+    Secret("clamp_turns", "tool", False, _clamp),
+    Secret("cable_pulls_back", "force", False, _cable),
+    Secret("gear_creeps", "joint 5", False, _oil),
 )
 
 

@@ -14,7 +14,7 @@ from pipeline.cell import Cell, predict
 from pipeline.diagnosis.blindspots import blind_spots, smallest_visible
 from pipeline.diagnosis.evidence import ROUNDING, clean
 from pipeline.diagnosis.gain import Gain, alone, gain, rms
-from pipeline.diagnosis.identify import ROUGH, Case, Found, by_label, search
+from pipeline.diagnosis.identify import ROUGH, Case, Found, by_label, of_model, search
 from pipeline.diagnosis.isolability import Twins, twins
 from pipeline.diagnosis.nextpose import Candidates, Proposal, candidates, propose
 from pipeline.diagnosis.noise import SURE, Scatter, scatter
@@ -354,20 +354,14 @@ def _amplitudes(case: Case, view: View) -> list[tuple[Amplitude, ...]]:
             mine = std[k] * parameter.typical
             interval = (here - quantile * mine, here + quantile * mine)
             if not isinstance(effect, Elastic) and np.isfinite(mine):
-                interval = profile(case, view, suspect, parameter, here, mine, rest / dof)
+                interval = profile(view, suspect, parameter, here, mine, rest / dof)
             sizes.append(Amplitude(parameter, float(here), float(mine), interval))
         out.append(tuple(sizes))
     return out
 
 
 def profile(
-    case: Case,
-    view: View,
-    suspect: int,
-    parameter: Parameter,
-    value: float,
-    std: float,
-    variance: float,
+    view: View, suspect: int, parameter: Parameter, value: float, std: float, variance: float
 ) -> tuple[float, float]:
     """95 % interval where chi-square, everything else refitted, has risen by 3.84.
 
@@ -376,29 +370,33 @@ def profile(
     """
     out = []
     for side in (-1.96, 1.96):
-        rise = _rise(case, view, suspect, parameter, value + side * std) / variance
+        rise = _rise(view, suspect, parameter, value + side * std) / variance
         out.append(value + side * std * float(np.sqrt(3.84 / max(rise, 1.0))))
     return out[0], out[1]
 
 
-def _rise(case: Case, view: View, suspect: int, parameter: Parameter, at: float) -> float:
-    """Rise of chi-square when one parameter is held, the others refitted there."""
-    model = view.model
-    names = [p.name for p in model.cell.parameters]
-    held = names.index(parameter.name)
-    values = model.values.copy()
-    values[held] = at
-    few = case.only(model.accepted)
-    short = tuple(range(len(model.accepted)))
-    now = few.look(few.sight(replace(model, values=values, accepted=short), view.seen))
-    column = now.columns([model.accepted.index(suspect)])
-    k = [p.name for p in case.suspects[suspect].parameters].index(parameter.name)
-    fixed = int(column[k])
-    y = now.A[:, -1] - now.A[:, fixed] * (at / now.typical[fixed])
-    A = np.column_stack([now.A[:, :-1], y])
-    free = now.base[now.base != fixed]
-    best = view.M
-    return float(eliminate(A.T @ A, free)[-1, -1] - eliminate(best, view.base)[-1, -1])
+def _rise(view: View, suspect: int, parameter: Parameter, at: float) -> float:
+    """Rise of chi-square when one parameter is held, the others refitted.
+
+    The others follow the linear model; what bends shows in the prediction at these values, and
+    they follow once more.
+    """
+    names = [p.name for p in view.suspects[suspect].parameters]
+    fixed = int(view.columns([suspect])[names.index(parameter.name)])
+    free = view.base[view.base != fixed]
+    A = view.A.copy()
+    A[:, -1] -= A[:, fixed] * (at / view.typical[fixed])
+    found = dict(zip(free.tolist(), coefficients(A.T @ A, free), strict=True))
+    found[fixed] = at / view.typical[fixed]
+    mine = of_model(view)
+    values = np.array([found[c] for c in mine.tolist()]) * view.typical[mine]
+    data = view.seen.data
+    moved = predict(view.model.cell, data.pulls, values).displacement[data.pull, data.target]
+    B = view.raw[:, np.where(mine < view.springs, mine, mine - view.common)]
+    white = view.white.by_pose(data.delta.ravel() - moved.ravel() + B @ values) / view.noise
+    A[: len(white), -1] = white - A[: len(white), fixed] * (at / view.typical[fixed])
+    best = float(eliminate(view.M, view.base)[-1, -1])
+    return float(eliminate(A.T @ A, free)[-1, -1]) - best
 
 
 def _extended(case: Case, found: Found) -> tuple[System | None, Estimate | None]:
