@@ -136,7 +136,7 @@ def _tilt(joint: int) -> Secret:
         c = float(NOMINAL[joint - 1]) / 6 * size
         uneven = course.rng.uniform(0.5, 1.3, 2)
         s.machine.springs += [
-            Spring(f"tilt{a}", joint, axis, False, straight(c * float(u)))
+            Spring(f"tilt{joint}{a}", joint, axis, False, straight(c * float(u)))
             for a, axis, u in zip("xy", ((1.0, 0, 0), (0, 1.0, 0)), uneven, strict=True)
         ]
 
@@ -180,7 +180,7 @@ def _gear(joint: int) -> Secret:
             over = np.maximum(t - knee[0], 0) + np.maximum(t - knee[1], 0)
             return np.asarray(-np.sign(own) * over * c * 0.15 * size * 0.9)
 
-        s.machine.springs.append(Spring("gear", joint, (0, 0, 1), False, law))
+        s.machine.springs.append(Spring(f"gear{joint}", joint, (0, 0, 1), False, law))
 
     return Secret(f"joint_hardening:{joint}", f"joint {joint}", True, plant)
 
@@ -194,7 +194,7 @@ def _lost(joint: int) -> Secret:
         def law(own: Array, _: dict[str, Array]) -> Array:
             return 6e-5 * size * np.clip(own / full, -1, 1)
 
-        s.machine.springs.append(Spring("lost", joint, (0, 0, 1), False, law))
+        s.machine.springs.append(Spring(f"lost{joint}", joint, (0, 0, 1), False, law))
 
     return Secret(f"joint_lost_motion:{joint}", f"joint {joint}", True, plant)
 
@@ -218,7 +218,7 @@ def _bouc_wen(joint: int) -> Secret:
                 out[i] = -width * z
             return out
 
-        s.machine.springs.append(Spring("bouc", joint, (0, 0, 1), False, law))
+        s.machine.springs.append(Spring(f"bouc{joint}", joint, (0, 0, 1), False, law))
 
     return Secret(f"joint_hysteresis:{joint}", f"joint {joint}", True, plant)
 
