@@ -206,49 +206,77 @@ class Found(Locked):
 def search(case: Case, start: Array, rng: np.random.Generator) -> Found:
     """Add the likeliest cause, exchange and drop, until nothing is left or three stand."""
     seen = case.fitted((), start)
-    first = plain = view = case.look(seen)
-    score = now = scores(first, first.base, _dof(first, first.base))
-    p = score.p
+    first = case.look(seen)
+    score = scores(first, first.base, _dof(first, first.base))
     limit = threshold(first, first.base, score.dof, rng)
-    lack = lack_first = lack_of_fit(first, first.base, score)
     refused: dict[str, None] = {}
-    tried: set[tuple[int, ...]] = {()}
-    while len(view.model.accepted) < MOST and (p.min() < limit.p or lack.found):
-        added = _add(case, view, now, p < limit.p, refused)
-        if added is None:
-            break
-        accepted = (*view.model.accepted, added)
-        better = _exchange(case, case.fitted(accepted, solved(view, view.base)))
-        if tuple(sorted(better.model.accepted)) in tried:
-            break  # what was added went again at once: there is no third way
-        seen = better
-        tried.add(tuple(sorted(seen.model.accepted)))
-        view = case.look(seen, seen.model.accepted)
-        now = scores(view, view.base, _dof(view, view.base))
-        lack = lack_of_fit(view, view.base, now)
-        plain = case.look(seen)
-        p = scores(plain, plain.base, _dof(plain, plain.base)).p
-    rivals, p_values = _rivals(case, plain)
-    wide = case.look(seen.beside(case.nameless))
-    strange = _strange(case, wide)
+    end = lone = _stand(case, seen, ())
+    if lone.p.min() < limit.p or lone.lack.found:
+        end = _grow(case, lone, limit, refused)
+    rivals, p_values = _rivals(case, end.plain)
+    wide = case.look(end.seen.beside(case.nameless))
     return Found(
-        seen=seen,
-        plain=plain,
+        seen=end.seen,
+        plain=end.plain,
         wide=wide,
-        view=view,
+        view=end.view,
         first=first,
         single=_odds(case, score, (), 0.0),
         scores=score,
         threshold=limit,
-        lack_first=lack_first,
-        lack=lack,
-        left=float(now.p.min()),
-        accepted=view.model.accepted,
+        lack_first=lone.lack,
+        lack=end.lack,
+        left=float(end.now.p.min()),
+        accepted=end.seen.model.accepted,
         p_values=p_values,
         rivals=rivals,
-        strange=strange,
+        strange=_strange(case, wide),
         refused=tuple(refused),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Stand:
+    """Some causes accepted, and what is said of the others beside them.
+
+    Attributes:
+        seen: The campaign linearised there.
+        plain: The same, weighed.
+        view: The same, with the laws of the accepted causes taken as rough.
+        now: Suspects beside them, in `view`.
+        lack: Lack of fit in `view`.
+        p: F tests of the suspects in `plain`, shape (n,).
+    """
+
+    seen: Sight
+    plain: View
+    view: View
+    now: Scores
+    lack: Lack
+    p: Array
+
+
+def _stand(case: Case, seen: Sight, rough: Sequence[int]) -> _Stand:
+    plain = case.look(seen)
+    view = case.look(seen, rough) if rough else plain
+    now = scores(view, view.base, _dof(view, view.base))
+    p = scores(plain, plain.base, _dof(plain, plain.base)).p if rough else now.p
+    return _Stand(seen, plain, view, now, lack_of_fit(view, view.base, now), p)
+
+
+def _grow(case: Case, end: _Stand, limit: Threshold, refused: dict[str, None]) -> _Stand:
+    tried: set[tuple[int, ...]] = {()}
+    while len(end.seen.model.accepted) < MOST and (end.p.min() < limit.p or end.lack.found):
+        added = _add(case, end.view, end.now, end.p < limit.p, refused)
+        if added is None:
+            break
+        accepted = (*end.seen.model.accepted, added)
+        better = _exchange(case, case.fitted(accepted, solved(end.view, end.view.base)))
+        if tuple(sorted(better.model.accepted)) in tried:
+            break  # what was added went again at once: there is no third way
+        tried.add(tuple(sorted(better.model.accepted)))
+        end = _stand(case, better, better.model.accepted)
+    return end
 
 
 def _dof(view: View, base: Ints) -> int:

@@ -132,7 +132,7 @@ def _searched(
         other = search(case, start, rng)
         if other.explains or not other.detected:
             return case, spread, other
-    return stated, replace(spread, force=1.0, force_p=1.0), found
+    return stated, replace(spread, force=1.0, force_std=0.0, force_p=1.0), found
 
 
 def case_of(
