@@ -1,49 +1,120 @@
-"""The league on disk: the in-process games, and games through real files and the command line."""
+"""The league on disk: games over processes, kept as they end, and games through the command."""
 
 from __future__ import annotations
 
 import json
+import os
+import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Iterable
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from dataclasses import asdict
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter
 
-from pipeline.league.play import play
-from pipeline.league.run import League, Played, games
-from pipeline.league.secrets import KNOWN, STRANGE
-from pipeline.league.table import page
+from pipeline import files
+from pipeline.campaign import code_version
+from pipeline.errors import InputError, Interrupted
+from pipeline.league.page import page
+from pipeline.league.play import Rules, drawn, play
+from pipeline.league.run import Fixture, League, Played, fixtures, played
+from pipeline.league.secrets import SECRETS
+from pipeline.progress import Progress
 from pipeline.robot import load
 
-
-def contest(league: League, tell: Callable[[str], None], log: Path | None) -> list[Played]:
-    """Play the league; each game becomes a line of `log`."""
-    played = []
-    for game in games(league, tell):
-        played.append(game)
-        s = game.score
-        tell(f"{len(played):5d} {game.kind:8s}{'+'.join(s.truth) or 'nothing':40s}{s.verdict}")
-        if log is not None:
-            with log.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(_line(game)) + "\n")
-    return played
+LINE = TypeAdapter(Played)
 
 
-def _line(game: Played) -> dict[str, Any]:
-    s = game.score
-    return {
-        "kind": game.kind,
-        "truth": s.truth,
-        "size": game.size,
-        "verdict": s.verdict,
-        "named": s.named,
-        "listed": s.listed,
-        "right": s.right,
-        "gain": s.gain,
-        "seconds": round(game.seconds, 3),
-    }
+def contest(league: League, log: Path, jobs: int) -> list[Played]:
+    """Play the league, or what is left of it; the same games in any number of processes.
+
+    Args:
+        league: Whom it plays and how often.
+        log: One line per finished game; games that stand there are not played again.
+        jobs: Processes.
+
+    Raises:
+        Interrupted: With the number of games that are kept.
+        InputError: The log is of another seed, or of other code while games are left.
+    """
+    wanted = fixtures(league)
+    kept, code = _kept(log, league)
+    left = [fixture for fixture in wanted if fixture.key not in kept]
+    if left and code != code_version():
+        raise InputError(
+            f"holds games of other code, and {len(left)} are left to play",
+            "remove it to start the league anew, or give another --log",
+            file=str(log),
+        )
+    with (
+        Progress(len(left)) as progress,
+        files.writing(log),
+        log.open("a", encoding="utf-8") as out,
+    ):
+        for game in _all(left, league, jobs, len(wanted), log):
+            progress.now(f"{game.kind}: {' + '.join(game.secrets) or 'nothing'}")
+            out.write(LINE.dump_json(game).decode() + "\n")
+            out.flush()
+            kept[game.key] = game
+            progress.done()
+    return [kept[fixture.key] for fixture in wanted]
+
+
+def _all(left: list[Fixture], league: League, jobs: int, total: int, log: Path) -> Iterable[Played]:
+    """Games in the order in which they end."""
+    if not left:
+        return
+    os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # one core for each process
+    done = total - len(left)
+    with ProcessPoolExecutor(jobs, get_context("spawn"), _deaf) as pool:
+        waiting: list[Future[Played]] = [pool.submit(played, each, league) for each in left]
+        try:
+            for future in as_completed(waiting):
+                yield future.result()
+                done += 1
+        except KeyboardInterrupt:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise Interrupted(
+                f"Interrupted; {done} of {total} games are kept in {log}, and the same command "
+                f"goes on from there."
+            ) from None
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _deaf() -> None:
+    """A Ctrl-C is for the process that hands out the games."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _kept(log: Path, league: League) -> tuple[dict[str, Played], str]:
+    """Games of an earlier run and the code that played them; a line that was cut off is none.
+
+    Raises:
+        InputError: They are of another seed.
+    """
+    rules = json.loads(json.dumps({"seed": league.seed, "rules": asdict(league.rules)}))
+    if not log.is_file() or not log.stat().st_size:
+        head = rules | {"code": code_version()}
+        files.write(log, (json.dumps(head) + "\n").encode())
+        return {}, code_version()
+    first, *lines = log.read_text("utf-8").split("\n")
+    head = json.loads(first)
+    if {name: head.get(name) for name in rules} != rules:
+        raise InputError(
+            "holds games of another seed or of other rules",
+            "remove it to start the league anew, or give another --log",
+            file=str(log),
+        )
+    whole = lines[:-1]  # what stands behind the last line end was cut off
+    files.write(log, "\n".join([first, *whole, ""]).encode())
+    return {game.key: game for game in map(LINE.validate_json, whole)}, str(head["code"])
 
 
 def seal(secrets: dict[str, float], seed: int, raw: Path, sealed: Path, name: str) -> None:
@@ -56,25 +127,23 @@ def seal(secrets: dict[str, float], seed: int, raw: Path, sealed: Path, name: st
         sealed: Folder for the truth; the pipeline is never told of it.
         name: Of the campaign.
     """
-    known = {secret.label: secret for secret in (*KNOWN, *STRANGE)}
-    chosen = [(known[label], size) for label, size in secrets.items()]
-    game = play(load("kr500_rail"), chosen, np.random.default_rng(seed), name=name)
-    folder = raw / name
-    folder.mkdir(parents=True, exist_ok=True)
+    robot, rng = load("kr500_rail"), np.random.default_rng(seed)
+    plan = drawn(robot, rng, Rules())
+    chosen = [(SECRETS[label], size) for label, size in secrets.items()]
+    game = play(robot, plan, chosen, rng, name=name)
     for file, content in game.files.items():
-        (folder / file).write_bytes(content)
-    sealed.mkdir(parents=True, exist_ok=True)
-    (sealed / f"{name}.json").write_text(json.dumps(game.truth), encoding="utf-8")
+        files.write(raw / name / file, content)
+    files.write(sealed / f"{name}.json", json.dumps(game.truth).encode())
 
 
-def answered(root: Path, name: str) -> dict[str, Any]:
-    """The pipeline's part: a process of its own that sees the raw files only."""
-    command = [sys.executable, "-m", "pipeline", "run", name, "--json", "--engine", "local"]
+def answers(root: Path, names: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """The pipeline's part: the command, in a process of its own that sees the raw files only."""
+    command = [sys.executable, "-m", "pipeline", "run", *names, "--json", "--engine", "local"]
     done = subprocess.run(
         [*command, "--root", str(root)], capture_output=True, text=True, check=True
     )
-    answer: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
-    return answer
+    said = [json.loads(line) for line in done.stdout.splitlines()]
+    return {answer["campaign"]: answer for answer in said}
 
 
 def opened(sealed: Path, name: str) -> dict[str, Any]:
@@ -83,6 +152,12 @@ def opened(sealed: Path, name: str) -> dict[str, Any]:
     return truth
 
 
-def write_page(played: list[Played], command: str, path: Path) -> None:
-    """The page of results."""
-    path.write_text(page(played, command), encoding="utf-8")
+def write_page(games: list[Played], command: str, log: Path, path: Path) -> None:
+    """The page of results with its pictures; what a person wrote on it stays."""
+    from pipeline.league.figures import figures  # matplotlib takes half a second
+
+    code = json.loads(log.read_text("utf-8").partition("\n")[0])["code"]
+    old = path.read_text("utf-8") if path.is_file() else ""
+    files.write(path, page(games, command, code, old).encode())
+    for name, picture in figures(games).items():
+        files.write(path.parent / "figures" / name, picture)

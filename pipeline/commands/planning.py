@@ -156,26 +156,39 @@ def paper(
 
 @app.command()
 def league(
-    clean: Annotated[int, typer.Option(help="Games without a secret.")] = 1000,
-    single: Annotated[int, typer.Option(help="Games per known secret.")] = 6,
-    pairs: Annotated[int, typer.Option(help="Games with two secrets.")] = 100,
-    strange: Annotated[int, typer.Option(help="Games per secret outside the catalogue.")] = 15,
+    clean: Annotated[int, typer.Option(min=0, help="Games without a secret.")] = 1000,
+    single: Annotated[int, typer.Option(min=0, help="Games per known secret.")] = 6,
+    pairs: Annotated[int, typer.Option(min=0, help="Games with two secrets.")] = 100,
+    strange: Annotated[int, typer.Option(min=0, help="Games per unknown secret.")] = 15,
+    power: Annotated[int, typer.Option(min=0, help="Games per point of a power curve.")] = 6,
+    doubtful: Annotated[
+        int, typer.Option(min=0, help="Games per secret and size that follow proposed poses.")
+    ] = 1,
     seed: Annotated[int, typer.Option(help="Determines every game.")] = 2026,
-    log: Annotated[Path | None, typer.Option(help="One JSON line per game.")] = None,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, help="Processes; all cores by default.")
+    ] = None,
+    log: Annotated[
+        Path | None, typer.Option(help="Where finished games are kept, one JSON line each.")
+    ] = None,
     page: Annotated[Path | None, typer.Option(help="Markdown page of the results.")] = None,
+    root: Root = Path(),
 ) -> None:
     """Hide effects in machines that share nothing with the catalogue, and see what is named."""
+    import os
+
     from pipeline import contest
     from pipeline.league.run import League
     from pipeline.league.table import rows
 
-    rules = League(clean=clean, single=single, pairs=pairs, strange=strange, seed=seed)
-    played = contest.contest(rules, at_work, log)
-    for what, value, aim in rows(played):
+    rules = League(clean, single, pairs, strange, power, doubtful, seed=seed)
+    kept = log or root / "reports" / "league.jsonl"
+    games = contest.contest(rules, kept, jobs or os.cpu_count() or 1)
+    for what, value, aim in rows(games):
         typer.echo(f"{what}: {value}" + (f"  (aim {aim})" if aim else ""))
     if page is not None:
         command = (
-            f"pipeline league --clean {clean} --single {single} --pairs {pairs} "
-            f"--strange {strange} --seed {seed}"
+            f"pipeline league --clean {clean} --single {single} --pairs {pairs} --strange "
+            f"{strange} --power {power} --doubtful {doubtful} --seed {seed}"
         )
-        contest.write_page(played, command, page)
+        contest.write_page(games, command, kept, page)

@@ -1,101 +1,93 @@
-"""The judge: raw files through the pipeline's own stages, and the verdict beside the truth."""
+"""The judge: opens the sealed truth beside result.json, and nothing else."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from pipeline.cell import Cell, Tool, paper_cell
-from pipeline.diagnosis.isolability import Twins, twins
-from pipeline.diagnosis.verdict import Diagnosis, location
-from pipeline.robot import Robot
-from pipeline.settings import Settings, parse
-from pipeline.stages.assemble import Measured, measured
-from pipeline.stages.diagnose import diagnose
-from pipeline.stages.displacements import displacements
-from pipeline.stages.estimate import identify
-from pipeline.stages.forces import forces
-from pipeline.stages.ingest import ingest
-from pipeline.stages.register import place, register
-from pipeline.stages.validate import place_of_interest
+from pipeline.diagnosis.isolability import Twins
+
+Json = Mapping[str, Any]
+
+SCATTER = ("tracker_noise", "force_noise")
+"""Causes that say how much the readings scatter, not what moves them."""
+
+LISTED = 0.01
+"""A rival less probable than this is not said to be one."""
 
 
-def reduced(robot: Robot, files: dict[str, bytes]) -> tuple[Settings, Cell, Measured]:
-    """The stages before the estimate, on the files of a raw folder."""
-    settings = parse(files["campaign.toml"].decode())
-    got = ingest(settings, robot, files)
-    readings = _frame(got.readings)
-    registration = register(settings, readings)
-    placed = _frame(place(registration, readings))
-    names = settings.measured
-    tool = Tool(
-        np.array(settings.tool["load_point"]),
-        np.array(names, dtype=object),
-        np.array([settings.tool[name] for name in names]),
-    )
-    data = measured(
-        robot,
-        tool.targets,
-        _frame(got.joints),
-        _frame(forces(settings, placed, _frame(got.loads))),
-        _frame(displacements(settings, placed)),
-        registration.cov[:3, :3],
-        settings.scale.gain_sigma if settings.scale else 0.0,
-    )
-    return settings, paper_cell(robot, tool), data
+@dataclass(frozen=True)
+class Stated:
+    """One cause that the answer holds possible.
+
+    Attributes:
+        label: Its class of twins.
+        probability: As stated, of all its twins together.
+        true: Whether it is one of the secrets.
+    """
+
+    label: str
+    probability: float
+    true: bool
 
 
-def _frame(table: Any) -> Any:
-    return table.to_pandas() if hasattr(table, "to_pandas") else table
+@dataclass(frozen=True)
+class Size:
+    """A true amplitude beside the one of the answer.
 
+    Attributes:
+        name: Of the parameter.
+        true: Planted, SI.
+        low: Lower end of the 95 % interval.
+        high: Upper end.
+    """
 
-def diagnosed(robot: Robot, files: dict[str, bytes]) -> Diagnosis:
-    """Diagnose the files of a raw folder."""
-    settings, cell, data = reduced(robot, files)
-    _, estimate = identify(cell, data, robot.nominal_compliance)
-    where = place_of_interest(settings.test_pose, robot, data.pulls)
-    return diagnose(cell, data, estimate, where, np.random.default_rng(20261103))
+    name: str
+    true: float
+    low: float
+    high: float
+
+    @property
+    def covered(self) -> bool:
+        """Whether the interval holds the truth."""
+        return self.low <= self.true <= self.high
 
 
 @dataclass(frozen=True)
 class Score:
-    """What came of one game.
+    """What came of one answer.
 
     Attributes:
-        truth: Labels of the secrets.
-        places: Their places.
-        known: Whether the catalogue has all of them.
-        verdict: The verdict.
+        verdict: The verdict; `refused` where there is no answer.
         named: Labels of the causes, without those of scatter.
-        listed: Labels of causes and rivals.
-        named_places: Places of the causes.
-        single: Causes named without an open rival (certain).
-        scatter: Causes of scatter.
         right: All secrets named (twins as one), nothing else.
         in_list: All secrets among causes and rivals.
-        gain: Reduction and its interval.
-        amplitude: Value, low and high of the first cause's first parameter.
-        fit_over_floor: Root of chi2 per degree of freedom of the extended model.
-        next_pose: Sigmas before and after the first proposal.
+        strayed: Something was named that is no secret.
+        misplaced: Something was named in a part of the cell that hides nothing.
+        stated: The causes held possible, with their probabilities.
+        sizes: Amplitudes of causes that are named and true.
+        gain: Reduction of the left-out error with its 95 % interval.
+        left_out_mm: Left-out error of the joint springs.
+        remainder: What is left with the causes over the scatter found, root mean square.
+        apart: Sigmas that the proposed pulls promise between the pair they separate worst; None
+            where nothing is proposed.
     """
 
-    truth: tuple[str, ...]
-    places: tuple[str, ...]
-    known: bool
     verdict: str
     named: tuple[str, ...]
-    listed: tuple[str, ...]
-    named_places: tuple[str, ...]
-    single: bool
-    scatter: tuple[str, ...]
     right: bool
     in_list: bool
+    strayed: bool
+    misplaced: bool
+    stated: tuple[Stated, ...]
+    sizes: tuple[Size, ...]
     gain: tuple[float, float, float] | None
-    amplitude: tuple[float, float, float] | None
-    fit_over_floor: float
-    extra: dict[str, Any] = field(default_factory=dict)
+    left_out_mm: float | None
+    remainder: float | None
+    apart: float | None
 
     @property
     def detected(self) -> bool:
@@ -107,11 +99,9 @@ class Score:
         """A name without reservation."""
         return self.verdict == "explained" and bool(self.named)
 
-    @property
-    def wrong_place(self) -> bool:
-        """A name without reservation, in the wrong part of the cell."""
-        true = {place for places in self.places for place in places.split(" | ")}
-        return self.confident and not set(self.named_places) & true
+
+REFUSED = Score("refused", (), False, False, False, False, (), (), None, None, None, None)
+"""No answer at all."""
 
 
 def same(label: str, known: Twins) -> str:
@@ -122,32 +112,74 @@ def same(label: str, known: Twins) -> str:
     return label
 
 
-def score(
-    robot: Robot, truth: dict[str, Any], found: Diagnosis, known: Twins | None = None
-) -> Score:
-    """Open the sealed truth beside the diagnosis."""
-    known = known or twins(robot)
-    causes = [c for c in found.causes if c.effect.name not in ("tracker_noise", "force_noise")]
-    secrets = [s["label"] for s in truth["secrets"]]
-    want = {same(label, known) for label in secrets}
-    got = {same(c.effect.label, known) for c in causes}
-    rivals = {same(r.effect.label, known) for c in causes for r in c.rivals if r.probability > 0.01}
-    worth = causes[0].gain if causes else None
-    size = causes[0].amplitudes[0] if causes else None
-    fit = found.estimate
+def label(cause: Json) -> str:
+    """`rail_roll`, or `joint_tilt:2` where it has a place."""
+    where = cause["where"]
+    return cause["name"] if where is None else f"{cause['name']}:{where}"
+
+
+def score(truth: Json, answer: Json | None, known: Twins) -> Score:
+    """Open the sealed truth beside result.json.
+
+    Args:
+        truth: As `play` seals it.
+        answer: result.json; None where the pipeline refused the campaign.
+        known: What no pull can tell apart.
+    """
+    if answer is None:
+        return REFUSED
+    diagnosis = answer["diagnosis"]
+    causes = [cause for cause in diagnosis["causes"] if cause["name"] not in SCATTER]
+    secrets = truth["secrets"]
+    want = {same(secret["label"], known) for secret in secrets}
+    places = {place for secret in secrets for place in secret["place"].split(" | ")}
+    got = {same(label(cause), known) for cause in causes}
+    stated = tuple(said for cause in causes for said in _stated(cause, want, known))
+    listed = got | {said.label for said in stated if said.probability > LISTED}
+    worth = causes[0]["gain"] if causes else None
+    fit = answer["extended"]["fit"]
     return Score(
-        truth=tuple(secrets),
-        places=tuple(s["place"] for s in truth["secrets"]),
-        known=all(s["known"] for s in truth["secrets"]),
-        verdict=found.verdict,
-        named=tuple(c.effect.label for c in causes),
-        listed=tuple(sorted(got | rivals)),
-        named_places=tuple(location(c.effect) for c in causes),
-        single=all(c.probability >= 0.95 and not c.twins for c in causes),
-        scatter=tuple(c.effect.name for c in found.causes if c not in causes),
+        verdict=diagnosis["verdict"],
+        named=tuple(label(cause) for cause in causes),
         right=want == got,
-        in_list=want <= got | rivals,
-        gain=None if worth is None else (worth.reduction, *worth.ci95),
-        amplitude=None if size is None else (size.value, *size.ci95),
-        fit_over_floor=float(np.sqrt(fit.chi2 / fit.dof)) if fit else np.nan,
+        in_list=want <= listed,
+        strayed=not got <= want,
+        misplaced=any(cause.get("location", "data") not in places for cause in causes),
+        stated=stated,
+        sizes=tuple(size for cause in causes for size in _sizes(cause, secrets)),
+        gain=(worth["reduction"], *worth["ci95"]) if worth and worth["ci95"] else None,
+        left_out_mm=answer["validation"]["held_out_rms_mm"],
+        remainder=float(np.sqrt(fit["chi2"] / fit["dof"])) if fit["dof"] else None,
+        apart=_apart(diagnosis["next_poses"]),
     )
+
+
+def _stated(cause: Json, want: set[str], known: Twins) -> list[Stated]:
+    """A cause and its rivals, twins as one, the cause first."""
+    odds: dict[str, float] = {}
+    for one in (cause, *cause["rivals"]):
+        name = same(label(one), known)
+        odds[name] = odds.get(name, 0.0) + one["probability"]
+    return [Stated(name, odd, name in want) for name, odd in odds.items()]
+
+
+def _sizes(cause: Json, secrets: list[Json]) -> list[Size]:
+    true = {
+        name: value
+        for secret in secrets
+        if secret["label"] == label(cause)
+        for name, value in secret["amplitudes"].items()
+    }
+    return [
+        Size(said["name"], true[said["name"]], *said["ci95"])
+        for said in cause["parameters"]
+        if said["name"] in true and None not in said["ci95"]
+    ]
+
+
+def _apart(proposals: list[Json]) -> float | None:
+    best: dict[tuple[str, ...], float] = {}
+    for one in proposals:
+        pair = tuple(one["separates"])
+        best[pair] = max(best.get(pair, 0.0), one["sigmas_after"])
+    return min(best.values(), default=None)

@@ -10,6 +10,9 @@ import numpy as np
 from pipeline.results import Array
 from pipeline.robot import Robot
 
+AT_REST = 1e-12
+"""A machine whose springs move less than this [m] or [rad] from one round to the next rests."""
+
 Law = Callable[[Array, dict[str, Array]], Array]
 """Own generalised force (m,), those of all named springs -> deflection (m,)."""
 
@@ -71,7 +74,9 @@ class Machine:
         for _ in range(rounds):
             flange, axes, at, hung = self._chain(q, springs, bent)
             acts = flange[:, :3, :3] @ load_point + flange[:, :3, 3]
-            bent = _deflections(springs, axes, at, [(acts, force, 99), *hung])
+            before, bent = bent, _deflections(springs, axes, at, [(acts, force, 99), *hung])
+            if np.abs(bent - before).max() < AT_REST:
+                break
         flange, *_ = self._chain(q, springs, bent)
         points = np.einsum("mij,tj->mti", flange[:, :3, :3], tool) + flange[:, None, :3, 3]
         return points, flange[:, :3, :3] @ load_point + flange[:, :3, 3]

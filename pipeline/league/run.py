@@ -1,22 +1,33 @@
-"""The league: many games, one table, at sizes that the plan can just name, times two."""
+"""The league: which games there are, and how one is played, from its seed alone."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
+from scipy import special
 
-from pipeline.diagnosis.isolability import Twins, twins
+from pipeline.campaign import in_memory
+from pipeline.diagnosis.blindspots import needed, smallest_visible
+from pipeline.diagnosis.detect import threshold
+from pipeline.diagnosis.isolability import twins
 from pipeline.diagnosis.separability import identifiable
+from pipeline.diagnosis.view import View
 from pipeline.effects import catalogue
-from pipeline.league.judge import Score, diagnosed, reduced, score
-from pipeline.league.play import Game, Rules, drawn, play
-from pipeline.league.secrets import KNOWN, STRANGE, Secret
+from pipeline.errors import PipelineError
+from pipeline.league.judge import Score, score
+from pipeline.league.play import Plan, Rules, drawn, play
+from pipeline.league.secrets import KNOWN, SECRETS, STRANGE
 from pipeline.robot import Robot, load
+from pipeline.run import answered, ingested
+from pipeline.screening.case import bring, conformed, plain
+from pipeline.screening.fit import fit
 from pipeline.stages.diagnose import case_of
-from pipeline.stages.estimate import identify
+from pipeline.stages.estimate import identify, left_out
 
 TOO_LARGE = 12.0
 """Sizes beyond this many typical ones are no fault that anybody would live with."""
@@ -24,24 +35,34 @@ TOO_LARGE = 12.0
 NEVER = ("scale_gain", "rail_yaw")
 """Exact twins of the stiffnesses: nothing shows, by nature."""
 
-Tell = Callable[[str], None]
+KINDS = ("single", "pair", "strange", "power", "doubtful", "clean")
+"""Kinds of games; their places are part of the seeds."""
 
+STEPS = (0.25, 0.5, 0.7, 1.0, 1.4, 2.0, 4.0)
+"""Sizes of the power curves, in multiples of the smallest identifiable size."""
 
-@dataclass(frozen=True)
-class Played:
-    """A game with its score.
+DOUBTFUL = (0.7, 1.0, 1.3)
+"""Sizes at which a name is often open."""
 
-    Attributes:
-        kind: clean | single | pair | strange | twins | again.
-        score: What came of it.
-        seconds: Of the diagnosis.
-        size: Of the first secret, in typical sizes.
-    """
+CURVES = (
+    "rail_roll",
+    "rail_backlash",
+    "joint_tilt:3",
+    "link_bending:forearm",
+    "joint_hardening:3",
+    "joint_lost_motion:2",
+    "joint_hysteresis:4",
+    "compensator",
+    "chain_offset",
+    "scale_zero",
+)
+"""One cause of each manner, for the power curves."""
 
-    kind: str
-    score: Score
-    seconds: float
-    size: float
+PLANS = 30
+"""Plans that games with sized causes share, so that each is sized once."""
+
+MOST = 4
+"""Proposed poses that are followed."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +74,9 @@ class League:
         single: Games per known secret.
         pairs: Games with two known secrets.
         strange: Games per secret outside the catalogue.
-        times: Size over the smallest identifiable one.
+        power: Games per size and cause of the power curves.
+        doubtful: Games per size and known secret in which proposed poses are followed.
+        times: Size over the smallest identifiable one, of singles and pairs.
         seed: Of everything.
         rules: How campaigns are measured.
     """
@@ -62,72 +85,209 @@ class League:
     single: int = 6
     pairs: int = 100
     strange: int = 15
+    power: int = 6
+    doubtful: int = 1
     times: float = 2.0
     seed: int = 2026
     rules: Rules = field(default_factory=Rules)
 
 
-def games(league: League, tell: Tell = lambda _: None) -> Iterator[Played]:
-    """Play the whole league, in process."""
+@dataclass(frozen=True)
+class Fixture:
+    """One game before it is played.
+
+    Attributes:
+        kind: One of `KINDS`.
+        secrets: Labels of what the machine hides.
+        times: Size over the smallest identifiable one; 0 where sizes are drawn.
+        seed: Of machine and scatter.
+        plan: Seed of the plan.
+    """
+
+    kind: str
+    secrets: tuple[str, ...]
+    times: float
+    seed: tuple[int, ...]
+    plan: tuple[int, ...]
+
+    @property
+    def key(self) -> str:
+        """Its name among the games that are kept."""
+        return "-".join(str(number) for number in self.seed)
+
+
+@dataclass(frozen=True)
+class Played:
+    """A game with its scores.
+
+    Attributes:
+        key: Of its fixture.
+        kind: Of its fixture.
+        secrets: Labels of what the machine hid.
+        times: Size over the smallest identifiable one; 0 where sizes were drawn.
+        sizes: In typical sizes; empty where the plan shows a secret at no sensible size, and the
+            game was not played.
+        power: Predicted probability that the first secret is detected.
+        missed_mm: Left-out error of the joint springs where nothing scatters, of singles.
+        scores: Of the campaign, then with one proposed pose more each time.
+        seconds: Of a processor, from files to the first answer.
+        cost: Of a processor, for all of it.
+    """
+
+    key: str
+    kind: str
+    secrets: tuple[str, ...]
+    times: float
+    sizes: tuple[float, ...]
+    power: float
+    missed_mm: float
+    scores: tuple[Score, ...]
+    seconds: float
+    cost: float
+
+    @property
+    def score(self) -> Score:
+        """Of the campaign as planned."""
+        return self.scores[0]
+
+
+def fixtures(league: League) -> list[Fixture]:
+    """All games, those that take longest first."""
+    return [
+        *_each(league, "single", KNOWN_LABELS, (league.times,), league.single),
+        *(_pair(league, i) for i in range(league.pairs)),
+        *(
+            Fixture("strange", (name,), 0.0, _seed(league, "strange", k, i), (league.seed, 7, k, i))
+            for k, name in enumerate(secret.label for secret in STRANGE)
+            for i in range(league.strange)
+        ),
+        *_each(league, "power", CURVES, STEPS, league.power),
+        *_each(league, "doubtful", ABLE, DOUBTFUL, league.doubtful),
+        *(
+            Fixture("clean", (), 0.0, _seed(league, "clean", i), (league.seed, 8, i))
+            for i in range(league.clean)
+        ),
+    ]
+
+
+KNOWN_LABELS = tuple(secret.label for secret in KNOWN)
+ABLE = tuple(name for name in KNOWN_LABELS if name not in NEVER)
+
+
+def _seed(league: League, kind: str, *numbers: int) -> tuple[int, ...]:
+    return (league.seed, KINDS.index(kind), *numbers)
+
+
+def _each(
+    league: League, kind: str, labels: tuple[str, ...], steps: tuple[float, ...], count: int
+) -> list[Fixture]:
+    return [
+        Fixture(
+            kind,
+            (name,),
+            times,
+            _seed(league, kind, KNOWN_LABELS.index(name), round(100 * times), i),
+            (league.seed, 9, (5 * k + i) % PLANS),
+        )
+        for k, name in enumerate(labels)
+        for times in steps
+        for i in range(count)
+    ]
+
+
+def _pair(league: League, number: int) -> Fixture:
+    """Two causes in two different parts of the cell."""
+    seed = _seed(league, "pair", number)
+    order = np.random.default_rng(seed).permutation(len(ABLE))
+    first, *rest = [SECRETS[ABLE[k]] for k in order]
+    other = next(secret for secret in rest if secret.place != first.place)
+    plan = (league.seed, 9, number % PLANS)
+    return Fixture("pair", (first.label, other.label), league.times, seed, plan)
+
+
+def played(fixture: Fixture, league: League) -> Played:
+    """Play one game: the same in whatever process, order or company."""
+    began = time.process_time()
     robot = load("kr500_rail")
-    known = twins(robot)
-    for i in range(league.clean):
-        yield _played(robot, known, "clean", [], [league.seed, 0, i], league)
-    for k, secret in enumerate(KNOWN):
-        for i in range(league.single):
-            seed = [league.seed, 1, k, i]
-            sized = _sized(robot, known, [secret], seed, league)
-            if sized is None:
-                tell(f"{secret.label}: this plan cannot name it at any sensible size")
-                continue
-            yield _played(robot, known, "single", sized, seed, league)
-    for i in range(league.pairs):
-        seed = [league.seed, 2, i]
-        pick = np.random.default_rng(seed).permutation(len(KNOWN))
-        able = [KNOWN[k] for k in pick if KNOWN[k].label not in NEVER]
-        pair = [able[0], next(s for s in able[1:] if s.place != able[0].place)]
-        sized = _sized(robot, known, pair, seed, league)
-        if sized is not None:
-            yield _played(robot, known, "pair", sized, seed, league)
-    for k, secret in enumerate(STRANGE):
-        for i in range(league.strange):
-            seed = [league.seed, 3, k, i]
-            size = float(np.random.default_rng(seed).uniform(0.7, 2.5))
-            yield _played(robot, known, "strange", [(secret, size)], seed, league)
-
-
-def _played(
-    robot: Robot,
-    known: Twins,
-    kind: str,
-    secrets: list[tuple[Secret, float]],
-    seed: list[int],
-    league: League,
-) -> Played:
-    game = play(robot, secrets, np.random.default_rng(seed), league.rules)
-    return _judged(robot, known, kind, game, secrets)
-
-
-def _judged(
-    robot: Robot, known: Twins, kind: str, game: Game, secrets: list[tuple[Secret, float]]
-) -> Played:
-    began = time.perf_counter()
-    found = diagnosed(robot, game.files)
-    seconds = time.perf_counter() - began
-    size = secrets[0][1] if secrets else 0.0
-    return Played(kind, score(robot, game.truth, found, known), seconds, size)
-
-
-def _sized(
-    robot: Robot, known: Twins, secrets: list[Secret], seed: list[int], league: League
-) -> list[tuple[Secret, float]] | None:
-    """The secrets at `times` the smallest identifiable size of the same campaign without them."""
-    if any(secret.label in NEVER for secret in secrets):
-        return [(secret, 1.0) for secret in secrets]
-    least = smallest(robot, known, seed, league)
-    sized = [(secret, league.times * least.get(secret.label, np.inf)) for secret in secrets]
+    plan = drawn(robot, np.random.default_rng(fixture.plan), league.rules)
+    sizes = _sizes(fixture, plan, league, robot)
+    head = (fixture.key, fixture.kind, fixture.secrets, fixture.times)
     most = largest(robot)
-    return sized if all(size <= most[secret.label] for secret, size in sized) else None
+    if any(
+        size > most.get(name, np.inf) for name, size in zip(fixture.secrets, sizes, strict=True)
+    ):
+        return Played(*head, sizes=(), power=0.0, missed_mm=0.0, scores=(), seconds=0.0, cost=0.0)
+    power = 0.0
+    if fixture.kind == "power":
+        power = yardstick(fixture.plan, league.rules).power(fixture.secrets[0], sizes[0])
+    missed = missed_mm(fixture, plan, sizes, league, robot) if fixture.kind == "single" else 0.0
+    follow = MOST if fixture.kind == "doubtful" else 0
+    scores, seconds = _followed(fixture, plan, sizes, league, robot, follow)
+    return Played(*head, sizes, power, missed, scores, seconds, time.process_time() - began)
+
+
+def _sizes(fixture: Fixture, plan: Plan, league: League, robot: Robot) -> tuple[float, ...]:
+    """Sizes of the secrets in typical ones."""
+    if not fixture.times:
+        rng = np.random.default_rng([*fixture.seed, 1])
+        return tuple(rng.uniform(0.7, 2.5, len(fixture.secrets)).tolist())
+    if fixture.secrets[0] in NEVER:
+        return (1.0,)
+    known = yardstick(fixture.plan, league.rules)
+    return tuple(fixture.times * known.named.get(name, np.inf) for name in fixture.secrets)
+
+
+def _followed(
+    fixture: Fixture,
+    plan: Plan,
+    sizes: tuple[float, ...],
+    league: League,
+    robot: Robot,
+    most: int,
+) -> tuple[tuple[Score, ...], float]:
+    """Scores of the campaign, and with one more proposed pose each time while a name is open.
+
+    The operator pulls in the usual steps at the first pose that is proposed, then asks again.
+    """
+    secrets = [(SECRETS[name], size) for name, size in zip(fixture.secrets, sizes, strict=True)]
+    scores: list[Score] = []
+    seconds = []
+    while True:
+        game = play(robot, plan, secrets, np.random.default_rng(fixture.seed), league.rules)
+        began = time.process_time()
+        answer = answer_of(game.files)
+        seconds.append(time.process_time() - began)
+        scores.append(score(game.truth, answer, twins(robot)))
+        proposed = answer["diagnosis"]["next_poses"] if answer else []
+        if scores[-1].verdict != "ambiguous" or not proposed or len(scores) > most:
+            return tuple(scores), seconds[0]
+        plan = plan.further(*_where(proposed[0], robot))
+
+
+def missed_mm(
+    fixture: Fixture, plan: Plan, sizes: tuple[float, ...], league: League, robot: Robot
+) -> float:
+    """Left-out error of the joint springs on the same machine, measured without scatter [mm]."""
+    secrets = [(SECRETS[name], size) for name, size in zip(fixture.secrets, sizes, strict=True)]
+    calm, still = replace(plan, scatter=0.0), replace(league.rules, scale_n=0.0)
+    files = play(robot, calm, secrets, np.random.default_rng(fixture.seed), still).files
+    case = ingested(in_memory(files), conformed, plain)
+    system, _ = identify(case.cell, bring(case).data, robot.nominal_compliance)
+    return float(1e3 * np.sqrt(np.nanmean(left_out(system) ** 2)))
+
+
+def _where(proposal: Mapping[str, Any], robot: Robot) -> tuple[np.ndarray, np.ndarray, float]:
+    """Joint values [m] or [rad], anchor [m] and approach of a proposal."""
+    q = np.where(robot.prismatic, proposal["q"], np.deg2rad(proposal["q"]))
+    return q, np.array(proposal["anchor_m"]), float(proposal.get("approach") or 1.0)
+
+
+def answer_of(files: Mapping[str, bytes]) -> dict[str, Any] | None:
+    """What `pipeline run` says of these files, writing nothing; None if it refuses them."""
+    try:
+        return answered("game", in_memory(files)).answer
+    except PipelineError:
+        return None
 
 
 def largest(robot: Robot) -> dict[str, float]:
@@ -140,40 +300,55 @@ def largest(robot: Robot) -> dict[str, float]:
     }
 
 
-def smallest(robot: Robot, known: Twins, seed: list[int], league: League) -> dict[str, float]:
-    """Smallest identifiable size of every cause, by the linear theory, for one seed's campaign."""
-    game = play(robot, [], np.random.default_rng(seed), league.rules)
-    _, cell, data = reduced(robot, game.files)
-    _, estimate = identify(cell, data, robot.nominal_compliance)
-    case, _ = case_of(cell, data, estimate)
-    seen = case.sight(case.model((), estimate.value))
-    return identifiable(case.look(seen), known)
+@dataclass(frozen=True, eq=False)
+class Yardstick:
+    """Sizes that one plan can see, by the linear theory, in typical sizes.
+
+    Attributes:
+        named: Smallest at which a cause is found and told from every other.
+        seen: Size that is detected with 80 % power, by the cause's best form.
+        count: Parameters of that form.
+        p: Threshold of one cause's test.
+    """
+
+    named: dict[str, float]
+    seen: dict[str, float]
+    count: dict[str, int]
+    p: float
+
+    def power(self, name: str, size: float) -> float:
+        """Probability that a cause of this size is detected by its own test."""
+        if name not in self.seen:
+            return self.p
+        k = self.count[name]
+        strength = needed(k, self.p) * (size / self.seen[name]) ** 2
+        return float(1 - special.chndtr(special.chdtri(k, self.p), k, strength))
 
 
-def again(
-    robot: Robot,
-    secrets: list[tuple[Secret, float]],
-    seed: list[int],
-    league: League,
-    most: int = 4,
-) -> list[str]:
-    """Play, then follow the proposed next pose, up to `most` times; the verdicts on the way."""
-    known = twins(robot)
-    rules = league.rules
-    tool_rng = np.random.default_rng(seed).spawn(4)
-    from pipeline.league.play import TOOLS  # the tool that `play` will draw
+@lru_cache(maxsize=2 * PLANS)
+def yardstick(plan: tuple[int, ...], rules: Rules) -> Yardstick:
+    """Measure an innocent machine by a plan, and see what would have shown.
 
-    tool = np.array(TOOLS[tool_rng[0].integers(len(TOOLS))])
-    q, anchor = drawn(robot, tool, rules, tool_rng[1])
-    verdicts = []
-    for _ in range(most + 1):
-        game = play(robot, secrets, np.random.default_rng(seed), rules, (q, anchor))
-        found = diagnosed(robot, game.files)
-        one = score(robot, game.truth, found, known)
-        verdicts.append("right" if one.confident and one.right else found.verdict)
-        if verdicts[-1] != "ambiguous" or not found.next_poses:
-            break
-        q = np.vstack([q, found.next_poses[0].q])
-        anchor = np.vstack([anchor, found.next_poses[0].anchor])
-        rules = replace(rules, poses=len(q))
-    return verdicts
+    Args:
+        plan: Seed of the plan.
+        rules: How it is measured.
+    """
+    robot = load("kr500_rail")
+    rng = np.random.default_rng(plan)
+    files = play(robot, drawn(robot, rng, rules), [], rng.spawn(1)[0], rules).files
+    case = ingested(in_memory(files), conformed, plain)
+    fitted = fit(case, bring(case))
+    asked, _ = case_of(fitted.case.cell, fitted.data, fitted.estimate)
+    view = asked.look(asked.sight(asked.model((), fitted.estimate.value)))
+    dof = view.rows_left - (len(view.base) - view.first)
+    p = threshold(view, view.base, dof, rng).p
+    return Yardstick(identifiable(view, twins(robot)), *_visible(view, p), p)
+
+
+def _visible(view: View, p: float) -> tuple[dict[str, float], dict[str, int]]:
+    seen: dict[str, float] = {}
+    count: dict[str, int] = {}
+    for effect, size in zip(view.suspects, smallest_visible(view, view.base, p), strict=True):
+        if size < seen.get(effect.label, np.inf):
+            seen[effect.label], count[effect.label] = float(size), len(effect.parameters)
+    return seen, count

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -54,7 +54,6 @@ class Setup:
         drift: Hours -> displacement of all readings [m], (3,).
         loose: Target index -> displacement of that reflector under load [m], (3,).
         tracker_scale: Scatter of the tracker over stated.
-        scale_scale: Scatter of the scale over stated.
     """
 
     machine: Machine
@@ -69,10 +68,12 @@ class Setup:
     drift: Callable[[Array], Array] | None = None
     loose: dict[int, Array] = field(default_factory=dict)
     tracker_scale: float = 1.0
-    scale_scale: float = 1.0
 
 
-Plant = Callable[[Setup, float, Course], None]
+Amplitudes = dict[str, float]
+"""True parameters under the catalogue's names; for causes whose parameters mean the same there."""
+
+Plant = Callable[[Setup, float, Course], Amplitudes | None]
 """Puts a secret of a size (in typical sizes of the catalogue) into a set-up."""
 
 
@@ -99,17 +100,18 @@ def straight(c: float) -> Law:
 
 
 def _rail(label: str, axis: tuple[float, float, float], slides: bool, typical: float) -> Secret:
-    def plant(s: Setup, size: float, course: Course) -> None:
+    def plant(s: Setup, size: float, course: Course) -> Amplitudes:
         below = -0.12 * float(course.rng.uniform(0.5, 1.0)) if not slides else 0.0
         # the guides lie below the origin of the carriage's frame, in which y points down
         s.machine.springs.append(
             Spring(label, 1, axis, slides, straight(size * typical), (0, -below, 0), fixed=True)
         )
+        return {label.replace("rail", "c"): size * typical}
 
     return Secret(label, "rail", True, plant)
 
 
-def _backlash(s: Setup, size: float, course: Course) -> None:
+def _backlash(s: Setup, size: float, course: Course) -> Amplitudes:
     width = 2e-4 * size
 
     def law(own: Array, _: dict[str, Array]) -> Array:
@@ -117,6 +119,7 @@ def _backlash(s: Setup, size: float, course: Course) -> None:
         return width / 2 * np.where(np.abs(own) < 1e-6, -course.approach, pushed)
 
     s.machine.springs.append(Spring("backlash", 1, (0, 0, 1), True, law))
+    return {"b_rail": width}
 
 
 def _rail_varies(s: Setup, size: float, course: Course) -> None:
@@ -132,13 +135,14 @@ def _rail_varies(s: Setup, size: float, course: Course) -> None:
 
 
 def _tilt(joint: int) -> Secret:
-    def plant(s: Setup, size: float, course: Course) -> None:
+    def plant(s: Setup, size: float, course: Course) -> Amplitudes:
         c = float(NOMINAL[joint - 1]) / 6 * size
-        uneven = course.rng.uniform(0.5, 1.3, 2)
+        x, y = (c * course.rng.uniform(0.5, 1.3, 2)).tolist()
         s.machine.springs += [
-            Spring(f"tilt{joint}{a}", joint, axis, False, straight(c * float(u)))
-            for a, axis, u in zip("xy", ((1.0, 0, 0), (0, 1.0, 0)), uneven, strict=True)
+            Spring(f"tilt{joint}x", joint, (1, 0, 0), False, straight(x)),
+            Spring(f"tilt{joint}y", joint, (0, 1, 0), False, straight(y)),
         ]
+        return {f"c_tilt{joint}_x": x, f"c_tilt{joint}_y": y}
 
     return Secret(f"joint_tilt:{joint}", f"joint {joint}", True, plant)
 
@@ -148,15 +152,19 @@ def _beam(where: str, joint: int, along: tuple[float, float, float], c: float) -
     length = float(np.linalg.norm(along))
     unit = np.array(along) / length
 
-    def plant(s: Setup, size: float, course: Course) -> None:
-        for k, axis in enumerate(((0.0, 0.0, 1.0), tuple(np.cross(unit, [0, 0, 1.0])))):
-            turn = c * size * float(course.rng.uniform(0.7, 1.3))
+    def plant(s: Setup, size: float, course: Course) -> Amplitudes:
+        turns = (c * size * course.rng.uniform(0.7, 1.3, 2)).tolist()
+        axes = ((0.0, 0.0, 1.0), tuple(np.cross(unit, [0, 0, 1.0])))
+        for k, (axis, turn) in enumerate(zip(axes, turns, strict=True)):
             at = tuple(np.array(along) / 2)
             side = tuple(np.cross(unit, axis))
             s.machine.springs += [
                 Spring(f"{where}{k}", joint, axis, False, straight(turn), at),
                 Spring(f"{where}{k}s", joint, side, True, straight(turn * length**2 / 12), at),
             ]
+        short = where.removesuffix("_arm").removesuffix("arm")
+        names = (f"c_{short}_in_plane", f"c_{short}_out_of_plane")
+        return dict(zip(names, turns, strict=True))
 
     return Secret(f"link_bending:{where}", where, True, plant)
 
@@ -188,13 +196,14 @@ def _gear(joint: int) -> Secret:
 def _lost(joint: int) -> Secret:
     """A dead zone: straight to the flank, then nothing."""
 
-    def plant(s: Setup, size: float, course: Course) -> None:
+    def plant(s: Setup, size: float, course: Course) -> Amplitudes:
         full = float(course.rng.uniform(0.02, 0.08)) * 1e-3 / float(NOMINAL[joint - 1])
 
         def law(own: Array, _: dict[str, Array]) -> Array:
             return 6e-5 * size * np.clip(own / full, -1, 1)
 
         s.machine.springs.append(Spring(f"lost{joint}", joint, (0, 0, 1), False, law))
+        return {f"b_{joint}": 6e-5 * size}
 
     return Secret(f"joint_lost_motion:{joint}", f"joint {joint}", True, plant)
 
@@ -243,11 +252,13 @@ def _compensator(s: Setup, size: float, course: Course) -> None:
     s.machine.springs.append(Spring("strut", 3, (0, 0, 1), False, law))
 
 
-def _wrist(s: Setup, size: float, course: Course) -> None:
+def _wrist(s: Setup, size: float, course: Course) -> Amplitudes:
     names = {5: "j5", 6: "j6", 7: "j7"}
+    true = {}
     for a, b in ((5, 6), (6, 7), (5, 7)):
         mean = float(np.sqrt(NOMINAL[a - 1] * NOMINAL[b - 1]))
         c = 0.05 * size * mean * float(course.rng.choice([-1, 1]) * course.rng.uniform(0.6, 1.3))
+        true[f"c_{a}{b}"] = c
         for one, other in ((a, b), (b, a)):
 
             def law(
@@ -256,15 +267,17 @@ def _wrist(s: Setup, size: float, course: Course) -> None:
                 return c * all_[o]
 
             s.machine.springs.append(Spring(f"cross{one}{other}", one, (0, 0, 1), False, law))
+    return true
 
 
 def _gain(s: Setup, size: float, course: Course) -> None:
     s.tension.append(lambda f, _: f / (1 - 0.01 * size))
 
 
-def _zero(s: Setup, size: float, course: Course) -> None:
-    sign = float(course.rng.choice([-1, 1]))
-    s.tension.append(lambda f, _: f + sign * 20.0 * size)
+def _zero(s: Setup, size: float, course: Course) -> Amplitudes:
+    zero = 20.0 * size * float(course.rng.choice([-1, 1]))
+    s.tension.append(lambda f, _: f + zero)
+    return {"f_zero": zero}
 
 
 def _curved(s: Setup, size: float, course: Course) -> None:
@@ -272,7 +285,7 @@ def _curved(s: Setup, size: float, course: Course) -> None:
     s.tension.append(lambda f, _: f * (1 + sign * 0.005 * size * (f / 1000.0) ** 0.9))
 
 
-def _chain_weight(s: Setup, size: float, course: Course) -> None:
+def _chain_weight(s: Setup, size: float, course: Course) -> Amplitudes:
     """Half the weight hangs on the robot; the scale in the middle shows the tension there."""
 
     def acts(F: Array, _: Course) -> Array:
@@ -283,29 +296,41 @@ def _chain_weight(s: Setup, size: float, course: Course) -> None:
         return np.asarray(out - F * ((along - tension) / tension)[:, None])
 
     s.force.append(acts)
+    return {"w_chain": 50.0 * size}
 
 
-def _chain_offset(s: Setup, size: float, course: Course) -> None:
+def _along(names: Sequence[str], vector: Array) -> Amplitudes:
+    return dict(zip(names, vector.tolist(), strict=True))
+
+
+def _chain_offset(s: Setup, size: float, course: Course) -> Amplitudes:
     d = course.rng.standard_normal(3)
-    s.chain_shift = s.chain_shift + d / np.linalg.norm(d) * np.sqrt(3) * 8e-3 * 0.4 * size
+    aslant = d / np.linalg.norm(d) * np.sqrt(3) * 8e-3 * size
+    s.chain_shift = s.chain_shift + aslant * 0.4  # its reflectors are so far from each other
+    return _along([f"d_{axis}_over_L" for axis in "xyz"], aslant)
 
 
-def _load_point(s: Setup, size: float, course: Course) -> None:
+def _load_point(s: Setup, size: float, course: Course) -> Amplitudes:
     d = course.rng.standard_normal(3)
-    s.load_shift = s.load_shift + d / np.linalg.norm(d) * np.sqrt(3) * 5e-3 * size
+    off = d / np.linalg.norm(d) * np.sqrt(3) * 5e-3 * size
+    s.load_shift = s.load_shift + off
+    return _along([f"dl_{axis}" for axis in "xyz"], off)
 
 
 def _joint_offset(joint: int) -> Secret:
-    def plant(s: Setup, size: float, course: Course) -> None:
-        s.joint_shift = s.joint_shift.copy()
-        s.joint_shift[joint - 1] += 1e-3 * size * float(course.rng.choice([-1, 1]))
+    def plant(s: Setup, size: float, course: Course) -> Amplitudes:
+        off = 1e-3 * size * float(course.rng.choice([-1, 1]))
+        s.joint_shift = s.joint_shift + off * (np.arange(len(s.joint_shift)) == joint - 1)
+        return {f"d_{joint}": off}
 
     return Secret(f"joint_offset:{joint}", "metrology", True, plant)
 
 
-def _base(s: Setup, size: float, course: Course) -> None:
+def _base(s: Setup, size: float, course: Course) -> Amplitudes:
     d = course.rng.standard_normal(3)
-    s.base_turn = s.base_turn + d / np.linalg.norm(d) * np.sqrt(3) * 2e-3 * size
+    turn = d / np.linalg.norm(d) * np.sqrt(3) * 2e-3 * size
+    s.base_turn = s.base_turn + turn
+    return _along([f"e_{axis}" for axis in "xyz"], turn)
 
 
 def _drift(s: Setup, size: float, course: Course) -> None:
@@ -316,10 +341,6 @@ def _drift(s: Setup, size: float, course: Course) -> None:
 
 def _sag(s: Setup, size: float, course: Course) -> None:
     s.machine.masses += [(3, (0.6, 0.0, 0.0), 500.0 * size), (5, (0.0, 0.0, -0.7), 400.0 * size)]
-
-
-def _tracker(s: Setup, size: float, course: Course) -> None:
-    s.tracker_scale *= 1 + 0.3 * size
 
 
 NOMINAL = 1 / np.array([8.0e7, 3.8e6, 6.6e6, 3.9e6, 5.6e5, 6.6e5, 4.7e5])
@@ -509,6 +530,9 @@ STRANGE: tuple[Secret, ...] = (
     Secret("cable_pulls_back", "force", False, _cable),
     Secret("gear_creeps", "joint 5", False, _oil),
 )
+
+
+SECRETS = {secret.label: secret for secret in (*KNOWN, *STRANGE)}
 
 
 def setup(robot: Robot, stiffness: Array) -> Setup:
