@@ -204,6 +204,7 @@ def tables(seed: int = 20261103, poses: int = 16) -> dict[str, pd.DataFrame]:
         "workspace_extended": _workspace().eval("worst_m_per_n = 1.1 * worst_m_per_n"),
         "examined": rows.assign(left_out_extended_m=0.6 * rows["left_out_m"]),
         "diagnosis": _suspects(),
+        "separability": _separability(),
         "rejected": pd.DataFrame({"file": [], "line": [], "reason": []}),
     }
 
@@ -221,6 +222,19 @@ def _suspects() -> pd.DataFrame:
             "where": ["2", "", "", "3"],
             "log_evidence": [4.2, 31.0, -0.7, np.nan],
             "named": [False, True, False, False],
+        }
+    )
+
+
+def _separability() -> pd.DataFrame:
+    """Three causes that show, of which two are alike, and one that does not."""
+    labels = ["rail_roll", "joint_tilt:2", "scale_zero", "joint_offset:3"]
+    sigmas = [[30.0, 0.8, 12.0, 9.0], [1.5, 40.0, 25.0, 9.0], [14.0, 3.1, 16.0, 9.0], [0.2] * 4]
+    return pd.DataFrame(
+        {
+            "cause": np.repeat(labels, 4),
+            "rival": labels * 4,
+            "sigmas": np.ravel(sigmas),
         }
     )
 

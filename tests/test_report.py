@@ -55,6 +55,7 @@ AXIS = {
     "workspace-extended": "Reach from the shoulder axis [m]",
     "gain": "Pose left out",
     "evidence": "Evidence, natural log of the odds",
+    "separability": "roll of the carriage about the rail",
     "workspace": "Reach from the shoulder axis [m]",
     "registration": "Reading of a base reflector, in order",
 }
@@ -224,6 +225,20 @@ def test_causes_are_called_by_words_everywhere(sample):
     assert "bending of the link in the upper arm explains it; joint_tilted does not." in texts
 
 
+def test_the_map_tells_which_causes_are_alike(sample, html):
+    """The smaller of both directions counts; a cause that does not show has no row."""
+    caption = next(f for f in compose(*sample).figures if f.name == "separability").caption
+
+    assert caption.startswith("3 of 4 causes would show at their typical size. Of their 3 pairs 2")
+    assert "tilt of the bearing in joint 2 and roll of the carriage about the rail, 0.80" in caption
+    tips = re.findall(r'data-tip="([^"]* or [^"]* σ)"', html)
+    assert sorted(tips) == [
+        "tilt of the bearing in joint 2 or roll of the carriage about the rail: 0.80 σ",
+        "wrong zero of the spring scale or roll of the carriage about the rail: 12 σ",
+        "wrong zero of the spring scale or tilt of the bearing in joint 2: 3.1 σ",
+    ]
+
+
 def test_suspects_are_ordered_by_their_evidence(sample):
     """The figure shows the best suspect first and leaves out what could not be judged."""
     caption = next(f for f in compose(*sample).figures if f.name == "evidence").caption
@@ -289,7 +304,7 @@ def test_figures_follow_the_colours_of_the_page(html):
     pictures = "".join(re.findall(r"<svg.*?</svg>", html, flags=re.DOTALL))
 
     pictures = re.sub(r'(?:href|id|clip-path)="[^"]*"', "", pictures)
-    assert pictures.count("<svg") == 11
+    assert pictures.count("<svg") == 12
     assert "<image" not in pictures
     assert re.findall(r"#[0-9a-f]{3,6}\b|\brgb\(", pictures) == []
 

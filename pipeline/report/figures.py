@@ -16,6 +16,8 @@ from matplotlib.quiver import Quiver
 from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
+from pipeline.diagnosis.nextpose import APART
+from pipeline.report import words
 from pipeline.report.captions import DRAWS, SETS, cause_in_words, comparable
 from pipeline.report.history import drifts, robots
 from pipeline.report.numbers import common_prefix, known, percent, plain, prefixed, with_std
@@ -31,6 +33,7 @@ from pipeline.report.summaries import (
     pose_rms,
     prediction_error,
     residual_force,
+    separability,
     suspects,
     thinned,
     whitened,
@@ -38,6 +41,10 @@ from pipeline.report.summaries import (
 from pipeline.report.svg import BLUE, GRID, INK, MUTED, RED, SERIES, SHADES, STYLE, Drawing, finish
 
 mpl.use("Agg")
+
+APART_STEPS = (1.0, 2.0, APART, 10.0)
+APART_SHADES = SHADES[::2]
+"""Dark where two causes are alike."""
 
 Result = Mapping[str, Any]
 Tips = dict[str, list[str]]
@@ -158,6 +165,45 @@ def _evidence(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     axes.set_xlabel("Evidence, natural log of the odds")
     rows = zip(said, size, named, strict=True)
     return {"evidence": [f"{s}: {plain(v, 2)}{', named' if n else ''}" for s, v, n in rows]}
+
+
+def _separability(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+    apart = separability(tables["separability"])
+    names, n = [words.from_label(label) for label in apart.index], len(apart)
+    canvas.set_size_inches(5.6, 1.6 + 0.13 * n)
+    axes = canvas.subplots()
+    rows, columns = np.tril_indices(n, -1)
+    sigmas = apart.to_numpy()[rows, columns]
+    steps = np.searchsorted(APART_STEPS, sigmas, "right")
+    size = min(0.13, 3.4 / n) * 72  # of a square, in points
+    for step, shade in enumerate(APART_SHADES):
+        here = steps == step
+        low, high = [0, *APART_STEPS][step], [*APART_STEPS, None][step]
+        said = f"{low:g} to {high:g} σ" if high else f"above {low:g} σ"
+        key = f"apart-{step}"
+        axes.scatter(
+            columns[here],
+            rows[here],
+            s=(0.9 * size) ** 2,
+            marker="s",
+            color=shade,
+            linewidths=0,
+            gid=key,
+            label=said,
+        )
+    axes.set_yticks(range(1, n), names[1:], fontsize=6)
+    axes.set_xticks(range(n - 1), names[:-1], fontsize=6, rotation=90)
+    axes.set_ylim(n - 0.4, 0.4)
+    axes.set_xlim(-0.6, n - 1.4)
+    axes.grid(visible=False)
+    axes.legend(loc="upper right", title="Apart by")
+    tips = {}
+    for step in range(len(APART_SHADES)):
+        here = np.flatnonzero(steps == step)
+        tips[f"apart-{step}"] = [
+            f"{names[rows[i]]} or {names[columns[i]]}: {plain(sigmas[i], 2)} σ" for i in here
+        ]
+    return {key: said for key, said in tips.items() if said}
 
 
 def _integer_ticks(axes: Axes, at: np.ndarray, names: Sequence[int]) -> None:
@@ -424,6 +470,7 @@ DRAWERS: dict[str, Callable[[Canvas, Result, Tables], Tips]] = {
     "prediction": _prediction,
     "gain": _gain,
     "evidence": _evidence,
+    "separability": _separability,
     "pose-rms": _pose_rms,
     "residual-force": _residual_force,
     "whitened": _whitened,

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
+from pipeline.diagnosis.separability import DETECTED
 from pipeline.results import Array
 
 Tables = Mapping[str, pd.DataFrame]
@@ -94,6 +95,23 @@ def suspects(diagnosis: pd.DataFrame, most: int = 12) -> pd.DataFrame:
     """The suspects with the most evidence, best first: name, where, log_evidence, named."""
     told = diagnosis[np.isfinite(diagnosis["log_evidence"].to_numpy(float))]
     return told.sort_values("log_evidence", ascending=False, kind="stable").head(most)
+
+
+def separability(table: pd.DataFrame) -> pd.DataFrame:
+    """Causes that show at their typical size, and how far each pair is apart [sigmas].
+
+    Returns:
+        Label by label, in the order of the catalogue: on the diagonal how far the cause stands
+        out of the scatter beside the joint springs, elsewhere the smaller of what either leaves
+        when the other is fitted in its place.
+    """
+    wide = table.pivot_table(index="cause", columns="rival", values="sigmas", sort=False)
+    labels = list(dict.fromkeys(table["cause"]))
+    sigmas = wide.loc[labels, labels].to_numpy(float)
+    sigmas = np.minimum(sigmas, sigmas.T)
+    shown = np.flatnonzero(np.diagonal(sigmas) >= DETECTED)
+    names = [labels[i] for i in shown]
+    return pd.DataFrame(sigmas[np.ix_(shown, shown)], index=names, columns=names)
 
 
 def arrows(residuals: pd.DataFrame, places: pd.DataFrame, forces: pd.DataFrame) -> pd.DataFrame:

@@ -46,7 +46,7 @@ def diagnosis(result: Result, tables: Tables) -> Section | None:
     blocks += [
         _alone(items(said, "alone")),
         Text(shared.replace("With it ", "With all causes ", 1)) if shared else None,
-        *figures(("gain", "evidence"), result, tables),
+        *figures(("gain", "evidence", "separability"), result, tables),
         next_poses(poses),
         next_joint_values(poses, items(result, "stiffness")),
         blind_spots(items(said, "blind_spots")),
