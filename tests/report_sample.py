@@ -202,7 +202,7 @@ def tables(seed: int = 20261103, poses: int = 16) -> dict[str, pd.DataFrame]:
         "validation": _validation(rng),
         "workspace": _workspace(),
         "workspace_extended": _workspace().eval("worst_m_per_n = 1.1 * worst_m_per_n"),
-        "examined": rows.assign(left_out_extended_m=0.6 * rows["left_out_m"]),
+        "examined": _examined(rows),
         "diagnosis": _suspects(),
         "separability": _separability(),
         "rejected": pd.DataFrame({"file": [], "line": [], "reason": []}),
@@ -223,6 +223,20 @@ def _suspects() -> pd.DataFrame:
             "log_evidence": [4.2, 31.0, -0.7, np.nan],
             "named": [False, True, False, False],
         }
+    )
+
+
+def _examined(rows: pd.DataFrame) -> pd.DataFrame:
+    """The carriage rolls where it stands far out: the named cause takes a slope away."""
+    rail = rows["zero_y_m"].to_numpy(float)
+    return rows.assign(
+        r1_m=rail,
+        tau_r1=1000.0,
+        tau_theta2=800.0 * np.sin(rows["pose"]) * rows["repeat"],
+        time_s=600.0 * rows["pose"] + 90.0 * rows["repeat"],
+        residual_m=rows["residual_m"] + 1e-5 * (rail - 9),
+        residual_extended_m=rows["residual_m"],
+        left_out_extended_m=0.6 * rows["left_out_m"],
     )
 
 

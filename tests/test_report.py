@@ -5,6 +5,7 @@ import io
 import re
 import xml.etree.ElementTree as ET
 
+import numpy as np
 import pandas as pd
 import pypdf
 import pytest
@@ -15,6 +16,7 @@ from pipeline.report import numbers
 from pipeline.report.model import compose
 from pipeline.report.record import Figure, Table
 from pipeline.report.render import pdf, render
+from pipeline.report.summaries import courses
 
 HOSTILE = (
     "<script>alert(1)</script> #panic(\"x\") $x$ *b* _i_ `c` @ref ]] \\u{41} 'q' &amp; {{ 7*7 }}"
@@ -50,6 +52,7 @@ AXIS = {
     "prediction": "Relative error of the predicted deflection [%]",
     "pose-rms": "Pose",
     "residual-force": "Size of the pull [N]",
+    "residual-course": "Torque about theta2 [N m]",
     "whitened": "Residual [standard deviations]",
     "arrows": "from the side",
     "workspace-extended": "Reach from the shoulder axis [m]",
@@ -239,6 +242,20 @@ def test_the_map_tells_which_causes_are_alike(sample, html):
     ]
 
 
+def test_a_residual_that_follows_the_rail_is_said_to(sample):
+    """A slope along the rail is found there; torque is that of the best suspect."""
+    _, tables = sample
+    _, told = courses(tables)
+    by_column = {one.column: one for one in told}
+
+    assert list(by_column) == ["r1_m", "tau_theta2", "time_s"]
+    assert by_column["r1_m"].explained > 0.6
+    assert by_column["r1_m"].explained > 2 * by_column["tau_theta2"].explained
+    assert by_column["r1_m"].by_chance == 18 / len(tables["examined"])
+    tables = tables | {"examined": tables["examined"].drop(columns="r1_m").assign(time_s=np.nan)}
+    assert [one.column for one in courses(tables)[1]] == ["tau_theta2"]
+
+
 def test_suspects_are_ordered_by_their_evidence(sample):
     """The figure shows the best suspect first and leaves out what could not be judged."""
     caption = next(f for f in compose(*sample).figures if f.name == "evidence").caption
@@ -304,7 +321,7 @@ def test_figures_follow_the_colours_of_the_page(html):
     pictures = "".join(re.findall(r"<svg.*?</svg>", html, flags=re.DOTALL))
 
     pictures = re.sub(r'(?:href|id|clip-path)="[^"]*"', "", pictures)
-    assert pictures.count("<svg") == 12
+    assert pictures.count("<svg") == 13
     assert "<image" not in pictures
     assert re.findall(r"#[0-9a-f]{3,6}\b|\brgb\(", pictures) == []
 

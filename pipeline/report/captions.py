@@ -17,6 +17,7 @@ from pipeline.report.record import Figure
 from pipeline.report.summaries import (
     Tables,
     arrows,
+    courses,
     gain,
     has,
     places,
@@ -185,6 +186,28 @@ def _residual_force(result: Result, tables: Tables) -> Figure | None:
     )
 
 
+def _residual_course(result: Result, tables: Tables) -> Figure | None:
+    if not has(tables, "examined") or "residual_extended_m" not in tables["examined"]:
+        return None
+    _, told = courses(tables)
+    if not told:
+        return None
+    said = "Steps of " + ", ".join(
+        f"{one.name} explain {percent(one.explained)} of the residuals of the joint springs"
+        if k == 0
+        else f"of {one.name} {percent(one.explained)}"
+        for k, one in enumerate(told)
+    )
+    said += f"; pure noise would give {percent(told[0].by_chance)}."
+    return Figure(
+        "residual-course",
+        "Residual against " + ", ".join(one.name for one in told),
+        f"{said} A band that bends, steps or drifts is an effect the joint springs do not have; "
+        f"diamonds are what is left with the named causes.",
+        f"{len(told)} scatter plots of residual coordinates. {said}",
+    )
+
+
 def _whitened(result: Result, tables: Tables) -> Figure | None:
     if not has(tables, "residuals"):
         return None
@@ -307,6 +330,7 @@ WRITERS: dict[str, Callable[[Result, Tables], Figure | None]] = {
     "separability": _separability,
     "pose-rms": _pose_rms,
     "residual-force": _residual_force,
+    "residual-course": _residual_course,
     "whitened": _whitened,
     "arrows": _arrows,
     "workspace": _workspace,

@@ -27,6 +27,7 @@ from pipeline.report.summaries import (
     MOST,
     Tables,
     arrows,
+    courses,
     gain,
     has,
     places,
@@ -256,6 +257,36 @@ def _residual_force(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     return tips
 
 
+def _residual_course(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+    rows, told = courses(tables)
+    canvas.set_size_inches(5.6, 0.5 + 1.5 * len(told))
+    views = canvas.subplots(len(told), 1, sharey=True, squeeze=False)[:, 0]
+    kinds = [("mm", "o", BLUE, "joint springs")]
+    if not np.allclose(rows["mm"], rows["mm_extended"], equal_nan=True):
+        kinds.append(("mm_extended", "D", RED, "with the named causes"))
+    tips = {}
+    for view, one in zip(views, told, strict=True):
+        known = rows[np.isfinite(rows[[one.column, "mm"]].to_numpy(float)).all(axis=1)]
+        known = thinned(known, known["mm"].to_numpy(float), MOST // 20)
+        view.axhline(0, color=MUTED, linewidth=0.8)
+        for column, marker, colour, name in kinds:
+            key = f"{one.column}-{column}"
+            size = 10 if column == "mm" else 7
+            at, mm = known[one.column], known[column]
+            view.scatter(
+                at, mm, color=colour, marker=marker, s=size, linewidths=0, gid=key, label=name
+            )
+            tips[key] = [
+                f"pose {r.pose}, pull {r.repeat}, {r.target} {r.axis}: {plain(y)} mm at "
+                f"{plain(x)} {one.unit}, {name}"
+                for r, x, y in zip(_rows(known), at, mm, strict=True)
+            ]
+        view.set_xlabel(f"{one.name[0].upper()}{one.name[1:]} [{one.unit}]")
+        view.set_ylabel("Residual [mm]")
+    _legend_above(views[0], 2)
+    return tips
+
+
 def _whitened(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     values = whitened(tables["residuals"])
     reach = float(np.clip(np.abs(values).max(), 4, 12))
@@ -473,6 +504,7 @@ DRAWERS: dict[str, Callable[[Canvas, Result, Tables], Tips]] = {
     "separability": _separability,
     "pose-rms": _pose_rms,
     "residual-force": _residual_force,
+    "residual-course": _residual_course,
     "whitened": _whitened,
     "arrows": _arrows,
     "workspace": _workspace,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -48,6 +49,67 @@ def residual_force(residuals: pd.DataFrame, forces: pd.DataFrame) -> pd.DataFram
     )
     joined["mm"] = MM * joined["residual_m"]
     return _finite(joined, ["mm"])
+
+
+@dataclass(frozen=True)
+class Course:
+    """What residuals are held against.
+
+    Attributes:
+        column: Of the rows.
+        name: In words.
+        unit: Its unit.
+        explained: Share of the residuals' variance that means over six steps of it explain, base
+            axes apart.
+        by_chance: The share that pure noise gives so.
+    """
+
+    column: str
+    name: str
+    unit: str
+    explained: float
+    by_chance: float
+
+
+def courses(tables: Tables) -> tuple[pd.DataFrame, list[Course]]:
+    """Residuals [mm] beside rail position, torque and time, as far as the campaign has them.
+
+    The torque is that of the joint in which the suspect with the most evidence sits.
+
+    Returns:
+        Rows with `mm` (joint springs) and `mm_extended` (named causes), and what to hold them
+        against.
+    """
+    rows = tables["examined"].assign(
+        mm=lambda t: MM * t["residual_m"], mm_extended=lambda t: MM * t["residual_extended_m"]
+    )
+    rail = [c for c in rows.columns if c.endswith("_m") and f"tau_{c[:-2]}" in rows.columns]
+    against = [(c, f"position of {c[:-2]}", "m") for c in rail]
+    joints = [c for c in rows.columns if c.startswith("tau_")]
+    best = (
+        suspects(tables["diagnosis"], 60)["where"].astype(str) if has(tables, "diagnosis") else []
+    )
+    number = next((int(where) for where in best if where.isdigit()), 0)
+    if 0 < number <= len(joints):
+        against.append((joints[number - 1], f"torque about {joints[number - 1][4:]}", "N m"))
+    against.append(("time_s", "time", "s"))
+    told = [_course(rows, *one) for one in against if one[0] in rows and _varies(rows[one[0]])]
+    return rows, told
+
+
+def _varies(values: pd.Series[float]) -> bool:
+    known = values.to_numpy(float)[np.isfinite(values.to_numpy(float))]
+    return len(np.unique(known)) > 3
+
+
+def _course(rows: pd.DataFrame, column: str, name: str, unit: str) -> Course:
+    known = _finite(rows, [column, "mm"])
+    step = pd.qcut(known[column].rank(method="first"), 6, labels=False)
+    mean = known.groupby([step, "axis"])["mm"].transform("mean").to_numpy(float)
+    squares = float(np.sum(known["mm"].to_numpy(float) ** 2))
+    return Course(
+        column, name, unit, float(np.sum(mean**2)) / max(squares, 1e-300), 18 / len(known)
+    )
 
 
 def thinned(table: pd.DataFrame, size: Array, most: int = MOST) -> pd.DataFrame:

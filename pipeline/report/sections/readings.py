@@ -34,7 +34,7 @@ MOST_ROWS = 400
 
 def residuals(result: Result, tables: Tables) -> Section | None:
     """Pictures of what the fit leaves."""
-    names = ("pose-rms", "residual-force", "whitened", "arrows")
+    names = ("pose-rms", "residual-force", "residual-course", "whitened", "arrows")
     return section_of("residuals", "Residuals", figures(names, result, tables))
 
 
