@@ -94,7 +94,7 @@ def test_an_innocent_machine_is_let_go(seed):
     "sizes",
     [
         {"rail_backlash": 1.0},
-        {"joint_tilt_3": 1.5},
+        {"joint_tilt_3": 2.5},
         {"link_bending:forearm": 2.0},
         {"joint_hardening_3": 3.0},
         {"joint_lost_motion_3": 2.5},

@@ -86,9 +86,8 @@ def courses(tables: Tables) -> tuple[pd.DataFrame, list[Course]]:
     rail = [c for c in rows.columns if c.endswith("_m") and f"tau_{c[:-2]}" in rows.columns]
     against = [(c, f"position of {c[:-2]}", "m") for c in rail]
     joints = [c for c in rows.columns if c.startswith("tau_")]
-    best = (
-        suspects(tables["diagnosis"], 60)["where"].astype(str) if has(tables, "diagnosis") else []
-    )
+    known = suspects(tables["diagnosis"], 60) if has(tables, "diagnosis") else pd.DataFrame()
+    best = known.get("where", pd.Series(dtype=str)).astype(str)
     number = next((int(where) for where in best if where.isdigit()), 0)
     if 0 < number <= len(joints):
         against.append((joints[number - 1], f"torque about {joints[number - 1][4:]}", "N m"))
