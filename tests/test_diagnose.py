@@ -121,6 +121,19 @@ def test_twins_are_never_named_singly(planted, pair):
     assert cause.probability < 0.7
 
 
+def test_two_laws_of_a_gear_that_a_plan_hardly_tells_ask_for_a_pull():
+    """Where no torque falls below a gear's knee, lost motion and a knee are one: both are said."""
+    found, *_ = examined(22, "joint_lost_motion:4=2x")
+
+    assert found.verdict == "ambiguous"
+    cause = found.causes[0]
+    assert cause.effect.label == "joint_lost_motion:4"
+    assert [rival.effect.label for rival in cause.rivals] == ["joint_hardening:4"]
+    asked = [p for p in found.next_poses if "joint_hardening:4" in p.separates]
+    assert asked
+    assert asked[-1].after > asked[0].before + 1.0
+
+
 def test_hidden_twins_of_the_stiffnesses_are_blind_spots():
     """A wrong gain and a yawing carriage go unnoticed, and the diagnosis says so."""
     found, *_ = examined(24, "scale_gain", "rail_yaw")

@@ -61,6 +61,18 @@ def test_what_else_could_stand_there_is_said(found):
     assert found.verdict in ("ambiguous", "explained")
 
 
+def test_one_cause_alone_does_it_and_the_others_are_told_beside_it(found):
+    """The tilting bearing alone takes a fifth; forearm and a wrong point follow, less likely."""
+    first, *others = found.alone
+
+    assert first.effect.label == "joint_tilt:3"
+    assert first.reduction > 0.2
+    assert first.ci95[0] > 0
+    assert first.probability > 0.5
+    assert {"link_bending", "load_point_offset"} <= {one.effect.name for one in others}
+    assert sum(one.probability for one in found.alone) <= 1.0
+
+
 def test_joint_only_pulls_raise_no_alarm(fanuc):
     """Pulls of a robot with nothing but joint springs, with this scatter: 1 % alarms at most."""
     cell, data, system, estimate = fanuc

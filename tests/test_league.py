@@ -84,6 +84,17 @@ def test_a_machine_rests_where_the_springs_balance_the_pull():
     assert np.linalg.norm(at[0] - configure(KR500, q).points(load_point[None])[0, 0]) > 1e-3
 
 
+def test_secrets_at_work_together_share_no_spring():
+    """A law reads its torque by the name of its spring, so every spring has one of its own."""
+    one, course = setup(KR500, 1 / NOMINAL), measured(3, {}).course
+
+    for secret in SECRETS.values():
+        secret.plant(one, 1.0, course)
+
+    names = [spring.name for spring in one.machine.springs]
+    assert len(names) == len(set(names))
+
+
 @pytest.mark.parametrize("seed", [31, 32])
 def test_an_innocent_machine_is_let_go(seed):
     """Other stiffnesses, tool points, tools and scatter are no fault."""
