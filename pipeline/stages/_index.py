@@ -25,6 +25,11 @@ def places(column: pd.Series[str], words: Sequence[str]) -> Ints:
 def pull_numbers(table: pd.DataFrame) -> Ints:
     """One number for pose and repeat of every row, both below 2^31, in their order, shape (n,)."""
     pose, repeat = (table[name].to_numpy(np.int64) for name in ("pose", "repeat"))
+    return pull_number(pose, repeat)
+
+
+def pull_number(pose: Ints, repeat: Ints) -> Ints:
+    """The same of pose and repeat themselves."""
     return pose * 2**31 + repeat
 
 
@@ -62,6 +67,11 @@ def found(known: Ints, wanted: Ints) -> Ints:
     """Where each wanted number stands among known ones, the last of equals; else -1."""
     if not len(known):
         return np.full(len(wanted), -1)
+    if np.array_equal(known, wanted) and (known[1:] > known[:-1]).all():
+        return np.arange(len(known))
+    begins = np.flatnonzero(np.append(True, wanted[1:] != wanted[:-1]))
+    if 2 * len(begins) < len(wanted):  # in runs: one look for each
+        return np.repeat(found(known, wanted[begins]), np.diff(np.append(begins, len(wanted))))
     order = None if (known[1:] >= known[:-1]).all() else np.argsort(known, kind="stable")
     at = np.maximum(np.searchsorted(known, wanted, side="right", sorter=order) - 1, 0)
     row = at if order is None else order[at]

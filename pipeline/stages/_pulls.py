@@ -10,6 +10,7 @@ from pipeline.errors import listed
 from pipeline.readers.logs import Log
 from pipeline.results import Bools, Ints, Locked
 from pipeline.settings import Settings
+from pipeline.stages._index import found, pull_number
 from pipeline.stages._shots import Rejection, Shots
 
 
@@ -80,30 +81,14 @@ def _states(shots: Shots, t: int, loads: Log, joints: Log) -> _States:
     zero = np.zeros((len(poses), t), dtype=bool)
     for k in range(t):
         zero[of[~shots.loaded & present[:, k]], k] = True
-    load = _place(
-        _pull(loads.number["pose"].astype(np.int64), loads.number["repeat"].astype(np.int64)),
-        _pull(shots.pose, shots.repeat),
-    )
+    logged = (loads.number[name].astype(np.int64) for name in ("pose", "repeat"))
+    load = found(pull_number(*logged), pull_number(shots.pose, shots.repeat))
     return _States(
         present=present,
         zero=zero[of].reshape(s, t),
         joints=np.isin(shots.pose, joints.number["pose"]),
         load=np.where(shots.loaded, load, -1),
     )
-
-
-def _pull(pose: Ints, repeat: Ints) -> Ints:
-    """One number for pose and repeat, both below 2^31."""
-    return pose * 2**31 + repeat
-
-
-def _place(known: Ints, wanted: Ints) -> Ints:
-    """Where each wanted number stands among known ones, all different; -1 where it does not."""
-    if not len(known):
-        return np.full(len(wanted), -1)
-    order = np.argsort(known)
-    at = np.minimum(np.searchsorted(known, wanted, sorter=order), len(known) - 1)
-    return np.where(known[order[at]] == wanted, order[at], -1)
 
 
 def _why_not(

@@ -16,6 +16,7 @@ from pipeline.readers import Export
 from pipeline.readers._delimited import shown
 from pipeline.results import Array, Bools, Ints, Locked
 from pipeline.settings import Settings
+from pipeline.stages._index import numbered
 
 BASE, STRANGE = -1, -2
 """Roles of a target beside 0..t-1: a base reflector, and a name nobody knows."""
@@ -163,7 +164,7 @@ def _slots(names: pa.StringArray, pattern: str) -> tuple[Ints, Ints, Ints, Bools
     state = keys[:, 0] >= 0
     # one number for pose, repeat and state: both are below 2^31
     weight = np.array([2**32, 2, 1], dtype=np.int64)
-    packed, member = np.unique(keys[state] @ weight, return_inverse=True)
+    packed, member = numbered(keys[state] @ weight)
     slot = np.full(len(names), -1, dtype=np.int64)
     slot[state] = member
     return slot, packed // 2**32, packed % 2**32 // 2, packed % 2 == 1

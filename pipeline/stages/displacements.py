@@ -8,7 +8,7 @@ import pandas as pd
 from pipeline import covariance
 from pipeline.results import Array, Ints
 from pipeline.settings import Settings
-from pipeline.stages._index import means, numbered, places, taken
+from pipeline.stages._index import means, numbered, places, pull_number, taken
 from pipeline.stages.register import XYZ
 
 
@@ -55,7 +55,7 @@ def displacements(settings: Settings, placed: pd.DataFrame) -> pd.DataFrame:
 
 def _order(pose: Ints, repeat: Ints, target: Ints) -> Ints | slice:
     """What sorts rows by pose, repeat and target; most exports are in order already."""
-    pull = pose * 2**31 + repeat
+    pull = pull_number(pose, repeat)
     step = np.diff(pull)
     if ((step > 0) | ((step == 0) & (np.diff(target) > 0))).all():
         return slice(None)

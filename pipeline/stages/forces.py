@@ -42,22 +42,22 @@ def forces(settings: Settings, placed: pd.DataFrame, loads: pd.DataFrame) -> pd.
     loads, pulls, (near, far) = loads[both], pulls[both], (end[both] for end in ends)
 
     at = [placed[axis].to_numpy() for axis in XYZ]
-    chain = np.column_stack([points[far] - points[near] for points in at])
-    length = np.linalg.norm(chain, axis=1)
-    u = chain / length[:, None]
+    chain = [points[far] - points[near] for points in at]
+    square = chain[0] ** 2 + chain[1] ** 2 + chain[2] ** 2
+    u = [part / np.sqrt(square) for part in chain]
     six = covariance.numbers(placed)
     if covariance.stated(covariance.known(six)):
         C = [column[near] + column[far] for column in six]
     else:
-        C = [np.full(len(u), 2.0 * (i == j)) for i, j in covariance.PLACES]
-    direction = [column / length**2 for column in _across(u, C)]
+        C = [np.full(len(square), 2.0 * (i == j)) for i, j in covariance.PLACES]
+    direction = [column / square for column in _across(u, C)]
     reading = loads["force_n"].to_numpy()
-    force = reading[:, None] * u
+    force = [reading * part for part in u]
     measured = np.flatnonzero(loaded & (target >= 2))
     return pd.DataFrame(
         {
             **{name: loads[name].to_numpy() for name in ("pose", "repeat")},
-            **dict(zip(["fx_n", "fy_n", "fz_n"], force.T, strict=True)),
+            **dict(zip(["fx_n", "fy_n", "fz_n"], force, strict=True)),
             "reading_std_n": reading_std(settings.scale or Scale(), reading),
             **dict(zip(covariance.columns("u", ""), direction, strict=True)),
             "branch": BRANCH[places(loads["branch"], ["up", "down"])],
@@ -78,12 +78,14 @@ def _rows(pull: Ints, which: np.ndarray, pulls: Ints) -> Ints:
     return np.where(at >= 0, np.append(rows, -1)[at], -1)
 
 
-def _across(u: Array, C: list[Array]) -> list[Array]:
-    """(I - u u') C (I - u u') of directions (m, 3), in six columns."""
-    v = np.einsum("mij,mj->mi", covariance.full(C), u)
-    s = np.einsum("mi,mi->m", u, v)
+def _across(u: list[Array], C: list[Array]) -> list[Array]:
+    """(I - u u') C (I - u u') of directions in three columns, in six columns."""
+    xx, xy, xz, yy, yz, zz = C
+    rows = ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
+    v = [sum(c * along for c, along in zip(row, u, strict=True)) for row in rows]
+    s = sum(along * across for along, across in zip(u, v, strict=True))
     return [
-        C[k] - u[:, i] * v[:, j] - v[:, i] * u[:, j] + s * u[:, i] * u[:, j]
+        C[k] - u[i] * v[j] - v[i] * u[j] + s * u[i] * u[j]
         for k, (i, j) in enumerate(covariance.PLACES)
     ]
 
