@@ -179,8 +179,8 @@ def _sign_or_convention(
 
 
 UNITS = ("inch", "m", "kgf", "lbf", "rad")
-CONVENTIONS = ("controller_axes", "left_handed", "pull_reversed", "d_5")
-CONVENTIONS += ("modified_dh", "standard_dh")
+_SIGNS = ("controller_axes", "left_handed", "pull_reversed", "d_5")
+CONVENTIONS = (*_SIGNS, "modified_dh", "standard_dh")
 BLUNDERS: Mapping[str, Blunder] = {
     blunder.name: blunder
     for blunder in (

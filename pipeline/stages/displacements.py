@@ -45,7 +45,7 @@ def displacements(settings: Settings, placed: pd.DataFrame) -> pd.DataFrame:
     columns = {
         "pose": pose[loaded],
         "repeat": repeat[loaded],
-        "target": pd.Categorical.from_codes(target[loaded], names),
+        "target": pd.Categorical.from_codes(target[loaded], pd.Index(names)),
         **{f"d{axis}": xyz[axis] - shared[f"zero_{axis}"] for axis in XYZ},
         **{f"loaded_{name}": values for name, values in cov.items()},
         **shared,
@@ -75,7 +75,8 @@ def _zero(placed: pd.DataFrame, rows: Ints, member: Ints, groups: int) -> dict[s
     some = np.maximum(count, 1)
 
     def total(name: str) -> Array:
-        return np.bincount(member, placed[name].to_numpy()[rows], minlength=groups)
+        weights: Array = placed[name].to_numpy(float)[rows]
+        return np.asarray(np.bincount(member, weights, groups), dtype=float)
 
     return {
         **{f"zero_{name}": total(name) / some**2 for name in covariance.columns()},

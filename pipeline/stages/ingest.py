@@ -260,7 +260,7 @@ def _covariance(shots: Shots, tracker: Tracker) -> tuple[list[Array], pa.Diction
     stated, source = _stated_covariance(shots, tracker)
     if shots.covariance is None:
         return stated, _alternatives(np.zeros(len(shots), bool), [source])
-    own = np.isfinite(shots.covariance).all(axis=1)
+    own: Bools = np.asarray(np.isfinite(shots.covariance).all(axis=1))
     columns = [np.where(own, shots.covariance[:, k], stated[k]) for k in range(6)]
     return columns, _alternatives(own, [source, "file"])
 
