@@ -89,6 +89,9 @@ def outlier(
 ) -> list[Finding]:
     """The reading that contradicts the others most, if chance does not explain it.
 
+    Where a model fits, its own residuals say how much readings scatter, never less than stated:
+    they are several times more than the contrasts and leave less to chance.
+
     Args:
         case: The campaign.
         reduced: Its measurements.
@@ -109,14 +112,14 @@ def outlier(
     for shifts, must_fit in ((springs, True), (poses, True), (poses, False)):
         best = int(np.argmax(shifts.drop))
         rest, dof = shifts.rest - shifts.drop[best], max(shifts.dof - 3, 1)
-        variance = scale**2
-        if not system.noise_stated:
-            variance = rest / dof
-        elif stats.f.sf(rest / dof / variance, dof, contrasts) < FITS:
-            if must_fit:
-                continue
-            variance = DOMINANT * rest / dof
-        p = len(shifts.drop) * float(stats.f.sf(shifts.drop[best] / 3 / variance, 3, contrasts))
+        variance, known_from = rest / dof, dof
+        if system.noise_stated:
+            variance = max(variance, 1.0)  # a certificate may be modest, chance no outlier
+            if stats.f.sf(rest / dof / scale**2, dof, contrasts) < FITS:
+                if must_fit:
+                    continue
+                variance, known_from = DOMINANT * rest / dof, contrasts
+        p = len(shifts.drop) * float(stats.f.sf(shifts.drop[best] / 3 / variance, 3, known_from))
         size = float(np.linalg.norm(shifts.shift[best]))
         shift = shifts.shift[best]
         confirmed = _confirmed(poses, best, shift, scale**2)
