@@ -47,7 +47,7 @@ class Note:
         """As it was left, or an empty one."""
         try:
             return Note(**json.loads((_processed(root) / NOTE).read_bytes()))
-        except (FileNotFoundError, ValueError, TypeError):
+        except (OSError, ValueError, TypeError):
             return Note()
 
     def keep(self, root: Path) -> None:
@@ -151,8 +151,10 @@ def untold(root: Path, refused: list[Outcome]) -> list[Outcome]:
 
 def publish(root: Path, storage: Storage) -> list[Outcome]:
     """Put changed reports and tables into the storage; what was refused, and why."""
-    note, refused = Note.of(root), []
     folders = ((root / "reports", storage.reports), (_processed(root), storage.processed))
+    if not any(url for _, url in folders):
+        return []
+    note, refused = Note.of(root), []
     for folder, url in folders:
         if url is None:
             continue
@@ -161,8 +163,7 @@ def publish(root: Path, storage: Storage) -> list[Outcome]:
             _put(root, folder, store, note)
         except PipelineError as problem:
             refused.append(_refused(HERE, problem))
-    if storage.reports or storage.processed:
-        note.keep(root)
+    note.keep(root)
     return refused
 
 

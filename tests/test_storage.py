@@ -13,6 +13,7 @@ import pytest
 
 from pipeline import files, mirror
 from pipeline.cli import _exit_code
+from pipeline.errors import InputError
 from pipeline.preferences import Preferences, Storage, load
 from pipeline.storage import Store
 from pipeline.watch import scan
@@ -195,6 +196,9 @@ def test_work_of_this_machine_is_never_replaced(bucket, tmp_path):
     mine = tmp_path / "data/raw/edited/forces.csv"
     mine.write_bytes(b"mine")
     mirror.fetch(tmp_path, WHERE)  # nothing changed there: nothing to say
+    (edited / "forces.csv").unlink()  # not even then
+    assert [outcome.campaign for outcome in mirror.fetch(tmp_path, WHERE)] == ["edited", "mine"]
+    assert mine.read_bytes() == b"mine"
     (edited / "forces.csv").write_bytes(b"theirs")
     (edited / "joints.csv").write_bytes(b"theirs")
     refused = mirror.fetch(tmp_path, WHERE)
@@ -207,7 +211,7 @@ def test_work_of_this_machine_is_never_replaced(bucket, tmp_path):
 
 
 def test_what_vanishes_there(bucket, tmp_path):
-    """A file taken out of a campaign goes here, too; a campaign taken out as a whole stays."""
+    """A file taken out of a campaign goes here, too, and comes back when lost; a campaign stays."""
     folder = upload(bucket, "c")
     mirror.fetch(tmp_path, WHERE)
     here = tmp_path / "data" / "raw" / "c"
@@ -217,6 +221,9 @@ def test_what_vanishes_there(bucket, tmp_path):
     assert not (here / "README.md").exists()
     assert (here / "notes.txt").exists()
 
+    (here / "forces.csv").unlink()
+    mirror.fetch(tmp_path, WHERE)
+    assert (here / "forces.csv").exists()
     shutil.rmtree(folder)
     assert mirror.fetch(tmp_path, WHERE) == []
     assert (here / "forces.csv").exists()
@@ -224,7 +231,8 @@ def test_what_vanishes_there(bucket, tmp_path):
 
 def test_a_name_cannot_leave_data_raw(tmp_path, monkeypatch):
     """Objects may be called anything; nothing is written outside of its campaign."""
-    names = ["../x/campaign.toml", "a/campaign.toml", "a/../../../b", ".c/campaign.toml", "d\\e/f"]
+    names = ["../x/campaign.toml", "a/campaign.toml", "a/../../../b", ".c/campaign.toml"]
+    names += ["d\\e/f", "without/forces.csv", "lying-about.csv"]
     monkeypatch.setattr(Store, "marks", lambda _: dict.fromkeys(names, (1, 0.0)))
     monkeypatch.setattr(Store, "read", lambda *_: b"x")
     mirror.fetch(tmp_path, WHERE)
@@ -234,6 +242,47 @@ def test_a_name_cannot_leave_data_raw(tmp_path, monkeypatch):
         "data/raw/a/campaign.toml",
         "data/processed/storage.json",
     }
+
+
+def test_a_campaign_arrives_whole(bucket, tmp_path, monkeypatch):
+    """campaign.toml comes last, for a folder without one is no campaign yet."""
+    upload(bucket, "c")
+    written, write = [], files.write
+    monkeypatch.setattr(
+        files, "write", lambda path, data: (written.append(path), write(path, data))
+    )
+    mirror.fetch(tmp_path, WHERE)
+
+    assert [path.name for path in written if path.parent.name == "c"][-1] == "campaign.toml"
+
+
+def test_a_storage_that_goes_away_meanwhile_is_told_once(tmp_path, monkeypatch):
+    """Not once for each campaign, and no further campaign is asked for."""
+    asked = []
+
+    def away(_, name):
+        asked.append(name)
+        raise InputError("s3://robots/raw cannot be read", "check", passing=True)
+
+    monkeypatch.setattr(Store, "marks", lambda _: {f"{c}/campaign.toml": (1, 0.0) for c in "ab"})
+    monkeypatch.setattr(Store, "read", away)
+
+    assert [outcome.campaign for outcome in mirror.fetch(tmp_path, WHERE)] == ["storage"]
+    assert asked == ["a/campaign.toml"]
+
+
+def test_each_look_puts_answers_back(bucket, tmp_path):
+    """`watch` and `serve` do as `run` does."""
+    files.write(tmp_path / "reports" / "index.html", b"page")
+    preferences = Preferences(storage=Storage(reports="s3://robots/reports"))
+    assert list(scan(tmp_path, preferences, dict, lambda _: None)) == []
+
+    assert (bucket / "reports" / "index.html").read_bytes() == b"page"
+
+
+def test_a_key_in_the_address_is_not_shown():
+    """Who writes it there has it in pipeline.toml, and nowhere else."""
+    assert Store("s3://key:secret@robots/raw?region=x").shown == "s3://robots/raw"
 
 
 class Closed(http.server.BaseHTTPRequestHandler):

@@ -110,6 +110,21 @@ def test_what_may_heal_is_tried_three_times(tmp_path, runs, problem):
         look(tmp_path, runs)
 
     assert runs.of == ["a"] * 3
+    (tmp_path / "data/raw/a/forces.csv").write_bytes(b"new")
+    for _ in range(5):
+        look(tmp_path, runs)
+    assert runs.of == ["a"] * 6
+
+
+def test_new_code_runs_everything_again(tmp_path, runs, monkeypatch):
+    """A result of another version of the program is none."""
+    arrive(tmp_path, "a")
+    look(tmp_path, runs)
+    monkeypatch.setattr(watch.campaigns, "code_version", lambda: "another")
+    look(tmp_path, runs)
+    look(tmp_path, runs)
+
+    assert runs.of == ["a", "a"]
 
 
 def test_a_lost_report_is_made_again(tmp_path, runs):
@@ -158,6 +173,20 @@ def test_a_changed_verdict_is_told_once(tmp_path, runs, hook):
     ]
     assert got[1]["text"] == "a: adequate -> unexplained. Said."
     assert got[1]["report"] == str(tmp_path / "reports" / "a" / "index.html")
+
+
+def test_what_may_heal_is_told_when_it_did_not(tmp_path, runs, hook):
+    """Nobody is called for a share that is away for a minute; after the last try, once."""
+    address, got, _ = hook
+    arrive(tmp_path, "a")
+    runs.problem["a"] = InputError("was away", "try again", passing=True)
+    told = []
+    for _ in range(4):
+        look(tmp_path, runs, webhook=address)
+        told.append(len(got))
+
+    assert told == [0, 0, 1, 1]
+    assert got[0]["verdict"] == "failed"
 
 
 def test_what_could_not_be_told_is_told_later(tmp_path, runs, hook):
