@@ -5,11 +5,12 @@
 #   make check    format, lint, types
 #   make bench    how good and how fast, side by side with the alternatives
 #   make league   every hidden cause against the diagnosis
+#   make example  the report and the picture that the README shows, from the demo campaign
 #   make lock     write requirements.lock anew from pyproject.toml      make lock UPGRADE=--upgrade
 #   make clean    remove .venv and the caches; data and reports stay
 
 .DELETE_ON_ERROR:
-.PHONY: run test check bench league lock clean
+.PHONY: run test check bench league example lock clean
 
 PYTHON ?=
 ARGS ?=
@@ -36,6 +37,11 @@ bench: .venv/.ready
 
 league: .venv/.ready
 	@.venv/bin/pipeline league $(ARGS)
+
+example: .venv/.ready
+	@.venv/bin/pipeline run kr500_demo --engine local
+	@mkdir -p docs/example
+	@cp reports/kr500_demo/report.pdf reports/kr500_demo/figures/workspace.svg docs/example/
 
 # No address goes into the file: whoever installs decides where packages come from, the hashes decide which.
 lock: .venv/.ready
