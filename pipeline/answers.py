@@ -49,4 +49,13 @@ def compare(root: Path, first: str, second: str) -> tuple[Outcome, Path]:
     said, content = archive.compare(root, first, second)
     path = root / "reports" / f"{first}--{second}.html".replace(":", ".").replace("/", ".")
     files.write(path, as_page(said, {}).encode())
-    return Outcome(f"{first}--{second}", content | {"page": str(path)}, as_text(said)), path
+    return Outcome(
+        f"{first}--{second}",
+        content | {"page": str(path)},
+        as_text(said),
+        complaints=[
+            f"{name} has named causes: {name}:extended are its springs without what they take away."
+            for name in (first, second)
+            if archive.has_causes(root, name)
+        ],
+    ), path

@@ -170,6 +170,13 @@ def _side(root: Path, name: str) -> tuple[str, list[dict[str, Any]], Array]:
     return campaign.name, entries, cov.to_numpy(float)
 
 
+def has_causes(root: Path, name: str) -> bool:
+    """Whether a campaign, named without a model, has one with causes in it as well."""
+    campaign, _ = _campaign_and_model(root, name)
+    result = campaign.result()
+    return campaign.name == name and result["diagnosis"]["verdict"] == "explained"
+
+
 def _campaign_and_model(root: Path, name: str) -> tuple[Campaign, str]:
     known = {campaign.name: campaign for campaign in finished(root)}
     head, _, model = name.rpartition(":")

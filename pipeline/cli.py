@@ -22,7 +22,8 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _exit_code(arguments: list[str] | None) -> int:
     try:
-        code: Any = app(args=arguments, standalone_mode=False, prog_name="pipeline")
+        words = (sys.argv[1:] if arguments is None else arguments) or ["--help"]
+        code: Any = app(args=words, standalone_mode=False, prog_name="pipeline")
         if code == Interrupted.exit_code:  # Typer's word for a KeyboardInterrupt
             raise KeyboardInterrupt
         return code if isinstance(code, int) else 0

@@ -9,7 +9,8 @@ from __future__ import annotations
 import contextlib
 import os
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -132,10 +133,23 @@ def clear() -> None:
                     client.set_flow_run_state(run.id, Crashed(message="killed"), force=True)
 
 
+_LISTENER: ContextVar[Callable[[str], object]] = ContextVar("listener", default=str)
+
+
+@contextlib.contextmanager
+def telling(tell: Callable[[str], object]) -> Iterator[None]:
+    """Within the block, `tell` hears of every stage; what a flow is given goes to the server."""
+    before = _LISTENER.set(tell)
+    try:
+        yield
+    finally:
+        _LISTENER.reset(before)
+
+
 def as_task(stage: Callable[..., Any]) -> Callable[..., Any]:
     """One stage as a task; Prefect's own cache is off, our manifest decides what is current."""
     reading = stage.__name__ == "read"  # a share that was away for a moment; nothing else heals
-    return task(
+    carried_out = task(
         name=stage.__name__,
         cache_policy=NO_CACHE,
         persist_result=False,
@@ -143,6 +157,12 @@ def as_task(stage: Callable[..., Any]) -> Callable[..., Any]:
         retry_delay_seconds=2,
         retry_condition_fn=_may_heal,
     )(stage)
+
+    def announced(*given: Any, **named: Any) -> Any:
+        _LISTENER.get()(stage.__name__)
+        return carried_out(*given, **named)
+
+    return announced
 
 
 def _may_heal(task: Any, run: Any, state: Any) -> bool:

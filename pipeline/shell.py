@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -30,7 +30,7 @@ def run_all(root: Path, names: list[str], engine: str, force: bool) -> Iterator[
             label = campaigns.label(name)
             bar.now(label)
             find = partial(campaigns.find, root, name)
-            done = outcome(label, find, partial(compute, force=force))
+            done = outcome(label, find, partial(compute, force=force, tell=bar.at))
             bar.done()
             yield done
     from pipeline import archive
@@ -47,14 +47,28 @@ def no_campaign(root: Path) -> InputError:
     )
 
 
-def plainly(campaign: Campaign, force: bool = False) -> dict[str, Any]:
+Tell = Callable[[str], object]
+"""Hears the name of every stage before it is carried out."""
+
+
+def plainly(campaign: Campaign, force: bool = False, tell: Tell = str) -> dict[str, Any]:
     """Bring a campaign up to date in this process."""
     from pipeline.run import run
 
-    return run(campaign, force=force)
+    return run(campaign, partial(told, tell), force)
 
 
-def through_prefect(campaign: Campaign, force: bool = False) -> dict[str, Any]:
+def told(tell: Tell, stage: Callable[..., Any]) -> Callable[..., Any]:
+    """A stage that says its name before it begins."""
+
+    def carried_out(*given: Any, **named: Any) -> Any:
+        tell(stage.__name__)
+        return stage(*given, **named)
+
+    return carried_out
+
+
+def through_prefect(campaign: Campaign, force: bool = False, tell: Tell = str) -> dict[str, Any]:
     """Bring a campaign up to date as a Prefect flow, unless nothing is to be done."""
     if not force and campaign.current():
         return campaign.result()
@@ -62,9 +76,10 @@ def through_prefect(campaign: Campaign, force: bool = False) -> dict[str, Any]:
     with files.writing(home):
         home.mkdir(parents=True, exist_ok=True)
     server.settle(campaign.root)
-    from pipeline.flow import identify  # importing Prefect takes two seconds
+    from pipeline.flow import identify, telling  # importing Prefect takes two seconds
 
-    answer: dict[str, Any] = identify(str(campaign.root), str(campaign.folder), force)
+    with telling(tell):
+        answer: dict[str, Any] = identify(str(campaign.root), str(campaign.folder), force)
     return answer
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
+import textwrap
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TextIO
 
 import typer
 
@@ -15,20 +17,40 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     help="Joint stiffnesses of a robot from tracker campaigns, and how far to trust them.",
-    no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
 
 Root = Annotated[Path, typer.Option(help="Project root with data/ and reports/.")]
+Named = Annotated[str, typer.Argument(metavar="CAMPAIGN", help="Name under data/raw, or a path.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON on stdout, one line each.")]
 
 
 def show(outcome: Outcome, as_json: bool) -> None:
     """The answer to stdout, complaints to stderr."""
-    typer.echo(outcome.as_json() if as_json else outcome.as_text())
+    typer.echo(outcome.as_json() if as_json else _fitted(outcome.as_text(), sys.stdout))
     for line in outcome.complaints:
-        typer.secho(line, err=True, fg="red")
+        typer.secho(_fitted(line, sys.stderr), err=True, fg="red")
+
+
+def _fitted(text: str, stream: TextIO) -> str:
+    """Long lines broken between words on a terminal; a program gets them whole."""
+    if not stream.isatty():
+        return text
+    width = max(40, shutil.get_terminal_size().columns)
+    return "\n".join(
+        line
+        if "  " in line.strip()  # columns, which words must not leave
+        else textwrap.fill(
+            line,
+            width,
+            subsequent_indent="  ",
+            break_long_words=False,
+            break_on_hyphens=False,
+            drop_whitespace=True,
+        )
+        for line in text.split("\n")
+    )
 
 
 def at_work(words: str) -> None:

@@ -8,13 +8,15 @@ from typing import Annotated
 
 import typer
 
-from pipeline.commands._shared import AsJson, Root, app, open_it, show
+from pipeline.commands._shared import AsJson, Named, Root, app, at_work, open_it, show
 from pipeline.errors import MISFIT, UsageError, worst
 
 
-@app.command()
+@app.command(short_help="Make the folder of a new campaign.")
 def init(
-    name: Annotated[str | None, typer.Argument(help="Of the new campaign.")] = None,
+    name: Annotated[
+        str | None, typer.Argument(metavar="NAME", help="Of the new campaign and its folder.")
+    ] = None,
     robot: Annotated[str | None, typer.Option(help="A robot that ships, or a robot file.")] = None,
     plan: Annotated[
         Path | None, typer.Option(help="Plan file: its poses, steps and tool are filled in.")
@@ -41,10 +43,13 @@ def init(
         for key, (what, unit, default) in blank.ASKED.items()
     }
     typer.echo(blank.init(root, name, robot or "kr500_rail", **known))
+    at_work(
+        f"Fill in campaign.toml, copy the files it names beside it, then: pipeline check {name}"
+    )
 
 
-@app.command()
-def check(campaign: str, as_json: AsJson = False, root: Root = Path()) -> None:
+@app.command(short_help="Read a campaign, say what would be used and what is wrong.")
+def check(campaign: Named, as_json: AsJson = False, root: Root = Path()) -> None:
     """Read a campaign, say what would be used and what is wrong; compute nothing."""
     from pipeline import shell
 
@@ -53,9 +58,9 @@ def check(campaign: str, as_json: AsJson = False, root: Root = Path()) -> None:
     raise typer.Exit(outcome.exit_code)
 
 
-@app.command()
+@app.command(short_help="Say what a tracker export is, and what is wrong with it.")
 def inspect(
-    file: Annotated[Path, typer.Argument(help="A tracker export.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A tracker export.")],
     unit: Annotated[
         str | None, typer.Option(help="mm, m or in, where the export does not say.")
     ] = None,
@@ -74,11 +79,13 @@ def inspect(
     raise typer.Exit(outcome.exit_code)
 
 
-@app.command()
+@app.command(short_help="Compute what is new or changed, and write the reports.")
 def run(
     campaigns: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[CAMPAIGN]...", help="Name under data/raw, or a path."),
+        typer.Argument(
+            metavar="CAMPAIGN", help="Name under data/raw, or a path; all when none is named."
+        ),
     ] = None,
     as_json: AsJson = False,
     engine: Annotated[str, typer.Option(help="prefect or local.")] = "prefect",
@@ -90,7 +97,7 @@ def run(
     ] = False,
     root: Root = Path(),
 ) -> None:
-    """Bring campaigns up to date (all new or changed ones by default) and say where reports are."""
+    """Compute what is new or changed, write the reports and say where they are."""
     from pipeline import shell
 
     if engine not in ("prefect", "local"):
@@ -102,7 +109,7 @@ def run(
     raise typer.Exit(worst(codes))
 
 
-@app.command()
+@app.command(short_help="List the campaigns: new, changed or done, with verdicts.")
 def status(as_json: AsJson = False, root: Root = Path()) -> None:
     """List the campaigns under data/raw: new, changed or done, with their verdicts."""
     from pipeline import shell
@@ -116,10 +123,13 @@ def status(as_json: AsJson = False, root: Root = Path()) -> None:
     raise typer.Exit(worst(codes))
 
 
-@app.command()
+@app.command(short_help="Open or print a report, or the page over all of them.")
 def report(
     campaign: Annotated[
-        str | None, typer.Argument(help="Name or path; without it the page over all campaigns.")
+        str | None,
+        typer.Argument(
+            metavar="CAMPAIGN", help="Name or path; without it the page over all campaigns."
+        ),
     ] = None,
     form: Annotated[str, typer.Option("--format", help="html, pdf, json or text.")] = "html",
     opened: Annotated[bool, typer.Option("--open", help="Open it.")] = False,
@@ -141,10 +151,14 @@ def report(
         open_it(path)
 
 
-@app.command()
+@app.command(short_help="Say how two campaigns, or two models of one, differ.")
 def compare(
-    first: Annotated[str, typer.Argument(help="A campaign, or campaign:extended.")],
-    second: Annotated[str, typer.Argument(help="Another one, or another model of it.")],
+    first: Annotated[
+        str, typer.Argument(metavar="FIRST", help="A campaign, or campaign:extended.")
+    ],
+    second: Annotated[
+        str, typer.Argument(metavar="SECOND", help="Another one, or another model of it.")
+    ],
     as_json: AsJson = False,
     opened: Annotated[bool, typer.Option("--open", help="Open the page.")] = False,
     root: Root = Path(),
@@ -159,10 +173,13 @@ def compare(
         open_it(path)
 
 
-@app.command()
+@app.command(short_help="Write offsets that cancel the deflection along a path.")
 def compensate(
-    campaign: str,
-    path: Annotated[Path, typer.Argument(help="pose, joint values, fx_n, fy_n, fz_n per row.")],
+    campaign: Named,
+    path: Annotated[
+        Path,
+        typer.Argument(metavar="PATH", help="CSV: pose, joint values, fx_n, fy_n, fz_n per row."),
+    ],
     tip: Annotated[
         tuple[float, float, float] | None,
         typer.Option(help="Tool tip in the flange frame [m]; else the campaign's load point."),

@@ -11,10 +11,13 @@ from pipeline.commands._shared import AsJson, Root, app, at_work
 from pipeline.errors import Interrupted
 
 
-@app.command()
+@app.command(short_help="Choose the poses to measure.")
 def design(
     problem: Annotated[
-        str, typer.Argument(help="paper_reference, or a problem file ending in .toml.")
+        str,
+        typer.Argument(
+            metavar="PROBLEM", help="paper_reference, or a problem file ending in .toml."
+        ),
     ] = "paper_reference",
     poses: Annotated[int | None, typer.Option(help="Number of poses, m_0.")] = None,
     readings: Annotated[int | None, typer.Option(help="Pulls in all, n.")] = None,
@@ -60,10 +63,11 @@ def design(
         raise Interrupted("Interrupted; this is the best plan so far.")
 
 
-@app.command()
+@app.command(short_help="Write a raw campaign of a virtual cell.")
 def simulate(
     plan: Annotated[
-        Path | None, typer.Argument(help="Plan file; without it the plan of the demo.")
+        Path | None,
+        typer.Argument(metavar="PLAN", help="Plan file; without it the plan of the demo."),
     ] = None,
     plan_file: Annotated[
         Path | None, typer.Option("--plan", help="The same, as an option.")
@@ -119,9 +123,10 @@ def simulate(
     written = virtual.write(root, plan or plan_file, changes, noise, exact, truth, force)
     typer.echo(written.folder)
     typer.secho(f"truth: {written.truth}", err=True)
+    at_work(f"Next: pipeline run {written.folder.name}")
 
 
-@app.command()
+@app.command(short_help="List the causes that a diagnosis knows.")
 def effects(
     robot: Annotated[str, typer.Option(help="A robot that ships, or a robot file.")] = "kr500_rail",
     as_json: AsJson = False,
@@ -134,7 +139,7 @@ def effects(
     typer.echo(listing.as_json(machine) if as_json else listing.as_text(machine))
 
 
-@app.command()
+@app.command(short_help="Compute the paper's tables and figures again.")
 def paper(
     repetitions: Annotated[int, typer.Option(min=10, help="Of Table IV.")] = 200,
     poses: Annotated[int, typer.Option(min=10, help="Validation poses of each set.")] = 1000,
@@ -154,7 +159,7 @@ def paper(
         typer.echo(reproduction.write(root, made))
 
 
-@app.command()
+@app.command(short_help="Hide effects in made data and count what is named.")
 def league(
     clean: Annotated[int, typer.Option(min=0, help="Games without a secret.")] = 1000,
     single: Annotated[int, typer.Option(min=0, help="Games per known secret.")] = 6,

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pipeline.preferences import Preferences
 
 
-@app.command()
+@app.command(short_help="Run new campaigns by themselves; Prefect's page shows them.")
 def serve(
     interval: Annotated[float | None, typer.Option(help="Seconds between two looks.")] = None,
     cron: Annotated[str | None, typer.Option(help="A cron line instead of the interval.")] = None,
@@ -37,7 +37,7 @@ def serve(
     service.serve(root, wanted, started)
 
 
-@app.command()
+@app.command(short_help="Run new campaigns by themselves, without Prefect.")
 def watch(
     interval: Annotated[float | None, typer.Option(help="Seconds between two looks.")] = None,
     as_json: AsJson = False,
@@ -54,7 +54,7 @@ def watch(
         show(outcome, as_json)
 
 
-@app.command()
+@app.command(short_help="Put the scan on a team's own Prefect server.")
 def deploy(
     pool: Annotated[str, typer.Option(help="Work pool whose workers run the campaigns.")],
     interval: Annotated[float | None, typer.Option(help="Seconds between two looks.")] = None,
@@ -68,7 +68,7 @@ def deploy(
     typer.echo(service.deploy(root, pool, wanted))
 
 
-@app.command()
+@app.command(short_help="Say what is missing on this machine, and how to get it.")
 def doctor(as_json: AsJson = False, root: Root = Path()) -> None:
     """Say what is missing on this machine, and how to get it."""
     import json

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.cell import Cell
+from pipeline.report.numbers import with_std
 from pipeline.result.numbers import finite
 from pipeline.results import Estimate, System
 from pipeline.robot import Joint
@@ -85,18 +86,18 @@ def _finding(
         return f"{name} is not identifiable: these poses mix it with another joint; add {work}."
     if high < 0:
         return (
-            f"The compliance of {joint.name} is negative ({x:.2g} +- {std:.1g} "
+            f"The compliance of {joint.name} is negative ({with_std(x, std)} "
             f"{joint.compliance_unit}), which no spring can be: the model misses something that "
             f"acts there, so no stiffness is stated."
         )
     if not identifiable:
         return (
-            f"{name} is not identifiable: its compliance is {x:.2g} +- {std:.1g} "
+            f"{name} is not identifiable: its compliance is {with_std(x, std)} "
             f"{joint.compliance_unit}; add {work}, or pull harder."
         )
     if low <= 0:
         return (
-            f"{name} has no upper limit: its compliance of {x:.2g} +- {std:.1g} "
+            f"{name} has no upper limit: its compliance of {with_std(x, std)} "
             f"{joint.compliance_unit} may be zero; add {work}, or pull harder."
         )
     return None

@@ -28,6 +28,7 @@ def test_pose(result: Result, tables: Tables) -> Section | None:
     """Deflection at the test pose and over the workspace, with and without the named causes."""
     plainly = items(result, "test_pose_deflection")
     extended = items(result, "extended", "test_pose_deflection")
+    extended = [] if extended == plainly else extended  # nothing named, nothing put right
     return section_of(
         "test-pose",
         "Deflection under load",
