@@ -36,7 +36,7 @@ bench: .venv/.ready
 	@$(PY) -m bench $(ARGS)
 
 league: .venv/.ready
-	@.venv/bin/pipeline league $(ARGS)
+	@.venv/bin/pipeline league --page docs/league.md $(ARGS)
 
 example: .venv/.ready
 	@.venv/bin/pipeline run kr500_demo --engine local

@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterable
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import asdict
@@ -30,13 +31,17 @@ from pipeline.robot import load
 LINE = TypeAdapter(Played)
 
 
-def contest(league: League, log: Path, jobs: int) -> list[Played]:
+def contest(league: League, log: Path, jobs: int, minutes: float = np.inf) -> list[Played]:
     """Play the league, or what is left of it; the same games in any number of processes.
 
     Args:
         league: Whom it plays and how often.
         log: One line per finished game; games that stand there are not played again.
         jobs: Processes.
+        minutes: No further game is begun after so long.
+
+    Returns:
+        The games that are finished, in the order of the league.
 
     Raises:
         Interrupted: With the number of games that are kept.
@@ -56,27 +61,34 @@ def contest(league: League, log: Path, jobs: int) -> list[Played]:
         files.writing(log),
         log.open("a", encoding="utf-8") as out,
     ):
-        for game in _all(left, league, jobs, len(wanted), log):
+        for game in _all(left, league, jobs, minutes, len(wanted), log):
             progress.now(f"{game.kind}: {' + '.join(game.secrets) or 'nothing'}")
             out.write(LINE.dump_json(game).decode() + "\n")
             out.flush()
             kept[game.key] = game
             progress.done()
-    return [kept[fixture.key] for fixture in wanted]
+    return [kept[fixture.key] for fixture in wanted if fixture.key in kept]
 
 
-def _all(left: list[Fixture], league: League, jobs: int, total: int, log: Path) -> Iterable[Played]:
+def _all(
+    left: list[Fixture], league: League, jobs: int, minutes: float, total: int, log: Path
+) -> Iterable[Played]:
     """Games in the order in which they end."""
     if not left:
         return
     os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # one core for each process
-    done = total - len(left)
+    done, end = total - len(left), time.monotonic() + 60 * minutes
     with ProcessPoolExecutor(jobs, get_context("spawn"), _deaf) as pool:
         waiting: list[Future[Played]] = [pool.submit(played, each, league) for each in left]
         try:
             for future in as_completed(waiting):
+                if future.cancelled():
+                    continue
                 yield future.result()
                 done += 1
+                if time.monotonic() > end:
+                    for other in waiting:
+                        other.cancel()
         except KeyboardInterrupt:
             pool.shutdown(wait=False, cancel_futures=True)
             raise Interrupted(
@@ -152,12 +164,12 @@ def opened(sealed: Path, name: str) -> dict[str, Any]:
     return truth
 
 
-def write_page(games: list[Played], command: str, log: Path, path: Path) -> None:
+def write_page(games: list[Played], total: int, command: str, log: Path, path: Path) -> None:
     """The page of results with its pictures; what a person wrote on it stays."""
     from pipeline.league.figures import figures  # matplotlib takes half a second
 
     code = json.loads(log.read_text("utf-8").partition("\n")[0])["code"]
     old = path.read_text("utf-8") if path.is_file() else ""
-    files.write(path, page(games, command, code, old).encode())
+    files.write(path, page(games, total, command, code, old).encode())
     for name, picture in figures(games).items():
         files.write(path.parent / "figures" / name, picture)

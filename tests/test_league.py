@@ -5,6 +5,7 @@ The generator writes raw files and keeps the truth; the diagnosis sees the files
 
 import subprocess
 import sys
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -245,6 +246,8 @@ def test_no_two_games_share_a_seed():
     assert not set(seeds) & {one.plan for one in every}
     assert set(small) <= set(every)
     assert {one.kind for one in every} == set(KINDS)
+    half = Counter(one.kind for one in every[: len(every) // 2])
+    assert all(abs(2 * half[one] - n) <= 3 for one, n in Counter(f.kind for f in every).items())
     assert len({secret for one in every if one.kind == "strange" for secret in one.secrets}) >= 10
 
 
@@ -254,7 +257,7 @@ def test_an_interrupted_league_goes_on_and_ends_the_same(tmp_path):
     whole = contest.contest(league, log, 2)
     log.write_text(log.read_text()[:-40])
 
-    again = contest.contest(league, log, 1)
+    again = contest.contest(league, log, 1, minutes=0.0)
 
     timeless = [replace(game, seconds=0.0, cost=0.0) for game in whole]
     assert [replace(game, seconds=0.0, cost=0.0) for game in again] == timeless
@@ -463,14 +466,15 @@ def test_intervals_are_those_of_the_textbook():
 
 def test_what_a_person_wrote_on_the_page_stays():
     """The command replaces its own part only, time after time."""
-    first = page([game("single", WON)], "one", "abc", "")
+    first = page([game("single", WON)], 1, "one", "abc", "")
     edited = "Above.\n" + first + "\n## What falls short\n"
 
-    second = page([game("single", STRAY)], "two", "abc", edited)
+    second = page([game("single", STRAY)], 2, "two", "abc", edited)
 
     assert second.startswith("Above.\n# The hidden-effect league")
     assert second.endswith("\n## What falls short\n")
     assert "    two\n" in second
+    assert "1 of 2 games" in second
     assert "    one\n" not in second
     assert second.count("| what |") == 1
 
@@ -483,4 +487,4 @@ def test_a_secret_beyond_any_sensible_size_is_not_played():
     one = played(replace(hopeless, times=1e9), League())
 
     assert one.scores == ()
-    assert "`joint_offset:7` (1 of 1)" in page([one], "", "", "")
+    assert "`joint_offset:7` (1 of 1)" in page([one], 1, "", "", "")

@@ -173,6 +173,9 @@ def league(
     jobs: Annotated[
         int | None, typer.Option(min=1, help="Processes; all cores by default.")
     ] = None,
+    minutes: Annotated[
+        float | None, typer.Option(help="Begin no game after so long; the next call goes on.")
+    ] = None,
     log: Annotated[
         Path | None, typer.Option(help="Where finished games are kept, one JSON line each.")
     ] = None,
@@ -183,12 +186,13 @@ def league(
     import os
 
     from pipeline import contest
-    from pipeline.league.run import League
+    from pipeline.league.run import League, fixtures
     from pipeline.league.table import rows
 
     rules = League(clean, single, pairs, strange, power, doubtful, seed=seed)
     kept = log or root / "reports" / "league.jsonl"
-    games = contest.contest(rules, kept, jobs or os.cpu_count() or 1)
+    end = float("inf") if minutes is None else minutes
+    games = contest.contest(rules, kept, jobs or os.cpu_count() or 1, end)
     for what, value, aim in rows(games):
         typer.echo(f"{what}: {value}" + (f"  (aim {aim})" if aim else ""))
     if page is not None:
@@ -196,4 +200,4 @@ def league(
             f"pipeline league --clean {clean} --single {single} --pairs {pairs} --strange "
             f"{strange} --power {power} --doubtful {doubtful} --seed {seed}"
         )
-        contest.write_page(games, command, kept, page)
+        contest.write_page(games, len(fixtures(rules)), command, kept, page)

@@ -11,11 +11,12 @@ BEGIN = "<!-- pipeline league writes from here -->"
 END = "<!-- to here -->"
 
 
-def page(games: Sequence[Played], command: str, code: str, old: str) -> str:
+def page(games: Sequence[Played], total: int, command: str, code: str, old: str) -> str:
     """The page with its written part anew; what stands outside the marks stays.
 
     Args:
-        games: The games.
+        games: The games that were played.
+        total: Games of the whole league.
         command: That played them.
         code: Version of the code that played them.
         old: The page as it is; may be empty.
@@ -24,17 +25,18 @@ def page(games: Sequence[Played], command: str, code: str, old: str) -> str:
     _, ended, after = rest.partition(END)
     if not (found and ended):
         before, after = old or "# The hidden-effect league\n\n", "\n"
-    written = "\n".join(_written(games, command, code))
+    written = "\n".join(_written(games, total, command, code))
     return f"{before}{BEGIN}\n{written}\n{END}{after}"
 
 
-def _written(games: Sequence[Played], command: str, code: str) -> list[str]:
+def _written(games: Sequence[Played], total: int, command: str, code: str) -> list[str]:
+    part = f"{len(games)} games" if len(games) == total else f"{len(games)} of {total} games"
     several = sum(len(g.scores) for g in games)
     seconds = sum(g.cost for g in games)
     return [
         f"    {command}",
         "",
-        f"{len(games)} games, {several} campaigns from raw files to answer, {seconds / 60:.0f} "
+        f"{part}, {several} campaigns from raw files to answer, {seconds / 60:.0f} "
         f"minutes of one processor (code {code[:12]}). In brackets: count, and 95 % interval "
         "after Clopper and Pearson.",
         "",

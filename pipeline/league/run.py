@@ -152,22 +152,24 @@ class Played:
 
 
 def fixtures(league: League) -> list[Fixture]:
-    """All games, those that take longest first."""
-    return [
-        *_each(league, "single", KNOWN_LABELS, (league.times,), league.single),
-        *(_pair(league, i) for i in range(league.pairs)),
-        *(
+    """All games, the kinds mixed evenly: the first half of the list is half a league."""
+    kinds = (
+        _each(league, "single", KNOWN_LABELS, (league.times,), league.single),
+        [_pair(league, i) for i in range(league.pairs)],
+        [
             Fixture("strange", (name,), 0.0, _seed(league, "strange", k, i), (league.seed, 7, k, i))
-            for k, name in enumerate(secret.label for secret in STRANGE)
             for i in range(league.strange)
-        ),
-        *_each(league, "power", CURVES, STEPS, league.power),
-        *_each(league, "doubtful", ABLE, DOUBTFUL, league.doubtful),
-        *(
+            for k, name in enumerate(secret.label for secret in STRANGE)
+        ],
+        _each(league, "power", CURVES, STEPS, league.power),
+        _each(league, "doubtful", ABLE, DOUBTFUL, league.doubtful),
+        [
             Fixture("clean", (), 0.0, _seed(league, "clean", i), (league.seed, 8, i))
             for i in range(league.clean)
-        ),
-    ]
+        ],
+    )
+    placed = [(i / len(kind), k, one) for k, kind in enumerate(kinds) for i, one in enumerate(kind)]
+    return [one for _, _, one in sorted(placed, key=lambda each: each[:2])]
 
 
 KNOWN_LABELS = tuple(secret.label for secret in KNOWN)
@@ -189,9 +191,9 @@ def _each(
             _seed(league, kind, KNOWN_LABELS.index(name), round(100 * times), i),
             (league.seed, 9, (5 * k + i) % PLANS),
         )
-        for k, name in enumerate(labels)
-        for times in steps
         for i in range(count)
+        for times in steps
+        for k, name in enumerate(labels)
     ]
 
 
