@@ -14,6 +14,7 @@ import pytest
 from pipeline import contest
 from pipeline.diagnosis.isolability import Twins, twins
 from pipeline.errors import InputError
+from pipeline.league.figures import confusion_matrix
 from pipeline.league.judge import REFUSED, Score, Size, Stated, score
 from pipeline.league.machine import Machine, Spring
 from pipeline.league.page import page
@@ -477,6 +478,28 @@ def test_what_a_person_wrote_on_the_page_stays():
     assert "1 of 2 games" in second
     assert "    one\n" not in second
     assert second.count("| what |") == 1
+
+
+def test_the_picture_of_names_is_in_the_order_of_the_catalogue():
+    """Strangers come last; rows add up to one, whatever was said."""
+    tilt = replace(WON, named=("joint_tilt:3",))
+    hidden, said, cells = confusion_matrix(
+        [
+            game("strange", MISSED, secrets=("rail_joint_rocks",)),
+            game("single", tilt, secrets=("joint_tilt:3",)),
+            game("single", WON),
+            game("single", replace(tilt, verdict="ambiguous")),
+            game("single", replace(tilt, verdict="unexplained")),
+            game("single", replace(WON, named=("rail_roll", "joint_tilt:3"))),
+            game("clean", MISSED, secrets=()),
+        ]
+    )
+
+    assert hidden == ["rail_roll", "joint_tilt:3", "rail_joint_rocks"]
+    assert said == ["rail_roll", "joint_tilt:3", "other or several names", "no name", "adequate"]
+    np.testing.assert_array_equal(
+        cells, [[0.25, 0.25, 0.25, 0.25, 0], [0, 1, 0, 0, 0], [0, 0, 0, 0, 1]]
+    )
 
 
 def test_a_secret_beyond_any_sensible_size_is_not_played():

@@ -11,13 +11,14 @@ from matplotlib import rc_context
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
-from pipeline.league.run import STEPS, Played
+from pipeline.league.run import KNOWN_LABELS, STEPS, Played
+from pipeline.league.secrets import SECRETS
 from pipeline.league.table import MEASURES, curve, interval
 from pipeline.report.svg import BLUE, GREEN, INK, MUTED, RED, SHADES, STYLE
 
 mpl.use("Agg")
 
-OTHERWISE = ("other names", "several names", "unexplained", "adequate")
+OTHERWISE = ("other or several names", "no name", "adequate")
 """Columns of the confusion beside the names."""
 
 
@@ -78,7 +79,7 @@ def _confusion(games: Sequence[Played]) -> Figure:
     bar.set_ticks([0, edges[4], edges[7], 1], labels=["0", "1/3", "2/3", "1"])
     axes.set_xticks(range(len(columns)), columns, rotation=90, fontsize=5.5)
     axes.set_yticks(range(len(hidden)), hidden, fontsize=5.5)
-    axes.set_xlabel("Named (first cause)")
+    axes.set_xlabel("Named")
     axes.set_ylabel("Hidden")
     axes.grid(visible=False)
     strangers = [i for i, name in enumerate(hidden) if name not in columns]
@@ -88,25 +89,26 @@ def _confusion(games: Sequence[Played]) -> Figure:
 
 
 def confusion_matrix(games: Sequence[Played]) -> tuple[list[str], list[str], np.ndarray]:
-    """Shares of what was named, by what was hidden; known causes first, then strangers.
+    """Shares of what was named, by what was hidden, in the order of the catalogue, strangers last.
 
     Returns:
         Hidden, named (and `OTHERWISE`), shares of shape (hidden, named).
     """
     mine = [g for g in games if g.kind in ("single", "strange") and g.scores]
-    known = dict.fromkeys(g.secrets[0] for g in mine if g.kind == "single")
-    hidden = list(dict.fromkeys(g.secrets[0] for g in mine))
-    columns = [*known, *OTHERWISE]
+    there = {g.secrets[0] for g in mine}
+    hidden = [name for name in SECRETS if name in there]
+    said = [_said(g) for g in mine]
+    columns = [*(name for name in KNOWN_LABELS if name in {*there, *said}), *OTHERWISE]
     cells = np.zeros((len(hidden), len(columns)))
-    for g in mine:
-        cells[hidden.index(g.secrets[0]), columns.index(_said(g, known))] += 1
+    for g, name in zip(mine, said, strict=True):
+        cells[hidden.index(g.secrets[0]), columns.index(name)] += 1
     return hidden, columns, cells / np.maximum(cells.sum(axis=1, keepdims=True), 1)
 
 
-def _said(game: Played, known: dict[str, None]) -> str:
+def _said(game: Played) -> str:
     verdict, named = game.score.verdict, game.score.named
-    if verdict not in ("explained", "ambiguous"):
-        return "adequate" if verdict == "adequate" else "unexplained"
-    if len(named) > 1:
-        return "several names"
-    return named[0] if named and named[0] in known else "other names"
+    if verdict in ("explained", "ambiguous") and len(named) == 1 and named[0] in KNOWN_LABELS:
+        return named[0]
+    if verdict in ("explained", "ambiguous") and named:
+        return "other or several names"
+    return "adequate" if verdict == "adequate" else "no name"
