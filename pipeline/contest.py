@@ -38,7 +38,7 @@ def contest(league: League, log: Path, jobs: int, minutes: float = np.inf) -> li
         league: Whom it plays and how often.
         log: One line per finished game; games that stand there are not played again.
         jobs: Processes.
-        minutes: No further game is begun after so long.
+        minutes: No further game is begun after so long; 0 counts what is there.
 
     Returns:
         The games that are finished, in the order of the league.
@@ -49,7 +49,7 @@ def contest(league: League, log: Path, jobs: int, minutes: float = np.inf) -> li
     """
     wanted = fixtures(league)
     kept, code = _kept(log, league)
-    left = [fixture for fixture in wanted if fixture.key not in kept]
+    left = [fixture for fixture in wanted if fixture.key not in kept and minutes]
     if left and code != code_version():
         raise InputError(
             f"holds games of other code, and {len(left)} are left to play",

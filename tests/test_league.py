@@ -258,7 +258,7 @@ def test_an_interrupted_league_goes_on_and_ends_the_same(tmp_path):
     whole = contest.contest(league, log, 2)
     log.write_text(log.read_text()[:-40])
 
-    again = contest.contest(league, log, 1, minutes=0.0)
+    again = contest.contest(league, log, 1, minutes=1e-9)
 
     timeless = [replace(game, seconds=0.0, cost=0.0) for game in whole]
     assert [replace(game, seconds=0.0, cost=0.0) for game in again] == timeless
@@ -269,6 +269,7 @@ def test_an_interrupted_league_goes_on_and_ends_the_same(tmp_path):
     assert contest.contest(league, log, 1) == again
     with pytest.raises(InputError, match="1 are left"):
         contest.contest(replace(league, clean=3), log, 1)
+    assert contest.contest(replace(league, clean=3), log, 1, minutes=0) == again
 
 
 def cause(

@@ -174,7 +174,8 @@ def league(
         int | None, typer.Option(min=1, help="Processes; all cores by default.")
     ] = None,
     minutes: Annotated[
-        float | None, typer.Option(help="Begin no game after so long; the next call goes on.")
+        float | None,
+        typer.Option(min=0, help="Begin no game after so long; 0: count those there are."),
     ] = None,
     log: Annotated[
         Path | None, typer.Option(help="Where finished games are kept, one JSON line each.")
