@@ -267,7 +267,7 @@ def _residual_course(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     tips = {}
     for view, one in zip(views, told, strict=True):
         known = rows[np.isfinite(rows[[one.column, "mm"]].to_numpy(float)).all(axis=1)]
-        known = thinned(known, known["mm"].to_numpy(float), MOST // 20)
+        known = thinned(known, known["mm"].to_numpy(float), MOST // 40)
         view.axhline(0, color=MUTED, linewidth=0.8)
         for column, marker, colour, name in kinds:
             key = f"{one.column}-{column}"
