@@ -381,7 +381,8 @@ def test_a_promise_is_that_of_the_pair_that_stays_closest():
 
 
 WON = Score("explained", ("rail_roll",), True, True, False, False, (), (), None, 0.1, 1.0, None)
-OPEN = replace(WON, verdict="ambiguous", apart=5.0)
+OPEN = replace(WON, verdict="ambiguous", apart=5.0, stated=(Stated("rail_roll", 0.6, True),))
+UNPAID = replace(OPEN, stated=(Stated("rail_roll", 0.99, True), Stated("x", 0.01, False)))
 STRAY = replace(WON, right=False, in_list=False, strayed=True, misplaced=True)
 MISSED = Score("adequate", (), False, False, False, False, (), (), None, 0.1, 0.9, None)
 
@@ -440,13 +441,16 @@ def test_a_proposed_pose_settles_only_by_the_right_name():
         game("doubtful", OPEN, STRAY),
         game("doubtful", replace(OPEN, apart=2.0), WON),
         game("doubtful", replace(OPEN, apart=None)),
+        game("doubtful", UNPAID, WON),
+        game("doubtful", UNPAID, UNPAID),
         game("doubtful", WON),
     )
 
     assert "(1 of 3;" in table["proposed next pose makes a right name of `ambiguous`"]
     assert "(2 of 3;" in table["... with up to four"]
-    assert "(2 of 4;" in table["... all for which a pose is proposed"]
-    assert table["... ambiguous with nothing to propose (the gain is not certain"] == "1 of 5"
+    assert "(2 of 4;" in table["... all rivals for which a pose is proposed"]
+    assert "(1 of 2;" in table["... a pose is proposed where only the gain is not certain"]
+    assert table["... ambiguous with nothing to propose"] == "1 of 7"
 
 
 def test_probabilities_that_come_true_as_often_as_stated_have_no_error():

@@ -12,6 +12,7 @@ from pipeline.diagnosis.nextpose import APART
 from pipeline.league.judge import Score, Stated
 from pipeline.league.run import MOST, NEVER, STEPS, Played
 from pipeline.results import Array
+from pipeline.stages.diagnose import CERTAIN
 
 TWINS = ("joint_tilt:5", "joint_tilt:6", "joint_tilt:7", "tool_flex")
 
@@ -139,26 +140,37 @@ def settled(game: Played, most: int) -> bool:
     return any(s.confident and s.right for s in game.scores[1 : 1 + most])
 
 
+def rivalled(score: Score) -> bool:
+    """Whether a name is open because of a rival, not because of what it gains."""
+    return any(said.probability < CERTAIN for said in score.stated if _is_named(said, score))
+
+
 def _next(doubtful: Sequence[Played]) -> list[tuple[str, str, str]]:
     opened = [g for g in doubtful if g.score.verdict == "ambiguous"]
-    asked = [g for g in opened if g.score.apart is not None]
-    apart = [g for g in asked if (g.score.apart or 0.0) >= APART]
+    rivals = [g for g in opened if rivalled(g.score) and g.score.apart is not None]
+    apart = [g for g in rivals if (g.score.apart or 0.0) >= APART]
+    others = [g for g in opened if g not in rivals and len(g.scores) > 1]
     return [
         (
-            "proposed next pose makes a right name of `ambiguous`: pairs that can be separated, "
+            "proposed next pose makes a right name of `ambiguous`: rivals that can be separated, "
             "one pose",
             share(settled(g, 1) for g in apart),
             "80 %",
         ),
         ("... with up to four", share(settled(g, MOST) for g in apart), "95 %"),
         (
-            "... all for which a pose is proposed, one / up to four",
-            f"{share(settled(g, 1) for g in asked)} / {share(settled(g, MOST) for g in asked)}",
+            "... all rivals for which a pose is proposed, one / up to four",
+            f"{share(settled(g, 1) for g in rivals)} / {share(settled(g, MOST) for g in rivals)}",
             "",
         ),
         (
-            "... ambiguous with nothing to propose (the gain is not certain, or twins)",
-            f"{len(opened) - len(asked)} of {len(opened)}",
+            "... a pose is proposed where only the gain is not certain, one / up to four",
+            f"{share(settled(g, 1) for g in others)} / {share(settled(g, MOST) for g in others)}",
+            "",
+        ),
+        (
+            "... ambiguous with nothing to propose",
+            f"{len(opened) - len(rivals) - len(others)} of {len(opened)}",
             "",
         ),
     ]
