@@ -78,7 +78,7 @@ def _all(
         return
     os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # one core for each process
     done, end = total - len(left), time.monotonic() + 60 * minutes
-    with ProcessPoolExecutor(jobs, get_context("spawn"), _deaf) as pool:
+    with ProcessPoolExecutor(jobs, get_context("spawn"), _end_on_interrupt) as pool:
         waiting: list[Future[Played]] = [pool.submit(played, each, league) for each in left]
         try:
             for future in as_completed(waiting):
@@ -100,9 +100,9 @@ def _all(
             raise
 
 
-def _deaf() -> None:
-    """A Ctrl-C is for the process that hands out the games."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _end_on_interrupt() -> None:
+    """A Ctrl-C ends this process at once; the one that hands out the games says what is kept."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def _kept(log: Path, league: League) -> tuple[dict[str, Played], str]:

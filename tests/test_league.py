@@ -3,8 +3,12 @@
 The generator writes raw files and keeps the truth; the diagnosis sees the files only.
 """
 
+import os
+import re
+import signal
 import subprocess
 import sys
+import time
 from collections import Counter
 from dataclasses import replace
 
@@ -269,6 +273,31 @@ def test_an_interrupted_league_goes_on_and_ends_the_same(tmp_path):
     with pytest.raises(InputError, match="1 are left"):
         contest.contest(replace(league, clean=3), log, 1)
     assert contest.contest(replace(league, clean=3), log, 1, minutes=0) == again
+
+
+@pytest.mark.slow
+def test_an_interrupted_league_says_what_is_kept(tmp_path):
+    """Ctrl-C ends it at once, with the exit code of an interruption and one sentence."""
+    log = tmp_path / "games"
+    none = [f"--{kind}=0" for kind in ("single", "pairs", "strange", "power", "doubtful")]
+    command = [sys.executable, "-m", "pipeline", "league", *none, f"--log={log}", "--jobs=1"]
+    league = subprocess.Popen(
+        command,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    while not log.is_file() or log.read_text().count("\n") < 2:
+        assert league.poll() is None
+        time.sleep(0.1)
+    os.killpg(league.pid, signal.SIGINT)
+
+    _, said = league.communicate(timeout=20)
+
+    assert league.returncode == 130
+    assert re.search(r"Interrupted; \d+ of 1000 games are kept in ", said)
+    assert len(said.splitlines()) == 1
 
 
 def cause(
