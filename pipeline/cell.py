@@ -70,8 +70,8 @@ class Cell:
 
     def split(self, values: Array) -> list[tuple[Effect, Array]]:
         """Each facet of each effect with its part of the parameter vector."""
-        ends = np.cumsum([len(effect.parameters) for effect in self.effects])
-        parts = np.split(np.asarray(values, float), ends[:-1])
+        ends = np.cumsum([len(effect.parameters) for effect in self.effects], dtype=int)
+        parts = np.split(np.asarray(values, float), ends)[:-1]
         return [
             (facet, part)
             for effect, part in zip(self.effects, parts, strict=True)

@@ -158,7 +158,7 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
     examined = keep("50_examined", examined, tables.examined(raw.robot))
     clues = keep("51_diagnosis", clues_table(diagnosis), tables.DIAGNOSIS)
     separability = keep("52_separability", apart_table(diagnosis), tables.SEPARABILITY)
-    causes = [cause.effect for cause in diagnosis.causes]
+    causes = diagnosis.modelled
     richer = handover.extended(name, diagnosis.verdict, cell, causes, diagnosis.estimate)
     softer = workspace(richer.cell, richer, where) if richer else no_workspace()
     softer = keep("62_workspace_extended", softer, tables.WORKSPACE)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,7 +59,12 @@ def needed(k: int, p: float) -> float:
 
 
 def blind_spots(
-    effects: tuple[Effect, ...], view: View, base: Ints, p: float, twins: Twins
+    effects: tuple[Effect, ...],
+    view: View,
+    base: Ints,
+    p: float,
+    twins: Twins,
+    elsewhere: Mapping[str, float],
 ) -> tuple[BlindSpot, ...]:
     """Causes whose typical size would not have been noticed, the best known first.
 
@@ -68,9 +74,10 @@ def blind_spots(
         base: Columns of that model.
         p: Threshold of a suspect's F test.
         twins: What tip loading never tells.
+        elsewhere: Multiples of the typical size that show outside the displacements, by label.
     """
     times = smallest_visible(view, base, p)
-    best: dict[str, float] = {}
+    best = dict(elsewhere)
     for effect, size in zip(view.suspects, times, strict=True):
         best[effect.label] = np.fmin(best.get(effect.label, np.nan), size)
     out = []

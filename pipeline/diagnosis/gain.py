@@ -21,11 +21,12 @@ class Gain(Locked):
     """Left-out error without and with the causes.
 
     Attributes:
-        before: Left-out residuals of the joint springs [m], shape (M,).
+        before: Left-out residuals without the causes [m], shape (M,).
         after: Left-out residuals with the causes chosen in each fold [m], shape (M,).
         reduction: By which fraction the rms falls.
         ci95: Its interval by bootstrap over poses.
         chosen: Labels chosen when each pose was left out.
+        of: What is predicted, `displacements` or `unloaded positions`.
     """
 
     before: Array
@@ -33,6 +34,7 @@ class Gain(Locked):
     reduction: float
     ci95: tuple[float, float]
     chosen: tuple[tuple[str, ...], ...]
+    of: str = "displacements"
 
     @property
     def rms_before_m(self) -> float:
@@ -83,7 +85,7 @@ def alone(
             mine[rows] = _predicted_short(first, M, base, rows)
     out = []
     for (suspect, probability), mine in zip(likely, after, strict=True):
-        out.append(Alone(first.suspects[suspect], probability, *_interval(before, mine, pose, rng)))
+        out.append(Alone(first.suspects[suspect], probability, *interval(before, mine, pose, rng)))
     return tuple(out)
 
 
@@ -115,7 +117,7 @@ def gain(case: Case, first: View, extended: View, limit: float, rng: np.random.G
         base = np.concatenate([np.arange(extended.first), extended.columns(names)])
         after[rows] = _predicted_short(extended, M, base, rows)
         chosen.append(tuple(case.suspects[i].label for i in names))
-    reduction, ci95 = _interval(before, after, pose, rng)
+    reduction, ci95 = interval(before, after, pose, rng)
     return Gain(before, after, reduction, ci95, tuple(chosen))
 
 
@@ -146,7 +148,7 @@ def _choose(
     return names
 
 
-def _interval(
+def interval(
     before: Array, after: Array, pose: Ints, rng: np.random.Generator
 ) -> tuple[float, tuple[float, float]]:
     """Reduction of the rms and its 95 % interval, poses drawn with replacement."""

@@ -149,6 +149,8 @@ class Diagnosis(Locked):
         left_out_before_m: Left-out residuals of the joint springs [m], shape (M,).
         left_out_after_m: Of the extended model [m], shape (M,); the same without causes.
         noise_floor_m: Root mean square that the scatter of the readings alone makes.
+        stood_off_m: How far the unloaded reflectors stand from the table, rms [m], and the same
+            with the named causes; NaN where that is not known.
     """
 
     verdict: str
@@ -172,6 +174,13 @@ class Diagnosis(Locked):
     left_out_before_m: Array
     left_out_after_m: Array
     noise_floor_m: float
+    stood_off_m: tuple[float, float]
+
+    @property
+    def modelled(self) -> tuple[Effect, ...]:
+        """The named causes that are estimated together with the springs."""
+        known = {p.name for p in self.estimate.parameters} if self.estimate else set()
+        return tuple(c.effect for c in self.causes if c.effect.parameters[0].name in known)
 
 
 def entry(diagnosis: Diagnosis, robot: Robot) -> dict[str, Any]:
@@ -181,6 +190,7 @@ def entry(diagnosis: Diagnosis, robot: Robot) -> dict[str, Any]:
         "why": diagnosis.why,
         "causes": [_cause(cause) for cause in diagnosis.causes],
         "alone": [_alone(one) for one in diagnosis.alone],
+        "unloaded_off_mm": [_finite(1e3 * off) for off in diagnosis.stood_off_m],
         "blind_spots": [_blind(spot) for spot in diagnosis.blind_spots],
         "next_poses": [_pose(proposal, robot) for proposal in diagnosis.next_poses],
         "refused": list(diagnosis.refused),
@@ -272,6 +282,7 @@ def _gain(cause: Cause) -> dict[str, Any] | None:
         "held_out_rms_after_mm": cause.gain.rms_after_m * 1e3,
         "reduction": cause.gain.reduction,
         "ci95": list(cause.gain.ci95),
+        "of": cause.gain.of,
         "test_pose_change_mm": None if change is None else change * 1e3,
     }
 

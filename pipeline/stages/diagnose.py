@@ -19,6 +19,7 @@ from pipeline.diagnosis.isolability import Twins, twins
 from pipeline.diagnosis.nextpose import Candidates, Proposal, candidates, propose
 from pipeline.diagnosis.noise import SURE, Scatter, scatter
 from pipeline.diagnosis.separability import separation
+from pipeline.diagnosis.standing import Standing, as_stiff, corrected, standing, student
 from pipeline.diagnosis.verdict import (
     Amplitude,
     Cause,
@@ -74,6 +75,11 @@ def diagnose(
     whole = catalogue(cell.robot) if effects is None else effects
     known = twins(cell.robot)
     case, spread = case_of(cell, data, estimate, whole, known)
+    hung = as_stiff(cell, estimate)
+    stood = standing(hung, data, spread.tracker, whole, rng)
+    if stood.effects:
+        data = corrected(hung, data, stood)
+        case, spread = case_of(cell, data, estimate, whole, known)
     case, spread, found = _searched(case, spread, estimate.value, rng)
     worth = _gain(case, found, rng)
     causes = _causes(case, found, worth, where, known) + _noise_causes(whole, spread)
@@ -89,7 +95,11 @@ def diagnose(
         why = "The reflectors move against each other under load: a loose nest or a soft effector."
     if verdict == "adequate" and _too_much(spread, data.noise_stated):
         verdict, why = "unexplained", "The residuals are larger than any certificate may be wrong."
-    system, extended = _extended(case, found)
+    if stood.effects:
+        stands = _standing_causes(stood)
+        verdict, why = _with_standing(verdict, why, stands, stood)
+        causes = stands + causes
+    system, extended = _extended(case, found, bool(stood.effects))
     single = [(r.suspect, r.probability) for r in found.single[:SHOWN]]
     final = found.view
     before = worth.before if worth else _alone(found.first)
@@ -98,7 +108,7 @@ def diagnose(
         why=why,
         causes=causes,
         alone=alone(found.first, single, rng) if worth else (),
-        blind_spots=blind_spots(whole, final, final.base, found.threshold.p, known),
+        blind_spots=blind_spots(whole, final, final.base, found.threshold.p, known, stood.visible),
         next_poses=_next_poses(case, found, causes, worth, known, rng),
         refused=found.refused,
         clues=_clues(found),
@@ -115,6 +125,7 @@ def diagnose(
         left_out_before_m=before,
         left_out_after_m=worth.after if worth else before,
         noise_floor_m=rms(found.first.spread),
+        stood_off_m=(stood.miss_m, stood.left_m),
     )
 
 
@@ -287,6 +298,40 @@ def _unnamed(found: Found, place: int) -> Named | None:
     return Named(found.wide.suspects[one.suspect], one.probability)
 
 
+def _standing_causes(stood: Standing) -> tuple[Cause, ...]:
+    """Causes that the unloaded reflectors call for."""
+    assert stood.fit is not None
+    quantile, out = student(stood.fit), []
+    for k, effect in enumerate(stood.effects):
+        value, std = stood.fit.size(k)
+        sizes = tuple(
+            Amplitude(p, float(v), float(s), (float(v - quantile * s), float(v + quantile * s)))
+            for p, v, s in zip(effect.parameters, value, std, strict=True)
+        )
+        odds = {one.label: probability for one, probability in stood.rivals[k]}
+        rivals = tuple(Named(one, odds[one.label]) for one, _ in stood.rivals[k] if one != effect)
+        p_value = stood.p_values[k]
+        out.append(
+            Cause(effect, odds[effect.label], sizes, p_value, rivals, None, (), stood.gain, None)
+        )
+    return tuple(out)
+
+
+def _with_standing(
+    verdict: str, why: str, stands: tuple[Cause, ...], stood: Standing
+) -> tuple[str, str]:
+    """Verdict and sentence of the displacements, with what the unloaded reflectors say."""
+    names = " and ".join(cause.effect.label for cause in stands)
+    said = (
+        f"The unloaded reflectors stand {1e3 * stood.miss_m:.2g} mm off where the robot's table "
+        f"puts them, and {1e3 * stood.left_m:.2g} mm with {names}."
+    )
+    sure = all(cause.probability >= CERTAIN for cause in stands)
+    if verdict == "adequate":
+        return ("explained" if sure else "ambiguous"), said
+    return (verdict if sure or verdict != "explained" else "ambiguous"), f"{said} {why}"
+
+
 def _twins_of(label: str, known: Twins) -> tuple[str, ...]:
     return tuple(b if a == label else a for a, b in known.pairs if label in (a, b))
 
@@ -399,9 +444,15 @@ def _rise(view: View, suspect: int, parameter: Parameter, at: float) -> float:
     return float(eliminate(A.T @ A, free)[-1, -1]) - best
 
 
-def _extended(case: Case, found: Found) -> tuple[System | None, Estimate | None]:
-    """Springs and causes as one linear system about the final values, and its solution."""
-    if not found.accepted:
+def _extended(case: Case, found: Found, moved: bool) -> tuple[System | None, Estimate | None]:
+    """Springs and causes as one linear system about the final values, and its solution.
+
+    Args:
+        case: The case.
+        found: The causes that the displacements called for.
+        moved: The robot stands elsewhere than its log says, which the case already knows.
+    """
+    if not found.accepted and not moved:
         return None, None
     model = found.view.model
     flat = replace(model.cell, equilibrium="undeformed")

@@ -155,9 +155,10 @@ def _gain_sentences(one: Mapping[str, Any]) -> list[str]:
         less = gain.get("reduction")
         share = f" ({percent(less)} less{sure})" if known(less) else ""
         how = "put right" if one.get("evidence") else "in the model"
+        of = " of the unloaded positions" if gain.get("of") == "unloaded positions" else ""
         said.append(
-            f"With it {how} the error at poses that were left out falls from {plain(before)} mm "
-            f"to {plain(after)} mm{share}."
+            f"With it {how} the error{of} at poses that were left out falls from "
+            f"{plain(before)} mm to {plain(after)} mm{share}."
         )
     if known(gain.get("test_pose_change_mm")):
         said.append(

@@ -1,0 +1,113 @@
+"""Where the unloaded reflectors stand: joint zeros and the base frame, off in the raw files."""
+
+import io
+import tomllib
+from functools import cache
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.spatial.transform import Rotation
+
+from pipeline import campaign
+from pipeline.run import answered
+from pipeline.simulate import simulate
+from pipeline.simulate.plan import Plan
+
+
+@cache
+def clean():
+    """The raw files of a campaign of an innocent robot whose tool is off by 0.2 mm."""
+    plan = Plan(poses={"count": 12}, pulls={"steps_n": [1500, 3000]}, hidden={"tool_sd_m": 2e-4})
+    return simulate(plan, np.random.default_rng(31)).files
+
+
+def answer(files):
+    """result.json of a campaign."""
+    return answered("here", campaign.in_memory(files)).answer
+
+
+def said(files):
+    """`diagnosis` of a campaign's answer."""
+    return answer(files)["diagnosis"]
+
+
+def logged(**off_deg):
+    """The files with the joint log off by some degrees."""
+    joints = pd.read_csv(io.BytesIO(clean()["joints.csv"]))
+    for name, degrees in off_deg.items():
+        joints[name] += degrees
+    return clean() | {"joints.csv": joints.to_csv(index=False).encode()}
+
+
+def test_a_wrong_joint_zero_is_named_with_its_size():
+    """The log of joint 3 says 0.1 degrees too much; the displacements would not have told."""
+    found = said(logged(theta3_deg=0.1))
+
+    assert found["verdict"] == "explained"
+    (cause,) = found["causes"]
+    assert (cause["name"], cause["where"]) == ("joint_offset", 3)
+    (size,) = cause["parameters"]
+    assert size["std"] < 1e-5
+    assert size["value"] == pytest.approx(-np.deg2rad(0.1), abs=4 * size["std"])
+    assert cause["gain"]["of"] == "unloaded positions"
+    assert cause["gain"]["ci95"][0] > 0.9
+    assert not any(s["name"] == "joint_offset" and s["where"] == 3 for s in found["blind_spots"])
+
+
+def test_two_wrong_zeros_are_both_named():
+    """Joints 3 and 5 at once, nothing else; the springs fit better where it really stands."""
+    whole = answer(logged(theta3_deg=-0.2, theta5_deg=0.4))
+    found = whole["diagnosis"]
+
+    assert whole["extended"]["fit"]["chi2"] < whole["fit"]["chi2"] - 10
+    assert found["verdict"] == "explained"
+    assert {(c["name"], c["where"]) for c in found["causes"]} == {
+        ("joint_offset", 3),
+        ("joint_offset", 5),
+    }
+
+
+def test_a_base_frame_that_is_turned_is_named():
+    """The nominal base reflectors are turned by 1.5 mrad about a slanting axis."""
+    turn = 1.5e-3 * np.array([0.6, 0.0, 0.8])
+    files = dict(clean())
+    text = files["campaign.toml"].decode()
+    for name, point in tomllib.loads(text)["base_frame"].items():
+        turned = Rotation.from_rotvec(turn).apply(point)
+        line = next(row for row in text.splitlines() if row.startswith(f"{name} ="))
+        text = text.replace(line, f"{name} = {turned.tolist()}")
+    files["campaign.toml"] = text.encode()
+
+    found = said(files)
+
+    assert [c["name"] for c in found["causes"]] == ["base_rotation"]
+    for size, true in zip(found["causes"][0]["parameters"], turn, strict=True):
+        assert size["value"] == pytest.approx(true, abs=4 * size["std"] + 2e-6)
+
+
+def test_a_robot_off_its_table_everywhere_is_not_accused():
+    """Zeros of all joints off by half a milliradian: robots stand so, and no cause is at fault."""
+    off = dict(
+        zip(
+            ["theta2", "theta3", "theta4", "theta5", "theta6"],
+            np.array([0.03, -0.025, 0.03, -0.04, 0.035]),
+            strict=True,
+        )
+    )
+    found = said(logged(**{f"{name}_deg": degrees for name, degrees in off.items()}))
+
+    assert found["verdict"] == "adequate"
+    assert not found["causes"]
+    assert found["unloaded_off_mm"][0] > 0.3
+    assert any(s["name"] == "joint_offset" for s in found["blind_spots"])
+
+
+def test_an_innocent_robot_has_no_blind_spot_there():
+    """Where the reflectors stand as the table says, a wrong zero of joint 3 would have shown."""
+    found = said(clean())
+
+    assert found["verdict"] == "adequate"
+    assert found["unloaded_off_mm"][0] < 0.1
+    assert not any(s["name"] == "joint_offset" and s["where"] == 3 for s in found["blind_spots"])
+    assert not any(s["name"] == "base_rotation" for s in found["blind_spots"])
