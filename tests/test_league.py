@@ -444,6 +444,21 @@ def test_a_gain_that_is_nothing_needs_no_interval():
     assert "(0 of 1;" in table["gain interval above zero where the true gain is above 5 %"]
 
 
+def test_amplitudes_are_counted_one_by_one():
+    """Every parameter of every known cause, at all sizes, from twice the smallest, of one law."""
+    inside, outside = Size("c_roll", 2.0, 1.0, 3.0), Size("c_roll", 2.0, 2.5, 3.0)
+    lost = Size("b_2", 2.0, 2.5, 3.0)
+    table = counted(
+        game("power", replace(WON, sizes=(inside, outside)), times=0.5),
+        game("single", replace(WON, sizes=(inside, inside, lost))),
+        game("strange", replace(WON, sizes=(outside,)), secrets=("odd",)),
+    )
+
+    assert "(3 of 5;" in table["amplitude"]
+    assert "(2 of 3;" in table["... at twice the smallest identifiable size and above"]
+    assert "(2 of 2;" in table["... and the same law"]
+
+
 def test_names_for_strangers_are_wrong_whatever_they_are():
     """In the right place they are still names."""
     near = replace(STRAY, misplaced=False)

@@ -90,6 +90,22 @@ def rows(games: Sequence[Played]) -> list[tuple[str, str, str]]:
             "93-97 %",
         ),
         (
+            "... at twice the smallest identifiable size and above",
+            share(size.covered for g in known if g.times >= 2 for size in g.score.sizes),
+            "93-97 %",
+        ),
+        (
+            "... and the same law: without backlash and lost motion",
+            share(
+                size.covered
+                for g in known
+                if g.times >= 2
+                for size in g.score.sizes
+                if not size.name.startswith("b_")
+            ),
+            "93-97 %",
+        ),
+        (
             "gain interval above zero where the true gain is above 5 %",
             share(s.gain is not None and s.gain[1] > 0 for s in better),
             "95 %",
