@@ -1,7 +1,8 @@
 # Everything here runs in .venv, which the first target you ask for builds from requirements.lock.
 #
 #   make run      every new or changed campaign under data/raw, to its report
-#   make test     the tests                 make test ARGS='-k rail -m slow'
+#   make test     the tests                 make test ARGS='-k rail'
+#   make slow     the tests that take long: serving, killing, many campaigns
 #   make check    format, lint, types
 #   make bench    how good and how fast, side by side with the alternatives
 #   make league   every hidden cause against the diagnosis
@@ -10,7 +11,7 @@
 #   make clean    remove .venv and the caches; data and reports stay
 
 .DELETE_ON_ERROR:
-.PHONY: run test check bench league example lock clean
+.PHONY: run test slow check bench league example lock clean
 
 PYTHON ?=
 ARGS ?=
@@ -26,6 +27,9 @@ run: .venv/.ready
 test: .venv/.ready
 	@$(PY) tests/get_browser.py
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PY) -m pytest -q -n 2 --dist loadgroup $(ARGS)
+
+slow: .venv/.ready
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PY) -m pytest -q -n 2 --dist loadgroup -m slow $(ARGS)
 
 check: .venv/.ready
 	@$(PY) -m ruff format --check .

@@ -52,6 +52,7 @@ def project(tmp_path_factory, small_plan):
     return root
 
 
+@pytest.mark.xdist_group("archive")
 def test_every_run_brings_the_page_over_all_campaigns_up_to_date(project):
     """After a run there is a page that leads to each campaign's own."""
     page = (project / "reports" / "index.html").read_text("utf-8")
@@ -62,6 +63,7 @@ def test_every_run_brings_the_page_over_all_campaigns_up_to_date(project):
         assert day in page
 
 
+@pytest.mark.xdist_group("archive")
 def test_the_later_report_says_what_changed_since_the_earlier_one(project):
     """The later campaign has the column, the earlier one has none to compare with."""
     pages = {name: (project / "reports" / name / "index.html").read_text("utf-8") for name in DAYS}
@@ -70,6 +72,7 @@ def test_the_later_report_says_what_changed_since_the_earlier_one(project):
     assert "Change since" not in pages["spring"]
 
 
+@pytest.mark.xdist_group("archive")
 def test_nothing_is_written_a_second_time(project):
     """A second run finds everything true and touches no file; all campaigns count as done."""
     before = {p: p.stat().st_mtime_ns for p in (project / "reports").rglob("*") if p.is_file()}
@@ -80,6 +83,8 @@ def test_nothing_is_written_a_second_time(project):
     assert [outcome.content["state"] for outcome in status(project)] == ["done", "done"]
 
 
+@pytest.mark.slow
+@pytest.mark.xdist_group("archive")
 def test_the_order_of_the_runs_does_not_matter(project, tmp_path):
     """A campaign that arrives late is still the previous one of those measured after it."""
     shutil.copytree(project / "data" / "raw" / "autumn", tmp_path / "data" / "raw" / "autumn")
@@ -93,6 +98,8 @@ def test_the_order_of_the_runs_does_not_matter(project, tmp_path):
     assert contents(tmp_path) == contents(project)
 
 
+@pytest.mark.slow
+@pytest.mark.xdist_group("archive")
 def test_a_campaign_run_by_path_is_told_too(project, tmp_path, small_plan):
     """A folder outside data/raw has its place in the archive, and learns of the one before it."""
     shutil.copytree(project, tmp_path / "copy")
@@ -108,6 +115,8 @@ def test_a_campaign_run_by_path_is_told_too(project, tmp_path, small_plan):
     assert 'href="winter/index.html"' in (reports / "index.html").read_text("utf-8")
 
 
+@pytest.mark.slow
+@pytest.mark.xdist_group("archive")
 def test_a_campaign_that_arrives_by_itself_joins_the_page(project, tmp_path, small_plan):
     """What `watch` and `serve` run stands on the page over all campaigns as well."""
     shutil.copytree(project, tmp_path / "copy")
@@ -120,6 +129,7 @@ def test_a_campaign_that_arrives_by_itself_joins_the_page(project, tmp_path, sma
     assert 'href="winter/index.html"' in page
 
 
+@pytest.mark.xdist_group("archive")
 def test_a_run_that_is_going_on_is_left_out(project, tmp_path):
     """Without its manifest a result does not count: the page over all leaves it out."""
     shutil.copytree(project, tmp_path / "copy")
@@ -131,6 +141,7 @@ def test_a_run_that_is_going_on_is_left_out(project, tmp_path):
     assert "Change since" not in (page.parent / "autumn" / "index.html").read_text("utf-8")
 
 
+@pytest.mark.xdist_group("archive")
 def test_report_gives_every_form(project, capsys):
     """`pipeline report` prints the path of page, PDF or numbers, or the report itself as text."""
     for form, file in (("html", "index.html"), ("pdf", "report.pdf"), ("json", "result.json")):
@@ -145,6 +156,7 @@ def test_report_gives_every_form(project, capsys):
     assert capsys.readouterr().out.strip() == str(project / "reports" / "index.html")
 
 
+@pytest.mark.xdist_group("archive")
 def test_compare_says_how_two_campaigns_differ(project, capsys):
     """As text, as data, and as a page; the data are those of the two results."""
     assert _exit_code(["compare", "spring", "autumn", "--json", "--root", str(project)]) == 0
@@ -176,6 +188,7 @@ def test_compare_says_how_two_campaigns_differ(project, capsys):
         (["report", "--format", "text"], "name the campaign"),
     ],
 )
+@pytest.mark.xdist_group("archive")
 def test_what_cannot_be_done_is_said(project, capsys, words, said):
     """A wrong word gives one sentence and exit code 2."""
     assert _exit_code([*words, "--root", str(project)]) == 2

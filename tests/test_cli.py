@@ -68,6 +68,7 @@ def test_strict_turns_a_misfit_into_exit_code_4(tmp_path):
     assert plain.stdout == strict.stdout
 
 
+@pytest.mark.slow
 def test_a_run_stopped_by_ctrl_c_leaves_nothing_that_counts(tmp_path):
     """Exit code 130, one sentence, no manifest and no half-written file; the next run finishes."""
     shutil.copytree(DATA / "kr500_demo", tmp_path / "data" / "raw" / "a")

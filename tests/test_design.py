@@ -402,6 +402,7 @@ def proposal(reference):
     return last
 
 
+@pytest.mark.xdist_group("design")
 def test_three_poses_beat_the_paper_threefold_and_certified(reference, proposal):
     """Epsilon <= 0.305e-2 mm, 98 % efficient, every joint and every limit kept."""
     plan = proposal.plan
@@ -424,6 +425,7 @@ def test_three_poses_beat_the_paper_threefold_and_certified(reference, proposal)
     ],
     ids=lambda limits: next(iter(limits)),
 )
+@pytest.mark.xdist_group("design")
 def test_a_plan_that_breaks_a_limit_does_not_count(proposal, limits):
     """Joint limits, identifiability, floor and chain each turn a good plan into none."""
     plan = proposal.plan
@@ -433,6 +435,7 @@ def test_a_plan_that_breaks_a_limit_does_not_count(proposal, limits):
     assert not evaluate(made, plan.q[None], plan.anchor[None])[0].kept
 
 
+@pytest.mark.slow
 def test_a_plan_is_there_after_a_first_quick_round(reference):
     """Twice a round the best so far, from the first look on, and it never gets worse."""
     effort = Effort(first=48, rounds=1, poses=96, settled=6, exchanged=2)
@@ -446,6 +449,7 @@ def test_a_plan_is_there_after_a_first_quick_round(reference):
     assert figures[0] > figures[-1]
 
 
+@pytest.mark.xdist_group("design")
 def test_no_random_plan_is_below_the_bound(reference, proposal):
     """Plans that descend from elsewhere, without the limit on single compliances, stay above."""
     free = planning.find("paper_reference", {"limits": {"max_relative_std": 100.0}})
@@ -456,6 +460,7 @@ def test_no_random_plan_is_below_the_bound(reference, proposal):
     assert min(p.figure for p in plans if p.kept) > proposal.certificate.figure
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_plan(reference):
     """Nothing but the seed decides."""
     (*_, one), (*_, same), (*_, other) = (
@@ -495,7 +500,9 @@ def test_what_cannot_be_is_refused_in_one_sentence(changes, words):
     assert "\n" not in str(refusal.value)
 
 
-@pytest.mark.parametrize("kind", ["D", "A", "E", "workspace"])
+@pytest.mark.parametrize(
+    "kind", ["D", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("A", "E", "workspace"))]
+)
 def test_other_criteria_are_certified_too(kind):
     """Each criterion finds a plan near its own bound."""
     made = planning.find("paper_reference", {"criterion": {"kind": kind}, "plan": {"poses": 4}})
@@ -504,6 +511,7 @@ def test_other_criteria_are_certified_too(kind):
     assert 0.9 < last.efficiency <= 1
 
 
+@pytest.mark.slow
 def test_all_limits_together_are_kept():
     """A plan with floor, chain, clearance and pull limits breaks none of them."""
     limits = {
@@ -522,6 +530,8 @@ def test_all_limits_together_are_kept():
     assert last.efficiency > 0.9
 
 
+@pytest.mark.slow
+@pytest.mark.xdist_group("design")
 def test_more_readings_and_a_freer_anchor_never_hurt(reference, proposal):
     """Curves: 1/sqrt(n) exactly, NaN where n cannot be shared, poses anew below poses kept."""
     sizes = by_size(reference, [3, 4], [3, 6, 12], 1, QUICK)
@@ -583,6 +593,7 @@ def test_a_problem_file_and_its_mistakes(tmp_path):
         planning.find("nowhere", {})
 
 
+@pytest.mark.xdist_group("design")
 def test_the_certificate_gets_better_and_stays_below_the_continuous_design(reference, proposal):
     """Bounds rise, continuous designs fall, and they meet within a thousandth or so."""
     pool = search.Box(reference, 1).closed(

@@ -175,11 +175,13 @@ def blind(tmp_path_factory):
     return {name: score(contest.opened(sealed, name), answers[name], TWINS) for name in HIDDEN}
 
 
+@pytest.mark.xdist_group("league")
 def test_through_real_files_an_innocent_machine_is_let_go(blind):
     """The command says so on raw files alone."""
     assert blind["innocent"].verdict == "adequate"
 
 
+@pytest.mark.xdist_group("league")
 def test_through_real_files_a_secret_is_named(blind):
     """With a gain that is certain."""
     one = blind["guilty"]
@@ -189,6 +191,7 @@ def test_through_real_files_a_secret_is_named(blind):
     assert one.gain[1] > 0
 
 
+@pytest.mark.xdist_group("league")
 def test_through_real_files_what_nobody_knows_gets_no_name(blind):
     """It is noticed all the same."""
     one = blind["unheard_of"]
@@ -197,6 +200,7 @@ def test_through_real_files_what_nobody_knows_gets_no_name(blind):
     assert not one.confident
 
 
+@pytest.mark.xdist_group("league")
 def test_the_files_in_memory_and_the_command_give_one_answer(blind):
     """What the league plays in memory is what the command says, to the last digit."""
     game = measured(52, HIDDEN["guilty"])
@@ -255,6 +259,7 @@ def test_no_two_games_share_a_seed():
     assert len({secret for one in every if one.kind == "strange" for secret in one.secrets}) >= 10
 
 
+@pytest.mark.slow
 def test_an_interrupted_league_goes_on_and_ends_the_same(tmp_path):
     """Whatever the number of processes; a line that was cut off is played again."""
     league, log = League(clean=2, single=0, pairs=0, strange=0, power=0, doubtful=0), tmp_path / "l"

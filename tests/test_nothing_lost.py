@@ -21,6 +21,7 @@ def victim(tmp_path):
         yield one
 
 
+@pytest.mark.slow
 def test_a_killed_run_leaves_nothing_behind(victim):
     """Kill -9 at five moments of a run: the next run gives the same result.json."""
     said = list(survived(victim, [0.1, 0.3, 0.5, 0.7, 0.9]))

@@ -321,6 +321,7 @@ def written(proposal, tmp_path_factory):
     return root, made
 
 
+@pytest.mark.xdist_group("plan")
 def test_a_design_is_written_as_plan_and_sheet(written):
     """The plan is TOML that simulate reads; page and PDF stand beside its pictures."""
     root, made = written
@@ -347,6 +348,7 @@ def test_a_plan_written_by_hand_is_not_overwritten(proposal, tmp_path):
     assert path.read_text() == "# my own\n"
 
 
+@pytest.mark.xdist_group("plan")
 def test_init_prepares_the_folder_from_the_plan(written, capsys):
     """Poses, pulls and tool are filled in; forces, export and base reflectors are left to fill."""
     root, made = written
@@ -365,6 +367,7 @@ def test_init_prepares_the_folder_from_the_plan(written, capsys):
     assert cli._exit_code(["init", "cell_a", "--plan", plan, "--root", str(root)]) == 2
 
 
+@pytest.mark.xdist_group("plan")
 def test_simulate_rehearses_the_plan(written):
     """The option --plan does what the argument does."""
     root, made = written
@@ -375,6 +378,8 @@ def test_simulate_rehearses_the_plan(written):
     assert find(root, "reh").read().settings.tool["P1"] == (0.15, 0.0, 0.1)
 
 
+@pytest.mark.slow
+@pytest.mark.xdist_group("plan")
 def test_further_poses_build_on_what_is_known(written, realistic):
     """Two more pulls: the new plan is better than the campaign alone and uses its tool."""
     root, made = written

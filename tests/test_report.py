@@ -433,6 +433,7 @@ def test_two_runs_differ_in_the_stated_run_time_only(files, sample):
     assert render(*sample, run_time_s=1.234)["report.pdf"] == files["report.pdf"]
 
 
+@pytest.mark.slow
 def test_a_long_campaign_still_makes_a_small_report(sample):
     """A report can be mailed whatever was measured: page below 3 MB, PDF below 2 MB."""
     result = sample[0] | {"rejected": sample[0]["rejected"] * 5000}
