@@ -24,7 +24,7 @@ from pipeline.effects import (
 from pipeline.effects import baseline as baseline_effects
 from pipeline.results import Array, Ints, Locked, Parameter, Strings
 from pipeline.robot import Robot, configure
-from pipeline.robot.configuration import torque, velocity
+from pipeline.robot.configuration import cross, torque, velocity
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +135,7 @@ def columns(effect: Elastic, loaded: Loaded) -> Array:
     """
     twists = effect.twists(loaded)
     response = effect.response(loaded, torque(twists, loaded.load_point, loaded.force))
-    moved = np.moveaxis(velocity(twists, loaded.points), 2, 3) * response[:, None, None, :]
+    moved = velocity(twists, loaded.points).swapaxes(2, 3) * response[:, None, None, :]
     if not effect.shared:
         return moved
     of = np.eye(len(effect.parameters))[list(effect.shared)]
@@ -218,7 +218,7 @@ def _chain(twists: Array, deflection: Array, order: Ints) -> tuple[Array, Array]
         R, t = motion[:, :3, :3], motion[:, :3, 3]
         omega = np.einsum("mij,mj->mi", R, twists[:, k, :3])
         bent[:, k, :3] = omega
-        bent[:, k, 3:] = np.einsum("mij,mj->mi", R, twists[:, k, 3:]) + np.cross(t, omega)
+        bent[:, k, 3:] = np.einsum("mij,mj->mi", R, twists[:, k, 3:]) + cross(t, omega)
         motion = motion @ _exponential(twists[:, k], deflection[:, k])
     return bent, motion
 

@@ -16,6 +16,7 @@ import pandas as pd
 from pipeline import handover, tables
 from pipeline.campaign import Campaign, Raw, dump
 from pipeline.diagnosis.shown import apart_table, clues_table, examined_table
+from pipeline.diagnosis.verdict import Diagnosis
 from pipeline.errors import InputError
 from pipeline.report.render import render
 from pipeline.result.answer import answer as answer_of
@@ -31,12 +32,12 @@ from pipeline.robot import Robot
 from pipeline.screening.case import Case, Keep, Reduced, Step, bring, conformed, plain
 from pipeline.screening.case import tool as tool
 from pipeline.screening.conventions import conventions
-from pipeline.screening.fit import fit
-from pipeline.screening.screen import screen
+from pipeline.screening.fit import Fitted, fit
+from pipeline.screening.screen import acquit, screen
 from pipeline.stages.assemble import Measured
 from pipeline.stages.diagnose import diagnose
 from pipeline.stages.ingest import ingest
-from pipeline.stages.validate import place_of_interest, validate
+from pipeline.stages.validate import Where, place_of_interest, validate
 from pipeline.stages.workspace import none as no_workspace
 from pipeline.stages.workspace import workspace
 
@@ -134,18 +135,25 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
     screened = step(screen)(case, reduced)
     given = step(fit)(case, reduced)
     right = step(fit)(screened.case, bring(screened.case)) if screened.findings else given
-
-    system, estimate = given.system, given.estimate
-    told = given if estimate.identifiable.any() else right  # a mistake may hide every stiffness
+    # a mistake may hide every stiffness
+    told = given if given.estimate.identifiable.any() else right
     if not told.estimate.identifiable.any():
         raise InputError("these pulls determine no stiffness at all", "pull in more poses")
+    where = place_of_interest(raw.settings.test_pose, right.case.robot, right.data.pulls)
+    diagnosis = _diagnosed(right, where, step)
+    judged = step(acquit)(case, screened, diagnosis.modelled, diagnosis.estimate)
+    if judged is not screened:
+        screened = judged
+        right = step(fit)(screened.case, bring(screened.case)) if screened.findings else given
+        diagnosis = _diagnosed(right, where, step)
+
+    system, estimate = given.system, given.estimate
     keep("30_system", system_table(system), tables.system(system.parameters))
     keep("31_errors", errors_table(system), tables.ERRORS)
     keep("40_estimate", estimate_table(estimate), tables.ESTIMATE)
     keep("41_covariance", covariance_table(estimate), tables.covariance(estimate.parameters))
     residuals = keep("42_residuals", residuals_table(system, estimate), tables.RESIDUALS)
 
-    where = place_of_interest(raw.settings.test_pose, right.case.robot, right.data.pulls)
     checked = step(validate)(told.case.cell, told.estimate, where, np.random.default_rng(SEED))
     checked = keep("60_validation", checked, tables.VALIDATION)
     soft = keep(
@@ -153,7 +161,6 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
     )
 
     cell, data = right.case.cell, right.data
-    diagnosis = step(diagnose)(cell, data, right.estimate, where, np.random.default_rng(SEED))
     examined = examined_table(diagnosis, cell, data, right.system, right.estimate)
     examined = keep("50_examined", examined, tables.examined(raw.robot))
     clues = keep("51_diagnosis", clues_table(diagnosis), tables.DIAGNOSIS)
@@ -189,6 +196,12 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
     verdict = answer["diagnosis"]["verdict"]
     handed = replace(richer, verdict=verdict) if richer else None
     return Answered(answer, shown, handed or handover.model(name, verdict, case.cell, estimate))
+
+
+def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosis:
+    """What the model gets wrong; every diagnosis draws alike."""
+    rng = np.random.default_rng(SEED)
+    return step(diagnose)(right.case.cell, right.data, right.estimate, where, rng)
 
 
 def enough(data: Measured, robot: Robot) -> None:

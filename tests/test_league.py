@@ -268,8 +268,8 @@ def test_an_interrupted_league_goes_on_and_ends_the_same(tmp_path):
 
     again = contest.contest(league, log, 1, minutes=1e-9)
 
-    timeless = [replace(game, seconds=0.0, cost=0.0) for game in whole]
-    assert [replace(game, seconds=0.0, cost=0.0) for game in again] == timeless
+    timeless = [replace(game, seconds=0, diagnosing=0, cost=0) for game in whole]
+    assert [replace(game, seconds=0, diagnosing=0, cost=0) for game in again] == timeless
     assert sum(new == old for new, old in zip(again, whole, strict=True)) == 1
     with pytest.raises(InputError, match="another seed"):
         contest.contest(replace(league, seed=1), log, 1)
@@ -423,7 +423,7 @@ MISSED = Score("adequate", (), False, False, False, False, (), (), None, 0.1, 0.
 
 def game(kind, *scores, secrets=("rail_roll",), times=2.0, missed=0.05):
     """A game that ended so."""
-    return Played("1", kind, secrets, times, (1.0,), 0.5, missed, scores, 1.0, 2.0)
+    return Played("1", kind, secrets, times, (1.0,), 0.5, missed, scores, 1.0, 0.5, 2.0)
 
 
 def counted(*games):

@@ -9,14 +9,18 @@ import pytest
 
 from pipeline.campaign import find, in_memory
 from pipeline.errors import InputError
+from pipeline.league.play import Rules, drawn, play
+from pipeline.league.secrets import SECRETS
 from pipeline.robot import load
 from pipeline.robot.variants import variants
 from pipeline.run import ingested, run
 from pipeline.screening.case import bring, conformed, plain
 from pipeline.screening.conventions import anchored_miss, conventions, miss
 from pipeline.screening.fit import fit
-from pipeline.screening.screen import screen
+from pipeline.screening.screen import acquit, screen
 from pipeline.simulate import Plan, revised, simulate
+from pipeline.stages.diagnose import diagnose
+from pipeline.stages.validate import place_of_interest
 
 PLAN = Plan(name="bad", seed=11, poses={"count": 8}, pulls={"steps_n": [1500.0, 3000.0]})
 
@@ -93,6 +97,30 @@ def test_an_outlier_is_seen_beside_a_fault_of_the_model():
 
     truth = {effect["name"]: effect["where"] for effect in made.truth["effects"]}
     assert [(f.name, f.where) for f in found] == [("outlier", truth["outlier"])]
+
+
+@pytest.mark.parametrize("off_m", [0.0, 1e-3])
+def test_a_reading_that_a_cause_explains_comes_back(off_m):
+    """On a machine with a tilting joint a good reading looks bad beside springs, a bad one is."""
+    robot, rng = load("kr500_rail"), np.random.default_rng([77, 5, 12])
+    plan = drawn(robot, np.random.default_rng([78, 5]), Rules())
+    game = play(robot, plan, [(SECRETS["joint_tilt:3"], rng.uniform(1, 2.5))], rng)
+    lines = game.files["tracker.csv"].decode().splitlines()
+    bad = next(k for k, line in enumerate(lines) if line.startswith("pose03_rep1_loaded,P2"))
+    group, target, x, *more = lines[bad].split(",")
+    lines[bad] = ",".join([group, target, str(float(x) + 1e3 * off_m), *more])
+    game.files["tracker.csv"] = "\n".join(lines).encode()
+    case = case_of(game.files)
+    screened = screen(case, bring(case))
+    assert screened.findings
+    right = fit(screened.case, bring(screened.case))
+    where = place_of_interest(None, robot, right.data.pulls)
+    said = diagnose(right.case.cell, right.data, right.estimate, where, rng)
+    assert [effect.label for effect in said.modelled] == ["joint_tilt:3"]
+
+    judged = acquit(case, screened, said.modelled, said.estimate)
+
+    assert [f.where for f in judged.findings] == (["pose03_rep1_loaded/P2"] if off_m else [])
 
 
 def test_an_outlier_of_the_base_is_found():

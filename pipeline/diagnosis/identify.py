@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -22,6 +22,10 @@ MOST = 3
 
 WORTH = 3.0
 """A further cause must be worth this much log evidence (20 to 1)."""
+
+BETTER = 0.1
+"""A cause takes another's place when its log evidence is larger by this: the likelier one leads,
+and twins, which differ by rounding, stay."""
 
 ROUGH = 1.6
 """A model that leaves this many times the scatter has the wrong law, wherever it sits."""
@@ -330,29 +334,35 @@ def possible(case: Case, view: View, suspect: int) -> bool:
 
 def _exchange(case: Case, seen: Sight) -> Sight:
     """Swap an accepted cause for a better one, or drop one that is no longer needed."""
+    tried = {frozenset(seen.model.accepted)}
     for _ in range(2 * MOST):
         view = case.look(seen)
-        better = _better(case, view)
+        better = _better(case, view, tried)
         if better is None:
             return seen
+        tried.add(frozenset(better))
         seen = case.fitted(better, solved(view, view.base)[: view.springs])
     return seen
 
 
-def _better(case: Case, view: View) -> tuple[int, ...] | None:
+def _better(case: Case, view: View, tried: Set[frozenset[int]]) -> tuple[int, ...] | None:
+    """Better causes than the accepted ones that were not accepted before."""
     accepted = view.model.accepted
     for place, mine in enumerate(accepted):
         rest = accepted[:place] + accepted[place + 1 :]
         base = np.concatenate([np.arange(view.first), view.columns(rest)])
         now = scores(view, base, _dof(view, base))
-        if now.log_evidence[mine] < WORTH and len(accepted) > 1:
+        if now.log_evidence[mine] < WORTH and len(rest) and frozenset(rest) not in tried:
             return rest
         taken = {case.suspects[i].label for i in rest}
         for i in np.argsort(-now.log_evidence)[:5]:
-            if now.log_evidence[i] < now.log_evidence[mine] + 1.0:
+            if now.log_evidence[i] < now.log_evidence[mine] + BETTER:
                 break
-            if case.suspects[i].label not in taken and possible(case, view, int(i)):
-                return (*accepted[:place], int(i), *accepted[place + 1 :])
+            swapped = (*accepted[:place], int(i), *accepted[place + 1 :])
+            if case.suspects[i].label in taken or frozenset(swapped) in tried:
+                continue
+            if possible(case, view, int(i)):
+                return swapped
     return None
 
 

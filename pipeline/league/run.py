@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import lru_cache, wraps
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ from pipeline.league.play import Plan, Rules, drawn, play
 from pipeline.league.secrets import KNOWN, SECRETS, STRANGE
 from pipeline.robot import Robot, load
 from pipeline.run import answered, ingested
-from pipeline.screening.case import bring, conformed, plain
+from pipeline.screening.case import Step, bring, conformed, plain
 from pipeline.screening.fit import fit
 from pipeline.stages.diagnose import case_of
 from pipeline.stages.estimate import identify, left_out
@@ -131,6 +131,7 @@ class Played:
         missed_mm: Left-out error of the joint springs where nothing scatters, of singles.
         scores: Of the campaign, then with one proposed pose more each time.
         seconds: Of a processor, from files to the first answer.
+        diagnosing: Part of them that the diagnosis took.
         cost: Of a processor, for all of it.
     """
 
@@ -143,6 +144,7 @@ class Played:
     missed_mm: float
     scores: tuple[Score, ...]
     seconds: float
+    diagnosing: float
     cost: float
 
     @property
@@ -218,14 +220,16 @@ def played(fixture: Fixture, league: League) -> Played:
     if any(
         size > most.get(name, np.inf) for name, size in zip(fixture.secrets, sizes, strict=True)
     ):
-        return Played(*head, sizes=(), power=0.0, missed_mm=0.0, scores=(), seconds=0.0, cost=0.0)
+        return Played(
+            *head, sizes=(), power=0.0, missed_mm=0.0, scores=(), seconds=0, diagnosing=0, cost=0
+        )
     power = 0.0
     if fixture.kind == "power":
         power = yardstick(fixture.plan, league.rules).power(fixture.secrets[0], sizes[0])
     missed = missed_mm(fixture, plan, sizes, league, robot) if fixture.kind == "single" else 0.0
     follow = MOST if fixture.kind == "doubtful" else 0
-    scores, seconds = _followed(fixture, plan, sizes, league, robot, follow)
-    return Played(*head, sizes, power, missed, scores, seconds, time.process_time() - began)
+    scores, spent = _followed(fixture, plan, sizes, league, robot, follow)
+    return Played(*head, sizes, power, missed, scores, *spent, time.process_time() - began)
 
 
 def _sizes(fixture: Fixture, plan: Plan, league: League, robot: Robot) -> tuple[float, ...]:
@@ -246,23 +250,23 @@ def _followed(
     league: League,
     robot: Robot,
     most: int,
-) -> tuple[tuple[Score, ...], float]:
+) -> tuple[tuple[Score, ...], tuple[float, float]]:
     """Scores of the campaign, and with one more proposed pose each time while a name is open.
 
     The operator pulls in the usual steps at the first pose that is proposed, then asks again.
     """
     secrets = [(SECRETS[name], size) for name, size in zip(fixture.secrets, sizes, strict=True)]
     scores: list[Score] = []
-    seconds = []
+    spent = []
     while True:
         game = play(robot, plan, secrets, np.random.default_rng(fixture.seed), league.rules)
-        began = time.process_time()
-        answer = answer_of(game.files)
-        seconds.append(time.process_time() - began)
+        began, clock = time.process_time(), Clock()
+        answer = answer_of(game.files, clock)
+        spent.append((time.process_time() - began, clock.seconds.get("diagnose", 0.0)))
         scores.append(score(game.truth, answer, twins(robot)))
         proposed = answer["diagnosis"]["next_poses"] if answer else []
         if scores[-1].verdict != "ambiguous" or not proposed or len(scores) > most:
-            return tuple(scores), seconds[0]
+            return tuple(scores), spent[0]
         plan = plan.further(*_where(proposed[0], robot))
 
 
@@ -284,10 +288,34 @@ def _where(proposal: Mapping[str, Any], robot: Robot) -> tuple[np.ndarray, np.nd
     return q, np.array(proposal["anchor_m"]), float(proposal.get("approach") or 1.0)
 
 
-def answer_of(files: Mapping[str, bytes]) -> dict[str, Any] | None:
+class Clock:
+    """Carries out stages, and knows how long each took.
+
+    Attributes:
+        seconds: Of a processor, by the stage's name.
+    """
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    def __call__(self, stage: Callable[..., Any]) -> Callable[..., Any]:
+        """The stage, timed."""
+
+        @wraps(stage)
+        def timed(*args: Any, **kwargs: Any) -> Any:
+            began = time.process_time()
+            done = stage(*args, **kwargs)
+            spent = time.process_time() - began
+            self.seconds[stage.__name__] = self.seconds.get(stage.__name__, 0.0) + spent
+            return done
+
+        return timed
+
+
+def answer_of(files: Mapping[str, bytes], step: Step = plain) -> dict[str, Any] | None:
     """What `pipeline run` says of these files, writing nothing; None if it refuses them."""
     try:
-        return answered("game", in_memory(files)).answer
+        return answered("game", in_memory(files), step=step).answer
     except PipelineError:
         return None
 

@@ -23,6 +23,8 @@ class Finding:
         size: How large the mistake is, where it has a size.
         size_unit: Unit of `size`.
         p_value: Probability of such evidence by chance, None where chance has no part in it.
+        beside_model: The evidence is what the joint springs leave, so that a richer model may take
+            it away.
         correct: The corrected campaign.
     """
 
@@ -37,3 +39,4 @@ class Finding:
     size: float | None = None
     size_unit: str = "1"
     p_value: float | None = None
+    beside_model: bool = False

@@ -349,6 +349,7 @@ def _finding(
         size=size,
         size_unit="m",
         p_value=min(p, 1.0),
+        beside_model=True,
         correct=partial(without, file=str(row["file"]), line=int(row["line"])),
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from pipeline.effects import Effect
 from pipeline.results import Estimate, System
 from pipeline.screening.case import Case, Reduced, bring
 from pipeline.screening.conventions import conventions
@@ -12,7 +13,7 @@ from pipeline.screening.finding import Finding
 from pipeline.screening.labels import labels
 from pipeline.screening.outliers import base_outlier, chain_outlier, noise_scale, outlier
 from pipeline.screening.pulls import force_unit, reversed_pull
-from pipeline.stages.contrasts import repeated_zeros
+from pipeline.stages.contrasts import Zeros, repeated_zeros
 from pipeline.stages.estimate import identify
 
 MOST = 12
@@ -55,6 +56,44 @@ def screen(case: Case, reduced: Reduced) -> Screened:
     return Screened(tuple(findings), case)
 
 
+def acquit(
+    given: Case, screened: Screened, causes: tuple[Effect, ...], extended: Estimate | None
+) -> Screened:
+    """Judge bad readings once more, beside the causes that were named without them.
+
+    What contradicts the joint springs alone may follow from a cause: a reading that agrees with
+    the extended model was never bad, and comes back.
+
+    Args:
+        given: The campaign as given.
+        screened: What was found in it.
+        causes: The causes.
+        extended: Joint springs and causes, estimated together; None where there are none.
+
+    Returns:
+        `screened` itself where every bad reading stays bad.
+    """
+    kept = [finding for finding in screened.findings if not finding.beside_model]
+    richer = given.cell.with_effects(*causes).parameters
+    if len(kept) == len(screened.findings) or not causes or extended is None:
+        return screened
+    if richer != extended.parameters:  # where the robot stands was put right, which no cell can say
+        return screened
+    case = given
+    for finding in kept:
+        case = finding.correct(case)
+    for _ in range(len(screened.findings) - len(kept)):
+        reduced = bring(case)
+        cell = case.cell.with_effects(*causes)
+        system, estimate = identify(cell, reduced.data, extended.value)
+        zeros, spread = _scatter(case, reduced, system, estimate)
+        found = outlier(case, reduced, zeros, system, estimate, spread)
+        case = _put_right(case, found, kept)
+        if not found:
+            break
+    return Screened(tuple(kept), case) if len(kept) < len(screened.findings) else screened
+
+
 def _put_right(case: Case, found: list[Finding], findings: list[Finding]) -> Case:
     for finding in found:
         findings.append(finding)
@@ -70,7 +109,14 @@ def _asked(
     yield force_unit(case, estimate)
     if case.settings.displacements is None:
         yield chain_outlier(case)
-        zeros = repeated_zeros(case.settings, reduced.placed)
-        spread = noise_scale(system, estimate, reduced.data, zeros, case.cell)
+        zeros, spread = _scatter(case, reduced, system, estimate)
         yield base_outlier(reduced.registration, spread[0])
         yield outlier(case, reduced, zeros, system, estimate, spread)
+
+
+def _scatter(
+    case: Case, reduced: Reduced, system: System, estimate: Estimate
+) -> tuple[Zeros, tuple[float, int]]:
+    """Repeated zeros, and how much readings scatter."""
+    zeros = repeated_zeros(case.settings, reduced.placed)
+    return zeros, noise_scale(system, estimate, reduced.data, zeros, case.cell)
