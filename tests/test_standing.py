@@ -10,6 +10,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pipeline import campaign
+from pipeline.league.play import Rules, drawn, play
+from pipeline.league.secrets import SECRETS
+from pipeline.robot import load
 from pipeline.run import answered
 from pipeline.simulate import simulate
 from pipeline.simulate.plan import Plan
@@ -111,3 +114,19 @@ def test_an_innocent_robot_has_no_blind_spot_there():
     assert found["unloaded_off_mm"][0] < 0.1
     assert not any(s["name"] == "joint_offset" and s["where"] == 3 for s in found["blind_spots"])
     assert not any(s["name"] == "base_rotation" for s in found["blind_spots"])
+
+
+def test_what_the_unloaded_reflectors_refute_is_not_named():
+    """A strut whose law the catalogue only resembles leaves a rest that looks like tons of sag.
+
+    The reflectors stand where the table puts them, so the arm does not hang by centimetres.
+    """
+    robot = load("kr500_rail")
+    plan = drawn(robot, np.random.default_rng((2026, 9, 15)), Rules())
+    hidden = [(SECRETS["scale_zero"], 2.6), (SECRETS["compensator"], 0.95)]
+    game = play(robot, plan, hidden, np.random.default_rng((2026, 1, 15)))
+
+    found = said(game.files)
+
+    assert found["unloaded_off_mm"][0] < 0.05
+    assert {cause["name"] for cause in found["causes"]} == {"scale_zero", "compensator"}

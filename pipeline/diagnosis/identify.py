@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence, Set
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
@@ -50,6 +50,8 @@ class Case:
         noise: Scatter of the tracker over its stated standard uncertainty.
         force_noise: Scatter of the scale over its stated one, relative to the tracker's.
         nameless: What competes with the suspects and is never named.
+        refuted: Multiples of the typical size from which the unloaded reflectors would show a
+            cause and do not, by label.
     """
 
     cell: Cell
@@ -58,6 +60,7 @@ class Case:
     noise: float
     force_noise: float = 1.0
     nameless: tuple[Effect, ...] = ()
+    refuted: Mapping[str, float] = field(default_factory=dict)
 
     def sight(self, model: Model, near: Sight | None = None) -> Sight:
         """The campaign linearised at a model, with the errors of a near one where it is given."""
@@ -315,7 +318,10 @@ def _add(case: Case, view: View, now: Scores, found: Bools, refused: dict[str, N
 
 
 def possible(case: Case, view: View, suspect: int) -> bool:
-    """True unless an estimate is beyond its physical bounds by more than two sigmas."""
+    """True unless an estimate is beyond its bounds by more than two sigmas.
+
+    Bounds are what physics allows and what the unloaded reflectors do not refute.
+    """
     columns = view.columns([suspect])
     base = np.concatenate([view.base, columns[~np.isin(columns, view.base)]])
     N = view.M[np.ix_(base, base)]
@@ -326,8 +332,10 @@ def possible(case: Case, view: View, suspect: int) -> bool:
     value = (inverse @ (view.M[base, -1] / size) / size)[at]
     std = (np.sqrt(np.diag(inverse)) / size)[at]
     typical = view.typical[columns]
-    lower = np.array([p.lower for p in case.suspects[suspect].parameters]) / typical
-    upper = np.array([p.upper for p in case.suspects[suspect].parameters]) / typical
+    effect = case.suspects[suspect]
+    most = case.refuted.get(effect.label, np.inf)
+    lower = np.maximum(np.array([p.lower for p in effect.parameters]) / typical, -most)
+    upper = np.minimum(np.array([p.upper for p in effect.parameters]) / typical, most)
     slack = 2 * std + 0.3
     return bool(np.all((value > lower - slack) & (value < upper + slack)))
 

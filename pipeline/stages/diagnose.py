@@ -80,6 +80,7 @@ def diagnose(
     if stood.effects:
         data = corrected(hung, data, stood)
         case, spread = case_of(cell, data, estimate, whole, known)
+    case = replace(case, refuted=stood.visible)
     case, spread, found = _searched(case, spread, estimate.value, rng)
     worth = _gain(case, found, rng)
     causes = _causes(case, found, worth, where, known) + _noise_causes(whole, spread)
