@@ -35,6 +35,10 @@ class Twins:
     pairs: tuple[tuple[str, str], ...]
     unmoved: tuple[str, ...]
 
+    def of(self, label: str) -> tuple[str, ...]:
+        """The twins of one effect."""
+        return tuple(b if a == label else a for a, b in self.pairs if label in (a, b))
+
 
 def rich_pulls(robot: Robot, rng: np.random.Generator, pulls: int = 80) -> Pulls:
     """Pulls as varied as they can be: all joints, directions, sizes, branches, approaches, times.

@@ -8,11 +8,11 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 from scipy import stats
 
+from pipeline.diagnosis.judgement import CERTAIN
 from pipeline.diagnosis.nextpose import APART
 from pipeline.league.judge import Score, Stated
 from pipeline.league.run import MOST, NEVER, STEPS, Played
 from pipeline.results import Array
-from pipeline.stages.diagnose import CERTAIN
 
 TWINS = ("joint_tilt:5", "joint_tilt:6", "joint_tilt:7", "tool_flex")
 

@@ -1,0 +1,82 @@
+"""How large the named causes are, with intervals that follow the bend of the model."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import stats
+
+from pipeline.cell import predict
+from pipeline.diagnosis.identify import Case, of_model
+from pipeline.diagnosis.verdict import Amplitude
+from pipeline.diagnosis.view import View, coefficients, eliminate
+from pipeline.effects import Elastic
+from pipeline.results import Parameter
+
+
+def amplitudes(case: Case, view: View) -> list[tuple[Amplitude, ...]]:
+    """Sizes of the accepted causes, springs estimated along; scatter as the residual has it."""
+    base = view.base
+    value = coefficients(view.M, base)
+    N = view.M[np.ix_(base, base)]
+    size = np.sqrt(np.diag(N))
+    values, vectors = np.linalg.eigh(N / np.outer(size, size))
+    seen = values > 1e-11
+    half = vectors[:, seen] / np.sqrt(values[seen]) / size[:, None]
+    dof = view.rows_left - (len(base) - view.first)
+    rest = float(eliminate(view.M, base)[-1, -1])
+    std = np.sqrt(np.sum(half**2, axis=1) * max(rest / dof, 0.0))
+    std[(np.abs(vectors[:, ~seen]) > 1e-4).any(axis=1)] = np.inf
+    quantile = float(stats.t.ppf(0.975, dof))
+    out = []
+    for suspect in view.model.accepted:
+        at = [int(np.flatnonzero(base == c)[0]) for c in view.columns([suspect])]
+        effect = case.suspects[suspect]
+        sizes = []
+        for k, parameter in zip(at, effect.parameters, strict=True):
+            here = value[k] * parameter.typical
+            mine = std[k] * parameter.typical
+            interval = (here - quantile * mine, here + quantile * mine)
+            if not isinstance(effect, Elastic) and np.isfinite(mine):
+                interval = profile(view, suspect, parameter, here, mine, rest / dof)
+            sizes.append(Amplitude(parameter, float(here), float(mine), interval))
+        out.append(tuple(sizes))
+    return out
+
+
+def profile(
+    view: View, suspect: int, parameter: Parameter, value: float, std: float, variance: float
+) -> tuple[float, float]:
+    """95 % interval where chi-square, everything else refitted, has risen by 3.84.
+
+    Elastic causes are linear in their parameters and have none of this; force and geometry bend
+    it. One step of the secant rule from 1.96 standard uncertainties is enough for what they bend.
+    """
+    out = []
+    for side in (-1.96, 1.96):
+        rise = _rise(view, suspect, parameter, value + side * std) / variance
+        out.append(value + side * std * float(np.sqrt(3.84 / max(rise, 1.0))))
+    return out[0], out[1]
+
+
+def _rise(view: View, suspect: int, parameter: Parameter, at: float) -> float:
+    """Rise of chi-square when one parameter is held, the others refitted.
+
+    The others follow the linear model; what bends shows in the prediction at these values, and
+    they follow once more.
+    """
+    names = [p.name for p in view.suspects[suspect].parameters]
+    fixed = int(view.columns([suspect])[names.index(parameter.name)])
+    free = view.base[view.base != fixed]
+    A = view.A.copy()
+    A[:, -1] -= A[:, fixed] * (at / view.typical[fixed])
+    found = dict(zip(free.tolist(), coefficients(A.T @ A, free), strict=True))
+    found[fixed] = at / view.typical[fixed]
+    mine = of_model(view)
+    values = np.array([found[c] for c in mine.tolist()]) * view.typical[mine]
+    data = view.seen.data
+    moved = predict(view.model.cell, data.pulls, values).displacement[data.pull, data.target]
+    B = view.raw[:, np.where(mine < view.springs, mine, mine - view.common)]
+    white = view.white.by_pose(data.delta.ravel() - moved.ravel() + B @ values) / view.noise
+    A[: len(white), -1] = white - A[: len(white), fixed] * (at / view.typical[fixed])
+    best = float(eliminate(view.M, view.base)[-1, -1])
+    return float(eliminate(A.T @ A, free)[-1, -1]) - best

@@ -1,0 +1,138 @@
+"""The verdict: one word, and the sentence that says why."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+
+from pipeline.diagnosis.gain import Gain
+from pipeline.diagnosis.identify import ROUGH, Case, Found
+from pipeline.diagnosis.noise import SURE, Scatter
+from pipeline.diagnosis.standing import Standing
+from pipeline.diagnosis.verdict import Cause
+from pipeline.diagnosis.view import SOFT, same_gear
+
+CERTAIN = 0.95
+"""A cause less probable than this among its rivals is not named singly."""
+
+UNKNOWN = 0.5
+"""What has no name stands where a cause was sought if it is likelier than this."""
+
+
+def judge(
+    case: Case,
+    spread: Scatter,
+    found: Found,
+    worth: Gain | None,
+    causes: tuple[Cause, ...],
+    stood: Standing,
+    stands: tuple[Cause, ...],
+) -> tuple[str, str]:
+    """Verdict and sentence.
+
+    Args:
+        case: What was asked.
+        spread: Scatter of the readings.
+        found: What the displacements say.
+        worth: What its causes are worth at left-out poses.
+        causes: Its causes, and those of scatter.
+        stood: What the unloaded reflectors say.
+        stands: Its causes.
+    """
+    verdict, why = _of_displacements(found, causes, worth)
+    if verdict == "explained" and found.accepted and case.force_noise > 1:
+        verdict = "ambiguous"
+        why = (
+            "What the causes leave is scatter only if the scale scatters "
+            f"{case.force_noise * case.noise:.0f} times as much as stated."
+        )
+    if found.first.soft_p < SOFT:
+        verdict = "unexplained"
+        why = "The reflectors move against each other under load: a loose nest or a soft effector."
+    if verdict == "adequate" and _too_much(spread, case.data.noise_stated):
+        verdict, why = "unexplained", "The residuals are larger than any certificate may be wrong."
+    return _with_standing(verdict, why, stands, stood) if stands else (verdict, why)
+
+
+def _of_displacements(
+    found: Found, causes: tuple[Cause, ...], worth: Gain | None
+) -> tuple[str, str]:
+    """One word and one sentence."""
+    if not found.detected:
+        if causes:
+            said = ", ".join(cause.effect.name for cause in causes)
+            return "explained", f"The readings scatter more than stated ({said}); else nothing."
+        return "adequate", "The joint springs explain what was measured."
+    if not found.accepted:
+        return "unexplained", "Something is missing from the model, and no known cause explains it."
+    names = " and ".join(cause.effect.label for cause in causes if cause.gain is not None)
+    if found.rough > ROUGH:
+        return (
+            "unexplained",
+            f"{names} explains most, but what is left is {found.rough:.1f} times the scatter "
+            "of the readings: the place is likely, the law is another.",
+        )
+    if not found.clean:
+        return "unexplained", f"Beside {names} something remains that no known cause explains."
+    stranger = found.stranger
+    unnamed = stranger.probability if stranger else 0.0
+    looks = found.wide.suspects[stranger.suspect].signature if stranger else ""
+    if unnamed > UNKNOWN:
+        return (
+            "unexplained",
+            f"{names} comes nearest, but something that the catalogue has no name for explains "
+            f"more: it looks like {looks}.",
+        )
+    if worth is not None and worth.ci95[0] <= 0:
+        return "ambiguous", f"{names} fits, but does not predict left-out poses better for certain."
+    twice = _two_laws(found, causes)
+    if twice:
+        return (
+            "ambiguous",
+            f"Joint {twice} turns by a law of its own: {names} describe it only together.",
+        )
+    doubtful = [c for c in causes if c.twins or c.probability < CERTAIN]
+    if doubtful:
+        told = "; ".join(
+            " or ".join([c.effect.label, *(r.effect.label for r in c.rivals[:3])]) for c in doubtful
+        )
+        return "ambiguous", f"The data cannot tell {told}."
+    if unnamed > 1 - CERTAIN:
+        return (
+            "ambiguous",
+            f"The data cannot tell {names} from something that the catalogue has no name for, "
+            f"which looks like {looks}.",
+        )
+    return (
+        "explained",
+        f"With {names} in the model nothing is left but the scatter of the readings.",
+    )
+
+
+def _two_laws(found: Found, causes: Sequence[Cause]) -> int | str | None:
+    """The joint whose gear needs two laws of the catalogue at once: it has a third one."""
+    effects = [cause.effect for cause in causes[: len(found.accepted)]]
+    for one, other in combinations(effects, 2):
+        if same_gear(one, other):
+            return one.where
+    return None
+
+
+def _too_much(spread: Scatter, stated: bool) -> bool:
+    """With one reflector nothing tells scatter from misfit but the certificate."""
+    return stated and spread.known_from == "residuals" and spread.tracker_p < SURE
+
+
+def _with_standing(
+    verdict: str, why: str, stands: tuple[Cause, ...], stood: Standing
+) -> tuple[str, str]:
+    """Verdict and sentence of the displacements, with what the unloaded reflectors say."""
+    names = " and ".join(cause.effect.label for cause in stands)
+    said = (
+        f"The unloaded reflectors stand {1e3 * stood.miss_m:.2g} mm off where the robot's table "
+        f"puts them, and {1e3 * stood.left_m:.2g} mm with {names}."
+    )
+    sure = all(cause.probability >= CERTAIN for cause in stands)
+    if verdict == "adequate":
+        return ("explained" if sure else "ambiguous"), said
+    return (verdict if sure or verdict != "explained" else "ambiguous"), f"{said} {why}"
