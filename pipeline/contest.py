@@ -7,11 +7,12 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterable
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import asdict
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from pathlib import Path
 from typing import Any
 
@@ -78,7 +79,7 @@ def _all(
         return
     os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # one core for each process
     done, end = total - len(left), time.monotonic() + 60 * minutes
-    with ProcessPoolExecutor(jobs, get_context("spawn"), _end_on_interrupt) as pool:
+    with ProcessPoolExecutor(jobs, get_context("spawn"), _bound) as pool:
         waiting: list[Future[Played]] = [pool.submit(played, each, league) for each in left]
         try:
             for future in as_completed(waiting):
@@ -100,9 +101,12 @@ def _all(
             raise
 
 
-def _end_on_interrupt() -> None:
-    """A Ctrl-C ends this process at once; the one that hands out the games says what is kept."""
+def _bound() -> None:
+    """End this process at a Ctrl-C, and with the one that hands out the games, however it ends."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    parent = parent_process()
+    assert parent is not None
+    threading.Thread(target=lambda: (parent.join(), os._exit(1)), daemon=True).start()
 
 
 def _kept(log: Path, league: League) -> tuple[dict[str, Played], str]:

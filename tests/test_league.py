@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -280,29 +281,61 @@ def test_an_interrupted_league_goes_on_and_ends_the_same(tmp_path):
     assert contest.contest(replace(league, clean=3), log, 1, minutes=0) == again
 
 
-@pytest.mark.slow
-def test_an_interrupted_league_says_what_is_kept(tmp_path):
-    """Ctrl-C ends it at once, with the exit code of an interruption and one sentence."""
-    log = tmp_path / "games"
+@contextmanager
+def playing(log):
+    """A league in a session of its own, with its first game played."""
     none = [f"--{kind}=0" for kind in ("single", "pairs", "strange", "power", "doubtful")]
     command = [sys.executable, "-m", "pipeline", "league", *none, f"--log={log}", "--jobs=1"]
-    league = subprocess.Popen(
+    with subprocess.Popen(
         command,
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-    )
-    while not log.is_file() or log.read_text().count("\n") < 2:
-        assert league.poll() is None
-        time.sleep(0.1)
-    os.killpg(league.pid, signal.SIGINT)
+    ) as league:
+        while not log.is_file() or log.read_text().count("\n") < 2:
+            assert league.poll() is None
+            time.sleep(0.1)
+        yield league
 
-    _, said = league.communicate(timeout=20)
+
+@pytest.mark.slow
+def test_an_interrupted_league_says_what_is_kept(tmp_path):
+    """Ctrl-C ends it at once, with the exit code of an interruption and one sentence."""
+    with playing(tmp_path / "games") as league:
+        os.killpg(league.pid, signal.SIGINT)
+
+        _, said = league.communicate(timeout=20)
 
     assert league.returncode == 130
     assert re.search(r"Interrupted; \d+ of 1000 games are kept in ", said)
     assert len(said.splitlines()) == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
+def test_a_killed_league_leaves_nobody_behind(tmp_path, how):
+    """The processes that play end with the one that hands out the games."""
+    with playing(tmp_path / "games") as league:
+        league.send_signal(how)
+        league.wait(20)
+
+        end = time.monotonic() + 20
+        while _alive(league.pid) and time.monotonic() < end:
+            time.sleep(0.1)
+        left = _alive(league.pid)
+        if left:
+            os.killpg(league.pid, signal.SIGKILL)
+
+    assert not left
+
+
+def _alive(group):
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
 
 
 def cause(
