@@ -82,6 +82,13 @@ def test_places_are_joint_numbers_of_the_robot():
         assert sorted({e.where for e in EFFECTS if e.name == name}) == [2, 3, 4, 5, 6, 7]
 
 
+def test_play_about_the_last_axis_may_be_the_clamp():
+    """Only there the reader is told that the effector's clamp moves alike."""
+    told = {(e.name, e.where) for e in EFFECTS if "clamp" in e.needs}
+
+    assert told == {("joint_lost_motion", 7), ("joint_hysteresis", 7)}
+
+
 def test_labels_with_forms_are_unique():
     """No cause stands twice in the catalogue in the same form."""
     assert len(set(IDS)) == len(IDS)

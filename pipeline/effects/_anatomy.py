@@ -53,6 +53,13 @@ def carriage(loaded: Loaded) -> Array:
     return loaded.configuration.origin[:, 0]
 
 
+def clamp(robot: Robot, joint: int) -> str:
+    """What else turns about the axis of the last joint, for `needs`; empty for the others."""
+    if joint != turning(robot)[-1]:
+        return ""
+    return "; reflectors on the flange, as an effector that turns in its clamp looks the same"
+
+
 def joint_screw(loaded: Loaded, joint: int) -> Array:
     """Unit screw of a joint as one virtual joint, shape (m, 1, 6)."""
     return loaded.configuration.twists[:, joint - 1 : joint]

@@ -11,7 +11,7 @@ branch is +1 while the turnbuckle tightens and -1 while it slackens.
 
 import numpy as np
 
-from pipeline.effects._anatomy import joint_screw, rated_torque, turning
+from pipeline.effects._anatomy import clamp, joint_screw, rated_torque, turning
 from pipeline.effects._effect import Elastic, Loaded
 from pipeline.results import Array, Ints, Parameter
 from pipeline.robot import Robot
@@ -50,7 +50,8 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
         parameters=(Parameter(f"f_{joint}", "rad", 5e-5, 0.0, 1e-3),),
         signature=f"at the same reading joint {joint} stands elsewhere while unloading than while "
         "loading",
-        needs="the same loads on the way up and on the way down, branch recorded in loads.csv",
+        needs="the same loads on the way up and on the way down, branch recorded in loads.csv"
+        + clamp(robot, joint),
         source="Coulomb friction, Masing's rule, Dahl's model; 50 urad is an estimate",
         carrier=(joint,),
         twists=lambda loaded: joint_screw(loaded, joint),

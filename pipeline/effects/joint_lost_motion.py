@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pipeline.effects._anatomy import joint_screw, rated_torque, turning
+from pipeline.effects._anatomy import clamp, joint_screw, rated_torque, turning
 from pipeline.effects._effect import Elastic
 from pipeline.results import Parameter
 from pipeline.robot import Robot
@@ -27,7 +27,8 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
         parameters=(Parameter(f"b_{joint}", "rad", 6e-5, 0.0, 1e-3),),
         signature=f"joint {joint} turns by the same angle at every load, in the sense of its "
         "torque",
-        needs="a small and a large load at poses that turn this joint both ways",
+        needs="a small and a large load at poses that turn this joint both ways"
+        + clamp(robot, joint),
         source="RV reducers: lost motion within 1 arcmin (290 urad) at +-3 % of rated torque",
         carrier=(joint,),
         twists=lambda loaded: joint_screw(loaded, joint),
