@@ -14,10 +14,10 @@ import numpy as np
 from pipeline import files
 from pipeline.campaign import Campaign, dump
 from pipeline.cell import paper_cell
-from pipeline.design import problem as problems
+from pipeline.design import spec as specs
 from pipeline.design.known import continued, information_of
 from pipeline.design.planfile import plan_text
-from pipeline.design.problem import Problem
+from pipeline.design.problem import Problem, build
 from pipeline.design.propose import Proposal, propose
 from pipeline.design.search import Effort
 from pipeline.errors import InputError, UsageError, listed
@@ -128,18 +128,18 @@ def find(name: str, changes: dict[str, Any]) -> Problem:
     Raises:
         InputError: There is no such problem, it is wrong, or no plan can meet it.
     """
-    if name in problems.SHIPPED:
-        text, folder = problems.shipped(name), None
+    if name in specs.SHIPPED:
+        text, folder = specs.shipped(name), None
     else:
         path = Path(name)
         if path.suffix != ".toml" or not path.is_file():
             raise InputError(
                 f'there is no design problem "{name}"',
-                f"use {listed(problems.SHIPPED)}, or the path of a problem file ending in .toml",
+                f"use {listed(specs.SHIPPED)}, or the path of a problem file ending in .toml",
             )
         text, folder = path.read_text("utf-8-sig"), path.parent
-    spec = problems.revised(problems.parse(text, Path(name).name), given(changes))
-    return problems.build(spec, load_robot(spec.robot, folder))
+    spec = specs.revised(specs.parse(text, Path(name).name), given(changes))
+    return build(spec, load_robot(spec.robot, folder))
 
 
 def added_to(problem: Problem, campaign: Campaign) -> tuple[Problem, Array]:
@@ -150,7 +150,7 @@ def added_to(problem: Problem, campaign: Campaign) -> tuple[Problem, Array]:
     """
     raw = campaign.read()
     spec = continued(problem.spec, raw.settings, f"{campaign.name}_next")
-    further = problems.build(spec, raw.robot)
+    further = build(spec, raw.robot)
     data = reduce(raw, lambda _, table, promise: conform(table, promise).to_pandas()).data
     cell = paper_cell(raw.robot, further.tool)
     return further, information_of(cell, data, further.experiment.scale)

@@ -10,7 +10,7 @@ from scipy import linalg, optimize
 
 from pipeline import cli, planning
 from pipeline.cell import Tool, jacobian, paper_cell
-from pipeline.design import criteria, problem, search
+from pipeline.design import criteria, search, spec
 from pipeline.design.bound import Worst, bounds, certify
 from pipeline.design.curves import by_anchor, by_size
 from pipeline.design.descent import descend
@@ -581,12 +581,12 @@ def test_an_interrupted_search_gives_its_best(monkeypatch):
 def test_a_problem_file_and_its_mistakes(tmp_path):
     """A user's own file is found by path; wrong words and files are named."""
     path = tmp_path / "mine.toml"
-    path.write_text(problem.shipped("paper_reference").replace("poses = 3 ", "poses = 4 "))
+    path.write_text(spec.shipped("paper_reference").replace("poses = 3 ", "poses = 4 "))
     assert planning.find(str(path), {}).poses == 4
     path.write_text("poses = ")
     with pytest.raises(InputError, match=r"mine.toml: not valid TOML"):
         planning.find(str(path), {})
-    path.write_text(problem.shipped("paper_reference") + "colour = 1\n")
+    path.write_text(spec.shipped("paper_reference") + "colour = 1\n")
     with pytest.raises(InputError, match="colour"):
         planning.find(str(path), {})
     with pytest.raises(InputError, match="no design problem"):

@@ -25,7 +25,8 @@ from pipeline.league.machine import Machine, Spring
 from pipeline.league.page import page
 from pipeline.league.play import Rules, drawn, play
 from pipeline.league.run import KINDS, League, Played, answer_of, fixtures, played
-from pipeline.league.secrets import NOMINAL, SECRETS, setup, straight
+from pipeline.league.secret import NOMINAL, setup, straight
+from pipeline.league.secrets import SECRETS
 from pipeline.league.table import ece, interval, rows
 from pipeline.robot import configure, load
 

@@ -11,6 +11,7 @@ from pipeline import cli, planning
 from pipeline.campaign import find, in_memory
 from pipeline.cell import jacobian, paper_cell
 from pipeline.design import problem
+from pipeline.design import spec as specs
 from pipeline.design.discriminate import APART, lens, rows, sights
 from pipeline.design.information import information, station
 from pipeline.design.known import information_of
@@ -33,7 +34,7 @@ SEED = 20261121
 
 
 def changed(which, **changes):
-    spec = problem.revised(problem.parse(problem.shipped(which)), changes)
+    spec = specs.revised(specs.parse(specs.shipped(which)), changes)
     return problem.build(spec, load(spec.robot))
 
 

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.design.descent import descend
-from pipeline.design.problem import Problem, build, revised
+from pipeline.design.problem import Problem, build
 from pipeline.design.search import HARD, Effort, Plan, evaluate, objective, search
 from pipeline.design.space import Box
+from pipeline.design.spec import revised
 from pipeline.errors import InputError
 from pipeline.results import Array, Locked
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.cell import Cell
-from pipeline.design.problem import ProblemFile, validated
+from pipeline.design.spec import ProblemFile, validated
 from pipeline.results import Array
 from pipeline.settings import Settings
 from pipeline.stages.assemble import Measured

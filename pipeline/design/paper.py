@@ -13,8 +13,9 @@ import numpy as np
 from pipeline.cell import paper_cell
 from pipeline.design.curves import ByAnchor, BySize, by_anchor, by_size
 from pipeline.design.information import station
-from pipeline.design.problem import Problem, build, parse, revised, shipped
+from pipeline.design.problem import Problem, build
 from pipeline.design.search import Effort, Plan, evaluate, rounded, search
+from pipeline.design.spec import parse, revised, shipped
 from pipeline.results import Array, Locked
 from pipeline.robot import Robot
 from pipeline.simulate.noise import tracker_errors

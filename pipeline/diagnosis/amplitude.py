@@ -6,9 +6,10 @@ import numpy as np
 from scipy import stats
 
 from pipeline.cell import predict
+from pipeline.diagnosis.elimination import coefficients, eliminate
 from pipeline.diagnosis.identify import Case, of_model
 from pipeline.diagnosis.verdict import Amplitude
-from pipeline.diagnosis.view import View, coefficients, eliminate
+from pipeline.diagnosis.view import View
 from pipeline.effects import Elastic
 from pipeline.results import Parameter
 

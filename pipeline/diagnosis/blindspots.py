@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from pipeline.diagnosis.elimination import eliminate
 from pipeline.diagnosis.evidence import clean
 from pipeline.diagnosis.isolability import Twins
-from pipeline.diagnosis.view import View, eliminate
+from pipeline.diagnosis.view import View
 from pipeline.effects import Effect
 from pipeline.results import Array, Ints
 

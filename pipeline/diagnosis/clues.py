@@ -6,10 +6,11 @@ import numpy as np
 from scipy import special
 
 from pipeline.diagnosis.blindspots import smallest_visible
+from pipeline.diagnosis.elimination import eliminate
 from pipeline.diagnosis.evidence import ROUNDING, clean
 from pipeline.diagnosis.identify import Found, by_label
 from pipeline.diagnosis.verdict import Clue, Misfit, location
-from pipeline.diagnosis.view import View, eliminate
+from pipeline.diagnosis.view import View
 
 
 def clues(found: Found) -> tuple[Clue, ...]:

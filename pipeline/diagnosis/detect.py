@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from pipeline.diagnosis.elimination import NULL, eliminate
 from pipeline.diagnosis.evidence import ROUNDING, Scores
-from pipeline.diagnosis.view import NULL, View, by_pose_drop, eliminate
+from pipeline.diagnosis.view import View, by_pose_drop
 from pipeline.results import Array, Ints
 
 FALSE_ALARM = 0.003

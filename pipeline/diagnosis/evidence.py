@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from pipeline.diagnosis.view import NULL, View, eliminate
+from pipeline.diagnosis.elimination import NULL, eliminate
+from pipeline.diagnosis.view import View
 from pipeline.results import Array, Ints, Locked
 
 WIDTHS = np.array([0.4, 1.0, 2.5, 6.0])

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.diagnosis.elimination import coefficients
 from pipeline.diagnosis.evidence import scores
 from pipeline.diagnosis.identify import WORTH, Case, by_label
-from pipeline.diagnosis.view import View, coefficients
+from pipeline.diagnosis.view import View
 from pipeline.effects import Effect
 from pipeline.results import Array, Ints, Locked
 

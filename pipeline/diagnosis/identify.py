@@ -11,8 +11,10 @@ from scipy import special
 
 from pipeline.cell import Cell
 from pipeline.diagnosis.detect import Lack, Threshold, lack_of_fit, threshold
+from pipeline.diagnosis.elimination import coefficients, eliminate
 from pipeline.diagnosis.evidence import Scores, scores
-from pipeline.diagnosis.view import Model, Sight, View, coefficients, eliminate, look, sight
+from pipeline.diagnosis.sight import Model, Sight, sight
+from pipeline.diagnosis.view import View, look
 from pipeline.effects import Effect
 from pipeline.results import Array, Bools, Ints, Locked
 from pipeline.stages.assemble import Measured

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.cell import sensitivity
+from pipeline.diagnosis.elimination import coefficients, eliminate
 from pipeline.diagnosis.identify import Case
-from pipeline.diagnosis.view import View, coefficients, eliminate
+from pipeline.diagnosis.view import View
 from pipeline.effects import Effect, Pulls
 from pipeline.results import Array, Ints, Locked
 from pipeline.robot import configure

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pipeline.diagnosis.elimination import eliminate
 from pipeline.diagnosis.isolability import Twins
 from pipeline.diagnosis.nextpose import APART
-from pipeline.diagnosis.view import View, eliminate
+from pipeline.diagnosis.view import View
 from pipeline.results import Array
 
 DETECTED = 5.0

@@ -8,22 +8,19 @@ and of its part from each pose.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import scipy.sparse
 from scipy import special
 
-from pipeline.cell import Cell, jacobian, load, predict, sensitivity
-from pipeline.effects import Effect, Loaded
+from pipeline.cell import load
+from pipeline.diagnosis.elimination import NULL, coefficients
+from pipeline.diagnosis.sight import Model, Sight, accepted_columns, owners
+from pipeline.effects import Effect
 from pipeline.results import Array, Errors, Ints, Locked, Rows
-from pipeline.robot.configuration import rotation_about, velocity
-from pipeline.stages.assemble import Measured, assemble
 from pipeline.stages.whiten import Whitener, whitener
-
-CUT = 1e-11
-"""Relative size of an eigenvalue of products of scaled columns that is rounding."""
 
 LOOSE = 0.05
 """How far a law may be off in one pull alone, as a fraction of what it moves; the rest of its
@@ -31,26 +28,6 @@ tolerance bends all pulls together."""
 
 SOFT = 1e-4
 """How unlikely it must be that the reflectors only seem to move against each other."""
-
-NULL = 1e-7
-"""What is left of a column relative to the whole column when it is a mix of others."""
-
-
-@dataclass(frozen=True, eq=False)
-class Model:
-    """What is believed: a cell with accepted causes, and the values of all its parameters.
-
-    Attributes:
-        cell: Joint springs, then the accepted effects.
-        values: Their parameters, shape (k,).
-        springs: How many of the parameters are joint springs.
-        accepted: Index of each accepted effect among the suspects.
-    """
-
-    cell: Cell
-    values: Array
-    springs: int
-    accepted: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,94 +132,6 @@ class View(Locked):
         return np.asarray(self.M - part.T @ part)
 
 
-@dataclass(frozen=True, eq=False)
-class Sight(Locked):
-    """What a model says of every row before anything is weighted, in metres.
-
-    Attributes:
-        model: The model.
-        data: The measurements.
-        suspects: Causes that are asked about.
-        rows: What each row is.
-        errors: Where c may be wrong, as stated.
-        B: Columns of the springs, shape (M, k).
-        Z: Columns of the suspects, shape (M, K).
-        y: c linearised at the model, shape (M,).
-        motions: Rigid motions of the effector, shape (M, 6).
-    """
-
-    model: Model
-    data: Measured
-    suspects: tuple[Effect, ...]
-    rows: Rows
-    errors: Errors
-    B: Array
-    Z: Array
-    y: Array
-    motions: Array
-
-    def beside(self, more: tuple[Effect, ...]) -> Sight:
-        """The same with further effects asked about, behind the suspects."""
-        flat = replace(self.model.cell, equilibrium="undeformed")
-        at = (self.data.pull, self.data.target)
-        columns = sensitivity(flat, self.data.pulls, self.model.values, more)[at]
-        Z = np.concatenate([self.Z, columns.reshape(len(self.rows), -1)], axis=1)
-        return replace(self, suspects=self.suspects + more, Z=Z)
-
-    def bent(self, equilibrium: str) -> Sight:
-        """The same springs with another equilibrium: c loses what the second order explains."""
-        cell = replace(self.model.cell, equilibrium=equilibrium)
-        at = (self.data.pull, self.data.target)
-        old, new = (
-            predict(one, self.data.pulls, self.model.values).displacement[at].ravel()
-            for one in (self.model.cell, cell)
-        )
-        return replace(self, model=replace(self.model, cell=cell), y=self.y + old - new)
-
-
-def sight(
-    model: Model, data: Measured, suspects: tuple[Effect, ...], near: Sight | None = None
-) -> Sight:
-    """Linearise springs and suspects at a model.
-
-    Args:
-        model: The model.
-        data: The measurements.
-        suspects: Causes to ask about.
-        near: The campaign linearised at a model so near that errors are the same to their few
-            digits; they are computed anew where it is not given.
-    """
-    flat = replace(model.cell, equilibrium="undeformed")
-    at = (data.pull, data.target)
-    M = 3 * len(data.pull)
-    if near is None:
-        system = assemble(flat, data, model.values)
-        B, rows, errors = system.B, system.rows, system.errors
-        motions = _rigid(load(model.cell, data.pulls, model.values))[at].reshape(M, 6)
-    else:
-        B = jacobian(flat, data.pulls, model.values)[at].reshape(M, -1)
-        rows, errors, motions = near.rows, near.errors, near.motions
-    accepted = dict(_accepted_columns(model, suspects))
-    if len(accepted) == len(_owner(suspects)):
-        Z = np.zeros((M, len(accepted)))
-    else:
-        Z = sensitivity(flat, data.pulls, model.values, suspects)[at].reshape(M, -1)
-    for column, index in accepted.items():
-        Z[:, column] = B[:, index]
-    moved = predict(model.cell, data.pulls, model.values).displacement[at].ravel()
-    return Sight(
-        model=model,
-        data=data,
-        suspects=suspects,
-        rows=rows,
-        errors=errors,
-        B=B[:, : model.springs],
-        Z=Z,
-        y=data.delta.ravel() - moved + B @ model.values,
-        motions=motions,
-    )
-
-
 def look(
     seen: Sight, noise: float, force_noise: float = 1.0, doubt: Sequence[tuple[int, float]] = ()
 ) -> View:
@@ -269,9 +158,9 @@ def _kin(seen: Sight, accepted: int, fraction: float) -> Array:
     How a law bends is known to that fraction only, and all pulls bend together.
     """
     effect = seen.suspects[accepted]
-    owner = _owner(seen.suspects)
+    owner = owners(seen.suspects)
     mine = [c for c in range(len(owner)) if owner[c] == accepted]
-    index = dict(_accepted_columns(seen.model, seen.suspects))
+    index = dict(accepted_columns(seen.model, seen.suspects))
     moved = seen.Z[:, mine] @ seen.model.values[[index[c] for c in mine]]
     others = [
         i
@@ -291,17 +180,6 @@ def same_gear(one: Effect, other: Effect) -> bool:
     return one.name in laws and other.name in laws and one.where == other.where
 
 
-def _accepted_columns(model: Model, suspects: tuple[Effect, ...]) -> list[tuple[int, int]]:
-    """Pairs: column among the suspects', index among the model's parameters."""
-    ends = np.cumsum([0, *(len(effect.parameters) for effect in suspects)])
-    pairs, index = [], model.springs
-    for accepted in model.accepted:
-        for column in range(ends[accepted], ends[accepted + 1]):
-            pairs.append((int(column), index))
-            index += 1
-    return pairs
-
-
 def _widened(seen: Sight, doubt: Sequence[tuple[int, float]], force_noise: float) -> Errors:
     """The errors with the doubt about accepted laws: one error per pull along what they move."""
     errors, rows, Z = seen.errors, seen.rows, seen.Z
@@ -310,9 +188,9 @@ def _widened(seen: Sight, doubt: Sequence[tuple[int, float]], force_noise: float
     if force_noise != 1.0:
         G = G @ scipy.sparse.diags_array(np.where(source == "force_reading", force_noise, 1.0))
         G = scipy.sparse.csr_array(G)
-    parts = dict(_accepted_columns(model, suspects))
+    parts = dict(accepted_columns(model, suspects))
     for accepted, fraction in doubt:
-        column = [c for c in parts if _owner(suspects)[c] == accepted]
+        column = [c for c in parts if owners(suspects)[c] == accepted]
         moved = min(fraction, LOOSE) * Z[:, column] @ model.values[[parts[c] for c in column]]
         pulls = rows.pull.max() + 1
         block = scipy.sparse.csr_array(
@@ -322,10 +200,6 @@ def _widened(seen: Sight, doubt: Sequence[tuple[int, float]], force_noise: float
         source = np.concatenate([source, np.full(pulls, "law", dtype=object)])
         common = np.concatenate([common, np.zeros(pulls, dtype=bool)])
     return Errors(G, source, common)
-
-
-def _owner(suspects: tuple[Effect, ...]) -> Ints:
-    return np.repeat(np.arange(len(suspects)), [len(effect.parameters) for effect in suspects])
 
 
 def _view(seen: Sight, more: Array, white: Whitener, noise: float, spread: Array) -> View:
@@ -343,7 +217,7 @@ def _view(seen: Sight, more: Array, white: Whitener, noise: float, spread: Array
     return View(
         model=model,
         suspects=suspects,
-        owner=_owner(suspects),
+        owner=owners(suspects),
         typical=np.concatenate([typical_x, np.ones(r), typical_z]),
         rows=rows,
         raw=np.column_stack([seen.B, seen.Z, seen.y]),
@@ -425,37 +299,12 @@ def _per_pose(pose: Ints, rows: Array) -> Array:
     return out
 
 
-def _rigid(loaded: Loaded) -> Array:
-    """Displacement of the targets by the six rigid motions of the effector, (m, t, 3, 6)."""
-    m = len(loaded.pulls)
-    centre = loaded.points.mean(axis=1)
-    axes = [np.broadcast_to(row, (m, 3)) for row in np.eye(3)]
-    turns = [rotation_about(np.zeros((m, 3)), axis) for axis in axes]
-    around = velocity(np.stack(turns, axis=1), loaded.points - centre[:, None])
-    along = np.broadcast_to(np.eye(3), (*loaded.points.shape, 3))
-    return np.concatenate([along, np.moveaxis(around, 2, 3)], axis=-1)
-
-
 def _place_in_pose(rows: Rows) -> Ints:
     """Number of each row's pull within its pose, from 0."""
     _, first = np.unique(rows.pose, return_inverse=True)
     start = np.full(first.max() + 1, np.iinfo(np.int64).max)
     np.minimum.at(start, first, rows.pull)
     return rows.pull - start[first]
-
-
-def coefficients(M: Array, base: Ints) -> Array:
-    """Least-squares coefficients of the last column by the base, shape (..., b).
-
-    Mixes of columns that cannot be told apart share the work equally.
-    """
-    N = M[..., base[:, None], base]
-    size = np.sqrt(np.maximum(np.einsum("...ii->...i", N), 1e-300))
-    inverse = np.linalg.pinv(
-        N / (size[..., :, None] * size[..., None, :]), rcond=CUT, hermitian=True
-    )
-    found = np.einsum("...ij,...j->...i", inverse, M[..., base, -1] / size) / size
-    return np.asarray(found)
 
 
 def by_pose_drop(view: View, base: Ints) -> tuple[float, int]:
@@ -465,24 +314,3 @@ def by_pose_drop(view: View, base: Ints) -> tuple[float, int]:
     along = _per_pose(view.pose[mine], view.free[mine] * residual[mine, None])
     dof = round(float(np.sum(view.free**2))) - view.springs - (len(base) - view.first)
     return float(np.sum(along**2)), max(dof, 1)
-
-
-def eliminate(M: Array, base: Ints) -> Array:
-    """Products of all columns after the base is taken out of them: the Schur complement.
-
-    Args:
-        M: Products, shape (..., W, W).
-        base: Columns that are estimated along.
-
-    Returns:
-        Shape (..., W, W); rows and columns of the base are zero but for rounding.
-    """
-    N = M[..., base[:, None], base]
-    size = np.sqrt(np.maximum(np.einsum("...ii->...i", N), 1e-300))
-    scaled = N / (size[..., :, None] * size[..., None, :])
-    values, vectors = np.linalg.eigh(scaled)
-    kept = values > CUT
-    inverse = np.where(kept, 1 / np.where(kept, values, 1), 0)
-    side = M[..., base, :] / size[..., :, None]
-    half = np.swapaxes(vectors, -1, -2) @ side
-    return np.asarray(M - np.swapaxes(half, -1, -2) @ (inverse[..., :, None] * half))

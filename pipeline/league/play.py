@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.league.secrets import NOMINAL, Course, Secret, Setup, setup
+from pipeline.league.secret import NOMINAL, Course, Secret, Setup, setup
 from pipeline.results import Array, Locked
 from pipeline.robot import Robot
 from pipeline.simulate.poses import default_anchors, draw_poses

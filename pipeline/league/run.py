@@ -20,8 +20,10 @@ from pipeline.diagnosis.view import View
 from pipeline.effects import catalogue
 from pipeline.errors import PipelineError
 from pipeline.league.judge import Score, score
+from pipeline.league.known import KNOWN
 from pipeline.league.play import Plan, Rules, drawn, play
-from pipeline.league.secrets import KNOWN, SECRETS, STRANGE
+from pipeline.league.secrets import SECRETS
+from pipeline.league.strange import STRANGE
 from pipeline.robot import Robot, load
 from pipeline.run import answered, ingested
 from pipeline.screening.case import Step, bring, conformed, plain

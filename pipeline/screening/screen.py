@@ -11,8 +11,9 @@ from pipeline.screening.case import Case, Reduced, bring
 from pipeline.screening.conventions import conventions
 from pipeline.screening.finding import Finding
 from pipeline.screening.labels import labels
-from pipeline.screening.outliers import base_outlier, chain_outlier, noise_scale, outlier
+from pipeline.screening.outliers import noise_scale, outlier
 from pipeline.screening.pulls import force_unit, reversed_pull
+from pipeline.screening.reflectors import base_outlier, chain_outlier
 from pipeline.stages.contrasts import Zeros, repeated_zeros
 from pipeline.stages.estimate import identify
 

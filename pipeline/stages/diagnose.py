@@ -11,16 +11,18 @@ from pipeline.cell import Cell, predict
 from pipeline.diagnosis.amplitude import amplitudes
 from pipeline.diagnosis.blindspots import blind_spots
 from pipeline.diagnosis.clues import clues, misfits
+from pipeline.diagnosis.elimination import coefficients, eliminate
 from pipeline.diagnosis.gain import Gain, alone, gain, rms
 from pipeline.diagnosis.identify import Case, Found, by_label, search
 from pipeline.diagnosis.isolability import Twins, twins
 from pipeline.diagnosis.judgement import judge
 from pipeline.diagnosis.noise import SURE, Scatter, scatter
 from pipeline.diagnosis.separability import separation
+from pipeline.diagnosis.sight import Sight
 from pipeline.diagnosis.standing import Standing, as_stiff, corrected, standing, student
 from pipeline.diagnosis.undecided import next_poses
 from pipeline.diagnosis.verdict import Amplitude, Cause, Diagnosis, Named
-from pipeline.diagnosis.view import Sight, View, coefficients, eliminate
+from pipeline.diagnosis.view import View
 from pipeline.effects import Effect, Noise, Pulls, catalogue
 from pipeline.effects.nameless import nameless
 from pipeline.results import Array, Estimate, System

@@ -1,0 +1,202 @@
+"""A design problem as a person writes it: TOML text in, a checked file out."""
+
+from __future__ import annotations
+
+import tomllib
+from importlib import resources
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, ValidationError, field_validator, model_validator
+
+from pipeline.errors import InputError, listed
+from pipeline.settings import InstrumentNoise, NotNegative, Point, Positive, Strict, TestPose
+
+SHIPPED = ("paper_reference", "diagnosis_reference")
+
+
+Range = tuple[float, float]
+
+
+class PlanSize(Strict):
+    """How many poses, and pulls in all."""
+
+    poses: int = Field(ge=1, le=200)
+    readings: int = Field(ge=1, le=10_000)
+
+
+class PullSpec(Strict):
+    """Load steps of the chain at every pose [N], in the order of tightening."""
+
+    steps_n: list[Positive] = Field(min_length=1)
+
+
+class AnchorSpec(Strict):
+    """Where the chain is attached, F_b [m]: a number where it is fixed, an interval where free."""
+
+    x_m: float | Range
+    y_m: float | Range
+    z_m: float | Range
+
+    @field_validator("x_m", "y_m", "z_m")
+    @classmethod
+    def in_order(cls, value: float | Range) -> float | Range:
+        """An interval goes upwards."""
+        if isinstance(value, tuple) and value[0] >= value[1]:
+            raise ValueError(f"the interval {list(value)} is empty; give [lower, upper]")
+        return value
+
+
+class CriterionSpec(Strict):
+    """What is to be small, and at which measured points it is predicted."""
+
+    kind: Literal["test_pose", "workspace", "D", "A", "E"] = "test_pose"
+    points: list[str] | None = None
+    force_n: Positive = 300.0
+    samples: int = Field(default=200, ge=10, le=10_000)
+
+
+class WeightedPose(TestPose):
+    """A test pose and how much it matters."""
+
+    weight: Positive = 1.0
+
+
+class NoiseSpec(Strict):
+    """How readings scatter: the paper's one sigma per displacement, or the whole budget."""
+
+    displacement_sigma_m: Positive | None = None
+    reading_sigma_m: Positive | None = None
+    tracker: InstrumentNoise | Literal["paper"] | None = None
+    tracker_position_m: Point = (6.5, 8.0, 0.7)
+    zero: Literal["before", "before_after"] = "before_after"
+    scale_sigma_n: NotNegative = 0.0
+    scale_sigma_rel: NotNegative = 0.0
+
+    @model_validator(mode="after")
+    def one_tracker(self) -> NoiseSpec:
+        """Exactly one way of saying how a reading scatters."""
+        given = [self.displacement_sigma_m, self.reading_sigma_m, self.tracker]
+        if sum(value is not None for value in given) != 1:
+            raise ValueError(
+                "give one of displacement_sigma_m, reading_sigma_m and tracker, and no other"
+            )
+        return self
+
+
+class LimitSpec(Strict):
+    """What a pose may not do."""
+
+    joints: dict[str, Range] = Field(default_factory=dict)
+    flange_above_m: float | None = None
+    effector_above_m: float | None = None
+    chain_m: Range = (0.1, 20.0)
+    chain_clearance_m: Positive | None = None
+    pull_within_deg: Annotated[float, Field(gt=0, lt=180)] | None = None
+    payload_kg: Positive | None = None
+    max_relative_std: Positive = 1.0
+    approach: Literal["crossed", "up", "down"] = "crossed"
+
+
+class DiagnosisSpec(Strict):
+    """How much of the criterion may be given up for the power to diagnose, and for which pulls.
+
+    `programmes` are the load steps that a pose may get [N]; a step is negative where the
+    turnbuckle is slackened to it from above.
+    """
+
+    allowed: Annotated[float, Field(ge=1, allow_inf_nan=False)] = 1.25
+    poses: int = Field(ge=1, le=200)
+    programmes: list[list[float]] = Field(min_length=1)
+
+    @field_validator("programmes")
+    @classmethod
+    def not_empty(cls, value: list[list[float]]) -> list[list[float]]:
+        """Every programme has steps, and no step is zero."""
+        if not all(steps and all(steps) for steps in value):
+            raise ValueError("every programme needs load steps, and no step is 0 N")
+        return value
+
+
+class ProblemFile(Strict):
+    """A whole problem file."""
+
+    format: Literal[1]
+    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$")
+    robot: str
+    assumptions: list[str] = Field(default_factory=list)
+    tool: dict[str, Point]
+    plan: PlanSize
+    pull: PullSpec
+    anchor: AnchorSpec
+    criterion: CriterionSpec = CriterionSpec()
+    test_pose: list[WeightedPose] = Field(default_factory=list)
+    noise: NoiseSpec = NoiseSpec(displacement_sigma_m=3e-5)
+    limits: LimitSpec = LimitSpec()
+    diagnosis: DiagnosisSpec | None = None
+
+    @model_validator(mode="after")
+    def points_are_there(self) -> ProblemFile:
+        """Load point, reflectors, and the points of the criterion among them."""
+        if "load_point" not in self.tool or len(self.tool) < 2:
+            raise ValueError("[tool] needs load_point and at least one reflector")
+        unknown = set(self.criterion.points or []) - set(self.targets)
+        if unknown:
+            raise ValueError(f"criterion.points: {listed(sorted(unknown))} not in [tool]")
+        if self.criterion.kind == "test_pose" and not self.test_pose:
+            raise ValueError("the criterion test_pose needs a [[test_pose]]")
+        return self
+
+    @property
+    def targets(self) -> list[str]:
+        """Names of the reflectors."""
+        return [name for name in self.tool if name != "load_point"]
+
+
+def shipped(name: str) -> str:
+    """Text of a problem that ships."""
+    return (resources.files("pipeline.design") / f"{name}.toml").read_text("utf-8")
+
+
+def parse(text: str, file: str = "problem.toml") -> ProblemFile:
+    """A problem file from its TOML text.
+
+    Raises:
+        InputError: Not TOML, an unknown word, or a value of the wrong kind.
+    """
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as problem:
+        raise InputError(
+            f"not valid TOML ({problem})", "correct that place", file=file
+        ) from problem
+    return validated(content, file)
+
+
+def validated(content: dict[str, Any], file: str = "problem.toml") -> ProblemFile:
+    """The content of a problem file, checked.
+
+    Raises:
+        InputError: An unknown word, a missing table or a value of the wrong kind.
+    """
+    try:
+        return ProblemFile.model_validate(content)
+    except ValidationError as problem:
+        first = problem.errors()[0]
+        where = ".".join(str(part) for part in first["loc"]) or "the problem"
+        message = first["msg"].removeprefix("Value error, ")
+        raise InputError(
+            f"{where}: {message}", "correct it as docs/design.md describes", file=file
+        ) from problem
+
+
+def revised(spec: ProblemFile, changes: dict[str, Any]) -> ProblemFile:
+    """The problem with some entries changed; tables inside `changes` are merged."""
+    return validated(_merged(spec.model_dump(exclude_unset=True), changes), "the options")
+
+
+def _merged(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
+    out = dict(old)
+    for key, value in new.items():
+        both = isinstance(value, dict) and isinstance(out.get(key), dict)
+        out[key] = _merged(out[key], value) if both else value
+    return out

@@ -1,0 +1,103 @@
+"""Bad readings of reflectors that no robot moves: those of the base, and those on the chain."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from scipy import stats
+
+from pipeline import covariance
+from pipeline.screening.case import Case
+from pipeline.screening.finding import Finding
+from pipeline.screening.outliers import FAMILY, smallest, without
+from pipeline.stages.register import XYZ, Registration
+
+
+def base_outlier(registration: Registration, scale: float) -> list[Finding]:
+    """The base reading that contradicts the other base reflectors, if its loss puts them right.
+
+    Args:
+        registration: Where the tracker stands.
+        scale: Scatter of the readings over the stated one.
+    """
+    table, chi2 = registration.table, registration.chi2
+    if chi2 is None or registration.dof < 6:
+        return []
+    C = registration.R @ covariance.matrices(table) @ registration.R.T
+    V = np.linalg.inv(C * scale**2)
+    lever = table[XYZ].to_numpy() - registration.centre
+    X = np.zeros((len(table), 3, 6))
+    X[:, :, :3] = np.swapaxes(np.cross(np.eye(3)[None], lever[:, None, :]), 1, 2)
+    X[:, :, 3:] = np.eye(3)
+    cov = np.linalg.inv(np.einsum("mia,mij,mjb->ab", X, V, X))
+    r = table[["dx_m", "dy_m", "dz_m"]].to_numpy()
+    N = V - V @ X @ cov @ np.swapaxes(X, 1, 2) @ V
+    g = np.einsum("mij,mj->mi", V, r)
+    shift = np.einsum("mij,mj->mi", np.linalg.pinv(N, rcond=1e-9, hermitian=True), g)
+    drop = np.sum(shift * g, axis=1)
+    best = int(np.argmax(drop))
+    rest, dof = chi2 / scale**2 - drop[best], registration.dof - 3
+    p = len(drop) * float(stats.chi2.sf(drop[best], 3))
+    size = float(np.linalg.norm(shift[best]))
+    if p > FAMILY or size < smallest(table, scale) or stats.chi2.sf(rest, dof) < 0.01:
+        return []
+    row = table.iloc[best]
+    where = f"{row['group']}/{row['target']}"
+    w = float(np.sqrt(drop[best]))
+    return [
+        Finding(
+            name="outlier",
+            where=where,
+            evidence=f"the reading {where} ({row['file']}:{row['line']}) is {1e3 * size:.2f} mm "
+            f"off from where the other base reflectors put it, {w:.1f} standard deviations",
+            correction=f"computed again without {where}",
+            before=w,
+            after=0.0,
+            unit="sigma",
+            size=size,
+            size_unit="m",
+            p_value=min(p, 1.0),
+            correct=partial(without, file=str(row["file"]), line=int(row["line"])),
+        )
+    ]
+
+
+def chain_outlier(case: Case) -> list[Finding]:
+    """The chain reading whose distance to its partner is unlike that of all other pulls."""
+    near, far = case.settings.naming.chain
+    rows = case.readings[case.readings["state"] == "loaded"]
+    ends = [rows[rows["target"] == name].set_index("group")[XYZ] for name in (near, far)]
+    both = ends[0].index.intersection(ends[1].index)
+    if len(both) < 8:
+        return []
+    distance = np.linalg.norm(ends[0].loc[both].to_numpy() - ends[1].loc[both].to_numpy(), axis=1)
+    off = np.abs(distance - np.median(distance))
+    usual = float(np.median(off)) / stats.norm.ppf(0.75)
+    best = int(np.argmax(off))
+    others = np.delete(off, best)
+    if off[best] < max(10 * usual, 1e-3) or off[best] < 3 * others.max():
+        return []
+    group = str(both[best])
+    where = f"{group}/{near}-{far}"
+    return [
+        Finding(
+            name="outlier",
+            where=where,
+            evidence=f"in {group} {near} and {far} are {1e3 * off[best]:.2f} mm farther apart or "
+            f"nearer than in the other pulls, whose distances scatter by {1e3 * usual:.3f} mm",
+            correction=f"computed again without the pull of {group}",
+            before=float(off[best] / usual) if usual else float("inf"),
+            after=float(others.max() / usual) if usual else 0.0,
+            unit="sigma",
+            size=float(off[best]),
+            size_unit="m",
+            correct=partial(_without_group, group=group),
+        )
+    ]
+
+
+def _without_group(case: Case, group: str) -> Case:
+    rows = case.readings
+    return replace(case, readings=rows[rows["group"] != group])
