@@ -18,7 +18,7 @@ PLAN = Plan(name="killed", poses={"count": 7}, pulls={"steps_n": [3000.0]})
 WORKER = """
 import os, signal, sys, time
 from pathlib import Path
-import pipeline.report.figures
+import pipeline.report.figures.catalogue
 from pipeline.campaign import find
 from pipeline.run import run
 

@@ -15,6 +15,7 @@ from pipeline.report import words
 from pipeline.report.numbers import known, percent, plain, with_std
 from pipeline.report.record import Figure
 from pipeline.report.summaries import (
+    Result,
     Tables,
     arrows,
     courses,
@@ -29,8 +30,6 @@ from pipeline.report.summaries import (
     suspects,
     whitened,
 )
-
-Result = Mapping[str, Any]
 
 
 def figures(names: Sequence[str], result: Result, tables: Tables) -> list[Figure]:

@@ -11,9 +11,8 @@ import numpy as np
 from scipy import special
 
 from pipeline.report.numbers import known
+from pipeline.report.summaries import Result
 from pipeline.results import Array
-
-Result = Mapping[str, Any]
 
 SURE = 0.01
 """Probability of a false alarm over all joints of a robot together."""

@@ -6,16 +6,14 @@ Page and PDF both walk through the same record, so neither can say what the othe
 from __future__ import annotations
 
 from pipeline.report import words
-from pipeline.report.record import (
-    Report,
-)
-from pipeline.report.sections._tree import Result, at, items, joint_name
+from pipeline.report.record import Report
+from pipeline.report.sections._tree import at, items, joint_name
 from pipeline.report.sections.diagnosis import diagnosis
 from pipeline.report.sections.method import method
 from pipeline.report.sections.prediction import test_pose, validation
 from pipeline.report.sections.readings import budget, registration, rejected, residuals
 from pipeline.report.sections.stiffness import stiffness
-from pipeline.report.summaries import Tables
+from pipeline.report.summaries import Result, Tables
 
 
 def compose(

@@ -38,10 +38,8 @@ from pipeline.report.record import (
     entry,
     text_entry,
 )
+from pipeline.report.summaries import Result
 from pipeline.results import Array
-
-Result = Mapping[str, Any]
-
 
 # --- all campaigns -------------------------------------------------------------------------
 

@@ -5,18 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pipeline.design.paper import ASSUMPTIONS, MISPRINTS, Entry, Reproduction
+from pipeline.report.figures.plan import anchor_curve, size_curves
 from pipeline.report.numbers import plain
-from pipeline.report.plan_figures import anchor_curve, size_curves
-from pipeline.report.record import (
-    Block,
-    Column,
-    Figure,
-    Report,
-    Section,
-    Table,
-    entry,
-    text_entry,
-)
+from pipeline.report.record import Block, Column, Figure, Report, Section, Table, entry, text_entry
 from pipeline.report.record import Entry as Cell
 from pipeline.report.render import page, pdf
 from pipeline.report.svg import Drawing

@@ -39,7 +39,7 @@ def render(
     Returns:
         Content by path below the report's folder: index.html, report.pdf, figures/*.svg.
     """
-    from pipeline.report.figures import draw  # matplotlib takes half a second to import
+    from pipeline.report.figures.catalogue import draw  # matplotlib takes half a second to import
 
     report = compose(result, tables, run_time_s, previous)
     drawings = {figure.name: draw(figure.name, result, tables) for figure in report.figures}
@@ -52,10 +52,10 @@ def render(
 
 def render_overview(results: Sequence[Mapping[str, Any]]) -> bytes:
     """The page over all campaigns, from their results."""
-    from pipeline.report.figures import draw_history
+    from pipeline.report.figures.catalogue import draw_robot
 
     report = overview(results)
-    drawings = {figure.name: draw_history(figure.name, results) for figure in report.figures}
+    drawings = {figure.name: draw_robot(figure.name, results) for figure in report.figures}
     return page(report, {name: drawing.inline for name, drawing in drawings.items()}).encode()
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -11,7 +12,12 @@ import pandas as pd
 from pipeline.diagnosis.separability import DETECTED
 from pipeline.results import Array
 
+Result = Mapping[str, Any]
+"""The object of result.json."""
+
 Tables = Mapping[str, pd.DataFrame]
+"""Tables by the lower-case name of their promise, SI."""
+
 MM = 1e3
 MOST = 3000
 """Marks in one picture; of more, the largest and an even choice of the rest are drawn."""

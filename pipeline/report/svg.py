@@ -5,12 +5,15 @@ from __future__ import annotations
 import io
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from matplotlib import rc_context
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure as Canvas
+
+from pipeline.report.margins import Margins
 
 INK, MUTED, GRID = "#1a1c21", "#5b6270", "#d4d8de"
 BLUE, RED, GREEN, PURPLE = "#0072b2", "#c8500a", "#00785a", "#8a4f7e"
@@ -54,10 +57,20 @@ STYLE: Any = {
     "ytick.color": MUTED,
     "xtick.labelcolor": INK,
     "ytick.labelcolor": INK,
+    "xtick.bottom": False,
+    "ytick.left": False,
+    "xtick.major.size": 0,
+    "ytick.major.size": 0,
     "legend.frameon": False,
     "legend.fontsize": 8,
     "figure.figsize": (5.6, 3.1),
     "figure.constrained_layout.use": True,
+}
+
+ON_THE_PAGE: Any = STYLE | {
+    "figure.facecolor": "none",
+    "axes.facecolor": "none",
+    "figure.constrained_layout.use": False,
 }
 
 NAMESPACES = {"": "http://www.w3.org/2000/svg", "xlink": "http://www.w3.org/1999/xlink"}
@@ -77,18 +90,21 @@ class Drawing:
     inline: str
 
 
-def finish(canvas: Canvas, name: str, tips: Mapping[str, Sequence[str]]) -> Drawing:
-    """Write a figure and attach the words of its values.
+def drawn(name: str, draw: Callable[[Canvas], Mapping[str, Sequence[str]]]) -> Drawing:
+    """Draw a figure, write it, and attach the words of its values.
 
     Args:
-        canvas: The figure.
         name: Its name, which makes its ids unique within a page.
-        tips: By id of an artist, the words of each of its marks in drawing order.
+        draw: Draws on an empty figure and gives, by id of an artist, the words of each of its
+            marks in drawing order.
     """
     text = io.StringIO()
     nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
-    with rc_context(STYLE):
-        canvas.savefig(text, format="svg", metadata=nothing, transparent=True)
+    with rc_context(ON_THE_PAGE):
+        canvas = Canvas(layout=Margins())
+        tips = draw(canvas)
+        # Figure.savefig would draw everything once more for the layout.
+        FigureCanvasSVG(canvas).print_svg(text, metadata=nothing)  # type: ignore[no-untyped-call]
     return Drawing(text.getvalue(), _inline(text.getvalue(), name, tips))
 
 

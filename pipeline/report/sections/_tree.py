@@ -5,12 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from pipeline.report.record import (
-    Block,
-    Section,
-)
-
-Result = Mapping[str, Any]
+from pipeline.report.record import Block, Section
+from pipeline.report.summaries import Result
 
 
 def at(tree: Any, *path: str) -> Any:

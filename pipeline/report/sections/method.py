@@ -2,22 +2,10 @@
 
 from __future__ import annotations
 
-from pipeline.report.numbers import (
-    MISSING,
-    known,
-    plain,
-    typeset,
-)
-from pipeline.report.record import (
-    Column,
-    Entry,
-    Section,
-    Table,
-    Text,
-    entry,
-    text_entry,
-)
-from pipeline.report.sections._tree import Result, at, items
+from pipeline.report.numbers import MISSING, known, plain, typeset
+from pipeline.report.record import Column, Entry, Section, Table, Text, entry, text_entry
+from pipeline.report.sections._tree import at, items
+from pipeline.report.summaries import Result
 
 METHOD = (
     "Loaded minus unloaded reflector positions c, Eq. (20), are explained by one linear spring per "

@@ -6,22 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from pipeline.report.captions import figures
-from pipeline.report.numbers import (
-    known,
-    percent,
-    plain,
-    with_std,
-)
-from pipeline.report.record import (
-    Column,
-    Section,
-    Table,
-    Text,
-    entry,
-    text_entry,
-)
-from pipeline.report.sections._tree import Result, at, items, richer_words, section_of
-from pipeline.report.summaries import Tables
+from pipeline.report.numbers import known, percent, plain, with_std
+from pipeline.report.record import Column, Section, Table, Text, entry, text_entry
+from pipeline.report.sections._tree import at, items, richer_words, section_of
+from pipeline.report.summaries import Result, Tables
 
 
 def test_pose(result: Result, tables: Tables) -> Section | None:

@@ -9,24 +9,10 @@ import pandas as pd
 
 from pipeline.report import words
 from pipeline.report.captions import figures
-from pipeline.report.numbers import (
-    MISSING,
-    known,
-    p_value,
-    plain,
-    with_std,
-)
-from pipeline.report.record import (
-    Column,
-    Entry,
-    Section,
-    Table,
-    Text,
-    entry,
-    text_entry,
-)
-from pipeline.report.sections._tree import Result, items, section_of
-from pipeline.report.summaries import Tables, has, registration_by_target
+from pipeline.report.numbers import MISSING, known, p_value, plain, with_std
+from pipeline.report.record import Column, Entry, Section, Table, Text, entry, text_entry
+from pipeline.report.sections._tree import items, section_of
+from pipeline.report.summaries import Result, Tables, has, registration_by_target
 
 MOST_ROWS = 400
 """Rows of rejected readings shown; the rest is counted and stands in the tables."""

@@ -17,17 +17,8 @@ from pipeline.report.numbers import (
     prefixed,
     with_std,
 )
-from pipeline.report.record import (
-    Column,
-    Entry,
-    Section,
-    Table,
-    Text,
-    entry,
-    text_entry,
-)
+from pipeline.report.record import Column, Entry, Section, Table, Text, entry, text_entry
 from pipeline.report.sections._tree import (
-    Result,
     at,
     bracketed,
     items,
@@ -35,6 +26,7 @@ from pipeline.report.sections._tree import (
     richer_words,
     section_of,
 )
+from pipeline.report.summaries import Result
 
 
 def stiffness(result: Result, previous: Result | None) -> Section | None:

@@ -7,18 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pipeline.report import words
-from pipeline.report.numbers import (
-    common_prefix,
-    known,
-    plain,
-    prefixed,
-)
-from pipeline.report.record import (
-    Column,
-    Table,
-    entry,
-    text_entry,
-)
+from pipeline.report.numbers import common_prefix, known, plain, prefixed
+from pipeline.report.record import Column, Table, entry, text_entry
 
 
 def next_poses(poses: list[Any]) -> Table | None:

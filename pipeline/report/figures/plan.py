@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
@@ -12,16 +10,14 @@ from pipeline.design.curves import ByAnchor, BySize
 from pipeline.design.discriminate import Sight
 from pipeline.design.measurement import Measurement
 from pipeline.design.problem import Problem
+from pipeline.report.figures.marks import MARKERS, Tips, legend_above, legend_below, title
 from pipeline.report.numbers import plain
-from pipeline.report.svg import BLUE, GREEN, INK, MUTED, RED, SERIES, STYLE, Drawing, finish
+from pipeline.report.svg import BLUE, GREEN, INK, MUTED, RED, SERIES, Drawing, drawn
 from pipeline.results import Array
 from pipeline.robot import configure
 
-mpl.use("Agg")
-
 AROUND_M = 1.0
 """Room around robot and anchor in the pictures."""
-MARKERS = ("o", "s", "^", "D", "v", "P")
 
 
 def pose_picture(problem: Problem, measurement: Measurement, number: int) -> Drawing:
@@ -30,16 +26,18 @@ def pose_picture(problem: Problem, measurement: Measurement, number: int) -> Dra
     at = configure(robot, measurement.q[number][None])
     tool = at.points(np.vstack([problem.tool.load_point, problem.tool.points]))[0]
     arm = np.vstack([at.origin[0], at.flange_origin])
-    with rc_context(STYLE):
-        canvas = Canvas(figsize=(5.6, 2.9))
-        across = 1 if robot.prismatic[0] else 0
-        views = ((across, 2, "from the side"), (across, 1 - across, "from above"))
+    across = 1 if robot.prismatic[0] else 0
+    views = ((across, 2, "from the side"), (across, 1 - across, "from above"))
+
+    def draw(canvas: Canvas) -> Tips:
+        canvas.set_size_inches(5.6, 2.9)
         for axes, (h, v, name) in zip(canvas.subplots(1, 2), views, strict=True):
             _view(axes, problem, arm, tool, measurement.anchor, (h, v))
-            axes.set_title(name, fontsize=8.5, loc="left")
-        handles, labels = canvas.axes[0].get_legend_handles_labels()
-        canvas.legend(handles, labels, loc="outside lower center", ncols=5, handlelength=1.6)
-        return finish(canvas, f"pose-{number + 1}", {})
+            title(axes, name)
+        legend_below(canvas)
+        return {}
+
+    return drawn(f"pose-{number + 1}", draw)
 
 
 def _view(
@@ -71,8 +69,8 @@ def _view(
 
 def size_curves(curves: BySize, scale: float, label: str, name: str = "size") -> Drawing:
     """The criterion against the number of readings, one curve per number of poses: Fig. 5."""
-    with rc_context(STYLE):
-        canvas = Canvas()
+
+    def draw(canvas: Canvas) -> Tips:
         axes = canvas.subplots()
         tips = {}
         for k, m0 in enumerate(curves.poses):
@@ -89,13 +87,15 @@ def size_curves(curves: BySize, scale: float, label: str, name: str = "size") ->
         axes.set_ylabel(label)
         axes.set_ylim(0)
         axes.legend(loc="upper right")
-        return finish(canvas, name, tips)
+        return tips
+
+    return drawn(name, draw)
 
 
 def anchor_curve(curve: ByAnchor, scale: float, label: str, name: str = "anchor") -> Drawing:
     """The criterion against the place of the anchor, poses chosen anew and poses kept: Fig. 6."""
-    with rc_context(STYLE):
-        canvas = Canvas()
+
+    def draw(canvas: Canvas) -> Tips:
         axes = canvas.subplots()
         kept = scale * curve.fixed_poses
         axes.plot(curve.at, kept, color=MUTED, linewidth=1.2, label="poses of the plan kept")
@@ -111,14 +111,17 @@ def anchor_curve(curve: ByAnchor, scale: float, label: str, name: str = "anchor"
             for x, y in zip(curve.at, best, strict=True)
             if np.isfinite(y)
         ]
-        return finish(canvas, name, {"best": said})
+        return {"best": said}
+
+    return drawn(name, draw)
 
 
 def sight_chart(sights: list[Sight], name: str = "sights") -> Drawing:
     """From which size on each cause is noticed and named, in multiples of its typical size."""
     shown = sorted(sights, key=lambda sight: -min(sight.named_from, 1e6))
-    with rc_context(STYLE):
-        canvas = Canvas(figsize=(5.6, 0.9 + 0.15 * len(shown)))
+
+    def draw(canvas: Canvas) -> Tips:
+        canvas.set_size_inches(5.6, 0.9 + 0.15 * len(shown))
         axes = canvas.subplots()
         at = np.arange(len(shown))
         edge = 30.0
@@ -135,9 +138,10 @@ def sight_chart(sights: list[Sight], name: str = "sights") -> Drawing:
         axes.set_ylim(-1, len(shown))
         axes.grid(axis="y", visible=False)
         axes.set_xlabel("Smallest size [typical sizes]; at the right edge: no size")
-        axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, borderaxespad=0.2)
-        tips = {
+        legend_above(axes, 2)
+        return {
             "noticed": [f"{s.name}: noticed from {plain(s.detected_from)}" for s in shown],
             "named": [f"{s.name}: named from {plain(s.named_from)}" for s in shown],
         }
-        return finish(canvas, name, tips)
+
+    return drawn(name, draw)

@@ -1,0 +1,64 @@
+"""What the figures share: marks that can be told apart, legends, ticks at whole numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection
+from matplotlib.figure import Figure as Canvas
+
+from pipeline.report.margins import LINE, Margins
+
+Tips = dict[str, list[str]]
+"""By id of an artist, the words of each of its marks in drawing order."""
+
+MARKERS = ("o", "s", "^", "D", "v", "P")
+LEGEND_ROW = 1.1 * 8 * LINE
+"""Height of a row of a legend [pt]."""
+
+
+def integer_ticks(axes: Axes, at: np.ndarray, names: Sequence[int]) -> None:
+    """Label whole numbers, as many as fit."""
+    step = max(1, int(np.ceil(len(at) / 22)))
+    axes.set_xticks(at[::step], [str(name) for name in names[::step]])
+
+
+def legend_above(axes: Axes, columns: int) -> None:
+    """The legend on top of a plot, lines before marks."""
+    handles, labels = axes.get_legend_handles_labels()
+    at = sorted(range(len(labels)), key=lambda i: isinstance(handles[i], PathCollection))
+    axes.legend(
+        [handles[i] for i in at],
+        [labels[i] for i in at],
+        loc="lower left",
+        bbox_to_anchor=(0, 1),
+        ncols=columns,
+        borderaxespad=0.2,
+        borderpad=0.1,
+        labelspacing=0.15,
+        markerscale=1.6,
+        handletextpad=0.4,
+    )
+    Margins.of(axes.get_figure(root=True)).keep_above(axes, -(-len(at) // columns) * LEGEND_ROW)
+
+
+def legend_below(canvas: Canvas) -> None:
+    """One legend for all plots of a figure, at its lower edge."""
+    handles, labels = canvas.axes[0].get_legend_handles_labels()
+    canvas.legend(handles, labels, loc="lower center", ncols=len(labels), handlelength=1.6)
+    Margins.of(canvas).keep_below(LEGEND_ROW + 6)
+
+
+def title(axes: Axes, name: str) -> None:
+    """What a plot shows, on top of it at the left."""
+    axes.set_title(name, fontsize=8.5, loc="left", y=1.0, pad=4)
+    Margins.of(axes.get_figure(root=True)).keep_above(axes, 4 + LINE * 8.5)
+
+
+def each_row(table: pd.DataFrame) -> Iterator[Any]:
+    """Rows with their columns as attributes."""
+    return table.itertuples()

@@ -1,0 +1,124 @@
+"""Vectors where they were measured: residuals at the poses, base reflectors in their order."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure as Canvas
+from matplotlib.quiver import Quiver
+from matplotlib.ticker import MaxNLocator
+
+from pipeline.report.figures.marks import MARKERS, Tips, each_row, legend_above, title
+from pipeline.report.numbers import plain
+from pipeline.report.summaries import AXES, MM, MOST, Result, Tables, arrows, places, thinned
+from pipeline.report.svg import INK, MUTED, RED, SERIES
+
+
+def draw_arrows(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+    """Residual vectors at the poses, from above and from the side."""
+    vectors = arrows(tables["residuals"], places(tables), tables["forces"])
+    size = np.linalg.norm(vectors[["rx", "ry", "rz"]].to_numpy(float), axis=1)
+    vectors, longest = thinned(vectors, size, MOST // 5), size.max()
+    wide = np.ptp(vectors["y"]) >= 2 * max(np.ptp(vectors["x"]), np.ptp(vectors["z"]))
+    spread = max(float(np.ptp(vectors[a])) for a in "xyz") or 1.0
+    usual = float(np.quantile(size, 0.8))  # one outlier must not make all others invisible
+    scale = max(usual / 0.08, longest / 0.4, 1e-9) / spread
+    at, along = vectors[list("xyz")].to_numpy(float), vectors[["rx", "ry", "rz"]].to_numpy(float)
+    spans = 1.1 * np.ptp(np.vstack([at, at + along / scale]), axis=0)
+    if wide:  # as high as an equal scale for all directions makes it
+        ratios = np.maximum(spans[[0, 2]] / spans[1], 0.15)
+        height = 1.2 + 4.9 * ratios.sum()
+        canvas.set_size_inches(5.6, height)
+        views = canvas.subplots(2, 1, sharex=True, height_ratios=ratios)
+    else:
+        height = 3.2
+        canvas.set_size_inches(5.6, height)
+        views = canvas.subplots(1, 2)
+    tips: Tips = {}
+    keyed: list[Quiver] = []
+    across = "y"
+    for view, up, name in zip(views, "xz", ("from above", "from the side"), strict=True):
+        key = f"view-{up}"
+        quiver = view.quiver(
+            vectors[across],
+            vectors[up],
+            vectors[f"r{across}"],
+            vectors[f"r{up}"],
+            angles="xy",
+            scale_units="xy",
+            scale=scale,
+            width=0.0032 if wide else 0.006,
+            color=RED,
+        )
+        quiver.set_gid(key)  # not earlier: the key below copies all arguments, this one too
+        keyed.append(quiver)
+        view.scatter(vectors[across], vectors[up], s=5, color=INK, linewidths=0)
+        ends = (
+            vectors[[across, up]].to_numpy() + vectors[[f"r{across}", f"r{up}"]].to_numpy() / scale
+        )
+        view.update_datalim(ends)
+        view.autoscale_view()
+        view.set_aspect("equal", adjustable="datalim")
+        title(view, name)
+        view.set_ylabel(f"{up} [m]")
+        if not wide or up == "z":
+            view.set_xlabel(f"{across} [m]")
+        tips[key] = [
+            f"pose {r.pose}, {r.target}: {plain(r.rx)}, {plain(r.ry)}, {plain(r.rz)} mm"
+            for r in each_row(vectors)
+        ]
+    key_length = _round_down(max(usual, 0.2 * longest))
+    views[0].quiverkey(
+        keyed[0],
+        0.86,
+        1 - 0.13 / height,
+        key_length,
+        f"{key_length:g} mm",
+        labelpos="E",
+        coordinates="figure",
+        color=RED,
+    )
+    return tips
+
+
+def _round_down(value: float) -> float:
+    """1, 2 or 5 times a power of ten, not above the value."""
+    power = 10.0 ** np.floor(np.log10(max(value, 1e-300)))
+    return float(max(step for step in (1, 2, 5) if step * power <= value * (1 + 1e-12)) * power)
+
+
+def draw_registration(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+    """Deviation of each base reading from nominal, in order."""
+    readings = tables["registration"].reset_index(drop=True).assign(at=lambda t: t.index + 1)
+    size = np.linalg.norm(readings[AXES].to_numpy(float), axis=1)
+    readings = thinned(readings, size, MOST // 5)
+    views = canvas.subplots(3, 1, sharex=True, sharey=True)
+    targets = list(dict.fromkeys(readings["target"]))
+    at = readings["at"].to_numpy()
+    tips = {}
+    for view, axis in zip(views, "xyz", strict=True):
+        mm = MM * readings[f"d{axis}_m"].to_numpy(float)
+        view.axhline(0, color=MUTED, linewidth=0.8)
+        for index, target in enumerate(targets):
+            here = (readings["target"] == target).to_numpy() & np.isfinite(mm)
+            key = f"base-{axis}-{index}"
+            view.scatter(
+                at[here],
+                mm[here],
+                s=14,
+                color=SERIES[index % len(SERIES)],
+                marker=MARKERS[index % len(MARKERS)],
+                linewidths=0,
+                gid=key,
+                label=f" {target}",  # legends leave out what begins with an underscore
+            )
+            tips[key] = [
+                f"reading {n}, {target}: d{axis} = {plain(v)} mm"
+                for n, v in zip(at[here], mm[here], strict=True)
+            ]
+        view.margins(y=0.25)
+        view.set_ylabel(f"d{axis} [mm]")
+    views[-1].set_xlabel("Reading of a base reflector, in order")
+    views[-1].xaxis.set_major_locator(MaxNLocator(10, integer=True))
+    if len(targets) <= 8:
+        legend_above(views[0], min(len(targets), 6))
+    return tips

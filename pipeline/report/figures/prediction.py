@@ -1,0 +1,41 @@
+"""How far a predicted deflection can be off."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure as Canvas
+
+from pipeline.report.captions import DRAWS, SETS
+from pipeline.report.figures.marks import Tips, legend_above
+from pipeline.report.numbers import percent, plain
+from pipeline.report.summaries import Result, Tables, prediction_error
+from pipeline.report.svg import GRID, SERIES
+
+
+def draw_prediction(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+    """Share of the validation poses below each relative error."""
+    errors = prediction_error(tables["validation"])
+    axes = canvas.subplots()
+    tips = {}
+    steps = np.linspace(0, 1, 41)
+    for index, ((where, draw_from), mu) in enumerate(errors.items()):
+        at, key = 100 * np.quantile(mu, steps), f"mu-{index}"
+        if at[4] <= 0:  # no stiffness had a value to draw about, and zero has no logarithm
+            continue
+        name = f"{SETS.get(where, where)}, {DRAWS.get(draw_from, draw_from)}"
+        style = "-" if draw_from == "covariance" else "--"
+        colour = SERIES[list(SETS).index(where) if where in SETS else 2]
+        axes.plot(at, 100 * steps, style, color=colour, linewidth=1.6, label=name)
+        axes.scatter(at[4:-1:4], 100 * steps[4:-1:4], s=9, color=colour, linewidths=0, gid=key)
+        tips[key] = [
+            f"{name}: {plain(100 * s)} % of the poses below {percent(v / 100)}"
+            for s, v in zip(steps[4:-1:4], at[4:-1:4], strict=True)
+        ]
+    axes.set_xscale("log")
+    axes.minorticks_off()
+    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.set_xlabel("Relative error of the predicted deflection [%]")
+    axes.set_ylabel("Poses below [%]")
+    axes.grid(color=GRID, linewidth=0.6)
+    legend_above(axes, 2)
+    return tips

@@ -1,0 +1,116 @@
+"""The stiffness of every joint beside its nominal value, and over the campaigns of a robot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure as Canvas
+from matplotlib.ticker import MaxNLocator
+
+from pipeline.report.captions import comparable
+from pipeline.report.figures.marks import Tips
+from pipeline.report.history import drifts
+from pipeline.report.numbers import common_prefix, known, plain, prefixed
+from pipeline.report.summaries import Result, Tables
+from pipeline.report.svg import BLUE, MUTED, RED
+
+
+def draw_stiffness(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+    """Every joint with its 95 % interval, in percent of nominal."""
+    joints = comparable(result)
+    canvas.set_size_inches(5.6, 0.9 + 0.28 * len(joints))
+    axes = canvas.subplots()
+    at = np.arange(len(joints))
+    share = np.array([100 * j["value"] / j["nominal"] for j in joints])
+    bounds = np.array([_bounds(j) for j in joints]).T
+    axes.axvline(100, color=MUTED, linewidth=1, linestyle="--")
+    endless = ~np.isfinite(bounds[1])
+    shown = np.concatenate([share[~endless], bounds[np.isfinite(bounds)], [100.0]])
+    right = shown.max() + 0.08 * max(np.ptp(shown), 1.0)
+    axes.hlines(at, bounds[0], np.where(endless, right, bounds[1]), BLUE, lw=2.2)
+    beyond = share > right  # a value without upper limit may be anywhere
+    for which, key in ((endless & ~beyond, None), (beyond, "beyond")):
+        where = np.full(which.sum(), right)
+        axes.scatter(where, at[which], color=BLUE, marker=">", s=30, gid=key)
+    axes.scatter(share[~beyond], at[~beyond], color=BLUE, s=26, gid="share", zorder=3)
+    axes.set_yticks(at, [str(j["name"]) for j in joints])
+    axes.invert_yaxis()
+    axes.grid(axis="y", visible=False)
+    axes.set_xlabel("Stiffness [% of nominal]")
+    said = [
+        f"{j['name']}: {plain(s)} % of nominal, "
+        + (f"{plain(low)} % to {plain(high)} %" if np.isfinite(high) else f"above {plain(low)} %")
+        for j, s, low, high in zip(joints, share, *bounds, strict=True)
+    ]
+    return {
+        "share": [words for words, far in zip(said, beyond, strict=True) if not far],
+        "beyond": [words for words, far in zip(said, beyond, strict=True) if far],
+    }
+
+
+def _bounds(joint: Mapping[str, Any]) -> tuple[float, float]:
+    """The 95 % interval [% of nominal]; a compliance that may be zero has no upper limit."""
+    given = [*(joint.get("ci95") or []), None, None][:2]
+    low = given[0] if known(given[0]) else joint["value"] - 1.96 * joint["std"]
+    high = given[1] if known(given[1]) else np.inf
+    return 100 * low / joint["nominal"], 100 * high / joint["nominal"]
+
+
+def draw_history(canvas: Canvas, results: Sequence[Result]) -> Tips:
+    """One row per joint: its stiffness in each campaign."""
+    found = drifts(results)
+    canvas.set_size_inches(5.6, 0.7 + 0.85 * len(found))
+    views = canvas.subplots(len(found), 1, sharex=True, squeeze=False)[:, 0]
+    tips = {}
+    for index, (view, joint) in enumerate(zip(views, found, strict=True)):
+        points = _points(results, joint.name)
+        factor, letter = common_prefix(value for _, value, _, _ in points)
+        colour = RED if joint.sure else BLUE
+        at = np.array([p[0] for p in points])
+        value, low, high = (np.array([p[k] for p in points]) / factor for k in (1, 2, 3))
+        endless = ~np.isfinite(high)
+        top = np.concatenate([value, high[~endless]]).max(initial=0.0)
+        view.vlines(at, low, np.where(endless, top, high), color=colour, linewidth=1.6)
+        view.scatter(at[endless], np.full(endless.sum(), top), color=colour, marker="^", s=20)
+        view.scatter(at, value, color=colour, s=16, zorder=3, gid=f"history-{index}")
+        view.set_ylabel(f"{joint.name}\n[{_unit(results, joint.name, letter)}]", fontsize=7.5)
+        view.yaxis.set_major_locator(MaxNLocator(3))
+        tips[f"history-{index}"] = [
+            f"{results[i].get('campaign')}: {joint.name} {plain(v, 4)}, "
+            + (f"{plain(a, 4)} to {plain(b, 4)}" if np.isfinite(b) else f"above {plain(a, 4)}")
+            for i, v, a, b in zip(at, value, low, high, strict=True)
+        ]
+    step = max(1, -(-len(results) // 8))
+    days = [str(r.get("measured") or "")[:10] for r in results]
+    distinct = len(set(days)) == len(days) and all(days)
+    names = days if distinct else [str(r.get("campaign"))[-24:] for r in results]
+    views[-1].set_xticks(range(0, len(results), step), names[::step], rotation=20, ha="right")
+    views[-1].set_xlim(-0.5, len(results) - 0.5)
+    return tips
+
+
+def _points(results: Sequence[Result], name: str) -> list[tuple[int, float, float, float]]:
+    """Number of the campaign, stiffness and its 95 % interval, where there is a value."""
+    out = []
+    for at, result in enumerate(results):
+        for joint in result.get("stiffness") or []:
+            if joint.get("name") == name and known(joint.get("value")) and known(joint.get("std")):
+                low, high = [*(joint.get("ci95") or []), None, None][:2]
+                out.append(
+                    (
+                        at,
+                        float(joint["value"]),
+                        float(low) if known(low) else float(joint["value"]),
+                        float(high) if known(high) else float("inf"),
+                    )
+                )
+    return out
+
+
+def _unit(results: Sequence[Result], name: str, letter: str) -> str:
+    units = [
+        j.get("unit") for r in results for j in r.get("stiffness") or [] if j.get("name") == name
+    ]
+    return prefixed(str(units[0] or ""), letter)
