@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pipeline import archive, files
 from pipeline import campaign as campaigns
-from pipeline.errors import UsageError
+from pipeline.errors import CannotWrite, UsageError
 from pipeline.outcome import Outcome
 from pipeline.report.history import previous
 from pipeline.report.model import compose
@@ -44,18 +44,29 @@ def report_text(root: Path, name: str) -> str:
     return as_text(compose(campaign.result(), archive.shown(campaign), previous=before))
 
 
-def compare(root: Path, first: str, second: str) -> tuple[Outcome, Path]:
-    """Two campaigns or models beside each other, and the page that says so."""
+def compare(root: Path, first: str, second: str) -> tuple[Outcome, Path | None]:
+    """Two campaigns or models beside each other, and the page of it, where one can be kept."""
     said, content = archive.compare(root, first, second)
     path = root / "reports" / f"{first}--{second}.html".replace(":", ".").replace("/", ".")
-    files.write(path, as_page(said, {}).encode())
+    complaints = [
+        f"{name} has named causes: {name}:extended are its springs without what they take away."
+        for name in (first, second)
+        if archive.has_causes(root, name) and f"{name}:extended" not in (first, second)
+    ]
+    try:
+        files.write(path, as_page(said, {}).encode())
+    except CannotWrite as problem:  # the answer itself needs no page
+        complaints.append(str(problem))
+        return Outcome(
+            f"{first}--{second}",
+            content | {"page": None},
+            as_text(said),
+            exit_code=problem.exit_code,
+            complaints=complaints,
+        ), None
     return Outcome(
         f"{first}--{second}",
         content | {"page": str(path)},
         as_text(said),
-        complaints=[
-            f"{name} has named causes: {name}:extended are its springs without what they take away."
-            for name in (first, second)
-            if archive.has_causes(root, name)
-        ],
+        complaints=complaints,
     ), path

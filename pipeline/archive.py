@@ -14,7 +14,7 @@ from filelock import FileLock
 
 from pipeline import files
 from pipeline.campaign import Campaign, code_version, dump, find, versions
-from pipeline.errors import InputError, UsageError
+from pipeline.errors import UsageError
 from pipeline.report.history import chance, changes, previous, together
 from pipeline.report.overview import comparison
 from pipeline.report.record import Report
@@ -133,6 +133,8 @@ def compare(root: Path, first: str, second: str) -> tuple[Report, dict[str, Any]
         InputError: There is no such campaign.
         UsageError: There is no such model, or no result yet.
     """
+    if first == second:
+        raise UsageError(f"{first} is compared with itself: name another campaign or model")
     (a, entries_a, cov_a), (b, entries_b, cov_b) = (_side(root, name) for name in (first, second))
     independent = a != b
     covariances = (cov_a, cov_b) if independent else None
@@ -186,8 +188,4 @@ def _campaign_and_model(root: Path, name: str) -> tuple[Campaign, str]:
         if model not in MODELS:
             raise UsageError(f'there is no model "{model}": use {" or ".join(MODELS)}')
         return known[head], model
-    try:
-        campaign = find(root, name)
-    except InputError as problem:
-        raise UsageError(str(problem)) from problem
-    return campaign, "joints"
+    return find(root, name), "joints"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pipeline import files
 from pipeline.errors import InputError, UsageError
-from pipeline.robot import SHIPPED, load
+from pipeline.robot import SHIPPED, Robot, load
 from pipeline.toml import quoted
 
 NAME = "a plain folder name that begins with no dot"
@@ -72,17 +72,7 @@ def init(root: Path, name: str, robot: str, sigma_mm: float = 0.03, sigma_n: flo
         UsageError: The name is no folder name, the folder is there already, or there is no such
             robot.
     """
-    if not name.strip() or name[0] == "." or any(c in "/\\" or not c.isprintable() for c in name):
-        raise UsageError(f'"{name}" cannot name a campaign: use {NAME}')
-    folder = root / "data" / "raw" / name
-    if folder.exists():
-        raise UsageError(f"{folder} is there already: choose another name")
-    try:
-        joints = load(robot, folder).joints
-    except InputError as problem:
-        if problem.file != "campaign.toml":  # which is still to be written
-            raise
-        raise UsageError(f"--robot: {problem.thing}; {problem.way_out}") from problem
+    folder, joints = vacant(root, name), known(root, name, robot).joints
     columns = [f"{j.name}_m" if j.prismatic else f"{j.name}_deg" for j in joints]
     text = TEMPLATE.format(
         name=quoted(name),
@@ -96,3 +86,31 @@ def init(root: Path, name: str, robot: str, sigma_mm: float = 0.03, sigma_n: flo
     files.write(folder / "joints.csv", f"pose,{','.join(columns)},approach\n".encode())
     files.write(folder / "campaign.toml", text.encode())
     return folder
+
+
+def vacant(root: Path, name: str) -> Path:
+    """The folder that a campaign of this name gets.
+
+    Raises:
+        UsageError: The name is no folder name, or the folder is there already.
+    """
+    if not name.strip() or name[0] == "." or any(c in "/\\" or not c.isprintable() for c in name):
+        raise UsageError(f'"{name}" cannot name a campaign: use {NAME}')
+    folder = root / "data" / "raw" / name
+    if folder.exists():
+        raise UsageError(f"{folder} is there already: choose another name")
+    return folder
+
+
+def known(root: Path, name: str, robot: str) -> Robot:
+    """The robot that is meant, beside a campaign that is still to be written.
+
+    Raises:
+        UsageError: There is no such robot.
+    """
+    try:
+        return load(robot, root / "data" / "raw" / name)
+    except InputError as problem:
+        if problem.file != "campaign.toml":
+            raise
+        raise UsageError(f"--robot: {problem.thing}; {problem.way_out}") from problem

@@ -138,7 +138,7 @@ class Campaign:
             after = path.stat()
         except FileNotFoundError as problem:
             raise InputError(
-                "file is missing",
+                "the file is missing",
                 f"copy it into {self.folder.name} or correct campaign.toml",
                 file=name,
             ) from problem

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import os
 import sys
 from typing import Any
 
@@ -9,15 +11,27 @@ import typer
 from typer.exceptions import Abort, TyperException
 
 from pipeline.commands import campaigns, planning, service
-from pipeline.commands._shared import app
-from pipeline.errors import Interrupted, PipelineError, UsageError
+from pipeline.commands._shared import app, fitted
+from pipeline.errors import CannotWrite, Interrupted, PipelineError, UsageError, ended
+from pipeline.files import FULL
 
 __all__ = ["campaigns", "main", "planning", "service"]
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line; every way out has a documented exit code and no traceback."""
+    _prepare_streams()
     sys.exit(_exit_code(arguments))
+
+
+def _prepare_streams() -> None:
+    """A closed stream swallows what it gets; a sign that one cannot show becomes a `?`."""
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115  # for as long as we live
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
 
 
 def _exit_code(arguments: list[str] | None) -> int:
@@ -35,15 +49,34 @@ def _exit_code(arguments: list[str] | None) -> int:
             Interrupted.exit_code,
         )
     except TyperException as problem:
-        return _say(f"{problem} Try `pipeline --help`.", UsageError.exit_code)
-    except BrokenPipeError:
-        return 0
+        context = getattr(problem, "ctx", None)
+        command = context.command_path if context else "pipeline"
+        return _say(
+            f"{ended(problem.format_message())} Try `{command} --help`.", UsageError.exit_code
+        )
+    except SystemExit as end:
+        if isinstance(end.__context__, BrokenPipeError):  # nobody reads on: `pipeline ... | head`
+            return 0
+        raise
+    except OSError as problem:
+        if problem.errno not in FULL:
+            return _crash(problem)
+        return _say(
+            f"The answer cannot be written ({problem.strerror}); free some space and run it again.",
+            CannotWrite.exit_code,
+        )
     except Exception as problem:  # the last net: a sentence for the engineer, the rest in a file
-        from pipeline.outcome import record_crash
+        return _crash(problem)
 
-        return _say(record_crash(problem), 1)
+
+def _crash(problem: Exception) -> int:
+    from pipeline.outcome import record_crash
+
+    return _say(record_crash(problem), 1)
 
 
 def _say(sentence: str, code: int) -> int:
-    typer.secho(sentence, err=True, fg="red")
+    if code == Interrupted.exit_code and sys.stderr.isatty():
+        typer.echo(err=True)  # the terminal has written ^C where our sentence would begin
+    typer.secho(fitted(sentence, sys.stderr), err=True, fg="red")
     return code

@@ -57,7 +57,7 @@ def compensate(
     remarks = [
         f"{len(wanted.pose)} points: the load moves the tip by up to "
         f"{1e3 * found.deflection.max():.3f} mm; with the offsets the model leaves "
-        f"{1e3 * found.left.max():.4f} mm, known to +-{2e3 * found.std.max():.3f} mm (95 %)."
+        f"{1e3 * found.left.max():.4f} mm, known to ±{2e3 * found.std.max():.3f} mm (95 %)."
     ]
     if model.verdict in ("unexplained", "bad_data"):
         remarks.append(

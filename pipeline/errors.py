@@ -6,6 +6,10 @@ The core raises these; only the command line turns them into a sentence and an e
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pydantic import ValidationError
 
 MISFIT = 4
 """Exit code of `run --strict` when the model does not fit; a verdict, not an error."""
@@ -19,6 +23,10 @@ class PipelineError(Exception):
     """
 
     exit_code = 1
+
+    def __init__(self, sentence: str) -> None:
+        """Keep the sentence, with its full stop."""
+        super().__init__(ended(sentence))
 
 
 class UsageError(PipelineError):
@@ -69,6 +77,27 @@ class Interrupted(PipelineError):
 
 class TableMismatch(PipelineError):
     """A table does not keep the promise of its schema."""
+
+
+def ended(sentence: str) -> str:
+    """A sentence with its full stop."""
+    return sentence if sentence.endswith((".", "?", "!")) else f"{sentence}."
+
+
+def first_wrong(problem: ValidationError) -> tuple[list[str], str]:
+    """The first word of a file that cannot be as it is: its path, and what is wrong with it."""
+    first = problem.errors()[0]
+    path, said = [str(part) for part in first["loc"]], first["msg"]
+    value = first.get("input")
+    shown = f'"{value}"' if isinstance(value, str) else value
+    simple = isinstance(value, str | int | float)
+    if first["type"] == "missing":
+        said = "is missing"
+    elif first["type"] == "extra_forbidden":
+        said = "is no word that is known here"
+    elif simple and said.startswith("Input should be "):
+        said = f"{shown} should be {said.removeprefix('Input should be ')}"
+    return path, said.removeprefix("Value error, ")
 
 
 def worst(codes: Iterable[int]) -> int:

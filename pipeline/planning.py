@@ -118,6 +118,7 @@ def run(
         if best is None:
             raise
         interrupted = True
+        say("Stopped; this is the best plan so far, it takes a moment to write.")
     assert best is not None  # propose gives a plan or raises
     return Made(best, time.perf_counter() - began, interrupted)
 

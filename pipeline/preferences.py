@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
+from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import Field, ValidationError, field_validator
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, UsageError, first_wrong
 from pipeline.settings import Strict
 
 FILE = "pipeline.toml"
@@ -29,6 +30,19 @@ class Service(Strict):
     cron: str | None = None
     quiet_s: Annotated[float, Field(ge=0, le=3600)] = 5.0
     port: Annotated[int, Field(ge=1024, le=65534)] = 4200
+
+    @field_validator("cron")
+    @classmethod
+    def five_fields(cls, line: str | None) -> str | None:
+        """Only what is a cron line."""
+        if line is not None:
+            from cronsim import CronSim, CronSimError
+
+            try:
+                CronSim(line, datetime(2000, 1, 1))
+            except CronSimError as problem:
+                raise ValueError(f'"{line}" is no cron line, such as "0 6 * * 1-5"') from problem
+        return line
 
 
 class Notify(Strict):
@@ -88,6 +102,7 @@ def load(root: Path, said: Mapping[str, Any] | None = None) -> Preferences:
 
     Raises:
         InputError: pipeline.toml is not TOML, or has a word or value it cannot have.
+        UsageError: The command line says what it cannot have.
     """
     try:
         content = tomllib.loads(_text(root / FILE))
@@ -95,13 +110,20 @@ def load(root: Path, said: Mapping[str, Any] | None = None) -> Preferences:
         raise InputError(
             f"not valid TOML ({problem})", "correct that place", file=FILE
         ) from problem
+    _validated(content)  # before the command line outdoes it, so that each gets its own blame
     content["service"] = {**content.get("service", {}), **(said or {})}
+    try:
+        return _validated(content)
+    except InputError as problem:
+        raise UsageError(f"--{problem.thing.partition('.')[2].replace('_s:', ':')}") from problem
+
+
+def _validated(content: dict[str, Any]) -> Preferences:
     try:
         return Preferences.model_validate(content)
     except ValidationError as problem:
-        first = problem.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        message = first["msg"].removeprefix("Value error, ")
+        words, message = first_wrong(problem)
+        where = ".".join(words)
         raise InputError(
             f"{where}: {message}",
             "correct it as docs/serve.md or docs/object-storage.md describes",

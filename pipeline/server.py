@@ -10,6 +10,7 @@ import functools
 import http.server
 import json
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -75,12 +76,58 @@ def free(port: int, patience_s: float = 20.0) -> None:
 
 
 @contextlib.contextmanager
+def sheltered(end: int) -> Iterator[None]:
+    """Ctrl-C reaches every process of a terminal; within the block it is for this one alone.
+
+    What is started here inherits the blocked signal, so that Prefect's processes end when they are
+    told to and print no tracebacks. A thread takes it, through the wakeup file because some library
+    may have a thread that gets it first, and sends `end` to this process.
+
+    Args:
+        end: The signal that ends the work in the block, such as SIGTERM; a KeyboardInterrupt, as
+            long as nobody else in the block handles it.
+    """
+    if threading.current_thread() is not threading.main_thread():  # which gets all signals
+        yield
+        return
+    over, (taken, given) = threading.Event(), os.pipe()
+
+    def take() -> None:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        while (number := os.read(taken, 1)) and not over.is_set():
+            if number[0] == signal.SIGINT:
+                os.kill(os.getpid(), end)
+
+    os.set_blocking(given, False)
+    taker = threading.Thread(target=take, daemon=True)
+    ended = signal.signal(end, signal.default_int_handler)
+    interrupted = signal.signal(signal.SIGINT, lambda *_: None)
+    woken = signal.set_wakeup_fd(given, warn_on_full_buffer=False)
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    taker.start()
+    try:
+        yield
+    finally:
+        over.set()
+        os.write(given, b"\0")
+        taker.join()
+        signal.set_wakeup_fd(woken)
+        os.close(taken)
+        os.close(given)
+        signal.signal(end, ended)
+        signal.signal(signal.SIGINT, interrupted)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+
+
+@contextlib.contextmanager
 def running(root: Path, port: int) -> Iterator[None]:
     """Prefect's server as a process that ends with this one, however this one ends."""
     command = [sys.executable, "-m", "prefect", "server", "start", "--host", HERE]
     command += ["--port", str(port)]
     log = root / HOME / "server.log"
-    log.parent.mkdir(parents=True, exist_ok=True)
+    with files.writing(log):
+        log.parent.mkdir(parents=True, exist_ok=True)
+        log.write_bytes(b"")
     with log.open("wb") as kept:
         leash = subprocess.Popen(
             [sys.executable, "-m", "pipeline.leash", *command],
@@ -119,7 +166,8 @@ def answers(api: str) -> bool:
 def reports(root: Path, port: int) -> Iterator[None]:
     """The reports under an address of this machine: a browser follows no link to a file."""
     folder = root / "reports"
-    folder.mkdir(exist_ok=True)
+    with files.writing(folder):
+        folder.mkdir(exist_ok=True)
     handler = functools.partial(_Quiet, directory=str(folder))
     with http.server.ThreadingHTTPServer((HERE, port), handler) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Callable
 from pathlib import Path
 
@@ -35,7 +36,12 @@ def serve(root: Path, preferences: Preferences, started: Callable[[dict[str, str
     os.environ[server.REPORTS_URL] = urls["reports"]
     os.environ[server.PARENT] = str(os.getpid())
     server.settle(root)
-    with server.running(root, port), server.reports(root, port + 1), server.recorded(root, urls):
+    with (
+        server.sheltered(signal.SIGTERM),  # which Prefect's runner takes for a wish to stop
+        server.running(root, port),
+        server.reports(root, port + 1),
+        server.recorded(root, urls),
+    ):
         from pipeline.flow import serve as serve_flow
 
         started(urls)

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, first_wrong
 from pipeline.results import Array
 from pipeline.robot import Robot
 
@@ -270,14 +270,13 @@ def parse(text: str) -> Settings:
     try:
         return Settings.model_validate(content)
     except ValidationError as problem:
-        first = problem.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        message = first["msg"].removeprefix("Value error, ")
+        words, message = first_wrong(problem)
+        where = ".".join(words)
         raise InputError(
             f"{where}: {message}" if where else message,
             "correct it as docs/campaign.md describes",
             file="campaign.toml",
-            line=_line(text, [str(part) for part in first["loc"]]),
+            line=_line(text, words),
         ) from problem
 
 

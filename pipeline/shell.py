@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
@@ -42,8 +43,9 @@ def run_all(root: Path, names: list[str], engine: str, force: bool) -> Iterator[
 def no_campaign(root: Path) -> InputError:
     """What to say where there is nothing to do."""
     return InputError(
-        f"there is no campaign under {root / 'data' / 'raw'}",
-        "make a folder with `pipeline init NAME` or `pipeline simulate`",
+        f"there is no campaign under {(root / 'data' / 'raw').absolute()}",
+        "go to the project's folder or name it with --root; a new campaign begins with "
+        "`pipeline init NAME` or `pipeline simulate`",
     )
 
 
@@ -78,7 +80,7 @@ def through_prefect(campaign: Campaign, force: bool = False, tell: Tell = str) -
     server.settle(campaign.root)
     from pipeline.flow import identify, telling  # importing Prefect takes two seconds
 
-    with telling(tell):
+    with telling(tell), server.sheltered(signal.SIGUSR1):
         answer: dict[str, Any] = identify(str(campaign.root), str(campaign.folder), force)
     return answer
 

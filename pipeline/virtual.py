@@ -75,7 +75,7 @@ def write(
     files.write(sealed, dump(made.truth))
     with files.writing(folder):
         _place(made, folder)
-    return Written(folder, sealed)
+    return Written(root / "data" / "raw" / wanted.name, sealed)
 
 
 def prepare(root: Path, name: str, plan: Path) -> Path:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import sys
 import textwrap
+from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TextIO
 
@@ -16,10 +17,26 @@ if TYPE_CHECKING:
     from pipeline.outcome import Outcome
 
 app = typer.Typer(
-    help="Joint stiffnesses of a robot from tracker campaigns, and how far to trust them.",
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"pipeline {metadata.version('rail-stiffness')}")
+        raise typer.Exit
+
+
+@app.callback()
+def everything(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_version, is_eager=True, help="Print the version."),
+    ] = False,
+) -> None:
+    """Joint stiffnesses of a robot from tracker campaigns, and how far to trust them."""
+
 
 Root = Annotated[Path, typer.Option(help="Project root with data/ and reports/.")]
 Named = Annotated[str, typer.Argument(metavar="CAMPAIGN", help="Name under data/raw, or a path.")]
@@ -28,12 +45,12 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON on stdout, one 
 
 def show(outcome: Outcome, as_json: bool) -> None:
     """The answer to stdout, complaints to stderr."""
-    typer.echo(outcome.as_json() if as_json else _fitted(outcome.as_text(), sys.stdout))
+    typer.echo(outcome.as_json() if as_json else fitted(outcome.as_text(), sys.stdout))
     for line in outcome.complaints:
-        typer.secho(_fitted(line, sys.stderr), err=True, fg="red")
+        typer.secho(fitted(line, sys.stderr), err=True, fg="red")
 
 
-def _fitted(text: str, stream: TextIO) -> str:
+def fitted(text: str, stream: TextIO) -> str:
     """Long lines broken between words on a terminal; a program gets them whole."""
     if not stream.isatty():
         return text
@@ -56,7 +73,7 @@ def _fitted(text: str, stream: TextIO) -> str:
 def at_work(words: str) -> None:
     """One line of progress; on a terminal only."""
     if sys.stderr.isatty():
-        typer.secho(words, err=True, dim=True)
+        typer.secho(fitted(words, sys.stderr), err=True, dim=True)
 
 
 def open_it(path: Path) -> None:

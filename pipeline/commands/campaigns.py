@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -31,21 +32,35 @@ def init(
         raise UsageError("the campaign has no name: write `pipeline init NAME`")
     if name is None:
         name = str(typer.prompt(f"Name of the campaign ({blank.NAME})", err=True))
+    blank.vacant(root, name)
     if plan is not None:
         from pipeline import virtual
 
+        if robot is not None:
+            raise UsageError("the plan names its robot: leave out --robot, or --plan")
         typer.echo(virtual.prepare(root, name, plan))
         return
     if robot is None and ask:
         robot = typer.prompt(f"Robot ({blank.robots()}, or a file)", "kr500_rail", err=True)
+    blank.known(root, name, robot or "kr500_rail")
     known = {
-        key: typer.prompt(f"{what} [{unit}]", default, type=float, err=True) if ask else default
+        key: _size(f"{what} [{unit}]", default) if ask else default
         for key, (what, unit, default) in blank.ASKED.items()
     }
     typer.echo(blank.init(root, name, robot or "kr500_rail", **known))
     at_work(
         f"Fill in campaign.toml, copy the files it names beside it, then: pipeline check {name}"
     )
+
+
+def _size(question: str, default: float) -> float:
+    """A number above zero, asked until it is one; a decimal comma is as good as a point."""
+    while True:
+        answer = str(typer.prompt(question, f"{default:g}", err=True))
+        with contextlib.suppress(ValueError):
+            if 0 < (size := float(answer.replace(",", "."))) < float("inf"):
+                return size
+        typer.echo(f'"{answer}" is no number above zero.', err=True)
 
 
 @app.command(short_help="Read a campaign, say what would be used and what is wrong.")
@@ -168,6 +183,8 @@ def compare(
 
     outcome, path = answers.compare(root, first, second)
     show(outcome, as_json)
+    if path is None:
+        raise typer.Exit(outcome.exit_code)
     typer.secho(path, err=True)
     if opened:
         open_it(path)

@@ -89,6 +89,8 @@ def _preferred(root: Path, **said: Any) -> Preferences:
     """What pipeline.toml says, and the command line otherwise."""
     from pipeline import preferences
 
+    if not root.is_dir():
+        raise UsageError(f"there is no folder {root}: correct --root")
     return preferences.load(
         root, {name: value for name, value in said.items() if value is not None}
     )

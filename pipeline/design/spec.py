@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
-from pipeline.errors import InputError, listed
+from pipeline.errors import InputError, first_wrong, listed
 from pipeline.settings import InstrumentNoise, NotNegative, Point, Positive, Strict, TestPose
 
 SHIPPED = ("paper_reference", "diagnosis_reference")
@@ -181,9 +181,8 @@ def validated(content: dict[str, Any], file: str = "problem.toml") -> ProblemFil
     try:
         return ProblemFile.model_validate(content)
     except ValidationError as problem:
-        first = problem.errors()[0]
-        where = ".".join(str(part) for part in first["loc"]) or "the problem"
-        message = first["msg"].removeprefix("Value error, ")
+        words, message = first_wrong(problem)
+        where = ".".join(words) or "the problem"
         raise InputError(
             f"{where}: {message}", "correct it as docs/design.md describes", file=file
         ) from problem

@@ -48,10 +48,13 @@ def as_json(robot: Robot) -> str:
 
 def as_text(robot: Robot) -> str:
     """One line per cause: what to write after --effect, its size, its signature."""
-    lines = []
+    rows = []
     for entry in entries(robot):
         where = "" if entry["where"] is None else f":{entry['where']}"
         first = entry["parameters"][0]
         size = f"{first['name']} = {first['typical']:.2g} {first['unit']}"
-        lines.append(f"{entry['name'] + where:28s}{size:34s}{entry['signature']}")
-    return "\n".join(lines)
+        rows.append((f"{entry['name']}{where}", size, entry["signature"]))
+    first_width, second_width = (2 + max(len(row[column]) for row in rows) for column in (0, 1))
+    return "\n".join(
+        f"{name:{first_width}}{size:{second_width}}{signature}" for name, size, signature in rows
+    )

@@ -58,12 +58,14 @@ def overview(results: Sequence[Result]) -> Report:
         for number, (name, own) in enumerate(by_robot.items())
     ]
     moved = any(drifting.values())
+    several = any(len(own) > 1 for own in by_robot.values())
+    held = "No stiffness has changed" if several else "Nothing to compare yet"
     return Report(
         kicker="Joint stiffness",
         heading="All campaigns",
         title="Joint stiffness: all campaigns",
-        verdict="A stiffness has changed" if moved else "No stiffness has changed",
-        tone="attention" if moved else "good",
+        verdict="A stiffness has changed" if moved else held,
+        tone="attention" if moved else "good" if several else "neutral",
         sentences=tuple(_overview_sentences(results, by_robot, drifting)),
         sections=tuple(sections),
         elsewhere="Each campaign's own page has the whole of its story.",
@@ -273,5 +275,10 @@ def _comparison_table(
         Column("Difference of compliance [σ]", numeric=True),
         Column("So"),
     )
-    note = "Tested on the compliances, whose errors are normal, at 1 % for all joints together."
+    tested = any(c.sigmas is not None for c in found)
+    note = (
+        "Tested on the compliances, whose errors are normal, at 1 % for all joints together."
+        if tested
+        else ""
+    )
     return Table("comparison", "Stiffness of each joint", columns, rows, note)

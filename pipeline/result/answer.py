@@ -33,7 +33,7 @@ def answer(found: Findings) -> dict[str, Any]:
         "name": raw.settings.name,
         "robot": raw.settings.robot,
         "measured": measured_on(raw.settings, given.reduced.shown["readings"]),
-        "verdict_sentence": sentences(diagnosis["verdict"], diagnosis["why"], stiffness, found),
+        "verdict_sentence": sentences(diagnosis, stiffness, found),
         "stiffness": stiffness,
         "fit": fit_entry(cell, given.data, estimate),
         "diagnosis": diagnosis,
@@ -77,12 +77,18 @@ def extended_entry(found: Findings) -> dict[str, Any]:
 
 
 def sentences(
-    verdict: str, why: str, stiffness: list[dict[str, Any]], found: Findings
+    diagnosis: dict[str, Any], stiffness: list[dict[str, Any]], found: Findings
 ) -> list[str]:
     """The verdict in two sentences."""
+    verdict, why = diagnosis["verdict"], diagnosis["why"]
     good = [entry["name"] for entry in stiffness if entry["value"] is not None]
     some = "all" if len(good) == len(stiffness) else f"{len(good)} of {len(stiffness)}"
+    half = [e["name"] for e in stiffness if e["value"] is not None and e["ci95"][1] is None]
+    limits = f", {', '.join(half)} only a lower limit" if half else ""
     error = left_out_mm(found.residuals)
+    better = (
+        diagnosis["causes"][0]["gain"]["held_out_rms_after_mm"] if verdict == "explained" else None
+    )
     left = 1e3 * found.estimate.residual_std_m
     first = {
         "adequate": "The joint stiffness model explains the measured deflections.",
@@ -98,9 +104,12 @@ def sentences(
         "no pose can be predicted from the others"
         if error is None
         else f"poses left out of the estimate are predicted to {error:.3f} mm"
+        if better is None
+        else f"poses left out of the estimate are predicted to {better:.3f} mm with what is named, "
+        f"to {error:.3f} mm without"
     )
     if found.mistakes:
         first = why
     elif not good:
         first = "These pulls determine no stiffness."
-    return [first, f"{some.capitalize()} stiffnesses have a value, and {told}."]
+    return [first, f"{some.capitalize()} stiffnesses have a value{limits}, and {told}."]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from difflib import get_close_matches
 
 from pipeline.effects import Effect, catalogue
 from pipeline.errors import UsageError
@@ -49,10 +50,19 @@ def plant(text: str, robot: Robot) -> Planted | Committed:
             known[f"{effect.label}({effect.form})"] = effect
     if words not in known:
         raise UsageError(
-            f'there is no effect "{words}" on {robot.name}; choose from '
-            f"{', '.join([*known, *BLUNDERS])}."
+            f'there is no effect "{words}" on {robot.name}; {_near(words, [*known, *BLUNDERS])}'
         )
     return Planted(known[words], amounts(size, known[words].parameters, text))
+
+
+def _near(words: str, names: list[str]) -> str:
+    """The names that somebody may have meant, or all of them without their places and forms."""
+    near = [name for name in names if "(" not in name and name.startswith(f"{words}:")]
+    near = near or get_close_matches(words, names, 3)
+    if near:
+        return f"did you mean {' or '.join(near)}? `pipeline effects` lists all"
+    plain = dict.fromkeys(name.partition("(")[0].partition(":")[0] for name in names)
+    return f"choose from {', '.join(plain)}; `pipeline effects` lists their places"
 
 
 def effects(texts: Iterable[str], robot: Robot) -> tuple[Planted, ...]:

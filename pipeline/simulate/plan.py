@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, first_wrong
 from pipeline.settings import InstrumentNoise, NotNegative, Point, Positive, Scale, Strict, TestPose
 
 Step = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -282,7 +282,6 @@ def _validated(content: dict[str, Any], file: str) -> Plan:
     try:
         return Plan.model_validate(content)
     except ValidationError as problem:
-        first = problem.errors()[0]
-        where = ".".join(str(part) for part in first["loc"]) or "the plan"
-        message = first["msg"].removeprefix("Value error, ")
+        words, message = first_wrong(problem)
+        where = ".".join(words) or "the plan"
         raise InputError(f"{where}: {message}", "correct the plan", file=file) from problem
