@@ -1,5 +1,6 @@
 """How much the readings scatter: found where it is there, and no evidence out of rounding."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from pipeline import campaign
 from pipeline.cell import paper_cell
 from pipeline.diagnosis.noise import scatter
-from pipeline.run import reduce, tool
+from pipeline.run import answered, reduce, tool
 from pipeline.screening.case import conformed
 from pipeline.simulate import simulate
 from pipeline.simulate.plan import Plan
@@ -54,3 +55,21 @@ def test_columns_that_are_nearly_alike_are_no_evidence_of_noise():
         raw = np.column_stack([view.raw[:, :-1], column + apart * away, view.raw[:, -1]])
         doubled = replace(view, raw=raw, typical=np.append(view.typical, 1.0))
         assert scatter(doubled, errors, stated=True).force_p > 1e-3
+
+
+@pytest.mark.parametrize("scale", [1.0, 1.12])
+def test_scatter_that_no_repeat_shows_is_said_beside_the_verdict(scale):
+    """Nothing is missing; readings a little worse than stated are not passed over."""
+    plan = Plan(
+        poses={"count": 20},
+        pulls={"steps_n": [1000, 2000, 3000, 1500]},
+        tracker={"noise_scale": scale},
+    )
+    files = simulate(plan, np.random.default_rng(8)).files
+
+    answer = answered("here", campaign.in_memory(files)).answer
+
+    assert answer["diagnosis"]["verdict"] == "adequate"
+    noisy = any(cause["name"] == "tracker_noise" for cause in answer["diagnosis"]["causes"])
+    warned = re.search(r"scatter 1\.\d\d times as large", answer["verdict_sentence"][0])
+    assert bool(noisy or warned) == (scale > 1)

@@ -1,10 +1,12 @@
 """Bad data are named with their place, put right on the side, and never silently."""
 
+import io
 import json
 import re
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from pipeline.campaign import find, in_memory
@@ -198,6 +200,18 @@ def test_a_wrong_sign_in_a_robot_file_is_named(tmp_path):
     found = conventions(ingested(raw, conformed, plain, plausible=False))
 
     assert [(f.name, f.where) for f in found] == [("sign_or_convention", "d_4")]
+
+
+@pytest.mark.parametrize("joint", ["theta3", "theta6", "theta7"])
+def test_a_joint_that_counts_the_other_way_is_one_mistake(joint):
+    """A wrong sign in the log moves most reflectors, and is no dozen of exchanged names."""
+    made = campaign()
+    log = pd.read_csv(io.BytesIO(made.files["joints.csv"]))
+    log[f"{joint}_deg"] *= -1
+
+    found = findings({**made.files, "joints.csv": log.to_csv(index=False).encode()})
+
+    assert [(f.name, f.where) for f in found] == [("sign_or_convention", f"{joint}_reversed")]
 
 
 def test_dh_for_modified_dh_is_named(tmp_path):

@@ -130,3 +130,35 @@ def test_what_the_unloaded_reflectors_refute_is_not_named():
 
     assert found["unloaded_off_mm"][0] < 0.05
     assert {cause["name"] for cause in found["causes"]} == {"scale_zero", "compensator"}
+
+
+def test_a_wrong_zero_is_named_beside_a_stated_uncertainty():
+    """What the log is stated to be wrong by does not swallow what is 35 times as much."""
+    files = logged(theta3_deg=0.1)
+    toml = files["campaign.toml"].decode().replace("[joints]\n", "[joints]\nsigma_rad = 5e-5\n")
+    assert toml != files["campaign.toml"].decode()
+
+    found = said(files | {"campaign.toml": toml.encode()})
+
+    (cause,) = found["causes"]
+    assert (cause["name"], cause["where"]) == ("joint_offset", 3)
+    assert found["unloaded_off_mm"][0] > 0.5
+    assert found["unloaded_off_mm"][1] < 0.05
+
+
+def test_within_its_stated_uncertainty_no_zero_is_wrong():
+    """The same log, stated to be uncertain by as much."""
+    files = logged(theta3_deg=0.1)
+    toml = files["campaign.toml"].decode().replace("[joints]\n", "[joints]\nsigma_rad = 2e-3\n")
+
+    assert not said(files | {"campaign.toml": toml.encode()})["causes"]
+
+
+def test_the_deflected_robot_stands_where_the_straight_one_does():
+    """The unloaded reflectors are judged with either equilibrium."""
+    files = logged(theta3_deg=0.1)
+    toml = files["campaign.toml"].decode() + '\n[model]\nequilibrium = "deformed"\n'
+
+    (cause,) = said(files | {"campaign.toml": toml.encode()})["causes"]
+
+    assert (cause["name"], cause["where"]) == ("joint_offset", 3)

@@ -58,7 +58,8 @@ class Zeros(Locked):
         white: Inverse Cholesky factors of the covariances of `at`, shape (z, 3, 3).
         known: Columns that are always estimated along, whitened, shape (3 z + priors, n): points of
             the tool, where the base stands, and what is stated of its rotation and the joints.
-        free: How many of them no prior holds.
+        free: How many of them, the first, no prior holds.
+        joints: How many of them, the last, are errors of the joints' zeros as they are stated.
     """
 
     cell: Cell
@@ -69,6 +70,13 @@ class Zeros(Locked):
     white: Array
     known: Array
     free: int
+    joints: int = 0
+
+    @property
+    def exact(self) -> Zeros:
+        """The same with the joints taken to stand where the log says: how far off is the table?"""
+        rows, columns = (n - self.joints for n in self.known.shape)
+        return replace(self, known=self.known[:rows, :columns], joints=0)
 
     def stands(self, effects: Sequence[Effect], values: Array) -> Array:
         """Where the table and some effects put the reflectors [m], shape (z, 3)."""
@@ -178,10 +186,9 @@ def standing(
     zeros = _zeros(cell, data, scale)
     if zeros is None or not suspects:
         return NOTHING
-    plain = _fitted(zeros, ())
-    miss = _left(zeros, plain)
+    miss = _left(zeros.exact, ())
     visible = _visible(zeros, suspects)
-    if miss < LEAST_M or plain.p > NEEDED:
+    if miss < LEAST_M or _fitted(zeros, ()).p > NEEDED:
         return Standing(miss, miss, visible)
     nobody = Standing(miss, miss, {})  # where the table is off, one more cause would not be seen
     best = _search(zeros, suspects)
@@ -193,7 +200,7 @@ def standing(
     return replace(
         nobody,
         visible=visible,
-        left_m=_left(zeros, best),
+        left_m=_left(zeros.exact, best.effects),
         fit=best,
         p_values=tuple(one.p for one in rest),
         rivals=tuple(_rivals(zeros, best, k, suspects) for k in range(len(best.effects))),
@@ -236,7 +243,7 @@ def _zeros(cell: Cell, data: Measured, scale: float) -> Zeros | None:
     if len(poses) < 4 or not np.isfinite(scale):
         return None
     still = replace(data.pulls, force=np.zeros_like(data.pulls.force))
-    bare = replace(cell, effects=())
+    bare = replace(cell, effects=(), equilibrium="undeformed")  # nothing pulls
     cov = data.zero_cov[first] * scale**2
     zeros = Zeros(
         cell=bare,
@@ -248,7 +255,9 @@ def _zeros(cell: Cell, data: Measured, scale: float) -> Zeros | None:
         known=np.zeros((3 * len(first), 0)),
         free=3,
     )
-    return replace(zeros, known=_along(zeros, data))
+    return replace(
+        zeros, known=_along(zeros, data), joints=int(np.any(data.joint_std) * cell.robot.n)
+    )
 
 
 def _along(zeros: Zeros, data: Measured) -> Array:
@@ -318,9 +327,9 @@ def _fitted(zeros: Zeros, effects: Sequence[Effect], rounds: int = 4) -> Fit:
     return Fit(tuple(effects), values, cov * max(1.0, chi2 / max(dof, 1)), step[:n], chi2, dof)
 
 
-def _left(zeros: Zeros, fit: Fit) -> float:
-    """What a fit leaves of where the reflectors stand, rms over coordinates [m]."""
-    return rms(_short(zeros, zeros, fit))
+def _left(zeros: Zeros, effects: Sequence[Effect]) -> float:
+    """What causes leave of where the reflectors stand, rms over coordinates [m]."""
+    return rms(_short(zeros, zeros, _fitted(zeros, effects)))
 
 
 def _short(zeros: Zeros, of: Zeros, fit: Fit) -> Array:
@@ -350,18 +359,25 @@ def _search(zeros: Zeros, suspects: tuple[Effect, ...]) -> Fit | None:
 
 def _nearly_all(zeros: Zeros, fit: Fit) -> bool:
     """Whether causes take nearly all of the misfit and leave what any robot has."""
-    left = _left(zeros, fit)
-    return left < LEAST_M and left <= NEARLY_ALL * _left(zeros, _fitted(zeros, ()))
+    left = _left(zeros.exact, fit.effects)
+    return left < LEAST_M and left <= NEARLY_ALL * _left(zeros.exact, ())
 
 
 def _visible(zeros: Zeros, suspects: tuple[Effect, ...]) -> dict[str, float]:
-    """Multiples of the typical size at which the reflectors stand LEAST_M off."""
+    """Multiples of the typical size from which a cause is asked about.
+
+    The reflectors then stand LEAST_M off, by more than scatter and stated errors make likely.
+    """
     here, out = zeros.stands((), np.zeros(0)), {}
     for suspect in suspects:
         typical = np.array([p.typical for p in suspect.parameters])
         moved = replace(zeros, at=zeros.stands((suspect,), typical))
-        size = _left(moved, _fitted(moved, ())) if np.any(moved.at != here) else 0.0
-        out[suspect.label] = LEAST_M / size if size > 1e-9 else np.inf
+        size, fit = _left(moved.exact, ()), _fitted(moved, ())
+        if not np.any(moved.at != here) or size < 1e-9 or fit.dof < 1:
+            out[suspect.label] = np.inf
+            continue
+        beyond = stats.chi2.isf(NEEDED, fit.dof) - fit.dof
+        out[suspect.label] = max(LEAST_M / size, float(np.sqrt(beyond / fit.chi2)))
     return out
 
 
@@ -393,10 +409,11 @@ def _gain(zeros: Zeros, suspects: tuple[Effect, ...], rng: np.random.Generator) 
     chosen = []
     for pose in range(int(zeros.pose.max()) + 1):
         out, rest = zeros.pose == pose, zeros.without(pose)
-        found = _search(rest, suspects) or _fitted(rest, ())
-        before[out] = _short(zeros, rest, _fitted(rest, ()))[out]
-        after[out] = _short(zeros, rest, found)[out]
-        chosen.append(tuple(effect.label for effect in found.effects))
+        found = _search(rest, suspects)
+        effects = found.effects if found else ()
+        before[out] = _short(zeros.exact, rest.exact, _fitted(rest.exact, ()))[out]
+        after[out] = _short(zeros.exact, rest.exact, _fitted(rest.exact, effects))[out]
+        chosen.append(tuple(effect.label for effect in effects))
     rows = np.repeat(zeros.pose, 3)
     reduction, ci95 = interval(before.ravel(), after.ravel(), rows, rng)
     return Gain(before.ravel(), after.ravel(), reduction, ci95, tuple(chosen), "unloaded positions")

@@ -8,7 +8,7 @@ from pipeline import files
 from pipeline.campaign import versions
 from pipeline.result.diagnosis import diagnosis_entry, noise_entry
 from pipeline.result.findings import Findings
-from pipeline.result.fit import fit_entry, fits
+from pipeline.result.fit import fit_entry, fits, larger_scatter
 from pipeline.result.inputs import (
     assumptions,
     measured_on,
@@ -91,7 +91,8 @@ def sentences(
     )
     left = 1e3 * found.estimate.residual_std_m
     first = {
-        "adequate": "The joint stiffness model explains the measured deflections.",
+        "adequate": f"The joint stiffness model explains the measured deflections"
+        f"{larger_scatter(found.estimate)}.",
         "unexplained": "The joint stiffness model does not explain the measured deflections: "
         "do not rely on the stated uncertainties.",
     }.get(verdict, why)

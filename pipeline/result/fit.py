@@ -26,6 +26,17 @@ def fits(estimate: Estimate) -> bool:
     return estimate.p_value >= SURE
 
 
+def larger_scatter(estimate: Estimate) -> str:
+    """Clause of a model that misses nothing, where readings scatter more than their noise."""
+    if estimate.p_value is None or estimate.p_value >= SURE:
+        return ""
+    factor = float(np.sqrt(estimate.chi2 / estimate.dof))
+    return (
+        f", but for scatter {factor:.2f} times as large as the noise that is used "
+        f"(p = {estimate.p_value:.0e}): take every uncertainty that many times larger"
+    )
+
+
 def fit_entry(cell: Cell, data: Measured, estimate: Estimate) -> dict[str, Any]:
     """How well the model meets the data."""
     return {

@@ -62,8 +62,8 @@ class Hypothesis:
         where: As in `Finding`.
         says: What was mistaken for what.
         correct: What puts it right.
-        table: Whether it is in the robot's table or the base frame's; two such at once are not
-            asked about.
+        table: Whether it is a matter of the robot's table (as the sense of a joint is) or the base
+            frame's; two such at once are not asked about.
     """
 
     name: str
@@ -203,6 +203,14 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
             "the joint log holds the controller's axes under the names of the joints",
             from_controller,
         )
+    for column, joint in zip(case.joint_columns, case.robot.joints, strict=True):
+        yield Hypothesis(
+            "sign_or_convention",
+            f"{joint.name}_reversed",
+            f"in the joint log {joint.name} counts the other way round",
+            reversed_joint(column),
+            table=True,
+        )
     for name, robot in _robots(case.robot):
         yield Hypothesis(
             "sign_or_convention",
@@ -328,6 +336,11 @@ def slid(factor: float) -> Callable[[Case], Case]:
         )
 
     return correct
+
+
+def reversed_joint(column: str) -> Callable[[Case], Case]:
+    """Values of one joint with the other sign."""
+    return lambda case: replace(case, joints=case.joints.assign(**{column: -case.joints[column]}))
 
 
 def from_controller(case: Case) -> Case:
