@@ -63,12 +63,17 @@ def refresh(root: Path) -> Path | None:
     for campaign in campaigns:
         campaign.tidy()
         before = previous(results[campaign.name], results.values())
-        if _told(campaign.manifest()) != _mark(before):
+        if _told(campaign.manifest()) != mark(before):
             _tell(campaign, before)
     return _index(root, list(results.values())) if campaigns else None
 
 
-def _mark(before: Mapping[str, Any] | None) -> str | None:
+def earlier(campaign: Campaign, result: dict[str, Any]) -> Mapping[str, Any] | None:
+    """The result of the same robot's campaign before this one, as far as it is finished."""
+    return previous(result, (other.result() for other in finished(campaign.root)))
+
+
+def mark(before: Mapping[str, Any] | None) -> str | None:
     """What of the previous campaign a report depends on, in short."""
     if before is None:
         return None
@@ -85,10 +90,10 @@ def _tell(campaign: Campaign, before: Mapping[str, Any] | None) -> None:
 
     with campaign.locked():
         manifest = campaign.manifest()
-        if manifest is None or _told(manifest) == _mark(before):
+        if manifest is None or _told(manifest) == mark(before):
             return  # another run has been faster
         pages = render(campaign.result(), shown(campaign), manifest.get("run_time_s"), before)
-        campaign.amend(pages, {"previous": _mark(before)})
+        campaign.amend(pages, {"previous": mark(before)})
 
 
 def shown(campaign: Campaign) -> dict[str, pd.DataFrame]:

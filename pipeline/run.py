@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline import handover, tables
+from pipeline import archive, handover, tables
 from pipeline.campaign import Campaign, Raw, dump
 from pipeline.diagnosis.shown import apart_table, clues_table, examined_table
 from pipeline.diagnosis.verdict import Diagnosis
@@ -106,9 +106,11 @@ def _compute(campaign: Campaign, raw: Raw, step: Step) -> dict[str, Any]:
     began = time.perf_counter()
     found = answered(campaign.name, raw, campaign.keep, step)
     run_time_s = time.perf_counter() - began
-    pages = step(render)(found.answer, found.shown, run_time_s)
+    before = archive.earlier(campaign, found.answer)
+    pages = step(render)(found.answer, found.shown, run_time_s, before)
     answers = {"result.json": dump(found.answer), **handover.files(found.model), **pages}
-    campaign.finish(raw.key, answers, {"run_time_s": run_time_s})
+    told = {"run_time_s": run_time_s, "previous": archive.mark(before)}
+    campaign.finish(raw.key, answers, told)
     return found.answer
 
 

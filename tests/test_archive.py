@@ -8,8 +8,10 @@ import shutil
 import pytest
 
 from pipeline import archive
+from pipeline.campaign import find
 from pipeline.cli import _exit_code
 from pipeline.preferences import Preferences
+from pipeline.run import run
 from pipeline.shell import plainly, run_all, status
 from pipeline.simulate import simulate
 from pipeline.watch import scan
@@ -81,6 +83,18 @@ def test_nothing_is_written_a_second_time(project):
 
     assert {p: p.stat().st_mtime_ns for p in before} == before
     assert [outcome.content["state"] for outcome in status(project)] == ["done", "done"]
+
+
+@pytest.mark.slow
+@pytest.mark.xdist_group("archive")
+def test_a_report_is_drawn_once(project, tmp_path):
+    """The run itself knows the campaign before it, so that nothing is drawn again for it."""
+    shutil.copytree(project, tmp_path / "copy")
+
+    run(find(tmp_path / "copy", "autumn"), force=True)
+
+    page = (tmp_path / "copy" / "reports" / "autumn" / "index.html").read_text("utf-8")
+    assert "Change since spring [%]" in page
 
 
 @pytest.mark.slow
