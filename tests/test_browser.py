@@ -123,6 +123,24 @@ def test_the_page_over_all_campaigns_is_as_good(opened, tmp_path, width, scheme)
     assert page.locator("#tip").inner_text().startswith("c0: k_r1 77.92")
 
 
+def test_no_word_of_a_figure_is_cut(opened):
+    """Every label of a figure stands inside it, but for the empty edge of its letters' boxes."""
+    page = opened(1920)
+    cut = page.evaluate(
+        """() => [...document.querySelectorAll("svg")].flatMap((figure) => {
+            const sheet = figure.getBoundingClientRect();
+            return [...figure.querySelectorAll("text")].filter((text) => {
+                const box = text.getBoundingClientRect();
+                return box.left < sheet.left - 3 || box.right > sheet.right + 3
+                    || box.top < sheet.top - 3 || box.bottom > sheet.bottom + 3;
+            }).map((text) => text.textContent);
+        })"""
+    )
+
+    assert page.locator("svg text").count() > 150
+    assert cut == []
+
+
 def test_what_is_cut_off_can_be_scrolled_to(opened):
     """On a telephone a wide table scrolls within its own frame, by keyboard too."""
     page = opened(360)

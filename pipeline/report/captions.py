@@ -55,12 +55,17 @@ def _stiffness(result: Result, tables: Tables) -> Figure | None:
     joints = comparable(result)
     if not joints:
         return None
+    endless = [str(j["name"]) for j in joints if not all(map(known, j.get("ci95") or [None]))]
     off = {str(j["name"]): j["value"] / j["nominal"] for j in joints}
-    widest = max(joints, key=lambda j: j["std"] / j["nominal"])
+    off = {name: share for name, share in off.items() if name not in endless} or off
     softest, stiffest = min(off, key=off.__getitem__), max(off, key=off.__getitem__)
+    widest = max(
+        (j for j in joints if str(j["name"]) in off), key=lambda j: j["std"] / j["nominal"]
+    )
     said = (
         f"{softest} is at {percent(off[softest], 3)} and {stiffest} at {percent(off[stiffest], 3)} "
-        f"of its nominal value; {widest['name']} has the widest interval."
+        f"of its nominal value; {widest['name']} has the widest interval"
+        + (f", and {', '.join(endless)} no upper limit." if endless else ".")
     )
     return Figure(
         "stiffness",

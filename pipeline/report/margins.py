@@ -24,6 +24,8 @@ POINTS = 72.0
 EDGE = 4.0
 GAP = 6.0
 """Between plots side by side or one above the other."""
+MOST_ROOM = 0.75
+"""Share of a figure that words may take; longer ones are cut, so that a plot is left."""
 LINE = 1.25
 """Height of a line of text over the size of its letters."""
 TICK_PAD = 3.5
@@ -90,8 +92,10 @@ class Margins(LayoutEngine):
             axes.set_position((left / width, bottom / height, wide / width, high / height))
             ticks = max(rooms[a].y_ticks for a in in_column[cell.colspan.start])
             aside = (ticks + LABEL_PAD) / wide
-            axes.xaxis.set_label_coords(0.5, -(rooms[axes].x_ticks + LABEL_PAD) / high)
-            axes.yaxis.set_label_coords(1 + aside if _on_right(axes) else -aside, 0.5)
+            below = (rooms[axes].x_ticks + LABEL_PAD) / high
+            axes.xaxis.set_label_coords(_middle(axes.xaxis, left, wide, width), -below)
+            middle = _middle(axes.yaxis, bottom, high, height)
+            axes.yaxis.set_label_coords(1 + aside if _on_right(axes) else -aside, middle)
 
 
 @dataclass(frozen=True)
@@ -129,10 +133,11 @@ def _spans(
     whole: float, before: Sequence[float], after: Sequence[float], ratios: Any
 ) -> list[tuple[float, float]]:
     """Start and length of every column or row [pt]."""
-    around = np.asarray(before) + np.asarray(after) + GAP
-    free = max(whole + GAP - around.sum(), 10.0 * len(around))
-    length = free * np.asarray(ratios) / np.sum(ratios)
-    start = np.asarray(before) + np.concatenate([[0.0], np.cumsum(around + length)[:-1]])
+    first, last = np.asarray(before), np.asarray(after)
+    share = min(1.0, MOST_ROOM * whole / (first + last + GAP).sum())
+    around = share * (first + last + GAP)
+    length = (whole + share * GAP - around.sum()) * np.asarray(ratios) / np.sum(ratios)
+    start = share * first + np.concatenate([[0.0], np.cumsum(around + length)[:-1]])
     return list(zip(start.tolist(), length.tolist(), strict=True))
 
 
@@ -141,6 +146,13 @@ def _label(axis: Axis) -> float:
     words = axis.label.get_text()
     lines = words.count("\n") + 1
     return LABEL_PAD + LINE * lines * float(axis.label.get_fontsize()) if words else 0.0
+
+
+def _middle(axis: Axis, start: float, length: float, whole: float) -> float:
+    """Where along its axis a label stands: in the middle, unless the figure would cut it there."""
+    half = max(_width(line, axis.label) for line in axis.label.get_text().split("\n")) / 2 + EDGE
+    inside = min(max(start + length / 2, half), max(whole - half, half))
+    return (inside - start) / length
 
 
 def _ticks(axis: Axis, wide: float) -> tuple[float, float, float]:
@@ -177,13 +189,13 @@ def _before(alignment: str) -> float:
 
 def _turned(label: Text) -> tuple[float, float]:
     """Width and height of a label as it stands [pt]."""
-    width, height = size_of(label.get_text(), label.get_fontproperties())
+    width, height = _width(label.get_text(), label), float(label.get_fontsize())
     angle = np.radians(label.get_rotation())
     c, s = abs(np.cos(angle)), abs(np.sin(angle))
     return float(c * width + s * height), float(s * width + c * height)
 
 
-def size_of(words: str, font: Any) -> tuple[float, float]:
-    """Width and height of a line of text [pt]."""
-    width, _, _ = text_to_path.get_text_width_height_descent(words, font, ismath=False)
-    return width, font.get_size_in_points()
+def _width(line: str, style: Text) -> float:
+    """Width of a line of text in the letters of another [pt]."""
+    font = style.get_fontproperties()
+    return float(text_to_path.get_text_width_height_descent(line, font, ismath=False)[0])

@@ -15,6 +15,7 @@ from pipeline.design.measurement import Measurement
 from pipeline.design.problem import Problem, with_steps
 from pipeline.design.propose import Proposal
 from pipeline.design.schedule import branches, pulls_at
+from pipeline.report import words
 from pipeline.report.numbers import percent, plain
 from pipeline.report.record import (
     Block,
@@ -140,7 +141,7 @@ def _setting_up(problem: Problem, measurement: Measurement) -> Section:
         (Column("What"), Column("Value")),
         tuple((text_entry(a), text_entry(b)) for a, b in rows),
     )
-    return Section("setup", "Set up", (*(Text(words) for words in todo), table))
+    return Section("setup", "Set up", (*(Text(line) for line in todo), table))
 
 
 def _point(at: tuple[float, float, float]) -> str:
@@ -208,7 +209,7 @@ def _pulling(problem: Problem, measurement: Measurement) -> list[Section]:
         name = f"Pose {number + 1}"
         figure = Figure(
             f"pose-{number + 1}",
-            "From the side and from above",
+            f"{name} from the side and from above",
             f"{name} as it should look: chain from the effector to the anchor.",
             f"Line drawing of {name.lower()} from the side and from above, with rail, floor, arm, "
             f"reflectors, chain and anchor.",
@@ -337,10 +338,10 @@ def _seeing(sights: list[Sight]) -> Section:
     order = sorted(sights, key=lambda sight: sight.named_from)
     rows = [
         (
-            text_entry(sight.name),
+            text_entry(words.from_twins(sight.name)),
             entry(_times(sight.detected_from), min(sight.detected_from, 1e9)),
             entry(_times(sight.named_from), min(sight.named_from, 1e9)),
-            text_entry(sight.rival),
+            text_entry(words.from_twins(sight.rival)),
             text_entry("" if sight.named_from <= 1 else sight.needs),
         )
         for sight in order

@@ -103,5 +103,10 @@ def from_label(text: str) -> str:
     return cause(name, _where(where))
 
 
+def from_twins(text: str) -> str:
+    """Causes that nothing tells apart, `joint_tilt:7 = tool_flex`, in words."""
+    return " = ".join(from_label(label) for label in text.split(" = "))
+
+
 def _where(text: str | None) -> int | str | None:
     return int(text) if text and text.isdigit() else text or None

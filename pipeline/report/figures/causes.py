@@ -41,7 +41,7 @@ def draw_separability(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     """A triangle of squares, dark where two causes are alike."""
     apart = separability(tables["separability"])
     names, n = [words.from_label(label) for label in apart.index], len(apart)
-    canvas.set_size_inches(5.6, 1.6 + 0.13 * n)
+    canvas.set_size_inches(5.6, 0.5 + 0.13 * n + 0.038 * max(map(len, names)))
     axes = canvas.subplots()
     rows, columns = np.tril_indices(n, -1)
     sigmas = apart.to_numpy()[rows, columns]

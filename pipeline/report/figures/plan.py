@@ -10,6 +10,7 @@ from pipeline.design.curves import ByAnchor, BySize
 from pipeline.design.discriminate import Sight
 from pipeline.design.measurement import Measurement
 from pipeline.design.problem import Problem
+from pipeline.report import words
 from pipeline.report.figures.marks import MARKERS, Tips, legend_above, legend_below, title
 from pipeline.report.numbers import plain
 from pipeline.report.svg import BLUE, GREEN, INK, MUTED, RED, SERIES, Drawing, drawn
@@ -119,6 +120,7 @@ def anchor_curve(curve: ByAnchor, scale: float, label: str, name: str = "anchor"
 def sight_chart(sights: list[Sight], name: str = "sights") -> Drawing:
     """From which size on each cause is noticed and named, in multiples of its typical size."""
     shown = sorted(sights, key=lambda sight: -min(sight.named_from, 1e6))
+    names = [words.from_twins(sight.name) for sight in shown]
 
     def draw(canvas: Canvas) -> Tips:
         canvas.set_size_inches(5.6, 0.9 + 0.15 * len(shown))
@@ -134,14 +136,19 @@ def sight_chart(sights: list[Sight], name: str = "sights") -> Drawing:
         axes.set_xscale("log")
         axes.set_xlim(0.005, edge * 1.15)
         axes.set_xticks([0.01, 0.1, 1, 10], ["0.01", "0.1", "1", "10"])
-        axes.set_yticks(at, [s.name for s in shown], fontsize=6.5)
+        axes.set_yticks(at, names, fontsize=6.5)
         axes.set_ylim(-1, len(shown))
         axes.grid(axis="y", visible=False)
         axes.set_xlabel("Smallest size [typical sizes]; at the right edge: no size")
         legend_above(axes, 2)
         return {
-            "noticed": [f"{s.name}: noticed from {plain(s.detected_from)}" for s in shown],
-            "named": [f"{s.name}: named from {plain(s.named_from)}" for s in shown],
+            "noticed": [
+                f"{n}: noticed from {plain(s.detected_from)}"
+                for n, s in zip(names, shown, strict=True)
+            ],
+            "named": [
+                f"{n}: named from {plain(s.named_from)}" for n, s in zip(names, shown, strict=True)
+            ],
         }
 
     return drawn(name, draw)
