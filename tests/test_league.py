@@ -132,7 +132,14 @@ def test_a_secret_is_named(sizes):
 
 
 @pytest.mark.parametrize(
-    "name", ["rail_joint_rocks", "loose_nest", "shoulder_elbow_coupling", "hertzian_rollers"]
+    "name",
+    [
+        "rail_joint_rocks",
+        "loose_nest",
+        "shoulder_elbow_coupling",
+        "hertzian_rollers",
+        "clamp_turns",
+    ],
 )
 def test_what_nobody_knows_is_not_given_a_name(name):
     """A cause outside the catalogue is noticed, and no name is certain."""

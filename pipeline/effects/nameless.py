@@ -11,14 +11,16 @@ the catalogue: no campaign is ever said to suffer from one of them.
 - compliance_by_time:    of a joint, steadily
 - guide_along_the_rail:  a guide of the carriage is softer here than there, two harmonics
 - guide_contact:         a guide yields less than in proportion to its load, as rollers do
+- effector_play:         the effector turns in its clamp, about the axis of the last joint
 """
 
 import itertools
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
-from pipeline.effects import rail_lateral, rail_pitch, rail_roll, rail_vertical
+from pipeline.effects import joint_lost_motion, rail_lateral, rail_pitch, rail_roll, rail_vertical
 from pipeline.effects._anatomy import compliance, joint_screw, rail, turning
 from pipeline.effects._effect import Effect, Elastic, Loaded, linear
 from pipeline.results import Array, Parameter
@@ -60,6 +62,7 @@ def nameless(robot: Robot) -> tuple[Effect, ...]:
         *(_warming(robot, joint) for joint in joints),
         *(_along_the_rail(robot, guide) for guide in guides),
         *(_contact(guide) for guide in guides),
+        *(_play(effect) for effect in joint_lost_motion.effects(robot) if effect.where == robot.n),
     )
 
 
@@ -159,6 +162,16 @@ def _contact(guide: str) -> Effect:
         return np.sign(load) * np.sqrt(np.abs(load) * large)
 
     return _effect("guide_contact", guide, (size,), (1,), file.screw, response)
+
+
+def _play(gear: Elastic) -> Effect:
+    """Moves what the gear of the last joint moves: only reflectors on the flange tell the two."""
+    sizes = tuple(p.typical for p in gear.parameters)
+    where = f"{gear.where} {gear.form}"
+    play = _effect(
+        "effector_play", where, sizes, gear.carrier, gear.twists, gear.response, signed=False
+    )
+    return replace(play, signature="the effector turning in its clamp")
 
 
 def _screw(joint: int, times: int) -> Screws:
