@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import reduce
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
 
 from pipeline.errors import InputError
 from pipeline.results import Array, Bools
+from pipeline.threads import MUCH, spread
+
+T = TypeVar("T")
 
 PAIRS = ("xx", "xy", "xz", "yy", "yz", "zz")
 ROW, COLUMN = np.triu_indices(3)
@@ -49,9 +54,21 @@ def numbers(table: pd.DataFrame, names: Sequence[str] | None = None) -> list[Arr
     return [table[name].to_numpy(dtype=float) for name in names or columns()]
 
 
+def each(columns: Sequence[Any], work: Callable[[Any], T]) -> list[T]:
+    """Work done on every column, once for those that are one array in memory.
+
+    The covariances of a stated noise are such: two different arrays in six columns.
+    """
+    where = [column.__array_interface__["data"][0] for column in columns]
+    different = dict(zip(where, columns, strict=True))
+    much = len(columns[0]) > MUCH if columns else False
+    done = dict(zip(different, spread(work, different.values(), much), strict=True))
+    return [done[place] for place in where]
+
+
 def alike(six: Sequence[Array]) -> bool:
     """Whether all rows of six columns have the same covariance, and there is one."""
-    return len(six[0]) > 0 and all(bool((column == column[0]).all()) for column in six)
+    return len(six[0]) > 0 and all(each(six, lambda column: bool((column == column[0]).all())))
 
 
 def isotropic(one: Sequence[float]) -> bool:
@@ -92,7 +109,7 @@ def factors(matrices: Array) -> Array:
 
 def known(six: Sequence[Array]) -> Bools:
     """Where a covariance is known, NaN standing for one that is not, shape (m,)."""
-    return np.asarray(np.logical_and.reduce([np.isfinite(column) for column in six]))
+    return np.asarray(reduce(np.logical_and, each(six, np.isfinite)))
 
 
 def stated(known: Bools) -> bool:

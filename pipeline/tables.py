@@ -77,7 +77,7 @@ LOADS = promise(
         col("force_n", F64, "N", "reading of the spring scale"),
         col(
             "branch",
-            STR,
+            WORD,
             "1",
             "up or down: which way the turnbuckle was last turned",
             nullable=True,

@@ -1,6 +1,8 @@
 """Every dialect reads its golden files to the last digit, and says so when it cannot."""
 
 import csv
+import io
+import itertools
 from datetime import datetime
 from pathlib import Path
 
@@ -542,3 +544,15 @@ def test_covariances_of_angles_become_those_of_coordinates(kind, vertical):
 
     got = at(start).covariance[0][[[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
     np.testing.assert_allclose(got, J @ C @ J.T, rtol=1e-6, atol=1e-20)
+
+
+@pytest.mark.parametrize("size", range(1, 6))
+def test_lines_are_cut_as_everywhere_else(size):
+    """A line feed, a return or both end a line, also where the last line has no end."""
+    for letters in itertools.product("a\r\n", repeat=size):
+        said = "".join(letters) + "b"
+        file = readers.text("x", said.encode())
+
+        assert [line for _, line in file.lines()] == io.StringIO(said, newline=None).read().split(
+            "\n"
+        )

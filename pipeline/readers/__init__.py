@@ -12,7 +12,7 @@ from pipeline.readers import (
     tracker_pilot,
     xyz,
 )
-from pipeline.readers._delimited import text_of
+from pipeline.readers._cells import text_of
 from pipeline.readers._names import split
 from pipeline.readers._reader import Columns, Export, Hints, Reader, Readings
 from pipeline.readers._text import Text, text

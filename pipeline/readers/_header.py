@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 
 from pipeline.errors import InputError, listed
-from pipeline.readers._delimited import DELIMITERS
+from pipeline.readers._layout import DELIMITERS
 
 
 def delimiter_of(line: str) -> str:

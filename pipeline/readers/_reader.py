@@ -11,7 +11,7 @@ import pyarrow as pa
 
 from pipeline.errors import InputError
 from pipeline.readers._coordinates import Meaning, cartesian, covariance, settled
-from pipeline.readers._delimited import Rows
+from pipeline.readers._layout import Rows
 from pipeline.readers._text import Text
 from pipeline.results import Array, Bools, Ints, Locked
 
@@ -216,8 +216,11 @@ def export(text: Text, hints: Hints, found: Found) -> Export:
     )
     if found.keep is not None:
         everything = kept(everything, found.keep, found.why_not)
-    near = np.logical_and.reduce([np.abs(axis) <= FARTHEST_M for axis in everything.position.T])
-    return everything if near.all() else kept(everything, near, TOO_FAR)
+    columns = everything.position.T
+    if all(x.min(initial=0) >= -FARTHEST_M and x.max(initial=0) <= FARTHEST_M for x in columns):
+        return everything
+    near = np.logical_and.reduce([np.abs(axis) <= FARTHEST_M for axis in columns])
+    return kept(everything, near, TOO_FAR)
 
 
 def kept(readings: Export, keep: Bools, why_not: str) -> Export:

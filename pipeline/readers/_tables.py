@@ -11,8 +11,10 @@ import pyarrow as pa
 
 from pipeline.errors import InputError, listed
 from pipeline.readers import _time
+from pipeline.readers._cells import cells_or_none, shown
 from pipeline.readers._coordinates import Meaning, settled, settled_vertical, uncertainties
-from pipeline.readers._delimited import Field, Kind, Layout, Rows, cells_or_none, rows, shown
+from pipeline.readers._delimited import rows
+from pipeline.readers._layout import Field, Kind, Layout, Rows
 from pipeline.readers._named import Header, Named, in_context, named, one_unit
 from pipeline.readers._reader import (
     EXPANDED,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -12,6 +11,7 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.results import Ints, Locked
+from pipeline.threads import spread
 
 T = TypeVar("T")
 
@@ -85,10 +85,10 @@ def text(name: str, data: bytes) -> Text:
     data, encoding = _as_utf8(name, data)
     if not data or data.isspace():
         raise InputError("the file is empty", "export it again", file=name)
-    starts, returns = _starts(data)
-    if returns:  # Arrow takes a lone \r for a line end, so do we
+    starts = _starts(data)
+    if _lone_return(data, starts):  # Arrow takes it for a line end, so do we
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-        starts, _ = _starts(data)
+        starts = _starts(data)
     _short_lines(name, starts)
     return Text(name, data, encoding, starts)
 
@@ -126,33 +126,31 @@ def _without_nul(name: str, data: bytes) -> bytes:
     return data
 
 
-def _starts(data: bytes) -> tuple[Ints, int]:
-    r"""Where lines start, and how many \r have no \n behind them.
-
-    In pieces, which is faster and needs no memory.
-    """
+def _starts(data: bytes) -> Ints:
+    """Where lines start, and the end; in pieces, which is faster and needs no memory."""
     whole = np.frombuffer(data, dtype=np.uint8)
 
-    def look(begin: int) -> tuple[Ints, int]:
-        piece = whole[begin : begin + CHUNK]
-        ends = np.flatnonzero(piece == ord("\n")) + begin + 1
-        return ends, int(np.count_nonzero(piece == ord("\r")))
+    def look(begin: int) -> Ints:
+        return np.flatnonzero(whole[begin : begin + CHUNK] == ord("\n")) + begin + 1
 
-    seen = in_pieces(look, len(data))
-    starts = np.concatenate([np.zeros(1, dtype=np.int64), *(ends for ends, _ in seen)])
-    returns = sum(count for _, count in seen)
-    before = starts[starts > 1] - 2  # the byte before each \n
-    returns -= int(np.count_nonzero(whole[before] == ord("\r")))
-    return (starts if starts[-1] == len(data) else np.append(starts, len(data))), returns
+    ends = in_pieces(look, len(data))
+    end = [] if data.endswith(b"\n") else [np.array([len(data)])]
+    return np.concatenate([np.zeros(1, dtype=np.int64), *ends, *end])
+
+
+def _lone_return(data: bytes, starts: Ints) -> bool:
+    r"""Whether a \r has no \n behind it."""
+    if b"\r" not in data:
+        return False
+    ends = starts[1:] if data.endswith(b"\n") else starts[1:-1]
+    before = np.frombuffer(data, dtype=np.uint8)[ends[ends > 1] - 2]
+    return data.count(b"\r") > int(np.count_nonzero(before == ord("\r")))
 
 
 def in_pieces(work: Callable[[int], T], size: int) -> list[T]:
-    """Work done on every `CHUNK` of `size` bytes, two at a time; numpy lets go of the lock."""
+    """Work done on every `CHUNK` of `size` bytes."""
     begins = range(0, size, CHUNK)
-    if len(begins) < 8:
-        return [work(begin) for begin in begins]
-    with ThreadPoolExecutor(2) as two:
-        return list(two.map(work, begins))
+    return spread(work, begins, much=len(begins) >= 8)
 
 
 def _short_lines(name: str, starts: Ints) -> None:
@@ -171,4 +169,4 @@ def squeezed(text: Text) -> Text:
     """The text with single blanks for runs of blanks and tabs, none at the ends of lines."""
     data = re.sub(rb"[ \t]+", b" ", text.data)
     data = re.sub(rb"^ | (?=\r?$)", b"", data, flags=re.MULTILINE)
-    return Text(text.name, data, text.encoding, _starts(data)[0])
+    return Text(text.name, data, text.encoding, _starts(data))

@@ -11,8 +11,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from pipeline.errors import InputError, listed
+from pipeline.readers._cells import text_of
 from pipeline.readers._coordinates import Meaning, raw, settled, settled_vertical
-from pipeline.readers._delimited import Field, Layout, Rows, rows, text_of
+from pipeline.readers._delimited import rows
+from pipeline.readers._layout import Field, Layout, Rows
 from pipeline.readers._reader import (
     A_PRIORI,
     STANDARD,

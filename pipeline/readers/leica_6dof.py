@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from pipeline.readers import _named, _tables, plain
+from pipeline.readers._cells import text_of
 from pipeline.readers._coordinates import Meaning, raw
-from pipeline.readers._delimited import text_of
 from pipeline.readers._reader import Export, Hints, Reader, Readings
 from pipeline.readers._text import Text
 from pipeline.readers.tracker_pilot import six_dof

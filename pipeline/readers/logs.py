@@ -14,7 +14,8 @@ import pyarrow as pa
 
 from pipeline.errors import InputError, listed
 from pipeline.readers import _header
-from pipeline.readers._delimited import Field, Kind, Layout, rows
+from pipeline.readers._delimited import rows
+from pipeline.readers._layout import Field, Kind, Layout
 from pipeline.readers._text import text
 from pipeline.results import Array, Bools, Ints, Locked, Strings
 from pipeline.robot import Robot
@@ -50,6 +51,8 @@ class Log(Locked):
 
     def only(self, good: Bools, reason: str | Sequence[str]) -> Log:
         """The rows that are good; the others are rejected, for one reason or each for its own."""
+        if good.all():
+            return self
         bad = np.flatnonzero(~good).tolist()
         reasons = [reason] * len(good) if isinstance(reason, str) else reason
         left_out = tuple((self.file, int(self.line[k]), reasons[k]) for k in bad)
@@ -281,11 +284,16 @@ def once(log: Log, key: Sequence[str]) -> Log:
     return log.only(good, reasons)
 
 
+def _coded(column: Any) -> Ints:
+    """A number for every different value, shape (n,)."""
+    codes = pa.array(column).dictionary_encode().indices
+    return np.asarray(codes.fill_null(-1), dtype=np.int64) + 1
+
+
 def repeated(columns: Sequence[Any]) -> Bools:
     """Rows that are there more than once, shape (n,)."""
     label = np.zeros(len(columns[0]), dtype=np.int64)
     for column in columns:
-        codes = pa.array(column).dictionary_encode().indices
-        numbers = np.asarray(codes.fill_null(-1), dtype=np.int64) + 1
-        label = np.unique(label * (numbers.max(initial=0) + 1) + numbers, return_inverse=True)[1]
+        numbers = _coded(column)
+        label = _coded(label * (numbers.max(initial=0) + 1) + numbers)
     return np.asarray(np.bincount(label, minlength=1)[label] > 1) if len(label) else label > 0

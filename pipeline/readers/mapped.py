@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pipeline.errors import InputError, listed
 from pipeline.readers import _named, _tables
-from pipeline.readers._delimited import DELIMITERS
+from pipeline.readers._layout import DELIMITERS
 from pipeline.readers._named import Header, Named
 from pipeline.readers._reader import Columns, Export, Hints
 from pipeline.readers._text import Text, squeezed

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 
 from pipeline.errors import InputError, listed
 from pipeline.readers import _named, _tables
+from pipeline.readers._cells import text_of
 from pipeline.readers._coordinates import Meaning, raw
-from pipeline.readers._delimited import text_of
 from pipeline.readers._reader import Export, Hints, Reader, Readings
 from pipeline.readers._text import Text
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.readers import _named, _time, plain
+from pipeline.readers._cells import NUMBER, cells_or_none, text_of
 from pipeline.readers._coordinates import (
     Meaning,
     raw,
@@ -23,17 +24,8 @@ from pipeline.readers._coordinates import (
     settled_vertical,
     uncertainties,
 )
-from pipeline.readers._delimited import (
-    DELIMITERS,
-    NUMBER,
-    Field,
-    Kind,
-    Layout,
-    Rows,
-    cells_or_none,
-    rows,
-    text_of,
-)
+from pipeline.readers._delimited import rows
+from pipeline.readers._layout import DELIMITERS, Field, Kind, Layout, Rows
 from pipeline.readers._named import ANGLE_WORDS, UNIT_WORDS, Header, Named
 from pipeline.readers._reader import (
     EXPANDED,

@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pipeline.readers import _named, _tables, plain
+from pipeline.readers._cells import text_of
 from pipeline.readers._coordinates import Meaning, raw
-from pipeline.readers._delimited import text_of
 from pipeline.readers._named import Header
 from pipeline.readers._reader import Export, Hints, Reader, Readings
 from pipeline.readers._text import Text

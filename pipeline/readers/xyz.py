@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pipeline.readers import _named
+from pipeline.readers._cells import NUMBER, cells_or_none, text_of
 from pipeline.readers._coordinates import Meaning, raw, settled
-from pipeline.readers._delimited import NUMBER, Field, Layout, cells_or_none, rows, text_of
+from pipeline.readers._delimited import rows
+from pipeline.readers._layout import Field, Layout
 from pipeline.readers._reader import Export, Found, Hints, Reader, Readings, export, settled_unit
 from pipeline.readers._text import Text
 

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from pipeline.covariance import each
 from pipeline.results import Array, Bools, Ints
 
 
@@ -24,27 +25,18 @@ def places(column: pd.Series[str], words: Sequence[str]) -> Ints:
 
 def pull_numbers(table: pd.DataFrame) -> Ints:
     """One number for pose and repeat of every row, both below 2^31, in their order, shape (n,)."""
-    pose, repeat = (table[name].to_numpy(np.int64) for name in ("pose", "repeat"))
-    return pull_number(pose, repeat)
+    return pull_number(table["pose"].to_numpy(), table["repeat"].to_numpy())
 
 
 def pull_number(pose: Ints, repeat: Ints) -> Ints:
     """The same of pose and repeat themselves."""
-    return pose * 2**31 + repeat
+    return pose.astype(np.int64, copy=False) * 2**31 + repeat
 
 
-def taken(table: pd.DataFrame, names: Sequence[str], rows: Ints) -> dict[str, Array]:
-    """Some columns at some rows; columns that are one array in memory are taken once.
-
-    The covariances of a stated noise are such: two different arrays in six columns.
-    """
-    out: dict[int, Array] = {}
-    columns = {name: table[name].to_numpy() for name in names}
-    where = {name: column.__array_interface__["data"][0] for name, column in columns.items()}
-    for name, column in columns.items():
-        if where[name] not in out:
-            out[where[name]] = column[rows]
-    return {name: out[where[name]] for name in names}
+def taken(table: pd.DataFrame, names: Sequence[str], rows: Ints | slice) -> dict[str, Array]:
+    """Some columns at some rows; columns that are one array in memory stay one."""
+    columns = [table[name].to_numpy() for name in names]
+    return dict(zip(names, each(columns, lambda column: column[rows]), strict=True))
 
 
 def run(rows: Ints) -> Ints | slice:
@@ -59,7 +51,9 @@ def numbered(keys: Ints) -> tuple[Ints, Ints]:
     if not len(keys):
         return keys, np.zeros(0, dtype=np.int64)
     begins = np.flatnonzero(np.append(True, keys[1:] != keys[:-1]))
-    different, of_run = np.unique(keys[begins], return_inverse=True)
+    different, of_run = keys[begins], np.arange(len(begins))
+    if not (different[1:] > different[:-1]).all():
+        different, of_run = np.unique(different, return_inverse=True)
     return different, np.repeat(of_run, np.diff(np.append(begins, len(keys))))
 
 

@@ -10,7 +10,7 @@ from pipeline.errors import listed
 from pipeline.readers.logs import Log
 from pipeline.results import Bools, Ints, Locked
 from pipeline.settings import Settings
-from pipeline.stages._index import found, pull_number
+from pipeline.stages._index import found, numbered, pull_number
 from pipeline.stages._shots import Rejection, Shots
 
 
@@ -73,11 +73,8 @@ def complete(shots: Shots, settings: Settings, loads: Log, joints: Log) -> Compl
 
 
 def _states(shots: Shots, t: int, loads: Log, joints: Log) -> _States:
-    s = len(shots.pose)
-    state = shots.slot >= 0
-    present = np.zeros((s, t + 2), dtype=bool)
-    present[shots.slot[state], shots.role[state]] = True
-    poses, of = np.unique(shots.pose, return_inverse=True)
+    present = np.asfortranarray(shots.counted(t + 2) > 0)  # whole columns are what is wanted
+    poses, of = numbered(shots.pose)
     zero = np.zeros((len(poses), t), dtype=bool)
     for k in range(t):
         zero[of[~shots.loaded & present[:, k]], k] = True
@@ -85,8 +82,8 @@ def _states(shots: Shots, t: int, loads: Log, joints: Log) -> _States:
     load = found(pull_number(*logged), pull_number(shots.pose, shots.repeat))
     return _States(
         present=present,
-        zero=zero[of].reshape(s, t),
-        joints=np.isin(shots.pose, joints.number["pose"]),
+        zero=np.asfortranarray(zero[of]),
+        joints=np.isin(poses, joints.number["pose"])[of],
         load=np.where(shots.loaded, load, -1),
     )
 

@@ -13,10 +13,11 @@ import pyarrow.compute as pc
 
 from pipeline.errors import InputError, listed
 from pipeline.readers import Export
-from pipeline.readers._delimited import shown
+from pipeline.readers._cells import shown
 from pipeline.results import Array, Bools, Ints, Locked
 from pipeline.settings import Settings
 from pipeline.stages._index import numbered
+from pipeline.threads import MUCH, spread
 
 BASE, STRANGE = -1, -2
 """Roles of a target beside 0..t-1: a base reflector, and a name nobody knows."""
@@ -91,6 +92,12 @@ class Shots(Locked):
             slot=self.slot[good],
         )
 
+    def counted(self, width: int) -> Ints:
+        """How often each target with a role was read in each slot, shape (s, width)."""
+        place = (self.slot + 1) * (width + 1) + self.role + 1  # base readings come first
+        shape = len(self.pose) + 1, width + 1
+        return np.bincount(place, minlength=shape[0] * shape[1]).reshape(shape)[1:, 1:]
+
     def named(self, slot: int) -> str:
         """A slot for a message."""
         state = "loaded" if self.loaded[slot] else "unloaded"
@@ -113,6 +120,7 @@ def gather(exports: Mapping[str, Export], settings: Settings) -> Shots:
     role_of_target = _roles(target.dictionary.to_pylist(), settings)
     role = role_of_target[np.asarray(target.indices)]
     slot = slot_of_group[np.asarray(group.indices)]
+    slot[role == BASE] = -1
     sizes = [len(export.line) for export in exports.values()]
     return Shots(
         files=tuple(exports),
@@ -126,7 +134,7 @@ def gather(exports: Mapping[str, Export], settings: Settings) -> Shots:
         covariance=_covariances(list(exports.values())),
         time=pa.chunked_array([export.time for export in exports.values()]).combine_chunks(),
         role=role,
-        slot=np.where(role == BASE, -1, slot),
+        slot=slot,
         pose=pose,
         repeat=repeat,
         loaded=loaded,
@@ -155,41 +163,49 @@ def _covariances(exports: Sequence[Export]) -> Array | None:
 
 def _slots(names: pa.StringArray, pattern: str) -> tuple[Ints, Ints, Ints, Bools]:
     """Slot of each group name, -1 where it is none, and what the slots are."""
-    keys = _keys_at_once(names, pattern)
-    if keys is None:
-        compiled = re.compile(pattern)
-        matches = [compiled.fullmatch(name) for name in names.to_pylist()]
-        found = [_key(match) if match else (-1, -1, False) for match in matches]
-        keys = np.array(found, dtype=np.int64).reshape(-1, 3)
-    state = keys[:, 0] >= 0
+    keys = _keys_at_once(names, pattern) or _keys_one_by_one(names, pattern)
+    matched, (pose, repeat, loaded) = keys
     # one number for pose, repeat and state: both are below 2^31
-    weight = np.array([2**32, 2, 1], dtype=np.int64)
-    packed, member = numbered(keys[state] @ weight)
+    packed, member = numbered(pose * 2**32 + repeat * 2 + loaded)
     slot = np.full(len(names), -1, dtype=np.int64)
-    slot[state] = member
+    slot[matched] = member
     return slot, packed // 2**32, packed % 2**32 // 2, packed % 2 == 1
 
 
-def _keys_at_once(names: pa.StringArray, pattern: str) -> Ints | None:
-    """Pose, repeat, loaded of all names, -1 where a name is no state; None if it takes care.
+def _keys_one_by_one(names: pa.StringArray, pattern: str) -> tuple[Bools, Ints]:
+    compiled = re.compile(pattern)
+    matches = [compiled.fullmatch(name) for name in names.to_pylist()]
+    keys = np.array([_key(match) for match in matches if match], dtype=np.int64).reshape(-1, 3)
+    return np.array([match is not None for match in matches], dtype=bool), keys.T
+
+
+def _keys_at_once(names: pa.StringArray, pattern: str) -> tuple[Bools, Ints] | None:
+    """Which names are states, and pose, repeat, loaded of those; None where it takes care.
 
     Arrow's expressions are RE2: without look-around, and ASCII where Python's know all letters.
     """
     letters = np.frombuffer(b"".join(names.buffers()[2:]), dtype=np.uint8)
     if letters.min(initial=ord("~")) < ord(" ") or letters.max(initial=0) > ord("~"):
         return None
-    keys = np.full((len(names), 3), -1, dtype=np.int64)
+    half = len(names) // 2
     try:
-        parts = pc.extract_regex(names, f"^(?:{pattern})$")
-        matched = np.asarray(parts.is_valid())
-        parts = parts.drop_null()
-        state = pc.index_in(pc.utf8_lower(parts.field("state")), pa.array(["unloaded", "loaded"]))
-        pose, repeat = (parts.field(name).cast(pa.int64()) for name in ("pose", "repeat"))
+        seen = spread(
+            lambda part: _extracted(part, pattern), [names[:half], names[half:]], half > MUCH // 2
+        )
     except (pa.ArrowInvalid, pa.ArrowNotImplementedError):
         return None
-    keys[matched] = np.column_stack([pose, repeat, state.fill_null(-1)])
-    sound = (keys[matched] >= 0) & (keys[matched] < 2**31)
-    return keys if sound.all() else None
+    matched, keys = (np.concatenate(parts, axis=-1) for parts in zip(*seen, strict=True))
+    sound = keys.min(initial=0) >= 0 and keys.max(initial=0) < 2**31
+    return (matched, keys) if sound else None
+
+
+def _extracted(names: pa.StringArray, pattern: str) -> tuple[Bools, Ints]:
+    parts = pc.extract_regex(names, f"^(?:{pattern})$")
+    matched = np.asarray(parts.is_valid())
+    parts = parts.drop_null()
+    state = pc.index_in(pc.utf8_lower(parts.field("state")), pa.array(["unloaded", "loaded"]))
+    numbers = [parts.field(name).cast(pa.int64()) for name in ("pose", "repeat")]
+    return matched, np.array([*numbers, state.fill_null(-1)], dtype=np.int64)
 
 
 def _key(match: re.Match[str]) -> tuple[int, int, bool]:
@@ -284,11 +300,12 @@ def weighed(shots: Shots, stated: bool) -> tuple[Shots, list[Rejection]]:
 
 def _repeated(shots: Shots, width: int) -> Bools:
     """Readings that may be there more than once, shape (n,)."""
-    state = shots.slot >= 0
-    key = np.where(state, shots.slot * width + shots.role, 0)
-    count = np.bincount(key[state], minlength=1)
-    out = state & (count[key] > 1)
-    base = np.flatnonzero(~state)
+    twice = shots.counted(width) > 1
+    out = np.zeros(len(shots), dtype=bool)
+    if twice.any():
+        state = shots.slot >= 0
+        out[state] = twice[shots.slot[state], shots.role[state]]
+    base = np.flatnonzero(shots.slot < 0)
     _, first, number = np.unique(shots.position[base, 0], return_inverse=True, return_counts=True)
     out[base] = number[first] > 1
     return out
@@ -308,9 +325,8 @@ def check_units(shots: Shots, settings: Settings) -> None:
         InputError: They are off by a factor that only a wrong unit explains.
     """
     tool = np.array([settings.tool[name] for name in settings.measured])
-    zero = (shots.slot >= 0) & (shots.role >= 0) & (shots.role < len(tool))
-    zero[zero] = ~shots.loaded[shots.slot[zero]]
-    rows = np.flatnonzero(zero)
+    unloaded = np.append(~shots.loaded, False)[shots.slot]  # -1, a base reading, takes the last
+    rows = np.flatnonzero(unloaded & (shots.role >= 0) & (shots.role < len(tool)))
     _check_size(shots, rows, shots.slot[rows], tool[shots.role[rows]], "[tool]")
     if not settings.base_frame:
         return

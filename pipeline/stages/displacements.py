@@ -28,7 +28,7 @@ def displacements(settings: Settings, placed: pd.DataFrame) -> pd.DataFrame:
     names = settings.measured
     target = places(placed["target"], names)
     state = places(placed["state"], ["unloaded", "loaded"])
-    pose = placed["pose"].to_numpy(np.int64)
+    pose, repeat = (placed[name].to_numpy() for name in ("pose", "repeat"))
     poses, of_pose = numbered(pose)
     member = of_pose * len(names) + target  # whose zero it is: one number for pose and target
     zeros = np.flatnonzero((state == 0) & (target >= 0))
@@ -36,18 +36,18 @@ def displacements(settings: Settings, placed: pd.DataFrame) -> pd.DataFrame:
 
     loaded = np.flatnonzero((state == 1) & (target >= 0))
     loaded = loaded[zero["zero_count"][member[loaded]] > 0]
-    repeat = placed["repeat"].to_numpy(np.int64)
     loaded = loaded[_order(pose[loaded], repeat[loaded], target[loaded])]
     own = member[loaded]
-    xyz = taken(placed, XYZ, loaded)
-    cov = taken(placed, covariance.columns(), loaded)
-    shared = {name: values[own] for name, values in zero.items()}
+    read = taken(placed, ["pose", "repeat", *XYZ, *covariance.columns()], loaded)
+    shared = dict(
+        zip(zero, covariance.each(list(zero.values()), lambda mean: mean[own]), strict=True)
+    )
     columns = {
-        "pose": pose[loaded],
-        "repeat": repeat[loaded],
+        "pose": read["pose"],
+        "repeat": read["repeat"],
         "target": pd.Categorical.from_codes(target[loaded], pd.Index(names)),
-        **{f"d{axis}": xyz[axis] - shared[f"zero_{axis}"] for axis in XYZ},
-        **{f"loaded_{name}": values for name, values in cov.items()},
+        **{f"d{axis}": read[axis] - shared[f"zero_{axis}"] for axis in XYZ},
+        **{f"loaded_{name}": read[name] for name in covariance.columns()},
         **shared,
     }
     return pd.DataFrame(columns, copy=False)
@@ -56,13 +56,13 @@ def displacements(settings: Settings, placed: pd.DataFrame) -> pd.DataFrame:
 def _order(pose: Ints, repeat: Ints, target: Ints) -> Ints | slice:
     """What sorts rows by pose, repeat and target; most exports are in order already."""
     pull = pull_number(pose, repeat)
-    step = np.diff(pull)
-    if ((step > 0) | ((step == 0) & (np.diff(target) > 0))).all():
+    later = pull[1:] > pull[:-1]
+    if (later | ((pull[1:] == pull[:-1]) & (target[1:] > target[:-1]))).all():
         return slice(None)
     return np.lexsort((target, pull))
 
 
-def _zero(placed: pd.DataFrame, rows: Ints, member: Ints, groups: int) -> dict[str, Array]:
+def _zero(placed: pd.DataFrame, rows: Ints, member: Ints, groups: int) -> dict[str, Array | Ints]:
     """Mean, covariance, number and time of the zeros by pose and target, each shape (groups,).
 
     Args:
@@ -74,13 +74,16 @@ def _zero(placed: pd.DataFrame, rows: Ints, member: Ints, groups: int) -> dict[s
     count = np.bincount(member, minlength=groups)
     some = np.maximum(count, 1)
 
-    def total(name: str) -> Array:
-        weights: Array = placed[name].to_numpy(float)[rows]
-        return np.asarray(np.bincount(member, weights, groups), dtype=float)
+    def mean(name: str) -> Array:
+        return np.bincount(member, placed[name].to_numpy()[rows], groups) / some
 
+    def covariance_of_mean(of_reading: Array) -> Array:
+        return np.bincount(member, of_reading[rows], groups) / some**2
+
+    C = covariance.each(covariance.numbers(placed), covariance_of_mean)
     return {
-        **{f"zero_{name}": total(name) / some**2 for name in covariance.columns()},
-        **{f"zero_{name}": total(name) / some for name in XYZ},
+        **dict(zip(covariance.columns("zero_c"), C, strict=True)),
+        **{f"zero_{name}": mean(name) for name in XYZ},
         "zero_count": count,
         "zero_time_s": means(placed["time_s"].to_numpy()[rows], member, groups),
     }

@@ -8,7 +8,7 @@ import pandas as pd
 from pipeline import covariance
 from pipeline.results import Array, Ints
 from pipeline.settings import Scale, Settings
-from pipeline.stages._index import found, means, places, pull_numbers
+from pipeline.stages._index import found, means, places, pull_numbers, run
 from pipeline.stages.register import XYZ
 
 BRANCH = np.array([1, -1, 0])
@@ -42,12 +42,12 @@ def forces(settings: Settings, placed: pd.DataFrame, loads: pd.DataFrame) -> pd.
     loads, pulls, (near, far) = loads[both], pulls[both], (end[both] for end in ends)
 
     at = [placed[axis].to_numpy() for axis in XYZ]
-    chain = [points[far] - points[near] for points in at]
+    chain = covariance.each(at, lambda points: points[far] - points[near])
     square = chain[0] ** 2 + chain[1] ** 2 + chain[2] ** 2
     u = [part / np.sqrt(square) for part in chain]
     six = covariance.numbers(placed)
     if covariance.stated(covariance.known(six)):
-        C = [column[near] + column[far] for column in six]
+        C = covariance.each(six, lambda column: column[near] + column[far])
     else:
         C = [np.full(len(square), 2.0 * (i == j)) for i, j in covariance.PLACES]
     direction = [column / square for column in _across(u, C)]
@@ -93,4 +93,5 @@ def _across(u: list[Array], C: list[Array]) -> list[Array]:
 def _mean_by_pull(values: Array, pull: Ints, pulls: Ints) -> Array:
     """Mean of the values in each of some pulls, NaN where there is none, shape (m,)."""
     at = found(pulls, pull)
-    return means(values[at >= 0], at[at >= 0], len(pulls))
+    known = run(np.flatnonzero(at >= 0))
+    return means(values[known], at[known], len(pulls))

@@ -19,11 +19,13 @@ from pipeline.covariance import columns as covariance_columns
 from pipeline.errors import InputError, listed
 from pipeline.readers import Columns, Export, Hints, logs
 from pipeline.readers.assignment import assigned
-from pipeline.results import Array, Bools
+from pipeline.results import Array, Bools, Ints
 from pipeline.robot import Robot
 from pipeline.settings import InstrumentNoise, Scale, Settings, Tracker
 from pipeline.stages import _pulls, _shots
+from pipeline.stages._index import numbered
 from pipeline.stages._shots import Rejection, Shots
+from pipeline.threads import MUCH, both
 
 SIX = covariance_columns()
 
@@ -115,8 +117,12 @@ def _raw(
     plausible: bool,
     doubt: InputError | None,
 ) -> Ingested:
-    loads = logs.loads(scale.file, _file(raw, scale.file, "[scale]"))
-    exports = _exports(settings, tracker, raw)
+    log = _file(raw, scale.file, "[scale]")
+    loads, exports = both(
+        lambda: logs.loads(scale.file, log),
+        lambda: _exports(settings, tracker, raw),
+        much=len(log) > MUCH,
+    )
     _some_reading(exports)
     shots, strange = _shots.known(_shots.gather(exports, settings), settings)
     doubt = _doubt(lambda: _shots.check_units(shots, settings), plausible) or doubt
@@ -128,8 +134,8 @@ def _raw(
     causes: list[Rejection] = [*unread, *strange, *copies, *bare, *loads.rejected, *joints.rejected]
     complete = _pulls.complete(shots, settings, loads, joints)
     shots, loads = shots.only(complete.shots), loads.only(complete.loads, complete.why_not_load)
-    seen = np.bincount(shots.slot[shots.slot >= 0], minlength=len(shots.pose)) > 0
-    used = np.isin(joints.number["pose"], shots.pose[seen])
+    seen = np.bincount(shots.slot + 1, minlength=len(shots.pose) + 1)[1:] > 0
+    used = np.isin(joints.number["pose"], numbered(shots.pose[seen])[0])
     reason = "no usable reading has this pose; measure it or remove the row"
     q, joints = q[used], joints.only(used, reason)
     if not len(loads.line):
@@ -224,21 +230,18 @@ def _some_pull(shots: Shots, settings: Settings) -> None:
 
 def _readings(shots: Shots, tracker: Tracker) -> pa.Table:
     covariance, source = _covariance(shots, tracker)
-    state = shots.slot >= 0
-    at = np.where(state, shots.slot, 0)
-    none = np.zeros(1, dtype=np.int64)
-    pose, repeat = (values if len(values) else none for values in (shots.pose, shots.repeat))
-    loaded = shots.loaded if len(shots.loaded) else none.astype(bool)
-    words = pa.array(["unloaded", "loaded"])
-    said = pa.array(loaded[at].astype(np.int32), mask=~state)
+    slot = pa.array(shots.slot, mask=shots.slot < 0)
+    pose, repeat, loaded = (
+        _int32(of_slot).take(slot) for of_slot in (shots.pose, shots.repeat, shots.loaded)
+    )
     columns = {
         "file": _files(shots),
         "line": pa.array(shots.line),
         "group": shots.group.cast(pa.string()),
         "target": shots.target,
-        "pose": pa.array(pose[at].astype(np.int32), mask=~state),
-        "repeat": pa.array(repeat[at].astype(np.int32), mask=~state),
-        "state": pa.DictionaryArray.from_arrays(said, words),
+        "pose": pose,
+        "repeat": repeat,
+        "state": pa.DictionaryArray.from_arrays(loaded, ["unloaded", "loaded"]),
         **{f"{axis}_m": _column(shots.position[:, k]) for k, axis in enumerate("xyz")},
         **{name: _column(covariance[k]) for k, name in enumerate(SIX)},
         "covariance_from": source,
@@ -288,12 +291,13 @@ def _alike(six: Array, n: int) -> list[Array]:
 
 
 def _loads(loads: logs.Log) -> pa.Table:
-    branch = pa.array(loads.word.get("branch", [""] * len(loads.line)), pa.string())
+    none = pa.nulls(len(loads.line), pa.string())
+    branch = pa.array(loads.word.get("branch", none), pa.string())
     columns = {
         "pose": _int32(loads.number["pose"]),
         "repeat": _int32(loads.number["repeat"]),
         "force_n": pa.array(loads.number["force"]),
-        "branch": pc.if_else(pc.equal(branch, ""), None, branch),
+        "branch": pc.if_else(pc.equal(branch, ""), None, branch).dictionary_encode(),
         **_source(loads),
     }
     return tables.conform(pa.table(columns), tables.LOADS)
@@ -319,7 +323,7 @@ def _source(log: logs.Log) -> dict[str, pa.Array]:
     return {"file": pa.repeat(log.file, len(log.line)), "line": pa.array(log.line)}
 
 
-def _int32(values: Array) -> pa.Array:
+def _int32(values: Array | Ints | Bools) -> pa.Array:
     return pa.array(values.astype(np.int32))
 
 

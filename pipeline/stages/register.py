@@ -59,7 +59,8 @@ def register(settings: Settings, readings: pd.DataFrame) -> Registration:
         InputError: Fewer than three reflectors, or all of them on one line.
     """
     _uncertain(readings)
-    base = readings[readings["pose"].isna() & readings["target"].isin(list(settings.base_frame))]
+    base = readings[readings["pose"].isna()]
+    base = base[base["target"].isin(list(settings.base_frame))]
     if not settings.base_frame:
         nothing = base.assign(dx_m=0.0, dy_m=0.0, dz_m=0.0)
         zero = np.zeros(3)
@@ -94,10 +95,11 @@ def place(registration: Registration, readings: pd.DataFrame) -> pd.DataFrame:
     """Table PLACED: the readings of the poses moved into F_b, with their covariances."""
     poses = readings.iloc[run(np.flatnonzero(readings["pose"].notna().to_numpy()))]
     R, t = registration.R, registration.t
-    moved = R @ np.array([poses[axis].to_numpy() for axis in XYZ]) + t[:, None]
+    moved = R @ np.array([poses[axis].to_numpy() for axis in XYZ])
+    moved += t[:, None]
     C = covariance.turned(covariance.numbers(poses), R)
     new = {
-        **{name: poses[name].astype("int32") for name in ("pose", "repeat")},
+        **{name: poses[name].to_numpy().astype(np.int32) for name in ("pose", "repeat")},
         **dict(zip(XYZ, moved, strict=True)),
         **dict(zip(covariance.columns(), C, strict=True)),
         "time_s": _seconds(poses["time"], pd.Timestamp(readings["time"].min())),

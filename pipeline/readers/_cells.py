@@ -1,0 +1,75 @@
+"""Lines and their cells, as both ways of reading rows see them."""
+
+from __future__ import annotations
+
+import csv
+import re
+
+from pipeline.readers._layout import Layout
+from pipeline.readers._text import Text
+from pipeline.results import Array, Ints
+
+NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+
+
+class Bad(Exception):
+    """Why a row is left out."""
+
+
+def cells(line: str, delimiter: str) -> list[str]:
+    """The cells of a line, quotes resolved, without blanks around them."""
+    if '"' not in line:
+        return [cell.strip() for cell in line.split(delimiter)]
+    try:
+        found = next(csv.reader([line], delimiter=delimiter, strict=True, skipinitialspace=True))
+    except (csv.Error, StopIteration):
+        raise Bad("has a quotation mark that is not closed; close or remove it") from None
+    return [cell.strip() for cell in found]
+
+
+def cells_or_none(line: str, delimiter: str) -> list[str] | None:
+    """The cells of a line, or None when its quotes do not match."""
+    try:
+        return cells(line, delimiter)
+    except Bad:
+        return None
+
+
+def shown(cell: str, most: int = 40) -> str:
+    """A cell for a message: control characters out, not longer than a glance."""
+    plain = "".join(c if c.isprintable() else "?" for c in cell)
+    return plain if len(plain) <= most else plain[: most - 1] + "…"
+
+
+def text_of(values: Array, digits: int | None) -> list[list[str]]:
+    """Numbers as text, row by row: with so many decimals, or (None) with all that matter."""
+    if digits is None:
+        return [[repr(value) for value in row] for row in values.tolist()]
+    return [[f"{value:.{digits}f}" for value in row] for row in values.tolist()]
+
+
+def is_special(line: str, layout: Layout) -> bool:
+    """Whether a line is blank or a comment, and so no row."""
+    bare = line.strip() if layout.delimiter != "\t" else line.strip(" \r\n")
+    return not bare or bool(layout.comment and bare.startswith(layout.comment))
+
+
+def cut_off(text: Text, layout: Layout, line: Ints) -> bool:
+    """Whether the file ends inside its last row.
+
+    Told where the last line lacks its end and its last cell, a number or a time, is shorter than
+    every one before, all of which are written alike.
+    """
+    if text.ended() or line[-1] != len(text) or len(line) < 6:
+        return False
+    kind = layout.fields[-1].kind
+    if kind not in ("number", "time"):
+        return False
+    before = {_precision(text.line(int(number)), layout, kind) for number in line[-51:-1]}
+    here = _precision(text.line(len(text)), layout, kind)
+    return len(before) == 1 and here < before.pop()
+
+
+def _precision(line: str, layout: Layout, kind: str) -> int:
+    last = line.rsplit(layout.delimiter, 1)[-1].strip(' "')
+    return len(last) if kind == "time" else len(re.sub(r"^[^.,]*[.,]?", "", last))

@@ -1,0 +1,77 @@
+"""How delimited rows are written, and the typed columns that come of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import pyarrow as pa
+
+from pipeline.readers import _time
+from pipeline.results import Ints, Locked
+
+DELIMITERS = (",", ";", "\t", "|")
+
+Kind = Literal["name", "number", "time", "blank", "any"]
+
+
+@dataclass(frozen=True)
+class Field:
+    """One column of a row.
+
+    Attributes:
+        name: What it is called in the result.
+        kind: `name`, `number`, `time`, `blank` (must be empty) or `any` (not looked at).
+        needed: Whether the cell may not be empty.
+        title: What the file calls it, where that is something else.
+    """
+
+    name: str
+    kind: Kind
+    needed: bool = True
+    title: str = ""
+
+    @property
+    def said(self) -> str:
+        """What it is called in messages."""
+        return self.title or self.name
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How rows are written.
+
+    Attributes:
+        fields: The columns, left to right.
+        delimiter: What separates them.
+        first: Line of the first row, counted from 1.
+        decimal: `.` or `,`, or None to find out.
+        comment: Start of a line that is no row.
+        moment: How times are written, `_time.ISO` or a `strptime` form.
+        joined: How many of the first fields stand in one cell, with `::` between them; 0 for none.
+    """
+
+    fields: tuple[Field, ...]
+    delimiter: str
+    first: int
+    decimal: str | None = None
+    comment: str | None = None
+    moment: str = _time.ISO
+    joined: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Rows(Locked):
+    """Typed columns of the rows that could be read.
+
+    Attributes:
+        columns: By name; dictionaries of strings, float64 and timestamps.
+        line: Line of each row, shape (n,).
+        order: Number of each row among all rows, those left out included, from 1, shape (n,).
+        rejected: Line and reason of the rows that could not be read.
+    """
+
+    columns: dict[str, pa.Array]
+    line: Ints
+    order: Ints
+    rejected: tuple[tuple[int, str], ...]
