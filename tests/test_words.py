@@ -15,7 +15,10 @@ import pytest
 import report_sample
 from test_cli import ENVIRONMENT, HERE, on_a_terminal
 
+from pipeline import answers, server, service
 from pipeline.cli import _exit_code
+from pipeline.errors import CannotWrite, UsageError
+from pipeline.preferences import Preferences
 from pipeline.report import overview
 from pipeline.result.answer import sentences
 
@@ -230,3 +233,40 @@ def test_effects_stand_in_columns(capsys):
 
     assert len(lines) == len(told)
     assert all(f"  {one['signature']}" in line for one, line in zip(told, lines, strict=True))
+
+
+def test_a_project_is_served_once(tmp_path, monkeypatch):
+    """A second `serve` says where the first one is; the note of a dead one is none."""
+    note = tmp_path / ".prefect" / "serving.json"
+    note.parent.mkdir()
+    note.write_text('{"page": "http://127.0.0.1:9", "api": "http://127.0.0.1:9/api"}')
+
+    assert server.serving(tmp_path) is None
+    monkeypatch.setattr(server, "answers", lambda api: api.endswith(":9/api"))
+    with pytest.raises(UsageError, match=r"is served already: see http://127.0.0.1:9\."):
+        service.serve(tmp_path, Preferences(), print)
+
+
+def test_a_server_that_cannot_keep_its_log_blames_the_disk(tmp_path):
+    """A file where Prefect's folder should be: the sentence and exit code of any disk."""
+    (tmp_path / ".prefect").write_text("")
+
+    said = "is no folder, move it out of the way"
+    with pytest.raises(CannotWrite, match=said), server.running(tmp_path, 4200):
+        pass
+
+
+def test_a_comparison_is_told_where_its_page_cannot_be_kept(tmp_path, monkeypatch):
+    """The answer comes, then the trouble with the disk, exit code 3; no hint to what is shown."""
+    joints = SAMPLE["stiffness"]
+    said = overview.comparison(("a", "a:extended"), joints, joints, None)
+    monkeypatch.setattr(answers.archive, "compare", lambda *_: (said, {"stiffness": []}))
+    monkeypatch.setattr(answers.archive, "has_causes", lambda _, name: name == "a")
+    (tmp_path / "reports").write_text("in the way")
+    outcome, path = answers.compare(tmp_path, "a", "a:extended")
+
+    assert (outcome.exit_code, path) == (3, None)
+    assert "k_theta2" in outcome.text
+    assert [line for line in outcome.complaints if "a:extended are" in line] == []
+    beside, _ = answers.compare(tmp_path, "a", "b")
+    assert "a has named causes: a:extended are" in beside.complaints[0]
