@@ -255,7 +255,7 @@ def parse(text: str, file: str = "model.toml") -> Model:
 
 def _named(robot: Robot, label: str, form: str, file: str) -> Effect:
     for effect in catalogue(robot):
-        if (effect.label, effect.form) == (label, form):
+        if effect.label == label and form in (effect.form, ""):  # "" before it had several
             return effect
     raise InputError(
         f"{robot.name} has no effect {label} {form}".rstrip(),

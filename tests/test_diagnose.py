@@ -1,6 +1,8 @@
 """Stage diagnose on simulated campaigns through the raw files; the truth never enters it."""
 
 import json
+import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +11,8 @@ from pipeline import tables
 from pipeline.cell import Tool, paper_cell
 from pipeline.diagnosis.shown import apart_table, clues_table, examined_table
 from pipeline.diagnosis.verdict import entry
+from pipeline.handover import dumps, extended
+from pipeline.result.stiffness import stiffness_entries
 from pipeline.robot import load
 from pipeline.settings import parse
 from pipeline.simulate import simulate
@@ -53,7 +57,7 @@ def reduced(files):
     return paper_cell(KR500, tool), data
 
 
-def examined(seed, *effects, noise_scale=1.0, poses=16):
+def examined(seed, *effects, noise_scale=1.0, poses=16, stiffness=None):
     """A campaign with hidden effects, diagnosed."""
     plan = Plan(
         poses={"count": poses},
@@ -61,7 +65,8 @@ def examined(seed, *effects, noise_scale=1.0, poses=16):
         tracker={"noise_scale": noise_scale},
         hidden={
             "effects": list(effects),
-            "stiffness_spread": 0.25,
+            "stiffness": stiffness,
+            "stiffness_spread": 0.0 if stiffness else 0.25,
             "tool_sd_m": 2e-4,
             "equilibrium": "deformed",
         },
@@ -119,6 +124,28 @@ def test_twins_are_never_named_singly(planted, pair):
     cause = found.causes[0]
     assert {cause.effect.label, cause.rivals[0].effect.label} == pair
     assert cause.probability < 0.7
+
+
+def test_what_is_stated_of_a_stiffness_holds_with_the_twin_too():
+    """Joint 6 tilts, its twin may be named: every interval holds the true spring, all say so."""
+    true = [7e7, 4.2e6, 6e6, 3.5e6, 6.5e5, 6e5, 4.2e5]
+    found, cell, *_ = examined(23, "joint_tilt:6=2x", stiffness=true)
+    whole = replace(cell, equilibrium=found.equilibrium)
+    model = extended("tilted", found.verdict, whole, found.modelled, found.estimate)
+
+    entries = stiffness_entries(cell, found.system, found.estimate, found.doubts)
+    handed = tomllib.loads(dumps(model))["parameter"]
+    doubted = {d.spring for d in found.doubts}
+    assert doubted
+    for j, (one, there) in enumerate(zip(entries, handed[:7], strict=True)):
+        assert ("stiffness" in there) == (one["compliance_std"] is not None)
+        if one["value"] is not None:
+            miss = abs(one["compliance"] - 1 / true[j]) / one["compliance_std"]
+            assert miss < 3
+            assert there["stiffness_std"] == pytest.approx(one["std"])
+            assert sum(part["share"] for part in one["budget"]) == pytest.approx(1, abs=1e-3)
+        if j in doubted:
+            assert all(name in one["finding"] for name in ("joint_tilt:5", "joint_tilt:6"))
 
 
 def test_two_laws_of_a_gear_that_a_plan_hardly_tells_ask_for_a_pull():

@@ -9,6 +9,7 @@ import numpy as np
 
 from pipeline.diagnosis.blindspots import BlindSpot
 from pipeline.diagnosis.gain import Alone, Gain
+from pipeline.diagnosis.hedge import Doubt
 from pipeline.diagnosis.nextpose import Proposal
 from pipeline.diagnosis.noise import Scatter
 from pipeline.effects import Effect
@@ -145,7 +146,9 @@ class Diagnosis(Locked):
         apart: Sigmas between suspects at typical size as this campaign sees them, (n, n).
         apart_labels: Labels of its rows.
         system: The extended linear system, None without causes.
-        estimate: Springs and causes estimated together, None without causes.
+        estimate: Springs and causes estimated together, None without causes; its intervals hold
+            with each likely rival too.
+        doubts: Springs that depend on which of a cause and its rivals is true.
         left_out_before_m: Left-out residuals of the joint springs [m], shape (M,).
         left_out_after_m: Of the extended model [m], shape (M,); the same without causes.
         noise_floor_m: Root mean square that the scatter of the readings alone makes.
@@ -171,6 +174,7 @@ class Diagnosis(Locked):
     apart_labels: tuple[str, ...]
     system: System | None
     estimate: Estimate | None
+    doubts: tuple[Doubt, ...]
     left_out_before_m: Array
     left_out_after_m: Array
     noise_floor_m: float

@@ -66,7 +66,9 @@ def extended_entry(found: Findings) -> dict[str, Any]:
     assert system is not None  # known, or the joint springs
     assert estimate is not None
     return {
-        "stiffness": stiffness_entries(right.case.cell, system, estimate),
+        "stiffness": stiffness_entries(
+            right.case.cell, system, estimate, said.doubts if known else ()
+        ),
         "fit": fit_entry(right.case.cell, right.data, estimate),
         "test_pose_deflection": (
             deflection_entries(found.richer.cell, found.richer, found.where)

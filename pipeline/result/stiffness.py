@@ -2,25 +2,43 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from pipeline.cell import Cell
+from pipeline.diagnosis.hedge import Doubt
 from pipeline.report.numbers import with_std
 from pipeline.result.numbers import finite
 from pipeline.results import Estimate, System
 from pipeline.robot import Joint
 from pipeline.stages.budget import Budget, budget
 
+WHICH = "which_cause"
+"""Source of the uncertainty that comes of not knowing which cause is true."""
 
-def stiffness_entries(cell: Cell, system: System, estimate: Estimate) -> list[dict[str, Any]]:
-    """One entry per joint: the stiffness with its budget, or why there is none."""
+SHOWN = 1e-3
+"""A smaller share of the variance than this is rounding."""
+
+
+def stiffness_entries(
+    cell: Cell, system: System, estimate: Estimate, doubts: Sequence[Doubt] = ()
+) -> list[dict[str, Any]]:
+    """One entry per joint: the stiffness with its budget, or why there is none.
+
+    Args:
+        cell: For the names and units of the joints.
+        system: The system that the estimate is from.
+        estimate: The springs first.
+        doubts: Springs that depend on which of two causes is true.
+    """
     split = budget(system, estimate)
     lever = np.linalg.norm(system.B, axis=0)
     return [
         _stiffness(number, joint, estimate, number - 1, float(lever[number - 1]))
         | {"budget": _budget(estimate, split, number - 1)}
+        | _doubted(joint, estimate, [d for d in doubts if d.spring == number - 1])
         for number, joint in enumerate(cell.robot.joints, 1)
     ]
 
@@ -30,11 +48,39 @@ def _budget(estimate: Estimate, split: Budget, k: int) -> list[dict[str, Any]]:
     x = float(estimate.value[k])
     if not estimate.identifiable[k] or x <= 0:
         return []
-    std, share = split.std[:, k] / x**2, split.share[:, k]
-    return [
+    total = float(estimate.cov[k, k])
+    std, share = split.std[:, k] / x**2, split.std[:, k] ** 2 / total
+    parts = [
         {"source": name, "std": float(std[i]), "share": float(share[i])}
         for i, name in enumerate(split.source)
     ]
+    rest = 1 - float(share.sum())
+    if rest > SHOWN:
+        parts.append({"source": WHICH, "std": float(np.sqrt(rest * total)) / x**2, "share": rest})
+    return parts
+
+
+def _doubted(joint: Joint, estimate: Estimate, doubts: Sequence[Doubt]) -> dict[str, Any]:
+    """What to say of a spring that depends on which of two causes is true."""
+    if not doubts:
+        return {}
+    name, cause = f"k_{joint.name}", doubts[0].cause
+    lost = list(dict.fromkeys(d.rival for d in doubts if d.lost))
+    others = " or ".join(dict.fromkeys(d.rival for d in doubts))
+    if lost:
+        return {
+            "finding": f"{name} is not identifiable: the data do not exclude {' or '.join(lost)} "
+            f"in the place of {cause}, and beside it these poses do not tell it from the joint."
+        }
+    if not estimate.identifiable[doubts[0].spring]:
+        return {
+            "finding": f"{name} is not identifiable: how large it is depends on whether {cause} "
+            f"is true or {others}, which the data do not exclude."
+        }
+    return {
+        "finding": f"{name} depends on whether {cause} is true or {others}, which the data do not "
+        "exclude; its interval holds for each."
+    }
 
 
 def budget_entries(stiffness: list[dict[str, Any]]) -> list[dict[str, Any]]:

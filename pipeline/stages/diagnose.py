@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -13,12 +14,13 @@ from pipeline.diagnosis.blindspots import blind_spots
 from pipeline.diagnosis.clues import clues, misfits
 from pipeline.diagnosis.elimination import coefficients, eliminate
 from pipeline.diagnosis.gain import Gain, alone, gain, rms
+from pipeline.diagnosis.hedge import LIKELY, Doubt, Instead, hedged
 from pipeline.diagnosis.identify import Case, Found, by_label, search
 from pipeline.diagnosis.isolability import Twins, twins
 from pipeline.diagnosis.judgement import judge
 from pipeline.diagnosis.noise import SURE, Scatter, scatter
 from pipeline.diagnosis.separability import separation
-from pipeline.diagnosis.sight import Sight
+from pipeline.diagnosis.sight import Model, Sight
 from pipeline.diagnosis.standing import Standing, as_stiff, corrected, standing, student
 from pipeline.diagnosis.undecided import next_poses
 from pipeline.diagnosis.verdict import Amplitude, Cause, Diagnosis, Named
@@ -72,7 +74,7 @@ def diagnose(
     causes = _causes(case, found, worth, where, known) + _noise_causes(whole, spread)
     stands = _standing_causes(stood)
     verdict, why = judge(case, spread, found, worth, causes, stood, stands)
-    system, extended = _extended(case, found, bool(stood.effects))
+    system, extended, doubts = _extended(case, found, bool(stood.effects))
     single = [(r.suspect, r.probability) for r in found.single[:SHOWN]]
     final = found.view
     before = worth.before if worth else _alone(found.first)
@@ -95,6 +97,7 @@ def diagnose(
         apart_labels=tuple(by_label(case.suspects)),
         system=system,
         estimate=extended,
+        doubts=doubts,
         left_out_before_m=before,
         left_out_after_m=worth.after if worth else before,
         noise_floor_m=rms(found.first.spread),
@@ -263,8 +266,10 @@ def _change(found: Found, where: Where) -> float:
     return float(np.mean(np.linalg.norm(new - old, axis=-1)))
 
 
-def _extended(case: Case, found: Found, moved: bool) -> tuple[System | None, Estimate | None]:
-    """Springs and causes as one linear system about the final values, and its solution.
+def _extended(
+    case: Case, found: Found, moved: bool
+) -> tuple[System | None, Estimate | None, tuple[Doubt, ...]]:
+    """Springs and causes as one linear system, its solution, and where that hangs on a rival.
 
     Args:
         case: The case.
@@ -272,8 +277,13 @@ def _extended(case: Case, found: Found, moved: bool) -> tuple[System | None, Est
         moved: The robot stands elsewhere than its log says, which the case already knows.
     """
     if not found.accepted and not moved:
-        return None, None
-    model = found.view.model
+        return None, None, ()
+    system, estimate = _solved(case, found.view.model)
+    return system, *hedged(estimate, _instead(case, found))
+
+
+def _solved(case: Case, model: Model) -> tuple[System, Estimate]:
+    """Springs and causes as one linear system about the model's values, and its solution."""
     flat = replace(model.cell, equilibrium="undeformed")
     system = assemble(flat, case.data, model.values)
     bent = predict(model.cell, case.data.pulls, model.values).displacement
@@ -283,3 +293,17 @@ def _extended(case: Case, found: Found, moved: bool) -> tuple[System | None, Est
     G = scipy.sparse.csr_array(system.errors.G @ scipy.sparse.diags_array(scale))
     system = replace(system, c=c, errors=replace(system.errors, G=G))
     return system, solve(system, model.values)
+
+
+def _instead(case: Case, found: Found) -> Iterator[Instead]:
+    """The springs with each likely rival in the place of its cause."""
+    accepted, springs = found.accepted, case.cell.robot.n
+    for place, rivals in enumerate(found.rivals):
+        mine = case.suspects[accepted[place]].label
+        for rival in rivals:
+            if rival.label == mine or rival.probability < LIKELY:
+                continue
+            others = (*accepted[:place], rival.suspect, *accepted[place + 1 :])
+            start = found.view.model.values[:springs]
+            _, estimate = _solved(case, case.fitted(others, start).model)
+            yield Instead(mine, rival.label, estimate.value[:springs], estimate.std[:springs])

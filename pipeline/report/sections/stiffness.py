@@ -27,6 +27,7 @@ from pipeline.report.sections._tree import (
     section_of,
 )
 from pipeline.report.summaries import Result
+from pipeline.report.words import in_words
 
 
 def stiffness(result: Result, previous: Result | None) -> Section | None:
@@ -35,6 +36,7 @@ def stiffness(result: Result, previous: Result | None) -> Section | None:
     if not joints:
         return None
     said = [*items(result, "findings"), *(j.get("finding") for j in joints)]
+    said += [in_words(f) for j in _extended_stiffness(result) if (f := j.get("finding"))]
     since = changes(items(previous, "stiffness"), joints) if previous else []
     said += [_changed(c, str(at(previous, "campaign"))) for c in since if c.sure]
     findings = [Text(f, "finding") for f in dict.fromkeys(str(f) for f in said if f)]
