@@ -15,8 +15,10 @@ import pandas as pd
 
 from pipeline import archive, handover, tables
 from pipeline.campaign import Campaign, Raw, dump
+from pipeline.diagnosis.drift import drift
 from pipeline.diagnosis.shown import apart_table, clues_table, examined_table
 from pipeline.diagnosis.verdict import Diagnosis
+from pipeline.effects import catalogue
 from pipeline.errors import InputError
 from pipeline.report.render import render
 from pipeline.result.answer import answer as answer_of
@@ -203,7 +205,10 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
 def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosis:
     """What the model gets wrong; every diagnosis draws alike."""
     rng = np.random.default_rng(SEED)
-    return step(diagnose)(right.case.cell, right.data, right.estimate, where, rng)
+    cell, data = right.case.cell, right.data
+    scale, effects = float(right.noise.scale[0]), catalogue(cell.robot)
+    moved = drift(right.reduced.registration, scale, data.unloaded, effects)
+    return step(diagnose)(cell, data, right.estimate, where, rng, drift=moved)
 
 
 def enough(data: Measured, robot: Robot) -> None:

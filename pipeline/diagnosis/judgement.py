@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import combinations
 
+import numpy as np
+
+from pipeline.diagnosis.drift import Drift
 from pipeline.diagnosis.gain import Gain
 from pipeline.diagnosis.identify import ROUGH, Case, Found
 from pipeline.diagnosis.noise import SURE, Scatter
 from pipeline.diagnosis.standing import Standing
 from pipeline.diagnosis.verdict import Cause
 from pipeline.diagnosis.view import SOFT, same_gear
+from pipeline.effects.tracker_drift import HOUR_S
 
 CERTAIN = 0.95
 """A cause less probable than this among its rivals is not named singly."""
@@ -136,3 +140,15 @@ def _with_standing(
     if verdict == "adequate":
         return ("explained" if sure else "ambiguous"), said
     return (verdict if sure or verdict != "explained" else "ambiguous"), f"{said} {why}"
+
+
+def with_drift(verdict: str, why: str, drift: Drift) -> tuple[str, str]:
+    """Verdict and sentence, with what the base reflectors say of the tracker."""
+    turn = 1e6 * float(np.linalg.norm(drift.turn))
+    unit = "urad/h" if drift.effect.parameters[0].unit == "m/s" else "urad"
+    said = (
+        f"The base reflectors moved as one by {1e3 * drift.moved_m:.2g} mm in {drift.hours:.2g} h: "
+        f"{drift.effect.label}, turning by "
+        f"{turn * (HOUR_S if unit == 'urad/h' else 1.0):.2g} {unit}."
+    )
+    return ("explained", said) if verdict == "adequate" else (verdict, f"{said} {why}")

@@ -4,7 +4,7 @@ steady:  p + v t
 warm-up: p + a (1 - exp(-t / 1 h))
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -16,20 +16,21 @@ HOUR_S = 3600.0
 
 Law = Callable[[Array], Array]
 
+LAWS: Mapping[str, Law] = {"steady": lambda t: t, "warm-up": lambda t: -np.expm1(-t / HOUR_S)}
+"""How much of each form there is at a time [s]."""
+
 
 def effects(robot: Robot) -> tuple[Observation, ...]:
     """One effect in two forms, on any robot."""
     return (
-        _effect("steady", "v", "m/s", 4e-5 / HOUR_S, 3e-7, lambda t: t),
-        _effect("warm-up", "a", "m", 6e-5, 1e-3, lambda t: -np.expm1(-t / HOUR_S)),
+        _effect("steady", "v", "m/s", 4e-5 / HOUR_S, 3e-7),
+        _effect("warm-up", "a", "m", 6e-5, 1e-3),
     )
 
 
-def _effect(
-    form: str, letter: str, unit: str, typical: float, most: float, law: Law
-) -> Observation:
+def _effect(form: str, letter: str, unit: str, typical: float, most: float) -> Observation:
     def observe(loaded: Loaded, points: Array, time: Array, values: Array) -> Array:
-        amount = np.where(np.isfinite(time), law(np.nan_to_num(time)), 0.0)
+        amount = np.where(np.isfinite(time), LAWS[form](np.nan_to_num(time)), 0.0)
         return points + amount[:, None, None] * values
 
     return Observation(

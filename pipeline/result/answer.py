@@ -27,6 +27,7 @@ def answer(found: Findings) -> dict[str, Any]:
     cell, estimate = given.case.cell, given.estimate
     stiffness = stiffness_entries(cell, given.system, estimate)
     diagnosis = diagnosis_entry(found)
+    drifts = any(cause.effect.name == "tracker_drift" for cause in found.diagnosis.causes)
     return {
         "format": 1,
         "campaign": found.campaign,
@@ -43,7 +44,7 @@ def answer(found: Findings) -> dict[str, Any]:
         "noise": noise_entry(found.right.noise, found.right.estimate),
         "rejected": rejected_entries(given.case.rejected),
         "findings": [
-            *registration_findings(given.reduced.registration),
+            *registration_findings(given.reduced.registration, drifts),
             *(entry["finding"] for entry in stiffness if entry["finding"]),
         ],
         "registration": registration_entry(given.reduced.registration),
@@ -88,9 +89,8 @@ def sentences(
     half = [e["name"] for e in stiffness if e["value"] is not None and e["ci95"][1] is None]
     limits = f", {', '.join(half)} only a lower limit" if half else ""
     error = left_out_mm(found.residuals)
-    better = (
-        diagnosis["causes"][0]["gain"]["held_out_rms_after_mm"] if verdict == "explained" else None
-    )
+    worth = [c["gain"]["held_out_rms_after_mm"] for c in diagnosis["causes"] if c["gain"]]
+    better = worth[0] if worth and verdict == "explained" else None
     left = 1e3 * found.estimate.residual_std_m
     first = {
         "adequate": f"The joint stiffness model explains the measured deflections"

@@ -61,11 +61,21 @@ def registration_entry(registration: Registration) -> dict[str, Any] | None:
     }
 
 
-def registration_findings(registration: Registration) -> list[str]:
-    """A sentence when the base reflectors disagree by more than chance explains."""
+def registration_findings(registration: Registration, drifts: bool) -> list[str]:
+    """A sentence when the base reflectors disagree by more than chance explains.
+
+    Args:
+        registration: How they fit.
+        drifts: A drift of the tracker is named: no single reflector is to blame.
+    """
     told = registration_entry(registration)
     if told is None or told["p_value"] is None or told["p_value"] >= SURE:
         return []
+    if drifts:
+        return [
+            f"The base reflectors do not fit their nominal coordinates (p = "
+            f"{told['p_value']:.1g}): the tracker moved while they were read, see tracker_drift."
+        ]
     table = registration.table
     miss = np.linalg.norm(table[["dx_m", "dy_m", "dz_m"]].to_numpy(), axis=1)
     worst = table.iloc[int(np.argmax(miss))]

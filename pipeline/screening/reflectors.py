@@ -1,15 +1,13 @@
-"""Bad readings of reflectors that no robot moves: those of the base, and those on the chain."""
+"""Bad readings of the base reflectors, which no robot moves."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
 from scipy import stats
 
 from pipeline import covariance
-from pipeline.screening.case import Case
 from pipeline.screening.finding import Finding
 from pipeline.screening.outliers import FAMILY, smallest, without
 from pipeline.stages.register import XYZ, Registration
@@ -62,42 +60,3 @@ def base_outlier(registration: Registration, scale: float) -> list[Finding]:
             correct=partial(without, file=str(row["file"]), line=int(row["line"])),
         )
     ]
-
-
-def chain_outlier(case: Case) -> list[Finding]:
-    """The chain reading whose distance to its partner is unlike that of all other pulls."""
-    near, far = case.settings.naming.chain
-    rows = case.readings[case.readings["state"] == "loaded"]
-    ends = [rows[rows["target"] == name].set_index("group")[XYZ] for name in (near, far)]
-    both = ends[0].index.intersection(ends[1].index)
-    if len(both) < 8:
-        return []
-    distance = np.linalg.norm(ends[0].loc[both].to_numpy() - ends[1].loc[both].to_numpy(), axis=1)
-    off = np.abs(distance - np.median(distance))
-    usual = float(np.median(off)) / stats.norm.ppf(0.75)
-    best = int(np.argmax(off))
-    others = np.delete(off, best)
-    if off[best] < max(10 * usual, 1e-3) or off[best] < 3 * others.max():
-        return []
-    group = str(both[best])
-    where = f"{group}/{near}-{far}"
-    return [
-        Finding(
-            name="outlier",
-            where=where,
-            evidence=f"in {group} {near} and {far} are {1e3 * off[best]:.2f} mm farther apart or "
-            f"nearer than in the other pulls, whose distances scatter by {1e3 * usual:.3f} mm",
-            correction=f"computed again without the pull of {group}",
-            before=float(off[best] / usual) if usual else float("inf"),
-            after=float(others.max() / usual) if usual else 0.0,
-            unit="sigma",
-            size=float(off[best]),
-            size_unit="m",
-            correct=partial(_without_group, group=group),
-        )
-    ]
-
-
-def _without_group(case: Case, group: str) -> Case:
-    rows = case.readings
-    return replace(case, readings=rows[rows["group"] != group])

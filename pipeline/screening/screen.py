@@ -8,12 +8,13 @@ from dataclasses import dataclass
 from pipeline.effects import Effect
 from pipeline.results import Estimate, System
 from pipeline.screening.case import Case, Reduced, bring
+from pipeline.screening.chain import chain_outlier
 from pipeline.screening.conventions import conventions
 from pipeline.screening.finding import Finding
 from pipeline.screening.labels import labels
 from pipeline.screening.outliers import noise_scale, outlier
 from pipeline.screening.pulls import force_unit, reversed_pull
-from pipeline.screening.reflectors import base_outlier, chain_outlier
+from pipeline.screening.reflectors import base_outlier
 from pipeline.stages.contrasts import Zeros, repeated_zeros
 from pipeline.stages.estimate import identify
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,12 +12,13 @@ from pipeline.cell import Cell, predict
 from pipeline.diagnosis.amplitude import amplitudes
 from pipeline.diagnosis.blindspots import blind_spots
 from pipeline.diagnosis.clues import clues, misfits
+from pipeline.diagnosis.drift import Drift
 from pipeline.diagnosis.elimination import coefficients, eliminate
 from pipeline.diagnosis.gain import Gain, alone, gain, rms
 from pipeline.diagnosis.hedge import LIKELY, Doubt, Instead, hedged
 from pipeline.diagnosis.identify import Case, Found, by_label, search
 from pipeline.diagnosis.isolability import Twins, twins
-from pipeline.diagnosis.judgement import judge
+from pipeline.diagnosis.judgement import judge, with_drift
 from pipeline.diagnosis.noise import SURE, Scatter, scatter
 from pipeline.diagnosis.separability import separation
 from pipeline.diagnosis.sight import Model, Sight
@@ -49,6 +50,7 @@ def diagnose(
     where: Where,
     rng: np.random.Generator,
     effects: tuple[Effect, ...] | None = None,
+    drift: Drift | None = None,
 ) -> Diagnosis:
     """Find what the paper's model misses in one campaign.
 
@@ -59,6 +61,7 @@ def diagnose(
         where: The test pose, for the change of the predicted deflection.
         rng: Source of all draws (threshold, bootstrap, candidate poses).
         effects: The catalogue to search; that of the robot when not given.
+        drift: What the base reflectors say of the tracker, where they say anything.
     """
     whole = catalogue(cell.robot) if effects is None else effects
     known = twins(cell.robot)
@@ -74,6 +77,10 @@ def diagnose(
     causes = _causes(case, found, worth, where, known) + _noise_causes(whole, spread)
     stands = _standing_causes(stood)
     verdict, why = judge(case, spread, found, worth, causes, stood, stands)
+    drifts = _drift_causes(drift, causes)
+    if drift and drifts:
+        verdict, why = with_drift(verdict, why, drift)
+    elsewhere = {**stood.visible, **({drift.effect.label: drift.visible} if drift else {})}
     system, extended, doubts = _extended(case, found, bool(stood.effects))
     single = [(r.suspect, r.probability) for r in found.single[:SHOWN]]
     final = found.view
@@ -81,9 +88,9 @@ def diagnose(
     return Diagnosis(
         verdict=verdict,
         why=why,
-        causes=stands + causes,
+        causes=stands + drifts + causes,
         alone=alone(found.first, single, rng) if worth else (),
-        blind_spots=blind_spots(whole, final, final.base, found.threshold.p, known, stood.visible),
+        blind_spots=blind_spots(whole, final, final.base, found.threshold.p, known, elsewhere),
         next_poses=next_poses(case, found, causes, worth, known, rng),
         refused=found.refused,
         clues=clues(found),
@@ -225,6 +232,18 @@ def _standing_causes(stood: Standing) -> tuple[Cause, ...]:
             Cause(effect, odds[effect.label], sizes, p_value, rivals, None, (), stood.gain, None)
         )
     return tuple(out)
+
+
+def _drift_causes(drift: Drift | None, causes: Sequence[Cause]) -> tuple[Cause, ...]:
+    """The drift that the base reflectors show, unless the displacements have told it already."""
+    if drift is None or not drift.named or drift.effect.name in {c.effect.name for c in causes}:
+        return ()
+    sizes = tuple(
+        Amplitude(p, float(v), float(s), (float(v - 1.96 * s), float(v + 1.96 * s)))
+        for p, v, s in zip(drift.effect.parameters, drift.velocity, drift.std, strict=True)
+    )
+    odds = at_most(drift.p_value)
+    return (Cause(drift.effect, odds, sizes, drift.p_value, (), None, (), None, None),)
 
 
 def _noise_causes(whole: tuple[Effect, ...], spread: Scatter) -> tuple[Cause, ...]:

@@ -1,0 +1,180 @@
+"""Base reflectors read again and again: whether all of them move as one while time goes by.
+
+They stand on the floor; where their readings turn and shift as one rigid body between two times,
+the tracker moved. Their coordinates are free, so a wrong nominal one accuses nobody.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from pipeline import covariance
+from pipeline.diagnosis.blindspots import needed
+from pipeline.diagnosis.noise import SURE, TOLERATED
+from pipeline.effects import Effect, Observation
+from pipeline.effects.tracker_drift import HOUR_S, LAWS
+from pipeline.results import Array, Bools, Locked
+from pipeline.stages.register import XYZ, Registration
+
+FITS = 1e-3
+"""Where a rigid motion leaves something this improbable, a reflector moved or was read badly."""
+
+DECIDES = 9.2
+"""Drop of chi-square at which one course of the motion is told from another: odds of 100."""
+
+LEVER_M = 10.0
+"""Turns are estimated in shifts at this distance, for the conditioning."""
+
+
+@dataclass(frozen=True, eq=False)
+class Drift(Locked):
+    """What the base reflectors say of the tracker.
+
+    Attributes:
+        effect: The law that fits best, `needs` saying what would tell it from others.
+        velocity: Its parameters amid the effector's readings: [m/s], or [m] for a tracker that
+            settles, shape (3,).
+        std: Their standard uncertainties, shape (3,).
+        turn: Rotation that goes with them [rad/s] or [rad], F_b, shape (3,).
+        moved_m: How far the base reflectors moved from the first to the last reading, rms [m].
+        hours: Time between them [h].
+        p_value: Of so much rigid motion by chance.
+        named: Whether it is called a drift.
+        visible: Multiple of the typical size that would be named in 80 % of the cases.
+    """
+
+    effect: Observation
+    velocity: Array
+    std: Array
+    turn: Array
+    moved_m: float
+    hours: float
+    p_value: float
+    named: bool
+    visible: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Base(Locked):
+    """Base readings that have times: whitened columns that are free, and what was read.
+
+    Attributes:
+        white: Inverse Cholesky factors of the covariances, shape (k, 3, 3).
+        fixed: Where each reflector stands, whitened, shape (3 k, 3 t).
+        y: What was read, whitened, shape (3 k,).
+        rigid: Shifts and turns about where the velocity is stated, the latter at LEVER_M,
+            shape (k, 3, 6).
+    """
+
+    white: Array
+    fixed: Array
+    y: Array
+    rigid: Array
+
+    def columns(self, amount: Array) -> Array:
+        """The rigid motion in proportion to some amount of each reading, whitened, (3 k, 6)."""
+        return (self.white @ (amount[:, None, None] * self.rigid)).reshape(-1, 6)
+
+    def fit(self, amount: Array) -> tuple[Array, Array, float]:
+        """The motion, its covariance, and what is left of chi-square."""
+        X = np.hstack([self.fixed, self.columns(amount)])
+        inverse = np.linalg.pinv(X, rcond=1e-12)
+        x = inverse @ self.y
+        left = self.y - X @ x
+        return x[-6:], (inverse @ inverse.T)[-6:, -6:], float(left @ left)
+
+    def beside(self, vector: Array) -> float:
+        """Square of what the coordinates of the reflectors leave of a vector."""
+        left = vector - self.fixed @ np.linalg.lstsq(self.fixed, vector, rcond=None)[0]
+        return float(left @ left)
+
+
+def drift(
+    registration: Registration, scale: float, unloaded: Array, effects: Sequence[Effect]
+) -> Drift | None:
+    """Ask the base reflectors whether the tracker moved.
+
+    Args:
+        registration: The base readings in F_b with their times.
+        scale: Scatter of the tracker over its stated one; where none is stated, [m].
+        unloaded: Where the effector was read [m], F_b, NaN unknown, shape (d, 3): the velocity is
+            stated amid them, else amid the base reflectors.
+        effects: The catalogue.
+
+    Returns:
+        None where no time, too few reflectors, or one round of readings say nothing.
+    """
+    forms = [e for e in effects if isinstance(e, Observation) and e.name == "tracker_drift"]
+    table = registration.table[registration.table["time"].notna()]
+    table = table[table.groupby("target")["group"].transform("nunique") > 1]
+    if not forms or table["target"].nunique() < 3:
+        return None
+    since = (table["time"] - table["time"].min()).dt.total_seconds().to_numpy()
+    known = unloaded[np.isfinite(unloaded).all(axis=1)]
+    at = known.mean(axis=0) if len(known) else registration.centre
+    base = _base(registration, table, at, scale)
+    dof = len(base.y) - base.fixed.shape[1] - 6
+    if since.max() <= 0 or dof < 1:
+        return None
+    amounts = [LAWS[effect.form](since) for effect in forms]
+    fits = [base.fit(amount) for amount in amounts]
+    steady, best = 0, int(np.argmin([left for _, _, left in fits]))
+    best = best if fits[best][2] < fits[steady][2] - DECIDES else steady
+    effect, amount, (motion, cov, rest) = forms[best], amounts[best], fits[best]
+    variance = max(TOLERATED**2, rest / dof)
+    p = float(stats.chi2.sf((base.beside(base.y) - rest) / variance, 6))
+    rigid = stats.chi2.sf(rest / TOLERATED**2, dof) > FITS
+    knocked = min((base.fit(after.astype(float))[2] for after in _rounds(table)), default=np.inf)
+    typical = np.concatenate([[q.typical for q in effect.parameters], np.zeros(3)])
+    shown = base.beside(base.columns(amount) @ typical) / variance
+    parts = base.rigid @ motion * np.ptp(amount)
+    std = np.sqrt(np.diag(cov) * max(1.0, rest / dof))
+    named = bool(p < SURE and rigid and knocked > rest - DECIDES)
+    visible = float(np.sqrt(needed(6, SURE) / shown)) if rigid and shown > 0 else np.inf
+    return Drift(
+        effect=effect if knocked > rest + DECIDES else _undecided(effect, table),
+        velocity=motion[:3],
+        std=std[:3],
+        turn=motion[3:] / LEVER_M,
+        moved_m=float(np.sqrt(np.mean(np.sum(parts**2, axis=1)))),
+        hours=float(np.ptp(since)) / HOUR_S,
+        p_value=p,
+        named=named,
+        visible=min(visible, 1.0) if named else visible,
+    )
+
+
+def _base(registration: Registration, table: pd.DataFrame, at: Array, scale: float) -> _Base:
+    C = covariance.matrices(table)
+    C = C if np.isfinite(C).all() else np.broadcast_to(np.eye(3), C.shape)
+    R = registration.R
+    white = np.linalg.inv(np.linalg.cholesky(R @ C @ R.T * scale**2))
+    points = table[XYZ].to_numpy(float)
+    number = pd.factorize(table["target"])[0]
+    which = np.eye(number.max() + 1)[number]
+    fixed = np.einsum("kij,kt->kitj", white, which).reshape(3 * len(table), -1)
+    turns = np.stack([np.cross(axis, points - at) for axis in np.eye(3)], axis=2) / LEVER_M
+    rigid = np.concatenate([np.tile(np.eye(3), (len(table), 1, 1)), turns], axis=2)
+    off = table[["dx_m", "dy_m", "dz_m"]].to_numpy(float)  # small numbers: digits for the fit
+    return _Base(white, fixed, (white @ off[..., None]).ravel(), rigid)
+
+
+def _rounds(table: pd.DataFrame) -> list[Bools]:
+    """Which readings come after each pause between two rounds of readings, by their groups."""
+    begun = table.groupby("group")["time"].transform("mean")
+    return [(begun >= start).to_numpy() for start in sorted(begun.unique())[1:]]
+
+
+def _undecided(effect: Observation, table: pd.DataFrame) -> Observation:
+    """The effect, saying that a tracker that was knocked once would look the same."""
+    groups = table.sort_values("time")["group"].unique()
+    needs = (
+        f"the base reflectors read again between {groups[0]} and {groups[-1]}: as they were read, "
+        "nobody can tell a drift from a tracker that was knocked once"
+    )
+    return replace(effect, needs=needs)
