@@ -98,7 +98,11 @@ def _of_displacements(
     doubtful = [c for c in causes if c.twins or c.probability < CERTAIN]
     if doubtful:
         told = "; ".join(
-            " or ".join([c.effect.label, *(r.effect.label for r in c.rivals[:3])]) for c in doubtful
+            f"{c.effect.label} from "
+            + " or ".join(
+                [r.effect.label for r in c.rivals[:3]] or [*c.twins, "what is like it"][:1]
+            )
+            for c in doubtful
         )
         return "ambiguous", f"The data cannot tell {told}."
     if unnamed > 1 - CERTAIN:
