@@ -41,6 +41,7 @@ class Drift(Locked):
             settles, shape (3,).
         std: Their standard uncertainties, shape (3,).
         turn: Rotation that goes with them [rad/s] or [rad], F_b, shape (3,).
+        turn_std: Its standard uncertainties, shape (3,).
         moved_m: How far the base reflectors moved from the first to the last reading, rms [m].
         hours: Time between them [h].
         p_value: Of so much rigid motion by chance.
@@ -52,6 +53,7 @@ class Drift(Locked):
     velocity: Array
     std: Array
     turn: Array
+    turn_std: Array
     moved_m: float
     hours: float
     p_value: float
@@ -141,6 +143,7 @@ def drift(
         velocity=motion[:3],
         std=std[:3],
         turn=motion[3:] / LEVER_M,
+        turn_std=std[3:] / LEVER_M,
         moved_m=float(np.sqrt(np.mean(np.sum(parts**2, axis=1)))),
         hours=float(np.ptp(since)) / HOUR_S,
         p_value=p,
