@@ -25,8 +25,8 @@ from pipeline.stages.contrasts import Stack, Zeros, pure_error, stacked
 from pipeline.stages.whiten import Whitener, whitener
 
 FAMILY = 2e-3
-"""Probability that chance makes any reading of a clean campaign an outlier, in each of two tests:
-of the readings of the poses and of the base reflectors."""
+"""Probability that chance makes any reading of a clean campaign an outlier, in each of three tests:
+of the readings of the poses, of the base reflectors and of the reflectors on the chain."""
 
 SMALLEST_M = 8e-5
 """A reading off by less than this is not worth being named."""
@@ -126,7 +126,9 @@ def outlier(
         whole = _of_whole_pull(stack, white, shifts, best)
         confirmed &= whole < shifts.drop[best] + TOO_FEW * variance
         if p < FAMILY and size > floor and confirmed:
-            return [_finding(case, reduced, shifts, best, size, p, variance)]
+            row = _row(case, reduced, shifts, best)
+            sigmas = float(np.sqrt(shifts.drop[best] / variance))
+            return [bad_reading(row, "all other readings", size, sigmas, p, beside_model=True)]
         return []
     return []
 
@@ -324,31 +326,33 @@ def _columns(
     return of, at, nth, D
 
 
-def _finding(
-    case: Case,
-    reduced: Reduced,
-    shifts: Shifts,
-    best: int,
-    size: float,
-    p: float,
-    variance: float,
+def bad_reading(
+    row: pd.Series, others: str, size: float, sigmas: float, p: float, beside_model: bool = False
 ) -> Finding:
-    row = _row(case, reduced, shifts, best)
+    """What is said of a single reading that contradicts others.
+
+    Args:
+        row: The reading.
+        others: What it contradicts, for the sentence.
+        size: How far it is off [m].
+        sigmas: The same in standard deviations.
+        p: That chance puts any reading so far off; a sum, which may exceed 1.
+        beside_model: As in `Finding`.
+    """
     where = f"{row['group']}/{row['target']}"
-    w = float(np.sqrt(shifts.drop[best] / variance))
     return Finding(
         name="outlier",
         where=where,
         evidence=f"the reading {where} ({row['file']}:{row['line']}) is {1e3 * size:.2f} mm off "
-        f"from where all other readings put it, {w:.1f} standard deviations",
+        f"from where {others} put it, {sigmas:.1f} standard deviations",
         correction=f"computed again without {where}",
-        before=w,
+        before=sigmas,
         after=0.0,
         unit="sigma",
         size=size,
         size_unit="m",
         p_value=min(p, 1.0),
-        beside_model=True,
+        beside_model=beside_model,
         correct=partial(without, file=str(row["file"]), line=int(row["line"])),
     )
 

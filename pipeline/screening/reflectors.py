@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 from scipy import stats
 
 from pipeline import covariance
 from pipeline.screening.finding import Finding
-from pipeline.screening.outliers import FAMILY, smallest, without
+from pipeline.screening.outliers import FAMILY, bad_reading, smallest
 from pipeline.stages.register import XYZ, Registration
 
 
@@ -41,22 +39,5 @@ def base_outlier(registration: Registration, scale: float) -> list[Finding]:
     size = float(np.linalg.norm(shift[best]))
     if p > FAMILY or size < smallest(table, scale) or stats.chi2.sf(rest, dof) < 0.01:
         return []
-    row = table.iloc[best]
-    where = f"{row['group']}/{row['target']}"
-    w = float(np.sqrt(drop[best]))
-    return [
-        Finding(
-            name="outlier",
-            where=where,
-            evidence=f"the reading {where} ({row['file']}:{row['line']}) is {1e3 * size:.2f} mm "
-            f"off from where the other base reflectors put it, {w:.1f} standard deviations",
-            correction=f"computed again without {where}",
-            before=w,
-            after=0.0,
-            unit="sigma",
-            size=size,
-            size_unit="m",
-            p_value=min(p, 1.0),
-            correct=partial(without, file=str(row["file"]), line=int(row["line"])),
-        )
-    ]
+    sigmas = float(np.sqrt(drop[best]))
+    return [bad_reading(table.iloc[best], "the other base reflectors", size, sigmas, p)]
