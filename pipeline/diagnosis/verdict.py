@@ -51,13 +51,20 @@ class Amplitude:
         parameter: Name, unit, typical size and bounds.
         value: Estimate, SI.
         std: Its standard uncertainty.
-        ci95: Profile interval.
+        ci95: 95 % interval.
     """
 
     parameter: Parameter
     value: float
     std: float
     ci95: tuple[float, float]
+
+    @classmethod
+    def symmetric(
+        cls, parameter: Parameter, value: float, std: float, quantile: float = 1.96
+    ) -> Amplitude:
+        """One whose interval reaches `quantile` standard uncertainties to either side."""
+        return cls(parameter, value, std, (value - quantile * std, value + quantile * std))
 
 
 @dataclass(frozen=True)
@@ -81,19 +88,21 @@ class Cause(Locked):
         unnamed: What has no name and would stand there instead, and how likely something without
             a name does; None where nothing was asked.
         twins: Labels of rivals that no pose tells from it.
-        gain: Left-out error without and with all named causes; None for causes of scatter.
-        test_pose_change_m: By how much the predicted deflection at the test pose changes [m].
+        gain: Left-out error without and with all named causes; None for causes of scatter and for a
+            drift that the base reflectors show.
+        test_pose_change_m: By how much the predicted deflection at the test pose changes [m]; None
+            where that is not known.
     """
 
     effect: Effect
     probability: float
     amplitudes: tuple[Amplitude, ...]
     p_value: float
-    rivals: tuple[Named, ...]
-    unnamed: Named | None
-    twins: tuple[str, ...]
-    gain: Gain | None
-    test_pose_change_m: float | None
+    rivals: tuple[Named, ...] = ()
+    unnamed: Named | None = None
+    twins: tuple[str, ...] = ()
+    gain: Gain | None = None
+    test_pose_change_m: float | None = None
 
 
 @dataclass(frozen=True)

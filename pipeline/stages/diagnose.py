@@ -84,7 +84,7 @@ def diagnose(
     system, extended, doubts = _extended(case, found, bool(stood.effects))
     single = [(r.suspect, r.probability) for r in found.single[:SHOWN]]
     final = found.view
-    before = worth.before if worth else _alone(found.first)
+    before = worth.before if worth else _left_by_springs(found.first)
     return Diagnosis(
         verdict=verdict,
         why=why,
@@ -172,7 +172,7 @@ def _gain(case: Case, found: Found, rng: np.random.Generator) -> Gain | None:
     return gain(case, found.first, found.plain, found.threshold.p, rng)
 
 
-def _alone(view: View) -> Array:
+def _left_by_springs(view: View) -> Array:
     """Residuals of the joint springs [m]."""
     base = np.arange(view.first)
     x = coefficients(view.M, base)[: view.springs] * view.typical[: view.springs]
@@ -222,15 +222,13 @@ def _standing_causes(stood: Standing) -> tuple[Cause, ...]:
     for k, effect in enumerate(stood.effects):
         value, std = stood.fit.size(k)
         sizes = tuple(
-            Amplitude(p, float(v), float(s), (float(v - quantile * s), float(v + quantile * s)))
+            Amplitude.symmetric(p, float(v), float(s), quantile)
             for p, v, s in zip(effect.parameters, value, std, strict=True)
         )
         odds = {one.label: probability for one, probability in stood.rivals[k]}
         rivals = tuple(Named(one, odds[one.label]) for one, _ in stood.rivals[k] if one != effect)
         p_value = stood.p_values[k]
-        out.append(
-            Cause(effect, odds[effect.label], sizes, p_value, rivals, None, (), stood.gain, None)
-        )
+        out.append(Cause(effect, odds[effect.label], sizes, p_value, rivals, gain=stood.gain))
     return tuple(out)
 
 
@@ -239,11 +237,11 @@ def _drift_causes(drift: Drift | None, causes: Sequence[Cause]) -> tuple[Cause, 
     if drift is None or not drift.named or drift.effect.name in {c.effect.name for c in causes}:
         return ()
     sizes = tuple(
-        Amplitude(p, float(v), float(s), (float(v - 1.96 * s), float(v + 1.96 * s)))
+        Amplitude.symmetric(p, float(v), float(s))
         for p, v, s in zip(drift.effect.parameters, drift.velocity, drift.std, strict=True)
     )
     odds = at_most(drift.p_value)
-    return (Cause(drift.effect, odds, sizes, drift.p_value, (), None, (), None, None),)
+    return (Cause(drift.effect, odds, sizes, drift.p_value),)
 
 
 def _noise_causes(whole: tuple[Effect, ...], spread: Scatter) -> tuple[Cause, ...]:
@@ -260,9 +258,8 @@ def _noise_causes(whole: tuple[Effect, ...], spread: Scatter) -> tuple[Cause, ..
     for effect in whole:
         value, std, p = sizes.get(effect.name, (0.0, 0.0, 1.0))
         if isinstance(effect, Noise) and p < SURE and spread.known_from == "rigidity":
-            interval = (value - 1.96 * std, value + 1.96 * std)
-            size = Amplitude(effect.parameters[0], value, std, interval)
-            out.append(Cause(effect, at_most(p), (size,), p, (), None, (), None, None))
+            size = Amplitude.symmetric(effect.parameters[0], value, std)
+            out.append(Cause(effect, at_most(p), (size,), p))
     return tuple(out)
 
 
