@@ -1,4 +1,4 @@
-"""Records as TOML text; Python reads TOML but does not write it."""
+"""Records as TOML text, which Python reads but does not write; one record over another."""
 
 from __future__ import annotations
 
@@ -6,6 +6,15 @@ import json
 import math
 from collections.abc import Mapping
 from typing import Any
+
+
+def merged(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
+    """A record with the entries of another; tables in both are merged, not replaced."""
+    out = dict(old)
+    for key, value in new.items():
+        both = isinstance(value, Mapping) and isinstance(out.get(key), Mapping)
+        out[key] = merged(out[key], value) if both else value
+    return out
 
 
 def dumps(content: Mapping[str, Any]) -> str:

@@ -10,6 +10,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from pipeline.errors import InputError, first_wrong, listed
 from pipeline.settings import InstrumentNoise, NotNegative, Point, Positive, Strict, TestPose
+from pipeline.toml import merged
 
 SHIPPED = ("paper_reference", "diagnosis_reference")
 
@@ -190,12 +191,4 @@ def validated(content: dict[str, Any], file: str = "problem.toml") -> ProblemFil
 
 def revised(spec: ProblemFile, changes: dict[str, Any]) -> ProblemFile:
     """The problem with some entries changed; tables inside `changes` are merged."""
-    return validated(_merged(spec.model_dump(exclude_unset=True), changes), "the options")
-
-
-def _merged(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
-    out = dict(old)
-    for key, value in new.items():
-        both = isinstance(value, dict) and isinstance(out.get(key), dict)
-        out[key] = _merged(out[key], value) if both else value
-    return out
+    return validated(merged(spec.model_dump(exclude_unset=True), changes), "the options")

@@ -11,6 +11,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from pipeline.errors import InputError, first_wrong
 from pipeline.settings import InstrumentNoise, NotNegative, Point, Positive, Scale, Strict, TestPose
+from pipeline.toml import merged
 
 Step = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
@@ -267,15 +268,7 @@ def revised(plan: Plan, changes: dict[str, Any]) -> Plan:
     Raises:
         InputError: A change is an unknown word or out of range.
     """
-    return _validated(_merged(plan.model_dump(exclude_unset=True), changes), "plan")
-
-
-def _merged(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
-    out = dict(old)
-    for key, value in new.items():
-        both = isinstance(value, dict) and isinstance(out.get(key), dict)
-        out[key] = _merged(out[key], value) if both else value
-    return out
+    return _validated(merged(plan.model_dump(exclude_unset=True), changes), "plan")
 
 
 def _validated(content: dict[str, Any], file: str) -> Plan:
