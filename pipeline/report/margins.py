@@ -1,6 +1,6 @@
 """Room around the plots of a figure for what is written there, measured once.
 
-Matplotlib's constrained layout draws every label several times to find this room, which took a
+Matplotlib's constrained layout draws every label several times to find this room, a
 third of a report's time. Here each label is measured by its letters alone.
 """
 

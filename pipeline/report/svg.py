@@ -73,7 +73,6 @@ ON_THE_PAGE: Any = STYLE | {
     "figure.constrained_layout.use": False,
 }
 
-NAMESPACES = {"": "http://www.w3.org/2000/svg", "xlink": "http://www.w3.org/1999/xlink"}
 SHAPES = {"use", "path"}
 
 

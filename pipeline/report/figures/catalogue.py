@@ -45,6 +45,6 @@ def draw(name: str, result: Result, tables: Tables) -> Drawing:
 
 
 def draw_robot(name: str, results: Sequence[Result]) -> Drawing:
-    """Draw the history of one robot: `history-0` is the first of `overview.robots`."""
+    """Draw the history of one robot: `history-0` is that of the first of `robots`."""
     own = list(robots(results).values())[int(name.rpartition("-")[2])]
     return drawn(name, lambda canvas: draw_history(canvas, own))
