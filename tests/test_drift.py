@@ -125,7 +125,7 @@ def test_one_reading_off_is_no_drift():
 
 
 def test_a_third_round_tells_a_drift_from_a_knock():
-    """Half way at half time is a drift; all of it within the first minutes of the rest is none."""
+    """Half way at half time is a drift; nothing until then and all of it afterwards is none."""
     hours = asked(case().readings).hours
     rounds = again(case().readings, "base_mid", hours / 2, np.random.default_rng(3))
     base = {"base_mid": 3.0, "base_end": 6.0}
