@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.results import Array, Estimate
+from pipeline.stages.estimate import identifiable
 
 LIKELY = 0.05
 """A rival above this probability may be the true cause: what is stated must hold with it too."""
@@ -82,5 +83,5 @@ def _widened(estimate: Estimate, std: Array) -> Estimate:
     more = std > estimate.std
     cov[more, more] = std[more] ** 2
     typical = np.array([p.typical for p in estimate.parameters])
-    known = 2 * std < np.maximum(typical, np.abs(estimate.value))
+    known = identifiable(typical, estimate.value, std)
     return replace(estimate, cov=cov, identifiable=estimate.identifiable & known)

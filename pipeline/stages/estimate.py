@@ -10,7 +10,7 @@ import scipy.sparse
 from scipy import special  # scipy.stats takes a second to import
 
 from pipeline.cell import Cell
-from pipeline.results import Array, Errors, Estimate, System
+from pipeline.results import Array, Bools, Errors, Estimate, System
 from pipeline.stages.assemble import TRACKED, Measured, assemble
 from pipeline.stages.whiten import Whitener, whitener
 
@@ -45,7 +45,7 @@ def solve(system: System, start: Array, white: Whitener | None = None) -> Estima
         parameters=system.parameters,
         value=value,
         cov=cov,
-        identifiable=2 * std < np.maximum(typical, np.abs(value)),
+        identifiable=identifiable(typical, value, std),
         residual=residual,
         chi2=chi2 / scale if scale else 0.0,
         dof=dof,
@@ -56,6 +56,11 @@ def solve(system: System, start: Array, white: Whitener | None = None) -> Estima
             special.ndtri(0.975) if system.noise_stated else special.stdtrit(dof, 0.975)
         ),
     )
+
+
+def identifiable(typical: Array, value: Array, std: Array) -> Bools:
+    """Parameters known to better than half their size, the typical or the estimated one, (k,)."""
+    return np.asarray(2 * std < np.maximum(typical, np.abs(value)), dtype=bool)
 
 
 def least_squares(
