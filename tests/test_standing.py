@@ -154,6 +154,7 @@ def test_within_its_stated_uncertainty_no_zero_is_wrong():
     assert not said(files | {"campaign.toml": toml.encode()})["causes"]
 
 
+@pytest.mark.slow
 def test_the_deflected_robot_stands_where_the_straight_one_does():
     """The unloaded reflectors are judged with either equilibrium."""
     files = logged(theta3_deg=0.1)
