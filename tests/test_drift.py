@@ -74,6 +74,7 @@ def test_a_drift_is_named_with_its_size():
     base = readings[readings["group"].str.startswith("base")].groupby("group")["time"].mean()
     true = placed.R @ (moved(read, 1.0) - read) / (base.max() - base.min()).total_seconds()
     assert found.named
+    assert found.undecided
     assert found.effect.label == "tracker_drift"
     assert np.all(np.abs(found.velocity - true) < 4 * found.std)
     turned = placed.R @ TURN / (base.max() - base.min()).total_seconds()
@@ -93,7 +94,8 @@ def test_the_answer_names_it_and_blames_no_reflector():
 
     (cause,) = said["diagnosis"]["causes"]
     assert (cause["name"], cause["location"]) == ("tracker_drift", "metrology")
-    assert said["diagnosis"]["verdict"] == "explained"
+    assert said["diagnosis"]["verdict"] == "ambiguous"
+    assert "knocked" in said["diagnosis"]["why"]
     assert "moved as one" in said["diagnosis"]["why"]
     assert [p["name"] for p in cause["parameters"]] == ["v_x", "v_y", "v_z"]
     assert not any(spot["name"] == "tracker_drift" for spot in said["diagnosis"]["blind_spots"])
@@ -139,6 +141,7 @@ def test_a_third_round_tells_a_drift_from_a_knock():
 
     steady = told(base)
     assert steady.named
+    assert not steady.undecided
     assert "knocked" not in steady.effect.needs
     assert not told({"base_end": 6.0}).named
 

@@ -46,6 +46,7 @@ class Drift(Locked):
         hours: Time between them [h].
         p_value: Of so much rigid motion by chance.
         named: Whether it is called a drift.
+        undecided: Whether a tracker that was knocked once would look the same.
         visible: Multiple of the typical size that would be named in 80 % of the cases.
     """
 
@@ -58,6 +59,7 @@ class Drift(Locked):
     hours: float
     p_value: float
     named: bool
+    undecided: bool
     visible: float
 
 
@@ -138,8 +140,9 @@ def drift(
     std = np.sqrt(np.diag(cov) * max(1.0, rest / dof))
     named = bool(p < SURE and rigid and knocked > rest - DECIDES)
     visible = float(np.sqrt(needed(6, SURE) / shown)) if rigid and shown > 0 else np.inf
+    undecided = knocked <= rest + DECIDES
     return Drift(
-        effect=effect if knocked > rest + DECIDES else _undecided(effect, table),
+        effect=_undecided(effect, table) if undecided else effect,
         velocity=motion[:3],
         std=std[:3],
         turn=motion[3:] / LEVER_M,
@@ -148,6 +151,7 @@ def drift(
         hours=float(np.ptp(since)) / HOUR_S,
         p_value=p,
         named=named,
+        undecided=bool(undecided),
         visible=min(visible, 1.0) if named else visible,
     )
 

@@ -155,4 +155,9 @@ def with_drift(verdict: str, why: str, drift: Drift) -> tuple[str, str]:
         f"{drift.effect.label}, turning by "
         f"{turn * (HOUR_S if unit == 'urad/h' else 1.0):.2g} {unit}."
     )
-    return ("explained", said) if verdict == "adequate" else (verdict, f"{said} {why}")
+    if drift.undecided:
+        said += " As they were read, a tracker that was knocked once would look the same."
+    told = "ambiguous" if drift.undecided else "explained"
+    if verdict == "adequate":
+        return told, said
+    return (told if verdict == "explained" else verdict), f"{said} {why}"

@@ -16,7 +16,7 @@ from pipeline.diagnosis.drift import Drift
 from pipeline.diagnosis.elimination import coefficients, eliminate
 from pipeline.diagnosis.gain import Gain, alone, gain, rms
 from pipeline.diagnosis.hedge import LIKELY, Doubt, Instead, hedged
-from pipeline.diagnosis.identify import Case, Found, by_label, search
+from pipeline.diagnosis.identify import NAMELESS, Case, Found, by_label, search
 from pipeline.diagnosis.isolability import Twins, twins
 from pipeline.diagnosis.judgement import judge, with_drift
 from pipeline.diagnosis.noise import SURE, Scatter, scatter
@@ -240,7 +240,7 @@ def _drift_causes(drift: Drift | None, causes: Sequence[Cause]) -> tuple[Cause, 
         Amplitude.symmetric(p, float(v), float(s))
         for p, v, s in zip(drift.effect.parameters, drift.velocity, drift.std, strict=True)
     )
-    odds = at_most(drift.p_value)
+    odds = at_most(drift.p_value) / (1 + NAMELESS * drift.undecided)
     return (Cause(drift.effect, odds, sizes, drift.p_value),)
 
 
