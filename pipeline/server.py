@@ -86,16 +86,22 @@ def sheltered(end: int) -> Iterator[None]:
     Args:
         end: The signal that ends the work in the block, such as SIGTERM; a KeyboardInterrupt, as
             long as nobody else in the block handles it.
+
+    Raises:
+        KeyboardInterrupt: After the block, when it was Ctrl-C that ended it: Prefect's runner, told
+            to stop, calls that a good end.
     """
     if threading.current_thread() is not threading.main_thread():  # which gets all signals
         yield
         return
-    over, (taken, given) = threading.Event(), os.pipe()
+    over, asked = threading.Event(), threading.Event()
+    taken, given = os.pipe()
 
     def take() -> None:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         while (number := os.read(taken, 1)) and not over.is_set():
             if number[0] == signal.SIGINT:
+                asked.set()
                 os.kill(os.getpid(), end)
 
     os.set_blocking(given, False)
@@ -107,6 +113,9 @@ def sheltered(end: int) -> Iterator[None]:
     taker.start()
     try:
         yield
+    except SystemExit:
+        if not asked.is_set():
+            raise
     finally:
         over.set()
         os.write(given, b"\0")
@@ -117,6 +126,8 @@ def sheltered(end: int) -> Iterator[None]:
         signal.signal(end, ended)
         signal.signal(signal.SIGINT, interrupted)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    if asked.is_set():
+        raise KeyboardInterrupt
 
 
 @contextlib.contextmanager

@@ -179,6 +179,30 @@ def test_ctrl_c_is_kept_from_the_processes_that_prefect_starts():
     assert err.strip().endswith("KeyboardInterrupt")
 
 
+def test_an_end_that_prefect_calls_good_stays_an_interruption():
+    """Its runner exits with 0 when it is told to stop; whoever pressed Ctrl-C gets 130."""
+    script = (
+        "import signal, sys, time; from pipeline.server import sheltered\n"
+        "with sheltered(signal.SIGTERM):\n"
+        "    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))\n"
+        "    print('up', flush=True); time.sleep(30)\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", script],
+        cwd=HERE,
+        env=ENVIRONMENT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stdout.readline() == "up\n"
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=60)
+
+    assert process.returncode != 0
+    assert err.strip().endswith("KeyboardInterrupt")
+
+
 def test_one_campaign_is_no_history():
     """With nothing to compare the page does not say that nothing has changed."""
     alone = overview.overview([SAMPLE])
