@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import datetime
 import re
-import tomllib
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
+from pipeline import toml
 from pipeline.errors import InputError, first_wrong
 from pipeline.results import Array
 from pipeline.robot import Robot
@@ -261,12 +261,7 @@ def parse(text: str) -> Settings:
     Raises:
         InputError: Not TOML, an unknown word, a missing table or a value of the wrong kind.
     """
-    try:
-        content: dict[str, Any] = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as problem:
-        raise InputError(
-            f"not valid TOML ({problem})", "correct that place", file="campaign.toml"
-        ) from problem
+    content = toml.loads(text, "campaign.toml")
     try:
         return Settings.model_validate(content)
     except ValidationError as problem:

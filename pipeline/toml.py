@@ -1,11 +1,28 @@
-"""Records as TOML text, which Python reads but does not write; one record over another."""
+"""TOML text to records and back; one record over another."""
 
 from __future__ import annotations
 
 import json
 import math
+import tomllib
 from collections.abc import Mapping
 from typing import Any
+
+from pipeline.errors import InputError
+
+
+def loads(text: str, file: str) -> dict[str, Any]:
+    """The record in a TOML text.
+
+    Raises:
+        InputError: Not TOML; names the place.
+    """
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as problem:
+        raise InputError(
+            f"not valid TOML ({problem})", "correct that place", file=file
+        ) from problem
 
 
 def merged(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from importlib import resources
 from typing import Annotated, Any, Literal
 
@@ -10,7 +9,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from pipeline.errors import InputError, first_wrong, listed
 from pipeline.settings import InstrumentNoise, NotNegative, Point, Positive, Strict, TestPose
-from pipeline.toml import merged
+from pipeline.toml import loads, merged
 
 SHIPPED = ("paper_reference", "diagnosis_reference")
 
@@ -164,13 +163,7 @@ def parse(text: str, file: str = "problem.toml") -> ProblemFile:
     Raises:
         InputError: Not TOML, an unknown word, or a value of the wrong kind.
     """
-    try:
-        content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as problem:
-        raise InputError(
-            f"not valid TOML ({problem})", "correct that place", file=file
-        ) from problem
-    return validated(content, file)
+    return validated(loads(text, file), file)
 
 
 def validated(content: dict[str, Any], file: str = "problem.toml") -> ProblemFile:

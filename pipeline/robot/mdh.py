@@ -6,16 +6,16 @@ everything behind this file (numpy kinematics, Pinocchio, B) knows one form only
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from pipeline import toml
 from pipeline.errors import InputError, listed
 from pipeline.results import Array, Bools, Locked
 
@@ -251,12 +251,7 @@ def parse(text: str, file: str) -> Robot:
     Raises:
         InputError: The text is not TOML or not a robot; says where and what is expected.
     """
-    try:
-        table: dict[str, Any] = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as problem:
-        raise InputError(
-            f"not valid TOML ({problem})", "correct that place", file=file
-        ) from problem
+    table = toml.loads(text, file)
     try:
         content = RobotFile.model_validate(table)
         placement, flange = placements(content.joint, content.convention)

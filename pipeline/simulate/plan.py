@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from datetime import datetime
 from typing import Annotated, Any, Literal
 
@@ -11,7 +10,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from pipeline.errors import InputError, first_wrong
 from pipeline.settings import InstrumentNoise, NotNegative, Point, Positive, Scale, Strict, TestPose
-from pipeline.toml import merged
+from pipeline.toml import loads, merged
 
 Step = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
@@ -253,13 +252,7 @@ def parse(text: str, file: str = "plan.toml") -> Plan:
     Raises:
         InputError: Not TOML, an unknown word or a value out of range; names the place.
     """
-    try:
-        content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as problem:
-        raise InputError(
-            f"not valid TOML ({problem})", "correct that place", file=file
-        ) from problem
-    return _validated(content, file)
+    return _validated(loads(text, file), file)
 
 
 def revised(plan: Plan, changes: dict[str, Any]) -> Plan:
