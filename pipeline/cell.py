@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from pipeline.effects import (
 )
 from pipeline.effects import baseline as baseline_effects
 from pipeline.results import Array, Ints, Locked, Parameter, Strings
-from pipeline.robot import Robot, configure
+from pipeline.robot import Configuration, Robot, configure
 from pipeline.robot.configuration import cross, torque, velocity
 
 
@@ -106,9 +107,9 @@ def load(cell: Cell, pulls: Pulls, values: Array) -> Loaded:
     parts = cell.split(values)
     q = pulls.q
     for effect, part in parts:
-        if isinstance(effect, Geometry):
+        if isinstance(effect, Geometry) and part.any():
             q = q + (effect.geometry(cell.robot, pulls, part) - pulls.q)
-    configuration = configure(cell.robot, q)
+    configuration = _as_logged(cell.robot, pulls) if q is pulls.q else configure(cell.robot, q)
     points = configuration.points(np.vstack([cell.tool.load_point, cell.tool.points]))
     loaded = Loaded(
         pulls=pulls,
@@ -125,6 +126,12 @@ def load(cell: Cell, pulls: Pulls, values: Array) -> Loaded:
         elif isinstance(effect, Reflectors):
             loaded = replace(loaded, points=effect.points(loaded, part))
     return loaded
+
+
+@lru_cache(maxsize=1)
+def _as_logged(robot: Robot, pulls: Pulls) -> Configuration:
+    """The robot where its log says: derivatives ask for the same pulls a hundred times."""
+    return configure(robot, pulls.q)
 
 
 def columns(effect: Elastic, loaded: Loaded) -> Array:
@@ -214,27 +221,27 @@ def _chain(twists: Array, deflection: Array, order: Ints) -> tuple[Array, Array]
     """Each screw after the deflection of all before it, and the motion behind the last."""
     motion = np.broadcast_to(np.eye(4), (len(twists), 4, 4))
     bent = np.empty_like(twists)
+    steps = _exponential(twists, deflection)
     for k in order:
         R, t = motion[:, :3, :3], motion[:, :3, 3]
         omega = np.einsum("mij,mj->mi", R, twists[:, k, :3])
         bent[:, k, :3] = omega
         bent[:, k, 3:] = np.einsum("mij,mj->mi", R, twists[:, k, 3:]) + cross(t, omega)
-        motion = motion @ _exponential(twists[:, k], deflection[:, k])
+        motion = motion @ steps[:, k]
     return bent, motion
 
 
-def _exponential(twist: Array, amount: Array) -> Array:
-    """Rigid motion of a screw by an amount, (m, 6) and (m,) -> (m, 4, 4)."""
-    S = np.zeros((len(twist), 4, 4))
-    a, b, c = twist[:, 0], twist[:, 1], twist[:, 2]
-    S[:, 0, 1], S[:, 0, 2], S[:, 1, 2] = -c, b, -a
-    S[:, 1, 0], S[:, 2, 0], S[:, 2, 1] = c, -b, a
-    S[:, :3, 3] = twist[:, 3:]
-    S = S * amount[:, None, None]
-    power, total = S, np.eye(4) + S
-    for i in range(2, 9):  # deflections are milliradians: eight terms are below rounding
-        power = power @ S / i
-        total = total + power
+def _exponential(twists: Array, amount: Array) -> Array:
+    """Rigid motions of screws by amounts, (m, k, 6) and (m, k) -> (m, k, 4, 4)."""
+    S = np.zeros((*amount.shape, 4, 4))
+    a, b, c = np.moveaxis(twists[..., :3], -1, 0)
+    S[..., 0, 1], S[..., 0, 2], S[..., 1, 2] = -c, b, -a
+    S[..., 1, 0], S[..., 2, 0], S[..., 2, 1] = c, -b, a
+    S[..., :3, 3] = twists[..., 3:]
+    S *= amount[..., None, None]
+    total = np.eye(4) + S / 8
+    for i in range(7, 0, -1):  # deflections are milliradians: eight terms are below rounding
+        total = np.eye(4) + S @ total / i
     return total
 
 

@@ -77,10 +77,22 @@ class Case:
         """The case that asks about the accepted causes alone, which are then 0, 1, 2."""
         return replace(self, suspects=tuple(self.suspects[i] for i in accepted))
 
-    def fitted(self, accepted: tuple[int, ...], start: Array, rounds: int = 4) -> Sight:
-        """Joint springs and accepted causes estimated together, linearised anew each round."""
+    def fitted(self, accepted: tuple[int, ...], start: Array, near: Sight | None = None) -> Sight:
+        """The campaign linearised at the estimate of some causes; see `estimated`."""
+        return self.sight(self.estimated(accepted, start, near))
+
+    def estimated(
+        self, accepted: tuple[int, ...], start: Array, near: Sight | None = None, rounds: int = 4
+    ) -> Model:
+        """Joint springs and accepted causes estimated together, linearised anew each round.
+
+        Args:
+            accepted: Indices of the causes.
+            start: Values to begin with; causes that it lacks begin at zero.
+            near: The campaign linearised close by, for its errors.
+            rounds: At most.
+        """
         model, few = self.model(accepted, start), self.only(accepted)
-        near = None
         for _ in range(rounds):
             near = few.sight(replace(model, accepted=tuple(range(len(accepted)))), near)
             view = few.look(near)
@@ -89,7 +101,7 @@ class Case:
             model = replace(model, values=values)
             if np.max(step, initial=0.0) < 1e-3:
                 break
-        return self.sight(model)
+        return model
 
     def model(self, accepted: tuple[int, ...], start: Array) -> Model:
         """A model with accepted causes; those that `start` lacks begin at zero."""
@@ -280,7 +292,8 @@ def _grow(case: Case, end: _Stand, limit: Threshold, refused: dict[str, None]) -
         if added is None:
             break
         accepted = (*end.seen.model.accepted, added)
-        better = _exchange(case, case.fitted(accepted, solved(end.view, end.view.base)))
+        start = solved(end.view, end.view.base)
+        better = _exchange(case, case.fitted(accepted, start, end.seen))
         if tuple(sorted(better.model.accepted)) in tried:
             break  # what was added went again at once: there is no third way
         tried.add(tuple(sorted(better.model.accepted)))
@@ -351,7 +364,7 @@ def _exchange(case: Case, seen: Sight) -> Sight:
         if better is None:
             return seen
         tried.add(frozenset(better))
-        seen = case.fitted(better, solved(view, view.base)[: view.springs])
+        seen = case.fitted(better, solved(view, view.base)[: view.springs], seen)
     return seen
 
 

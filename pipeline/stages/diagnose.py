@@ -22,8 +22,9 @@ from pipeline.diagnosis.judgement import judge, with_drift
 from pipeline.diagnosis.noise import SURE, Scatter, scatter
 from pipeline.diagnosis.separability import separation
 from pipeline.diagnosis.sight import Model, Sight
-from pipeline.diagnosis.standing import Standing, as_stiff, corrected, standing, student
+from pipeline.diagnosis.standing import Standing, as_stiff, corrected, standing
 from pipeline.diagnosis.undecided import next_poses
+from pipeline.diagnosis.unloaded import student
 from pipeline.diagnosis.verdict import Amplitude, Cause, Diagnosis, Named
 from pipeline.diagnosis.view import View
 from pipeline.effects import Effect, Noise, Pulls, catalogue
@@ -321,5 +322,5 @@ def _instead(case: Case, found: Found) -> Iterator[Instead]:
                 continue
             others = (*accepted[:place], rival.suspect, *accepted[place + 1 :])
             start = found.view.model.values[:springs]
-            _, estimate = _solved(case, case.fitted(others, start).model)
+            _, estimate = _solved(case, case.estimated(others, start, found.seen))
             yield Instead(mine, rival.label, estimate.value[:springs], estimate.std[:springs])
