@@ -24,7 +24,7 @@ from pipeline.stages.assemble import Measured
 from pipeline.stages.contrasts import Stack, Zeros, pure_error, stacked
 from pipeline.stages.whiten import Whitener, whitener
 
-FAMILY = 1.5e-3
+FAMILY = 7e-4
 """Probability that chance makes any reading of a clean campaign an outlier, in each of three tests:
 of the readings of the poses, of the base reflectors and of the reflectors on the chain."""
 
