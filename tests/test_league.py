@@ -447,10 +447,9 @@ def test_amplitudes_are_compared_for_the_true_cause_only():
     assert one.remainder == 2.0
 
 
-def test_a_promise_is_that_of_the_pair_that_stays_closest():
-    """Of several pulls for one pair the last counts, of several pairs the worst."""
-    pulls = [("a", 2.0), ("a", 6.0), ("b", 5.0)]
-    proposals = [{"separates": [name, "c"], "sigmas_after": sigmas} for name, sigmas in pulls]
+def test_a_promise_is_that_of_all_proposed_poses():
+    """Each pose says what the closest pair is with those before it: the last one counts."""
+    proposals = [{"separates": [n, "c"], "sigmas_after": s} for n, s in (("a", 2.0), ("b", 5.0))]
 
     assert score(truth("a"), answer("ambiguous", next_poses=proposals), PAIR).apart == 5.0
 

@@ -1,14 +1,22 @@
-"""Which pull would tell two causes apart: T-optimal among reachable poses, loads and anchors."""
+"""Which pose would tell who it was: the one that leaves the least chance of a wrong name.
+
+For two causes with odds p and q between which further readings put d sigmas, the chance of naming
+the wrong one is at most sqrt(p q) exp(-d^2 / 8) (Bhattacharyya). Summed over all pairs that are
+open, this is what a pose should make small. Among poses that make it small enough, the one that the
+measured poses predict best is proposed: it rests least on a model that may be wrong.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
 from pipeline.cell import sensitivity
-from pipeline.diagnosis.elimination import coefficients, eliminate
+from pipeline.diagnosis.elimination import eliminate
+from pipeline.diagnosis.evidence import WIDTHS
 from pipeline.diagnosis.identify import Case
 from pipeline.diagnosis.view import View
 from pipeline.effects import Effect, Pulls
@@ -19,42 +27,65 @@ from pipeline.simulate.poses import default_anchors, draw_poses
 APART = 4.6
 """Sigmas between two causes from which the right one leads by 20 to 1 in 95 % of the cases."""
 
+SETTLED = 0.002
+"""Chance of a wrong name from which a further pose need not do better."""
+
 CANDIDATES = 240
+
+LIGHT = 0.25
+"""Weak pulls, of the largest: proposed as well where the campaign's steps are all large."""
 
 SPRINGS = "joint_springs"
 """What a cause is told from when nothing else could stand in its place."""
 
 
 @dataclass(frozen=True, eq=False)
-class Proposal(Locked):
-    """One pull that would help.
+class Question:
+    """Who stands in one place.
 
     Attributes:
-        separates: Labels of the two causes, or of a cause and `SPRINGS`.
+        who: Suspects that could, the named one first; None for the joint springs alone.
+        odds: How likely each is.
+        rest: Accepted causes that are not in question.
+    """
+
+    who: tuple[int | None, ...]
+    odds: tuple[float, ...]
+    rest: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal(Locked):
+    """One pose that would help, pulled in the usual load steps.
+
+    Attributes:
+        separates: Labels of the two causes that stay closest, or of a cause and `SPRINGS`.
         q: Joint values [m] or [rad], shape (n,).
         anchor: Where to attach the chain [m], F_b, shape (3,).
-        force_n: How strongly to pull [N].
-        before: Sigmas between the causes now.
-        after: Sigmas expected with the further pulls.
-        pulls: How many pulls are proposed for this pair up to here.
+        force_n: The largest of the load steps [N].
+        approach: How the carriage comes, 1 with rising rail position, -1 with falling.
+        before: Sigmas between the two now.
+        after: Sigmas expected with the poses up to this one.
+        poses: How many poses are proposed up to here.
     """
 
     separates: tuple[str, str]
     q: Array
     anchor: Array
     force_n: float
+    approach: float
     before: float
     after: float
-    pulls: int
+    poses: int
 
 
 @dataclass(frozen=True, eq=False)
 class Candidates(Locked):
-    """Reachable pulls.
+    """Reachable poses, each pulled in the usual steps.
 
     Attributes:
-        pulls: The pulls.
-        anchor: Where each is attached [m], shape (m, 3).
+        pulls: The pulls, those of one pose together, `pose` counting from 0.
+        anchor: Where the chain of each pose is attached [m], shape (m, 3).
     """
 
     pulls: Pulls
@@ -62,144 +93,243 @@ class Candidates(Locked):
 
 
 def candidates(case: Case, rng: np.random.Generator) -> Candidates:
-    """Random reachable poses, each at a small and at the largest force of the campaign.
+    """Random reachable poses, pulled as the campaign's fullest pose was.
 
     Args:
         case: The case.
         rng: Draws the poses.
     """
-    robot, tool = case.cell.robot, case.cell.tool
+    robot, tool, done = case.cell.robot, case.cell.tool, case.data.pulls
     anchors = default_anchors(robot)
     which = np.arange(CANDIDATES) % len(anchors)
     points = np.vstack([tool.load_point, tool.points])
     q = draw_poses(robot, points, anchors, which, rng)
-    size = np.linalg.norm(case.data.pulls.force, axis=1)
     at = configure(robot, q).points(points)[:, 0]
     chain = anchors[which] - at
     unit = chain / np.linalg.norm(chain, axis=1, keepdims=True)
-    pose = np.tile(np.arange(len(q)), 2)
-    force = np.repeat([size.max(), max(size.min(), 0.25 * size.max())], len(q))
-    late = np.nanmax(case.data.pulls.time, initial=0.0)
+    usual, size = _fullest(done.pose), np.linalg.norm(done.force, axis=1)
+    steps = size[usual] / size[usual].max() * size.max()
+    series = [steps] if steps.min() < 0.6 * steps.max() else [steps, LIGHT * steps]
+    here, k = np.tile(np.arange(len(q)), len(series)), len(usual)
+    late = np.nanmax(done.time, initial=0.0)
     pulls = Pulls(
-        pose=pose,
-        repeat=np.repeat([1, 2], len(q)),
-        q=q[pose],
-        force=unit[pose] * force[:, None],
-        branch=np.repeat([1.0, -1.0], len(q)),
-        approach=rng.choice([-1.0, 1.0], len(q))[pose],
-        time=np.full(len(pose), late + 600.0),
-        time_zero=np.full(len(pose), late + 300.0),
+        pose=np.repeat(np.arange(len(here)), k),
+        repeat=np.tile(np.arange(1, k + 1), len(here)),
+        q=np.repeat(q[here], k, axis=0),
+        force=np.repeat(unit[here], k, axis=0) * np.repeat(series, len(q), axis=0).reshape(-1, 1),
+        branch=np.tile(done.branch[usual], len(here)),
+        approach=np.repeat(rng.choice([-1.0, 1.0], len(q))[here], k),
+        time=np.full(len(here) * k, late + 600.0),
+        time_zero=np.full(len(here) * k, late + 300.0),
     )
-    return Candidates(pulls, anchors[which][pose])
+    return Candidates(pulls, anchors[which][here])
+
+
+def _fullest(pose: Ints) -> Ints:
+    """Pulls of the first of those poses that have the most."""
+    numbers, count = np.unique(pose, return_counts=True)
+    return np.flatnonzero(pose == numbers[np.argmax(count)])
 
 
 def propose(
-    view: View,
-    pair: tuple[int, int | None],
-    rest: Sequence[int],
-    among: Candidates,
-    most: int = 4,
+    view: View, questions: Sequence[Question], among: Candidates, most: int = 4
 ) -> list[Proposal]:
-    """Pulls that tell two suspects apart best, one after the other until they are apart.
+    """Poses that tell best who it was, one after the other until all pairs are apart.
+
+    Pairs that no series of poses tells apart are left out.
 
     Args:
         view: The campaign from the model with all accepted causes.
-        pair: Indices of the two suspects; None for the joint springs alone.
-        rest: Accepted causes that are not in question.
-        among: Reachable pulls.
-        most: So many pulls at most.
+        questions: What is open.
+        among: Reachable poses.
+        most: So many poses at most.
     """
-    duel = _duel(view, pair, rest)
-    labels = [SPRINGS if i is None else view.suspects[i].label for i in pair]
-    M = duel.M
-    before = float(duel.apart(M))
-    more = duel.products(view, among)
-    out: list[Proposal] = []
-    while len(out) < most and (not out or out[-1].after < APART):
-        after = duel.apart(M + more)
-        best = int(np.argmax(after))
-        if after[best] < before * 1.05 + 0.05:
+    contest = _Contest.of(view, questions)
+    more = contest.products(view, among)
+    open_pairs = np.ones(len(contest.pairs), dtype=bool)
+    for _ in range(2):
+        chosen, apart = _series(contest, more, open_pairs, most)
+        helped = apart[-1] >= 1.05 * apart[0] + 0.05
+        if (helped >= open_pairs).all():
             break
-        M = M + more[best]
+        open_pairs &= helped
+        if not open_pairs.any():
+            return []
+    k = len(among.pulls.pose) // len(among.anchor)
+    out = []
+    for count, best in enumerate(chosen, 1):
+        closest = int(np.argmin(np.where(open_pairs, apart[count], np.inf)))
         out.append(
             Proposal(
-                (labels[0], labels[1]),
-                among.pulls.q[best],
-                among.anchor[best],
-                float(np.linalg.norm(among.pulls.force[best])),
-                before,
-                float(after[best]),
-                len(out) + 1,
+                separates=contest.labels(view, closest),
+                q=among.pulls.q[best * k],
+                anchor=among.anchor[best],
+                force_n=float(
+                    np.linalg.norm(among.pulls.force[best * k : (best + 1) * k], axis=1).max()
+                ),
+                approach=float(among.pulls.approach[best * k]),
+                before=float(apart[0][closest]),
+                after=float(apart[count][closest]),
+                poses=count,
             )
         )
     return out
 
 
+def _series(
+    contest: _Contest, more: Array, open_pairs: Array, most: int
+) -> tuple[list[int], Array]:
+    """Poses one after the other; sigmas between all pairs before and after each, (s + 1, pairs)."""
+    M, chosen = contest.M, list[int]()
+    apart = [contest.apart(M)]
+    weight = np.where(open_pairs, contest.weight, 0.0)
+    far_fetched = contest.leverage(more)
+    while len(chosen) < most:
+        after = contest.apart(M + more)
+        wrong = np.exp(-np.maximum(after**2 - apart[0] ** 2, 0.0) / 8) @ weight
+        enough = (wrong <= SETTLED) & contest.rivals
+        order = np.where(enough, far_fetched, np.inf) if enough.any() else wrong
+        best = int(np.argmin(order))
+        chosen.append(best)
+        apart.append(after[best])
+        M = M + more[best]
+        if wrong[best] <= SETTLED and (after[best][open_pairs] >= APART).all():
+            break
+    return chosen, np.array(apart)
+
+
 @dataclass(frozen=True, eq=False)
-class _Duel(Locked):
-    """Two suspects beside springs and causes that are not in question: only their columns.
+class _Contest(Locked):
+    """All who could stand somewhere, beside springs: only their columns.
 
     Attributes:
-        effects: Those that are not in question, then the two.
-        columns: Columns of the view: springs, common errors, then those of `effects`.
+        questions: What is open.
+        effects: Those whose columns follow the springs and the common errors.
+        at: Columns of M of each of them.
+        columns: Columns of the view that M is made of.
         M: Products of these columns.
-        taken: Columns of M that are estimated whoever it was.
-        mine: Columns of M of either suspect.
-        size: What each would be, fitted alone.
+        pairs: Question, and two who could stand there.
+        weight: Square root of the product of their odds, shape (pairs,).
+        size: What each who could stand there would be, fitted without the others, by question.
     """
 
+    questions: tuple[Question, ...]
     effects: tuple[Effect, ...]
+    at: dict[int | None, Ints]
     columns: Ints
     M: Array
-    taken: Ints
-    mine: tuple[Ints, Ints]
-    size: tuple[Array, Array]
+    pairs: tuple[tuple[int, int, int], ...]
+    weight: Array
+    size: tuple[tuple[Array, ...], ...]
+
+    @classmethod
+    def of(cls, view: View, questions: Sequence[Question]) -> _Contest:
+        every = [i for one in questions for i in (*one.rest, *one.who) if i is not None]
+        suspects = list(dict.fromkeys(every))
+        parts = [view.columns([i]) for i in suspects]
+        ends = view.first + np.cumsum([len(part) for part in parts])
+        at: dict[int | None, Ints] = {None: np.zeros(0, dtype=np.int64)}
+        for i, part, end in zip(suspects, parts, ends, strict=True):
+            at[i] = np.arange(end - len(part), end)
+        columns = np.concatenate([np.arange(view.first), *parts])
+        pairs = [
+            (number, a, b)
+            for number, one in enumerate(questions)
+            for a, b in combinations(range(len(one.who)), 2)
+        ]
+        weight = [np.sqrt(questions[n].odds[a] * questions[n].odds[b]) for n, a, b in pairs]
+        sizes = []
+        for one in questions:
+            S = eliminate(view.M, np.concatenate([np.arange(view.first), view.columns(one.rest)]))
+            mine = [view.columns([] if i is None else [i]) for i in one.who]
+            sizes.append(tuple(_fitted(S, own, S[own, -1]) for own in mine))
+        return cls(
+            questions=tuple(questions),
+            effects=tuple(view.suspects[i] for i in suspects),
+            at=at,
+            columns=columns,
+            M=view.M[np.ix_(columns, columns)],
+            pairs=tuple(pairs),
+            weight=np.array(weight),
+            size=tuple(sizes),
+        )
+
+    @property
+    def rivals(self) -> bool:
+        """False where only a cause's worth is open: the more a pose shows of it, the better."""
+        return not any(None in one.who for one in self.questions)
+
+    def labels(self, view: View, pair: int) -> tuple[str, str]:
+        number, a, b = self.pairs[pair]
+        who = self.questions[number].who
+        one, other = (SPRINGS if i is None else view.suspects[i].label for i in (who[a], who[b]))
+        return one, other
+
+    def _taken(self, question: Question) -> Ints:
+        """Columns that are estimated whoever it was."""
+        first = len(self.M) - sum(len(columns) for columns in self.at.values())
+        return np.concatenate([np.arange(first), *(self.at[i] for i in question.rest)])
 
     def apart(self, M: Array) -> Array:
-        """Sigmas between them: what each, at its fitted size, leaves when the other is fitted.
+        """Sigmas between the two of each pair, for products M of shape (..., W, W): (..., pairs).
 
-        The smaller of both directions, for products M of shape (..., W, W).
+        What each, at its fitted size, leaves when the other is fitted, both held to the sizes that
+        the evidence holds possible; the smaller of both directions.
         """
-        ahead = self._left(M, self.mine[0], self.size[0], self.mine[1])
-        if not len(self.mine[1]):
-            return ahead
-        return np.minimum(ahead, self._left(M, self.mine[1], self.size[1], self.mine[0]))
+        left = [eliminate(M, self._taken(one)) for one in self.questions]
+        out = []
+        for number, a, b in self.pairs:
+            S, size = left[number], self.size[number]
+            one, other = (self.at[self.questions[number].who[k]] for k in (a, b))
+            there = [
+                _left(S, true, size[k], rest)
+                for true, k, rest in ((one, a, other), (other, b, one))
+                if len(true)
+            ]
+            out.append(np.min(there, axis=0))
+        return np.stack(out, axis=-1)
 
-    def _left(self, M: Array, true: Ints, size: Array, other: Ints) -> Array:
-        S = eliminate(M, np.concatenate([self.taken, other]))[..., true[:, None], true]
-        return np.asarray(np.sqrt(np.maximum(np.einsum("i,...ij,j->...", size, S, size), 0.0)))
+    def leverage(self, more: Array) -> Array:
+        """Variance of what the measured poses predict at each candidate, with the named, (m,)."""
+        named = [self.at[one.who[0]] for one in self.questions]
+        base = np.unique(np.concatenate([self._taken(one) for one in self.questions] + named))
+        N = self.M[np.ix_(base, base)]
+        size = np.sqrt(np.maximum(np.diag(N), 1e-300))
+        inverse = np.linalg.pinv(N / np.outer(size, size), rcond=1e-11, hermitian=True)
+        part = more[:, base[:, None], base] / np.outer(size, size)
+        return np.einsum("ij,mji->m", inverse, part)
 
     def products(self, view: View, among: Candidates) -> Array:
-        """What each candidate would add to M, shape (m, W, W)."""
+        """What each candidate would add to M, scattering as the fullest pose did: (m, W, W)."""
         flat = replace(view.model.cell, equilibrium="undeformed")
-        pulls, values = among.pulls, view.model.values
-        m, springs = len(pulls), flat.effects[:1]
-        X = np.zeros((m, 3 * len(flat.tool.targets), len(self.columns)))
-        B = sensitivity(flat, pulls, values, springs).reshape(*X.shape[:2], -1)
-        Z = sensitivity(flat, pulls, values, self.effects).reshape(*X.shape[:2], -1)
-        X[:, :, : view.springs] = B
-        X[:, :, view.first :] = Z
-        X = X * view.typical[self.columns] / np.median(view.spread)
-        return np.swapaxes(X, 1, 2) @ X
+        pulls, values, rows = among.pulls, view.model.values, view.rows
+        m, t = len(among.anchor), len(flat.tool.targets)
+        B = sensitivity(flat, pulls, values, flat.effects[:1])
+        Z = sensitivity(flat, pulls, values, self.effects)
+        whole = np.zeros((len(pulls.pose), t, 3, len(self.columns)))
+        whole[..., : view.springs], whole[..., view.first :] = B, Z
+        whole = whole.reshape(m, -1, *whole.shape[1:]) * view.typical[self.columns]
+        usual = _fullest(view.seen.data.pulls.pose)
+        mine = np.flatnonzero(np.isin(rows.pull, usual))
+        target = np.repeat(view.seen.data.target, 3)[mine]
+        X = whole[:, np.searchsorted(usual, rows.pull[mine]), target, rows.axis[mine]]
+        place = view.white.place[mine]
+        inverse = view.white.inverse[view.white.pose[mine[0]]][np.ix_(place, place)]
+        X = inverse @ X / view.noise
+        return np.asarray(np.swapaxes(X, 1, 2) @ X)
 
 
-def _duel(view: View, pair: tuple[int, int | None], rest: Sequence[int]) -> _Duel:
-    two = [i for i in pair if i is not None]
-    mine = [view.columns([] if i is None else [i]) for i in pair]
-    parts = [np.arange(view.first), *(view.columns([i]) for i in rest), *mine]
-    ends = np.cumsum([len(part) for part in parts])
-    at = [np.arange(end - len(part), end) for end, part in zip(ends, parts, strict=True)]
-    taken = np.concatenate(at[:-2])
-    sizes = []
-    for columns in mine:
-        base = np.concatenate([*parts[:-2], columns])
-        sizes.append(coefficients(view.M, base)[len(base) - len(columns) :])
-    columns = np.concatenate(parts)
-    return _Duel(
-        effects=tuple(view.suspects[i] for i in (*rest, *two)),
-        columns=columns,
-        M=view.M[np.ix_(columns, columns)],
-        taken=taken,
-        mine=(at[-2], at[-1]),
-        size=(sizes[0], sizes[1]),
-    )
+def _left(S: Array, true: Ints, size: Array, other: Ints) -> Array:
+    """Sigmas of what `true` leaves when `other` is fitted, sums of squares S beside the rest."""
+    whole = np.einsum("i,...ij,j->...", size, S[..., true[:, None], true], size)
+    if not len(other):
+        return np.asarray(np.sqrt(np.maximum(whole, 0.0)))
+    h = S[..., other[:, None], true] @ size
+    taken = np.einsum("...i,...i->...", h, _fitted(S, other, h))
+    return np.asarray(np.sqrt(np.maximum(whole - taken, 0.0)))
+
+
+def _fitted(S: Array, own: Ints, h: Array) -> Array:
+    """Sizes of some columns that fit h best, held to those that the evidence holds possible."""
+    G = S[..., own[:, None], own] + np.eye(len(own)) / WIDTHS.max() ** 2
+    return np.asarray(np.linalg.solve(G, h[..., None])[..., 0])

@@ -1,4 +1,4 @@
-"""What is still open, and the pulls that would decide it."""
+"""What is still open, and the poses that would decide it."""
 
 from __future__ import annotations
 
@@ -10,9 +10,15 @@ from pipeline.diagnosis.gain import Gain
 from pipeline.diagnosis.identify import Case, Found
 from pipeline.diagnosis.isolability import Twins
 from pipeline.diagnosis.judgement import CERTAIN
-from pipeline.diagnosis.nextpose import Candidates, Proposal, candidates, propose
+from pipeline.diagnosis.nextpose import Candidates, Proposal, Question, candidates, propose
 from pipeline.diagnosis.verdict import Cause
 from pipeline.errors import InputError
+
+LEAST = 0.02
+"""Rivals less probable than this are not asked about."""
+
+MOST = 4
+"""So many rivals of one cause, the likeliest, are asked about."""
 
 
 def next_poses(
@@ -23,39 +29,45 @@ def next_poses(
     known: Twins,
     rng: np.random.Generator,
 ) -> tuple[Proposal, ...]:
-    """For every undecided pair the pulls that would decide it, as far as any can."""
-    pairs = _undecided(found, causes, worth, known)
-    if not pairs:
+    """Poses that would decide what is open, as far as any can."""
+    questions = _open(found, causes, worth, known)
+    if not questions:
         return ()
     try:
         among: Candidates = candidates(case, rng)
     except InputError:
         return ()
-    out: list[Proposal] = []
-    for mine, rival in pairs:
-        rest = [i for i in found.accepted if i != mine]
-        out += propose(found.wide, (mine, rival), rest, among)
-    return tuple(out)
+    return tuple(propose(found.wide, questions, among))
 
 
-def _undecided(
-    found: Found, causes: Sequence[Cause], worth: Gain | None, known: Twins, most: int = 3
-) -> list[tuple[int, int | None]]:
-    """Accepted causes, each with what it must still be told from; None stands for nothing at all.
+def _open(
+    found: Found, causes: Sequence[Cause], worth: Gain | None, known: Twins
+) -> list[Question]:
+    """For each accepted cause that is not certain, what it must still be told from.
 
-    Twins are left out: no pull helps, a sensor does (`needs` of the causes).
+    Twins count as one: no pull helps, a sensor does (`needs` of the causes). Where every name is
+    certain and only its worth is not, the joint springs alone are what it must be told from.
     """
-    pairs: list[tuple[int, int | None]] = []
+    out = []
     for place, mine in enumerate(found.accepted):
-        cause = causes[place]
-        never = (cause.effect.label, *known.of(cause.effect.label))
-        rivals = [r for r in found.rivals[place] if r.label not in never and r.probability > 0.02]
-        if cause.probability < CERTAIN:
-            pairs += [(mine, r.suspect) for r in rivals]
+        rest = tuple(i for i in found.accepted if i != mine)
+        label = causes[place].effect.label
+        one = (label, *known.of(label))
+        odds: dict[int | None, float] = {
+            mine: sum(r.probability for r in found.rivals[place] if r.label in one)
+        }
+        if causes[place].probability < CERTAIN:
+            others = [r for r in found.rivals[place] if r.label not in one]
+            odds |= {r.suspect: r.probability for r in others[:MOST] if r.probability > LEAST}
         if found.strange and found.strange[place].probability > 1 - CERTAIN:
-            pairs.append((mine, found.strange[place].suspect))
-    if not pairs and worth is not None and worth.ci95[0] <= 0:
-        pairs = [
-            (mine, None) for mine, c in zip(found.accepted, causes, strict=False) if not c.twins
-        ]
-    return pairs[:most]
+            strange = found.strange[place]
+            odds = {who: (1 - strange.probability) * odd for who, odd in odds.items()}
+            odds[strange.suspect] = strange.probability
+        if len(odds) > 1:
+            out.append(Question(tuple(odds), tuple(odds.values()), rest))
+    if not out and worth is not None and worth.ci95[0] <= 0:
+        for mine, cause in zip(found.accepted, causes, strict=False):
+            if not cause.twins:
+                rest = tuple(i for i in found.accepted if i != mine)
+                out.append(Question((mine, None), (0.5, 0.5), rest))
+    return out

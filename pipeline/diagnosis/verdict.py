@@ -321,9 +321,10 @@ def _pose(proposal: Proposal, robot: Robot) -> dict[str, Any]:
         "q_unit": ["m" if j.prismatic else "deg" for j in robot.joints],
         "anchor_m": [round(float(v), 3) for v in proposal.anchor],
         "force_n": round(proposal.force_n, 0),
+        "approach": proposal.approach if robot.joints[0].prismatic else None,
         "sigmas_before": proposal.before,
         "sigmas_after": proposal.after,
-        "pull": proposal.pulls,
+        "pose": proposal.poses,
     }
 
 

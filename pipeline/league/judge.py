@@ -72,7 +72,7 @@ class Score:
         gain: Reduction of the left-out error with its 95 % interval.
         left_out_mm: Left-out error of the joint springs.
         remainder: What is left with the causes over the scatter found, root mean square.
-        apart: Sigmas that the proposed pulls promise between the pair they separate worst; None
+        apart: Sigmas that the proposed poses promise between the pair they separate worst; None
             where nothing is proposed.
     """
 
@@ -178,8 +178,4 @@ def _sizes(cause: Json, secrets: list[Json]) -> list[Size]:
 
 
 def _apart(proposals: list[Json]) -> float | None:
-    best: dict[tuple[str, ...], float] = {}
-    for one in proposals:
-        pair = tuple(one["separates"])
-        best[pair] = max(best.get(pair, 0.0), one["sigmas_after"])
-    return min(best.values(), default=None)
+    return proposals[-1]["sigmas_after"] if proposals else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, wraps
 from typing import Any
@@ -22,6 +22,7 @@ from pipeline.errors import PipelineError
 from pipeline.league.judge import Score, score
 from pipeline.league.known import KNOWN
 from pipeline.league.play import Plan, Rules, drawn, play
+from pipeline.league.secret import Secret
 from pipeline.league.secrets import SECRETS
 from pipeline.league.strange import STRANGE
 from pipeline.robot import Robot, load
@@ -253,23 +254,60 @@ def _followed(
     robot: Robot,
     most: int,
 ) -> tuple[tuple[Score, ...], tuple[float, float]]:
-    """Scores of the campaign, and with one more proposed pose each time while a name is open.
+    """Scores of the campaign, and with one more proposed pose each time while a name is open."""
+    secrets = [(SECRETS[name], size) for name, size in zip(fixture.secrets, sizes, strict=True)]
+    asked = list(followed(robot, plan, secrets, fixture.seed, league.rules, most))
+    scores = tuple(score(one.truth, one.answer, twins(robot)) for one in asked)
+    return scores, (asked[0].seconds, asked[0].diagnosing)
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """One campaign and what the pipeline says of it.
+
+    Attributes:
+        truth: As `play` seals it.
+        answer: result.json; None where the pipeline refused the campaign.
+        seconds: Of a processor, from files to the answer.
+        diagnosing: Part of them that the diagnosis took.
+    """
+
+    truth: dict[str, Any]
+    answer: dict[str, Any] | None
+    seconds: float
+    diagnosing: float
+
+
+def followed(
+    robot: Robot,
+    plan: Plan,
+    secrets: Sequence[tuple[Secret, float]],
+    seed: Sequence[int],
+    rules: Rules,
+    most: int = MOST,
+) -> Iterator[Asked]:
+    """A campaign, and the same with one more proposed pose each time while a name is open.
 
     The operator pulls in the usual steps at the first pose that is proposed, then asks again.
+
+    Args:
+        robot: The KR500 on its rail.
+        plan: Where and with what.
+        secrets: What it hides, each with its size in typical sizes.
+        seed: Of machine, secrets and scatter.
+        rules: How it is measured.
+        most: So many proposed poses are followed.
     """
-    secrets = [(SECRETS[name], size) for name, size in zip(fixture.secrets, sizes, strict=True)]
-    scores: list[Score] = []
-    spent = []
-    while True:
-        game = play(robot, plan, secrets, np.random.default_rng(fixture.seed), league.rules)
+    for further in range(most + 1):
+        game = play(robot, plan, secrets, np.random.default_rng(seed), rules)
         began, clock = time.process_time(), Clock()
         answer = answer_of(game.files, clock)
-        spent.append((time.process_time() - began, clock.seconds.get("diagnose", 0.0)))
-        scores.append(score(game.truth, answer, twins(robot)))
-        proposed = answer["diagnosis"]["next_poses"] if answer else []
-        if scores[-1].verdict != "ambiguous" or not proposed or len(scores) > most:
-            return tuple(scores), spent[0]
-        plan = plan.further(*_where(proposed[0], robot))
+        seconds = time.process_time() - began
+        yield Asked(game.truth, answer, seconds, clock.seconds.get("diagnose", 0.0))
+        said: dict[str, Any] = answer["diagnosis"] if answer else {"verdict": "refused"}
+        if further == most or said["verdict"] != "ambiguous" or not said["next_poses"]:
+            return
+        plan = plan.further(*_where(said["next_poses"][0], robot))
 
 
 def missed_mm(
@@ -359,22 +397,32 @@ class Yardstick:
 
 @lru_cache(maxsize=2 * PLANS)
 def yardstick(plan: tuple[int, ...], rules: Rules) -> Yardstick:
-    """Measure an innocent machine by a plan, and see what would have shown.
+    """What a random plan would show.
 
     Args:
         plan: Seed of the plan.
         rules: How it is measured.
     """
-    robot = load("kr500_rail")
     rng = np.random.default_rng(plan)
-    files = play(robot, drawn(robot, rng, rules), [], rng.spawn(1)[0], rules).files
+    return shown_by(drawn(load("kr500_rail"), rng, rules), rules, rng)
+
+
+def shown_by(plan: Plan, rules: Rules, rng: np.random.Generator) -> Yardstick:
+    """Measure an innocent machine by a plan, and see what would have shown.
+
+    Args:
+        plan: Where and with what.
+        rules: How it is measured.
+        rng: Source of the machine and the scatter.
+    """
+    files = play(load("kr500_rail"), plan, [], rng.spawn(1)[0], rules).files
     case = ingested(in_memory(files), conformed, plain)
     fitted = fit(case, bring(case))
     asked, _ = case_of(fitted.case.cell, fitted.data, fitted.estimate)
     view = asked.look(asked.sight(asked.model((), fitted.estimate.value)))
     dof = view.rows_left - (len(view.base) - view.first)
     p = threshold(view, view.base, dof, rng).p
-    return Yardstick(identifiable(view, twins(robot)), *_visible(view, p), p)
+    return Yardstick(identifiable(view, twins(load("kr500_rail"))), *_visible(view, p), p)
 
 
 def _visible(view: View, p: float) -> tuple[dict[str, float], dict[str, int]]:

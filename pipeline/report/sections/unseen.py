@@ -12,7 +12,7 @@ from pipeline.report.record import Column, Table, entry, text_entry
 
 
 def next_poses(poses: list[Any]) -> Table | None:
-    """The proposed pulls and what each of them would tell apart; None without any."""
+    """The proposed poses and what each of them would tell apart; None without any."""
     rows = [
         (
             entry(str(number), number),
@@ -27,19 +27,23 @@ def next_poses(poses: list[Any]) -> Table | None:
     columns = (
         Column("Pose", numeric=True),
         Column("Tells apart"),
-        Column("Pull [N]", numeric=True),
+        Column("Pull up to [N]", numeric=True),
         Column("How"),
         Column("Separation now [σ]", numeric=True),
         Column("With this pose [σ]", numeric=True),
     )
-    note = "Below 4.6 σ two causes are not told apart reliably."
+    note = (
+        "To be pulled in the usual load steps. The two causes are those that stay closest with "
+        "this pose and those above it; below 4.6 σ two are not told apart reliably."
+    )
     return Table("next-poses", "What to measure next", columns, tuple(rows), note) if rows else None
 
 
 def _how(pose: Mapping[str, Any]) -> str:
     anchor = pose.get("anchor_m")
     where = f"towards ({', '.join(f'{v:.2f}' for v in anchor)}) m" if anchor else ""
-    return ", ".join(part for part in (where, str(pose.get("pull") or "")) if part)
+    way = {1.0: "carriage arrives with r rising", -1.0: "carriage arrives with r falling"}
+    return ", ".join(part for part in (where, way.get(pose.get("approach") or 0.0, "")) if part)
 
 
 def _size(force: Any) -> float | None:

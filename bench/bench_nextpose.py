@@ -1,0 +1,253 @@
+"""Does a proposed pose settle which cause it was? Poor campaigns, and the same asked again.
+
+Every plan is poor by construction, as a hurry makes them: one place on the rail, one anchor, one
+way of coming, few poses, about one or two positions of the arm. From it a cause is hidden that by
+the linear theory this plan finds and does not tell from every other, and that a plan of 16 random
+poses does; no outcome is looked at. Machine, secrets, judge and operator are the league's: who
+measures the first pose that result.json proposes in the usual load steps and asks again, up to
+four times.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import special
+
+from pipeline.diagnosis.isolability import twins
+from pipeline.diagnosis.nextpose import APART
+from pipeline.league.judge import Score, same, score
+from pipeline.league.play import TOOLS, Plan
+from pipeline.league.run import ABLE, MOST, Asked, League, followed, largest, shown_by, yardstick
+from pipeline.league.secrets import SECRETS
+from pipeline.league.table import rivalled, share, wrong
+from pipeline.results import Array
+from pipeline.robot import Robot, load
+from pipeline.simulate.poses import default_anchors, draw_poses, feasible, rounded
+
+SEED, PLANS = 2027, 96
+EACH = 3
+"""Causes hidden from one plan, drawn from those that it finds and does not tell apart."""
+GOOD = 8
+"""Plans of 16 poses that the poor ones are held against."""
+TIMES = (1.5, 2.0)
+"""Size over the smallest that the good plan tells apart."""
+STANDS = ((1, 10.0), (2, 10.0), (1, 25.0))
+"""Positions of the arm, and how far the poses lie about them in each joint [deg]."""
+POSES = (5, 6, 7, 8)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One answer.
+
+    Attributes:
+        score: Its score.
+        pair: The two that stay closest with the first proposed pose; empty without one.
+        sigmas: Between these, now and with that pose.
+        why: The sentence beside the verdict.
+    """
+
+    score: Score
+    pair: tuple[str, ...]
+    sigmas: tuple[float, float]
+    why: str
+
+
+@dataclass(frozen=True)
+class Game:
+    """One poor campaign, then with one proposed pose more each time."""
+
+    plan: int
+    secret: str
+    answers: tuple[Answer, ...]
+
+    @property
+    def first(self) -> Score:
+        """Score of the campaign as it was measured."""
+        return self.answers[0].score
+
+    def within(self, most: int, hit: Callable[[Score], bool]) -> bool:
+        """Whether one of the answers after at most so many poses hits."""
+        return any(hit(answer.score) for answer in self.answers[1 : 1 + most])
+
+
+def run() -> Iterable[tuple[str, float, str]]:
+    """What one pose and up to four make of `ambiguous`; what they promised; what went wrong."""
+    with ProcessPoolExecutor(min(2, os.cpu_count() or 1)) as pool:
+        jobs = [(SEED, number) for number in range(PLANS)]
+        games = [game for some in pool.map(games_of, jobs) for game in some]
+    yield from counted(games)
+
+
+def counted(games: Sequence[Game]) -> Iterable[tuple[str, float, str]]:
+    """The rows of the benchmark."""
+    said = Counter(game.first.verdict for game in games)
+    yield "games", len(games), ", ".join(f"{n} {verdict}" for verdict, n in said.most_common())
+    opened = [game for game in games if game.first.verdict == "ambiguous"]
+    proposed = [game for game in opened if game.first.apart is not None]
+    rivals = [game for game in proposed if rivalled(game.first)]
+    others = [game for game in proposed if not rivalled(game.first)]
+    apart = [game for game in rivals if (game.first.apart or 0.0) >= APART]
+    soon = [game for game in apart if game.answers[0].sigmas[1] >= APART]
+    for what, some in (
+        (f"rivals that up to four poses separate by {APART} sigmas", apart),
+        (f"rivals that the first pose separates by {APART} sigmas", soon),
+        ("rivals, all for which a pose is proposed", rivals),
+        ("no rival, but something open, a pose is proposed", others),
+    ):
+        for most, within in ((1, "one pose"), (MOST, "up to four")):
+            yield _row(f"{what}: settled by {within}", [g.within(most, settled) for g in some])
+            yield _row("  name right and certain", [g.within(most, certain) for g in some])
+    left = Counter(_reason(g) for g in apart if not g.within(1, settled))
+    for why, count in left.most_common():
+        yield f"not settled by one pose: {why}", count, f"of {len(apart)}"
+    left = Counter(_reason(g, 0) for g in opened if g.first.apart is None)
+    for why, count in left.most_common():
+        yield f"nothing to propose: {why}", count, f"of {len(opened)} ambiguous"
+    yield _row("wrong name for certain, before any pose", [wrong(g.first) for g in games])
+    yield _row("wrong name for certain after a pose", [g.within(MOST, wrong) for g in opened])
+    yield from _promises(opened)
+
+
+def _row(what: str, hits: Sequence[bool]) -> tuple[str, float, str]:
+    return what, float(np.mean(hits)) if hits else np.nan, share(hits)
+
+
+def certain(one: Score) -> bool:
+    """The right name, twins as one, and no rival that could be meant."""
+    return one.verdict in ("explained", "ambiguous") and one.right and not rivalled(one)
+
+
+def settled(one: Score) -> bool:
+    """The right name under `explained`; of twins, as much as can be said."""
+    paired = any(" = " in said.label and said.true for said in one.stated)
+    paid = one.gain is not None and one.gain[1] > 0
+    return one.right and (one.verdict == "explained" or (paired and paid and certain(one)))
+
+
+def _reason(game: Game, at: int = 1) -> str:
+    """Why an answer is not settled, in words without names."""
+    one = game.answers[min(at, len(game.answers) - 1)]
+    if one.score.verdict != "ambiguous":
+        return f"{one.score.verdict}, the right name" if one.score.right else one.score.verdict
+    if "left-out" in one.why:
+        return "the gain at left-out poses is not certain"
+    if "no name for" in one.why:
+        return "something without a name"
+    known = twins(load("kr500_rail"))
+    if not rivalled(one.score) and any(known.of(name) for name in one.score.named):
+        return "a twin"
+    return "a rival"
+
+
+def _promises(opened: Sequence[Game]) -> Iterable[tuple[str, float, str]]:
+    """Of the closest pair, one of which is true: the true one leads by 20 to 1 with the pose.
+
+    With log odds L for it before and d further sigmas, L + d^2 / 2 are expected, and scatter by d.
+    """
+    known, promised, kept = twins(load("kr500_rail")), [], []
+    for game in opened:
+        before, true = game.answers[0], same(game.secret, known)
+        pair = {same(name, known) for name in before.pair}
+        now = _odds(before.score)
+        if len(game.answers) < 2 or len(pair) < 2 or not pair <= set(now) or true not in pair:
+            continue
+        (other,) = pair - {true}
+        low, high = before.sigmas
+        d = np.sqrt(max(high**2 - low**2, 1e-6))
+        lead = np.log(now[true] / now[other])
+        promised.append(float(special.ndtr((lead + d**2 / 2 - np.log(20)) / d)))
+        then = _odds(game.answers[1].score)
+        kept.append(then.get(true, 0.0) > 20 * then.get(other, 0.0))
+    mean = float(np.mean(promised)) if promised else np.nan
+    yield "promised: the true one of the closest pair leads by 20 to 1", mean, "mean probability"
+    yield _row("  kept", kept)
+
+
+def _odds(one: Score) -> dict[str, float]:
+    return {said.label: said.probability for said in one.stated}
+
+
+def games_of(job: tuple[int, int]) -> list[Game]:
+    """The games of one poor plan.
+
+    Args:
+        job: Seed of all plans, number of this one.
+    """
+    seed, number = job
+    robot, rules = load("kr500_rail"), League().rules
+    rng = np.random.default_rng((seed, 1, number))
+    poses = POSES[number // len(STANDS) % len(POSES)]
+    plan = poor(robot, rng, *STANDS[number % len(STANDS)], poses)
+    good, mine = yardstick((seed, 9, number % GOOD), rules), shown_by(plan, rules, rng)
+    most, able = largest(robot), []
+    for name in ABLE:
+        size = rng.uniform(*TIMES) * good.named.get(name, np.inf)
+        found = mine.seen.get(name, np.inf) <= size
+        if found and size < mine.named[name] and size <= most.get(name, 0.0):
+            able.append((name, size))
+    games = []
+    for name, size in (able[k] for k in rng.permutation(len(able))[:EACH]):
+        own = (seed, 2, number, ABLE.index(name))
+        asked = followed(robot, plan, [(SECRETS[name], size)], own, rules)
+        games.append(Game(number, name, tuple(_answer(one, robot) for one in asked)))
+    return games
+
+
+def _answer(asked: Asked, robot: Robot) -> Answer:
+    said: dict[str, Any] = asked.answer["diagnosis"] if asked.answer else {"why": "refused"}
+    first = next(iter(said.get("next_poses", [])), None)
+    return Answer(
+        score(asked.truth, asked.answer, twins(robot)),
+        tuple(first["separates"]) if first else (),
+        (first["sigmas_before"], first["sigmas_after"]) if first else (0.0, 0.0),
+        said["why"],
+    )
+
+
+def poor(robot: Robot, rng: np.random.Generator, stands: int, deg: float, poses: int) -> Plan:
+    """One place on the rail, one anchor, one approach, poses about a few positions of the arm.
+
+    Args:
+        robot: The KR500 on its rail.
+        rng: Draws tool, anchor, positions and poses.
+        stands: Positions of the arm.
+        deg: How far each joint is from them at most.
+        poses: How many in all.
+    """
+    tool, anchors = np.array(TOOLS[rng.integers(len(TOOLS))]), default_anchors(robot)
+    anchor, alone = anchors[rng.integers(len(anchors))][None], np.zeros(1, dtype=np.int64)
+    middles = [draw_poses(robot, tool, anchor, alone, rng)[0]]
+    while len(middles) < stands:
+        other = draw_poses(robot, tool, anchor, alone, rng)
+        other[:, 0] = middles[0][0]
+        middles += list(other[feasible(robot, other, tool, anchor)])
+    around = [middles[k % stands] for k in range(poses)]
+    return Plan(
+        tool=tool,
+        q=np.vstack([_near(robot, rng, q, deg, tool, anchor) for q in around]),
+        anchor=np.repeat(anchor, poses, axis=0),
+        approach=np.ones(poses),
+        isotropic=bool(rng.random() < 0.6),
+        scatter=float(rng.uniform(*League().rules.scatter)),
+    )
+
+
+def _near(
+    robot: Robot, rng: np.random.Generator, q: Array, deg: float, tool: Array, anchor: Array
+) -> Array:
+    """A feasible pose about another one, at the same place on the rail."""
+    while True:
+        off = np.deg2rad(rng.uniform(-deg, deg, (16, robot.n))) * ~robot.prismatic
+        moved = rounded(robot, q + off)
+        moved = moved[((moved >= robot.lower) & (moved <= robot.upper)).all(axis=1)]
+        good = moved[feasible(robot, moved, tool, np.repeat(anchor, len(moved), axis=0))]
+        if len(good):
+            return np.asarray(good[0])
