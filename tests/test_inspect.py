@@ -105,6 +105,9 @@ def test_a_missing_unit_is_asked_and_can_be_answered(capsys, tmp_path):
     code, out, _ = run(capsys, path, "--json")
     assert (code, json.loads(out)["unit"]) == (0, "m")
 
+    code, out, _ = run(capsys, path, "--unit", "mm", "--json")
+    assert (code, json.loads(out)["unit"]) == (0, "mm")  # whoever asks knows better
+
 
 def test_readings_for_a_spreadsheet_hold_no_formulas(capsys, tmp_path):
     """Names that a spreadsheet would carry out get an apostrophe; numbers stay what they are."""
