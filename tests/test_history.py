@@ -8,7 +8,7 @@ import pytest
 import report_sample
 from scipy import stats
 
-from pipeline.report.history import changes, drifts, ordered, previous, together
+from pipeline.report.history import changes, ordered, previous, together, trends
 from pipeline.report.model import compose
 from pipeline.report.overview import comparison, overview
 from pipeline.report.record import Figure, Table
@@ -57,14 +57,14 @@ def years(rng, drift, n=6, joints=7, std=1e-9):
 def test_campaigns_of_a_steady_robot_are_rarely_flagged():
     """Over 1000 histories of seven joints that do not change, at most about 1 % are flagged."""
     rng = np.random.default_rng(11)
-    flagged = sum(any(d.sure for d in drifts(years(rng, 0.0))) for _ in range(1000))
+    flagged = sum(any(d.sure for d in trends(years(rng, 0.0))) for _ in range(1000))
 
     assert flagged <= 20  # 1 % of 1000 and 3 standard deviations
 
 
 def test_a_drift_is_flagged_at_its_joint_and_measured():
     """A joint that softens by five standard uncertainties a year is named, with its rate."""
-    found = [drifts(years(np.random.default_rng(seed), 5e-9)) for seed in range(100)]
+    found = [trends(years(np.random.default_rng(seed), 5e-9)) for seed in range(100)]
 
     assert sum(d[0].sure for d in found) >= 99
     assert sum(any(d.sure for d in rest[1:]) for rest in found) <= 4
@@ -80,7 +80,7 @@ def test_a_step_without_a_trend_is_flagged_too():
     results = [campaign(f"c{k}", 2e-7 + 1e-9 * rng.standard_normal(3)) for k in range(5)]
     results[2]["stiffness"][1] = joint("k_1", 2.1e-7, 1e-9)
 
-    found = drifts(results)
+    found = trends(results)
 
     assert [d.sure for d in found] == [False, True, False]
     assert found[1].percent_a_year is None

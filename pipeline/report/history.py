@@ -44,7 +44,7 @@ class Change:
 
 
 @dataclass(frozen=True)
-class Drift:
+class Trend:
     """One stiffness over the campaigns of a robot.
 
     Attributes:
@@ -164,12 +164,12 @@ def chance(chi2: float, dof: int) -> float | None:
     return float(special.chdtrc(dof, chi2)) if dof > 0 else None
 
 
-def drifts(results: Sequence[Result]) -> list[Drift]:
+def trends(results: Sequence[Result]) -> list[Trend]:
     """Every stiffness of one robot over its campaigns, which come in order."""
     names = list(dict.fromkeys(j.get("name") for r in results for j in r.get("stiffness") or []))
     series = {str(name): _series(results, name) for name in names}
     tested = sum(len(points) > 1 for points in series.values())
-    return [_drift(name, points, max(tested, 1)) for name, points in series.items()]
+    return [_trend(name, points, max(tested, 1)) for name, points in series.items()]
 
 
 def _series(results: Sequence[Result], name: Any) -> list[tuple[str | None, float, float]]:
@@ -183,9 +183,9 @@ def _series(results: Sequence[Result], name: Any) -> list[tuple[str | None, floa
     return out
 
 
-def _drift(name: str, points: list[tuple[str | None, float, float]], tested: int) -> Drift:
+def _trend(name: str, points: list[tuple[str | None, float, float]], tested: int) -> Trend:
     if len(points) < 2:
-        return Drift(name, len(points), None, None, None, None, None, sure=False)
+        return Trend(name, len(points), None, None, None, None, None, sure=False)
     x, std = np.array([p[1] for p in points]), np.array([p[2] for p in points])
     mean = np.average(x, weights=std**-2)
     p_scatter = chance(float(np.sum(((x - mean) / std) ** 2)), len(x) - 1)
@@ -198,7 +198,7 @@ def _drift(name: str, points: list[tuple[str | None, float, float]], tested: int
         else (-100 * slope / mean, 100 * slope_std / mean)
     )
     ratio = float(x[0] / x[-1]) if min(x[0], x[-1]) > 0 else None
-    return Drift(
+    return Trend(
         name=name,
         campaigns=len(points),
         first_to_last=100 * (ratio - 1) if ratio else None,

@@ -9,13 +9,13 @@ from urllib.parse import quote
 from pipeline.report import words
 from pipeline.report.history import (
     Change,
-    Drift,
+    Trend,
     chance,
     changes,
-    drifts,
     ordered,
     robots,
     together,
+    trends,
 )
 from pipeline.report.numbers import (
     MISSING,
@@ -51,7 +51,7 @@ def overview(results: Sequence[Result]) -> Report:
         results: The result.json of every finished campaign.
     """
     by_robot = robots(results)
-    drifting = {name: [d.name for d in drifts(own) if d.sure] for name, own in by_robot.items()}
+    drifting = {name: [d.name for d in trends(own) if d.sure] for name, own in by_robot.items()}
     sections = [Section("campaigns", "Campaigns", (_campaigns(ordered(results)),))]
     sections += [
         Section(f"robot-{number}", name, _robot(number, name, own))
@@ -134,14 +134,14 @@ def _day(result: Result) -> str | None:
 def _robot(number: int, name: str, results: Sequence[Result]) -> tuple[Block, ...]:
     if len(results) < 2:
         return (Text(f"One campaign so far, {results[0].get('campaign')}."),)
-    found = drifts(results)
+    found = trends(results)
     blocks: list[Block] = [
         Text(f"{d.name} changed by more than chance explains.", "finding") for d in found if d.sure
     ]
-    return (*blocks, _drift_table(number, found), _history_figure(number, name, results, found))
+    return (*blocks, _trend_table(number, found), _history_figure(number, name, results, found))
 
 
-def _drift_table(number: int, found: Sequence[Drift]) -> Table:
+def _trend_table(number: int, found: Sequence[Trend]) -> Table:
     rows = tuple(
         (
             text_entry(d.name),
@@ -169,7 +169,7 @@ def _drift_table(number: int, found: Sequence[Drift]) -> Table:
 
 
 def _history_figure(
-    number: int, name: str, results: Sequence[Result], found: Sequence[Drift]
+    number: int, name: str, results: Sequence[Result], found: Sequence[Trend]
 ) -> Figure:
     changed = [d.name for d in found if d.sure]
     said = f"{len(results)} campaigns of {name}. " + (

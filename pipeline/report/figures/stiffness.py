@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from pipeline.report.captions import comparable
 from pipeline.report.figures.marks import Tips
-from pipeline.report.history import drifts
+from pipeline.report.history import trends
 from pipeline.report.numbers import common_prefix, known, plain, prefixed
 from pipeline.report.summaries import Result, Tables
 from pipeline.report.svg import BLUE, MUTED, RED
@@ -60,7 +60,7 @@ def _bounds(joint: Mapping[str, Any]) -> tuple[float, float]:
 
 def draw_history(canvas: Canvas, results: Sequence[Result]) -> Tips:
     """One row per joint: its stiffness in each campaign."""
-    found = drifts(results)
+    found = trends(results)
     canvas.set_size_inches(5.6, 0.7 + 0.85 * len(found))
     views = canvas.subplots(len(found), 1, sharex=True, squeeze=False)[:, 0]
     tips = {}
