@@ -97,17 +97,17 @@ def counted(games: Sequence[Game]) -> Iterable[tuple[str, float, str]]:
     apart = [game for game in rivals if (game.first.apart or 0.0) >= APART]
     soon = [game for game in apart if game.answers[0].sigmas[1] >= APART]
     for what, some in (
-        (f"rivals that up to four poses separate by {APART} sigmas", apart),
-        (f"rivals that the first pose separates by {APART} sigmas", soon),
-        ("rivals, all for which a pose is proposed", rivals),
-        ("no rival, but something open, a pose is proposed", others),
+        (f"rivals that four poses separate by {APART}", apart),
+        (f"rivals that the first pose separates by {APART}", soon),
+        ("all rivals with a pose proposed", rivals),
+        ("no rival, a pose proposed", others),
     ):
-        for most, within in ((1, "one pose"), (MOST, "up to four")):
+        for most, within in ((1, "one pose"), (2, "up to two"), (MOST, "up to four")):
             yield _row(f"{what}: settled by {within}", [g.within(most, settled) for g in some])
             yield _row("  name right and certain", [g.within(most, certain) for g in some])
     left = Counter(_reason(g) for g in apart if not g.within(1, settled))
     for why, count in left.most_common():
-        yield f"not settled by one pose: {why}", count, f"of {len(apart)}"
+        yield f"by one pose not: {why}", count, f"of {len(apart)}"
     left = Counter(_reason(g, 0) for g in opened if g.first.apart is None)
     for why, count in left.most_common():
         yield f"nothing to propose: {why}", count, f"of {len(opened)} ambiguous"
@@ -167,7 +167,7 @@ def _promises(opened: Sequence[Game]) -> Iterable[tuple[str, float, str]]:
         then = _odds(game.answers[1].score)
         kept.append(then.get(true, 0.0) > 20 * then.get(other, 0.0))
     mean = float(np.mean(promised)) if promised else np.nan
-    yield "promised: the true one of the closest pair leads by 20 to 1", mean, "mean probability"
+    yield "promised: the true one of a pair leads by 20 to 1", mean, "mean probability"
     yield _row("  kept", kept)
 
 
