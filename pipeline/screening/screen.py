@@ -15,6 +15,8 @@ from pipeline.screening.labels import labels
 from pipeline.screening.outliers import noise_scale, outlier
 from pipeline.screening.pulls import force_unit, reversed_pull
 from pipeline.screening.reflectors import base_outlier
+from pipeline.screening.rows import wrong_rows
+from pipeline.screening.targets import base_target
 from pipeline.stages.contrasts import Zeros, repeated_zeros
 from pipeline.stages.estimate import identify
 
@@ -45,6 +47,7 @@ def screen(case: Case, reduced: Reduced) -> Screened:
     findings: list[Finding] = []
     brought = case
     if case.settings.displacements is None:
+        case = _put_right(case, wrong_rows(case), findings)
         case = _put_right(case, conventions(case), findings)
         case = _put_right(case, labels(case), findings)
     for _ in range(MOST):
@@ -113,6 +116,7 @@ def _asked(
         yield chain_outlier(case)
         zeros, spread = _scatter(case, reduced, system, estimate)
         yield base_outlier(reduced.registration, spread[0])
+        yield base_target(case, reduced.registration, spread[0])
         yield outlier(case, reduced, zeros, system, estimate, spread)
 
 
