@@ -25,8 +25,9 @@ from pipeline.stages.contrasts import Stack, Zeros, pure_error, stacked
 from pipeline.stages.whiten import Whitener, whitener
 
 FAMILY = 7e-4
-"""Probability that chance makes any reading of a clean campaign an outlier, in each of four tests:
-of readings of the poses, of readings of the base, of whole base reflectors and of the chain."""
+"""Probability that chance makes any reading of a clean campaign an outlier, in each of five tests:
+of readings of the poses, of readings of the base, of whole base reflectors, of the chain and of
+the scale."""
 
 SMALLEST_M = 8e-5
 """A reading off by less than this is not worth being named."""

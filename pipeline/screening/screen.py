@@ -16,6 +16,7 @@ from pipeline.screening.outliers import noise_scale, outlier
 from pipeline.screening.pulls import force_unit, reversed_pull
 from pipeline.screening.reflectors import base_outlier
 from pipeline.screening.rows import wrong_rows
+from pipeline.screening.scale import scale_outlier
 from pipeline.screening.targets import base_target
 from pipeline.stages.contrasts import Zeros, repeated_zeros
 from pipeline.stages.estimate import identify
@@ -91,8 +92,10 @@ def acquit(
         reduced = bring(case)
         cell = case.cell.with_effects(*causes)
         system, estimate = identify(cell, reduced.data, extended.value)
-        zeros, spread = _scatter(case, reduced, system, estimate)
-        found = outlier(case, reduced, zeros, system, estimate, spread)
+        found = scale_outlier(case, cell, reduced.data, system, estimate)
+        if not found:
+            zeros, spread = _scatter(case, reduced, system, estimate)
+            found = outlier(case, reduced, zeros, system, estimate, spread)
         case = _put_right(case, found, kept)
         if not found:
             break
@@ -110,6 +113,8 @@ def _asked(
     case: Case, reduced: Reduced, system: System, estimate: Estimate
 ) -> Iterator[list[Finding]]:
     """What is found, the cheapest and grossest questions first."""
+    if case.settings.displacements is None:
+        yield scale_outlier(case, case.cell, reduced.data, system, estimate)
     yield reversed_pull(case, estimate)
     yield force_unit(case, estimate)
     if case.settings.displacements is None:

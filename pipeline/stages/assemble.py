@@ -268,6 +268,13 @@ def _moved(cell: Cell, data: Measured, values: Array, modes: Array) -> Array:
     return -_force_differences(cell, data, values, modes)
 
 
+def by_force(cell: Cell, data: Measured, values: Array) -> Array:
+    """What one newton more along each pull moves, shape (3 d,) [m/N]; rows as in `assemble`."""
+    force = data.pulls.force
+    along = (force / np.linalg.norm(force, axis=1, keepdims=True))[:, None, :]
+    return _force_differences(cell, data, values, along)[..., 0].ravel()
+
+
 def _turned(cell: Cell, data: Measured, values: Array, turns: Array) -> Array:
     """What small rotations (r, 3) [rad] of the tracker do: displacement and force turn together."""
     moved = np.stack([np.cross(turn, data.delta) for turn in turns], axis=-1)

@@ -1,0 +1,99 @@
+"""One mistyped reading of the scale is named with its place; what force or joints do is not."""
+
+import numpy as np
+import pytest
+
+from pipeline.campaign import in_memory
+from pipeline.run import ingested
+from pipeline.screening.case import bring, conformed, plain
+from pipeline.screening.fit import fit
+from pipeline.screening.screen import screen
+from pipeline.simulate import Plan, revised, simulate
+
+PLAN = Plan(name="typed", seed=12, poses={"count": 9}, pulls={"steps_n": [1500.0, 3000.0]})
+LINE = 8
+"""Of loads.csv: pose 4, first pull."""
+
+
+def campaign(*effects, **changes):
+    """A campaign of nine poses, each pulled twice."""
+    return simulate(revised(PLAN, {"hidden": {"effects": list(effects)}, **changes}))
+
+
+def mistyped(files, change, line=LINE):
+    """The same with another number for the force in a line of the scale's log."""
+    rows = files["loads.csv"].decode().splitlines()
+    column = rows[0].split(",").index("force_n")
+    cells = rows[line - 1].split(",")
+    cells[column] = change(cells[column])
+    rows[line - 1] = ",".join(cells)
+    return {**files, "loads.csv": "\n".join(rows).encode()}
+
+
+def screened(files):
+    case = ingested(in_memory(files), conformed, plain, plausible=False)
+    return screen(case, bring(case))
+
+
+def times(factor):
+    return lambda typed: str(factor * float(typed))
+
+
+def exchanged(typed):
+    """The first two digits the other way round."""
+    assert typed[0] != typed[1]
+    return typed[1] + typed[0] + typed[2:]
+
+
+@pytest.mark.parametrize(
+    ("change", "changes"),
+    [
+        (times(10), {}),
+        (times(2), {"tracker": {"stated": False}}),
+        (exchanged, {}),
+        (times(1.1), {}),
+    ],
+    ids=["ten times", "twice, no noise stated", "digits exchanged", "a tenth more"],
+)
+def test_a_mistyped_reading_is_named_and_left_out(change, changes):
+    """With its group and line, and the stiffnesses without it are those of the machine."""
+    made = campaign(**changes)
+
+    said = screened(mistyped(made.files, change))
+
+    assert [(f.name, f.where) for f in said.findings] == [("outlier", "loads.csv pose04 rep1")]
+    (finding,) = said.findings
+    assert f"(line {LINE})" in finding.evidence
+    right = next(p["force_n"] for p in made.truth["pulls"] if (p["pose"], p["repeat"]) == (4, 1))
+    fits = float(finding.evidence.split("and ")[-1].split(" +-")[0])
+    assert fits == pytest.approx(np.linalg.norm(right), rel=0.03)
+    found = fit(said.case, bring(said.case)).estimate
+    truth = np.array([1 / joint["value"] for joint in made.truth["stiffness"]])
+    assert np.all(np.abs(found.value - truth) < 4 * found.std)
+
+
+def test_it_is_named_beside_a_fault_of_the_model():
+    """Twice the force in one line, while the rail has backlash that nobody told about."""
+    said = screened(mistyped(campaign("rail_backlash").files, times(2)))
+
+    assert [f.where for f in said.findings] == ["loads.csv pose04 rep1"]
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        "scale_curvature=8x",
+        "scale_zero=8x",
+        "joint_hysteresis:2=4x",
+    ],
+)
+def test_what_is_wrong_in_many_pulls_is_no_mistyped_reading(effect):
+    """A scale that is bent, or a joint with play, spoils all pulls alike."""
+    assert not screened(campaign(effect).files).findings
+
+
+def test_a_bad_reading_of_the_tracker_is_not_laid_on_the_scale():
+    """One reflector 2 mm off contradicts its own pull more than any force could mend."""
+    said = screened(campaign("outlier:pose04_rep1_loaded/P2=2e-3").files)
+
+    assert [f.where for f in said.findings] == ["pose04_rep1_loaded/P2"]
