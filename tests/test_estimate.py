@@ -8,7 +8,7 @@ import scipy.sparse
 from scipy import stats
 
 from pipeline.results import Errors, Parameter, Rows, System
-from pipeline.stages.estimate import left_out, solve
+from pipeline.stages.estimate import identifiable, left_out, solve
 from pipeline.stages.whiten import whitener
 
 X = np.array([1.25e-8, 2.6e-7, 2.1e-6])
@@ -164,3 +164,12 @@ def test_weak_data_are_said_to_be_weak(rng):
 
     assert found.identifiable.tolist() == [False, True, True]
     assert np.isfinite(found.std).all()
+
+
+def test_a_large_estimate_of_what_hardly_shows_is_scatter():
+    """2.6 sigmas are enough at twice the typical size, not where one sigma is nine of them."""
+    typical = np.ones(4)
+
+    told = identifiable(typical, np.array([0.1, 2.6, 23.4, 45.0]), np.array([0.4, 1.0, 9.0, 9.0]))
+
+    assert told.tolist() == [True, True, False, True]

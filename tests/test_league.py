@@ -364,8 +364,12 @@ def cause(
 def answer(verdict, *causes, next_poses=()):
     """result.json, as far as the judge opens it."""
     return {
-        "diagnosis": {"verdict": verdict, "causes": causes, "next_poses": list(next_poses)},
-        "extended": {"fit": {"chi2": 400.0, "dof": 100}},
+        "diagnosis": {
+            "verdict": verdict,
+            "causes": causes,
+            "next_poses": list(next_poses),
+            "detection": {"remainder_over_scatter": 2.0},
+        },
         "validation": {"held_out_rms_mm": 0.2},
     }
 

@@ -7,15 +7,22 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from pipeline import campaign as campaigns
+from pipeline.campaign import in_memory
 from pipeline.errors import InputError
-from pipeline.run import run
+from pipeline.league.play import Rules, drawn, play
+from pipeline.robot import load
+from pipeline.run import ingested, run
+from pipeline.screening.case import bring, conformed, plain
+from pipeline.screening.fit import fit
 from pipeline.simulate import Plan, revised, simulate
+from pipeline.stages.estimate import identify
 from pipeline.tables import DISPLACEMENTS, FORCES
 
 PROJECT = Path(__file__).parents[1]
@@ -300,3 +307,20 @@ def test_exchanged_names_are_told_and_the_corrected_result_stands_beside(tmp_pat
     assert answer["diagnosis"]["causes"][0]["where"] == "pose03_rep1_loaded"
     right = [entry["value"] for entry in answer["extended"]["stiffness"]]
     assert right[1:4] == pytest.approx(TABLE_III[1:4], rel=0.02)
+
+
+def test_what_the_undeformed_robot_leaves_out_biases_no_stiffness():
+    """A machine in real equilibrium, read without scatter: c = B x alone is off by a sigma."""
+    rules = Rules(scale_n=0.0, tool_m=0.0)
+    robot = load("kr500_rail")
+    plan = replace(drawn(robot, np.random.default_rng(2), rules), scatter=0.0)
+    game = play(robot, plan, [], np.random.default_rng(12), rules)
+    case = ingested(in_memory(game.files), conformed, plain)
+    told = fit(case, bring(case))
+    _, without = identify(told.case.cell, replace(told.data, bends=False), robot.nominal_compliance)
+
+    def off(estimate):
+        return np.abs(estimate.value - 1 / np.array(game.truth["stiffness"])) / estimate.std
+
+    assert off(told.estimate).max() < 0.3
+    assert off(without).max() > 1

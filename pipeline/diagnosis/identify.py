@@ -70,8 +70,11 @@ class Case:
 
     def look(self, seen: Sight, doubt: Sequence[int] = ()) -> View:
         """What is seen, weighed by the scatter found; the laws of `doubt` hold only roughly."""
-        laws = [(i, self.suspects[i].tolerance) for i in doubt]
-        return look(seen, self.noise, self.force_noise, laws)
+        return look(seen, self.noise, self.force_noise, self.laws(doubt))
+
+    def laws(self, doubt: Sequence[int]) -> list[tuple[int, float]]:
+        """Suspects, each with the fraction to which its law is known."""
+        return [(i, self.suspects[i].tolerance) for i in doubt]
 
     def only(self, accepted: tuple[int, ...]) -> Case:
         """The case that asks about the accepted causes alone, which are then 0, 1, 2."""

@@ -19,6 +19,9 @@ from pipeline.effects.tracker_drift import HOUR_S
 CERTAIN = 0.95
 """A cause less probable than this among its rivals is not named singly."""
 
+NOTICED = 1.15
+"""What is left over the scatter of the readings, from which it is more than chance, and said."""
+
 UNKNOWN = 0.5
 """What has no name stands where a cause was sought if it is likelier than this."""
 
@@ -69,26 +72,25 @@ def _of_displacements(
         return "adequate", "The joint springs explain what was measured."
     if not found.accepted:
         return "unexplained", "Something is missing from the model, and no known cause explains it."
-    names = " and ".join(cause.effect.label for cause in causes if cause.gain is not None)
-    if found.rough > ROUGH:
-        return (
-            "unexplained",
-            f"{names} explains most, but what is left is {found.rough:.1f} times the scatter "
-            "of the readings: the place is likely, the law is another.",
-        )
-    if not found.clean:
-        return "unexplained", f"Beside {names} something remains that no known cause explains."
+    named = [cause.effect.label for cause in causes if cause.gain is not None]
+    names, s = " and ".join(named), "s" if len(named) == 1 else ""
     stranger = found.stranger
     unnamed = stranger.probability if stranger else 0.0
     looks = found.wide.suspects[stranger.suspect].signature if stranger else ""
+    if not found.explains:
+        return "unexplained", _left_over(found, worth, names, s, looks if unnamed > UNKNOWN else "")
     if unnamed > UNKNOWN:
         return (
             "unexplained",
-            f"{names} comes nearest, but something that the catalogue has no name for explains "
+            f"{names} come{s} nearest, but something that the catalogue has no name for explains "
             f"more: it looks like {looks}.",
         )
     if worth is not None and worth.ci95[0] <= 0:
-        return "ambiguous", f"{names} fits, but does not predict left-out poses better for certain."
+        does = "does" if s else "do"
+        return (
+            "ambiguous",
+            f"{names} fit{s}, but {does} not predict left-out poses better for certain.",
+        )
     twice = _two_laws(found, causes)
     if twice:
         return (
@@ -113,8 +115,26 @@ def _of_displacements(
         )
     return (
         "explained",
-        f"With {names} in the model nothing is left but the scatter of the readings.",
+        f"With {names} in the model nothing is left but the scatter of the readings."
+        if found.rough < NOTICED
+        else f"With {names} in the model {found.rough:.1f} times the scatter of the readings is "
+        "left: as much as the laws of the causes may be others.",
     )
+
+
+def _left_over(found: Found, worth: Gain | None, names: str, s: str, looks: str) -> str:
+    """Sentence of causes that do not explain the data; `s` is the ending of their verb."""
+    left = f"what is left is {found.rough:.1f} times the scatter of the readings"
+    if looks:
+        return (
+            f"{names} come{s} nearest, but {left}, and something that the catalogue has no name "
+            f"for explains more: it looks like {looks}."
+        )
+    if worth is None or worth.ci95[0] <= 0:
+        return f"{names} come{s} nearest, but {left}: neither place nor law is certain."
+    if found.rough > ROUGH:
+        return f"{names} explain{s} most, but {left}: the place is likely, the law is another."
+    return f"Beside {names} something remains that no known cause explains."
 
 
 def _two_laws(found: Found, causes: Sequence[Cause]) -> int | str | None:

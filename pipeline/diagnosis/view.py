@@ -8,7 +8,7 @@ and of its part from each pose.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -150,6 +150,28 @@ def look(
     kin = [_kin(seen, accepted, fraction) for accepted, fraction in doubt]
     more = np.concatenate([np.zeros((len(seen.rows), 0)), *kin], axis=1)
     return _view(seen, more, white, noise, spread)
+
+
+def with_laws(seen: Sight, errors: Errors, doubt: Sequence[tuple[int, float]]) -> Errors:
+    """Errors of c with what is not known of the laws of accepted causes, source `law`.
+
+    Args:
+        seen: The campaign linearised at a model.
+        errors: Its errors without the laws.
+        doubt: Accepted suspects, each with the fraction to which its law is known.
+    """
+    wide = _widened(replace(seen, errors=errors), doubt, 1.0)
+    kin = scipy.sparse.csr_array(
+        np.concatenate(
+            [np.zeros((len(seen.rows), 0)), *(_kin(seen, *one) for one in doubt)], axis=1
+        )
+    )
+    more = kin.shape[1]
+    return Errors(
+        G=scipy.sparse.hstack([wide.G, kin], format="csr"),
+        source=np.concatenate([wide.source, np.full(more, "law", dtype=object)]),
+        common=np.concatenate([wide.common, np.ones(more, dtype=bool)]),
+    )
 
 
 def _kin(seen: Sight, accepted: int, fraction: float) -> Array:

@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from pipeline.diagnosis.isolability import Twins
 
 Json = Mapping[str, Any]
@@ -137,7 +135,6 @@ def score(truth: Json, answer: Json | None, known: Twins) -> Score:
     stated = tuple(said for cause in causes for said in _stated(cause, want, known))
     listed = got | {said.label for said in stated if said.probability > LISTED}
     worth = causes[0]["gain"] if causes else None
-    fit = answer["extended"]["fit"]
     return Score(
         verdict=diagnosis["verdict"],
         named=tuple(label(cause) for cause in causes),
@@ -149,7 +146,7 @@ def score(truth: Json, answer: Json | None, known: Twins) -> Score:
         sizes=tuple(size for cause in causes for size in _sizes(cause, secrets)),
         gain=(worth["reduction"], *worth["ci95"]) if worth and worth["ci95"] else None,
         left_out_mm=answer["validation"]["held_out_rms_mm"],
-        remainder=float(np.sqrt(fit["chi2"] / fit["dof"])) if fit["dof"] else None,
+        remainder=diagnosis["detection"]["remainder_over_scatter"],
         apart=_apart(diagnosis["next_poses"]),
     )
 

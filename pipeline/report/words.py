@@ -47,6 +47,8 @@ SOURCES = {
     "force_reading": "scale readings",
     "force reading": "scale readings",
     "force_gain": "gain of the scale",
+    "law": "law of the named causes",
+    "second_order": "deflected geometry, which c = B x leaves out",
     "force gain": "gain of the scale",
     "direction": "direction of the chain",
     "registration": "registration into the base frame",

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from pipeline.cell import Cell, predict
+from pipeline.cell import Cell
 from pipeline.result.numbers import rms_mm
 from pipeline.results import Estimate
-from pipeline.stages.assemble import Measured
+from pipeline.stages.assemble import Measured, second_order
 
 SURE = 0.01
 """A misfit that chance produces less often than this is a misfit."""
@@ -56,11 +55,7 @@ def second_order_mm(cell: Cell, data: Measured, estimate: Estimate) -> float:
     n = len(cell.parameters)  # the springs stand first
     known = estimate.identifiable[:n] & (estimate.value[:n] > 0)
     x = np.where(known, estimate.value[:n], cell.robot.nominal_compliance)
-    flat, bent = (
-        predict(replace(cell, equilibrium=kind), data.pulls, x).displacement
-        for kind in ("undeformed", "deformed")
-    )
-    return rms_mm((bent - flat)[data.pull, data.target])
+    return rms_mm(second_order(cell, data, x))
 
 
 def noise_statement(estimate: Estimate) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -37,16 +38,20 @@ def validation_entry(
 
 
 def deflection_entries(cell: Cell, estimate: Known, where: Where) -> list[dict[str, Any]]:
-    """Predicted deflection at the test pose with its standard uncertainty."""
+    """Predicted deflection at the test pose with its standard uncertainty.
+
+    Where the geometry is that of the undeformed robot, the uncertainty holds what this leaves out.
+    """
     unset, zero = np.zeros(1), np.zeros(1, dtype=np.int64)
     pulls = Pulls(zero, zero, where.q[None], where.force[None], unset, unset, unset, unset)
-    moved = predict(cell, pulls, estimate.value).displacement[0]
+    kinds = (cell, replace(cell, equilibrium="deformed"))
+    moved, bent = (predict(one, pulls, estimate.value).displacement[0] for one in kinds)
     A = jacobian(cell, pulls, estimate.value)[0]
     known = np.isfinite(estimate.std)
     cov = estimate.cov[np.ix_(known, known)]
     out = []
-    for name, move, rows in zip(cell.tool.targets, 1e3 * moved, A, strict=True):
-        std = 1e3 * np.sqrt(np.diag(rows[:, known] @ cov @ rows[:, known].T))
+    for name, move, rows, more in zip(cell.tool.targets, 1e3 * moved, A, bent - moved, strict=True):
+        std = 1e3 * np.sqrt(np.diag(rows[:, known] @ cov @ rows[:, known].T) + more**2)
         axes = dict(zip(("dx_mm", "dy_mm", "dz_mm"), move.tolist(), strict=True))
         out.append({"target": name, **axes, "std_mm": std.tolist()})
     return out

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pipeline.results import Estimate, System
 from pipeline.screening.case import Case, Reduced
@@ -35,6 +35,7 @@ class Fitted:
 def fit(case: Case, reduced: Reduced) -> Fitted:
     """Identify the joint springs; where the noise is found larger than stated, with that noise."""
     data, start = reduced.data, case.robot.nominal_compliance
+    data = replace(data, bends=data.noise_stated)  # else the residuals' scatter holds it already
     system, estimate = identify(case.cell, data, start)
     data = data.in_metres(system.found_m)
     found = noise(case.settings, case.cell, reduced.placed, data, system, estimate)

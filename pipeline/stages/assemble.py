@@ -45,6 +45,7 @@ class Measured(Locked):
             of zeros and directions.
         rotation_found: Whether `rotation_cov` rests on the scatter of the base reflectors.
         found_m: What the relative ones have been multiplied by [m], None if by nothing.
+        bends: Whether what an undeformed cell leaves out, the robot's own deflection, is an error.
         tool_std: Standard uncertainty per axis of the tool's nominal points [m].
         joint_std: Standard uncertainty of the joints' zeros [m] or [rad], shape (n,).
     """
@@ -67,6 +68,7 @@ class Measured(Locked):
     joint_std: Array = field(default_factory=lambda: np.zeros(0))
     rotation_found: bool = False
     found_m: float | None = None
+    bends: bool = False
 
     def scaled(self, factor: float) -> Measured:
         """The same with the standard uncertainties of readings, zeros, directions multiplied."""
@@ -204,7 +206,8 @@ def _rows(data: Measured) -> Rows:
 def errors(cell: Cell, data: Measured, values: Array) -> Errors:
     """G of c = B x + G e: tracker, shared zero, force (reading, direction, gain), frame, geometry.
 
-    All in metres, but what is in proportion to a noise of the tracker that nobody stated.
+    All in metres, but what is in proportion to a noise of the tracker that nobody stated. Last,
+    where it counts, what c = B x leaves out: the geometry of the deflected robot, once.
     """
     d, m = len(data.pull), len(data.pulls)
     blocks = [
@@ -226,6 +229,9 @@ def errors(cell: Cell, data: Measured, values: Array) -> Errors:
         _Block("force_gain", True, moved[..., 4:], np.zeros(d, int), 1),
         _Block("geometry", True, _geometry(cell, data, values), np.zeros(d, int), 1),
     ]
+    if data.bends and cell.equilibrium == "undeformed":
+        bent = second_order(cell, data, values)[..., None]
+        blocks.append(_Block("second_order", True, bent, np.zeros(d, int), 1))
     parts = [_sparse(block) for block in blocks]
     return Errors(
         G=scipy.sparse.hstack([part for part, *_ in parts], format="csr"),
@@ -294,6 +300,15 @@ def _geometry(cell: Cell, data: Measured, values: Array) -> Array:
     if not modes:
         return np.zeros((len(data.pull), 3, 0))
     return np.stack([mode[data.pull, data.target] for mode in modes], axis=-1)
+
+
+def second_order(cell: Cell, data: Measured, values: Array) -> Array:
+    """How the deflected robot's geometry moves the targets beyond c = B x, shape (d, 3) [m]."""
+    flat, bent = (
+        predict(replace(cell, equilibrium=kind), data.pulls, values).displacement
+        for kind in ("undeformed", "deformed")
+    )
+    return np.asarray((bent - flat)[data.pull, data.target])
 
 
 def _with_points(cell: Cell, points: Array) -> Cell:

@@ -26,7 +26,7 @@ from pipeline.diagnosis.standing import Standing, as_stiff, corrected, standing
 from pipeline.diagnosis.undecided import next_poses
 from pipeline.diagnosis.unloaded import student
 from pipeline.diagnosis.verdict import Amplitude, Cause, Diagnosis, Named
-from pipeline.diagnosis.view import View
+from pipeline.diagnosis.view import View, with_laws
 from pipeline.effects import Effect, Noise, Pulls, catalogue
 from pipeline.effects.nameless import nameless
 from pipeline.results import Array, Estimate, System
@@ -98,6 +98,7 @@ def diagnose(
         threshold=found.threshold.p,
         lack_of_fit=(found.lack_first.p_poses, found.lack_first.p_pulls),
         remainder=(found.lack.p_poses, found.lack.p_pulls, found.left),
+        rough=found.rough,
         misfits=misfits(found.first),
         scatter=spread,
         equilibrium=case.cell.equilibrium,
@@ -150,7 +151,7 @@ def case_of(
     known = known or twins(cell.robot)
     never = {*known.unmoved, *known.of_stiffness}
     suspects = tuple(e for e in whole if not isinstance(e, Noise) and e.label not in never)
-    data = replace(data, tool_std=data.tool_std or POINTS_M)
+    data = replace(data, tool_std=data.tool_std or POINTS_M, bends=False)
     plain = Case(replace(cell, equilibrium="undeformed"), data, suspects, 1.0)
     start = plain.model((), estimate.value)
     seen = plain.sight(start)
@@ -295,12 +296,18 @@ def _extended(
     """
     if not found.accepted and not moved:
         return None, None, ()
-    system, estimate = _solved(case, found.view.model)
+    system, estimate = _solved(case, found.view.model, found.seen)
     return system, *hedged(estimate, _instead(case, found))
 
 
-def _solved(case: Case, model: Model) -> tuple[System, Estimate]:
-    """Springs and causes as one linear system about the model's values, and its solution."""
+def _solved(case: Case, model: Model, seen: Sight) -> tuple[System, Estimate]:
+    """Springs and causes as one linear system about the model's values, and its solution.
+
+    Args:
+        case: The case.
+        model: Where it is linearised.
+        seen: The campaign seen from there, for how far the laws of the causes may be others.
+    """
     flat = replace(model.cell, equilibrium="undeformed")
     system = assemble(flat, case.data, model.values)
     bent = predict(model.cell, case.data.pulls, model.values).displacement
@@ -308,7 +315,10 @@ def _solved(case: Case, model: Model) -> tuple[System, Estimate]:
     c = system.c - bent[case.data.pull, case.data.target].ravel()
     scale = np.where(system.errors.source == "force_reading", case.force_noise, 1.0) * case.noise
     G = scipy.sparse.csr_array(system.errors.G @ scipy.sparse.diags_array(scale))
-    system = replace(system, c=c, errors=replace(system.errors, G=G))
+    errors = replace(system.errors, G=G)
+    if model.accepted:
+        errors = with_laws(seen, errors, case.laws(model.accepted))
+    system = replace(system, c=c, errors=errors)
     return system, solve(system, model.values)
 
 
@@ -322,5 +332,6 @@ def _instead(case: Case, found: Found) -> Iterator[Instead]:
                 continue
             others = (*accepted[:place], rival.suspect, *accepted[place + 1 :])
             start = found.view.model.values[:springs]
-            _, estimate = _solved(case, case.estimated(others, start, found.seen))
+            seen = case.fitted(others, start, found.seen)
+            _, estimate = _solved(case, seen.model, seen)
             yield Instead(mine, rival.label, estimate.value[:springs], estimate.std[:springs])

@@ -59,8 +59,13 @@ def solve(system: System, start: Array, white: Whitener | None = None) -> Estima
 
 
 def identifiable(typical: Array, value: Array, std: Array) -> Bools:
-    """Parameters known to better than half their size, the typical or the estimated one, (k,)."""
-    return np.asarray(2 * std < np.maximum(typical, np.abs(value)), dtype=bool)
+    """Parameters known to better than half their size, the typical or the estimated one, (k,).
+
+    Where the uncertainty is several typical sizes, an estimate as large is likely scatter: it must
+    be known to a quarter.
+    """
+    size = np.abs(value) / np.where(std > 3 * typical, 2, 1)
+    return np.asarray(2 * std < np.maximum(typical, size), dtype=bool)
 
 
 def least_squares(

@@ -7,6 +7,8 @@ from pipeline.report.record import Column, Entry, Section, Table, Text, entry, t
 from pipeline.report.sections._tree import at, items
 from pipeline.report.summaries import Result
 
+LEFT_OUT = " and is left out of c = B x; where noise is stated, the uncertainties hold it."
+
 METHOD = (
     "Loaded minus unloaded reflector positions c, Eq. (20), are explained by one linear spring per "
     "joint, c = B x with the compliances x, Eqs. (6), (7), (19). The compliances come from "
@@ -27,10 +29,8 @@ def method(result: Result) -> Section:
         said += " The geometry is that of the unloaded robot."
     second = at(result, "fit", "second_order_rms_mm")
     if known(second):
-        said += (
-            f" The second order in the load amounts to {plain(second, 2)} mm rms"
-            f"{'.' if equilibrium == 'deformed' else ' and is left out.'}"
-        )
+        said += f" The second order in the load amounts to {plain(second, 2)} mm rms"
+        said += "." if equilibrium == "deformed" else LEFT_OUT
     blocks = [Text(said), _assumptions(result), _inputs(result), _versions(result)]
     return Section(
         "method",
