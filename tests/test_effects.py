@@ -310,6 +310,27 @@ def test_backlash_depends_on_where_the_carriage_came_from(bench):
     )
 
 
+def test_a_carriage_held_by_friction_stays_unless_it_is_pulled_over(bench):
+    """Pulled across the rail it stays; along it, over the whole play, the way that is free."""
+    cell, pulls, _ = bench
+    held = next(
+        e
+        for e in EFFECTS
+        if e.name == "rail_backlash" and e.form == "held by friction until pulled over"
+    )
+    names = ("pose", "repeat", "q", "branch", "time", "time_zero")
+    three = replace(
+        pulls,
+        **{name: getattr(pulls, name)[:3] for name in names},
+        force=np.array([[2500.0, 0, 100], [0, 2500.0, 0], [0, -2500.0, 0]]),
+        approach=np.ones(3),
+    )
+
+    moved = forward.predict(replace(cell, effects=(held,)), three, np.array([2e-4])).displacement
+
+    np.testing.assert_allclose(moved[:, 0], [[0] * 3, [0, 2e-4, 0], [0] * 3], atol=1e-9)
+
+
 def test_sliding_friction_follows_its_differential_equation(bench):
     """Dahl's friction, closed in exponentials, is what small steps along the loads give."""
     torque = np.array([1.2, 0.4, -0.9, 2.0, 0.3, 0.8])

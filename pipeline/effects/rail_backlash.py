@@ -4,8 +4,14 @@ Where the carriage came to rest within the play decides how far it can go:
 
     travel along the rail = b (s(f_y) - rest) / 2,   s(f) = tanh(f / f_0),
 
-with rest = +1 at the end of the play that a positive pull runs into, -1 at the other one.
+with rest = +1 at the end of the play that a positive pull runs into, -1 at the other one. So it
+is where nothing holds the carriage but the flanks. Where friction holds it, a pull across the rail
+leaves it there, and only one that it can give way to takes it over:
+
+    travel along the rail = -rest b s(max(-rest f_y, 0)).
 """
+
+from collections.abc import Callable
 
 import numpy as np
 
@@ -16,20 +22,37 @@ from pipeline.robot import Robot
 
 FULL_PLAY_FORCE_N = 150.0
 
-REST = {"held by friction": -1.0, "held by the brake": 1.0, "centred": 0.0}
-"""Where the carriage rests after coming along +y: friction stops it with the pushing flank in
-contact, a braking drive with the other one; centred when nothing says which."""
+FRICTION_N = 300.0
+"""Pull along the rail that takes a carriage over against its friction."""
+
+
+def _between_flanks(force: Array, start: Array) -> Array:
+    return np.asarray((np.tanh(force / FULL_PLAY_FORCE_N) - start) / 2)
+
+
+def _against_friction(force: Array, start: Array) -> Array:
+    return np.asarray(-start * np.tanh(np.maximum(-start * force, 0.0) / FRICTION_N))
+
+
+FORMS: dict[str, tuple[float, Callable[[Array, Array], Array]]] = {
+    "held by friction": (-1.0, _between_flanks),
+    "held by the brake": (1.0, _between_flanks),
+    "centred": (0.0, _between_flanks),
+    "held by friction until pulled over": (-1.0, _against_friction),
+    "held by the brake until pulled over": (1.0, _against_friction),
+}
+"""Where the carriage rests after coming along +y, and how it leaves: friction stops it with the
+pushing flank in contact, a braking drive with the other one; centred when nothing says which."""
 
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:
     """The play of the rail's drive, for each way the carriage may come to rest."""
-    return tuple(_effect(form, rest) for form, rest in REST.items()) if rail(robot) else ()
+    return tuple(_effect(form, *law) for form, law in FORMS.items()) if rail(robot) else ()
 
 
-def _effect(form: str, rest: float) -> Elastic:
+def _effect(form: str, rest: float, law: Callable[[Array, Array], Array]) -> Elastic:
     def travel(loaded: Loaded, force: Array) -> Array:
-        start = rest * loaded.pulls.approach[:, None]
-        return (np.tanh(force / FULL_PLAY_FORCE_N) - start) / 2
+        return law(force, rest * loaded.pulls.approach[:, None])
 
     return Elastic(
         name="rail_backlash",
