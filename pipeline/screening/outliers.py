@@ -24,7 +24,7 @@ from pipeline.stages.assemble import Measured
 from pipeline.stages.contrasts import Stack, Zeros, pure_error, stacked
 from pipeline.stages.whiten import Whitener, whitener
 
-FAMILY = 7e-4
+FAMILY = 5e-4
 """Probability that chance makes any reading of a clean campaign an outlier, in each of five tests:
 of readings of the poses, of readings of the base, of whole base reflectors, of the chain and of
 the scale."""

@@ -31,8 +31,9 @@ MATTERS = 0.03
 STATED = 6.0
 """Nor is one off by less than this many stated standard uncertainties of the scale."""
 
-FEWEST = 8
-"""Fewer pulls do not tell which of them is the one."""
+FEWEST, MOST = 8, 1000
+"""Fewer pulls do not tell which of them is the one; more are no campaign by hand, and each is a
+column."""
 
 DOMINATES = 4.0
 """A mistyped reading stands out this much more than any other once it is right: what a force law
@@ -80,7 +81,7 @@ def scale_outlier(
         estimate: Its solution.
     """
     pulls = len(data.pulls)
-    if pulls < FEWEST:
+    if not FEWEST <= pulls <= MOST:
         return []
     freed = _freed(cell, data, system, estimate, whitener(system.errors, system.rows.pose))
     best = int(np.argmax(freed.drop))
