@@ -61,6 +61,15 @@ def test_what_else_could_stand_there_is_said(found):
     assert found.verdict in ("ambiguous", "explained")
 
 
+def test_noise_that_nobody_stated_is_what_the_causes_leave(found):
+    """Without causes 0.22 mm remain, with them 0.12 mm: the intervals rest on the latter."""
+    left = found.estimate.residual
+    whitened = np.sqrt(found.estimate.chi2 / found.estimate.dof)
+
+    assert np.sqrt(np.mean(left**2)) < 0.13e-3
+    assert whitened == pytest.approx(1)
+
+
 def by_hand(fanuc, effect):
     """Part of the left-out rms that one elastic cause takes, by plain least squares."""
     cell, data, system, estimate = fanuc

@@ -98,7 +98,7 @@ def lack_of_fit(view: View, base: Ints, score: Scores) -> Lack:
 
     Without three reflectors nothing is left to take the scatter from, and nothing is found.
     """
-    if view.scatter_dof < 10:
+    if not view.tells_scatter:
         return Lack(1.0, 1.0)
     noise = max(view.scatter / view.scatter_dof, ROUNDING)
     excess, dof = score.rest - view.scatter, score.dof - view.scatter_dof

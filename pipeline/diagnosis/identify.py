@@ -211,7 +211,7 @@ class Found(Locked):
     def rough(self) -> float:
         """What is left with the causes over what the readings scatter; 1 where nobody knows."""
         base = self.plain.base
-        if self.plain.scatter_dof < 10:
+        if not self.plain.tells_scatter:
             return 1.0
         rest = float(eliminate(self.plain.M, base)[-1, -1]) / _dof(self.plain, base)
         return float(np.sqrt(rest * self.plain.scatter_dof / self.plain.scatter))

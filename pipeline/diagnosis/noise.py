@@ -67,7 +67,7 @@ def scatter(view: View, errors: Errors, stated: bool) -> Scatter:
         errors: Its errors as stated.
         stated: False when the campaign states no noise.
     """
-    if view.scatter_dof >= 10:
+    if view.tells_scatter:
         dof, square, source = view.scatter_dof, view.scatter, "rigidity"
     else:
         dof, square, source = _all_suspects_out(view)
@@ -93,7 +93,7 @@ def _force(view: View, errors: Errors) -> tuple[float, float, float]:
         Factor on its stated scatter, relative to the tracker's, its standard uncertainty and its
         p-value; 1, 0 and 1 unless the data say otherwise.
     """
-    if not (errors.source == "force_reading").any() or view.scatter_dof < 10:
+    if not (errors.source == "force_reading").any() or not view.tells_scatter:
         return 1.0, 0.0, 1.0
     loss = _restricted(view, errors)
     if not np.isfinite(loss(0.0)):

@@ -85,6 +85,11 @@ class View(Locked):
         return self._scatter[1]
 
     @property
+    def tells_scatter(self) -> bool:
+        """Whether the rigid effector tells how much the readings scatter."""
+        return self.scatter_dof >= 10
+
+    @property
     def soft_p(self) -> float:
         """Probability of what the reflectors move against each other in proportion to the load.
 

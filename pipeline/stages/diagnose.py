@@ -319,7 +319,13 @@ def _solved(case: Case, model: Model, seen: Sight) -> tuple[System, Estimate]:
     if model.accepted:
         errors = with_laws(seen, errors, case.laws(model.accepted))
     system = replace(system, c=c, errors=errors)
-    return system, solve(system, model.values)
+    estimate = solve(system, model.values)
+    if not case.data.noise_stated and not case.look(seen).tells_scatter and estimate.dof:
+        # the noise was that of the residuals without the causes
+        G = scipy.sparse.csr_array(errors.G * np.sqrt(estimate.chi2 / estimate.dof))
+        system = replace(system, errors=replace(errors, G=G))
+        estimate = solve(system, model.values)
+    return system, estimate
 
 
 def _instead(case: Case, found: Found) -> Iterator[Instead]:
