@@ -14,8 +14,9 @@ from pypdf.generic import DictionaryObject
 
 from pipeline.report import numbers
 from pipeline.report.model import compose
-from pipeline.report.record import Figure, Table
+from pipeline.report.record import Figure, Table, Text
 from pipeline.report.render import pdf, render
+from pipeline.report.sections.stiffness import stiffness
 from pipeline.report.summaries import courses
 
 HOSTILE = (
@@ -454,3 +455,18 @@ def test_figures_on_disk_are_whole_svg_files(files):
         if name.endswith(".svg"):
             assert ET.fromstring(content).tag == "{http://www.w3.org/2000/svg}svg"
             assert b"var(--" not in content
+
+
+def test_what_is_true_of_several_stiffnesses_is_said_once(sample):
+    """Two joints that depend on the same question share a sentence; others keep their own."""
+    result = copy.deepcopy(sample[0])
+    joints = result["stiffness"]
+    for joint, rest in zip(joints, ("hangs on it", "hangs on it", "is free"), strict=False):
+        joint["finding"] = f"{joint['name']} {rest}."
+    first, second, third = (joint["name"] for joint in joints[:3])
+
+    section = stiffness(result, None)
+    said = [block.text for block in section.blocks if isinstance(block, Text)]
+
+    assert f"Each of {first} and {second} hangs on it." in said
+    assert f"{third} is free." in said

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pipeline.report.captions import figures
@@ -39,7 +39,9 @@ def stiffness(result: Result, previous: Result | None) -> Section | None:
     said += [in_words(f) for j in _extended_stiffness(result) if (f := j.get("finding"))]
     since = changes(items(previous, "stiffness"), joints) if previous else []
     said += [_changed(c, str(at(previous, "campaign"))) for c in since if c.sure]
-    findings = [Text(f, "finding") for f in dict.fromkeys(str(f) for f in said if f)]
+    findings = [
+        Text(f, "finding") for f in _of_each(list(dict.fromkeys(str(f) for f in said if f)))
+    ]
     return section_of(
         "stiffness",
         "Joint stiffnesses",
@@ -53,6 +55,20 @@ def stiffness(result: Result, previous: Result | None) -> Section | None:
             _fit_text(result),
         ],
     )
+
+
+def _of_each(said: Sequence[str]) -> list[str]:
+    """Sentences that begin with a stiffness; where several go on alike, one for all of them."""
+    alike: dict[str, list[str]] = {}
+    for sentence in said:
+        name, _, rest = sentence.partition(" ")
+        stiffness = name.startswith("k_")
+        alike.setdefault(rest if stiffness else sentence, []).append(name if stiffness else "")
+    return [rest if names == [""] else f"{_each(names)} {rest}" for rest, names in alike.items()]
+
+
+def _each(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"Each of {', '.join(names[:-1])} and {names[-1]}"
 
 
 def _changed(change: Change, campaign: str) -> str:
