@@ -97,3 +97,24 @@ def test_a_bad_reading_of_the_tracker_is_not_laid_on_the_scale():
     said = screened(campaign("outlier:pose04_rep1_loaded/P2=2e-3").files)
 
     assert [f.where for f in said.findings] == ["pose04_rep1_loaded/P2"]
+
+
+def test_a_tracker_knocked_during_a_pull_is_not_laid_on_the_scale():
+    """All reflectors of one pull are a millimetre further along, and a millimetre to the side."""
+    files = campaign().files
+    rows = [line.split(",") for line in files["tracker.csv"].decode().splitlines()]
+    column = [rows[0].index(f"{axis}_mm") for axis in "xyz"]
+
+    def at(group, target):
+        return np.array([[float(r[c]) for c in column] for r in rows if r[:2] == [group, target]])
+
+    along = at("pose04_rep1_loaded", "P1") - at("pose04_rep0_unloaded", "P1")
+    unit = along[0] / np.linalg.norm(along[0])
+    shift = unit + np.cross(unit, [0, 0, 1])
+    for row in rows:
+        if row[0] == "pose04_rep1_loaded" and row[1] in ("P1", "P2", "P3"):
+            for c, more in zip(column, shift, strict=True):
+                row[c] = f"{float(row[c]) + more:.4f}"
+    knocked = "\n".join(",".join(row) for row in rows).encode()
+
+    assert not screened({**files, "tracker.csv": knocked}).findings
