@@ -133,6 +133,18 @@ def test_what_is_no_wrong_row_is_not_called_one(effect):
     assert not wrong_rows(case_of(files(effect)))
 
 
+def test_a_tracker_knocked_before_the_last_pose_is_no_wrong_row(clean):
+    """All readings of the last pose and the last base round stand 8 mm off together."""
+    rows = [line.split(",") for line in clean["tracker.csv"].decode().splitlines()]
+    column = rows[0].index("z_mm")
+    for row in rows:
+        if row[0].startswith(("pose08", "base_end")):
+            row[column] = f"{float(row[column]) + 8:.4f}"
+    knocked = {**clean, "tracker.csv": "\n".join(",".join(row) for row in rows).encode()}
+
+    assert not wrong_rows(case_of(knocked))
+
+
 def moved_base(campaign, name, axis, off_m):
     """The campaign with one number of [base_frame] written wrong."""
     text = campaign["campaign.toml"].decode()
@@ -169,3 +181,12 @@ def test_where_the_loss_of_another_reflector_would_do_as_well_none_is_named(four
     found = findings(moved_base(files(base_frame=flat), "B2", 2, 0.002))
 
     assert not found
+
+
+def test_three_reflectors_on_one_line_say_nothing_and_stop_nothing():
+    """Without the fourth nobody knows how the tracker stands about that line."""
+    line = {"B1": [1, 0, -0.3], "B2": [1, 8, -0.3], "B3": [1, 16, -0.3], "B4": [-1, 8, 0]}
+
+    found = findings(moved_base(files(base_frame=line), "B2", 1, 0.01))
+
+    assert {f.where for f in found} <= {"B2"}

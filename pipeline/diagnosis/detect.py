@@ -14,7 +14,8 @@ from pipeline.results import Array, Ints
 
 FALSE_ALARM = 0.002
 """For all suspects together. With the two tests of lack of fit, the five of bad readings and the
-tracker's drift 7.5 of 1000 clean campaigns are accused: 1 % holds also where 1000 are counted."""
+tracker's drift 7.5 of 1000 clean campaigns are accused: 1 % holds also where 1000 are counted.
+Scatter above the stated is asked about besides, and is no fault of the model."""
 
 LACK_OF_FIT = 0.001
 """For each of the two tests of lack of fit."""

@@ -12,7 +12,7 @@ from scipy import special
 from pipeline.cell import Cell
 from pipeline.diagnosis.detect import Lack, Threshold, lack_of_fit, threshold
 from pipeline.diagnosis.elimination import coefficients, eliminate
-from pipeline.diagnosis.evidence import Scores, scores
+from pipeline.diagnosis.evidence import ROUNDING, Scores, scores
 from pipeline.diagnosis.sight import Model, Sight, sight
 from pipeline.diagnosis.view import View, look
 from pipeline.effects import Effect
@@ -208,18 +208,19 @@ class Found(Locked):
         return max(self.strange, key=lambda one: one.probability, default=None)
 
     @property
-    def rough(self) -> float:
-        """What is left with the causes over what the readings scatter; 1 where nobody knows."""
+    def rough(self) -> float | None:
+        """What is left with the causes over what the readings scatter; None where nobody knows."""
         base = self.plain.base
         if not self.plain.tells_scatter:
-            return 1.0
+            return None
         rest = float(eliminate(self.plain.M, base)[-1, -1]) / _dof(self.plain, base)
-        return float(np.sqrt(rest * self.plain.scatter_dof / self.plain.scatter))
+        noise = max(self.plain.scatter / self.plain.scatter_dof, ROUNDING)
+        return float(np.sqrt(max(rest, ROUNDING) / noise))
 
     @property
     def explains(self) -> bool:
         """True when causes are accepted that leave nothing but scatter."""
-        return bool(self.accepted) and self.clean and self.rough <= ROUGH
+        return bool(self.accepted) and self.clean and (self.rough or 1.0) <= ROUGH
 
     @property
     def clean(self) -> bool:

@@ -72,7 +72,7 @@ def _of_displacements(
         return "adequate", "The joint springs explain what was measured."
     if not found.accepted:
         return "unexplained", "Something is missing from the model, and no known cause explains it."
-    named = [cause.effect.label for cause in causes if cause.gain is not None]
+    named = [cause.effect.label for cause in causes[: len(found.accepted)]]
     names, s = " and ".join(named), "s" if len(named) == 1 else ""
     stranger = found.stranger
     unnamed = stranger.probability if stranger else 0.0
@@ -116,7 +116,7 @@ def _of_displacements(
     return (
         "explained",
         f"With {names} in the model nothing is left but the scatter of the readings."
-        if found.rough < NOTICED
+        if found.rough is None or found.rough < NOTICED
         else f"With {names} in the model {found.rough:.1f} times the scatter of the readings is "
         "left: as much as the laws of the causes may be others.",
     )
@@ -124,7 +124,12 @@ def _of_displacements(
 
 def _left_over(found: Found, worth: Gain | None, names: str, s: str, looks: str) -> str:
     """Sentence of causes that do not explain the data; `s` is the ending of their verb."""
-    left = f"what is left is {found.rough:.1f} times the scatter of the readings"
+    much = found.rough is not None and found.rough > NOTICED
+    left = (
+        f"what is left is {found.rough:.1f} times the scatter of the readings"
+        if much
+        else "something remains"
+    )
     if looks:
         return (
             f"{names} come{s} nearest, but {left}, and something that the catalogue has no name "
@@ -132,7 +137,7 @@ def _left_over(found: Found, worth: Gain | None, names: str, s: str, looks: str)
         )
     if worth is None or worth.ci95[0] <= 0:
         return f"{names} come{s} nearest, but {left}: neither place nor law is certain."
-    if found.rough > ROUGH:
+    if found.rough is not None and found.rough > ROUGH:
         return f"{names} explain{s} most, but {left}: the place is likely, the law is another."
     return f"Beside {names} something remains that no known cause explains."
 

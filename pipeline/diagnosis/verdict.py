@@ -149,7 +149,7 @@ class Diagnosis(Locked):
         threshold: p below which one suspect is a detection.
         lack_of_fit: p of the tests of lack of fit with the joint springs alone.
         remainder: The same with the causes, and the smallest p of a further suspect.
-        rough: What is left with the causes over what the readings scatter.
+        rough: What is left with the causes over what the readings scatter; None if unknown.
         misfits: Where in the cell the misfit sits, the largest share first.
         scatter: Scatter found over scatter stated.
         equilibrium: `deformed` where the second order in the load fits better.
@@ -177,7 +177,7 @@ class Diagnosis(Locked):
     threshold: float
     lack_of_fit: tuple[float, float]
     remainder: tuple[float, float, float]
-    rough: float
+    rough: float | None
     misfits: tuple[Misfit, ...]
     scatter: Scatter
     equilibrium: str

@@ -2,13 +2,13 @@
 
 Where the carriage came to rest within the play decides how far it can go:
 
-    travel along the rail = b (s(f_y) - rest) / 2,   s(f) = tanh(f / f_0),
+    travel along the rail = b (tanh(f_y / f_0) - rest) / 2,
 
 with rest = +1 at the end of the play that a positive pull runs into, -1 at the other one. So it
 is where nothing holds the carriage but the flanks. Where friction holds it, a pull across the rail
 leaves it there, and only one that it can give way to takes it over:
 
-    travel along the rail = -rest b s(max(-rest f_y, 0)).
+    travel along the rail = -rest b tanh(max(-rest f_y, 0) / f_r).
 """
 
 from collections.abc import Callable
@@ -21,9 +21,10 @@ from pipeline.results import Array, Parameter
 from pipeline.robot import Robot
 
 FULL_PLAY_FORCE_N = 150.0
+"""f_0: with two flanks and nothing else."""
 
 FRICTION_N = 300.0
-"""Pull along the rail that takes a carriage over against its friction."""
+"""f_r: pull along the rail that takes a carriage over against its friction."""
 
 
 def _between_flanks(force: Array, start: Array) -> Array:

@@ -40,7 +40,8 @@ def validation_entry(
 def deflection_entries(cell: Cell, estimate: Known, where: Where) -> list[dict[str, Any]]:
     """Predicted deflection at the test pose with its standard uncertainty.
 
-    Where the geometry is that of the undeformed robot, the uncertainty holds what this leaves out.
+    Where the geometry is that of the undeformed robot, the uncertainty holds all that this leaves
+    out at the test pose.
     """
     unset, zero = np.zeros(1), np.zeros(1, dtype=np.int64)
     pulls = Pulls(zero, zero, where.q[None], where.force[None], unset, unset, unset, unset)

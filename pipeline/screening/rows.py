@@ -14,7 +14,7 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
-from scipy import optimize
+from scipy import optimize, stats
 from scipy.spatial.transform import Rotation
 
 from pipeline.results import Array, Bools, Ints, Locked
@@ -22,7 +22,8 @@ from pipeline.robot import configure
 from pipeline.screening.case import Case
 from pipeline.screening.conventions import rigid, unloaded
 from pipeline.screening.finding import Finding
-from pipeline.stages.register import XYZ
+from pipeline.screening.outliers import FAMILY
+from pipeline.stages.register import XYZ, register
 
 STANDS_OUT = 10.0
 """A wrong row puts the reflectors this many times farther off than the others scatter, ..."""
@@ -33,8 +34,8 @@ LEAST_M = 1e-3
 FEWEST_GOOD = 5
 """Poses that must agree before another is held against them."""
 
-PART = 4
-"""At most one of so many poses has a wrong row."""
+PART, MOST = 4, 12
+"""At most one of so many poses has a wrong row, and no more than so many have."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,12 +100,17 @@ def wrong_rows(case: Case) -> list[Finding]:
     if np.linalg.norm(laid.away[read.zero], axis=1).max() < LEAST_M:
         return []
     out: list[int] = []
-    for _ in range(min((len(read.poses) - 1) // PART, len(read.poses) - FEWEST_GOOD)):
+    for _ in range(min((len(read.poses) - 1) // PART, len(read.poses) - FEWEST_GOOD, MOST)):
         kept = np.setdiff1d(np.arange(len(read.poses)), out)
         out.append(int(kept[np.argmax(laid.stands[kept])]))
         laid = _laid(read, out)
         if np.array_equal(np.flatnonzero(laid.apart), sorted(out)):
-            return [_finding(case, read, laid, k) for k in sorted(out) if _whole(read, laid, k)]
+            wrong = [k for k in sorted(out) if _whole(read, laid, k)]
+            return (
+                []
+                if _knocked(case, read, wrong)
+                else [_finding(case, read, laid, k) for k in wrong]
+            )
     return []
 
 
@@ -173,6 +179,20 @@ def _linear(read: Stand, R: Array, t: Array, off: Array) -> tuple[Array, Array, 
     for k in range(len(off)):
         X[read.target == k, :, 6 + 3 * k : 9 + 3 * k] = turned[read.target == k]
     return at, X, read.seen - at
+
+
+def _knocked(case: Case, read: Stand, wrong: Sequence[int]) -> bool:
+    """Whether the tracker may have been moved before these poses: the base reflectors say so too.
+
+    Only where they are the last that were read.
+    """
+    if case.settings.base_frame is None or not wrong:
+        return False
+    placed = register(case.settings, case.readings)
+    if placed.chi2 is None or stats.chi2.sf(placed.chi2, placed.dof) > FAMILY:
+        return False
+    begun = np.array([np.flatnonzero(read.pose == k)[0] for k in range(len(read.poses))])
+    return set(np.argsort(begun)[-len(wrong) :].tolist()) == set(wrong)
 
 
 def _whole(read: Stand, laid: Laid, k: int) -> bool:

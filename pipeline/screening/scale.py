@@ -170,7 +170,10 @@ def _reading(data: Measured, pull: int, force: float, scale: Scale) -> Measured:
 
 def _left(white: Whitener, freed: Freed, here: Bools) -> float:
     """Drop of the sum of squares when a pull is left out as a whole."""
-    D = white(np.eye(len(here))[:, here])
+    mine = np.flatnonzero(here)
+    own = np.zeros((len(here), len(mine)))
+    own[mine, np.arange(len(mine))] = 1.0
+    D = white(own)
     N = D.T @ D - (freed.Q.T @ D).T @ (freed.Q.T @ D)
     g = D.T @ freed.residual
     return float(g @ np.linalg.pinv(N, rcond=1e-9, hermitian=True) @ g)

@@ -9,6 +9,7 @@ import numpy as np
 from scipy import stats
 
 from pipeline import covariance
+from pipeline.errors import InputError
 from pipeline.results import Array
 from pipeline.screening.case import Case
 from pipeline.screening.finding import Finding
@@ -37,7 +38,9 @@ def base_target(case: Case, registration: Registration, scale: float) -> list[Fi
         return []
     if stats.chi2.sf(chi2 / scale**2, registration.dof) > FAMILY:
         return []
-    free = {name: _freed(case, registration, name) for name in names}
+    free = {name: one for name in names if (one := _freed(case, registration, name))}
+    if len(free) < 2:
+        return []
     left = {name: rest / scale**2 for name, (rest, _) in free.items()}
     best, rival = sorted(left, key=lambda name: left[name])[:2]
     dof = registration.dof - 3
@@ -51,9 +54,15 @@ def base_target(case: Case, registration: Registration, scale: float) -> list[Fi
     return [_finding(best, size, float(np.sqrt(drop)), float(np.sqrt(max(left[best], 0))), p)]
 
 
-def _freed(case: Case, registration: Registration, name: str) -> tuple[float, Array]:
-    """Weighted sum of squares with the nominal place of a target free, and its shift [m], F_b."""
-    lost = register(without_target(case, name).settings, case.readings)
+def _freed(case: Case, registration: Registration, name: str) -> tuple[float, Array] | None:
+    """Weighted sum of squares with the nominal place of a target free, and its shift [m], F_b.
+
+    None where the others do not tell how the tracker stands, as on one line.
+    """
+    try:
+        lost = register(without_target(case, name).settings, case.readings)
+    except InputError:
+        return None
     rows = case.readings.loc[registration.table.index[registration.table["target"] == name]]
     at = rows[XYZ].to_numpy(float) @ lost.R.T + lost.t
     V = np.linalg.inv(lost.R @ covariance.matrices(rows) @ lost.R.T)

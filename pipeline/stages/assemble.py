@@ -19,6 +19,9 @@ DELTA = ["dx_m", "dy_m", "dz_m"]
 TRACKED = ("tracker", "zero", "direction")
 """Sources of error that are in proportion to the noise of the tracker."""
 
+WILD = 20.0
+"""A compliance beyond so many typical ones, or below zero, is no spring's."""
+
 SMALL_M = 1e-5
 """Where that noise is not known, directions err by this much, and what it does is divided by it."""
 
@@ -303,9 +306,15 @@ def _geometry(cell: Cell, data: Measured, values: Array) -> Array:
 
 
 def second_order(cell: Cell, data: Measured, values: Array) -> Array:
-    """How the deflected robot's geometry moves the targets beyond c = B x, shape (d, 3) [m]."""
+    """How the deflected robot's geometry moves the targets beyond c = B x, shape (d, 3) [m].
+
+    A spring that came out wild, as what hardly shows does, counts as its table has it.
+    """
+    typical = np.array([p.typical for p in cell.parameters])
+    sane = (values > 0) & (values < WILD * typical)
+    x = np.where(sane, values, cell.robot.nominal_compliance)
     flat, bent = (
-        predict(replace(cell, equilibrium=kind), data.pulls, values).displacement
+        predict(replace(cell, equilibrium=kind), data.pulls, x).displacement
         for kind in ("undeformed", "deformed")
     )
     return np.asarray((bent - flat)[data.pull, data.target])
