@@ -51,13 +51,13 @@ def overview(results: Sequence[Result]) -> Report:
         results: The result.json of every finished campaign.
     """
     by_robot = robots(results)
-    drifting = {name: [d.name for d in trends(own) if d.sure] for name, own in by_robot.items()}
+    changed = {name: [t.name for t in trends(own) if t.sure] for name, own in by_robot.items()}
     sections = [Section("campaigns", "Campaigns", (_campaigns(ordered(results)),))]
     sections += [
         Section(f"robot-{number}", name, _robot(number, name, own))
         for number, (name, own) in enumerate(by_robot.items())
     ]
-    moved = any(drifting.values())
+    moved = any(changed.values())
     several = any(len(own) > 1 for own in by_robot.values())
     held = "No stiffness has changed" if several else "Nothing to compare yet"
     return Report(
@@ -66,25 +66,25 @@ def overview(results: Sequence[Result]) -> Report:
         title="Joint stiffness: all campaigns",
         verdict="A stiffness has changed" if moved else held,
         tone="attention" if moved else "good" if several else "neutral",
-        sentences=tuple(_overview_sentences(results, by_robot, drifting)),
+        sentences=tuple(_overview_sentences(results, by_robot, changed)),
         sections=tuple(sections),
         elsewhere="Each campaign's own page has the whole of its story.",
     )
 
 
 def _overview_sentences(
-    results: Sequence[Result], by_robot: Mapping[str, Any], drifting: Mapping[str, list[str]]
+    results: Sequence[Result], by_robot: Mapping[str, Any], changed: Mapping[str, list[str]]
 ) -> list[str]:
     campaigns = "1 campaign" if len(results) == 1 else f"{len(results)} campaigns"
     machines = "1 robot" if len(by_robot) == 1 else f"{len(by_robot)} robots"
     said = [f"{campaigns} on {machines}."]
-    for robot, names in drifting.items():
+    for robot, names in changed.items():
         if names:
             said.append(
                 f"{robot}: {', '.join(names)} changed by more than chance explains; "
                 f"look at the history below before relying on an older model."
             )
-    if not any(drifting.values()):
+    if not any(changed.values()):
         several = any(len(own) > 1 for own in by_robot.values())
         said.append(
             "Between campaigns of one robot every stiffness agrees within its uncertainty."
@@ -136,7 +136,7 @@ def _robot(number: int, name: str, results: Sequence[Result]) -> tuple[Block, ..
         return (Text(f"One campaign so far, {results[0].get('campaign')}."),)
     found = trends(results)
     blocks: list[Block] = [
-        Text(f"{d.name} changed by more than chance explains.", "finding") for d in found if d.sure
+        Text(f"{t.name} changed by more than chance explains.", "finding") for t in found if t.sure
     ]
     return (*blocks, _trend_table(number, found), _history_figure(number, name, results, found))
 
@@ -144,14 +144,14 @@ def _robot(number: int, name: str, results: Sequence[Result]) -> tuple[Block, ..
 def _trend_table(number: int, found: Sequence[Trend]) -> Table:
     rows = tuple(
         (
-            text_entry(d.name),
-            entry(str(d.campaigns), d.campaigns),
-            entry(with_std(d.first_to_last, d.first_to_last_std), d.first_to_last),
-            entry(with_std(d.percent_a_year, d.percent_a_year_std), d.percent_a_year),
-            entry(p_value(d.p_value) if known(d.p_value) else MISSING, d.p_value),
-            text_entry("changed" if d.sure else "holds" if d.campaigns > 1 else "one value"),
+            text_entry(t.name),
+            entry(str(t.campaigns), t.campaigns),
+            entry(with_std(t.first_to_last, t.first_to_last_std), t.first_to_last),
+            entry(with_std(t.percent_a_year, t.percent_a_year_std), t.percent_a_year),
+            entry(p_value(t.p_value) if known(t.p_value) else MISSING, t.p_value),
+            text_entry("changed" if t.sure else "holds" if t.campaigns > 1 else "one value"),
         )
-        for d in found
+        for t in found
     )
     columns = (
         Column("Joint"),
@@ -165,13 +165,13 @@ def _trend_table(number: int, found: Sequence[Trend]) -> Table:
         "Tested on the compliances, whose errors are normal, at 1 % for all joints together; an "
         "error that all campaigns share, such as the scale's gain, cancels here and is not seen."
     )
-    return Table(f"drift-{number}", "Has a stiffness changed?", columns, rows, note)
+    return Table(f"trend-{number}", "Has a stiffness changed?", columns, rows, note)
 
 
 def _history_figure(
     number: int, name: str, results: Sequence[Result], found: Sequence[Trend]
 ) -> Figure:
-    changed = [d.name for d in found if d.sure]
+    changed = [t.name for t in found if t.sure]
     said = f"{len(results)} campaigns of {name}. " + (
         f"Changed: {', '.join(changed)} in another colour." if changed else "No joint stands out."
     )
