@@ -35,12 +35,12 @@ class Fitted:
 def fit(case: Case, reduced: Reduced) -> Fitted:
     """Identify the joint springs; where the noise is found larger than stated, with that noise."""
     data, start = reduced.data, case.robot.nominal_compliance
-    data = replace(data, bends=data.noise_stated)  # else the residuals' scatter holds it already
+    data = replace(data, bends=data.noise_stated)  # of residuals alone nobody knows what is noise
     system, estimate = identify(case.cell, data, start)
     data = data.in_metres(system.found_m)
     found = noise(case.settings, case.cell, reduced.placed, data, system, estimate)
     if found.used:
-        data = rescaled(data, found)
+        data = replace(rescaled(data, found), bends=True)
         system, estimate = identify(case.cell, data, start)
         estimate = resting_on(estimate, found)
     return Fitted(case, reduced, data, system, estimate, found)
