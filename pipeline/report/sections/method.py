@@ -7,7 +7,10 @@ from pipeline.report.record import Column, Entry, Section, Table, Text, entry, t
 from pipeline.report.sections._tree import at, items
 from pipeline.report.summaries import Result
 
-LEFT_OUT = " and is left out of c = B x; where the noise is stated or found in repeats, the uncertainties hold it."
+LEFT_OUT = (
+    " and is left out of c = B x; where the noise is stated or found in repeats, the "
+    "uncertainties hold it."
+)
 
 METHOD = (
     "Loaded minus unloaded reflector positions c, Eq. (20), are explained by one linear spring per "
