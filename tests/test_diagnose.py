@@ -183,6 +183,26 @@ def test_scatter_beyond_the_certificate_is_named():
     assert found.scatter.tracker == pytest.approx(2.2, abs=4 * found.scatter.tracker_std)
 
 
+def test_a_scale_that_scatters_weighs_less_in_the_extended_stiffnesses():
+    """Named with its factor; the springs beside it hold the truth, and are stated less surely."""
+    stiffness = (1.2 / KR500.nominal_compliance).tolist()
+    plan = Plan(
+        poses={"count": 16},
+        pulls={"steps_n": [1000, 2000, 3000, 1500]},
+        scale={"sigma_n": 3.0},
+        hidden={"effects": ["force_noise=9x"], "stiffness": stiffness, "equilibrium": "deformed"},
+    )
+    cell, data = reduced(simulate(plan, np.random.default_rng(25)).files)
+    _, before = identify(cell, data, KR500.nominal_compliance)
+    where = place_of_interest(None, KR500, data.pulls)
+    found = diagnose(cell, data, before, where, np.random.default_rng(0))
+
+    assert [cause.effect.name for cause in found.causes] == ["force_noise"]
+    off = found.estimate.value - 1 / np.array(stiffness)
+    assert np.all(np.abs(off) < 3.5 * found.estimate.std)
+    assert np.all((found.estimate.std > 1.1 * before.std)[1:6])  # joint 7 hangs on no force
+
+
 def test_the_extended_model_gives_back_the_planted_size_and_the_springs():
     """Springs and cause estimated together lie within their uncertainty."""
     found, _, _, _, before = examined(26, "rail_roll=2x")
