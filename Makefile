@@ -6,15 +6,17 @@
 #   make check    format, lint, types
 #   make bench    how good and how fast, side by side with the alternatives
 #   make league   every hidden cause against the diagnosis
+#   make compare  every number that differs from an earlier commit      make compare BASE=HEAD~1
 #   make example  the report and the picture that the README shows, from the demo campaign
 #   make lock     write requirements.lock anew from pyproject.toml      make lock UPGRADE=--upgrade
 #   make clean    remove .venv and the caches; data and reports stay
 
 .DELETE_ON_ERROR:
-.PHONY: run test slow check bench league example lock clean
+.PHONY: run test slow check bench league compare example lock clean
 
 PYTHON ?=
 ARGS ?=
+BASE ?=
 UPGRADE ?=
 PY := .venv/bin/python
 PIP := $(PY) -m pip -qq --disable-pip-version-check --no-input
@@ -41,6 +43,9 @@ bench: .venv/.ready
 
 league: .venv/.ready
 	@.venv/bin/pipeline league --page docs/league.md $(ARGS)
+
+compare: .venv/.ready
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PY) -m bench.compare $(BASE) $(ARGS)
 
 example: .venv/.ready
 	@.venv/bin/pipeline run kr500_demo --engine local

@@ -1,0 +1,17 @@
+import pytest
+
+from bench.compare import FROZEN, answer_of, differences, digest, flat, frozen, thawed
+
+HELD = frozen()
+
+
+@pytest.mark.parametrize("key", HELD)
+def test_a_campaign_gets_the_answer_that_was_written_down(key):
+    """Numbers agree to a millionth, p values in their logarithm, words to the letter."""
+    held = HELD[key]
+    files = thawed(held).files()
+    now = answer_of(key, files)
+
+    assert digest(files) == held["raw"], "the raw files are others: what makes them has changed"
+    found = differences(dict(flat(held["answer"])), dict(flat(now)), FROZEN)
+    assert not found, "\n".join(map(str, found))
