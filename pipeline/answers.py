@@ -48,11 +48,7 @@ def compare(root: Path, first: str, second: str) -> tuple[Outcome, Path | None]:
     """Two campaigns or models beside each other, and the page of it, where one can be kept."""
     said, content = archive.compare(root, first, second)
     path = root / "reports" / f"{first}--{second}.html".replace(":", ".").replace("/", ".")
-    complaints = [
-        f"{name} has named causes: {name}:extended are its springs without what they take away."
-        for name in (first, second)
-        if archive.has_causes(root, name) and f"{name}:extended" not in (first, second)
-    ]
+    complaints: list[str] = []
     try:
         files.write(path, as_page(said, {}).encode())
     except CannotWrite as problem:  # the answer itself needs no page

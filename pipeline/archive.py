@@ -31,11 +31,14 @@ SHOWN = {
     "separability": "52_separability",
     "validation": "60_validation",
     "workspace": "61_workspace",
-    "workspace_extended": "62_workspace_extended",
+    "workspace_joint_springs": "62_workspace_joint_springs",
 }
 """Tables that a report shows, and the files they are kept in."""
 
-MODELS = ("joints", "extended")
+COVARIANCES = {"recommended": "41_covariance", "joints": "41_covariance_joint_springs"}
+"""Models of a campaign that can be compared, with the tables of their covariance."""
+
+MODELS = (*COVARIANCES, "extended")
 INDEX_MANIFEST = "index.json"
 
 
@@ -131,7 +134,8 @@ def compare(root: Path, first: str, second: str) -> tuple[Report, dict[str, Any]
 
     Args:
         root: The project's root.
-        first: A campaign, or `campaign:joints`, `campaign:extended`.
+        first: A campaign, whose answer's values are taken, or `campaign:joints` (the joint
+            springs alone on the data as given) or `campaign:extended` (the causes' own fit).
         second: As before.
 
     Raises:
@@ -163,34 +167,27 @@ def _side(root: Path, name: str) -> tuple[str, list[dict[str, Any]], Array]:
     campaign, model = _campaign_and_model(root, name)
     result = campaign.result()
     if model == "extended":
-        if result["extended"]["stiffness"] == result["stiffness"]:
+        if not result["extended"]:
             raise UsageError(f"{campaign.name} has no richer model than its joint springs")
         entries = result["extended"]["stiffness"]
         std = [j["compliance_std"] for j in entries]
         return campaign.name, entries, np.diag([np.nan if s is None else s**2 for s in std])
-    entries = result["stiffness"]
+    entries = (result if model == "recommended" else result["joint_springs"])["stiffness"]
     names = [f"c_{j['name'].removeprefix('k_')}" for j in entries]
-    kept = campaign.processed / "41_covariance.parquet"
+    kept = campaign.processed / f"{COVARIANCES[model]}.parquet"
     if not kept.is_file():
         raise UsageError(f"{campaign.name} has no covariance: run `pipeline run {campaign.name}`")
     cov = pd.read_parquet(kept).set_index("parameter").loc[names, names]
     return campaign.name, entries, cov.to_numpy(float)
 
 
-def has_causes(root: Path, name: str) -> bool:
-    """Whether a campaign, named without a model, has one with causes in it as well."""
-    campaign, _ = _campaign_and_model(root, name)
-    result = campaign.result()
-    return campaign.name == name and result["diagnosis"]["verdict"] == "explained"
-
-
 def _campaign_and_model(root: Path, name: str) -> tuple[Campaign, str]:
     known = {campaign.name: campaign for campaign in finished(root)}
     head, _, model = name.rpartition(":")
     if name in known:
-        return known[name], "joints"
+        return known[name], "recommended"
     if head in known:
         if model not in MODELS:
-            raise UsageError(f'there is no model "{model}": use {" or ".join(MODELS)}')
+            raise UsageError(f'there is no model "{model}": use {", ".join(MODELS)}')
         return known[head], model
-    return find(root, name), "joints"
+    return find(root, name), "recommended"

@@ -96,13 +96,13 @@ def compensate(model: Model, path: Path, tip: Array | None = None, rounds: int =
             campaign's load point when not given.
         rounds: Newton steps; each gains about three digits.
     """
-    tip = model.cell.tool.load_point if tip is None else np.asarray(tip, float)
+    tip = model.tool.load_point if tip is None else np.asarray(tip, float)
     points = tip + ARM_M * np.vstack([np.zeros(3), np.eye(3)])
     before = model.positions(path.q, path.force, points)
     offset = np.zeros_like(path.q)
     for _ in range(rounds):
         missed = model.positions(path.q + offset, path.force, points).loaded - before.unloaded
-        offset = offset - _least(model.cell.robot, path.q + offset, points, missed)
+        offset = offset - _least(model.robot, path.q + offset, points, missed)
     left = model.positions(path.q + offset, path.force, points).loaded - before.unloaded
     moved = before.displacement
     return Compensation(

@@ -12,6 +12,7 @@ from pipeline import compensate as stage
 from pipeline import files
 from pipeline.errors import UsageError
 from pipeline.handover import Model
+from pipeline.report.history import NOT_TRUSTED
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ def compensate(
     if not kept.is_file():
         raise UsageError(f"{name} has no model yet: run `pipeline run {name}` first")
     model = Model.load(kept)
-    robot = model.cell.robot
+    robot = model.robot
     try:
         data = path.read_bytes()
     except OSError as problem:
@@ -59,7 +60,7 @@ def compensate(
         f"{1e3 * found.deflection.max():.3f} mm; with the offsets the model leaves "
         f"{1e3 * found.left.max():.4f} mm, known to ±{2e3 * found.std.max():.3f} mm (95 %)."
     ]
-    if model.verdict in ("unexplained", "bad_data"):
+    if model.recommended["reason"] in NOT_TRUSTED:
         remarks.append(
             f"The model of {name} does not fit its own measurements: expect more than is stated."
         )

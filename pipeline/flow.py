@@ -37,7 +37,7 @@ from prefect.types.entrypoint import EntrypointType
 from pipeline import watch
 from pipeline.campaign import Campaign, find
 from pipeline.errors import InputError
-from pipeline.outcome import Outcome
+from pipeline.outcome import Outcome, stiffness_rows
 from pipeline.preferences import Preferences, load
 from pipeline.run import run
 from pipeline.server import PARENT, REPORTS_URL, follow
@@ -173,12 +173,10 @@ def _may_heal(task: Any, run: Any, state: Any) -> bool:
 def publish(campaign: Campaign, answer: dict[str, Any]) -> None:
     """Result table and report link as Prefect artifacts."""
     key = "".join(c if c.isascii() and c.isalnum() else "-" for c in campaign.name.lower())
-    rows = [
-        {name: entry[name] for name in ("name", "value", "std", "unit", "identifiable")}
-        for entry in answer["stiffness"]
-    ]
     create_table_artifact(
-        key=f"{key}-stiffness", table=rows, description=" ".join(answer["verdict_sentence"])
+        key=f"{key}-stiffness",
+        table=stiffness_rows(answer),
+        description=" ".join(answer["verdict_sentence"]),
     )
     create_link_artifact(key=f"{key}-report", link=_link(campaign))
 

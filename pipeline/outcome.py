@@ -14,6 +14,7 @@ from typing import Any
 from pipeline import files
 from pipeline.campaign import Campaign
 from pipeline.errors import CannotWrite, InputError, PipelineError
+from pipeline.report.numbers import common_prefix, prefixed, with_std
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,7 @@ def _outcome(campaign: Campaign, compute: Compute) -> Outcome:
     rejected = answer["rejected"]
     lines = [
         f"{name}: {' '.join(answer['verdict_sentence'])}",
+        *(f"  {line}" for line in stiffness_lines(answer)),
         f"  {campaign.reports / 'index.html'}",
     ]
     return Outcome(
@@ -89,6 +91,27 @@ def _outcome(campaign: Campaign, compute: Compute) -> Outcome:
         misfit=answer["diagnosis"]["verdict"] != "adequate",
         complaints=[f"{name}: {line}" for line in sentences(rejected)],
     )
+
+
+def stiffness_lines(answer: dict[str, Any]) -> list[str]:
+    """The stiffnesses that the answer stands for, one line per joint."""
+    out = []
+    for joint in answer["stiffness"]:
+        factor, letter = common_prefix([joint["value"]])
+        shown = (
+            f"{with_std(joint['value'] / factor, joint['std'] / factor)} "
+            f"{prefixed(joint['unit'], letter)}"
+            if joint["value"] is not None
+            else "not determined"
+        )
+        out.append(f"{joint['name']:<10} {shown}")
+    return out
+
+
+def stiffness_rows(answer: dict[str, Any]) -> list[dict[str, Any]]:
+    """The same as a table for machines."""
+    shown = ("name", "value", "std", "unit", "identifiable")
+    return [{key: joint[key] for key in shown} for joint in answer["stiffness"]]
 
 
 def guarded(name: str, work: Callable[[], Outcome]) -> Outcome:

@@ -22,7 +22,17 @@ from pipeline.effects import catalogue
 from pipeline.errors import InputError
 from pipeline.report.render import render
 from pipeline.result.answer import answer as answer_of
-from pipeline.result.findings import Findings
+from pipeline.result.diagnosis import bad_data_sentence, beside_mistakes
+from pipeline.result.findings import Findings, Told
+from pipeline.result.recommended import (
+    Facts,
+    Values,
+    Which,
+    decide,
+    identified,
+    joint_springs,
+    recommend,
+)
 from pipeline.result.tables import (
     covariance_table,
     errors_table,
@@ -40,6 +50,7 @@ from pipeline.stages.assemble import Measured
 from pipeline.stages.diagnose import diagnose
 from pipeline.stages.ingest import ingest
 from pipeline.stages.validate import Where, place_of_interest, validate
+from pipeline.stages.validate import none as no_validation
 from pipeline.stages.workspace import none as no_workspace
 from pipeline.stages.workspace import workspace
 
@@ -140,8 +151,7 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
     given = step(fit)(case, reduced)
     right = step(fit)(screened.case, bring(screened.case)) if screened.findings else given
     # a mistake may hide every stiffness
-    told = given if given.estimate.identifiable.any() else right
-    if not told.estimate.identifiable.any():
+    if not (given.estimate.identifiable.any() or right.estimate.identifiable.any()):
         raise InputError("these pulls determine no stiffness at all", "pull in more poses")
     where = place_of_interest(raw.settings.test_pose, right.case.robot, right.data.pulls)
     diagnosis = _diagnosed(right, where, step)
@@ -151,55 +161,71 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
         right = step(fit)(screened.case, bring(screened.case)) if screened.findings else given
         diagnosis = _diagnosed(right, where, step)
 
-    system, estimate = given.system, given.estimate
+    mistakes = screened.findings
+    rest, why = beside_mistakes(right.estimate, diagnosis)
+    verdict = "bad_data" if mistakes else rest
+    row = decide(Facts.of(mistakes, rest, diagnosis))
+    values = recommend(row, given, right, diagnosis)
+    told = _told(values.model(name, verdict, row), values, where, step)
+    if row.model != Which.JOINT_SPRINGS or mistakes:
+        springs = joint_springs(given)
+        paper = _told(springs.model(name, verdict, row), springs, where, step)
+    else:
+        paper = told
+    found = Findings(
+        campaign=name,
+        raw=raw,
+        given=given,
+        right=right,
+        mistakes=mistakes,
+        diagnosis=diagnosis,
+        verdict=verdict,
+        why=bad_data_sentence(mistakes) if mistakes else why,
+        row=row,
+        told=told,
+        springs=paper,
+        extended=identified(right, diagnosis),
+        where=where,
+    )
+    shown = {**reduced.shown, **_kept(found, keep, step)}
+    return Answered(answer_of(found), shown, told.model)
+
+
+def _told(model: handover.Model, values: Values, where: Where, step: Step) -> Told:
+    """One model's values with what they predict."""
+    checked = None
+    if values.found.identifiable.any():
+        checked = step(validate)(values.believed(), where, np.random.default_rng(SEED))
+    return Told(values, model, checked)
+
+
+def _kept(found: Findings, keep: Keep, step: Step) -> dict[str, pd.DataFrame]:
+    """The tables of the answer, and of the joint springs beside it."""
+    values, paper, where = found.told.values, found.springs.values, found.where
+    system, said = values.first.system, found.diagnosis
     keep("30_system", system_table(system), tables.system(system.parameters))
     keep("31_errors", errors_table(system), tables.ERRORS)
-    keep("40_estimate", estimate_table(estimate), tables.ESTIMATE)
-    keep("41_covariance", covariance_table(estimate), tables.covariance(estimate.parameters))
-    residuals = keep("42_residuals", residuals_table(system, estimate), tables.RESIDUALS)
-
-    checked = step(validate)(told.case.cell, told.estimate, where, np.random.default_rng(SEED))
-    checked = keep("60_validation", checked, tables.VALIDATION)
-    soft = keep(
-        "61_workspace", step(workspace)(told.case.cell, told.estimate, where), tables.WORKSPACE
-    )
-
-    cell, data = right.case.cell, right.data
-    examined = examined_table(diagnosis, cell, data, right.system, right.estimate)
-    examined = keep("50_examined", examined, tables.examined(raw.robot))
-    clues = keep("51_diagnosis", clues_table(diagnosis), tables.DIAGNOSIS)
-    separability = keep("52_separability", apart_table(diagnosis), tables.SEPARABILITY)
-    causes = diagnosis.modelled
-    richer = handover.extended(name, diagnosis.verdict, cell, causes, diagnosis.estimate)
-    softer = workspace(richer.cell, richer, where) if richer else no_workspace()
-    softer = keep("62_workspace_extended", softer, tables.WORKSPACE)
-
-    answer = answer_of(
-        Findings(
-            campaign=name,
-            raw=raw,
-            given=given,
-            right=right,
-            mistakes=screened.findings,
-            diagnosis=diagnosis,
-            richer=richer,
-            residuals=residuals,
-            where=where,
-            checked=checked,
-        )
-    )
-    shown = reduced.shown | {
-        "residuals": residuals,
-        "validation": checked,
-        "workspace": soft,
-        "workspace_extended": softer,
-        "examined": examined,
-        "diagnosis": clues,
-        "separability": separability,
+    for suffix, one in (("", values), ("_joint_springs", paper)):
+        names, held = one.parameters, one.found
+        keep(f"40_estimate{suffix}", estimate_table(names, held), tables.ESTIMATE)
+        cov = covariance_table(names, held.cov)
+        keep(f"41_covariance{suffix}", cov, tables.covariance(names))
+    residuals = residuals_table(system, values.first.estimate, values.left_out_m)
+    cell, data = found.right.case.cell, found.right.data
+    examined = examined_table(said, cell, data, found.right.system, found.right.estimate)
+    soft = step(workspace)(found.told.model.hypotheses, where)
+    alone = found.springs.model.hypotheses
+    other = no_workspace() if found.springs is found.told else workspace(alone, where)
+    checked = no_validation() if found.told.checked is None else found.told.checked
+    return {
+        "residuals": keep("42_residuals", residuals, tables.RESIDUALS),
+        "examined": keep("50_examined", examined, tables.examined(found.raw.robot)),
+        "diagnosis": keep("51_diagnosis", clues_table(said), tables.DIAGNOSIS),
+        "separability": keep("52_separability", apart_table(said), tables.SEPARABILITY),
+        "validation": keep("60_validation", checked, tables.VALIDATION),
+        "workspace": keep("61_workspace", soft, tables.WORKSPACE),
+        "workspace_joint_springs": keep("62_workspace_joint_springs", other, tables.WORKSPACE),
     }
-    verdict = answer["diagnosis"]["verdict"]
-    handed = replace(richer, verdict=verdict) if richer else None
-    return Answered(answer, shown, handed or handover.model(name, verdict, case.cell, estimate))
 
 
 def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosis:

@@ -194,7 +194,10 @@ def test_compare_says_how_two_campaigns_differ(project, capsys):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["compare", "spring", "spring:best"], 'no model "best": use joints or extended'),
+        (
+            ["compare", "spring", "spring:best"],
+            'no model "best": use recommended, joints, extended',
+        ),
         (["compare", "spring", "spring:extended"], "no richer model than its joint springs"),
         (["report", "spring", "--format", "odt"], 'no format "odt"'),
         (["report", "--format", "pdf"], "name a campaign"),

@@ -140,8 +140,8 @@ def test_bad_input_is_named_and_refused(name, tmp_path, capsys):
     elif name in MENDED:
         assert answer["diagnosis"]["verdict"] == "bad_data"
         assert "unit_mixup" in [cause["name"] for cause in answer["diagnosis"]["causes"]]
-        nominal = [entry["nominal"] for entry in answer["extended"]["stiffness"][1:]]
-        found = [entry["value"] for entry in answer["extended"]["stiffness"][1:]]
+        nominal = [entry["nominal"] for entry in answer["stiffness"][1:]]
+        found = [entry["value"] for entry in answer["stiffness"][1:]]
         assert found == pytest.approx(nominal, rel=0.2)
     else:
         assert set(answer) == {"campaign", "error"}

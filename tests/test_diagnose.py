@@ -1,19 +1,21 @@
 """Stage diagnose on simulated campaigns through the raw files; the truth never enters it."""
 
 import json
-import tomllib
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from pipeline import tables
+from pipeline.campaign import in_memory
 from pipeline.cell import Tool, paper_cell
+from pipeline.diagnosis.average import dependences
 from pipeline.diagnosis.shown import apart_table, clues_table, examined_table
 from pipeline.diagnosis.verdict import entry
-from pipeline.handover import dumps, extended
+from pipeline.league.play import Rules, drawn, play
+from pipeline.league.secrets import SECRETS
 from pipeline.result.stiffness import stiffness_entries
 from pipeline.robot import load
+from pipeline.run import answered
 from pipeline.settings import parse
 from pipeline.simulate import simulate
 from pipeline.simulate.plan import Plan
@@ -130,22 +132,36 @@ def test_what_is_stated_of_a_stiffness_holds_with_the_twin_too():
     """Joint 6 tilts, its twin may be named: every interval holds the true spring, all say so."""
     true = [7e7, 4.2e6, 6e6, 3.5e6, 6.5e5, 6e5, 4.2e5]
     found, cell, *_ = examined(23, "joint_tilt:6=2x", stiffness=true)
-    whole = replace(cell, equilibrium=found.equilibrium)
-    model = extended("tilted", found.verdict, whole, found.modelled, found.estimate)
 
-    entries = stiffness_entries(cell, found.system, found.estimate, found.doubts)
-    handed = tomllib.loads(dumps(model))["parameter"]
-    doubted = {d.spring for d in found.doubts}
-    assert doubted
-    for j, (one, there) in enumerate(zip(entries, handed[:7], strict=True)):
-        assert ("stiffness" in there) == (one["compliance_std"] is not None)
+    entries = stiffness_entries(cell, found.hypotheses)
+    depends = {d.spring for d in dependences(found.hypotheses)}
+    assert depends
+    for j, one in enumerate(entries):
+        low, high = (
+            b if b is not None else e for b, e in zip(one["ci95"], (0, np.inf), strict=True)
+        )
+        assert low < true[j] < high
         if one["value"] is not None:
-            miss = abs(one["compliance"] - 1 / true[j]) / one["compliance_std"]
-            assert miss < 3
-            assert there["stiffness_std"] == pytest.approx(one["std"])
+            assert abs(one["compliance"] - 1 / true[j]) / one["compliance_std"] < 3
             assert sum(part["share"] for part in one["budget"]) == pytest.approx(1, abs=1e-3)
-        if j in doubted:
+        if j in depends:
             assert all(name in one["finding"] for name in ("joint_tilt:5", "joint_tilt:6"))
+
+
+def test_a_cause_that_makes_predictions_worse_is_not_listed():
+    """The carriage walks off for good: what fits best predicts other poses worse, and is none."""
+    rules = Rules()
+    plan = drawn(KR500, np.random.default_rng((2026, 9, 1)), rules)
+    walks = SECRETS["carriage_walks"]
+    files = play(KR500, plan, [(walks, 2.0)], np.random.default_rng([1, 3]), rules).files
+
+    said = answered("walks", in_memory(files)).answer
+    found = said["diagnosis"]
+    assert found["verdict"] == "unexplained"
+    assert found["causes"] == []
+    assert "makes predictions worse" in found["why"]
+    assert said["extended"] is None
+    assert all(one["reduction"] > 0 for one in found["alone"])
 
 
 def test_two_laws_of_a_gear_that_a_plan_hardly_tells_ask_for_a_pull():

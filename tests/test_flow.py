@@ -66,6 +66,10 @@ def test_prefect_gives_the_answer_of_the_plain_run(tmp_path):
         ("good-report",),
         ("good-stiffness",),
     ]
+    ((table,),) = kept(root, "select data from artifact where key = 'good-stiffness'")
+    shown = json.loads(json.loads(table))
+    assert good["recommended"]["model"] == "averaged"
+    assert [row["value"] for row in shown] == [entry["value"] for entry in good["stiffness"]]
 
 
 def noted(names, stage):

@@ -65,7 +65,13 @@ def handed(campaign, read_back):
     raw = in_memory(campaign.files)
     cell = paper_cell(raw.robot, tool(raw.settings))
     _, estimate = identify(cell, read_back(campaign).data, raw.robot.nominal_compliance)
-    return handover.model(campaign.name, "adequate", cell, estimate)
+    return whole(cell, estimate)
+
+
+def whole(cell, estimate):
+    """A model that is certain: one hypothesis."""
+    reason = {"model": "joint_springs", "data": "as_given", "reason": "adequate"}
+    return Model("c", "adequate", reason, (handover.part(1.0, cell, estimate),))
 
 
 @pytest.fixture(scope="module")
@@ -162,7 +168,7 @@ def test_named_effects_travel_and_those_of_the_measurement_stay(demo):
     """Rail roll is part of the machine, the scale's gain is not; values stay with their names."""
     model = Model.load(demo / "reports" / "kr500_demo" / "model.toml")
     known = {effect.label: effect for effect in catalogue(ROBOT)}
-    cell = model.cell.with_effects(known["scale_gain"], known["rail_roll"])
+    cell = model.hypotheses[0].cell.with_effects(known["scale_gain"], known["rail_roll"])
     k = len(cell.parameters)
     value, cov = np.arange(1.0, k + 1), np.diag(np.arange(1.0, k + 1) ** 2)
 
@@ -170,7 +176,7 @@ def test_named_effects_travel_and_those_of_the_measurement_stay(demo):
         pass
 
     Estimate.value, Estimate.cov = value, cov
-    handed = handover.parse(handover.dumps(handover.model("c", "explained", cell, Estimate)))
+    (handed,) = handover.parse(handover.dumps(whole(cell, Estimate))).hypotheses
 
     assert [p.name for p in handed.cell.parameters][-1] == "c_roll"
     assert handed.value.tolist() == [1, 2, 3, 4, 5, 6, 7, 9]
@@ -183,11 +189,50 @@ def test_an_undetermined_spring_makes_predictions_uncertain_where_it_acts(demo):
     cov = model.cov.copy()
     cov[6, :] = cov[:, 6] = 0.0
     cov[6, 6] = np.inf
-    blind = handover.parse(handover.dumps(Model("c", "adequate", model.cell, model.value, cov)))
+    (one,) = model.hypotheses
+    unknown = replace(model, hypotheses=(replace(one, cov=cov),))
+    blind = handover.parse(handover.dumps(unknown))
     q = np.deg2rad([0, 10, 40, 60, 30, 50, 20.0])
 
     assert np.isinf(blind.predict(q, [300.0, -500.0, 200.0]).std).any()
     assert np.isfinite(blind.predict(q, [300.0, -500.0, 200.0], [0.0, 0.0, 0.3]).std).all()
+
+
+def test_a_prediction_is_that_of_draws_over_the_hypotheses(demo):
+    """Draw a hypothesis by its weight, then its parameters: mean and spread are what is stated."""
+    (one,) = Model.load(demo / "reports" / "kr500_demo" / "model.toml").hypotheses
+    roll = next(e for e in catalogue(ROBOT) if e.label == "rail_roll")
+    k = len(one.value)
+    value = np.append(1.15 * one.value, 2e-8)
+    cov = np.zeros((k + 1, k + 1))
+    cov[:k, :k], cov[k, k] = one.cov, 1e-18
+    other = handover.Hypothesis(0.3, one.cell.with_effects(roll), value, cov)
+    model = Model("c", "ambiguous", {"reason": "rivals"}, (replace(one, weight=0.7), other))
+    q, force = np.array([5.0, *np.deg2rad([-10, 40, 30, 50, 20, 10])]), np.array([300, -500, 200.0])
+    rng, drawn = np.random.default_rng(4), []
+    for draw in range(2000):
+        mine = model.hypotheses[int(draw % 10 < 3)]
+        size = np.sqrt(np.diag(mine.cov))
+        x = mine.value + size * rng.multivariate_normal(
+            np.zeros(len(size)), mine.cov / np.outer(size, size)
+        )
+        certain = replace(model, hypotheses=(replace(mine, weight=1.0, value=x),))
+        drawn.append(certain.predict(q, force).displacement[0])
+    moved = np.array(drawn)
+    read = handover.parse(handover.dumps(model))
+
+    said = model.predict(q, force)
+    assert said.displacement[0] == pytest.approx(moved.mean(axis=0), abs=5e-7)
+    assert said.std[0] == pytest.approx(moved.std(axis=0), rel=0.05)
+    np.testing.assert_array_equal(read.predict(q, force).displacement, said.displacement)
+
+
+def test_a_model_of_an_older_format_is_refused_with_the_way_out(demo):
+    """What an older version wrote had one hypothesis and no word of the rest."""
+    text = (demo / "reports" / "kr500_demo" / "model.toml").read_text("utf-8")
+
+    with pytest.raises(InputError, match="write it anew with `pipeline run`"):
+        handover.parse(text.replace("format = 2", "format = 1", 1))
 
 
 def test_other_programs_read_the_urdf(demo):
@@ -198,7 +243,9 @@ def test_other_programs_read_the_urdf(demo):
         ROBOT, placement=np.array([pin.exp6(a).homogeneous for a in rng.normal(0, 1, (7, 6))])
     )
     for robot in (ROBOT, turned):
-        written = handover.urdf(replace(model, cell=replace(model.cell, robot=robot)))
+        (one,) = model.hypotheses
+        there = replace(one, cell=replace(one.cell, robot=robot))
+        written = handover.urdf(replace(model, hypotheses=(there,)))
         theirs = pin.buildModelFromXML(written)
         q = rng.uniform(theirs.lowerPositionLimit, theirs.upperPositionLimit)
 

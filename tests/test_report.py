@@ -56,7 +56,7 @@ AXIS = {
     "residual-course": "Torque about theta2 [N m]",
     "whitened": "Residual [standard deviations]",
     "arrows": "from the side",
-    "workspace-extended": "Reach from the shoulder axis [m]",
+    "workspace-joint-springs": "Reach from the shoulder axis [m]",
     "gain": "Pose left out",
     "evidence": "Evidence, natural log of the odds",
     "separability": "roll of the carriage about the rail",

@@ -129,15 +129,16 @@ def test_real_fanuc_pulls_agree_with_an_independent_least_squares(tmp_path):
 
     answer = run(campaigns.find(tmp_path, "fanuc"))
 
-    assert [e["value"] for e in answer["stiffness"]] == pytest.approx(1 / x, rel=1e-6)
-    assert answer["fit"]["residual_std_mm"] == pytest.approx(
+    springs = answer["joint_springs"]
+    assert [e["value"] for e in springs["stiffness"]] == pytest.approx(1 / x, rel=1e-6)
+    assert springs["fit"]["residual_std_mm"] == pytest.approx(
         1e3 * math.sqrt(residual @ residual / (129 - 6)), rel=1e-9
     )
-    assert answer["fit"]["residual_std_mm"] == pytest.approx(0.220, abs=5e-4)
-    assert answer["validation"]["held_out_rms_mm"] == pytest.approx(0.2339, abs=5e-5)
-    assert answer["fit"]["noise_from"] == "residuals"
-    assert answer["fit"]["p_value"] is None
-    assert "does not fit as well as a tracker measures" in answer["verdict_sentence"][0]
+    assert springs["fit"]["residual_std_mm"] == pytest.approx(0.220, abs=5e-4)
+    assert springs["validation"]["held_out_rms_mm"] == pytest.approx(0.2339, abs=5e-5)
+    assert springs["fit"]["noise_from"] == "residuals"
+    assert springs["fit"]["p_value"] is None
+    assert "joint springs alone do not explain the readings" in answer["verdict_sentence"][0]
 
 
 def test_left_out_error_is_that_of_refitting_without_the_pose(tmp_path):
@@ -154,7 +155,7 @@ def test_left_out_error_is_that_of_refitting_without_the_pose(tmp_path):
 
     answer = run(campaigns.find(tmp_path, "fanuc"))
 
-    assert answer["validation"]["held_out_rms_mm"] == pytest.approx(
+    assert answer["joint_springs"]["validation"]["held_out_rms_mm"] == pytest.approx(
         1e3 * math.sqrt(np.mean(out**2)), rel=1e-9
     )
 
@@ -305,7 +306,7 @@ def test_exchanged_names_are_told_and_the_corrected_result_stands_beside(tmp_pat
     assert answer["diagnosis"]["verdict"] == "bad_data"
     assert answer["diagnosis"]["causes"][0]["name"] == "label_swap"
     assert answer["diagnosis"]["causes"][0]["where"] == "pose03_rep1_loaded"
-    right = [entry["value"] for entry in answer["extended"]["stiffness"]]
+    right = [entry["value"] for entry in answer["stiffness"]]
     assert right[1:4] == pytest.approx(TABLE_III[1:4], rel=0.02)
 
 

@@ -273,7 +273,7 @@ def test_a_value_that_no_mistake_explains_is_refused():
 
 
 def test_the_answer_has_both_results(tmp_path):
-    """result.json: bad_data, as given under stiffness, put right under extended."""
+    """result.json: bad_data, the corrected values at the top, as given under joint_springs."""
     made = campaign("sign_or_convention:pull_reversed")
     folder = tmp_path / "data" / "raw" / "bad"
     folder.mkdir(parents=True)
@@ -287,7 +287,8 @@ def test_the_answer_has_both_results(tmp_path):
     assert answer["diagnosis"]["verdict"] == "bad_data"
     (cause,) = answer["diagnosis"]["causes"]
     assert (cause["name"], cause["where"]) == ("sign_or_convention", "pull_reversed")
-    given = [entry["compliance"] for entry in answer["stiffness"]]
-    right = [entry["compliance"] for entry in answer["extended"]["stiffness"]]
+    given = [entry["compliance"] for entry in answer["joint_springs"]["stiffness"]]
+    right = [entry["compliance"] for entry in answer["stiffness"]]
     assert given == pytest.approx([-x for x in right], rel=1e-2)
-    assert "Nothing was repaired" in " ".join(answer["verdict_sentence"])
+    assert "those of the corrected data" in " ".join(answer["verdict_sentence"])
+    assert [x > 0 for x in right] == [True] * 7

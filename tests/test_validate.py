@@ -1,5 +1,7 @@
 """Eqs. (22), (23): relative deflection errors against ones computed pose by pose."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from pipeline.errors import InputError
 from pipeline.results import Estimate, Parameter
 from pipeline.robot import configure, load
 from pipeline.settings import TestPose
-from pipeline.stages.validate import Where, deflections, place_of_interest, validate
+from pipeline.stages.validate import Believed, Where, deflections, place_of_interest, validate
 
 ROBOT = load("kr500_rail")
 TOOL = Tool(
@@ -21,6 +23,7 @@ CELL = paper_cell(ROBOT, TOOL)
 Q = np.array([8.5, *np.deg2rad([-10, 35, 39, 81, 22, -10])])
 F = np.array([-124.5, -175.4, -209.1])
 X = ROBOT.nominal_compliance
+HERE = Where(Q, F, True)
 
 
 def estimate(cov):
@@ -38,6 +41,11 @@ def estimate(cov):
         residual_std_m=0.0,
         quantile=1.96,
     )
+
+
+def certain(cov):
+    """One hypothesis with this covariance."""
+    return [Believed(1.0, CELL, estimate(cov))]
 
 
 def test_deflections_are_eq_5_by_finite_differences():
@@ -59,7 +67,12 @@ def test_deflections_are_eq_5_by_finite_differences():
 def test_one_stiffness_off_by_one_percent_shows_as_its_share():
     """If only k_1..k_7 together are off by the same 1 %, mu is 1 % whatever the pose."""
     cov = np.outer(X, X) * 0.01**2
-    table = validate(CELL, estimate(cov), Where(Q, F, True), np.random.default_rng(1), poses=4000)
+    table = validate(
+        certain(cov),
+        HERE,
+        np.random.default_rng(1),
+        poses=4000,
+    )
     full = table[table["draw"] == "covariance"]
 
     for _, mu in full.groupby(["set", "target"])["mu"]:
@@ -69,7 +82,7 @@ def test_one_stiffness_off_by_one_percent_shows_as_its_share():
 def test_only_the_full_covariance_keeps_the_stiffnesses_together():
     """With all errors one common percentage, both targets of a pose are off alike; Eq. (23) not."""
     cov = np.outer(X, X) * 0.01**2
-    table = validate(CELL, estimate(cov), Where(Q, F, True), np.random.default_rng(1), poses=200)
+    table = validate(certain(cov), HERE, np.random.default_rng(1), poses=200)
     mu = table.set_index(["draw", "set", "index", "target"])["mu"].unstack("target")
     gap = (mu["P1"] / mu["P2"] - 1).abs().groupby("draw").median()
 
@@ -81,15 +94,28 @@ def test_an_undetermined_stiffness_stays_put():
     """No draw of an infinite uncertainty."""
     cov = np.diag((0.01 * X) ** 2)
     cov[6, 6] = np.inf
-    table = validate(CELL, estimate(cov), Where(Q, F, True), np.random.default_rng(1), poses=50)
+    table = validate(certain(cov), HERE, np.random.default_rng(1), poses=50)
 
     assert np.isfinite(table["mu"]).all()
+
+
+def test_what_may_be_true_is_drawn_by_its_weight():
+    """Two hypotheses 10 % apart, one in five: the prediction lies between, and is off by each."""
+    cov = np.outer(X, X) * 1e-12
+    stiff, soft = estimate(cov), replace(estimate(cov), value=1.1 * X)
+    both = [Believed(0.8, CELL, stiff), Believed(0.2, CELL, soft)]
+    table = validate(both, Where(Q, F, True), np.random.default_rng(1), poses=4000)
+    mu = table.loc[table["draw"] == "covariance", "mu"].to_numpy()
+
+    near, far = 0.02 / 1.02, 0.08 / 1.02
+    assert np.minimum(np.abs(mu - near), np.abs(mu - far)).max() < 1e-5
+    assert np.mean(np.abs(mu - far) < 1e-5) == pytest.approx(0.2, abs=0.02)
 
 
 def test_validation_poses_are_where_they_should_be():
     """1000 around the test pose and 1000 in the workspace, per draw and target."""
     cov = np.diag((0.01 * X) ** 2)
-    table = validate(CELL, estimate(cov), Where(Q, F, True), np.random.default_rng(1))
+    table = validate(certain(cov), HERE, np.random.default_rng(1))
 
     assert table.groupby(["set", "draw", "target"]).size().eq(1000).all()
 

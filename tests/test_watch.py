@@ -36,6 +36,7 @@ class Runs:
             raise self.problem[campaign.name]
         answer = {
             "rejected": [],
+            "stiffness": [],
             "verdict_sentence": ["Said."],
             "diagnosis": {"verdict": self.verdict},
         }

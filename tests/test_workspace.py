@@ -8,6 +8,7 @@ import pytest
 
 from pipeline.cell import Tool, paper_cell, predict
 from pipeline.effects import Pulls
+from pipeline.handover import Hypothesis
 from pipeline.results import Estimate
 from pipeline.robot import SHIPPED, load
 from pipeline.robot.model import model
@@ -43,6 +44,11 @@ def estimate_of(cell, unknown=None):
     )
 
 
+def known(cell, estimate):
+    """What is certain: one hypothesis."""
+    return [Hypothesis(1.0, cell, estimate.value, estimate.cov)]
+
+
 def moved(cell, q, force, x):
     """Displacement of the load point itself, asked of the forward model pull by pull."""
     m = len(force)
@@ -57,7 +63,7 @@ def test_no_pull_moves_the_load_point_further(name):
     """Of all directions of pull at the test pose none is softer than the map says."""
     cell, q = cell_of(name), np.array(Q[name])
     estimate = estimate_of(cell)
-    here = workspace(cell, estimate, Where(q, np.ones(3), True)).iloc[0]
+    here = workspace(known(cell, estimate), Where(q, np.ones(3), True)).iloc[0]
     pull = np.random.default_rng(1).standard_normal((4000, 3))
     pull /= np.linalg.norm(pull, axis=1, keepdims=True)
 
@@ -72,7 +78,7 @@ def test_its_uncertainty_is_that_of_draws_from_the_covariance():
     name = "kr500_rail"
     cell, q = cell_of(name), np.array(Q[name])
     estimate = estimate_of(cell)
-    here = workspace(cell, estimate, Where(q, np.ones(3), True)).iloc[0]
+    here = workspace(known(cell, estimate), Where(q, np.ones(3), True)).iloc[0]
     rng = np.random.default_rng(2)
     each = np.array([moved(cell, q, np.eye(3), one) for one in np.diag(estimate.value)])
     x = rng.multivariate_normal(estimate.value, estimate.cov, size=20000, method="eigh")
@@ -81,11 +87,23 @@ def test_its_uncertainty_is_that_of_draws_from_the_covariance():
     assert np.std(size) == pytest.approx(here["std_m_per_n"], rel=0.03)
 
 
+def test_its_uncertainty_holds_what_hypotheses_differ_by():
+    """Of two equally likely robots, 10 % apart, the map is the middle, uncertain by half of it."""
+    cell, where = cell_of("kr500_rail"), Where(np.array(Q["kr500_rail"]), np.ones(3), True)
+    x = cell.robot.nominal_compliance
+    both = [Hypothesis(0.5, cell, f * x, np.zeros((7, 7))) for f in (0.95, 1.05)]
+    here = workspace(both, where).iloc[0]
+    middle = workspace([Hypothesis(1.0, cell, x, np.zeros((7, 7)))], where).iloc[0]
+
+    assert here["worst_m_per_n"] == pytest.approx(middle["worst_m_per_n"], rel=1e-9)
+    assert here["std_m_per_n"] == pytest.approx(0.05 * middle["worst_m_per_n"], rel=1e-6)
+
+
 @pytest.mark.parametrize("name", SHIPPED)
 def test_the_map_lies_where_pinocchio_puts_the_load_point(name):
     """Heights are those of Pinocchio, and the plane is as wide as the arm is long."""
     cell, q = cell_of(name), np.array(Q[name])
-    table = workspace(cell, estimate_of(cell), Where(q, np.ones(3), True))
+    table = workspace(known(cell, estimate_of(cell)), Where(q, np.ones(3), True))
     built = model(cell.robot, {"load": LOAD})
     data = built.createData()
     pin.framesForwardKinematics(built, data, q)
@@ -100,7 +118,7 @@ def test_every_place_of_the_map_is_reached_once():
     """The arm keeps to one side of its stretched position, so that no place has two values."""
     name = "fanuc_r2000ic"
     cell = cell_of(name)
-    table = workspace(cell, estimate_of(cell), Where(np.array(Q[name]), np.ones(3), True))
+    table = workspace(known(cell, estimate_of(cell)), Where(np.array(Q[name]), np.ones(3), True))
     swept = table[table["row"] >= 0]
     corners = {(r.row, r.column): (r.reach_m, r.height_m) for r in swept.itertuples()}
     turns = []
@@ -117,9 +135,8 @@ def test_every_place_of_the_map_is_reached_once():
 def test_a_stiffness_that_is_not_known_is_taken_as_certain():
     """An undetermined compliance leaves the map finite."""
     cell = cell_of("kr500_rail")
-    table = workspace(
-        cell, estimate_of(cell, unknown=6), Where(np.array(Q["kr500_rail"]), np.ones(3), True)
-    )
+    unknown = known(cell, estimate_of(cell, unknown=6))
+    table = workspace(unknown, Where(np.array(Q["kr500_rail"]), np.ones(3), True))
 
     assert np.isfinite(table.to_numpy(float)).all()
 
@@ -142,6 +159,5 @@ def test_an_arm_without_parallel_joints_has_no_map():
 
     assert arm_joints(cell.robot, q) == (2, 3)
     assert arm_joints(robot, q) is None
-    assert workspace(
-        replace(cell, robot=robot), estimate_of(cell), Where(q, np.ones(3), True)
-    ).empty
+    other = known(replace(cell, robot=robot), estimate_of(cell))
+    assert workspace(other, Where(q, np.ones(3), True)).empty

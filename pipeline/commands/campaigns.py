@@ -169,7 +169,8 @@ def report(
 @app.command(short_help="Say how two campaigns, or two models of one, differ.")
 def compare(
     first: Annotated[
-        str, typer.Argument(metavar="FIRST", help="A campaign, or campaign:extended.")
+        str,
+        typer.Argument(metavar="FIRST", help="A campaign, or campaign:joints, campaign:extended."),
     ],
     second: Annotated[
         str, typer.Argument(metavar="SECOND", help="Another one, or another model of it.")

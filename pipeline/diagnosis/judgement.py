@@ -72,6 +72,8 @@ def _of_displacements(
         return "adequate", "The joint springs explain what was measured."
     if not found.accepted:
         return "unexplained", "Something is missing from the model, and no known cause explains it."
+    if worth is not None and worth.reduction <= 0:
+        return "unexplained", _useless(found, worth)
     named = [cause.effect.label for cause in causes[: len(found.accepted)]]
     names, s = " and ".join(named), "s" if len(named) == 1 else ""
     stranger = found.stranger
@@ -119,6 +121,17 @@ def _of_displacements(
         if found.rough is None or found.rough < NOTICED
         else f"With {names} in the model {found.rough:.1f} times the scatter of the readings is "
         "left: as much as the laws of the causes may be others.",
+    )
+
+
+def _useless(found: Found, worth: Gain) -> str:
+    """Sentence of causes that fit the readings and predict other poses worse."""
+    names = " and ".join(found.seen.suspects[i].label for i in found.accepted)
+    nearest = "which comes nearest" if len(found.accepted) == 1 else "which together come nearest"
+    return (
+        "Something is missing from the model, and no known cause explains it: adding "
+        f"{names}, {nearest}, makes predictions worse (cross-validation error "
+        f"{1e3 * worth.rms_before_m:.3g} mm without, {1e3 * worth.rms_after_m:.3g} mm with)."
     )
 
 

@@ -100,6 +100,9 @@ def standing(
     rest = [fits(_but(best.effects, k)) for k in range(len(best.effects))]
     if max(one.p for one in rest) > NEEDED:
         return nobody
+    worth = _gain(fits, exact, suspects, rng)
+    if worth.reduction <= 0:
+        return nobody
     return replace(
         nobody,
         visible=visible,
@@ -107,7 +110,7 @@ def standing(
         fit=best,
         p_values=tuple(one.p for one in rest),
         rivals=tuple(_rivals(fits, best, k, suspects) for k in range(len(best.effects))),
-        gain=_gain(fits, exact, suspects, rng),
+        gain=worth,
     )
 
 

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.diagnosis.average import Hypothesis
 from pipeline.diagnosis.blindspots import BlindSpot
 from pipeline.diagnosis.gain import Alone, Gain
-from pipeline.diagnosis.hedge import Doubt
 from pipeline.diagnosis.nextpose import Proposal
 from pipeline.diagnosis.noise import Scatter
 from pipeline.effects import Effect
-from pipeline.results import Array, Estimate, Locked, Parameter, System
+from pipeline.results import Array, Estimate, Locked, Parameter
 from pipeline.robot import Robot
 
 PLACES = {
@@ -155,10 +155,8 @@ class Diagnosis(Locked):
         equilibrium: `deformed` where the second order in the load fits better.
         apart: Sigmas between suspects at typical size as this campaign sees them, (n, n).
         apart_labels: Labels of its rows.
-        system: The extended linear system, None without causes.
-        estimate: Springs and causes estimated together, None without causes; its intervals hold
-            with each likely rival too.
-        doubts: Springs that depend on which of a cause and its rivals is true.
+        hypotheses: Springs estimated together with the identified causes, then with each likely
+            set of causes in their place; empty where nothing changes the springs.
         left_out_before_m: Left-out residuals of the joint springs [m], shape (M,).
         left_out_after_m: Of the extended model [m], shape (M,); the same without causes.
         noise_floor_m: Root mean square that the scatter of the readings alone makes.
@@ -183,13 +181,16 @@ class Diagnosis(Locked):
     equilibrium: str
     apart: Array
     apart_labels: tuple[str, ...]
-    system: System | None
-    estimate: Estimate | None
-    doubts: tuple[Doubt, ...]
+    hypotheses: tuple[Hypothesis, ...]
     left_out_before_m: Array
     left_out_after_m: Array
     noise_floor_m: float
     stood_off_m: tuple[float, float]
+
+    @property
+    def estimate(self) -> Estimate | None:
+        """Springs and identified causes estimated together, None where nothing changes them."""
+        return self.hypotheses[0].estimate if self.hypotheses else None
 
     @property
     def modelled(self) -> tuple[Effect, ...]:

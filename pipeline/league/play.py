@@ -115,6 +115,7 @@ def play(
     rng: np.random.Generator,
     rules: Rules | None = None,
     name: str = "game",
+    stiffness: Array | None = None,
 ) -> Game:
     """Measure a machine with secrets.
 
@@ -128,11 +129,14 @@ def play(
         rng: Source of the machine, the secrets and the scatter.
         rules: How it is measured.
         name: Of the campaign.
+        stiffness: True ones of the joints [N/m] or [N m/rad], shape (n,); drawn where not given,
+            which changes nothing else.
     """
     rules = rules or Rules()
     for_truth, for_noise, for_secrets = rng.spawn(3)
     course = _course(plan, rules, for_secrets)
-    stiffness = 1 / NOMINAL * for_truth.uniform(1 - rules.spread, 1 + rules.spread, robot.n)
+    own = 1 / NOMINAL * for_truth.uniform(1 - rules.spread, 1 + rules.spread, robot.n)
+    stiffness = own if stiffness is None else stiffness
     one = setup(robot, stiffness)
     one.tracker_scale = plan.scatter
     true_tool = plan.tool + rules.tool_m * for_truth.standard_normal(plan.tool.shape)

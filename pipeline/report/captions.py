@@ -71,9 +71,16 @@ def _stiffness(result: Result, tables: Tables) -> Figure | None:
         "stiffness",
         "Stiffness as a share of the nominal value",
         f"{said} Bars are 95 % intervals, an arrow has no upper limit: where one does not reach "
-        f"the line at 100 %, the joint differs from nominal by more than the measurement's doubt.",
+        f"the line at 100 %, the joint differs from nominal by more than the measurement's "
+        f"uncertainty.{_circles(result)}",
         f"Interval plot of {len(joints)} joint stiffnesses relative to nominal. {said}",
     )
+
+
+def _circles(result: Result) -> str:
+    """What the open circles of the interval plot are."""
+    other = words.beside(result)
+    return f" Open circles, where they are near: {other[0]}." if other else ""
 
 
 def _pose_rms(result: Result, tables: Tables) -> Figure | None:
@@ -292,11 +299,12 @@ def _prediction(result: Result, tables: Tables) -> Figure | None:
 
 
 def _workspace(result: Result, tables: Tables) -> Figure | None:
-    return _softness("workspace", "joint springs only", tables)
+    return _softness("workspace", words.values_of(result), tables)
 
 
-def _workspace_extended(result: Result, tables: Tables) -> Figure | None:
-    return _softness("workspace-extended", "with the named causes", tables)
+def _workspace_joint_springs(result: Result, tables: Tables) -> Figure | None:
+    other = words.beside(result)
+    return _softness("workspace-joint-springs", other[0], tables) if other else None
 
 
 def _softness(name: str, model: str, tables: Tables) -> Figure | None:
@@ -338,6 +346,6 @@ WRITERS: dict[str, Callable[[Result, Tables], Figure | None]] = {
     "whitened": _whitened,
     "arrows": _arrows,
     "workspace": _workspace,
-    "workspace-extended": _workspace_extended,
+    "workspace-joint-springs": _workspace_joint_springs,
     "registration": _registration,
 }

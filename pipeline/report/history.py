@@ -81,8 +81,23 @@ def robots(results: Sequence[Result]) -> dict[str, list[Result]]:
     return dict(sorted(out.items()))
 
 
+NOT_TRUSTED = ("unexplained", "mistake_and_unexplained")
+"""Reasons of values that do not explain their own readings: they are shown and not compared."""
+
+
+def trusted(result: Result) -> bool:
+    """Whether a campaign's stiffnesses, with their uncertainties, may tell a change."""
+    reason = (result.get("recommended") or {}).get("reason")
+    if reason is None:  # of a version that had joint springs only
+        return (result.get("diagnosis") or {}).get("verdict") == "adequate"
+    return reason not in NOT_TRUSTED
+
+
 def previous(result: Result, results: Iterable[Result]) -> Result | None:
-    """The last campaign of the same robot that was measured earlier; None if nothing tells."""
+    """The last campaign of the same robot that was measured earlier; None if nothing tells.
+
+    One that does not explain its own readings tells nothing.
+    """
     now = result.get("measured")
     earlier = [
         other
@@ -91,6 +106,7 @@ def previous(result: Result, results: Iterable[Result]) -> Result | None:
         and other.get("robot") == result.get("robot")
         and other.get("measured")
         and other["measured"] < now
+        and trusted(other)
     ]
     return ordered(earlier)[-1] if earlier else None
 
@@ -165,9 +181,10 @@ def chance(chi2: float, dof: int) -> float | None:
 
 
 def trends(results: Sequence[Result]) -> list[Trend]:
-    """Every stiffness of one robot over its campaigns, which come in order."""
+    """Every stiffness of one robot over its campaigns, which come in order; those trusted count."""
     names = list(dict.fromkeys(j.get("name") for r in results for j in r.get("stiffness") or []))
-    series = {str(name): _series(results, name) for name in names}
+    counted = [result for result in results if trusted(result)]
+    series = {str(name): _series(counted, name) for name in names}
     tested = sum(len(points) > 1 for points in series.values())
     return [_trend(name, points, max(tested, 1)) for name, points in series.items()]
 

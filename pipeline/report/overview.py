@@ -112,6 +112,7 @@ def _campaigns(results: Sequence[Result]) -> Table:
                         for c in (result.get("diagnosis") or {}).get("causes") or []
                     )
                 ),
+                text_entry(words.values_of(result)),
                 entry(plain(left_out), left_out),
             )
         )
@@ -121,6 +122,7 @@ def _campaigns(results: Sequence[Result]) -> Table:
         Column("Measured"),
         Column("Verdict"),
         Column("Named causes"),
+        Column("Stiffnesses of the model"),
         Column("Error at poses left out [mm]", numeric=True),
     )
     return Table("campaigns", "Every campaign with a result", columns, tuple(rows))

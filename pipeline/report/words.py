@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
+from typing import Any
 
 CAUSES = {
     "rail_lateral": "sideways give of the carriage",
@@ -63,6 +65,13 @@ VERDICTS = {
     "bad_data": ("The data need attention", "bad"),
 }
 
+MODELS = {
+    "joint_springs": "joint springs",
+    "extended": "with the identified causes",
+    "averaged": "averaged over the possible causes",
+}
+"""Whose values the answer gives."""
+
 EXPLAINED = {
     "adequate": "The residuals are what the stated noise makes of a right model.",
     "explained": "The joint springs alone do not explain the readings; the cause below does.",
@@ -112,3 +121,26 @@ def from_twins(text: str) -> str:
 
 def _where(text: str | None) -> int | str | None:
     return int(text) if text and text.isdigit() else text or None
+
+
+def values_of(result: Mapping[str, Any]) -> str:
+    """Which model and data the answer's values are of."""
+    said = result.get("recommended") or {}
+    model = MODELS.get(str(said.get("model")), MODELS["joint_springs"])
+    return model + (", data corrected" if said.get("data") == "corrected" else "")
+
+
+def beside(result: Mapping[str, Any]) -> tuple[str, Mapping[str, Any]] | None:
+    """What the joint springs on the data as given are called, and their values.
+
+    None where the answer stands for them.
+    """
+    said, springs = result.get("recommended") or {}, result.get("joint_springs")
+    names = ["joint springs alone"] if said.get("model") != "joint_springs" else []
+    names += ["data as given"] if said.get("data") == "corrected" else []
+    return (", ".join(names), springs) if springs and said and names else None
+
+
+def capital(text: str) -> str:
+    """The text with its first letter as a capital."""
+    return text[:1].upper() + text[1:]

@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.diagnosis import verdict as verdicts
 from pipeline.result.findings import Findings
 from pipeline.result.fit import fits
-from pipeline.result.numbers import rms_mm
+from pipeline.result.numbers import left_out_mm
 from pipeline.results import Estimate
 from pipeline.screening.finding import Finding
 from pipeline.stages.estimate import left_out
@@ -25,12 +25,14 @@ def diagnosis_entry(found: Findings) -> dict[str, Any]:
     named = {cause["name"] for cause in said["causes"]}
     noisy = [cause for cause in noise_causes(found.right.noise) if cause["name"] not in named]
     said["causes"] = [*data_causes(found), *said["causes"], *noisy]
-    if found.mistakes:
-        return said | {"verdict": "bad_data", "why": bad_data_sentence(found.mistakes)}
-    unstated = found.estimate.p_value is None
-    if said["verdict"] == "adequate" and unstated and not fits(found.estimate):
-        return said | {"verdict": "unexplained", "why": "No known cause explains the misfit."}
-    return said
+    return said | {"verdict": found.verdict, "why": found.why}
+
+
+def beside_mistakes(right: Estimate, diagnosis: verdicts.Diagnosis) -> tuple[str, str]:
+    """Verdict on the data without mistakes, and why: what no certificate covers is a misfit."""
+    if diagnosis.verdict == "adequate" and right.p_value is None and not fits(right):
+        return "unexplained", "No known cause explains the misfit."
+    return diagnosis.verdict, diagnosis.why
 
 
 def bad_data_sentence(mistakes: tuple[Finding, ...]) -> str:
@@ -38,8 +40,9 @@ def bad_data_sentence(mistakes: tuple[Finding, ...]) -> str:
     first, *more = mistakes
     others = f", and {len(more)} more mistakes were found" if more else ""
     return (
-        f"The data hold a mistake: {first.evidence}{others}. Nothing was repaired: the "
-        f"stiffnesses are those of the data as given, the corrected ones stand beside them."
+        f"The data hold a mistake: {first.evidence}{others}. The files stay as they are: the "
+        f"stiffnesses are those of the corrected data, those of the data as given stand beside "
+        f"them."
     )
 
 
@@ -47,11 +50,11 @@ def data_causes(found: Findings) -> list[dict[str, Any]]:
     """The mistakes in the data, as causes."""
     if not found.mistakes:
         return []
-    before, after = (rms_mm(left_out(one.system)) for one in (found.given, found.right))
+    before, after = (left_out_mm(left_out(one.system)) for one in (found.given, found.right))
     gain = {
         "held_out_rms_before_mm": before,
         "held_out_rms_after_mm": after,
-        "reduction": 1 - after / before if before else None,
+        "reduction": 1 - after / before if before and after is not None else None,
         "ci95": None,
         "test_pose_change_mm": None,
     }

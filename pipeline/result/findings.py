@@ -8,11 +8,27 @@ import pandas as pd
 
 from pipeline import handover
 from pipeline.campaign import Raw
-from pipeline.diagnosis import verdict as verdicts
+from pipeline.diagnosis.verdict import Diagnosis
+from pipeline.result.recommended import Row, Values
 from pipeline.results import Estimate
 from pipeline.screening.finding import Finding
 from pipeline.screening.fit import Fitted
 from pipeline.stages.validate import Where
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """One model of the campaign with what is said of it.
+
+    Attributes:
+        values: Its values.
+        model: The machine with them.
+        checked: Table VALIDATION; None where nothing is determined.
+    """
+
+    values: Values
+    model: handover.Model
+    checked: pd.DataFrame | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,10 +42,14 @@ class Findings:
         right: The joint springs from the data with every mistake put right; the same without any.
         mistakes: What is wrong with the data.
         diagnosis: What the model misses, beside the mistakes.
-        richer: The machine with the named causes in it, None without any.
-        residuals: Table RESIDUALS of `given`.
+        verdict: Of the campaign.
+        why: One sentence for it.
+        row: Which values the answer stands for, and why.
+        told: These values.
+        springs: The paper's model on the data as given.
+        extended: The identified causes' own fit, on the data that the answer rests on; None
+            without causes.
         where: The test pose.
-        checked: Table VALIDATION of `given`.
     """
 
     campaign: str
@@ -37,11 +57,14 @@ class Findings:
     given: Fitted
     right: Fitted
     mistakes: tuple[Finding, ...]
-    diagnosis: verdicts.Diagnosis
-    richer: handover.Model | None
-    residuals: pd.DataFrame
+    diagnosis: Diagnosis
+    verdict: str
+    why: str
+    row: Row
+    told: Told
+    springs: Told
+    extended: Values | None
     where: Where
-    checked: pd.DataFrame
 
     @property
     def estimate(self) -> Estimate:

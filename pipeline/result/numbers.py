@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 
 from pipeline.results import Array
 
@@ -13,9 +12,9 @@ def rms_mm(values: Array) -> float:
     return 1e3 * float(np.sqrt(np.mean(np.asarray(values, dtype=float) ** 2)))
 
 
-def left_out_mm(residuals: pd.DataFrame) -> float | None:
-    """The same of the left-out residuals that the other poses can tell; None when there is none."""
-    known = residuals["left_out_m"].dropna().to_numpy()
+def left_out_mm(left_out_m: Array) -> float | None:
+    """The same of left-out residuals [m], those that the other poses can tell; None without any."""
+    known = left_out_m[np.isfinite(left_out_m)]
     return rms_mm(known) if len(known) else None
 
 

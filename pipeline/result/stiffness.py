@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from pipeline.cell import Cell
-from pipeline.diagnosis.hedge import Doubt
+from pipeline.diagnosis.average import Dependence, Hypothesis, Springs, dependences, springs
 from pipeline.report.numbers import with_std
 from pipeline.result.numbers import finite
-from pipeline.results import Estimate, System
+from pipeline.results import Array
 from pipeline.robot import Joint
-from pipeline.stages.budget import Budget, budget
+from pipeline.stages.budget import budget
 
 WHICH = "which_cause"
 """Source of the uncertainty that comes of not knowing which cause is true."""
@@ -22,57 +22,64 @@ SHOWN = 1e-3
 """A smaller share of the variance than this is rounding."""
 
 
-def stiffness_entries(
-    cell: Cell, system: System, estimate: Estimate, doubts: Sequence[Doubt] = ()
-) -> list[dict[str, Any]]:
+def stiffness_entries(cell: Cell, hypotheses: Sequence[Hypothesis]) -> list[dict[str, Any]]:
     """One entry per joint: the stiffness with its budget, or why there is none.
 
     Args:
         cell: For the names and units of the joints.
-        system: The system that the estimate is from.
-        estimate: The springs first.
-        doubts: Springs that depend on which of two causes is true.
+        hypotheses: What may be true, the likeliest first; one for a single model.
     """
-    split = budget(system, estimate)
-    lever = np.linalg.norm(system.B, axis=0)
+    found = springs(hypotheses)
+    parts = _parts(hypotheses, cell.robot.n)
+    lever = np.linalg.norm(hypotheses[0].system.B, axis=0)
+    depends = dependences(hypotheses)
     return [
-        _stiffness(number, joint, estimate, number - 1, float(lever[number - 1]))
-        | {"budget": _budget(estimate, split, number - 1)}
-        | _doubted(joint, estimate, [d for d in doubts if d.spring == number - 1])
+        _stiffness(number, joint, found, number - 1, float(lever[number - 1]))
+        | {"budget": _budget(found, parts, number - 1)}
+        | _depends(joint, found, [d for d in depends if d.spring == number - 1])
         for number, joint in enumerate(cell.robot.joints, 1)
     ]
 
 
-def _budget(estimate: Estimate, split: Budget, k: int) -> list[dict[str, Any]]:
+def _parts(hypotheses: Sequence[Hypothesis], n: int) -> dict[str, Array]:
+    """What each source adds to the variance of each compliance, shape (n,), by source."""
+    out: dict[str, Array] = {}
+    for one in hypotheses:
+        split = budget(one.system, one.estimate)
+        for name, std in zip(split.source.tolist(), split.std[:, :n], strict=True):
+            out[name] = out.get(name, np.zeros(n)) + one.weight * std**2
+    return out
+
+
+def _budget(found: Springs, parts: Mapping[str, Array], k: int) -> list[dict[str, Any]]:
     """What each source adds to one stiffness: standard uncertainty [its unit], part of variance."""
-    x = float(estimate.value[k])
-    if not estimate.identifiable[k] or x <= 0:
+    x = float(found.value[k])
+    if not found.identifiable[k] or x <= 0:
         return []
-    total = float(estimate.cov[k, k])
-    std, share = split.std[:, k] / x**2, split.std[:, k] ** 2 / total
-    parts = [
-        {"source": name, "std": float(std[i]), "share": float(share[i])}
-        for i, name in enumerate(split.source)
-    ]
-    rest = 1 - float(share.sum())
+    total = float(found.cov[k, k])
+    shares = {name: float(variance[k]) / total for name, variance in parts.items()}
+    rest = 1 - sum(shares.values())
     if rest > SHOWN:
-        parts.append({"source": WHICH, "std": float(np.sqrt(rest * total)) / x**2, "share": rest})
-    return parts
+        shares[WHICH] = rest
+    return [
+        {"source": name, "std": float(np.sqrt(share * total)) / x**2, "share": share}
+        for name, share in shares.items()
+    ]
 
 
-def _doubted(joint: Joint, estimate: Estimate, doubts: Sequence[Doubt]) -> dict[str, Any]:
+def _depends(joint: Joint, found: Springs, on: Sequence[Dependence]) -> dict[str, Any]:
     """What to say of a spring that depends on which of two causes is true."""
-    if not doubts:
+    if not on:
         return {}
-    name, cause = f"k_{joint.name}", doubts[0].cause
-    lost = list(dict.fromkeys(d.rival for d in doubts if d.lost))
-    others = " or ".join(dict.fromkeys(d.rival for d in doubts))
+    name, cause = f"k_{joint.name}", on[0].cause
+    lost = list(dict.fromkeys(d.rival for d in on if d.lost))
+    others = " or ".join(dict.fromkeys(d.rival for d in on))
     if lost:
         return {
             "finding": f"{name} is not identifiable: the data do not exclude {' or '.join(lost)} "
             f"in the place of {cause}, and beside it these poses do not tell it from the joint."
         }
-    if not estimate.identifiable[doubts[0].spring]:
+    if not found.identifiable[on[0].spring]:
         return {
             "finding": f"{name} is not identifiable: how large it is depends on whether {cause} "
             f"is true or {others}, which the data do not exclude."
@@ -93,12 +100,10 @@ def budget_entries(stiffness: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return list(rows.values())
 
 
-def _stiffness(
-    number: int, joint: Joint, estimate: Estimate, k: int, lever: float
-) -> dict[str, Any]:
-    x, std = float(estimate.value[k]), float(estimate.std[k])
-    identifiable = bool(estimate.identifiable[k])
-    low, high = x - estimate.quantile * std, x + estimate.quantile * std
+def _stiffness(number: int, joint: Joint, found: Springs, k: int, lever: float) -> dict[str, Any]:
+    x, std = float(found.value[k]), float(found.std[k])
+    identifiable = bool(found.identifiable[k])
+    low, high = float(found.low[k]), float(found.high[k])
     has_value = identifiable and x > 0
     return {
         "joint": number,

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pandas as pd
 
-from pipeline.results import Estimate, System
-from pipeline.stages.estimate import left_out
+from pipeline.diagnosis.average import Springs
+from pipeline.results import Array, Estimate, Parameter, System
 from pipeline.stages.whiten import whitener
+
+Known = Estimate | Springs
 
 AXES = np.array(["x", "y", "z"], dtype=object)
 
@@ -46,31 +50,36 @@ def errors_table(system: System) -> pd.DataFrame:
     )
 
 
-def residuals_table(system: System, estimate: Estimate) -> pd.DataFrame:
-    """Table RESIDUALS; without stated noise, whitened by their own scatter."""
-    white = whitener(system.errors, system.rows.pose)
-    whitened = white(estimate.residual)
+def residuals_table(system: System, estimate: Estimate, left_out_m: Array) -> pd.DataFrame:
+    """Table RESIDUALS; without stated noise, whitened by their own scatter.
+
+    Args:
+        system: The system.
+        estimate: Its solution.
+        left_out_m: Residuals of each pose when it is left out of the estimate [m], shape (M,).
+    """
+    whitened = whitener(system.errors, system.rows.pose)(estimate.residual)
     if not system.noise_stated:
         whitened = whitened / np.sqrt(np.sum(whitened**2) / max(estimate.dof, 1))
     return rows_table(system).assign(
-        residual_m=estimate.residual, whitened=whitened, left_out_m=left_out(system, white)
+        residual_m=estimate.residual, whitened=whitened, left_out_m=left_out_m
     )
 
 
-def estimate_table(estimate: Estimate) -> pd.DataFrame:
+def estimate_table(names: Sequence[Parameter], found: Known) -> pd.DataFrame:
     """Table ESTIMATE."""
     return pd.DataFrame(
         {
-            "parameter": [p.name for p in estimate.parameters],
-            "unit": [p.unit for p in estimate.parameters],
-            "value": estimate.value,
-            "std": estimate.std,
-            "identifiable": estimate.identifiable,
+            "parameter": [p.name for p in names],
+            "unit": [p.unit for p in names],
+            "value": found.value,
+            "std": found.std,
+            "identifiable": found.identifiable,
         }
     )
 
 
-def covariance_table(estimate: Estimate) -> pd.DataFrame:
+def covariance_table(names: Sequence[Parameter], cov: Array) -> pd.DataFrame:
     """Table `tables.covariance`."""
-    names = [p.name for p in estimate.parameters]
-    return pd.DataFrame(estimate.cov, columns=names).assign(parameter=names)
+    named = [p.name for p in names]
+    return pd.DataFrame(cov, columns=named).assign(parameter=named)

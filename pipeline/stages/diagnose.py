@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import scipy.sparse
 
 from pipeline.cell import Cell, predict
 from pipeline.diagnosis.amplitude import amplitudes
+from pipeline.diagnosis.average import LEAST, Hypothesis, weighed
 from pipeline.diagnosis.blindspots import blind_spots
 from pipeline.diagnosis.clues import clues, misfits
 from pipeline.diagnosis.drift import Drift
 from pipeline.diagnosis.elimination import coefficients, eliminate
 from pipeline.diagnosis.gain import Gain, alone, gain, rms
-from pipeline.diagnosis.hedge import LIKELY, Doubt, Instead, hedged
 from pipeline.diagnosis.identify import NAMELESS, Case, Found, by_label, search
 from pipeline.diagnosis.isolability import Twins, twins
 from pipeline.diagnosis.judgement import judge, with_drift
@@ -75,24 +77,27 @@ def diagnose(
     case = replace(case, refuted=stood.visible)
     case, spread, found = _searched(case, spread, estimate.value, rng)
     worth = _gain(case, found, rng)
-    causes = _causes(case, found, worth, where, known) + _noise_causes(whole, spread)
+    considered = _causes(case, found, worth, where, known)
+    helps = worth is None or worth.reduction > 0
+    causes = (considered if helps else ()) + _noise_causes(whole, spread)
     stands = _standing_causes(stood)
     verdict, why = judge(case, spread, found, worth, causes, stood, stands)
     drifts = _drift_causes(drift, causes)
     if drift and drifts:
         verdict, why = with_drift(verdict, why, drift)
     elsewhere = {**stood.visible, **({drift.effect.label: drift.visible} if drift else {})}
-    system, extended, doubts = _extended(case, found, bool(stood.effects))
+    hypotheses = _hypotheses(case, found, bool(stood.effects), helps)
     single = [(r.suspect, r.probability) for r in found.single[:SHOWN]]
+    singly = alone(found.first, single, rng) if worth else ()
     final = found.view
     before = worth.before if worth else _left_by_springs(found.first)
     return Diagnosis(
         verdict=verdict,
         why=why,
         causes=stands + drifts + causes,
-        alone=alone(found.first, single, rng) if worth else (),
+        alone=tuple(one for one in singly if one.reduction > 0),
         blind_spots=blind_spots(whole, final, final.base, found.threshold.p, known, elsewhere),
-        next_poses=next_poses(case, found, causes, worth, known, rng),
+        next_poses=next_poses(case, found, considered, worth, known, rng),
         refused=found.refused,
         clues=clues(found),
         threshold=found.threshold.p,
@@ -104,11 +109,9 @@ def diagnose(
         equilibrium=case.cell.equilibrium,
         apart=separation(found.first, [f[0] for f in by_label(case.suspects).values()]),
         apart_labels=tuple(by_label(case.suspects)),
-        system=system,
-        estimate=extended,
-        doubts=doubts,
+        hypotheses=hypotheses,
         left_out_before_m=before,
-        left_out_after_m=worth.after if worth else before,
+        left_out_after_m=worth.after if worth and helps else before,
         noise_floor_m=rms(found.first.spread),
         stood_off_m=(stood.miss_m, stood.left_m),
     )
@@ -284,22 +287,67 @@ def _change(found: Found, where: Where) -> float:
     return float(np.mean(np.linalg.norm(new - old, axis=-1)))
 
 
-def _extended(
-    case: Case, found: Found, moved: bool
-) -> tuple[System | None, Estimate | None, tuple[Doubt, ...]]:
-    """Springs and causes as one linear system, its solution, and where that hangs on a rival.
+def _hypotheses(case: Case, found: Found, moved: bool, helps: bool) -> tuple[Hypothesis, ...]:
+    """The accepted causes, and every set with likely rivals in their places; none without causes.
 
     Args:
         case: The case.
         found: The causes that the displacements called for.
         moved: The robot stands elsewhere than its log says, which the case already knows.
+        helps: The causes predict left-out poses better than the joint springs alone do.
 
     A scale that scatters more than stated calls for the same springs weighed anew.
     """
-    if not found.accepted and not moved and case.force_noise == 1:
-        return None, None, ()
-    system, estimate = _solved(case, found.view.model, found.seen)
-    return system, *hedged(estimate, _instead(case, found))
+    accepted = found.accepted if helps else ()
+    if not accepted and not moved and case.force_noise == 1:
+        return ()
+    if not accepted:
+        return (Hypothesis(1.0, (), *_solved(case, found.first.model, found.first.seen)),)
+    named = tuple(case.suspects[i] for i in accepted)
+    own = _solved(case, found.view.model, found.seen)
+    first, *others = _likely(case, found)
+    return weighed(
+        [Hypothesis(first[1], named, *own), *(_other(case, found, *one) for one in others)]
+    )
+
+
+def _likely(case: Case, found: Found) -> list[tuple[tuple[int, ...], float]]:
+    """Sets of suspects with their probability: the accepted ones, then others, likeliest first.
+
+    What stands in one place is independent of what stands in another. Suspects behind the case's
+    own are those without a name.
+    """
+    places = []
+    for place, mine in enumerate(found.accepted):
+        strange = found.strange[place] if found.strange else None
+        left = 1.0 - (strange.probability if strange else 0.0)
+        label = case.suspects[mine].label
+        odds = {
+            (mine if rival.label == label else rival.suspect): left * rival.probability
+            for rival in found.rivals[place]
+        }
+        places.append({mine: 0.0} | odds | ({strange.suspect: 1.0 - left} if strange else {}))
+    sets = [
+        (chosen, math.prod(odds[i] for odds, i in zip(places, chosen, strict=True)))
+        for chosen in product(*places)
+    ]
+    others = [one for one in sets if one[0] != found.accepted and one[1] > LEAST]
+    own = next(weight for chosen, weight in sets if chosen == found.accepted)
+    return [(found.accepted, own), *sorted(others, key=lambda one: -one[1])]
+
+
+def _other(case: Case, found: Found, suspects: tuple[int, ...], weight: float) -> Hypothesis:
+    """Other causes in the places of the accepted ones, estimated together with the springs."""
+    if max(suspects) >= len(case.suspects):
+        case = replace(case, suspects=case.suspects + case.nameless)
+    seen = case.fitted(suspects, found.view.model.values[: case.cell.robot.n], found.seen)
+    instead = tuple(
+        (case.suspects[mine].label, case.suspects[other].label)
+        for mine, other in zip(found.accepted, suspects, strict=True)
+        if mine != other
+    )
+    effects = tuple(case.suspects[i] for i in suspects)
+    return Hypothesis(weight, effects, *_solved(case, seen.model, seen), instead)
 
 
 def _solved(case: Case, model: Model, seen: Sight) -> tuple[System, Estimate]:
@@ -328,18 +376,3 @@ def _solved(case: Case, model: Model, seen: Sight) -> tuple[System, Estimate]:
         system = replace(system, errors=replace(errors, G=G))
         estimate = solve(system, model.values)
     return system, estimate
-
-
-def _instead(case: Case, found: Found) -> Iterator[Instead]:
-    """The springs with each likely rival in the place of its cause."""
-    accepted, springs = found.accepted, case.cell.robot.n
-    for place, rivals in enumerate(found.rivals):
-        mine = case.suspects[accepted[place]].label
-        for rival in rivals:
-            if rival.label == mine or rival.probability < LIKELY:
-                continue
-            others = (*accepted[:place], rival.suspect, *accepted[place + 1 :])
-            start = found.view.model.values[:springs]
-            seen = case.fitted(others, start, found.seen)
-            _, estimate = _solved(case, seen.model, seen)
-            yield Instead(mine, rival.label, estimate.value[:springs], estimate.std[:springs])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ import pandas as pd
 
 from pipeline.cell import Cell, columns, load
 from pipeline.effects import Elastic, Pulls
-from pipeline.results import Array, Estimate
+from pipeline.results import Array, Bools, Estimate
 from pipeline.robot import Robot
 from pipeline.settings import TestPose
 
@@ -44,17 +45,33 @@ def place_of_interest(stated: TestPose | None, robot: Robot, pulls: Pulls) -> Wh
     return Where(stated.joint_values(robot), np.array(stated.force_n), stated=True)
 
 
+@dataclass(frozen=True, eq=False)
+class Believed:
+    """One set of causes that may be true.
+
+    Attributes:
+        weight: Its probability.
+        cell: Joint springs and causes.
+        estimate: Their parameters with covariance.
+    """
+
+    weight: float
+    cell: Cell
+    estimate: Estimate
+
+
 def validate(
-    cell: Cell, estimate: Estimate, test: Where, rng: np.random.Generator, poses: int = 1000
+    hypotheses: Sequence[Believed], test: Where, rng: np.random.Generator, poses: int = 1000
 ) -> pd.DataFrame:
     """Relative deflection errors mu of Eq. (22) around the test pose and in the workspace.
 
     Every pose has a draw of its own, once from the full covariance of the compliances and once
-    as in Eq. (23), each stiffness by itself. Parameters that are not identifiable stay put.
+    as in Eq. (23), each stiffness by itself. Parameters that are not identifiable stay put. Where
+    several hypotheses may be true, the prediction is their average, and each pose draws one of
+    them by its weight. Of the causes, those that yield under load take part.
 
     Args:
-        cell: The paper's model.
-        estimate: Its parameters with their covariance.
+        hypotheses: What may be true, weights sum to one.
         test: Test pose and force; the force is the same at all poses.
         rng: Source of the draws.
         poses: Number of poses in each set.
@@ -62,20 +79,41 @@ def validate(
     Returns:
         Table VALIDATION.
     """
+    cell = hypotheses[0].cell
     sets = {
         "test_pose": _around(cell, test, rng, poses),
         "global": rng.uniform(*_limits(cell), (poses, cell.robot.n)),
     }
-    draws = {"covariance": _full(estimate, rng, poses), "independent": _each(estimate, rng, poses)}
+    elastic = [_elastic(one.cell) for one in hypotheses]
+    values = [one.estimate.value[mine] for one, mine in zip(hypotheses, elastic, strict=True)]
+    drawn = {
+        "covariance": [_full(one.estimate, rng, poses) for one in hypotheses],
+        "independent": [_each(one.estimate, cell.robot.n, rng, poses) for one in hypotheses],
+    }
+    weights = np.array([one.weight for one in hypotheses])
+    several = len(weights) > 1
+    true = rng.choice(len(weights), poses, p=weights) if several else np.zeros(poses, np.int64)
     out = []
     for name, q in sets.items():
-        A = deflections(cell, q, np.broadcast_to(test.force, (poses, 3)))
-        nominal = A @ estimate.value
-        for kind, x in draws.items():
-            wrong = np.einsum("mtik,mk->mti", A, x - estimate.value)
-            mu = np.linalg.norm(wrong, axis=2) / np.linalg.norm(nominal, axis=2)
+        force = np.broadcast_to(test.force, (poses, 3))
+        A = [deflections(one.cell, q, force) for one in hypotheses]
+        each = [a @ x for a, x in zip(A, values, strict=True)]
+        mean = sum(w * moved for w, moved in zip(weights, each, strict=True))
+        for kind, draws in drawn.items():
+            moved = [
+                np.einsum("mtik,mk->mti", a, x[:, mine] - value) + nominal - mean
+                for a, x, mine, value, nominal in zip(A, draws, elastic, values, each, strict=True)
+            ]
+            wrong = np.stack(moved)[true, np.arange(poses)]
+            mu = np.linalg.norm(wrong, axis=2) / np.linalg.norm(mean, axis=2)
             out.append(_table(name, kind, mu, list(cell.tool.targets)))
     return pd.concat(out, ignore_index=True)
+
+
+def _elastic(cell: Cell) -> Bools:
+    """Parameters of what yields under load, shape (k,)."""
+    counts = [len(effect.parameters) for effect in cell.effects]
+    return np.repeat([isinstance(effect, Elastic) for effect in cell.effects], counts)
 
 
 def deflections(cell: Cell, q: Array, force: Array) -> Array:
@@ -110,13 +148,18 @@ def _full(estimate: Estimate, rng: np.random.Generator, poses: int) -> Array:
     return x
 
 
-def _each(estimate: Estimate, rng: np.random.Generator, poses: int) -> Array:
+def _each(estimate: Estimate, springs: int, rng: np.random.Generator, poses: int) -> Array:
     """Eq. (23): stiffnesses, each normal by itself; only those that have a positive value."""
     x = np.tile(estimate.value, (poses, 1))
-    known = estimate.identifiable & (estimate.value > 0)
+    known = estimate.identifiable & (estimate.value > 0) & (np.arange(x.shape[1]) < springs)
     k = 1 / estimate.value[known]
     x[:, known] = 1 / (k + rng.standard_normal((poses, len(k))) * estimate.std[known] * k**2)
     return x
+
+
+def none() -> pd.DataFrame:
+    """The table of a campaign that determines nothing."""
+    return _table("test_pose", "covariance", np.zeros((0, 0)), [])
 
 
 def _table(name: str, kind: str, mu: Array, targets: list[str]) -> pd.DataFrame:

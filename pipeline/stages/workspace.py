@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
@@ -23,8 +24,16 @@ FORCE_N = 1000.0
 UP = np.array([0.0, 0.0, 1.0])
 
 
-class Known(Protocol):
-    """Parameters of a cell with their uncertainty: an estimate, or a model that was handed over."""
+class Believed(Protocol):
+    """One set of causes that may be true: a machine with the values of its parameters."""
+
+    @property
+    def weight(self) -> float:
+        """Its probability."""
+
+    @property
+    def cell(self) -> Cell:
+        """Joint springs and causes."""
 
     @property
     def value(self) -> Array:
@@ -39,7 +48,7 @@ class Known(Protocol):
         """Standard uncertainty of `value`, shape (k,)."""
 
 
-def workspace(cell: Cell, estimate: Known, test: Where, steps: int = STEPS) -> pd.DataFrame:
+def workspace(hypotheses: Sequence[Believed], test: Where, steps: int = STEPS) -> pd.DataFrame:
     """Deflection of the load point per newton in the worst direction, over the arm's plane.
 
     Shoulder and elbow, the first two neighbouring joints with parallel axes, go through their
@@ -47,14 +56,15 @@ def workspace(cell: Cell, estimate: Known, test: Where, steps: int = STEPS) -> p
     The worst direction is the first singular vector of the 3 x 3 compliance of the load point.
 
     Args:
-        cell: A model, the paper's or an extended one.
-        estimate: Its parameters with their covariance; those without one are taken as certain.
+        hypotheses: What may be true, weights sum to one; parameters without an uncertainty are
+            taken as certain.
         test: The test pose.
         steps: Values of each joint.
 
     Returns:
         Table WORKSPACE; row 0 is the test pose; empty for an arm without such a pair of joints.
     """
+    cell = hypotheses[0].cell
     pair = arm_joints(cell.robot, test.q)
     if pair is None:
         return none()
@@ -63,7 +73,7 @@ def workspace(cell: Cell, estimate: Known, test: Where, steps: int = STEPS) -> p
     inside = _same_side(here, cell, pair)
     q, grid = q[inside], grid[inside]
     plane = _plane(configure(cell.robot, q), cell, pair)
-    size, std, direction = _softest(_at_load_point(cell), estimate, q)
+    size, std, direction = _softest(hypotheses, q)
     return _table(plane, size, std, direction, grid)
 
 
@@ -124,20 +134,28 @@ def _at_load_point(cell: Cell) -> Cell:
     return replace(cell, tool=Tool(point, np.array(["load_point"], dtype=object), point[None]))
 
 
-def _softest(cell: Cell, estimate: Known, q: Array) -> tuple[Array, Array, Array]:
+def _softest(hypotheses: Sequence[Believed], q: Array) -> tuple[Array, Array, Array]:
     """Largest deflection per newton (m,), its standard uncertainty (m,), direction (m, 3)."""
     m = len(q)
     force = np.tile(FORCE_N * np.eye(3), (m, 1))
     unset, zero = np.zeros(3 * m), np.zeros(3 * m, dtype=np.int64)
     pulls = Pulls(zero, zero, np.repeat(q, 3, axis=0), force, unset, unset, unset, unset)
-    moved = predict(cell, pulls, estimate.value).displacement.reshape(m, 3, 3) / FORCE_N
+    cells = [_at_load_point(one.cell) for one in hypotheses]
+    each = [
+        predict(cell, pulls, one.value).displacement.reshape(m, 3, 3) / FORCE_N
+        for cell, one in zip(cells, hypotheses, strict=True)
+    ]
+    moved = sum(one.weight * here for one, here in zip(hypotheses, each, strict=True))
     pulled, size, turned = np.linalg.svd(moved)
-    known = np.isfinite(estimate.std)
-    by = jacobian(cell, pulls, estimate.value).reshape(m, 3, 3, -1)[..., known] / FORCE_N
-    slope = np.einsum("mf,mfik,mi->mk", pulled[:, :, 0], by, turned[:, 0])
-    cov = estimate.cov[np.ix_(known, known)]
-    std = np.sqrt(np.einsum("mk,kl,ml->m", slope, cov, slope))
-    return size[:, 0], std, turned[:, 0]
+    variance = np.zeros(m)
+    for one, cell, here in zip(hypotheses, cells, each, strict=True):
+        known = np.isfinite(one.std)
+        by = jacobian(cell, pulls, one.value).reshape(m, 3, 3, -1)[..., known] / FORCE_N
+        slope = np.einsum("mf,mfik,mi->mk", pulled[:, :, 0], by, turned[:, 0])
+        own = np.einsum("mk,kl,ml->m", slope, one.cov[np.ix_(known, known)], slope)
+        off = np.einsum("mf,mfi,mi->m", pulled[:, :, 0], here - moved, turned[:, 0])
+        variance += one.weight * (own + off**2)
+    return size[:, 0], np.sqrt(variance), turned[:, 0]
 
 
 def none() -> pd.DataFrame:

@@ -17,7 +17,7 @@ from pipeline.report.figures.residuals import (
     draw_whitened,
 )
 from pipeline.report.figures.stiffness import draw_history, draw_stiffness
-from pipeline.report.figures.workspace import draw_workspace, draw_workspace_extended
+from pipeline.report.figures.workspace import draw_workspace, draw_workspace_joint_springs
 from pipeline.report.history import robots
 from pipeline.report.summaries import Result, Tables
 from pipeline.report.svg import Drawing, drawn
@@ -34,7 +34,7 @@ DRAWERS: dict[str, Callable[[Canvas, Result, Tables], Tips]] = {
     "whitened": draw_whitened,
     "arrows": draw_arrows,
     "workspace": draw_workspace,
-    "workspace-extended": draw_workspace_extended,
+    "workspace-joint-springs": draw_workspace_joint_springs,
     "registration": draw_registration,
 }
 

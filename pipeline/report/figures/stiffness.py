@@ -9,12 +9,14 @@ import numpy as np
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator
 
+from pipeline.report import words
 from pipeline.report.captions import comparable
 from pipeline.report.figures.marks import Tips
 from pipeline.report.history import trends
 from pipeline.report.numbers import common_prefix, known, plain, prefixed
 from pipeline.report.summaries import Result, Tables
 from pipeline.report.svg import BLUE, MUTED, RED
+from pipeline.results import Array
 
 
 def draw_stiffness(canvas: Canvas, result: Result, tables: Tables) -> Tips:
@@ -34,6 +36,9 @@ def draw_stiffness(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     for which, key in ((endless & ~beyond, None), (beyond, "beyond")):
         where = np.full(which.sum(), right)
         axes.scatter(where, at[which], color=BLUE, marker=">", s=30, gid=key)
+    other = _beside(result, joints)
+    near = np.abs(other - shown.mean()) < np.ptp(shown)  # a wrong unit would squeeze all others
+    axes.scatter(other[near], at[near], facecolors="none", edgecolors=MUTED, s=34, zorder=2)
     axes.scatter(share[~beyond], at[~beyond], color=BLUE, s=26, gid="share", zorder=3)
     axes.set_yticks(at, [str(j["name"]) for j in joints])
     axes.invert_yaxis()
@@ -48,6 +53,13 @@ def draw_stiffness(canvas: Canvas, result: Result, tables: Tables) -> Tips:
         "share": [words for words, far in zip(said, beyond, strict=True) if not far],
         "beyond": [words for words, far in zip(said, beyond, strict=True) if far],
     }
+
+
+def _beside(result: Result, joints: Sequence[Mapping[str, Any]]) -> Array:
+    """What joint springs alone say of these joints [% of nominal], NaN where nothing else."""
+    other = words.beside(result)
+    values = {j["name"]: j["value"] for j in other[1]["stiffness"]} if other else {}
+    return np.array([100 * (values.get(j["name"]) or np.nan) / j["nominal"] for j in joints])
 
 
 def _bounds(joint: Mapping[str, Any]) -> tuple[float, float]:

@@ -18,18 +18,18 @@ from pipeline.results import Array
 
 
 def draw_workspace(canvas: Canvas, result: Result, tables: Tables) -> Tips:
-    """The map with joint springs alone."""
+    """The map of the answer's values."""
     return _map(canvas, tables["workspace"], levels_of(tables))
 
 
-def draw_workspace_extended(canvas: Canvas, result: Result, tables: Tables) -> Tips:
-    """The map with the named causes."""
-    return _map(canvas, tables["workspace_extended"], levels_of(tables))
+def draw_workspace_joint_springs(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+    """The map with joint springs alone, data as given."""
+    return _map(canvas, tables["workspace_joint_springs"], levels_of(tables))
 
 
 def levels_of(tables: Tables) -> Array:
     """The steps of both maps, so that equal shades mean equal deflection [µm/N]."""
-    names = [name for name in ("workspace", "workspace_extended") if has(tables, name)]
+    names = [name for name in ("workspace", "workspace_joint_springs") if has(tables, name)]
     size = np.concatenate([1e6 * tables[n]["worst_m_per_n"].to_numpy(float) for n in names])
     ticks = MaxNLocator(len(SHADES), steps=[1, 2, 2.5, 5, 10])
     return np.array(ticks.tick_values(size.min(), size.max()))

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from pipeline.report.record import Block, Section
-from pipeline.report.summaries import Result
 
 
 def at(tree: Any, *path: str) -> Any:
@@ -38,9 +37,3 @@ def joint_name(one: Mapping[str, Any]) -> str:
 def bracketed(text: str) -> str:
     """A value with its uncertainty, in brackets where a unit follows."""
     return f"({text})" if "±" in text and not text.startswith("(") else text
-
-
-def richer_words(result: Result) -> str:
-    """What the second model of a campaign is: data put right, or causes named."""
-    wrong = at(result, "diagnosis", "verdict") == "bad_data"
-    return "With the data put right" if wrong else "With the named causes"

@@ -134,7 +134,7 @@ def _gain_sentences(one: Mapping[str, Any]) -> list[str]:
     gain = one.get("gain") or {}
     said = []
     before, after = gain.get("held_out_rms_before_mm"), gain.get("held_out_rms_after_mm")
-    if known(before) and known(after):
+    if known(before) and known(after) and after < before:
         low, high = [*(gain.get("ci95") or []), None, None][:2]
         sure = f", 95 % interval {percent(low)} to {percent(high)}" if known(low) else ""
         less = gain.get("reduction")

@@ -5,29 +5,33 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from pipeline.report import words
 from pipeline.report.captions import figures
 from pipeline.report.numbers import known, percent, plain, with_std
 from pipeline.report.record import Column, Section, Table, Text, entry, text_entry
-from pipeline.report.sections._tree import at, items, richer_words, section_of
+from pipeline.report.sections._tree import at, items, section_of
 from pipeline.report.summaries import Result, Tables
 
 
 def test_pose(result: Result, tables: Tables) -> Section | None:
-    """Deflection at the test pose and over the workspace, with and without the named causes."""
-    plainly = items(result, "test_pose_deflection")
-    extended = items(result, "extended", "test_pose_deflection")
-    extended = [] if extended == plainly else extended  # nothing named, nothing put right
+    """Deflection at the test pose and over the workspace, and what joint springs alone say."""
+    other = words.beside(result)
+    springs = items(other[1], "test_pose_deflection") if other else []
     return section_of(
         "test-pose",
         "Deflection under load",
         [
             _deflections(
-                "deflection", "Predicted deflection at the test pose, joint springs alone", plainly
+                "deflection",
+                f"Predicted deflection at the test pose, {words.values_of(result)}",
+                items(result, "test_pose_deflection"),
             ),
             _deflections(
-                "deflection-extended", f"The same: {richer_words(result).lower()}", extended
+                "deflection-joint-springs",
+                f"The same, {other[0]}" if other else "",
+                springs,
             ),
-            *figures(("workspace", "workspace-extended"), result, tables),
+            *figures(("workspace", "workspace-joint-springs"), result, tables),
         ],
     )
 

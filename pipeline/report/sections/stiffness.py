@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from pipeline.report import words
 from pipeline.report.captions import figures
-from pipeline.report.history import Change, changes
+from pipeline.report.history import Change, changes, trusted
 from pipeline.report.numbers import (
     MISSING,
     common_prefix,
@@ -23,11 +24,9 @@ from pipeline.report.sections._tree import (
     bracketed,
     items,
     joint_name,
-    richer_words,
     section_of,
 )
 from pipeline.report.summaries import Result
-from pipeline.report.words import in_words
 
 
 def stiffness(result: Result, previous: Result | None) -> Section | None:
@@ -36,20 +35,17 @@ def stiffness(result: Result, previous: Result | None) -> Section | None:
     if not joints:
         return None
     said = [*items(result, "findings"), *(j.get("finding") for j in joints)]
-    said += [in_words(f) for j in _extended_stiffness(result) if (f := j.get("finding"))]
-    since = changes(items(previous, "stiffness"), joints) if previous else []
+    said = [words.in_words(str(f)) for f in said if f]
+    told = previous is not None and trusted(result)
+    since = changes(items(previous, "stiffness"), joints) if told else []
     said += [_changed(c, str(at(previous, "campaign"))) for c in since if c.sure]
-    findings = [
-        Text(f, "finding") for f in _of_each(list(dict.fromkeys(str(f) for f in said if f)))
-    ]
+    findings = [Text(f, "finding") for f in _of_each(list(dict.fromkeys(said)))]
     return section_of(
         "stiffness",
         "Joint stiffnesses",
         [
             *findings,
-            _stiffness_table(
-                joints, _extended_stiffness(result), richer_words(result), since, previous
-            ),
+            _stiffness_table(joints, result, since, previous),
             *figures(("stiffness",), result, {}),
             _compliance_table(joints),
             _fit_text(result),
@@ -79,14 +75,11 @@ def _changed(change: Change, campaign: str) -> str:
 
 
 def _stiffness_table(
-    joints: list[Any],
-    extended: list[Any],
-    richer_words: str,
-    since: list[Change],
-    previous: Result | None,
+    joints: list[Any], result: Result, since: list[Change], previous: Result | None
 ) -> Table:
     factor, letter = common_prefix(j.get("value") for j in joints)
-    richer = {j.get("name"): j for j in extended}
+    other = words.beside(result)
+    springs = {j.get("name"): j for j in items(other[1], "stiffness")} if other else {}
     has_nominal = any(known(j.get("nominal")) for j in joints)
     columns = [
         Column("Joint"),
@@ -97,8 +90,8 @@ def _stiffness_table(
     ]
     if has_nominal:
         columns += [Column("Nominal", numeric=True), Column("Of nominal [%]", numeric=True)]
-    if richer:
-        columns.append(Column(richer_words, numeric=True))
+    if other:
+        columns.append(Column(words.capital(other[0]), numeric=True))
     changed = {change.name: change for change in since}
     if changed:
         columns.append(Column(f"Change since {at(previous, 'campaign')} [%]", numeric=True))
@@ -107,8 +100,8 @@ def _stiffness_table(
         row = _stiffness_row(joint, factor, letter)
         if has_nominal:
             row += _nominal_entries(joint, factor)
-        if richer:
-            row.append(_scaled(richer.get(joint.get("name")), factor))
+        if other:
+            row.append(_scaled(springs.get(joint.get("name")), factor))
         if changed:
             row.append(_change_entry(changed.get(joint_name(joint))))
         rows.append(tuple(row))
@@ -116,18 +109,14 @@ def _stiffness_table(
         "Stiffness is one over the estimated compliance; its interval is that of the compliance, "
         "turned over, and therefore not symmetric."
     )
-    return Table("stiffness", "Stiffness of each joint", tuple(columns), tuple(rows), note)
+    title = f"Stiffness of each joint, {words.values_of(result)}"
+    return Table("stiffness", title, tuple(columns), tuple(rows), note)
 
 
 def _change_entry(change: Change | None) -> Entry:
     if change is None or change.percent is None:
         return Entry(MISSING)
     return entry(with_std(change.percent, change.percent_std), change.percent)
-
-
-def _extended_stiffness(result: Result) -> list[Any]:
-    """Stiffnesses of the model with the named causes; nothing where no cause is named."""
-    return items(result, "extended", "stiffness") if items(result, "diagnosis", "causes") else []
 
 
 def _stiffness_row(joint: Mapping[str, Any], factor: float, letter: str) -> list[Entry]:

@@ -1,0 +1,170 @@
+"""What is stated where it is uncertain which causes are true."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import scipy.sparse
+
+from pipeline.diagnosis.average import LEAST, LIKELY, Hypothesis, dependences, springs, weighed
+from pipeline.effects import baseline, catalogue
+from pipeline.result.stiffness import stiffness_entries
+from pipeline.results import Errors, Estimate, Rows, System
+from pipeline.robot import load
+from pipeline.stages.estimate import solve
+
+KR500 = load("kr500_rail")
+X = KR500.nominal_compliance
+BASELINE = tuple(p for effect in baseline(KR500) for p in effect.parameters)
+EFFECTS = {effect.label: effect for effect in catalogue(KR500)}
+
+
+def hypothesis(weight, factor=1.0, relative=0.01, lost=None, instead=None, cov=None):
+    """Joint springs `factor` times their nominal size, known to a fraction, beside one cause."""
+    effect = EFFECTS[instead or "joint_tilt:5"]
+    parameters = (*BASELINE, *effect.parameters)
+    value = np.append(factor * X, np.zeros(len(effect.parameters)))
+    own = np.diag((relative * X) ** 2) if cov is None else cov
+    whole = np.eye(len(value)) * 1e-30
+    whole[:7, :7] = own
+    if lost is not None:
+        whole[lost, lost] = np.inf
+    k = len(value)
+    rows = Rows(*[np.arange(3)] * 2, np.array(["P1"] * 3, object), np.arange(3), np.zeros(3, int))
+    errors = Errors(
+        scipy.sparse.csr_array(np.eye(3)), np.array(["tracker"] * 3, object), [False] * 3
+    )
+    system = System(parameters, rows, np.ones((3, k)), np.zeros(3), errors, True)
+    estimate = Estimate(
+        parameters, value, whole, np.isfinite(np.diag(whole)), np.zeros(3), 1.0, 1, 0.5, "stated",
+        1e-5, 1.96,
+    )  # fmt: skip
+    told = (("joint_tilt:5", instead),) if instead else ()
+    return Hypothesis(weight, (effect,), system, estimate, told)
+
+
+def correlated(rng, relative):
+    """A full covariance of the springs."""
+    half = relative * X[:, None] * (0.6 * rng.standard_normal((7, 7)) + np.eye(7))
+    return half @ half.T
+
+
+def test_one_hypothesis_is_its_own_estimate():
+    """With nothing in doubt, value, covariance and interval are those of the one model."""
+    one = hypothesis(1.0, cov=correlated(np.random.default_rng(1), 0.01))
+
+    found = springs([one])
+
+    np.testing.assert_array_equal(found.value, one.estimate.value[:7])
+    np.testing.assert_array_equal(found.cov, one.estimate.cov[:7, :7])
+    np.testing.assert_allclose(found.high, found.value + 1.96 * found.std, rtol=1e-14)
+
+
+def test_value_and_covariance_are_those_of_draws():
+    """Draw a hypothesis by its weight, then springs from it: mean and covariance are the stated."""
+    rng = np.random.default_rng(2)
+    several = [
+        hypothesis(w, f, cov=correlated(rng, 0.02), instead=name)
+        for w, f, name in ((0.6, 1.0, None), (0.3, 1.1, "joint_tilt:6"), (0.1, 0.9, "tool_flex"))
+    ]
+    found = springs(several)
+
+    which = rng.choice(3, 200_000, p=[0.6, 0.3, 0.1])
+    drawn = np.empty((len(which), 7))
+    for k, one in enumerate(several):
+        mine = which == k
+        drawn[mine] = rng.multivariate_normal(
+            one.estimate.value[:7] / X, one.estimate.cov[:7, :7] / np.outer(X, X), mine.sum()
+        )
+    assert found.value / X == pytest.approx(drawn.mean(axis=0), abs=1e-3)
+    assert found.cov / np.outer(X, X) == pytest.approx(np.cov(drawn.T), rel=0.05, abs=1e-4)
+
+
+def test_an_unlikely_hypothesis_widens_the_interval_as_draws_do():
+    """Below 5 % each, the 95 % interval is that of the draws where it is wider than the first's."""
+    rng = np.random.default_rng(3)
+    several = [
+        hypothesis(0.92, 1.0),
+        hypothesis(0.04, 1.2, instead="joint_tilt:6"),
+        hypothesis(0.04, 1.3, instead="tool_flex"),
+    ]
+    found = springs(several)
+
+    which = rng.choice(3, 400_000, p=[0.92, 0.04, 0.04])
+    drawn = np.array([1.0, 1.2, 1.3])[which] + 0.01 * rng.standard_normal(len(which))
+    low, high = np.quantile(drawn, [0.025, 0.975])
+    assert high > 1.1
+    assert found.high / X == pytest.approx(high, abs=2e-3)
+    assert found.low / X == pytest.approx(min(low, 1 - 0.0196), abs=1e-3)
+
+
+def test_every_interval_holds_whichever_likely_hypothesis_is_true():
+    """Two rivals: the interval reaches from the lower end of one to the upper end of the other."""
+    rivals = [hypothesis(0.9, 1.0), hypothesis(0.1, 1.3, instead="joint_tilt:6")]
+
+    found = springs(rivals)
+
+    for one in rivals:
+        value, std = one.estimate.value[:7], one.estimate.std[:7]
+        assert (found.low <= value - 1.95 * std).all()
+        assert (found.high >= value + 1.95 * std).all()
+
+
+def test_what_a_likely_hypothesis_leaves_undetermined_is_undetermined():
+    """Joint 6 is lost beside a rival of 30 %: it has no value; the others keep theirs."""
+    several = weighed([hypothesis(0.7), hypothesis(0.3, lost=5, instead="joint_tilt:6")])
+
+    found = springs(several)
+
+    assert np.isinf(found.std[5])
+    assert not found.identifiable[5]
+    assert found.identifiable[[0, 1, 2, 3, 4, 6]].all()
+    assert [(d.spring, d.rival, d.lost) for d in dependences(several)] == [
+        (5, "joint_tilt:6", True)
+    ]
+
+
+def test_an_unlikely_hypothesis_takes_no_stiffness_away():
+    """Below 5 % one that leaves a joint undetermined is left out, and below 1 % every one."""
+    first, loses = hypothesis(0.9), hypothesis(0.9 * LIKELY, lost=5, instead="joint_tilt:6")
+    moves = hypothesis(2 * LEAST, 1.1, instead="tool_flex")
+    rare = hypothesis(0.5 * LEAST, 1.1, instead="joint_tilt:7")
+
+    kept = weighed([first, loses, moves, rare])
+
+    assert [one.instead for one in kept] == [(), (("joint_tilt:5", "tool_flex"),)]
+    assert sum(one.weight for one in kept) == pytest.approx(1)
+    assert np.isfinite(springs(kept).std).all()
+
+
+def measured(weight, factor, instead=None):
+    """Springs `factor` times nominal and one cause, estimated from readings of two sources."""
+    effect = EFFECTS[instead or "joint_tilt:5"]
+    parameters = (*BASELINE, *effect.parameters)
+    typical = np.array([p.typical for p in parameters])
+    rng = np.random.default_rng(5)
+    B = 1e-3 * rng.standard_normal((60, len(typical))) / typical
+    value = np.append(factor * X, np.zeros(len(effect.parameters)))
+    pose = np.repeat(np.arange(20), 3)
+    G = scipy.sparse.csr_array(np.hstack([1e-5 * np.eye(60), 1e-5 * rng.standard_normal((60, 1))]))
+    source = np.array(["tracker"] * 60 + ["force_gain"], object)
+    errors = Errors(G, source, source == "force_gain")
+    rows = Rows(pose, pose, np.array(["P1"] * 60, object), np.tile(np.arange(3), 20), pose)
+    system = System(parameters, rows, B, B @ value, errors, True)
+    told = (("joint_tilt:5", instead),) if instead else ()
+    return Hypothesis(weight, (effect,), system, solve(system, value), told)
+
+
+def test_the_budget_of_an_average_adds_up_and_says_what_the_decision_costs():
+    """The sources' shares and that of not knowing which cause is true sum to the variance."""
+    apart = [measured(0.5, 1.0), measured(0.5, 1.1, "joint_tilt:6")]
+
+    entries = stiffness_entries(SimpleNamespace(robot=KR500), apart)
+
+    for entry in entries:
+        shares = {part["source"]: part["share"] for part in entry["budget"]}
+        assert set(shares) == {"tracker", "force_gain", "which_cause"}
+        assert sum(shares.values()) == pytest.approx(1)
+        off = 0.05 / (1.05 * entry["relative_std"])  # half the distance, in standard uncertainties
+        assert shares["which_cause"] == pytest.approx(off**2, rel=1e-6)
+        assert all(label in entry["finding"] for label in ("joint_tilt:5", "joint_tilt:6"))

@@ -1,0 +1,281 @@
+"""Whoever asks, terminal, page, PDF or a program, is told the values of one and the same model."""
+
+import html
+import io
+import json
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from xml.etree import ElementTree
+
+import numpy as np
+import pypdf
+import pytest
+
+from pipeline import archive, compensate
+from pipeline.campaign import find
+from pipeline.handover import Model
+from pipeline.league.play import Rules, drawn, play
+from pipeline.league.secrets import SECRETS
+from pipeline.outcome import stiffness_rows
+from pipeline.report.history import previous, trends
+from pipeline.robot import load
+
+ROBOT = load("kr500_rail")
+PLAN = (2026, 9, 1)
+
+
+def files_of(label, size, seed):
+    """The raw files of a machine of the league that hides a cause, or none."""
+    plan = drawn(ROBOT, np.random.default_rng(PLAN), Rules())
+    hidden = [(SECRETS[label], size)] if label else []
+    return play(ROBOT, plan, hidden, np.random.default_rng(seed), Rules()).files
+
+
+def mistyped(files):
+    """One load written ten times too large."""
+    lines = files["loads.csv"].decode().splitlines()
+    pose, repeat, force, branch = lines[10].split(",")
+    lines[10] = f"{pose},{repeat},{10 * float(force):.2f},{branch}"
+    return files | {"loads.csv": "\n".join([*lines, ""]).encode()}
+
+
+CAMPAIGNS = {
+    "adequate": lambda: files_of(None, 0.0, [1, 2]),
+    "explained": lambda: files_of("rail_roll", 1.0, [1, 2]),
+    "ambiguous": lambda: files_of("joint_tilt:5", 2.0, [1, 2]),
+    "unexplained": lambda: files_of("hertzian_rollers", 2.0, [1, 3]),
+    "bad_data": lambda: mistyped(files_of("rail_roll", 1.0, [1, 2])),
+}
+OTHER = "other"
+
+
+@pytest.fixture(scope="module")
+def told(tmp_path_factory):
+    """A project with one campaign of every verdict, run by the command; its root and stdout."""
+    root = tmp_path_factory.mktemp("verdicts")
+    for name, files in {**CAMPAIGNS, OTHER: lambda: files_of(None, 0.0, [7, 7])}.items():
+        folder = root / "data" / "raw" / name
+        folder.mkdir(parents=True)
+        for file, content in files().items():
+            (folder / file).write_bytes(content)
+    command = [sys.executable, "-m", "pipeline", "run", "--engine", "local", "--root", str(root)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return root, done.stdout
+
+
+@pytest.fixture(params=list(CAMPAIGNS))
+def campaign(request, told):
+    """One of them: its folder, its answer and the project's root."""
+    found = find(told[0], request.param)
+    answer = found.result()
+    assert answer["diagnosis"]["verdict"] == request.param
+    return found, answer, told[0]
+
+
+def same_text(text):
+    """A text without the spaces that only set it."""
+    return re.sub(r"\s+", " ", html.unescape(text).replace("\N{NBSP}", " "))
+
+
+def stated(answer):
+    """The stiffnesses that have a value, by name."""
+    return {e["name"]: e for e in answer["stiffness"] if e["value"] is not None}
+
+
+def test_each_campaign_stands_for_the_model_that_holds(told):
+    """Model and data are those of the decision, and the paper's model stands beside them."""
+    answers = {name: find(told[0], name).result() for name in CAMPAIGNS}
+    said = {
+        name: (a["recommended"]["model"], a["recommended"]["data"]) for name, a in answers.items()
+    }
+
+    assert said == {
+        "adequate": ("joint_springs", "as_given"),
+        "explained": ("extended", "as_given"),
+        "ambiguous": ("averaged", "as_given"),
+        "unexplained": ("joint_springs", "as_given"),
+        "bad_data": ("extended", "corrected"),
+    }
+    for name, answer in answers.items():
+        same = answer["joint_springs"]["stiffness"] == answer["stiffness"]
+        assert same == (name in ("adequate", "unexplained"))
+    assert answers["explained"]["extended"]["stiffness"] == answers["explained"]["stiffness"]
+    assert answers["adequate"]["extended"] is None
+    truth = answers["explained"]["stiffness"]
+    for mine, right in zip(answers["bad_data"]["stiffness"], truth, strict=True):
+        assert mine["value"] == pytest.approx(right["value"], rel=0.03)
+
+
+def test_the_terminal_says_it(campaign, told):
+    """A line per joint with value and uncertainty, below the verdict of its campaign."""
+    found, answer, _ = campaign
+    block = told[1].split(f"{found.name}: ", 1)[1].split("index.html", 1)[0]
+
+    lines = dict(line.split(None, 1) for line in block.splitlines() if line.startswith("  k_"))
+    assert set(lines) == {entry["name"] for entry in answer["stiffness"]}
+    for entry in answer["stiffness"]:
+        if entry["value"] is None:
+            assert lines[entry["name"]] == "not determined"
+            continue
+        value, _, _, unit = lines[entry["name"]].split()
+        size = float(value) * {"k": 1e3, "M": 1e6, "G": 1e9}[unit[0]]
+        assert size == pytest.approx(entry["value"], abs=0.6 * entry["std"])
+
+
+def test_page_and_pdf_say_it(campaign):
+    """The first value of every row of the stiffness table is the answer's, on paper as well."""
+    found, answer, _ = campaign
+    page = (found.reports / "index.html").read_text("utf-8")
+    table = page.split("Stiffness of each joint", 1)[1].split("</table>", 1)[0]
+    rows = [re.findall(r'data-sort="([^"]*)">(.*?)</td>', r) for r in table.split("<tr>")[2:]]
+    shown = {cells[0][1]: cells[1] for cells in rows}
+    pdf = pypdf.PdfReader(io.BytesIO((found.reports / "report.pdf").read_bytes()))
+    paper = same_text(" ".join(p.extract_text() for p in pdf.pages)).replace(" ", "")
+
+    for name, entry in stated(answer).items():
+        sort, text = shown[name]
+        assert float(sort) * 1e6 == pytest.approx(entry["value"], rel=1e-9) or float(
+            sort
+        ) == pytest.approx(entry["value"], rel=1e-9)
+        assert same_text(text).replace(" ", "") in paper
+    assert set(shown) == {entry["name"] for entry in answer["stiffness"]}
+
+
+def test_trend_and_comparison_take_it(campaign):
+    """The change against another campaign is the answer's; who explains nothing raises no alarm."""
+    found, answer, root = campaign
+    other = find(root, OTHER).result()
+    _, content = archive.compare(root, found.name, OTHER)
+    over_time = {t.name: t for t in trends([answer, other])}
+
+    for change in content["stiffness"]:
+        entry = next(e for e in answer["stiffness"] if e["name"] == change["name"])
+        assert change["before"] == entry["value"]
+        x = [
+            next(e for e in a["stiffness"] if e["name"] == change["name"]) for a in (answer, other)
+        ]
+        if found.name == "unexplained":
+            assert over_time[change["name"]].campaigns == 1
+        elif entry["value"] is not None:
+            ratio = x[0]["compliance"] / x[1]["compliance"]
+            assert over_time[change["name"]].first_to_last == pytest.approx(100 * (ratio - 1))
+
+
+def test_what_explains_nothing_is_no_earlier_campaign_to_compare_with(told):
+    """The previous campaign is the last one whose values hold."""
+    root, _ = told
+    results = [find(root, name).result() | {"measured": f"2026-0{k}-01"} for k, name in
+               enumerate(("adequate", "unexplained", "explained"), 1)]  # fmt: skip
+
+    assert previous(results[2], results)["campaign"] == "adequate"
+
+
+def test_the_artifact_shows_it(campaign):
+    """The rows of Prefect's table are those of the answer (the table itself: test_flow)."""
+    _, answer, _ = campaign
+
+    rows = stiffness_rows(answer)
+    assert [row["value"] for row in rows] == [e["value"] for e in answer["stiffness"]]
+
+
+def test_model_file_and_urdf_hold_it(campaign):
+    """Stiffness and standard uncertainty stand in model.toml and model.urdf as in result.json."""
+    found, answer, _ = campaign
+    model = Model.load(found.reports / "model.toml")
+    urdf = ElementTree.parse(found.reports / "model.urdf")
+    elastic = {joint.get("name"): joint.find("elasticity") for joint in urdf.iter("joint")}
+
+    for j, entry in enumerate(answer["stiffness"]):
+        if entry["compliance_std"] is None:
+            continue
+        assert model.value[j] == pytest.approx(entry["compliance"], rel=1e-12)
+        assert model.std[j] == pytest.approx(entry["compliance_std"], rel=1e-9)
+        there = elastic[entry["name"].removeprefix("k_")]
+        assert float(there.get("stiffness")) == pytest.approx(1 / entry["compliance"], rel=1e-9)
+
+
+def test_predict_and_compensate_use_it(campaign):
+    """Predicted deflection and offsets are those of the answer's compliances and causes.
+
+    Deflections here are differences of Pinocchio's: each joint gives way by compliance times
+    torque, and each cause adds what it adds by its own parameters in model.toml.
+    """
+    found, answer, _ = campaign
+    model = Model.load(found.reports / "model.toml")
+    q = np.array([[6.0, *np.deg2rad([-15.0, 35.0, -20.0, 40.0, 60.0, 10.0])]])
+    force = np.array([[400.0, -700.0, 300.0]])
+    point = np.array([0.15, 0.0, 0.25])
+    deflected = model.predict(q, force, point)
+    x = np.array([e["compliance"] or 0.0 for e in answer["stiffness"]])
+
+    springs = turned(q[0], force[0], point) @ x
+    if answer["recommended"]["model"] == "joint_springs":
+        assert deflected.displacement[0] == pytest.approx(springs, rel=1e-6)
+    else:
+        parts = [
+            one.weight
+            * Model("", "", {}, (replace(one, weight=1.0),)).predict(q, force, point).displacement
+            for one in model.hypotheses
+        ]
+        assert deflected.displacement == pytest.approx(sum(parts), rel=1e-9)
+        assert sum(one.weight for one in model.hypotheses) == pytest.approx(1)
+        weights = [one["weight"] for one in answer["recommended"]["hypotheses"]]
+        assert [one.weight for one in model.hypotheses] == pytest.approx(weights)
+    path = compensate.Path(np.array([1]), q, force, False)
+    assert compensate.compensate(model, path, point).shift == pytest.approx(-deflected.displacement)
+
+
+def turned(q, force, point):
+    """How the point moves per unit of each joint's compliance, by finite differences, (3, n)."""
+    import pinocchio as pin
+
+    from pipeline.robot.model import model as pin_model
+
+    model = pin_model(ROBOT, {"tip": point})
+    data, frame = model.createData(), model.getFrameId("tip")
+
+    def at(q):
+        pin.framesForwardKinematics(model, data, q)
+        return data.oMf[frame].translation.copy()
+
+    step = 1e-6 * np.eye(len(q))
+    J = np.array([(at(q + s) - at(q - s)) / 2e-6 for s in step]).T
+    return J * (J.T @ force)
+
+
+def test_the_first_screen_says_which_model_and_what_it_changes(told):
+    """Model and reason, the stiffnesses that joint springs alone put elsewhere, the test pose."""
+    answer = find(told[0], "explained").result()
+    first, moved, pose, rest = answer["verdict_sentence"]
+    springs = {e["name"]: e for e in answer["joint_springs"]["stiffness"]}
+    off = {
+        name: abs(e["compliance"] - springs[name]["compliance"]) / springs[name]["compliance_std"]
+        for name, e in stated(answer).items()
+    }
+
+    assert first.startswith(answer["recommended"]["why"])
+    assert "rail_roll" in first
+    far = sorted((name for name in off if off[name] > 3), key=lambda name: -off[name])[:3]
+    assert re.findall(r"(k_\w+) = ", moved) == far != []
+    assert "mm by joint springs alone" in pose
+    assert f"{answer['validation']['held_out_rms_mm']:.3f} mm" in rest
+    assert f"{answer['joint_springs']['validation']['held_out_rms_mm']:.3f} mm" in rest
+    for name in ("adequate", "unexplained"):
+        assert len(find(told[0], name).result()["verdict_sentence"]) == 2
+    warned = find(told[0], "unexplained").result()["verdict_sentence"][0]
+    assert "do not rely on the stated uncertainties" in warned
+
+
+def test_json_on_the_terminal_is_result_json(told):
+    """`--json` prints the very objects of result.json, one a line."""
+    root, _ = told
+    command = [sys.executable, "-m", "pipeline", "run", *CAMPAIGNS, "--json", "--engine", "local"]
+    done = subprocess.run(
+        [*command, "--root", str(root)], capture_output=True, text=True, check=False
+    )
+
+    printed = [json.loads(line) for line in done.stdout.splitlines()]
+    assert printed == [find(root, name).result() for name in CAMPAIGNS]

@@ -1,0 +1,51 @@
+"""Whose values the answer gives: one test for every row of the decision."""
+
+from itertools import product
+
+import pytest
+
+from pipeline.result.recommended import TABLE, Data, Facts, Reason, Which, decide
+
+SPRINGS, EXTENDED, AVERAGED = Which.JOINT_SPRINGS, Which.EXTENDED, Which.AVERAGED
+GIVEN, CORRECTED = Data.AS_GIVEN, Data.CORRECTED
+
+
+@pytest.mark.parametrize(
+    ("mistakes", "verdict", "modelled", "rivals", "model", "data", "reason"),
+    [
+        (False, "adequate", False, False, SPRINGS, GIVEN, Reason.ADEQUATE),
+        (False, "unexplained", False, False, SPRINGS, GIVEN, Reason.UNEXPLAINED),
+        (False, "unexplained", True, True, SPRINGS, GIVEN, Reason.UNEXPLAINED),
+        (False, "explained", True, False, EXTENDED, GIVEN, Reason.CAUSE_IDENTIFIED),
+        (False, "explained", True, True, AVERAGED, GIVEN, Reason.CAUSE_AND_RIVALS),
+        (False, "explained", False, False, SPRINGS, GIVEN, Reason.SPRINGS_UNTOUCHED),
+        (False, "ambiguous", True, False, EXTENDED, GIVEN, Reason.CAUSE_DOUBTFUL),
+        (False, "ambiguous", True, True, AVERAGED, GIVEN, Reason.RIVALS),
+        (False, "ambiguous", False, False, SPRINGS, GIVEN, Reason.SPRINGS_UNTOUCHED),
+        (True, "adequate", False, False, SPRINGS, CORRECTED, Reason.MISTAKE),
+        (True, "explained", False, False, SPRINGS, CORRECTED, Reason.MISTAKE),
+        (True, "explained", True, False, EXTENDED, CORRECTED, Reason.MISTAKE_AND_CAUSE),
+        (True, "ambiguous", True, True, AVERAGED, CORRECTED, Reason.MISTAKE_AND_RIVALS),
+        (True, "unexplained", True, True, SPRINGS, CORRECTED, Reason.MISTAKE_AND_UNEXPLAINED),
+    ],
+)
+def test_the_values_are_those_of_the_model_that_holds(
+    mistakes, verdict, modelled, rivals, model, data, reason
+):
+    """Model, data and reason follow from mistakes, verdict and what was identified."""
+    row = decide(Facts(mistakes, verdict, modelled, rivals))
+
+    assert (row.model, row.data, row.reason) == (model, data, reason)
+
+
+def test_every_campaign_has_a_row_and_every_row_a_campaign():
+    """Whatever the facts, one row decides; and no row stands in the table for nothing."""
+    verdicts = ("adequate", "explained", "ambiguous", "unexplained")
+    decided = {
+        decide(Facts(mistakes, verdict, modelled, modelled and rivals)).reason
+        for mistakes, verdict, modelled, rivals in product(
+            (False, True), verdicts, (False, True), (False, True)
+        )
+    }
+
+    assert decided == {row.reason for row in TABLE} == set(Reason)
