@@ -42,7 +42,7 @@ from pipeline.results import Array
 from pipeline.robot import Robot, load
 from pipeline.simulate.blunders import INCH_M, KGF_N
 
-SEED = 2028
+SEED = 2029
 TARGETS = {"explained": 200, "ambiguous": 100, "bad_data": 100, "adequate": 100}
 """Campaigns wanted of each verdict."""
 MOST = 2500
@@ -58,7 +58,7 @@ FEEDS = {
     "clean": "adequate",
 }
 """Verdict for whose sake games of a kind are played."""
-ROBOTS = 50
+ROBOTS = 100
 SOFTER = 0.05
 """Wear of one joint, as part of its stiffness."""
 TRIES = 30
@@ -353,6 +353,11 @@ def coverage_rows(games: Sequence[Json]) -> Iterator[Row]:
             float(np.median(wider)) if wider else np.nan,
             f"median of {len(wider)} joints with both limits in both",
         )
+    adequate = [game for game in games if game["verdict"] == "adequate"]
+    for what in ("nothing hidden", "one cause"):
+        some = [game for game in adequate if _planted(game) == what]
+        held = [hit for game in some for hit in _held(game, "stiffness")]
+        yield f"adequate, {what}: intervals hold the truth", *_share(held, "intervals")
     yield from _worst_causes([game for game in games if game["verdict"] == "explained"])
 
 
@@ -388,11 +393,15 @@ def _has(entry: Json) -> bool:
 
 
 def _held(game: Json, which: str) -> list[bool]:
-    """Of each joint that is told, whether the interval holds the truth; no limit is infinite."""
+    """Of each joint that is told, whether the interval holds the truth; no limit is infinite.
+
+    A strut beside the shoulder's gear adds a stiffness of its own, constant in part, which no pull
+    tells from the gear's: what is true of that joint then is a matter of words.
+    """
     return [
         (entry["ci95"][0] or 0.0) <= true <= (entry["ci95"][1] or np.inf)
         for entry, true in zip(game[which], game["truth"], strict=True)
-        if _has(entry)
+        if _has(entry) and (game["cause"], entry["name"]) != ("compensator", "k_theta3")
     ]
 
 

@@ -15,8 +15,8 @@ from filelock import FileLock
 from pipeline import files
 from pipeline.campaign import Campaign, code_version, dump, find, versions
 from pipeline.errors import UsageError
-from pipeline.report.history import chance, changes, previous, together
-from pipeline.report.overview import comparison
+from pipeline.report.history import chance, changes, previous, together, trusted
+from pipeline.report.overview import NOT_EXPLAINED, SAME_READINGS, comparison
 from pipeline.report.record import Report
 from pipeline.results import Array
 
@@ -144,10 +144,14 @@ def compare(root: Path, first: str, second: str) -> tuple[Report, dict[str, Any]
     """
     if first == second:
         raise UsageError(f"{first} is compared with itself: name another campaign or model")
-    (a, entries_a, cov_a), (b, entries_b, cov_b) = (_side(root, name) for name in (first, second))
-    independent = a != b
+    sides = [_side(root, name) for name in (first, second)]
+    (a, entries_a, cov_a), (b, entries_b, cov_b) = sides
+    whole = [one for one in (a, b) if one.name in (first, second)]
+    loose = [one.name for one in whole if not trusted(one.result())]
+    independent = a.name != b.name and not loose
     covariances = (cov_a, cov_b) if independent else None
-    report = comparison((first, second), entries_a, entries_b, covariances)
+    why = NOT_EXPLAINED.format(" and ".join(loose)) if loose else SAME_READINGS
+    report = comparison((first, second), entries_a, entries_b, covariances, why)
     found = changes(entries_a, entries_b, independent)
     same = [j["name"] for j in entries_a] == [j["name"] for j in entries_b]
     chi2, dof = together(entries_a, entries_b, cov_a, cov_b) if independent and same else (None, 0)
@@ -162,23 +166,25 @@ def compare(root: Path, first: str, second: str) -> tuple[Report, dict[str, Any]
     return report, content
 
 
-def _side(root: Path, name: str) -> tuple[str, list[dict[str, Any]], Array]:
-    """A campaign's name, the stiffness entries of one model and their covariance."""
+def _side(root: Path, name: str) -> tuple[Campaign, list[dict[str, Any]], Array]:
+    """A campaign, the stiffness entries of one model and their covariance."""
     campaign, model = _campaign_and_model(root, name)
     result = campaign.result()
     if model == "extended":
-        if not result["extended"]:
+        if not result.get("extended"):
             raise UsageError(f"{campaign.name} has no richer model than its joint springs")
         entries = result["extended"]["stiffness"]
         std = [j["compliance_std"] for j in entries]
-        return campaign.name, entries, np.diag([np.nan if s is None else s**2 for s in std])
+        return campaign, entries, np.diag([np.nan if s is None else s**2 for s in std])
+    if "joint_springs" not in result:
+        raise UsageError(f"{campaign.name} is of an older version: run `pipeline run` first")
     entries = (result if model == "recommended" else result["joint_springs"])["stiffness"]
     names = [f"c_{j['name'].removeprefix('k_')}" for j in entries]
     kept = campaign.processed / f"{COVARIANCES[model]}.parquet"
     if not kept.is_file():
         raise UsageError(f"{campaign.name} has no covariance: run `pipeline run {campaign.name}`")
     cov = pd.read_parquet(kept).set_index("parameter").loc[names, names]
-    return campaign.name, entries, cov.to_numpy(float)
+    return campaign, entries, cov.to_numpy(float)
 
 
 def _campaign_and_model(root: Path, name: str) -> tuple[Campaign, str]:

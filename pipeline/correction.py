@@ -12,7 +12,7 @@ from pipeline import compensate as stage
 from pipeline import files
 from pipeline.errors import UsageError
 from pipeline.handover import Model
-from pipeline.report.history import NOT_TRUSTED
+from pipeline.result.recommended import row_of
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def compensate(
         f"{1e3 * found.deflection.max():.3f} mm; with the offsets the model leaves "
         f"{1e3 * found.left.max():.4f} mm, known to ±{2e3 * found.std.max():.3f} mm (95 %)."
     ]
-    if model.recommended["reason"] in NOT_TRUSTED:
+    if not row_of(model.recommended["reason"]).holds_for_its_readings:
         remarks.append(
             f"The model of {name} does not fit its own measurements: expect more than is stated."
         )

@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
-from annotated_types import Len
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from pipeline import toml
 from pipeline.cell import Cell, Prediction, Tool, jacobian, paper_cell
@@ -358,7 +357,7 @@ class _File(BaseModel):
     campaign: str
     verdict: str
     recommended: dict[str, str]
-    hypothesis: Annotated[list[_Hypothesis], Len(min_length=1)]
+    hypothesis: Annotated[list[_Hypothesis], Field(min_length=1)]
     tool: dict[str, tuple[float, float, float]]
     robot: dict[str, Any]
 

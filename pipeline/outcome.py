@@ -79,8 +79,8 @@ def _outcome(campaign: Campaign, compute: Compute) -> Outcome:
     name, answer = campaign.name, compute(campaign)
     rejected = answer["rejected"]
     lines = [
-        f"{name}: {' '.join(answer['verdict_sentence'])}",
-        *(f"  {line}" for line in stiffness_lines(answer)),
+        f"{name}: {answer['verdict_sentence'][0]}",
+        *(f"  {line}" for line in (*answer["verdict_sentence"][1:], *stiffness_lines(answer))),
         f"  {campaign.reports / 'index.html'}",
     ]
     return Outcome(

@@ -56,6 +56,9 @@ from pipeline.stages.workspace import workspace
 
 SEED = 20261103
 
+CORRECTED = (("22_forces", tables.FORCES), ("23_displacements", tables.DISPLACEMENTS))
+"""Tables that a mistake in the data changes, and that the answer rests on."""
+
 
 def run(campaign: Campaign, step: Step = plain, force: bool = False) -> dict[str, Any]:
     """Bring one campaign up to date and give its result.json.
@@ -180,14 +183,14 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
         mistakes=mistakes,
         diagnosis=diagnosis,
         verdict=verdict,
-        why=bad_data_sentence(mistakes) if mistakes else why,
+        why=f"{bad_data_sentence(mistakes)} Without it: {why}" if mistakes else why,
         row=row,
         told=told,
         springs=paper,
         extended=identified(right, diagnosis),
         where=where,
     )
-    shown = {**reduced.shown, **_kept(found, keep, step)}
+    shown = {**right.reduced.shown, "rejected": case.rejected, **_kept(found, keep, step)}
     return Answered(answer_of(found), shown, told.model)
 
 
@@ -195,7 +198,7 @@ def _told(model: handover.Model, values: Values, where: Where, step: Step) -> To
     """One model's values with what they predict."""
     checked = None
     if values.found.identifiable.any():
-        checked = step(validate)(values.believed(), where, np.random.default_rng(SEED))
+        checked = step(validate)(values.hypotheses, where, np.random.default_rng(SEED))
     return Told(values, model, checked)
 
 
@@ -203,6 +206,12 @@ def _kept(found: Findings, keep: Keep, step: Step) -> dict[str, pd.DataFrame]:
     """The tables of the answer, and of the joint springs beside it."""
     values, paper, where = found.told.values, found.springs.values, found.where
     system, said = values.first.system, found.diagnosis
+    if found.mistakes:  # what the answer rests on stands under the usual names
+        given, used = found.given.reduced.shown, found.right.reduced.shown
+        for name, promise in CORRECTED:
+            part = name[3:]
+            keep(f"{name}_as_given", given[part], promise)
+            keep(name, used[part], promise)
     keep("30_system", system_table(system), tables.system(system.parameters))
     keep("31_errors", errors_table(system), tables.ERRORS)
     for suffix, one in (("", values), ("_joint_springs", paper)):
@@ -213,9 +222,9 @@ def _kept(found: Findings, keep: Keep, step: Step) -> dict[str, pd.DataFrame]:
     residuals = residuals_table(system, values.first.estimate, values.left_out_m)
     cell, data = found.right.case.cell, found.right.data
     examined = examined_table(said, cell, data, found.right.system, found.right.estimate)
-    soft = step(workspace)(found.told.model.hypotheses, where)
-    alone = found.springs.model.hypotheses
-    other = no_workspace() if found.springs is found.told else workspace(alone, where)
+    mine, alone = found.told.model.hypotheses, found.springs.model.hypotheses
+    soft = step(workspace)(mine, where)
+    other = no_workspace() if found.mistakes or alone is mine else workspace(alone, where)
     checked = no_validation() if found.told.checked is None else found.told.checked
     return {
         "residuals": keep("42_residuals", residuals, tables.RESIDUALS),

@@ -1,5 +1,6 @@
 """What is stated where it is uncertain which causes are true."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,12 +12,13 @@ from pipeline.effects import baseline, catalogue
 from pipeline.result.stiffness import stiffness_entries
 from pipeline.results import Errors, Estimate, Rows, System
 from pipeline.robot import load
-from pipeline.stages.estimate import solve
+from pipeline.stages.estimate import identifiable, solve
 
 KR500 = load("kr500_rail")
 X = KR500.nominal_compliance
 BASELINE = tuple(p for effect in baseline(KR500) for p in effect.parameters)
 EFFECTS = {effect.label: effect for effect in catalogue(KR500)}
+CELL = SimpleNamespace(robot=KR500)
 
 
 def hypothesis(weight, factor=1.0, relative=0.01, lost=None, instead=None, cov=None):
@@ -25,6 +27,7 @@ def hypothesis(weight, factor=1.0, relative=0.01, lost=None, instead=None, cov=N
     parameters = (*BASELINE, *effect.parameters)
     value = np.append(factor * X, np.zeros(len(effect.parameters)))
     own = np.diag((relative * X) ** 2) if cov is None else cov
+    typical = np.array([p.typical for p in parameters])
     whole = np.eye(len(value)) * 1e-30
     whole[:7, :7] = own
     if lost is not None:
@@ -35,12 +38,11 @@ def hypothesis(weight, factor=1.0, relative=0.01, lost=None, instead=None, cov=N
         scipy.sparse.csr_array(np.eye(3)), np.array(["tracker"] * 3, object), [False] * 3
     )
     system = System(parameters, rows, np.ones((3, k)), np.zeros(3), errors, True)
-    estimate = Estimate(
-        parameters, value, whole, np.isfinite(np.diag(whole)), np.zeros(3), 1.0, 1, 0.5, "stated",
-        1e-5, 1.96,
-    )  # fmt: skip
+    known = identifiable(typical, value, np.sqrt(np.diag(whole)))
+    rest = (np.zeros(3), 1.0, 1, 0.5, "stated", 1e-5, 1.96)
+    estimate = Estimate(parameters, value, whole, known, *rest)
     told = (("joint_tilt:5", instead),) if instead else ()
-    return Hypothesis(weight, (effect,), system, estimate, told)
+    return Hypothesis(weight, (effect,), CELL, system, estimate, told)
 
 
 def correlated(rng, relative):
@@ -137,7 +139,36 @@ def test_an_unlikely_hypothesis_takes_no_stiffness_away():
     assert np.isfinite(springs(kept).std).all()
 
 
-def measured(weight, factor, instead=None):
+def test_many_unlikely_hypotheses_together_take_a_stiffness_away():
+    """Five of 4 % each that leave a joint undetermined: one may be passed over, a fifth may not."""
+    others = [hypothesis(0.04, lost=5, instead=f"joint_tilt:{j}") for j in (2, 3, 4, 6, 7)]
+
+    kept = weighed([hypothesis(0.8), *others])
+
+    assert len(kept) == 5
+    assert not springs(kept).identifiable[5]
+    assert {d.lost for d in dependences(kept)} == {True}
+
+
+def test_a_hypothesis_that_hardly_determines_a_stiffness_loses_it():
+    """A finite uncertainty of several times the value is no value."""
+    vague = hypothesis(0.03, relative=5.0, instead="joint_tilt:6")
+
+    assert weighed([hypothesis(0.97), vague])[0].weight == 1.0
+    likely = weighed([hypothesis(0.7), replace(vague, weight=0.3)])
+    assert not springs(likely).identifiable.any()
+    assert {d.rival for d in dependences(likely) if d.lost} == {"joint_tilt:6"}
+
+
+def test_a_stiffness_that_the_identified_cause_loses_is_told_the_other_way_round():
+    """Joint 6 is lost beside the identified cause and not beside its rival: the cause is blamed."""
+    kept = weighed([hypothesis(0.5, lost=5), hypothesis(0.5, instead="joint_tilt:6")])
+
+    (told,) = [d for d in dependences(kept) if d.spring == 5]
+    assert (told.cause, told.rival, told.lost) == ("joint_tilt:6", "joint_tilt:5", True)
+
+
+def measured(weight, factor, instead=None, ratio=1.0):
     """Springs `factor` times nominal and one cause, estimated from readings of two sources."""
     effect = EFFECTS[instead or "joint_tilt:5"]
     parameters = (*BASELINE, *effect.parameters)
@@ -152,14 +183,14 @@ def measured(weight, factor, instead=None):
     rows = Rows(pose, pose, np.array(["P1"] * 60, object), np.tile(np.arange(3), 20), pose)
     system = System(parameters, rows, B, B @ value, errors, True)
     told = (("joint_tilt:5", instead),) if instead else ()
-    return Hypothesis(weight, (effect,), system, solve(system, value), told)
+    return Hypothesis(weight, (effect,), CELL, system, solve(system, value), told, ratio)
 
 
 def test_the_budget_of_an_average_adds_up_and_says_what_the_decision_costs():
     """The sources' shares and that of not knowing which cause is true sum to the variance."""
     apart = [measured(0.5, 1.0), measured(0.5, 1.1, "joint_tilt:6")]
 
-    entries = stiffness_entries(SimpleNamespace(robot=KR500), apart)
+    entries = stiffness_entries(CELL, apart)
 
     for entry in entries:
         shares = {part["source"]: part["share"] for part in entry["budget"]}
@@ -168,3 +199,18 @@ def test_the_budget_of_an_average_adds_up_and_says_what_the_decision_costs():
         off = 0.05 / (1.05 * entry["relative_std"])  # half the distance, in standard uncertainties
         assert shares["which_cause"] == pytest.approx(off**2, rel=1e-6)
         assert all(label in entry["finding"] for label in ("joint_tilt:5", "joint_tilt:6"))
+
+
+def test_what_is_left_over_the_scatter_widens_every_source():
+    """A model that leaves 1.5 times the scatter: each part of the budget is 1.5 times as large."""
+    plain, rough = (measured(1.0, 1.0, ratio=r) for r in (1.0, 1.5))
+    wider = replace(rough.estimate, cov=rough.estimate.cov * 1.5**2)
+
+    (one, *_), (other, *_) = (
+        stiffness_entries(CELL, [h]) for h in (plain, replace(rough, estimate=wider))
+    )
+
+    assert other["std"] == pytest.approx(1.5 * one["std"])
+    for a, b in zip(one["budget"], other["budget"], strict=True):
+        assert b["share"] == pytest.approx(a["share"])
+        assert b["std"] == pytest.approx(1.5 * a["std"])

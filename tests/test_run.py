@@ -138,7 +138,7 @@ def test_real_fanuc_pulls_agree_with_an_independent_least_squares(tmp_path):
     assert springs["validation"]["held_out_rms_mm"] == pytest.approx(0.2339, abs=5e-5)
     assert springs["fit"]["noise_from"] == "residuals"
     assert springs["fit"]["p_value"] is None
-    assert "joint springs alone do not explain the readings" in answer["verdict_sentence"][0]
+    assert "Joint springs alone do not explain the readings" in answer["verdict_sentence"][0]
 
 
 def test_left_out_error_is_that_of_refitting_without_the_pose(tmp_path):

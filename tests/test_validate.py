@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from pipeline.cell import Tool, paper_cell
+from pipeline.diagnosis.average import Hypothesis
 from pipeline.effects import Pulls
 from pipeline.errors import InputError
 from pipeline.results import Estimate, Parameter
 from pipeline.robot import configure, load
 from pipeline.settings import TestPose
-from pipeline.stages.validate import Believed, Where, deflections, place_of_interest, validate
+from pipeline.stages.validate import Where, deflections, place_of_interest, validate
 
 ROBOT = load("kr500_rail")
 TOOL = Tool(
@@ -45,7 +46,7 @@ def estimate(cov):
 
 def certain(cov):
     """One hypothesis with this covariance."""
-    return [Believed(1.0, CELL, estimate(cov))]
+    return [Hypothesis(1.0, (), CELL, None, estimate(cov))]
 
 
 def test_deflections_are_eq_5_by_finite_differences():
@@ -103,7 +104,7 @@ def test_what_may_be_true_is_drawn_by_its_weight():
     """Two hypotheses 10 % apart, one in five: the prediction lies between, and is off by each."""
     cov = np.outer(X, X) * 1e-12
     stiff, soft = estimate(cov), replace(estimate(cov), value=1.1 * X)
-    both = [Believed(0.8, CELL, stiff), Believed(0.2, CELL, soft)]
+    both = [Hypothesis(w, (), CELL, None, x) for w, x in ((0.8, stiff), (0.2, soft))]
     table = validate(both, Where(Q, F, True), np.random.default_rng(1), poses=4000)
     mu = table.loc[table["draw"] == "covariance", "mu"].to_numpy()
 

@@ -11,13 +11,14 @@ Journal of Geodesy 92 (2018), for weights between zero and one).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import special
 
+from pipeline.cell import Cell
 from pipeline.effects import Effect
 from pipeline.results import Array, Bools, Estimate, Locked, System
 from pipeline.stages.estimate import identifiable
@@ -26,8 +27,8 @@ LEAST = 0.01
 """A hypothesis less probable than this has no part in the average."""
 
 LIKELY = 0.05
-"""A hypothesis above this probability may be true: every interval holds its own, and what it
-leaves undetermined is undetermined."""
+"""A hypothesis above this probability may be true: every interval holds its own. Those that leave a
+stiffness undetermined may be passed over up to this probability in all."""
 
 APART = 0.5
 """A hypothesis that moves a stiffness by fewer standard uncertainties than this leaves it alone."""
@@ -42,16 +43,21 @@ class Hypothesis:
     Attributes:
         weight: Its probability; those of all hypotheses sum to one.
         effects: The causes, in the order of their parameters behind the springs.
+        cell: Joint springs and causes, in the equilibrium that fits better.
         system: Springs and causes as one linear system.
         estimate: Its solution.
         instead: Each identified cause whose place another one has taken: (cause, rival), labels.
+        ratio: What it leaves over the scatter of the readings, 1 at least; its uncertainties hold
+            this factor.
     """
 
     weight: float
     effects: tuple[Effect, ...]
+    cell: Cell
     system: System
     estimate: Estimate
     instead: tuple[tuple[str, str], ...] = ()
+    ratio: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,24 +104,33 @@ class Dependence:
 def weighed(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
     """The hypotheses that count, with weights that sum to one; the first always does.
 
-    One of at most `LIKELY` that leaves a spring undetermined which the first determines would make
-    the whole average undetermined; it is left out.
+    Those that leave a spring undetermined which the first determines would make the whole average
+    undetermined: they are left out, the least probable first, as long as this takes no more than
+    `LIKELY` in all.
     """
     first, *others = hypotheses
-    n = _springs(first)
-    known = np.isfinite(first.estimate.std[:n])
-    counted = [first]
-    for one in others:
-        lost = bool(np.any(known & np.isinf(one.estimate.std[:n])))
-        if one.weight > (LIKELY if lost else LEAST):
+    counted, spent = [], 0.0
+    for one in sorted(others, key=lambda one: one.weight):
+        loses = np.any(_determined(first) & ~_determined(one))
+        if loses and spent + one.weight <= LIKELY:
+            spent += one.weight
+        elif one.weight > LEAST:
             counted.append(one)
-    total = sum(one.weight for one in counted)
-    return tuple(replace(one, weight=one.weight / total) for one in counted)
+    kept = [first, *reversed(counted)]
+    total = sum(one.weight for one in kept)
+    if total == 0:
+        return (replace(first, weight=1.0),)
+    return tuple(replace(one, weight=one.weight / total) for one in kept)
 
 
 def _springs(one: Hypothesis) -> int:
     """Number of joint springs: what stands before the causes' own parameters."""
     return len(one.estimate.value) - sum(len(effect.parameters) for effect in one.effects)
+
+
+def _determined(one: Hypothesis) -> Bools:
+    """Joint springs that it determines, shape (n,)."""
+    return one.estimate.identifiable[: _springs(one)]
 
 
 def average(weights: ArrayLike, values: Array, covs: Array) -> tuple[Array, Array]:
@@ -164,7 +179,7 @@ def springs(hypotheses: Sequence[Hypothesis]) -> Springs:
     if len(hypotheses) > 1:
         ends = [_quantile(p, weights, values, std * quantile / NORMAL) for p in COVERED]
         low, high = np.minimum(low, ends[0]), np.maximum(high, ends[1])
-    sure = np.all([one.estimate.identifiable[:n] for one in _first_and_likely(hypotheses)], axis=0)
+    sure = np.all([_determined(one) for one in hypotheses], axis=0)
     if len(hypotheses) > 1:
         typical = np.array([p.typical for p in hypotheses[0].estimate.parameters[:n]])
         sure &= identifiable(typical, value, np.sqrt(np.diag(cov)))
@@ -172,10 +187,6 @@ def springs(hypotheses: Sequence[Hypothesis]) -> Springs:
 
 
 NORMAL = float(special.ndtri(COVERED[1]))
-
-
-def _first_and_likely(hypotheses: Sequence[Hypothesis]) -> Iterable[Hypothesis]:
-    return (one for k, one in enumerate(hypotheses) if k == 0 or one.weight > LIKELY)
 
 
 def _quantile(p: float, weights: Array, values: Array, std: Array) -> Array:
@@ -195,21 +206,19 @@ def _quantile(p: float, weights: Array, values: Array, std: Array) -> Array:
 
 
 def dependences(hypotheses: Sequence[Hypothesis]) -> tuple[Dependence, ...]:
-    """Springs that a hypothesis above `LIKELY` moves or loses, with what stands where."""
+    """Springs that another hypothesis moves, or that one of them loses, with what stands where."""
     first, *others = hypotheses
     n = _springs(first)
     own, value = first.estimate.std[:n], first.estimate.value[:n]
-    out = []
+    mine, out = _determined(first), []
     for one in others:
-        if one.weight <= LIKELY:
-            continue
-        std = one.estimate.std[:n]
+        theirs, std = _determined(one), one.estimate.std[:n]
         gone = np.abs(one.estimate.value[:n] - value)
         with np.errstate(invalid="ignore"):
-            differs = np.isfinite(own) & ((gone > APART * own) | (std > (1 + APART) * own))
-        out += [
-            Dependence(int(j), cause, rival, bool(np.isinf(std[j])))
-            for j in np.flatnonzero(differs)
-            for cause, rival in one.instead
-        ]
+            differs = (gone > APART * own) | (std > (1 + APART) * own)
+        moved = mine & theirs & differs & (one.weight > LIKELY)
+        for cause, rival in one.instead:
+            out += [Dependence(int(j), cause, rival, False) for j in np.flatnonzero(moved)]
+            out += [Dependence(int(j), cause, rival, True) for j in np.flatnonzero(mine & ~theirs)]
+            out += [Dependence(int(j), rival, cause, True) for j in np.flatnonzero(theirs & ~mine)]
     return tuple(out)

@@ -136,11 +136,13 @@ class Rival:
         label: Name and place.
         suspect: Index of its best form.
         probability: Given that one cause stands there.
+        forms: Each of its forms with the share of that probability, all forms likely beforehand.
     """
 
     label: str
     suspect: int
     probability: float
+    forms: tuple[tuple[int, float], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,10 +152,12 @@ class Stranger:
     Attributes:
         probability: That it is nothing of the catalogue.
         suspect: Index of the likeliest of what competes without a name, behind the suspects.
+        places: Which of the accepted causes it stands for, alone.
     """
 
     probability: float
     suspect: int
+    places: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,12 +214,7 @@ class Found(Locked):
     @property
     def rough(self) -> float | None:
         """What is left with the causes over what the readings scatter; None where nobody knows."""
-        base = self.plain.base
-        if not self.plain.tells_scatter:
-            return None
-        rest = float(eliminate(self.plain.M, base)[-1, -1]) / _dof(self.plain, base)
-        noise = max(self.plain.scatter / self.plain.scatter_dof, ROUNDING)
-        return float(np.sqrt(max(rest, ROUNDING) / noise))
+        return remainder(self.plain)
 
     @property
     def explains(self) -> bool:
@@ -226,6 +225,16 @@ class Found(Locked):
     def clean(self) -> bool:
         """True when nothing is left to explain."""
         return not self.lack.found and self.left >= FURTHER * self.threshold.p
+
+
+def remainder(view: View) -> float | None:
+    """What a model leaves over what the readings scatter, root mean squares; None if unknown."""
+    if not view.tells_scatter:
+        return None
+    base = view.base
+    rest = float(eliminate(view.M, base)[-1, -1]) / _dof(view, base)
+    noise = max(view.scatter / view.scatter_dof, ROUNDING)
+    return float(np.sqrt(max(rest, ROUNDING) / noise))
 
 
 def search(case: Case, start: Array, rng: np.random.Generator) -> Found:
@@ -408,16 +417,18 @@ def _rivals(case: Case, view: View) -> tuple[tuple[tuple[Rival, ...], ...], tupl
 def _odds(case: Case, now: Scores, rest: Sequence[int], least: float = 1e-3) -> tuple[Rival, ...]:
     """Probabilities of all causes that could stand in one place, forms taken together."""
     taken = {case.suspects[i].label for i in rest}
-    labels, logs, best = [], [], []
+    labels, logs, best, shares = [], [], [], []
     for label, forms in by_label(case.suspects).items():
         if label in taken:
             continue
         labels.append(label)
         logs.append(_together(now, forms))
         best.append(forms[int(np.argmax(now.log_evidence[forms]))])
+        share = special.softmax(now.log_evidence[forms])
+        shares.append(tuple(zip(forms, share.tolist(), strict=True)))
     probability = special.softmax(np.array(logs))
     order = [i for i in np.argsort(-probability, kind="stable") if probability[i] >= least]
-    return tuple(Rival(labels[i], best[i], float(probability[i])) for i in order)
+    return tuple(Rival(labels[i], best[i], float(probability[i]), shares[i]) for i in order)
 
 
 def _strange(case: Case, wide: View) -> tuple[Stranger, ...]:
@@ -457,7 +468,8 @@ def _instead(case: Case, wide: View, gone: Sequence[int]) -> Stranger:
         named = float(special.logsumexp([_together(first, forms) for forms in free]))
     others = first.log_evidence[known:]
     strange = float(special.logsumexp(others)) + np.log(NAMELESS)
-    return Stranger(float(special.expit(strange - named)), known + int(np.argmax(others)))
+    suspect = known + int(np.argmax(others))
+    return Stranger(float(special.expit(strange - named)), suspect, tuple(gone))
 
 
 def _together(now: Scores, forms: Sequence[int]) -> float:

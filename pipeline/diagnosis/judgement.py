@@ -58,6 +58,8 @@ def judge(
         why = "The reflectors move against each other under load: a loose nest or a soft effector."
     if verdict == "adequate" and _too_much(spread, case.data.noise_stated):
         verdict, why = "unexplained", "The residuals are larger than any certificate may be wrong."
+    if stood.useless and verdict in ("adequate", "explained"):
+        return "unexplained", _stands_off(stood)
     return _with_standing(verdict, why, stands, stood) if stands else (verdict, why)
 
 
@@ -117,7 +119,7 @@ def _of_displacements(
         )
     return (
         "explained",
-        f"With {names} in the model nothing is left but the scatter of the readings."
+        f"The model with {names} fits the readings to within their scatter."
         if found.rough is None or found.rough < NOTICED
         else f"With {names} in the model {found.rough:.1f} times the scatter of the readings is "
         "left: as much as the laws of the causes may be others.",
@@ -167,6 +169,15 @@ def _two_laws(found: Found, causes: Sequence[Cause]) -> int | str | None:
 def _too_much(spread: Scatter, stated: bool) -> bool:
     """With one reflector nothing tells scatter from misfit but the certificate."""
     return stated and spread.known_from == "residuals" and spread.tracker_p < SURE
+
+
+def _stands_off(stood: Standing) -> str:
+    """Sentence of unloaded reflectors that no known cause predicts."""
+    names = " and ".join(effect.label for effect in stood.effects)
+    return (
+        f"The unloaded reflectors stand {1e3 * stood.miss_m:.2g} mm off where the robot's table "
+        f"puts them, and {names}, nearest to it, would make the prediction of other poses worse."
+    )
 
 
 def _with_standing(

@@ -64,6 +64,11 @@ class Standing(Locked):
     gain: Gain | None = None
 
     @property
+    def useless(self) -> bool:
+        """The causes predict where the robot stands in left-out poses no better than none."""
+        return self.gain is not None and self.gain.reduction <= 0
+
+    @property
     def effects(self) -> tuple[Effect, ...]:
         """The causes."""
         return self.fit.effects if self.fit else ()
@@ -100,9 +105,6 @@ def standing(
     rest = [fits(_but(best.effects, k)) for k in range(len(best.effects))]
     if max(one.p for one in rest) > NEEDED:
         return nobody
-    worth = _gain(fits, exact, suspects, rng)
-    if worth.reduction <= 0:
-        return nobody
     return replace(
         nobody,
         visible=visible,
@@ -110,7 +112,7 @@ def standing(
         fit=best,
         p_values=tuple(one.p for one in rest),
         rivals=tuple(_rivals(fits, best, k, suspects) for k in range(len(best.effects))),
-        gain=worth,
+        gain=_gain(fits, exact, suspects, rng),
     )
 
 

@@ -145,7 +145,7 @@ def score(truth: Json, answer: Json | None, known: Twins) -> Score:
         stated=stated,
         sizes=tuple(size for cause in causes for size in _sizes(cause, secrets)),
         gain=(worth["reduction"], *worth["ci95"]) if worth and worth["ci95"] else None,
-        left_out_mm=answer["validation"]["held_out_rms_mm"],
+        left_out_mm=(answer["joint_springs"]["validation"] or {}).get("held_out_rms_mm"),
         remainder=diagnosis["detection"]["remainder_over_scatter"],
         apart=_apart(diagnosis["next_poses"]),
     )

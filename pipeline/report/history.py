@@ -12,6 +12,7 @@ from scipy import special
 
 from pipeline.report.numbers import known
 from pipeline.report.summaries import Result
+from pipeline.result.recommended import TABLE
 from pipeline.results import Array
 
 SURE = 0.01
@@ -81,16 +82,12 @@ def robots(results: Sequence[Result]) -> dict[str, list[Result]]:
     return dict(sorted(out.items()))
 
 
-NOT_TRUSTED = ("unexplained", "mistake_and_unexplained")
-"""Reasons of values that do not explain their own readings: they are shown and not compared."""
-
-
 def trusted(result: Result) -> bool:
     """Whether a campaign's stiffnesses, with their uncertainties, may tell a change."""
     reason = (result.get("recommended") or {}).get("reason")
     if reason is None:  # of a version that had joint springs only
         return (result.get("diagnosis") or {}).get("verdict") == "adequate"
-    return reason not in NOT_TRUSTED
+    return any(row.reason == reason and row.holds_for_its_readings for row in TABLE)
 
 
 def previous(result: Result, results: Iterable[Result]) -> Result | None:

@@ -63,7 +63,7 @@ def with_std(value: float | None, std: float | None) -> str:
 
 
 def _scientific(value: float, std: float) -> str:
-    power = Decimal(repr(max(abs(value), std))).adjusted()
+    power = Decimal(repr(float(max(abs(value), std)))).adjusted()
     scale = Decimal(10) ** -power
     scaled = [float(Decimal(repr(float(v))) * scale) for v in (value, std)]
     place = place_of(scaled[1])

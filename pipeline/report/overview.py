@@ -16,6 +16,7 @@ from pipeline.report.history import (
     robots,
     together,
     trends,
+    trusted,
 )
 from pipeline.report.numbers import (
     MISSING,
@@ -58,7 +59,7 @@ def overview(results: Sequence[Result]) -> Report:
         for number, (name, own) in enumerate(by_robot.items())
     ]
     moved = any(changed.values())
-    several = any(len(own) > 1 for own in by_robot.values())
+    several = any(sum(map(trusted, own)) > 1 for own in by_robot.values())
     held = "No stiffness has changed" if several else "Nothing to compare yet"
     return Report(
         kicker="Joint stiffness",
@@ -85,12 +86,15 @@ def _overview_sentences(
                 f"look at the history below before relying on an older model."
             )
     if not any(changed.values()):
-        several = any(len(own) > 1 for own in by_robot.values())
+        several = any(sum(map(trusted, own)) > 1 for own in by_robot.values())
         said.append(
             "Between campaigns of one robot every stiffness agrees within its uncertainty."
             if several
             else "A robot's second campaign will show here whether its stiffnesses hold."
         )
+    out = [str(r.get("campaign")) for own in by_robot.values() for r in own if not trusted(r)]
+    if out:
+        said.append(f"Not compared, because no model explains their readings: {', '.join(out)}.")
     return said
 
 
@@ -134,8 +138,11 @@ def _day(result: Result) -> str | None:
 
 
 def _robot(number: int, name: str, results: Sequence[Result]) -> tuple[Block, ...]:
+    counted = [result for result in results if trusted(result)]
     if len(results) < 2:
         return (Text(f"One campaign so far, {results[0].get('campaign')}."),)
+    if len(counted) < 2:
+        return (Text("Fewer than two campaigns whose readings a model explains: no comparison."),)
     found = trends(results)
     blocks: list[Block] = [
         Text(f"{t.name} changed by more than chance explains.", "finding") for t in found if t.sure
@@ -185,6 +192,17 @@ def _history_figure(
     )
 
 
+SAME_READINGS = (
+    "Two models of the same readings share their errors, so what they differ by is no matter of "
+    "chance: it is what the richer model takes away from the springs."
+)
+NOT_EXPLAINED = (
+    "No model explains the readings of {}, so its uncertainties cannot tell whether a stiffness "
+    "has changed."
+)
+"""Why two lists of stiffnesses are shown beside each other and not tested."""
+
+
 # --- two beside each other -----------------------------------------------------------------
 
 
@@ -193,6 +211,7 @@ def comparison(
     before: Sequence[Any],
     after: Sequence[Any],
     covariances: tuple[Array, Array] | None,
+    not_tested: str = SAME_READINGS,
 ) -> Report:
     """Two campaigns, or two models of one, joint by joint.
 
@@ -202,6 +221,7 @@ def comparison(
         after: Of the second.
         covariances: Of their compliances, when they are independent; without them, as for two
             models of one campaign, nothing is tested.
+        not_tested: Why nothing is tested, where nothing is.
     """
     found = changes(before, after, independent=covariances is not None)
     surely = [c.name for c in found if c.sure]
@@ -214,7 +234,9 @@ def comparison(
         title=f"Joint stiffness: {title}",
         verdict=verdict,
         tone="neutral" if covariances is None else "attention" if surely else "good",
-        sentences=tuple(_comparison_sentences(found, surely, test, covariances is not None)),
+        sentences=tuple(
+            _comparison_sentences(found, surely, test, "" if covariances else not_tested)
+        ),
         sections=(Section("joints", "Joint by joint", (_comparison_table(names, before, found),)),),
     )
 
@@ -234,15 +256,12 @@ def _test(
 
 
 def _comparison_sentences(
-    found: Sequence[Change], surely: list[str], test: str, independent: bool
+    found: Sequence[Change], surely: list[str], test: str, not_tested: str
 ) -> list[str]:
     if not found:
         return ["They have no joint in common."]
-    if not independent:
-        return [
-            "Two models of the same readings share their errors, so what they differ by is no "
-            "matter of chance: it is what the richer model takes away from the springs."
-        ]
+    if not_tested:
+        return [not_tested]
     said = (
         f"{', '.join(surely)} differ{'s' if len(surely) == 1 else ''} by more than chance explains."
         if surely

@@ -6,6 +6,7 @@ from typing import Any
 
 from pipeline import files
 from pipeline.campaign import versions
+from pipeline.effects import catalogue
 from pipeline.result.diagnosis import diagnosis_entry, noise_entry
 from pipeline.result.findings import Findings, Told
 from pipeline.result.fit import fit_entry
@@ -52,7 +53,7 @@ def answer(found: Findings) -> dict[str, Any]:
         "rejected": rejected_entries(given.case.rejected),
         "findings": registration_findings(given.reduced.registration, drifts),
         "registration": registration_entry(given.reduced.registration),
-        "model": {"equilibrium": given.case.cell.equilibrium},
+        "model": {"equilibrium": found.told.values.first.cell.equilibrium},
         "assumptions": assumptions(raw, where),
         "inputs": [
             {"file": name, "sha256": files.sha256(content), "bytes": len(content)}
@@ -81,10 +82,19 @@ def values_entry(told: Told, where: Where) -> dict[str, Any]:
 
 def hypothesis_entries(values: Values) -> list[dict[str, Any]]:
     """What the values are averaged over, with the weight of each."""
+    known = {effect.label for effect in catalogue(values.fitted.case.robot)}
     return [
         {
             "weight": one.weight,
-            "causes": [{"name": e.name, "where": e.where} for e in one.effects],
+            "causes": [
+                {
+                    "name": e.name,
+                    "where": e.where,
+                    "form": e.form or None,
+                    "in_catalogue": e.label in known,
+                }
+                for e in one.effects
+            ],
         }
         for one in values.hypotheses
     ]

@@ -39,11 +39,7 @@ def bad_data_sentence(mistakes: tuple[Finding, ...]) -> str:
     """What is wrong with the data, and what was done about it."""
     first, *more = mistakes
     others = f", and {len(more)} more mistakes were found" if more else ""
-    return (
-        f"The data hold a mistake: {first.evidence}{others}. The files stay as they are: the "
-        f"stiffnesses are those of the corrected data, those of the data as given stand beside "
-        f"them."
-    )
+    return f"The data hold a mistake: {first.evidence}{others}. The files stay as they are."
 
 
 def data_causes(found: Findings) -> list[dict[str, Any]]:

@@ -13,13 +13,11 @@ from enum import StrEnum
 from functools import cached_property
 
 from pipeline import handover
-from pipeline.cell import Cell
 from pipeline.diagnosis.average import Hypothesis, Springs, springs
 from pipeline.diagnosis.verdict import Diagnosis
 from pipeline.results import Array, Estimate, Parameter
 from pipeline.screening.fit import Fitted
 from pipeline.stages.estimate import left_out
-from pipeline.stages.validate import Believed
 
 
 class Which(StrEnum):
@@ -48,6 +46,7 @@ class Reason(StrEnum):
     SPRINGS_UNTOUCHED = "springs_untouched"
     UNEXPLAINED = "unexplained"
     MISTAKE = "mistake"
+    MISTAKE_SPRINGS_UNTOUCHED = "mistake_springs_untouched"
     MISTAKE_AND_CAUSE = "mistake_and_cause"
     MISTAKE_AND_RIVALS = "mistake_and_rivals"
     MISTAKE_AND_UNEXPLAINED = "mistake_and_unexplained"
@@ -99,6 +98,11 @@ class Row:
     data: Data
     why: str
 
+    @property
+    def holds_for_its_readings(self) -> bool:
+        """False where the values do not explain the readings: shown, not compared with others."""
+        return self.reason not in (Reason.UNEXPLAINED, Reason.MISTAKE_AND_UNEXPLAINED)
+
 
 TABLE: tuple[Row, ...] = (
     Row(
@@ -106,63 +110,74 @@ TABLE: tuple[Row, ...] = (
         lambda f: f.mistakes and f.causes and f.rivals,
         Which.AVERAGED,
         Data.CORRECTED,
-        "The data hold a mistake; without it several causes may be true, and the values are "
-        "averaged over them by their probability.",
+        "The values are those of the corrected data. Joint springs alone do not explain what "
+        "remains, and more than one model may: the values are averaged over these by "
+        "probability.",
     ),
     Row(
         Reason.MISTAKE_AND_CAUSE,
         lambda f: f.mistakes and f.causes,
         Which.EXTENDED,
         Data.CORRECTED,
-        "The data hold a mistake; without it the model needs the identified cause as well.",
+        "The values are those of the corrected data and of the model with what was identified; "
+        "joint springs alone do not explain what remains.",
     ),
     Row(
         Reason.MISTAKE_AND_UNEXPLAINED,
         lambda f: f.mistakes and f.verdict == "unexplained",
         Which.JOINT_SPRINGS,
         Data.CORRECTED,
-        "The data hold a mistake; without it the joint springs still do not explain the "
-        "readings, and nothing known does: do not rely on the stated uncertainties.",
+        "The values are those of the corrected data. Joint springs do not explain what remains, "
+        "and nothing known does: do not rely on the stated uncertainties.",
+    ),
+    Row(
+        Reason.MISTAKE_SPRINGS_UNTOUCHED,
+        lambda f: f.mistakes and f.verdict != "adequate",
+        Which.JOINT_SPRINGS,
+        Data.CORRECTED,
+        "The values are those of the corrected data. What else was identified does not change the "
+        "joint springs.",
     ),
     Row(
         Reason.MISTAKE,
         lambda f: f.mistakes,
         Which.JOINT_SPRINGS,
         Data.CORRECTED,
-        "The data hold a mistake; without it the joint springs explain the readings.",
+        "The values are those of the corrected data. Joint springs explain what remains.",
     ),
     Row(
         Reason.CAUSE_AND_RIVALS,
         lambda f: f.causes and f.rivals and f.verdict == "explained",
         Which.AVERAGED,
         Data.AS_GIVEN,
-        "The joint springs alone do not explain the readings; the values are those with the "
-        "identified cause, averaged with what else may be true by its probability.",
+        "Joint springs alone do not explain the readings: the values are those of the model "
+        "with what was identified, averaged by probability over the laws it may have and over "
+        "what else may be true.",
     ),
     Row(
         Reason.CAUSE_IDENTIFIED,
         lambda f: f.causes and f.verdict == "explained",
         Which.EXTENDED,
         Data.AS_GIVEN,
-        "The joint springs alone do not explain the readings; the values are those with the "
-        "identified cause in the model.",
+        "Joint springs alone do not explain the readings: the values are those of the model "
+        "with what was identified.",
     ),
     Row(
         Reason.RIVALS,
         lambda f: f.causes and f.rivals,
         Which.AVERAGED,
         Data.AS_GIVEN,
-        "The joint springs alone do not explain the readings and several causes may be true: "
-        "the values are averaged over them by their probability, and every interval holds "
-        "whichever of them is true.",
+        "Joint springs alone do not explain the readings, and more than one cause may be true: "
+        "the values are averaged over them by probability, and each interval holds for every "
+        "one above 5 %.",
     ),
     Row(
         Reason.CAUSE_DOUBTFUL,
         lambda f: f.causes,
         Which.EXTENDED,
         Data.AS_GIVEN,
-        "The joint springs alone do not explain the readings; the values are those with the "
-        "likeliest cause in the model.",
+        "Joint springs alone do not explain the readings: the values are those of the model "
+        "with the likeliest cause.",
     ),
     Row(
         Reason.SPRINGS_UNTOUCHED,
@@ -176,18 +191,23 @@ TABLE: tuple[Row, ...] = (
         lambda f: f.verdict == "unexplained",
         Which.JOINT_SPRINGS,
         Data.AS_GIVEN,
-        "The joint springs do not explain the readings, and nothing known does: do not rely on "
-        "the stated uncertainties.",
+        "Joint springs do not explain the readings, and nothing known does: do not rely on the "
+        "stated uncertainties.",
     ),
     Row(
         Reason.ADEQUATE,
         lambda f: f.verdict == "adequate",
         Which.JOINT_SPRINGS,
         Data.AS_GIVEN,
-        "The joint springs explain the readings.",
+        "Joint springs explain the readings.",
     ),
 )
 """First match wins."""
+
+
+def row_of(reason: str) -> Row:
+    """The row of a reason."""
+    return next(row for row in TABLE if row.reason == reason)
 
 
 def decide(facts: Facts) -> Row:
@@ -226,27 +246,19 @@ class Values:
         """Values and uncertainties of the parameters."""
         return self.first.estimate if len(self.hypotheses) == 1 else springs(self.hypotheses)
 
-    def cell(self, one: Hypothesis) -> Cell:
-        """The cell of one hypothesis."""
-        return self.fitted.case.cell.with_effects(*one.effects)
-
-    def believed(self) -> tuple[Believed, ...]:
-        """What may be true, for validation."""
-        return tuple(Believed(h.weight, self.cell(h), h.estimate) for h in self.hypotheses)
-
     def model(self, campaign: str, verdict: str, row: Row) -> handover.Model:
         """What is handed over of it."""
         return handover.Model(
             campaign,
             verdict,
             {"model": str(row.model), "data": str(row.data), "reason": str(row.reason)},
-            tuple(handover.part(h.weight, self.cell(h), h.estimate) for h in self.hypotheses),
+            tuple(handover.part(h.weight, h.cell, h.estimate) for h in self.hypotheses),
         )
 
 
 def joint_springs(fitted: Fitted) -> Values:
     """The joint springs and nothing else."""
-    alone = Hypothesis(1.0, (), fitted.system, fitted.estimate)
+    alone = Hypothesis(1.0, (), fitted.case.cell, fitted.system, fitted.estimate)
     return Values(fitted, (alone,), left_out(fitted.system))
 
 

@@ -30,20 +30,19 @@ def sentences(found: Findings, answer: Json) -> list[str]:
         found: All that was found out.
         answer: result.json, but for these sentences.
     """
-    springs = answer["joint_springs"]
-    other = found.row.model != Which.JOINT_SPRINGS or bool(found.mistakes)
-    compared = [
-        *_moved(answer["stiffness"], springs["stiffness"], _without(found)),
-        *_deflection(answer["test_pose_deflection"], springs["test_pose_deflection"], found),
-    ]
-    return [_verdict(found), *(compared if other else []), _rest(found, answer["stiffness"])]
+    springs, other = answer["joint_springs"], _other(found)
+    said = [_verdict(found)]
+    if other:
+        moves = _moved(answer["stiffness"], springs["stiffness"])
+        said += [f"Compared with {other}, {move}." for move in moves]
+        said += _deflection(answer["test_pose_deflection"], springs["test_pose_deflection"], found)
+    return [*said, _rest(found, answer["stiffness"])]
 
 
-def _without(found: Findings) -> str:
-    """Which values the joint springs on the data as given are."""
-    if found.row.model == Which.JOINT_SPRINGS:
-        return "The data as given would say"
-    return "Joint springs alone would say" + (" of the data as given" if found.mistakes else "")
+def _other(found: Findings) -> str:
+    """What the answer is not: joint springs alone, data as given, both, or nothing."""
+    alone = [] if found.row.model == Which.JOINT_SPRINGS else ["joint springs alone"]
+    return " and ".join([*alone, *(["the data as given"] if found.mistakes else [])])
 
 
 def _verdict(found: Findings) -> str:
@@ -71,25 +70,24 @@ def _verdict(found: Findings) -> str:
     return f"{row.why} {why}"
 
 
-def _moved(mine: Sequence[Json], springs: Sequence[Json], without: str) -> Iterable[str]:
-    """Stiffnesses that the joint springs on the data as given put elsewhere for certain."""
-    off = [
-        (abs(a["compliance"] - b["compliance"]) / b["compliance_std"], a, b)
-        for a, b in zip(mine, springs, strict=True)
-        if a["value"] and b["value"] and b["compliance_std"]
-    ]
+def _moved(mine: Sequence[Json], springs: Sequence[Json]) -> Iterable[str]:
+    """Stiffnesses that move by far more than either model says that they may be off."""
+    off = []
+    for a, b in zip(mine, springs, strict=True):
+        if a["value"] and b["value"] and b["compliance_std"]:
+            most = max(a["compliance_std"], b["compliance_std"])
+            off.append((abs(a["compliance"] - b["compliance"]) / most, a, b))
     far = sorted((one for one in off if one[0] > FAR), key=lambda one: -one[0])[:TOLD]
     if far:
-        yield f"{without} {_listed([_beside(*one) for one in far])}."
+        yield _listed([_move(a, b) for _, a, b in far])
 
 
-def _beside(sigmas: float, mine: Json, springs: Json) -> str:
+def _move(mine: Json, springs: Json) -> str:
     factor, letter = common_prefix([mine["value"]])
-    values = [with_std(one["value"] / factor, one["std"] / factor) for one in (springs, mine)]
-    return (
-        f"{mine['name']} = {values[0]} instead of {values[1]} {prefixed(mine['unit'], letter)} "
-        f"({plain(sigmas, 2)} of its own standard uncertainties off)"
+    before, after = (
+        with_std(one["value"] / factor, one["std"] / factor) for one in (springs, mine)
     )
+    return f"{mine['name']} moves from {before} to {after} {prefixed(mine['unit'], letter)}"
 
 
 def _listed(words: Sequence[str]) -> str:
@@ -103,10 +101,10 @@ def _deflection(mine: Sequence[Json], springs: Sequence[Json], found: Findings) 
         return
     k = int(np.argmax(sizes[0]))
     where = "the test pose" if found.where.stated else "the pose of the strongest pull"
-    instead = "the data as given" if found.mistakes else "joint springs alone"
+    instead = "from the data as given" if found.mistakes else "with joint springs alone"
     yield (
-        f"At {where} the load is predicted to move {mine[k]['target']} by "
-        f"{plain(sizes[0][k])} mm ({plain(sizes[1][k])} mm by {instead})."
+        f"At {where}, {mine[k]['target']} is predicted to deflect by {plain(sizes[0][k])} mm "
+        f"({plain(sizes[1][k])} mm {instead})."
     )
 
 
@@ -124,7 +122,7 @@ def _rest(found: Findings, stiffness: Sequence[Json]) -> str:
     elif without is None or found.told.values is found.springs.values:
         told = f"poses left out of the estimate are predicted to {error:.3f} mm"
     else:
-        instead = "from the data as given" if found.mistakes else "by joint springs alone"
+        instead = "from the data as given" if found.mistakes else "with joint springs alone"
         told = (
             f"poses left out of the estimate are predicted to {error:.3f} mm "
             f"({without:.3f} mm {instead})"

@@ -27,18 +27,19 @@ def stiffness_entries(cell: Cell, hypotheses: Sequence[Hypothesis]) -> list[dict
 
     Args:
         cell: For the names and units of the joints.
-        hypotheses: What may be true, the likeliest first; one for a single model.
+        hypotheses: What may be true, the identified causes first; one for a single model.
     """
     found = springs(hypotheses)
     parts = _parts(hypotheses, cell.robot.n)
     lever = np.linalg.norm(hypotheses[0].system.B, axis=0)
     depends = dependences(hypotheses)
-    return [
-        _stiffness(number, joint, found, number - 1, float(lever[number - 1]))
-        | {"budget": _budget(found, parts, number - 1)}
-        | _depends(joint, found, [d for d in depends if d.spring == number - 1])
-        for number, joint in enumerate(cell.robot.joints, 1)
-    ]
+    out = []
+    for k, joint in enumerate(cell.robot.joints):
+        entry = _stiffness(k + 1, joint, found, k, float(lever[k]))
+        on = [one for one in depends if one.spring == k]
+        entry |= _depends(joint, found, entry["finding"], on)
+        out.append(entry | {"budget": _budget(found, parts, k)})
+    return out
 
 
 def _parts(hypotheses: Sequence[Hypothesis], n: int) -> dict[str, Array]:
@@ -47,7 +48,7 @@ def _parts(hypotheses: Sequence[Hypothesis], n: int) -> dict[str, Array]:
     for one in hypotheses:
         split = budget(one.system, one.estimate)
         for name, std in zip(split.source.tolist(), split.std[:, :n], strict=True):
-            out[name] = out.get(name, np.zeros(n)) + one.weight * std**2
+            out[name] = out.get(name, np.zeros(n)) + one.weight * (one.ratio * std) ** 2
     return out
 
 
@@ -67,27 +68,34 @@ def _budget(found: Springs, parts: Mapping[str, Array], k: int) -> list[dict[str
     ]
 
 
-def _depends(joint: Joint, found: Springs, on: Sequence[Dependence]) -> dict[str, Any]:
+def _depends(
+    joint: Joint, found: Springs, finding: str | None, on: Sequence[Dependence]
+) -> dict[str, Any]:
     """What to say of a spring that depends on which of two causes is true."""
     if not on:
         return {}
-    name, cause = f"k_{joint.name}", on[0].cause
-    lost = list(dict.fromkeys(d.rival for d in on if d.lost))
-    others = " or ".join(dict.fromkeys(d.rival for d in on))
-    if lost:
-        return {
-            "finding": f"{name} is not identifiable: the data do not exclude {' or '.join(lost)} "
-            f"in the place of {cause}, and beside it these poses do not tell it from the joint."
-        }
-    if not found.identifiable[on[0].spring]:
-        return {
-            "finding": f"{name} is not identifiable: how large it is depends on whether {cause} "
-            f"is true or {others}, which the data do not exclude."
-        }
-    return {
-        "finding": f"{name} depends on whether {cause} is true or {others}, which the data do not "
-        "exclude; its interval holds for each."
-    }
+    name = f"k_{joint.name}"
+    said = [finding] if finding and not any(one.lost for one in on) else []
+    for cause in dict.fromkeys(one.cause for one in on):
+        mine = [one for one in on if one.cause == cause]
+        lost = list(dict.fromkeys(one.rival for one in mine if one.lost))
+        others = " or ".join(dict.fromkeys(one.rival for one in mine))
+        if lost:
+            said.append(
+                f"{name} is not identifiable: the data do not exclude {' or '.join(lost)} in the "
+                f"place of {cause}, and beside it these poses do not tell it from the joint."
+            )
+        elif not found.identifiable[on[0].spring]:
+            said.append(
+                f"{name} is not identifiable: how large it is depends on whether {cause} is true "
+                f"or {others}, which the data do not exclude."
+            )
+        else:
+            said.append(
+                f"{name} depends on whether {cause} is true or {others}, which the data do not "
+                "exclude; its interval holds for each."
+            )
+    return {"finding": " ".join(said)}
 
 
 def budget_entries(stiffness: list[dict[str, Any]]) -> list[dict[str, Any]]:

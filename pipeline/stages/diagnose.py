@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -18,7 +18,7 @@ from pipeline.diagnosis.clues import clues, misfits
 from pipeline.diagnosis.drift import Drift
 from pipeline.diagnosis.elimination import coefficients, eliminate
 from pipeline.diagnosis.gain import Gain, alone, gain, rms
-from pipeline.diagnosis.identify import NAMELESS, Case, Found, by_label, search
+from pipeline.diagnosis.identify import NAMELESS, Case, Found, by_label, remainder, search
 from pipeline.diagnosis.isolability import Twins, twins
 from pipeline.diagnosis.judgement import judge, with_drift
 from pipeline.diagnosis.noise import SURE, Scatter, scatter
@@ -32,8 +32,8 @@ from pipeline.diagnosis.view import View, with_laws
 from pipeline.effects import Effect, Noise, Pulls, catalogue
 from pipeline.effects.nameless import nameless
 from pipeline.results import Array, Estimate, System
-from pipeline.stages.assemble import Measured, assemble
-from pipeline.stages.estimate import solve
+from pipeline.stages.assemble import TRACKED, Measured, assemble
+from pipeline.stages.estimate import identifiable, solve
 from pipeline.stages.validate import Where
 from pipeline.stages.variance import at_most
 
@@ -71,7 +71,7 @@ def diagnose(
     case, spread = case_of(cell, data, estimate, whole, known)
     hung = as_stiff(cell, estimate)
     stood = standing(hung, data, spread.tracker, whole, rng)
-    if stood.effects:
+    if stood.effects and not stood.useless:
         data = corrected(hung, data, stood)
         case, spread = case_of(cell, data, estimate, whole, known)
     case = replace(case, refuted=stood.visible)
@@ -80,16 +80,16 @@ def diagnose(
     considered = _causes(case, found, worth, where, known)
     helps = worth is None or worth.reduction > 0
     causes = (considered if helps else ()) + _noise_causes(whole, spread)
-    stands = _standing_causes(stood)
+    stands = () if stood.useless else _standing_causes(stood)
     verdict, why = judge(case, spread, found, worth, causes, stood, stands)
     drifts = _drift_causes(drift, causes)
     if drift and drifts:
         verdict, why = with_drift(verdict, why, drift)
     elsewhere = {**stood.visible, **({drift.effect.label: drift.visible} if drift else {})}
-    hypotheses = _hypotheses(case, found, bool(stood.effects), helps)
+    hypotheses = _hypotheses(case, found, bool(stood.effects) and not stood.useless, helps)
     single = [(r.suspect, r.probability) for r in found.single[:SHOWN]]
     singly = alone(found.first, single, rng) if worth else ()
-    final = found.view
+    final = found.view if helps else found.first
     before = worth.before if worth else _left_by_springs(found.first)
     return Diagnosis(
         verdict=verdict,
@@ -103,7 +103,7 @@ def diagnose(
         threshold=found.threshold.p,
         lack_of_fit=(found.lack_first.p_poses, found.lack_first.p_pulls),
         remainder=(found.lack.p_poses, found.lack.p_pulls, found.left),
-        rough=found.rough,
+        rough=found.rough if helps else None,
         misfits=misfits(found.first),
         scatter=spread,
         equilibrium=case.cell.equilibrium,
@@ -182,6 +182,14 @@ def _left_by_springs(view: View) -> Array:
     base = np.arange(view.first)
     x = coefficients(view.M, base)[: view.springs] * view.typical[: view.springs]
     return view.raw[:, -1] - view.raw[:, : view.springs] @ x
+
+
+def _scales(case: Case, system: System) -> Array:
+    """Scatter found over stated, for each column of G: that of the tracker and of the scale."""
+    source = system.errors.source
+    scale = case.force_noise * case.noise if case.force_noise != 1 else 1.0
+    tracked = np.isin(source.astype(str), TRACKED)
+    return np.where(tracked, case.noise, np.where(source == "force_reading", scale, 1.0))
 
 
 def _causes(
@@ -298,56 +306,99 @@ def _hypotheses(case: Case, found: Found, moved: bool, helps: bool) -> tuple[Hyp
 
     A scale that scatters more than stated calls for the same springs weighed anew.
     """
-    accepted = found.accepted if helps else ()
-    if not accepted and not moved and case.force_noise == 1:
-        return ()
-    if not accepted:
-        return (Hypothesis(1.0, (), *_solved(case, found.first.model, found.first.seen)),)
-    named = tuple(case.suspects[i] for i in accepted)
-    own = _solved(case, found.view.model, found.seen)
+    if not (found.accepted and helps):
+        if not moved and case.force_noise == 1:
+            return ()
+        return (_hypothesis(case, found.first.model, found.first.seen, 1.0),)
     first, *others = _likely(case, found)
-    return weighed(
-        [Hypothesis(first[1], named, *own), *(_other(case, found, *one) for one in others)]
-    )
+    own = _hypothesis(case, found.view.model, found.seen, first.weight)
+    return weighed([own, *(_other(case, found, one) for one in others)])
 
 
-def _likely(case: Case, found: Found) -> list[tuple[tuple[int, ...], float]]:
-    """Sets of suspects with their probability: the accepted ones, then others, likeliest first.
+@dataclass(frozen=True)
+class _Set:
+    """Causes that may be at work together.
 
-    What stands in one place is independent of what stands in another. Suspects behind the case's
-    own are those without a name.
+    Attributes:
+        suspects: Their indices; those behind the case's own have no name.
+        weight: Their probability.
+        instead: Which accepted causes are not among them, and what stands for each.
     """
-    places = []
-    for place, mine in enumerate(found.accepted):
-        strange = found.strange[place] if found.strange else None
-        left = 1.0 - (strange.probability if strange else 0.0)
-        label = case.suspects[mine].label
-        odds = {
-            (mine if rival.label == label else rival.suspect): left * rival.probability
-            for rival in found.rivals[place]
-        }
-        places.append({mine: 0.0} | odds | ({strange.suspect: 1.0 - left} if strange else {}))
-    sets = [
-        (chosen, math.prod(odds[i] for odds, i in zip(places, chosen, strict=True)))
-        for chosen in product(*places)
-    ]
-    others = [one for one in sets if one[0] != found.accepted and one[1] > LEAST]
-    own = next(weight for chosen, weight in sets if chosen == found.accepted)
-    return [(found.accepted, own), *sorted(others, key=lambda one: -one[1])]
+
+    suspects: tuple[int, ...]
+    weight: float
+    instead: tuple[tuple[int, int], ...] = ()
 
 
-def _other(case: Case, found: Found, suspects: tuple[int, ...], weight: float) -> Hypothesis:
+def _likely(case: Case, found: Found) -> list[_Set]:
+    """Sets of causes with their probability: the accepted ones, then others, likeliest first.
+
+    What stands in one place is independent of what stands in another; something without a name
+    stands for one or several of the accepted causes at once.
+    """
+    label = [suspect.label for suspect in case.suspects]
+    strangers = {one.places: one for one in found.strange if one.probability > 0}
+    known = math.prod(1.0 - one.probability for one in strangers.values())
+    every = sum(one.probability for one in strangers.values())
+    sets = []
+    for rivals in product(*found.rivals):
+        if len({rival.label for rival in rivals}) < len(rivals):
+            continue  # one cause cannot stand in two places
+        odds = known * math.prod(rival.probability for rival in rivals)
+        for forms in product(*(rival.forms for rival in rivals)) if odds > LEAST else ():
+            chosen = tuple(suspect for suspect, _ in forms)
+            pairs = zip(found.accepted, chosen, strict=True)
+            instead = tuple((a, b) for a, b in pairs if label[a] != label[b])
+            sets.append(_Set(chosen, odds * math.prod(share for _, share in forms), instead))
+    for places, one in strangers.items():
+        kept = tuple(a for place, a in enumerate(found.accepted) if place not in places)
+        instead = tuple((found.accepted[place], one.suspect) for place in places)
+        weight = (1.0 - known) * one.probability / every
+        sets.append(_Set((*kept, one.suspect), weight, instead))
+    own = next((one for one in sets if one.suspects == found.accepted), _Set(found.accepted, 0.0))
+    others = [one for one in sets if one.suspects != found.accepted and one.weight > LEAST]
+    return [own, *sorted(others, key=lambda one: -one.weight)]
+
+
+def _other(case: Case, found: Found, one: _Set) -> Hypothesis:
     """Other causes in the places of the accepted ones, estimated together with the springs."""
-    if max(suspects) >= len(case.suspects):
+    known = len(case.suspects)
+    if max(one.suspects) >= known:
         case = replace(case, suspects=case.suspects + case.nameless)
-    seen = case.fitted(suspects, found.view.model.values[: case.cell.robot.n], found.seen)
+    start = found.view.model.values[: case.cell.robot.n]
+    seen = case.fitted(one.suspects, start, found.seen)
     instead = tuple(
-        (case.suspects[mine].label, case.suspects[other].label)
-        for mine, other in zip(found.accepted, suspects, strict=True)
-        if mine != other
+        (case.suspects[mine].label, _called(case.suspects[other], other < known))
+        for mine, other in one.instead
     )
-    effects = tuple(case.suspects[i] for i in suspects)
-    return Hypothesis(weight, effects, *_solved(case, seen.model, seen), instead)
+    return _hypothesis(case, seen.model, seen, one.weight, instead)
+
+
+def _called(effect: Effect, has_a_name: bool) -> str:
+    return effect.label if has_a_name else f"something without a name like {effect.label}"
+
+
+def _hypothesis(
+    case: Case,
+    model: Model,
+    seen: Sight,
+    weight: float,
+    instead: tuple[tuple[str, str], ...] = (),
+) -> Hypothesis:
+    """Springs and causes estimated, with uncertainties times what is left over the scatter.
+
+    A model that leaves more than the readings scatter is wrong somewhere: its uncertainties are
+    multiplied by that ratio, as Birge does (Physical Review 40 (1932) 207).
+    """
+    effects = tuple(case.suspects[i] for i in model.accepted)
+    system, estimate = _solved(case, model, seen)
+    ratio = max(remainder(case.look(seen)) or 1.0, 1.0) if effects else 1.0
+    cov = estimate.cov * ratio**2
+    known = identifiable(
+        np.array([p.typical for p in estimate.parameters]), estimate.value, np.sqrt(np.diag(cov))
+    )
+    estimate = replace(estimate, cov=cov, identifiable=estimate.identifiable & known)
+    return Hypothesis(weight, effects, model.cell, system, estimate, instead, ratio)
 
 
 def _solved(case: Case, model: Model, seen: Sight) -> tuple[System, Estimate]:
@@ -363,8 +414,7 @@ def _solved(case: Case, model: Model, seen: Sight) -> tuple[System, Estimate]:
     bent = predict(model.cell, case.data.pulls, model.values).displacement
     bent = bent - predict(flat, case.data.pulls, model.values).displacement
     c = system.c - bent[case.data.pull, case.data.target].ravel()
-    scale = np.where(system.errors.source == "force_reading", case.force_noise, 1.0) * case.noise
-    G = scipy.sparse.csr_array(system.errors.G @ scipy.sparse.diags_array(scale))
+    G = scipy.sparse.csr_array(system.errors.G @ scipy.sparse.diags_array(_scales(case, system)))
     errors = replace(system.errors, G=G)
     if model.accepted:
         errors = with_laws(seen, errors, case.laws(model.accepted))

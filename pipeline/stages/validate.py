@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.cell import Cell, columns, load
+from pipeline.diagnosis.average import Hypothesis
 from pipeline.effects import Elastic, Pulls
 from pipeline.results import Array, Bools, Estimate
 from pipeline.robot import Robot
@@ -45,23 +46,8 @@ def place_of_interest(stated: TestPose | None, robot: Robot, pulls: Pulls) -> Wh
     return Where(stated.joint_values(robot), np.array(stated.force_n), stated=True)
 
 
-@dataclass(frozen=True, eq=False)
-class Believed:
-    """One set of causes that may be true.
-
-    Attributes:
-        weight: Its probability.
-        cell: Joint springs and causes.
-        estimate: Their parameters with covariance.
-    """
-
-    weight: float
-    cell: Cell
-    estimate: Estimate
-
-
 def validate(
-    hypotheses: Sequence[Believed], test: Where, rng: np.random.Generator, poses: int = 1000
+    hypotheses: Sequence[Hypothesis], test: Where, rng: np.random.Generator, poses: int = 1000
 ) -> pd.DataFrame:
     """Relative deflection errors mu of Eq. (22) around the test pose and in the workspace.
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 import pandas as pd
 
 from pipeline.cell import Cell, Tool, jacobian, predict
 from pipeline.effects import Pulls
+from pipeline.handover import Hypothesis
 from pipeline.results import Array, Bools
 from pipeline.robot import Configuration, Robot, configure
 from pipeline.stages.validate import Where
@@ -24,31 +24,7 @@ FORCE_N = 1000.0
 UP = np.array([0.0, 0.0, 1.0])
 
 
-class Believed(Protocol):
-    """One set of causes that may be true: a machine with the values of its parameters."""
-
-    @property
-    def weight(self) -> float:
-        """Its probability."""
-
-    @property
-    def cell(self) -> Cell:
-        """Joint springs and causes."""
-
-    @property
-    def value(self) -> Array:
-        """Best estimate, shape (k,)."""
-
-    @property
-    def cov(self) -> Array:
-        """Covariance of `value`, shape (k, k)."""
-
-    @property
-    def std(self) -> Array:
-        """Standard uncertainty of `value`, shape (k,)."""
-
-
-def workspace(hypotheses: Sequence[Believed], test: Where, steps: int = STEPS) -> pd.DataFrame:
+def workspace(hypotheses: Sequence[Hypothesis], test: Where, steps: int = STEPS) -> pd.DataFrame:
     """Deflection of the load point per newton in the worst direction, over the arm's plane.
 
     Shoulder and elbow, the first two neighbouring joints with parallel axes, go through their
@@ -134,7 +110,7 @@ def _at_load_point(cell: Cell) -> Cell:
     return replace(cell, tool=Tool(point, np.array(["load_point"], dtype=object), point[None]))
 
 
-def _softest(hypotheses: Sequence[Believed], q: Array) -> tuple[Array, Array, Array]:
+def _softest(hypotheses: Sequence[Hypothesis], q: Array) -> tuple[Array, Array, Array]:
     """Largest deflection per newton (m,), its standard uncertainty (m,), direction (m, 3)."""
     m = len(q)
     force = np.tile(FORCE_N * np.eye(3), (m, 1))

@@ -30,6 +30,8 @@ def method(result: Result) -> Section:
         said += " The force acts on the deflected robot (second order in the load)."
     elif equilibrium == "undeformed":
         said += " The geometry is that of the unloaded robot."
+    if at(result, "recommended", "model") in ("extended", "averaged"):
+        said += " Beside the springs the model holds what was identified, c = B x + Z z."
     second = at(result, "fit", "second_order_rms_mm")
     if known(second):
         said += f" The second order in the load amounts to {plain(second, 2)} mm rms"

@@ -16,6 +16,7 @@ from pipeline.report.numbers import (
     p_value,
     plain,
     prefixed,
+    probability,
     with_std,
 )
 from pipeline.report.record import Column, Entry, Section, Table, Text, entry, text_entry
@@ -46,6 +47,7 @@ def stiffness(result: Result, previous: Result | None) -> Section | None:
         [
             *findings,
             _stiffness_table(joints, result, since, previous),
+            _hypotheses_table(items(result, "recommended", "hypotheses")),
             *figures(("stiffness",), result, {}),
             _compliance_table(joints),
             _fit_text(result),
@@ -111,6 +113,28 @@ def _stiffness_table(
     )
     title = f"Stiffness of each joint, {words.values_of(result)}"
     return Table("stiffness", title, tuple(columns), tuple(rows), note)
+
+
+def _hypotheses_table(hypotheses: list[Any]) -> Table | None:
+    """What the values are averaged over; nothing where they are those of one model."""
+    if len(hypotheses) < 2:
+        return None
+    rows = [
+        (
+            text_entry(" and ".join(_hypothesis_words(c) for c in one.get("causes") or [])),
+            entry(probability(one.get("weight")), one.get("weight")),
+        )
+        for one in hypotheses
+    ]
+    columns = (Column("Beside the joint springs"), Column("Weight", numeric=True))
+    return Table("hypotheses", "What the values are averaged over", columns, tuple(rows))
+
+
+def _hypothesis_words(cause: Mapping[str, Any]) -> str:
+    said = words.cause(str(cause.get("name")), cause.get("where"))
+    if cause.get("form"):
+        said += f" ({cause['form']})"
+    return said if cause.get("in_catalogue", True) else f"something without a name like {said}"
 
 
 def _change_entry(change: Change | None) -> Entry:
