@@ -6,13 +6,14 @@
 #   make check    format, lint, types
 #   make bench    how good and how fast, side by side with the alternatives
 #   make league   every hidden cause against the diagnosis
+#   make paper    the paper's tables and figures, computed again
 #   make compare  every number that differs from an earlier commit      make compare BASE=HEAD~1
 #   make example  the report and the picture that the README shows, from the demo campaign
 #   make lock     write requirements.lock anew from pyproject.toml      make lock UPGRADE=--upgrade
 #   make clean    remove .venv and the caches; data and reports stay
 
 .DELETE_ON_ERROR:
-.PHONY: run test slow check bench league compare example lock clean
+.PHONY: run test slow check bench league paper compare example lock clean
 
 PYTHON ?=
 ARGS ?=
@@ -41,8 +42,11 @@ check: .venv/.ready
 bench: .venv/.ready
 	@$(PY) -m bench $(ARGS)
 
+paper: .venv/.ready
+	@$(PY) -m bench.paper $(ARGS)
+
 league: .venv/.ready
-	@.venv/bin/pipeline league --page docs/league.md $(ARGS)
+	@$(PY) -m bench.league --page docs/league.md $(ARGS)
 
 compare: .venv/.ready
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PY) -m bench.compare $(BASE) $(ARGS)

@@ -30,17 +30,17 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from pipeline import files
-from pipeline.campaign import code_version
-from pipeline.league.judge import label
-from pipeline.league.play import NAMES, Plan, Rules, drawn, play
-from pipeline.league.run import ABLE, PLANS, answer_of, largest, yardstick
-from pipeline.league.secret import NOMINAL
-from pipeline.league.secrets import SECRETS
+from bench.league.hidden import SECRETS
+from bench.league.hidden_effect import NOMINAL
+from bench.league.judge import label
+from bench.league.play import NAMES, Plan, Rules, drawn, play
+from bench.league.run import ABLE, PLANS, answer_of, largest, yardstick
+from pipeline.base import files
+from pipeline.base.arrays import Array
+from pipeline.machine.robot import Robot, load
 from pipeline.report.history import Change, changes
-from pipeline.results import Array
-from pipeline.robot import Robot, load
 from pipeline.simulate.blunders import INCH_M, KGF_N
+from pipeline.store.campaign import code_version
 
 SEED = 2029
 TARGETS = {"explained": 200, "ambiguous": 100, "bad_data": 100, "adequate": 100}

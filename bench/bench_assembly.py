@@ -4,17 +4,17 @@ import numpy as np
 import pinocchio as pin
 
 from bench.timing import ratio
-from pipeline.campaign import in_memory
-from pipeline.cell import Tool, jacobian, paper_cell
-from pipeline.effects import Pulls
-from pipeline.robot import load
-from pipeline.robot.model import model
+from pipeline.machine.cell import Tool, jacobian, paper_cell
+from pipeline.machine.effects import Pulls
+from pipeline.machine.robot import load
+from pipeline.machine.robot.model import model
 from pipeline.run import reduce, tool
 from pipeline.simulate import Plan, simulate
-from pipeline.stages.assemble import assemble
-from pipeline.stages.estimate import least_squares, solve
-from pipeline.stages.whiten import whitener
-from pipeline.tables import promised
+from pipeline.store.campaign import in_memory
+from pipeline.store.tables import promised
+from pipeline.system.assemble import assemble
+from pipeline.system.estimate import least_squares, solve
+from pipeline.system.whiten import whitener
 
 READINGS = 9_999
 

@@ -10,13 +10,13 @@ from concurrent.futures import ProcessPoolExecutor
 import numpy as np
 from scipy import stats
 
-from pipeline.campaign import in_memory
-from pipeline.cell import paper_cell
-from pipeline.robot import load
+from pipeline.machine.cell import paper_cell
+from pipeline.machine.robot import load
 from pipeline.run import reduce, tool
 from pipeline.simulate import Plan, build, draw, raw_files, revised
-from pipeline.stages.estimate import identify
-from pipeline.tables import promised
+from pipeline.store.campaign import in_memory
+from pipeline.store.tables import promised
+from pipeline.system.estimate import identify
 
 CAMPAIGNS = 2000
 NOISES = {"sigma": {"sigma_m": 3e-5}, "paper": {"noise": "paper"}}

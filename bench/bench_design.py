@@ -22,16 +22,16 @@ from pymoo.optimize import minimize
 from pymoo.termination import get_termination
 
 from bench.timing import seconds
-from pipeline import planning
+from pipeline.app import planning
+from pipeline.base.arrays import Array
 from pipeline.design import search
 from pipeline.design.criteria import relative_std
 from pipeline.design.information import BLOCK, Experiment, information, station, value_and_slope
 from pipeline.design.limits import slacks
 from pipeline.design.problem import Problem
 from pipeline.design.space import Box
+from pipeline.machine.robot.model import model
 from pipeline.report.svg import BLUE, MUTED, PURPLE, RED, STYLE
-from pipeline.results import Array
-from pipeline.robot.model import model
 
 MM = 1e3
 SEEDS, RACES = range(1, 11), (1, 2)

@@ -10,12 +10,12 @@ import pyarrow as pa
 from pyarrow import csv
 
 from pipeline import readers
-from pipeline.campaign import Raw, in_memory
 from pipeline.readers import READERS
+from pipeline.reduction.case import plain, to_displacements
 from pipeline.run import ingested, reduce
-from pipeline.screening.case import plain, to_displacements
 from pipeline.simulate import Plan
-from pipeline.tables import promised
+from pipeline.store.campaign import Raw, in_memory
+from pipeline.store.tables import promised
 
 POSES, PULLS = 10_000, 19
 TARGETS = ("P1", "P2", "P3", "Pl1", "Pl2")

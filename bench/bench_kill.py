@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline import files
+from pipeline.base import files
 from pipeline.simulate import Plan, simulate
 
 KILLS = 100

@@ -20,15 +20,15 @@ from typing import Any
 import numpy as np
 from scipy import special
 
+from bench.league.hidden import SECRETS
+from bench.league.judge import Score, same, score
+from bench.league.play import TOOLS, Plan
+from bench.league.run import ABLE, MOST, Asked, League, followed, largest, shown_by, yardstick
+from bench.league.table import rivalled, share, wrong
+from pipeline.base.arrays import Array
 from pipeline.diagnosis.isolability import twins
 from pipeline.diagnosis.nextpose import APART
-from pipeline.league.judge import Score, same, score
-from pipeline.league.play import TOOLS, Plan
-from pipeline.league.run import ABLE, MOST, Asked, League, followed, largest, shown_by, yardstick
-from pipeline.league.secrets import SECRETS
-from pipeline.league.table import rivalled, share, wrong
-from pipeline.results import Array
-from pipeline.robot import Robot, load
+from pipeline.machine.robot import Robot, load
 from pipeline.simulate.poses import default_anchors, draw_poses, feasible, rounded
 
 SEED, PLANS = 2027, 96

@@ -16,15 +16,15 @@ import numpy as np
 from scipy import stats
 
 from bench.bench_screening import INSTRUMENT, plan
-from pipeline.campaign import in_memory
+from pipeline.faults.reading import Shifts, beside_springs
+from pipeline.faults.screen import screen
+from pipeline.reduction.case import Case, Reduced, bring, conformed, plain
+from pipeline.reduction.register import XYZ
 from pipeline.run import ingested
-from pipeline.screening.case import Case, Reduced, bring, conformed, plain
-from pipeline.screening.outliers import Shifts, beside_springs
-from pipeline.screening.screen import screen
 from pipeline.simulate import revised, simulate
-from pipeline.stages.estimate import identify
-from pipeline.stages.register import XYZ
-from pipeline.stages.variance import repeated_zeros
+from pipeline.store.campaign import in_memory
+from pipeline.system.estimate import identify
+from pipeline.system.variance import repeated_zeros
 
 EACH = 100
 ALLOWED = 0.005

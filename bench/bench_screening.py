@@ -11,13 +11,13 @@ from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 
-from pipeline.campaign import in_memory
-from pipeline.effects import catalogue
-from pipeline.robot import load
+from pipeline.faults.screen import screen
+from pipeline.machine.effects import catalogue
+from pipeline.machine.robot import load
+from pipeline.reduction.case import bring, conformed, plain
 from pipeline.run import ingested
-from pipeline.screening.case import bring, conformed, plain
-from pipeline.screening.screen import screen
 from pipeline.simulate import Plan, revised, simulate
+from pipeline.store.campaign import in_memory
 
 EACH, CLEAN, PHYSICAL = 200, 1000, 200
 INSTRUMENT = {

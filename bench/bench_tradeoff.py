@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from pipeline import planning
+from pipeline.app import planning
 from pipeline.design.discriminate import lens
 from pipeline.design.measurement import of_plan, seen_by
 from pipeline.design.problem import Problem

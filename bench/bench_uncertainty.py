@@ -14,14 +14,14 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.campaign import in_memory
-from pipeline.robot import load
+from pipeline.machine.robot import load
+from pipeline.reduction.case import bring, conformed, plain
 from pipeline.run import ingested
-from pipeline.screening.case import bring, conformed, plain
-from pipeline.screening.fit import fit
 from pipeline.simulate import build, draw, parse, raw_files, revised, simulate
-from pipeline.stages.budget import budget
-from pipeline.stages.estimate import identify
+from pipeline.store.campaign import in_memory
+from pipeline.system.budget import budget
+from pipeline.system.estimate import identify
+from pipeline.system.fit import fit
 
 PLAN = Path(__file__).parents[1] / "data" / "plans" / "kr500_demo.toml"
 DRAWS, CAMPAIGNS, BATCH = 2000, 500, 25

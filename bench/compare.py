@@ -36,14 +36,14 @@ from typing import Any
 import numpy as np
 
 from bench.bench_screening import plan as plan_of
-from pipeline.campaign import dump, find, in_memory
-from pipeline.league.play import drawn, play
-from pipeline.league.run import Fixture, League, _sizes, fixtures, largest
-from pipeline.league.secrets import SECRETS
-from pipeline.robot import load
+from bench.league.hidden import SECRETS
+from bench.league.play import drawn, play
+from bench.league.run import Fixture, League, _sizes, fixtures, largest
+from pipeline.machine.robot import load
 from pipeline.run import answered
 from pipeline.simulate import revised, simulate
 from pipeline.simulate.blunders import UNITS
+from pipeline.store.campaign import dump, find, in_memory
 
 TREE = Path(__file__).resolve().parents[1]
 FILE = TREE / "tests" / "golden" / "frozen.json.gz"

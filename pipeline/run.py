@@ -13,18 +13,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline import archive, handover, tables
-from pipeline.campaign import Campaign, Raw, dump
-from pipeline.diagnosis.drift import drift
-from pipeline.diagnosis.shown import apart_table, clues_table, examined_table
-from pipeline.diagnosis.verdict import Diagnosis
-from pipeline.effects import catalogue
-from pipeline.errors import InputError
-from pipeline.report.render import render
-from pipeline.result.answer import answer as answer_of
-from pipeline.result.diagnosis import bad_data_sentence, beside_mistakes
-from pipeline.result.findings import Findings, Told
-from pipeline.result.recommended import (
+from pipeline.answer.answer import answer as answer_of
+from pipeline.answer.diagnosis import bad_data_sentence, beside_mistakes
+from pipeline.answer.findings import Findings, Told
+from pipeline.answer.recommended import (
     Facts,
     Values,
     Which,
@@ -33,26 +25,36 @@ from pipeline.result.recommended import (
     joint_springs,
     recommend,
 )
-from pipeline.result.tables import (
+from pipeline.answer.tables import (
     covariance_table,
     errors_table,
     estimate_table,
     residuals_table,
     system_table,
 )
-from pipeline.robot import Robot
-from pipeline.screening.case import Case, Keep, Reduced, Step, bring, conformed, plain
-from pipeline.screening.case import tool as tool
-from pipeline.screening.conventions import conventions
-from pipeline.screening.fit import Fitted, fit
-from pipeline.screening.screen import acquit, screen
-from pipeline.stages.assemble import Measured
-from pipeline.stages.diagnose import diagnose
-from pipeline.stages.ingest import ingest
-from pipeline.stages.validate import Where, place_of_interest, validate
-from pipeline.stages.validate import none as no_validation
-from pipeline.stages.workspace import none as no_workspace
-from pipeline.stages.workspace import workspace
+from pipeline.app import archive
+from pipeline.base.errors import InputError
+from pipeline.diagnosis.diagnose import diagnose
+from pipeline.diagnosis.drift import drift
+from pipeline.diagnosis.facts import Diagnosis
+from pipeline.diagnosis.tables import apart_table, clues_table, examined_table
+from pipeline.faults.conventions import conventions
+from pipeline.faults.screen import acquit, screen
+from pipeline.machine.effects import catalogue
+from pipeline.machine.robot import Robot
+from pipeline.prediction import model as handover
+from pipeline.prediction.validate import Where, place_of_interest, validate
+from pipeline.prediction.validate import none as no_validation
+from pipeline.prediction.workspace import none as no_workspace
+from pipeline.prediction.workspace import workspace
+from pipeline.reduction.case import Case, Keep, Reduced, Step, bring, conformed, plain
+from pipeline.reduction.case import tool as tool
+from pipeline.reduction.ingest import ingest
+from pipeline.report.render import render
+from pipeline.store import tables
+from pipeline.store.campaign import Campaign, Raw, dump
+from pipeline.system.assemble import Measured
+from pipeline.system.fit import Fitted, fit
 
 SEED = 20261103
 

@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 import pytest
 
-from pipeline import tables
-from pipeline.campaign import in_memory
 from pipeline.run import Reduced, reduce
 from pipeline.simulate import Plan, RawCampaign, simulate
+from pipeline.store import tables
+from pipeline.store.campaign import in_memory
 
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # a shell's background job ignores Ctrl-C
     signal.signal(signal.SIGINT, signal.default_int_handler)  # and its children would do so too

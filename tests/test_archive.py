@@ -7,14 +7,14 @@ import shutil
 
 import pytest
 
-from pipeline import archive
-from pipeline.campaign import find
-from pipeline.cli import _exit_code
-from pipeline.preferences import Preferences
+from pipeline.app import archive
+from pipeline.app.cli import _exit_code
+from pipeline.app.preferences import Preferences
+from pipeline.app.shell import plainly, run_all, status
+from pipeline.app.watch import scan
 from pipeline.run import run
-from pipeline.shell import plainly, run_all, status
 from pipeline.simulate import simulate
-from pipeline.watch import scan
+from pipeline.store.campaign import find
 
 DAYS = {"spring": "2026-03-01", "autumn": "2026-09-01"}
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pipeline.campaign import in_memory
-from pipeline.cell import paper_cell
+from pipeline.machine.cell import paper_cell
 from pipeline.run import reduce, tool
 from pipeline.simulate import Plan, simulate
-from pipeline.stages.assemble import assemble
-from pipeline.tables import promised
+from pipeline.store.campaign import in_memory
+from pipeline.store.tables import promised
+from pipeline.system.assemble import assemble
 
 
 @pytest.fixture(scope="module")

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import scipy.sparse
 
+from pipeline.answer.stiffness import stiffness_entries
 from pipeline.diagnosis.average import LEAST, LIKELY, Hypothesis, dependences, springs, weighed
-from pipeline.effects import baseline, catalogue
-from pipeline.result.stiffness import stiffness_entries
-from pipeline.results import Errors, Estimate, Rows, System
-from pipeline.robot import load
-from pipeline.stages.estimate import identifiable, solve
+from pipeline.machine.effects import baseline, catalogue
+from pipeline.machine.robot import load
+from pipeline.system.estimate import identifiable, solve
+from pipeline.system.system import Errors, Estimate, Rows, System
 
 KR500 = load("kr500_rail")
 X = KR500.nominal_compliance

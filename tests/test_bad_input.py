@@ -6,10 +6,10 @@ import re
 
 import pytest
 
-from pipeline import cli
-from pipeline.campaign import find
-from pipeline.errors import InputError
+from pipeline.app import cli
+from pipeline.base.errors import InputError
 from pipeline.simulate import Plan, simulate
+from pipeline.store.campaign import find
 
 GOOD = simulate(Plan(name="c", poses={"count": 8})).files
 

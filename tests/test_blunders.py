@@ -7,9 +7,9 @@ import tomllib
 import numpy as np
 import pytest
 
-from pipeline.effects import catalogue
-from pipeline.errors import UsageError
-from pipeline.robot import load
+from pipeline.base.errors import UsageError
+from pipeline.machine.effects import catalogue
+from pipeline.machine.robot import load
 from pipeline.simulate import plant, revised, simulate
 
 XYZ = ("x_mm", "y_mm", "z_mm")

@@ -6,10 +6,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pipeline.cell import Tool, jacobian, paper_cell, predict
-from pipeline.effects import Pulls
-from pipeline.robot import load
-from pipeline.robot.model import model
+from pipeline.machine.cell import Tool, jacobian, paper_cell, predict
+from pipeline.machine.effects import Pulls
+from pipeline.machine.robot import load
+from pipeline.machine.robot.model import model
 
 TARGETS = {"P1": [0.20, 0.05, 0.12], "P2": [-0.12, 0.19, 0.10], "P3": [-0.10, -0.18, 0.22]}
 

@@ -7,12 +7,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.campaign import in_memory
+from pipeline.faults.chain import chain_outlier
+from pipeline.reduction.case import conformed, plain
+from pipeline.reduction.register import XYZ
 from pipeline.run import ingested
-from pipeline.screening.case import conformed, plain
-from pipeline.screening.chain import chain_outlier
 from pipeline.simulate import Plan, simulate
-from pipeline.stages.register import XYZ
+from pipeline.store.campaign import in_memory
 
 SIGMA_M = 3e-5
 STEPS = (1000.0, 1600.0, 2300.0, 3000.0)

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import campaign as campaigns
-from pipeline import doctor
+from pipeline.app import doctor
 from pipeline.run import run
+from pipeline.store import campaign as campaigns
 
 HERE = Path(__file__).parents[1]
 DATA = HERE / "data" / "raw"

@@ -8,8 +8,8 @@ import pinocchio as pin
 import pytest
 from scipy import linalg, optimize
 
-from pipeline import cli, planning
-from pipeline.cell import Tool, jacobian, paper_cell
+from pipeline.app import cli, planning
+from pipeline.base.errors import InputError
 from pipeline.design import criteria, search, spec
 from pipeline.design.bound import Worst, bounds, certify
 from pipeline.design.curves import by_anchor, by_size
@@ -19,11 +19,11 @@ from pipeline.design.limits import Limits, kept, penalty, slacks
 from pipeline.design.propose import propose
 from pipeline.design.scatter import Beam, Scatter
 from pipeline.design.search import Effort, evaluate, objective
-from pipeline.effects import Pulls
-from pipeline.errors import InputError
-from pipeline.robot import SHIPPED, load
-from pipeline.robot.model import model
-from pipeline.settings import InstrumentNoise
+from pipeline.machine.cell import Tool, jacobian, paper_cell
+from pipeline.machine.effects import Pulls
+from pipeline.machine.robot import SHIPPED, load
+from pipeline.machine.robot.model import model
+from pipeline.reduction.settings import InstrumentNoise
 
 PUBLISHED = np.array(
     [

@@ -5,28 +5,28 @@ import json
 import numpy as np
 import pytest
 
-from pipeline import tables
-from pipeline.campaign import in_memory
-from pipeline.cell import Tool, paper_cell
+from bench.league.hidden import SECRETS
+from bench.league.play import Rules, drawn, play
+from pipeline.answer.stiffness import stiffness_entries
 from pipeline.diagnosis.average import dependences
-from pipeline.diagnosis.shown import apart_table, clues_table, examined_table
-from pipeline.diagnosis.verdict import entry
-from pipeline.league.play import Rules, drawn, play
-from pipeline.league.secrets import SECRETS
-from pipeline.result.stiffness import stiffness_entries
-from pipeline.robot import load
+from pipeline.diagnosis.diagnose import diagnose
+from pipeline.diagnosis.facts import entry
+from pipeline.diagnosis.tables import apart_table, clues_table, examined_table
+from pipeline.machine.cell import Tool, paper_cell
+from pipeline.machine.robot import load
+from pipeline.prediction.validate import place_of_interest
+from pipeline.reduction.displacements import displacements
+from pipeline.reduction.forces import forces
+from pipeline.reduction.ingest import ingest
+from pipeline.reduction.register import place, register
+from pipeline.reduction.settings import parse
 from pipeline.run import answered
-from pipeline.settings import parse
 from pipeline.simulate import simulate
 from pipeline.simulate.plan import Plan
-from pipeline.stages.assemble import measured
-from pipeline.stages.diagnose import diagnose
-from pipeline.stages.displacements import displacements
-from pipeline.stages.estimate import identify
-from pipeline.stages.forces import forces
-from pipeline.stages.ingest import ingest
-from pipeline.stages.register import place, register
-from pipeline.stages.validate import place_of_interest
+from pipeline.store import tables
+from pipeline.store.campaign import in_memory
+from pipeline.system.assemble import measured
+from pipeline.system.estimate import identify
 
 KR500 = load("kr500_rail")
 

@@ -7,13 +7,13 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
-from pipeline.campaign import in_memory
 from pipeline.diagnosis.drift import drift
-from pipeline.effects import catalogue
+from pipeline.machine.effects import catalogue
+from pipeline.reduction.case import bring, conformed, plain
+from pipeline.reduction.register import XYZ, register
 from pipeline.run import answered, ingested
-from pipeline.screening.case import bring, conformed, plain
 from pipeline.simulate import Plan, simulate
-from pipeline.stages.register import XYZ, register
+from pipeline.store.campaign import in_memory
 
 SHIFT_M = np.array([1.5e-4, -2.0e-4, 1.0e-4])
 TURN = np.array([1.0, 2.0, -2.0]) / 3 * 2e-5

@@ -7,12 +7,12 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pipeline import cell as forward
 from pipeline.diagnosis.isolability import rich_pulls, rich_tool, twins
-from pipeline.effects import Compound, Elastic, Geometry, Noise, baseline, catalogue
-from pipeline.effects.joint_hysteresis import slid
-from pipeline.effects.nameless import nameless
-from pipeline.robot import load, model
+from pipeline.machine import cell as forward
+from pipeline.machine.effects import Compound, Elastic, Geometry, Noise, baseline, catalogue
+from pipeline.machine.effects.joint_hysteresis import slid
+from pipeline.machine.effects.nameless import nameless
+from pipeline.machine.robot import load, model
 
 NAMES = [
     "rail_lateral",

@@ -7,9 +7,10 @@ import pytest
 import scipy.sparse
 from scipy import stats
 
-from pipeline.results import Errors, Parameter, Rows, System
-from pipeline.stages.estimate import identifiable, left_out, solve
-from pipeline.stages.whiten import whitener
+from pipeline.base.arrays import Parameter
+from pipeline.system.estimate import identifiable, left_out, solve
+from pipeline.system.system import Errors, Rows, System
+from pipeline.system.whiten import whitener
 
 X = np.array([1.25e-8, 2.6e-7, 2.1e-6])
 TYPICAL = np.array([1.3e-8, 3.0e-7, 2.0e-6])

@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.campaign import find
-from pipeline.cell import paper_cell, sensitivity
-from pipeline.diagnosis.detect import threshold
-from pipeline.diagnosis.evidence import scores
+from pipeline.diagnosis.diagnose import case_of, diagnose
+from pipeline.machine.cell import paper_cell, sensitivity
+from pipeline.prediction.validate import place_of_interest
 from pipeline.run import reduce, tool
-from pipeline.stages.diagnose import case_of, diagnose
-from pipeline.stages.estimate import identify
-from pipeline.stages.validate import place_of_interest
+from pipeline.store.campaign import find
+from pipeline.system.detect import threshold
+from pipeline.system.estimate import identify
+from pipeline.system.evidence import scores
 
 ROOT = Path(__file__).parents[1]
 

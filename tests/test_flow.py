@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import campaign as campaigns
 from pipeline.run import run
+from pipeline.store import campaign as campaigns
 
 HERE = Path(__file__).parents[1]
 STAGES = "select substr(name, 1, instr(name, '-') - 1), state_type from task_run"

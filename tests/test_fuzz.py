@@ -14,11 +14,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
+from pipeline.machine.robot import load
 from pipeline.readers import READERS, Hints, Readings, read
-from pipeline.robot import load
-from pipeline.settings import parse
-from pipeline.stages.ingest import ingest
+from pipeline.reduction.ingest import ingest
+from pipeline.reduction.settings import parse
 
 TOOL = {"P1": (0.2, 0.05, 0.12), "P2": (-0.12, 0.19, 0.1), "P3": (-0.1, -0.18, 0.22)}
 CHAIN = {"Pl1": (0.15, 0.0, 0.25), "Pl2": (0.15, 0.0, -0.35)}

@@ -14,17 +14,19 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pipeline import compensate, correction, handover
-from pipeline.campaign import find, in_memory
-from pipeline.cell import paper_cell
-from pipeline.effects import catalogue
-from pipeline.errors import InputError
-from pipeline.handover import Model
-from pipeline.robot import load
-from pipeline.robot.model import model as pin_model
+from pipeline.app import correction
+from pipeline.base.errors import InputError
+from pipeline.machine.cell import paper_cell
+from pipeline.machine.effects import catalogue
+from pipeline.machine.robot import load
+from pipeline.machine.robot.model import model as pin_model
+from pipeline.prediction import compensate
+from pipeline.prediction import model as handover
+from pipeline.prediction.model import Model
 from pipeline.run import run, tool
 from pipeline.simulate import parse, simulate
-from pipeline.stages.estimate import identify
+from pipeline.store.campaign import find, in_memory
+from pipeline.system.estimate import identify
 
 DATA = Path(__file__).parents[1] / "data"
 DEMO_PATH = DATA / "paths" / "kr500_demo.csv"

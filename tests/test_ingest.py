@@ -5,11 +5,11 @@ import re
 import numpy as np
 import pytest
 
-from pipeline.errors import InputError
-from pipeline.instrument import beam_covariance
-from pipeline.robot import load
-from pipeline.settings import InstrumentNoise, parse
-from pipeline.stages.ingest import ingest
+from pipeline.base.errors import InputError
+from pipeline.machine.instrument import beam_covariance
+from pipeline.machine.robot import load
+from pipeline.reduction.ingest import ingest
+from pipeline.reduction.settings import InstrumentNoise, parse
 
 TOML = """
 format = 1

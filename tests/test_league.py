@@ -16,19 +16,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline import contest
+from bench.league import contest
+from bench.league.figures import confusion_matrix
+from bench.league.hidden import SECRETS
+from bench.league.hidden_effect import NOMINAL, setup, straight
+from bench.league.judge import REFUSED, Score, Size, Stated, score
+from bench.league.machine import Machine, Spring
+from bench.league.page import page
+from bench.league.play import Rules, drawn, play
+from bench.league.run import KINDS, League, Played, answer_of, fixtures, played
+from bench.league.table import ece, interval, rows
+from pipeline.base.errors import InputError
 from pipeline.diagnosis.isolability import Twins, twins
-from pipeline.errors import InputError
-from pipeline.league.figures import confusion_matrix
-from pipeline.league.judge import REFUSED, Score, Size, Stated, score
-from pipeline.league.machine import Machine, Spring
-from pipeline.league.page import page
-from pipeline.league.play import Rules, drawn, play
-from pipeline.league.run import KINDS, League, Played, answer_of, fixtures, played
-from pipeline.league.secret import NOMINAL, setup, straight
-from pipeline.league.secrets import SECRETS
-from pipeline.league.table import ece, interval, rows
-from pipeline.robot import configure, load
+from pipeline.machine.robot import configure, load
 
 KR500 = load("kr500_rail")
 TWINS = twins(KR500)
@@ -173,9 +173,12 @@ def blind(tmp_path_factory):
     sent, and nothing of it is in what the pipeline reads.
     """
     root, sealed = tmp_path_factory.mktemp("project"), tmp_path_factory.mktemp("sealed")
-    code = "import sys; from pathlib import Path; from pipeline.contest import seal\n" + "\n".join(
-        f"seal({sizes!r}, {51 + k}, Path(sys.argv[1]), Path(sys.argv[2]), {name!r})"
-        for k, (name, sizes) in enumerate(HIDDEN.items())
+    code = (
+        "import sys; from pathlib import Path; from bench.league.contest import seal\n"
+        + "\n".join(
+            f"seal({sizes!r}, {51 + k}, Path(sys.argv[1]), Path(sys.argv[2]), {name!r})"
+            for k, (name, sizes) in enumerate(HIDDEN.items())
+        )
     )
     subprocess.run([sys.executable, "-c", code, root / "data" / "raw", sealed], check=True)
     told = b"".join(path.read_bytes() for path in (root / "data").rglob("*.*"))
@@ -293,7 +296,7 @@ def test_an_interrupted_league_goes_on_and_ends_the_same(tmp_path):
 def playing(log):
     """A league in a session of its own, with its first game played."""
     none = [f"--{kind}=0" for kind in ("single", "pairs", "strange", "power", "doubtful")]
-    command = [sys.executable, "-m", "pipeline", "league", *none, f"--log={log}", "--jobs=1"]
+    command = [sys.executable, "-m", "bench.league", *none, f"--log={log}", "--jobs=1"]
     with subprocess.Popen(
         command,
         stderr=subprocess.PIPE,
@@ -370,7 +373,7 @@ def answer(verdict, *causes, next_poses=()):
             "next_poses": list(next_poses),
             "detection": {"remainder_over_scatter": 2.0},
         },
-        "validation": {"held_out_rms_mm": 0.2},
+        "joint_springs": {"validation": {"held_out_rms_mm": 0.2}},
     }
 
 

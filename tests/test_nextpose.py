@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline import campaign
-from pipeline.cell import paper_cell, predict
+from pipeline.diagnosis.diagnose import case_of
 from pipeline.diagnosis.nextpose import Candidates, Question, candidates, propose
+from pipeline.machine.cell import paper_cell, predict
+from pipeline.reduction.case import conformed
 from pipeline.run import reduce, tool
-from pipeline.screening.case import conformed
 from pipeline.simulate import simulate
 from pipeline.simulate.plan import Plan
-from pipeline.stages.diagnose import case_of
-from pipeline.stages.estimate import identify
+from pipeline.store import campaign
+from pipeline.system.estimate import identify
 
 STEP = 1e-3
 """Of a typical size, for differences."""

@@ -7,10 +7,10 @@ import sys
 import pytest
 
 from bench.bench_kill import PLAN, Victim, survived
-from pipeline.archive import refresh
-from pipeline.campaign import find
-from pipeline.errors import InputError
+from pipeline.app.archive import refresh
+from pipeline.base.errors import InputError
 from pipeline.run import run
+from pipeline.store.campaign import find
 
 COMMAND = [sys.executable, "-m", "pipeline"]
 

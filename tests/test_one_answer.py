@@ -13,14 +13,15 @@ import pinocchio as pin
 import pypdf
 import pytest
 
-from pipeline import archive, compensate
-from pipeline.campaign import find
-from pipeline.handover import Model
-from pipeline.league.play import Rules, drawn, play
-from pipeline.league.secrets import SECRETS
+from bench.league.hidden import SECRETS
+from bench.league.play import Rules, drawn, play
+from pipeline.app import archive
+from pipeline.machine.robot import load
+from pipeline.machine.robot.model import model as pin_model
+from pipeline.prediction import compensate
+from pipeline.prediction.model import Model
 from pipeline.report.history import previous, trends
-from pipeline.robot import load
-from pipeline.robot.model import model as pin_model
+from pipeline.store.campaign import find
 
 ROBOT = load("kr500_rail")
 PLAN = (2026, 9, 1)

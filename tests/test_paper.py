@@ -5,11 +5,13 @@ import json
 import numpy as np
 import pytest
 
-from pipeline import cli, reproduction
-from pipeline.design import paper
+from bench.paper import reproduction
+from bench.paper import tables as paper
+from bench.paper.__main__ import command
+from pipeline.app import cli
 from pipeline.design.curves import ByAnchor, BySize
 from pipeline.design.information import station
-from pipeline.robot import load
+from pipeline.machine.robot import load
 
 SEED = 3
 
@@ -126,8 +128,8 @@ def test_the_command_prints_every_entry(capsys, monkeypatch, tmp_path):
     sizes = BySize(four, four, np.full((4, 4), 3e-6))
     monkeypatch.setattr(paper, "by_size", lambda *_: sizes)
     monkeypatch.setattr(paper, "by_anchor", lambda p, plan, at, seed: ByAnchor(0, at, curve, curve))
-    arguments = ["paper", "--repetitions", "40", "--poses", "40", "--root", str(tmp_path)]
-    assert cli._exit_code([*arguments, "--json", "--write"]) == 0
+    arguments = ["--repetitions", "40", "--poses", "40", "--root", str(tmp_path)]
+    assert cli._exit_code([*arguments, "--json", "--write"], command) == 0
     printed = json.loads(capsys.readouterr().out.splitlines()[0])
 
     assert list(printed["robots"]) == list(reproduction.ROBOTS)

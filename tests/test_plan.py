@@ -7,9 +7,8 @@ import tomllib
 import numpy as np
 import pytest
 
-from pipeline import cli, planning
-from pipeline.campaign import find, in_memory
-from pipeline.cell import jacobian, paper_cell
+from pipeline.app import cli, planning
+from pipeline.base.errors import InputError, UsageError
 from pipeline.design import problem
 from pipeline.design import spec as specs
 from pipeline.design.discriminate import APART, lens, rows, sights
@@ -21,14 +20,15 @@ from pipeline.design.propose import Proposal, aim_of
 from pipeline.design.schedule import crossed, pulls_at, starts
 from pipeline.design.search import Plan, evaluate
 from pipeline.design.trade import Aim, feasible_poses, trade
-from pipeline.effects import Pulls
-from pipeline.errors import InputError, UsageError
+from pipeline.machine.cell import jacobian, paper_cell
+from pipeline.machine.effects import Pulls
+from pipeline.machine.robot import load
 from pipeline.report.plan_sheet import Extras, _log, expected, sheet
-from pipeline.robot import load
 from pipeline.run import reduce
 from pipeline.simulate import build, parse, simulate
-from pipeline.stages.estimate import identify
-from pipeline.tables import conform
+from pipeline.store.campaign import find, in_memory
+from pipeline.store.tables import conform
+from pipeline.system.estimate import identify
 
 SEED = 20261121
 
@@ -66,7 +66,7 @@ def reduced(files):
 
 
 def text_of(content):
-    from pipeline import toml
+    from pipeline.base import toml
 
     return toml.dumps(content)
 

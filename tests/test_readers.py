@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pipeline import readers
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 from pipeline.readers import READERS, Columns, Hints, Readings
 
 GOLDEN = Path(__file__).parent / "golden"

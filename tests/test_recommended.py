@@ -4,7 +4,7 @@ from itertools import product
 
 import pytest
 
-from pipeline.result.recommended import TABLE, Data, Facts, Reason, Which, decide
+from pipeline.answer.recommended import TABLE, Data, Facts, Reason, Which, decide
 
 SPRINGS, EXTENDED, AVERAGED = Which.JOINT_SPRINGS, Which.EXTENDED, Which.AVERAGED
 GIVEN, CORRECTED = Data.AS_GIVEN, Data.CORRECTED

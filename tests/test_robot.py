@@ -7,11 +7,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pipeline.errors import InputError
-from pipeline.robot import SHIPPED, configure, load
-from pipeline.robot.configuration import torque, velocity
-from pipeline.robot.mdh import parse
-from pipeline.robot.model import model
+from pipeline.base.errors import InputError
+from pipeline.machine import robot as robots
+from pipeline.machine.robot import SHIPPED, configure, load
+from pipeline.machine.robot.configuration import torque, velocity
+from pipeline.machine.robot.mdh import parse
+from pipeline.machine.robot.model import model
 
 POINT = np.array([0.11, -0.07, 0.23])
 RNG = np.random.default_rng(7)
@@ -55,7 +56,7 @@ def robot(request):
 
 def test_flange_is_the_product_of_the_rows_and_what_pinocchio_says(robot):
     """Numpy product, batched frames and Pinocchio agree to 1e-12 m."""
-    rows = tomllib.loads((resources.files("pipeline.robot") / f"{robot.name}.toml").read_text())
+    rows = tomllib.loads((resources.files(robots) / f"{robot.name}.toml").read_text())
     q = inside(robot, 50)
     batched = configure(robot, q).points(POINT[None])[:, 0]
     built = model(robot, {"tool": POINT})
@@ -102,7 +103,7 @@ def test_torque_is_the_work_of_the_force(robot):
 
 def test_the_letters_of_khalil_and_craig_name_the_same_arm():
     """A Khalil table with d renamed a and r renamed d is a Craig table."""
-    khalil = (resources.files("pipeline.robot") / "kr500_rail.toml").read_text()
+    khalil = (resources.files(robots) / "kr500_rail.toml").read_text()
     craig = (
         khalil.replace('"khalil"', '"craig"').replace("\nd_m", "\na_m").replace("\nr_m", "\nd_m")
     )
@@ -173,6 +174,6 @@ def test_a_robot_that_does_not_ship_is_refused_by_name():
 )
 def test_a_wrong_robot_file_is_refused_with_the_place(change, says):
     """Each mistake is named."""
-    text = (resources.files("pipeline.robot") / "kr500_rail.toml").read_text().replace(*change)
+    text = (resources.files(robots) / "kr500_rail.toml").read_text().replace(*change)
     with pytest.raises(InputError, match=says):
         parse(text, "mine.toml")

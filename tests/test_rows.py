@@ -6,12 +6,12 @@ import re
 import pandas as pd
 import pytest
 
-from pipeline.campaign import in_memory
+from pipeline.faults.joint_row import wrong_rows
+from pipeline.faults.screen import screen
+from pipeline.reduction.case import bring, conformed, plain
 from pipeline.run import ingested
-from pipeline.screening.case import bring, conformed, plain
-from pipeline.screening.rows import wrong_rows
-from pipeline.screening.screen import screen
 from pipeline.simulate import Plan, revised, simulate
+from pipeline.store.campaign import in_memory
 
 PLAN = Plan(name="bad", seed=12, poses={"count": 8}, pulls={"steps_n": [1500.0, 3000.0]})
 CORNERS = {"B1": [1, -0.5, -0.3], "B2": [1, 15, -0.3], "B3": [-1, 15, 0.2], "B4": [-1, -0.5, 0]}

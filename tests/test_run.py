@@ -13,17 +13,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline import campaign as campaigns
-from pipeline.campaign import in_memory
-from pipeline.errors import InputError
-from pipeline.league.play import Rules, drawn, play
-from pipeline.robot import load
+from bench.league.play import Rules, drawn, play
+from pipeline.base.errors import InputError
+from pipeline.machine.robot import load
+from pipeline.reduction.case import bring, conformed, plain
 from pipeline.run import ingested, run
-from pipeline.screening.case import bring, conformed, plain
-from pipeline.screening.fit import fit
 from pipeline.simulate import Plan, revised, simulate
-from pipeline.stages.estimate import identify
-from pipeline.tables import DISPLACEMENTS, FORCES
+from pipeline.store import campaign as campaigns
+from pipeline.store.campaign import in_memory
+from pipeline.store.tables import DISPLACEMENTS, FORCES
+from pipeline.system.estimate import identify
+from pipeline.system.fit import fit
 
 PROJECT = Path(__file__).parents[1]
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from pipeline.campaign import in_memory
+from pipeline.faults.screen import screen
+from pipeline.reduction.case import bring, conformed, plain
 from pipeline.run import ingested
-from pipeline.screening.case import bring, conformed, plain
-from pipeline.screening.fit import fit
-from pipeline.screening.screen import screen
 from pipeline.simulate import Plan, revised, simulate
+from pipeline.store.campaign import in_memory
+from pipeline.system.fit import fit
 
 PLAN = Plan(name="typed", seed=12, poses={"count": 9}, pulls={"steps_n": [1500.0, 3000.0]})
 LINE = 8

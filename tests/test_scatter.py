@@ -6,15 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline import campaign
-from pipeline.cell import paper_cell
-from pipeline.diagnosis.noise import scatter
+from pipeline.diagnosis.diagnose import case_of
+from pipeline.machine.cell import paper_cell
+from pipeline.reduction.case import conformed
 from pipeline.run import answered, reduce, tool
-from pipeline.screening.case import conformed
 from pipeline.simulate import simulate
 from pipeline.simulate.plan import Plan
-from pipeline.stages.diagnose import case_of
-from pipeline.stages.estimate import identify
+from pipeline.store import campaign
+from pipeline.system.estimate import identify
+from pipeline.system.noise import scatter
 
 
 def seen(seed, scale_noise=1.0, sigma_n=2.0):

@@ -9,20 +9,20 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.campaign import find, in_memory
-from pipeline.errors import InputError
-from pipeline.league.play import Rules, drawn, play
-from pipeline.league.secrets import SECRETS
-from pipeline.robot import load
-from pipeline.robot.variants import variants
+from bench.league.hidden import SECRETS
+from bench.league.play import Rules, drawn, play
+from pipeline.base.errors import InputError
+from pipeline.diagnosis.diagnose import diagnose
+from pipeline.faults.conventions import anchored_miss, conventions, miss
+from pipeline.faults.screen import acquit, screen
+from pipeline.machine.robot import load
+from pipeline.machine.robot.variants import variants
+from pipeline.prediction.validate import place_of_interest
+from pipeline.reduction.case import bring, conformed, plain
 from pipeline.run import ingested, run
-from pipeline.screening.case import bring, conformed, plain
-from pipeline.screening.conventions import anchored_miss, conventions, miss
-from pipeline.screening.fit import fit
-from pipeline.screening.screen import acquit, screen
 from pipeline.simulate import Plan, revised, simulate
-from pipeline.stages.diagnose import diagnose
-from pipeline.stages.validate import place_of_interest
+from pipeline.store.campaign import find, in_memory
+from pipeline.system.fit import fit
 
 PLAN = Plan(name="bad", seed=11, poses={"count": 8}, pulls={"steps_n": [1500.0, 3000.0]})
 

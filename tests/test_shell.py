@@ -12,11 +12,12 @@ from pathlib import Path
 import pytest
 from filelock import FileLock
 
-from pipeline import campaign as campaigns
-from pipeline import cli, files
-from pipeline.errors import CannotWrite, worst
-from pipeline.outcome import sentences
+from pipeline.app import cli
+from pipeline.app.outcome import sentences
+from pipeline.base import files
+from pipeline.base.errors import CannotWrite, worst
 from pipeline.simulate import Plan, simulate
+from pipeline.store import campaign as campaigns
 
 PROJECT = Path(__file__).parents[1]
 KEPT = PROJECT / "data" / "raw" / "fanuc_r2000ic"

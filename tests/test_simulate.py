@@ -11,17 +11,17 @@ from datetime import datetime
 import numpy as np
 import pytest
 
-from pipeline import settings
-from pipeline.cell import Tool, paper_cell, predict
-from pipeline.effects import Noise, Observation, Wrench, catalogue
-from pipeline.errors import InputError, UsageError
+from pipeline.base.arrays import Parameter
+from pipeline.base.errors import InputError, UsageError
+from pipeline.machine.cell import Tool, paper_cell, predict
+from pipeline.machine.effects import Noise, Observation, Wrench, catalogue
+from pipeline.machine.robot import load
 from pipeline.readers import READERS
-from pipeline.results import Parameter
-from pipeline.robot import load
-from pipeline.settings import InstrumentNoise
+from pipeline.reduction import settings
+from pipeline.reduction.settings import InstrumentNoise
 from pipeline.simulate import Plan, Planted, build, draw, parse, plant, revised, simulate
 from pipeline.simulate.noise import tracker_errors
-from pipeline.stages.estimate import identify
+from pipeline.system.estimate import identify
 
 TABLE_I = [  # alpha [deg], d [m], r [m]; joint 1 slides along its z axis
     (-90, 0.0, 0.0),

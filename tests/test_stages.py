@@ -6,12 +6,12 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from pipeline import covariance
-from pipeline.errors import InputError
-from pipeline.settings import parse
-from pipeline.stages.displacements import displacements
-from pipeline.stages.forces import forces
-from pipeline.stages.register import place, register
+from pipeline.base import covariance
+from pipeline.base.errors import InputError
+from pipeline.reduction.displacements import displacements
+from pipeline.reduction.forces import forces
+from pipeline.reduction.register import place, register
+from pipeline.reduction.settings import parse
 
 SETTINGS = """
 format = 1

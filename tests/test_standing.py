@@ -9,13 +9,13 @@ import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pipeline import campaign
-from pipeline.league.play import Rules, drawn, play
-from pipeline.league.secrets import SECRETS
-from pipeline.robot import load
+from bench.league.hidden import SECRETS
+from bench.league.play import Rules, drawn, play
+from pipeline.machine.robot import load
 from pipeline.run import answered
 from pipeline.simulate import simulate
 from pipeline.simulate.plan import Plan
+from pipeline.store import campaign
 
 
 @cache

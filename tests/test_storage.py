@@ -11,12 +11,13 @@ from pathlib import Path
 import localbucket
 import pytest
 
-from pipeline import files, mirror
-from pipeline.cli import _exit_code
-from pipeline.errors import InputError
-from pipeline.preferences import Preferences, Storage, load
-from pipeline.storage import Store
-from pipeline.watch import scan
+from pipeline.app import sync as mirror
+from pipeline.app.cli import _exit_code
+from pipeline.app.preferences import Preferences, Storage, load
+from pipeline.app.storage import Store
+from pipeline.app.watch import scan
+from pipeline.base import files
+from pipeline.base.errors import InputError
 
 KEPT = Path(__file__).parents[1] / "data" / "raw" / "fanuc_r2000ic"
 LONG_AGO = 1_700_000_000

@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from pipeline.threads import both, spread
+from pipeline.base.threads import both, spread
 
 
 @pytest.mark.parametrize("much", [True, False])

@@ -5,14 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.cell import Tool, paper_cell
+from pipeline.base.arrays import Parameter
+from pipeline.base.errors import InputError
 from pipeline.diagnosis.average import Hypothesis
-from pipeline.effects import Pulls
-from pipeline.errors import InputError
-from pipeline.results import Estimate, Parameter
-from pipeline.robot import configure, load
-from pipeline.settings import TestPose
-from pipeline.stages.validate import Where, deflections, place_of_interest, validate
+from pipeline.machine.cell import Tool, paper_cell
+from pipeline.machine.effects import Pulls
+from pipeline.machine.robot import configure, load
+from pipeline.prediction.validate import Where, deflections, place_of_interest, validate
+from pipeline.reduction.settings import TestPose
+from pipeline.system.system import Estimate
 
 ROBOT = load("kr500_rail")
 TOOL = Tool(

@@ -8,16 +8,18 @@ import pytest
 import scipy.sparse
 from scipy import stats
 
-from pipeline import covariance
-from pipeline.campaign import in_memory
-from pipeline.cell import paper_cell
-from pipeline.results import Errors, Parameter, Rows, System
+from pipeline.base import covariance
+from pipeline.base.arrays import Parameter
+from pipeline.machine.cell import paper_cell
+from pipeline.reduction.settings import parse
 from pipeline.run import reduce, tool
-from pipeline.settings import parse
 from pipeline.simulate import Plan, revised, simulate
-from pipeline.stages.contrasts import repeated_zeros
-from pipeline.stages.estimate import identify
-from pipeline.stages.variance import (
+from pipeline.store.campaign import in_memory
+from pipeline.store.tables import promised
+from pipeline.system.contrasts import repeated_zeros
+from pipeline.system.estimate import identify
+from pipeline.system.system import Errors, Rows, System
+from pipeline.system.variance import (
     Components,
     at_most,
     noise,
@@ -25,7 +27,6 @@ from pipeline.stages.variance import (
     resting_on,
     variance_components,
 )
-from pipeline.tables import promised
 
 PLAN = Plan(name="noise", seed=5)
 

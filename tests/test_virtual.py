@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from pipeline import cli, virtual
-from pipeline.errors import CannotWrite, InputError, UsageError
+from pipeline.app import cli, virtual
+from pipeline.base.errors import CannotWrite, InputError, UsageError
 
 FEW = {"name": "few", "poses": {"count": 2}}
 

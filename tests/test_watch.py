@@ -13,11 +13,12 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import files, preferences, watch
-from pipeline.campaign import find
-from pipeline.errors import InputError
-from pipeline.preferences import Notify, Preferences
+from pipeline.app import preferences, watch
+from pipeline.app.preferences import Notify, Preferences
+from pipeline.base import files
+from pipeline.base.errors import InputError
 from pipeline.run import run
+from pipeline.store.campaign import find
 
 HERE = Path(__file__).parents[1]
 KEPT = HERE / "data" / "raw" / "fanuc_r2000ic"

@@ -13,10 +13,10 @@ import pytest
 import report_sample
 from test_cli import ENVIRONMENT, HERE, on_a_terminal
 
-from pipeline import answers, server, service
-from pipeline.cli import _exit_code
-from pipeline.errors import CannotWrite, UsageError
-from pipeline.preferences import Preferences
+from pipeline.app import answers, server, service
+from pipeline.app.cli import _exit_code
+from pipeline.app.preferences import Preferences
+from pipeline.base.errors import CannotWrite, UsageError
 from pipeline.report import overview
 
 SAMPLE = report_sample.result()

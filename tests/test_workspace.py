@@ -6,14 +6,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pipeline.cell import Tool, paper_cell, predict
-from pipeline.effects import Pulls
-from pipeline.handover import Hypothesis
-from pipeline.results import Estimate
-from pipeline.robot import SHIPPED, load
-from pipeline.robot.model import model
-from pipeline.stages.validate import Where
-from pipeline.stages.workspace import arm_joints, workspace
+from pipeline.machine.cell import Tool, paper_cell, predict
+from pipeline.machine.effects import Pulls
+from pipeline.machine.robot import SHIPPED, load
+from pipeline.machine.robot.model import model
+from pipeline.prediction.model import Hypothesis
+from pipeline.prediction.validate import Where
+from pipeline.prediction.workspace import arm_joints, workspace
+from pipeline.system.system import Estimate
 
 LOAD = np.array([0.15, 0.02, 0.25])
 Q = {

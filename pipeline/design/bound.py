@@ -18,13 +18,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.base.arrays import Array, Locked
 from pipeline.design.criteria import Criterion
 from pipeline.design.descent import Function, descend
 from pipeline.design.information import information, station, value_and_slope
 from pipeline.design.limits import penalty
 from pipeline.design.problem import Problem
 from pipeline.design.space import Box
-from pipeline.results import Array, Locked
 
 WALL = 1e3
 """Weight of broken limits in the search for the worst direction: what it overshoots by only

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.results import Array
+from pipeline.base.arrays import Array
 
 Score = Callable[[Array], tuple[Array, Array]]
 """Information M (k, n, n) in; log g (k,) and S = d log g / dM (k, n, n) out; trace(S M) = 1."""

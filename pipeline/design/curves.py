@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.base.arrays import Array, Locked
+from pipeline.base.errors import InputError
 from pipeline.design.descent import descend
 from pipeline.design.problem import Problem, build
 from pipeline.design.search import HARD, Effort, Plan, evaluate, objective, search
 from pipeline.design.space import Box
 from pipeline.design.spec import revised
-from pipeline.errors import InputError
-from pipeline.results import Array, Locked
 
 QUICK = Effort(first=0, rounds=1, poses=192, settled=16, exchanged=4)
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.results import Array, Bools, Ints
+from pipeline.base.arrays import Array, Bools, Ints
 
 Function = Callable[[Array], tuple[Array, Array]]
 """Points (k, d) in; values (k,) and gradients (k, d) out. A value may be NaN or infinite."""

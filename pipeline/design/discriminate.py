@@ -12,15 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.cell import Cell, paper_cell, sensitivity
+from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.design.information import Experiment, station
 from pipeline.design.problem import Problem, with_steps
 from pipeline.design.schedule import pulls_at
 from pipeline.diagnosis.blindspots import needed
 from pipeline.diagnosis.isolability import Twins, twins
 from pipeline.diagnosis.nextpose import APART
-from pipeline.effects import Effect, Noise, catalogue
-from pipeline.results import Array, Bools, Ints, Locked
+from pipeline.machine.cell import Cell, paper_cell, sensitivity
+from pipeline.machine.effects import Effect, Noise, catalogue
 
 P_EACH = 0.01 / 25
 """False alarms of one cause: 1 % for all, which count as some 25 independent tests."""

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from pipeline.base.arrays import Array
+from pipeline.base.errors import InputError
 from pipeline.design.descent import descend
 from pipeline.design.information import station
 from pipeline.design.limits import Limits, penalty, slacks
 from pipeline.design.problem import Problem
 from pipeline.design.space import Box
-from pipeline.errors import InputError
-from pipeline.results import Array
 
 TRIED, FOLLOWED = 2000, 64
 

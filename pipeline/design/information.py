@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.base.arrays import Array, Locked
 from pipeline.design.scatter import Scatter, gram, weigh
-from pipeline.results import Array, Locked
-from pipeline.robot import Robot, configure
-from pipeline.robot.configuration import torque, velocity
+from pipeline.machine.robot import Robot, configure
+from pipeline.machine.robot.configuration import torque, velocity
 
 BLOCK = 1000
 """Poses computed at once: their intermediate arrays then stay in the processor's cache."""

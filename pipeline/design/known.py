@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.cell import Cell
+from pipeline.base.arrays import Array
 from pipeline.design.spec import ProblemFile, validated
-from pipeline.results import Array
-from pipeline.settings import Settings
-from pipeline.stages.assemble import Measured
-from pipeline.stages.estimate import identify
-from pipeline.stages.whiten import whitener
+from pipeline.machine.cell import Cell
+from pipeline.reduction.settings import Settings
+from pipeline.system.assemble import Measured
+from pipeline.system.estimate import identify
+from pipeline.system.whiten import whitener
 
 
 def information_of(cell: Cell, data: Measured, scale: Array) -> Array:

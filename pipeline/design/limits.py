@@ -11,8 +11,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from pipeline.base.arrays import Array, Bools
 from pipeline.design.information import Station, cross
-from pipeline.results import Array, Bools
 
 MARGIN_M = 1e-3
 """The search stays this far inside, so that its penalty cannot end on the wrong side."""

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.base.arrays import Array, Locked
 from pipeline.design.discriminate import Lens, Sight, rows, sights
 from pipeline.design.information import station
 from pipeline.design.problem import Problem
 from pipeline.design.schedule import crossed, starts
 from pipeline.design.search import Plan
 from pipeline.design.trade import Mixed
-from pipeline.results import Array, Locked
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from pipeline import toml
+from pipeline.base import toml
 from pipeline.design.propose import Proposal
-from pipeline.settings import InstrumentNoise
+from pipeline.reduction.settings import InstrumentNoise
 
 HEADER = """\
 # Made by `pipeline design {problem}`: {figure}.

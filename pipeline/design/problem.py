@@ -6,20 +6,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.cell import Tool, jacobian, paper_cell
-from pipeline.covariance import symmetric
+from pipeline.base.arrays import Array, Bools, Locked
+from pipeline.base.covariance import symmetric
+from pipeline.base.errors import InputError, listed
 from pipeline.design import criteria
 from pipeline.design.criteria import Criterion
 from pipeline.design.information import Experiment
 from pipeline.design.limits import Limits
 from pipeline.design.scatter import Beam, Scatter
 from pipeline.design.spec import ProblemFile, Range
-from pipeline.effects import Pulls
-from pipeline.errors import InputError, listed
-from pipeline.instrument import PAPER_SHARE, PAPER_SIGMA_M
-from pipeline.results import Array, Bools, Locked
-from pipeline.robot import Robot, configure
-from pipeline.settings import InstrumentNoise
+from pipeline.machine.cell import Tool, jacobian, paper_cell
+from pipeline.machine.effects import Pulls
+from pipeline.machine.instrument import PAPER_SHARE, PAPER_SIGMA_M
+from pipeline.machine.robot import Robot, configure
+from pipeline.reduction.settings import InstrumentNoise
 
 G_N_PER_KG = 9.81
 

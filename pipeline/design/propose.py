@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline.base.arrays import Array
 from pipeline.design.bound import Certificate, certify
 from pipeline.design.discriminate import Sight, lens
 from pipeline.design.measurement import Measurement, of_mixed, of_plan, seen_by
 from pipeline.design.problem import Problem
 from pipeline.design.search import Effort, Plan, Progress, found, rounded, search
 from pipeline.design.trade import Aim, Mixed, trade
-from pipeline.results import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,10 +18,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.covariance import symmetric
-from pipeline.instrument import beam_covariance
-from pipeline.results import Array, Locked
-from pipeline.settings import InstrumentNoise
+from pipeline.base.arrays import Array, Locked
+from pipeline.base.covariance import symmetric
+from pipeline.machine.instrument import beam_covariance
+from pipeline.reduction.settings import InstrumentNoise
 
 STEP = 1e-30
 """Imaginary step of the complex-step derivative: exact to rounding, nothing cancels."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from pipeline.base.arrays import Array
 from pipeline.design.information import Experiment, station
-from pipeline.effects import Pulls
-from pipeline.results import Array
+from pipeline.machine.effects import Pulls
 
 READING_S, TIGHTEN_S, POSE_S = 8.0, 60.0, 120.0
 """One reading, tightening or slackening the chain, driving to the next pose."""

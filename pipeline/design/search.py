@@ -10,6 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline.base.arrays import Array, Locked
+from pipeline.base.errors import InputError
 from pipeline.design import criteria
 from pipeline.design.descent import Function, descend
 from pipeline.design.feasible import check_reachable
@@ -17,8 +19,6 @@ from pipeline.design.information import information, station, value_and_slope
 from pipeline.design.limits import kept, penalty
 from pipeline.design.problem import Problem
 from pipeline.design.space import Box
-from pipeline.errors import InputError
-from pipeline.results import Array, Locked
 
 SOFT, HARD = 50.0, 2e4
 """Weight of broken limits while looking around, and while settling."""

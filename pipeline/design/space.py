@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.base.arrays import Array, Locked
 from pipeline.design.problem import Problem
-from pipeline.results import Array, Locked
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,9 +7,16 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
-from pipeline.errors import InputError, first_wrong, listed
-from pipeline.settings import InstrumentNoise, NotNegative, Point, Positive, Strict, TestPose
-from pipeline.toml import loads, merged
+from pipeline.base.errors import InputError, first_wrong, listed
+from pipeline.base.toml import loads, merged
+from pipeline.reduction.settings import (
+    InstrumentNoise,
+    NotNegative,
+    Point,
+    Positive,
+    Strict,
+    TestPose,
+)
 
 SHIPPED = ("paper_reference", "diagnosis_reference")
 

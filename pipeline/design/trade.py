@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.base.arrays import Array, Ints, Locked
+from pipeline.base.errors import InputError
 from pipeline.design.criteria import relative_std
 from pipeline.design.discriminate import Lens, named_from, rows
 from pipeline.design.information import information, station
@@ -21,8 +23,6 @@ from pipeline.design.problem import Problem, with_steps
 from pipeline.design.schedule import crossed, starts
 from pipeline.design.search import Plan
 from pipeline.design.space import Box
-from pipeline.errors import InputError
-from pipeline.results import Array, Ints, Locked
 
 
 @dataclass(frozen=True, eq=False)

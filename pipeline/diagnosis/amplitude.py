@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from scipy import stats
 
-from pipeline.cell import predict
-from pipeline.diagnosis.elimination import coefficients, eliminate
+from pipeline.base.arrays import Parameter
+from pipeline.diagnosis.facts import Amplitude
 from pipeline.diagnosis.identify import Case, of_model
-from pipeline.diagnosis.verdict import Amplitude
-from pipeline.diagnosis.view import View
-from pipeline.effects import Elastic
-from pipeline.results import Parameter
+from pipeline.machine.cell import predict
+from pipeline.machine.effects import Elastic
+from pipeline.system.elimination import coefficients, eliminate
+from pipeline.system.whitened import View
 
 
 def amplitudes(case: Case, view: View) -> list[tuple[Amplitude, ...]]:

@@ -18,10 +18,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import special
 
-from pipeline.cell import Cell
-from pipeline.effects import Effect
-from pipeline.results import Array, Bools, Estimate, Locked, System
-from pipeline.stages.estimate import identifiable
+from pipeline.base.arrays import Array, Bools, Locked
+from pipeline.machine.cell import Cell
+from pipeline.machine.effects import Effect
+from pipeline.system.estimate import identifiable
+from pipeline.system.system import Estimate, System
 
 LEAST = 0.01
 """A hypothesis less probable than this has no part in the average."""

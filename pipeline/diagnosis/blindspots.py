@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from pipeline.diagnosis.elimination import eliminate
-from pipeline.diagnosis.evidence import clean
+from pipeline.base.arrays import Array, Ints
 from pipeline.diagnosis.isolability import Twins
-from pipeline.diagnosis.view import View
-from pipeline.effects import Effect
-from pipeline.results import Array, Ints
+from pipeline.machine.effects import Effect
+from pipeline.system.elimination import eliminate
+from pipeline.system.evidence import clean
+from pipeline.system.whitened import View
 
 POWER = 0.8
 

@@ -13,13 +13,13 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from pipeline import covariance
+from pipeline.base import covariance
+from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.diagnosis.blindspots import needed
-from pipeline.diagnosis.noise import SURE, TOLERATED
-from pipeline.effects import Effect, Observation
-from pipeline.effects.tracker_drift import HOUR_S, LAWS
-from pipeline.results import Array, Bools, Locked
-from pipeline.stages.register import XYZ, Registration
+from pipeline.machine.effects import Effect, Observation
+from pipeline.machine.effects.tracker_drift import HOUR_S, LAWS
+from pipeline.reduction.register import XYZ, Registration
+from pipeline.system.noise import SURE, TOLERATED
 
 FITS = 1e-3
 """Where a rigid motion leaves something this improbable, a reflector moved or was read badly."""

@@ -9,15 +9,15 @@ from itertools import combinations
 import numpy as np
 from scipy import special
 
-from pipeline.cell import Cell
-from pipeline.diagnosis.detect import Lack, Threshold, lack_of_fit, threshold
-from pipeline.diagnosis.elimination import coefficients, eliminate
-from pipeline.diagnosis.evidence import ROUNDING, Scores, scores
-from pipeline.diagnosis.sight import Model, Sight, sight
-from pipeline.diagnosis.view import View, look
-from pipeline.effects import Effect
-from pipeline.results import Array, Bools, Ints, Locked
-from pipeline.stages.assemble import Measured
+from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.machine.cell import Cell
+from pipeline.machine.effects import Effect
+from pipeline.system.assemble import Measured
+from pipeline.system.detect import Lack, Threshold, lack_of_fit, threshold
+from pipeline.system.elimination import coefficients, eliminate
+from pipeline.system.evidence import ROUNDING, Scores, scores
+from pipeline.system.linearised import Model, Sight, sight
+from pipeline.system.whitened import View, look
 
 MOST = 3
 """So many causes at once can be named; more is an unknown one."""

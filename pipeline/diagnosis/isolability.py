@@ -9,10 +9,10 @@ from itertools import combinations
 
 import numpy as np
 
-from pipeline.cell import Cell, Tool, paper_cell, sensitivity
-from pipeline.effects import Effect, Pulls, catalogue
-from pipeline.results import Array
-from pipeline.robot import Robot
+from pipeline.base.arrays import Array
+from pipeline.machine.cell import Cell, Tool, paper_cell, sensitivity
+from pipeline.machine.effects import Effect, Pulls, catalogue
+from pipeline.machine.robot import Robot
 
 SAME = 1e-8
 """Two directions that differ by less than this, relative to their size, are one."""

@@ -14,15 +14,15 @@ from itertools import combinations
 
 import numpy as np
 
-from pipeline.cell import sensitivity
-from pipeline.diagnosis.elimination import eliminate
-from pipeline.diagnosis.evidence import WIDTHS
+from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.diagnosis.identify import Case
-from pipeline.diagnosis.view import View
-from pipeline.effects import Effect, Pulls
-from pipeline.results import Array, Ints, Locked
-from pipeline.robot import configure
+from pipeline.machine.cell import sensitivity
+from pipeline.machine.effects import Effect, Pulls
+from pipeline.machine.robot import configure
 from pipeline.simulate.poses import default_anchors, draw_poses
+from pipeline.system.elimination import eliminate
+from pipeline.system.evidence import WIDTHS
+from pipeline.system.whitened import View
 
 APART = 4.6
 """Sigmas between two causes from which the right one leads by 20 to 1 in 95 % of the cases."""

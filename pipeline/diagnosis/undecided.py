@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pipeline.diagnosis.gain import Gain
+from pipeline.base.errors import InputError
+from pipeline.diagnosis.facts import Cause
 from pipeline.diagnosis.identify import Case, Found
+from pipeline.diagnosis.improvement import Gain
 from pipeline.diagnosis.isolability import Twins
-from pipeline.diagnosis.judgement import CERTAIN
 from pipeline.diagnosis.nextpose import Candidates, Proposal, Question, candidates, propose
-from pipeline.diagnosis.verdict import Cause
-from pipeline.errors import InputError
+from pipeline.diagnosis.verdict import CERTAIN
 
 LEAST = 0.02
 """Rivals less probable than this are not asked about."""

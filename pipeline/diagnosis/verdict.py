@@ -1,336 +1,212 @@
-"""The record that a diagnosis leaves behind, and how result.json words it."""
+"""The verdict: one word, and the sentence that says why."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
+from itertools import combinations
 
 import numpy as np
 
-from pipeline.diagnosis.average import Hypothesis
-from pipeline.diagnosis.blindspots import BlindSpot
-from pipeline.diagnosis.gain import Alone, Gain
-from pipeline.diagnosis.nextpose import Proposal
-from pipeline.diagnosis.noise import Scatter
-from pipeline.effects import Effect
-from pipeline.results import Array, Estimate, Locked, Parameter
-from pipeline.robot import Robot
+from pipeline.diagnosis.drift import Drift
+from pipeline.diagnosis.facts import Cause
+from pipeline.diagnosis.identify import ROUGH, Case, Found
+from pipeline.diagnosis.improvement import Gain
+from pipeline.diagnosis.unloaded_geometry import Standing
+from pipeline.machine.effects.tracker_drift import HOUR_S
+from pipeline.system.noise import SURE, Scatter
+from pipeline.system.whitened import SOFT, same_gear
 
-PLACES = {
-    "rail": "rail",
-    "joint": "joint",
-    "link": "link",
-    "tool": "tool",
-    "scale": "force",
-    "chain": "force",
-    "load": "force",
-    "force": "noise",
-    "tracker": "metrology",
-    "base": "metrology",
-    "gravity": "metrology",
-    "compensator": "shoulder",
-    "wrist": "wrist",
-}
+CERTAIN = 0.95
+"""A cause less probable than this among its rivals is not named singly."""
+
+NOTICED = 1.15
+"""What is left over the scatter of the readings, from which it is more than chance, and said."""
+
+UNKNOWN = 0.5
+"""What has no name stands where a cause was sought if it is likelier than this."""
 
 
-def location(effect: Effect) -> str:
-    """Where in the cell a cause sits: `rail`, `joint 3`, `upper_arm`, `force`, `metrology` ..."""
-    if effect.name in ("tracker_noise", "force_noise"):
-        return "noise"
-    if effect.name == "joint_offset":
-        return "metrology"
-    place = PLACES[effect.name.split("_")[0]]
-    return f"{place} {effect.where}" if place == "joint" else str(effect.where or place)
+def judge(
+    case: Case,
+    spread: Scatter,
+    found: Found,
+    worth: Gain | None,
+    causes: tuple[Cause, ...],
+    stood: Standing,
+    stands: tuple[Cause, ...],
+) -> tuple[str, str]:
+    """Verdict and sentence.
 
-
-@dataclass(frozen=True)
-class Amplitude:
-    """One parameter of a named cause.
-
-    Attributes:
-        parameter: Name, unit, typical size and bounds.
-        value: Estimate, SI.
-        std: Its standard uncertainty.
-        ci95: 95 % interval.
+    Args:
+        case: What was asked.
+        spread: Scatter of the readings.
+        found: What the displacements say.
+        worth: What its causes are worth at left-out poses.
+        causes: Its causes, and those of scatter.
+        stood: What the unloaded reflectors say.
+        stands: Its causes.
     """
-
-    parameter: Parameter
-    value: float
-    std: float
-    ci95: tuple[float, float]
-
-    @classmethod
-    def symmetric(
-        cls, parameter: Parameter, value: float, std: float, quantile: float = 1.96
-    ) -> Amplitude:
-        """One whose interval reaches `quantile` standard uncertainties to either side."""
-        return cls(parameter, value, std, (value - quantile * std, value + quantile * std))
-
-
-@dataclass(frozen=True)
-class Named:
-    """A cause that could stand in some place, with its probability."""
-
-    effect: Effect
-    probability: float
+    verdict, why = _of_displacements(found, causes, worth)
+    if verdict == "explained" and found.accepted and case.force_noise > 1:
+        verdict = "ambiguous"
+        why = (
+            "What the causes leave is scatter only if the scale scatters "
+            f"{case.force_noise * case.noise:.0f} times as much as stated."
+        )
+    if found.first.soft_p < SOFT:
+        verdict = "unexplained"
+        why = "The reflectors move against each other under load: a loose nest or a soft effector."
+    if verdict == "adequate" and _too_much(spread, case.data.noise_stated):
+        verdict, why = "unexplained", "The residuals are larger than any certificate may be wrong."
+    if stood.useless and verdict in ("adequate", "explained"):
+        return "unexplained", _stands_off(stood)
+    return _with_standing(verdict, why, stands, stood) if stands else (verdict, why)
 
 
-@dataclass(frozen=True, eq=False)
-class Cause(Locked):
-    """A cause that the data call for.
-
-    Attributes:
-        effect: What it is.
-        probability: Against the others of the catalogue that could stand in its place.
-        amplitudes: Its parameters.
-        p_value: Chance of so much evidence if it were absent.
-        rivals: The others, likeliest first.
-        unnamed: What has no name and would stand there instead, and how likely something without
-            a name does; None where nothing was asked.
-        twins: Labels of rivals that no pose tells from it.
-        gain: Left-out error without and with all named causes; None for causes of scatter and for a
-            drift that the base reflectors show.
-        test_pose_change_m: By how much the predicted deflection at the test pose changes [m]; None
-            where that is not known.
-    """
-
-    effect: Effect
-    probability: float
-    amplitudes: tuple[Amplitude, ...]
-    p_value: float
-    rivals: tuple[Named, ...] = ()
-    unnamed: Named | None = None
-    twins: tuple[str, ...] = ()
-    gain: Gain | None = None
-    test_pose_change_m: float | None = None
-
-
-@dataclass(frozen=True)
-class Clue:
-    """What the data say of one suspect beside the joint springs alone, for the evidence bars.
-
-    Attributes:
-        effect: The suspect, in its best form.
-        p_value: F test.
-        log_evidence: Natural log, with physical priors.
-        absorbed: Fraction of its signature that the joint springs hide.
-        smallest_visible: Multiple of its typical size that is found in 80 % of the cases.
-    """
-
-    effect: Effect
-    p_value: float
-    log_evidence: float
-    absorbed: float
-    smallest_visible: float
-
-
-@dataclass(frozen=True)
-class Misfit:
-    """Where what is left sits: drop of chi-square when all suspects of one place join."""
-
-    place: str
-    share: float
-    p_value: float
-
-
-@dataclass(frozen=True, eq=False)
-class Diagnosis(Locked):
-    """What the model gets wrong.
-
-    Attributes:
-        verdict: adequate | explained | ambiguous | unexplained | bad_data.
-        why: One sentence for it.
-        causes: The named causes.
-        alone: What the likeliest causes do each by itself.
-        blind_spots: What would have gone unnoticed.
-        next_poses: What to measure next.
-        refused: Labels that fit best only at a physically impossible size.
-        clues: Every suspect.
-        threshold: p below which one suspect is a detection.
-        lack_of_fit: p of the tests of lack of fit with the joint springs alone.
-        remainder: The same with the causes, and the smallest p of a further suspect.
-        rough: What is left with the causes over what the readings scatter; None if unknown.
-        misfits: Where in the cell the misfit sits, the largest share first.
-        scatter: Scatter found over scatter stated.
-        equilibrium: `deformed` where the second order in the load fits better.
-        apart: Sigmas between suspects at typical size as this campaign sees them, (n, n).
-        apart_labels: Labels of its rows.
-        hypotheses: Springs estimated together with the identified causes, then with each likely
-            set of causes in their place; empty where nothing changes the springs.
-        left_out_before_m: Left-out residuals of the joint springs [m], shape (M,).
-        left_out_after_m: Of the extended model [m], shape (M,); the same without causes.
-        noise_floor_m: Root mean square that the scatter of the readings alone makes.
-        stood_off_m: How far the unloaded reflectors stand from the table, rms [m], and the same
-            with the named causes; NaN where that is not known.
-    """
-
-    verdict: str
-    why: str
-    causes: tuple[Cause, ...]
-    alone: tuple[Alone, ...]
-    blind_spots: tuple[BlindSpot, ...]
-    next_poses: tuple[Proposal, ...]
-    refused: tuple[str, ...]
-    clues: tuple[Clue, ...]
-    threshold: float
-    lack_of_fit: tuple[float, float]
-    remainder: tuple[float, float, float]
-    rough: float | None
-    misfits: tuple[Misfit, ...]
-    scatter: Scatter
-    equilibrium: str
-    apart: Array
-    apart_labels: tuple[str, ...]
-    hypotheses: tuple[Hypothesis, ...]
-    left_out_before_m: Array
-    left_out_after_m: Array
-    noise_floor_m: float
-    stood_off_m: tuple[float, float]
-
-    @property
-    def estimate(self) -> Estimate | None:
-        """Springs and identified causes estimated together, None where nothing changes them."""
-        return self.hypotheses[0].estimate if self.hypotheses else None
-
-    @property
-    def modelled(self) -> tuple[Effect, ...]:
-        """The named causes that are estimated together with the springs."""
-        known = {p.name for p in self.estimate.parameters} if self.estimate else set()
-        return tuple(c.effect for c in self.causes if c.effect.parameters[0].name in known)
+def _of_displacements(
+    found: Found, causes: tuple[Cause, ...], worth: Gain | None
+) -> tuple[str, str]:
+    """One word and one sentence."""
+    if not found.detected:
+        if causes:
+            said = ", ".join(cause.effect.name for cause in causes)
+            return "explained", f"The readings scatter more than stated ({said}); else nothing."
+        return "adequate", "The joint springs explain what was measured."
+    if not found.accepted:
+        return "unexplained", "Something is missing from the model, and no known cause explains it."
+    if worth is not None and worth.reduction <= 0:
+        return "unexplained", _useless(found, worth)
+    named = [cause.effect.label for cause in causes[: len(found.accepted)]]
+    names, s = " and ".join(named), "s" if len(named) == 1 else ""
+    stranger = found.stranger
+    unnamed = stranger.probability if stranger else 0.0
+    looks = found.wide.suspects[stranger.suspect].signature if stranger else ""
+    if not found.explains:
+        return "unexplained", _left_over(found, worth, names, s, looks if unnamed > UNKNOWN else "")
+    if unnamed > UNKNOWN:
+        return (
+            "unexplained",
+            f"{names} come{s} nearest, but something that the catalogue has no name for explains "
+            f"more: it looks like {looks}.",
+        )
+    if worth is not None and worth.ci95[0] <= 0:
+        does = "does" if s else "do"
+        return (
+            "ambiguous",
+            f"{names} fit{s}, but {does} not predict left-out poses better for certain.",
+        )
+    twice = _two_laws(found, causes)
+    if twice:
+        return (
+            "ambiguous",
+            f"Joint {twice} turns by a law of its own: {names} describe it only together.",
+        )
+    doubtful = [c for c in causes if c.twins or c.probability < CERTAIN]
+    if doubtful:
+        told = "; ".join(
+            f"{c.effect.label} from "
+            + " or ".join(
+                [r.effect.label for r in c.rivals[:3]] or [*c.twins, "what is like it"][:1]
+            )
+            for c in doubtful
+        )
+        return "ambiguous", f"The data cannot tell {told}."
+    if unnamed > 1 - CERTAIN:
+        return (
+            "ambiguous",
+            f"The data cannot tell {names} from something that the catalogue has no name for, "
+            f"which looks like {looks}.",
+        )
+    return (
+        "explained",
+        f"The model with {names} fits the readings to within their scatter."
+        if found.rough is None or found.rough < NOTICED
+        else f"With {names} in the model {found.rough:.1f} times the scatter of the readings is "
+        "left: as much as the laws of the causes may be others.",
+    )
 
 
-def entry(diagnosis: Diagnosis, robot: Robot) -> dict[str, Any]:
-    """`diagnosis` of result.json."""
-    return {
-        "verdict": diagnosis.verdict,
-        "why": diagnosis.why,
-        "causes": [_cause(cause) for cause in diagnosis.causes],
-        "alone": [_alone(one) for one in diagnosis.alone],
-        "unloaded_off_mm": [_finite(1e3 * off) for off in diagnosis.stood_off_m],
-        "blind_spots": [_blind(spot) for spot in diagnosis.blind_spots],
-        "next_poses": [_pose(proposal, robot) for proposal in diagnosis.next_poses],
-        "refused": list(diagnosis.refused),
-        "misfit_sits_at": [
-            {"place": m.place, "share": m.share, "p_value": m.p_value} for m in diagnosis.misfits
-        ],
-        "detection": {
-            "threshold_p": diagnosis.threshold,
-            "smallest_p": min((clue.p_value for clue in diagnosis.clues), default=None),
-            "lack_of_fit_p": {
-                "poses": diagnosis.lack_of_fit[0],
-                "pulls": diagnosis.lack_of_fit[1],
-            },
-            "remainder_over_scatter": diagnosis.rough,
-            "remainder_p": {
-                "poses": diagnosis.remainder[0],
-                "pulls": diagnosis.remainder[1],
-                "further_cause": diagnosis.remainder[2],
-            },
-        },
-        "scatter": {
-            "tracker_over_stated": diagnosis.scatter.tracker,
-            "tracker_over_stated_std": diagnosis.scatter.tracker_std,
-            "scale_over_tracker": diagnosis.scatter.force,
-            "known_from": diagnosis.scatter.known_from,
-        },
-        "equilibrium": diagnosis.equilibrium,
-        "noise_floor_mm": diagnosis.noise_floor_m * 1e3,
-    }
+def _useless(found: Found, worth: Gain) -> str:
+    """Sentence of causes that fit the readings and predict other poses worse."""
+    names = " and ".join(found.seen.suspects[i].label for i in found.accepted)
+    nearest = "which comes nearest" if len(found.accepted) == 1 else "which together come nearest"
+    return (
+        "Something is missing from the model, and no known cause explains it: adding "
+        f"{names}, {nearest}, makes predictions worse (cross-validation error "
+        f"{1e3 * worth.rms_before_m:.3g} mm without, {1e3 * worth.rms_after_m:.3g} mm with)."
+    )
 
 
-def _cause(cause: Cause) -> dict[str, Any]:
-    effect = cause.effect
-    return {
-        "name": effect.name,
-        "where": effect.where,
-        "location": location(effect),
-        "form": effect.form or None,
-        "probability": cause.probability,
-        "parameters": [
-            {
-                "name": a.parameter.name,
-                "value": a.value,
-                "std": _finite(a.std),
-                "unit": a.parameter.unit,
-                "ci95": [_finite(a.ci95[0]), _finite(a.ci95[1])],
-            }
-            for a in cause.amplitudes
-        ],
-        "p_value": cause.p_value,
-        "rivals": [
-            {"name": r.effect.name, "where": r.effect.where, "probability": r.probability}
-            for r in cause.rivals
-        ],
-        "outside_catalogue": _unnamed(cause.unnamed),
-        "twins": list(cause.twins),
-        "signature": effect.signature,
-        "needs": effect.needs,
-        "gain": _gain(cause),
-    }
+def _left_over(found: Found, worth: Gain | None, names: str, s: str, looks: str) -> str:
+    """Sentence of causes that do not explain the data; `s` is the ending of their verb."""
+    much = found.rough is not None and found.rough > NOTICED
+    left = (
+        f"what is left is {found.rough:.1f} times the scatter of the readings"
+        if much
+        else "something remains"
+    )
+    if looks:
+        return (
+            f"{names} come{s} nearest, but {left}, and something that the catalogue has no name "
+            f"for explains more: it looks like {looks}."
+        )
+    if worth is None or worth.ci95[0] <= 0:
+        return f"{names} come{s} nearest, but {left}: neither place nor law is certain."
+    if found.rough is not None and found.rough > ROUGH:
+        return f"{names} explain{s} most, but {left}: the place is likely, the law is another."
+    return f"Beside {names} something remains that no known cause explains."
 
 
-def _unnamed(one: Named | None) -> dict[str, Any] | None:
-    if one is None:
-        return None
-    return {
-        "probability": one.probability,
-        "looks_like": one.effect.name,
-        "where": one.effect.where,
-    }
+def _two_laws(found: Found, causes: Sequence[Cause]) -> int | str | None:
+    """The joint whose gear needs two laws of the catalogue at once: it has a third one."""
+    effects = [cause.effect for cause in causes[: len(found.accepted)]]
+    for one, other in combinations(effects, 2):
+        if same_gear(one, other):
+            return one.where
+    return None
 
 
-def _alone(one: Alone) -> dict[str, Any]:
-    return {
-        "name": one.effect.name,
-        "where": one.effect.where,
-        "form": one.effect.form or None,
-        "probability": one.probability,
-        "reduction": one.reduction,
-        "ci95": list(one.ci95),
-    }
+def _too_much(spread: Scatter, stated: bool) -> bool:
+    """With one reflector nothing tells scatter from misfit but the certificate."""
+    return stated and spread.known_from == "residuals" and spread.tracker_p < SURE
 
 
-def _gain(cause: Cause) -> dict[str, Any] | None:
-    if cause.gain is None:
-        return None
-    change = cause.test_pose_change_m
-    return {
-        "held_out_rms_before_mm": cause.gain.rms_before_m * 1e3,
-        "held_out_rms_after_mm": cause.gain.rms_after_m * 1e3,
-        "reduction": cause.gain.reduction,
-        "ci95": list(cause.gain.ci95),
-        "of": cause.gain.of,
-        "test_pose_change_mm": None if change is None else change * 1e3,
-    }
+def _stands_off(stood: Standing) -> str:
+    """Sentence of unloaded reflectors that no known cause predicts."""
+    names = " and ".join(effect.label for effect in stood.effects)
+    return (
+        f"The unloaded reflectors stand {1e3 * stood.miss_m:.2g} mm off where the robot's table "
+        f"puts them, and {names}, nearest to it, would make the prediction of other poses worse."
+    )
 
 
-def _blind(spot: BlindSpot) -> dict[str, Any]:
-    return {
-        "name": spot.effect.name,
-        "where": spot.effect.where,
-        "why": spot.why,
-        "smallest_visible": spot.smallest_visible,
-        "parameter": spot.effect.parameters[0].name,
-        "unit": spot.effect.parameters[0].unit,
-        "typical": spot.effect.parameters[0].typical,
-        "needs": spot.effect.needs,
-    }
+def _with_standing(
+    verdict: str, why: str, stands: tuple[Cause, ...], stood: Standing
+) -> tuple[str, str]:
+    """Verdict and sentence of the displacements, with what the unloaded reflectors say."""
+    names = " and ".join(cause.effect.label for cause in stands)
+    said = (
+        f"The unloaded reflectors stand {1e3 * stood.miss_m:.2g} mm off where the robot's table "
+        f"puts them, and {1e3 * stood.left_m:.2g} mm with {names}."
+    )
+    sure = all(cause.probability >= CERTAIN for cause in stands)
+    if verdict == "adequate":
+        return ("explained" if sure else "ambiguous"), said
+    return (verdict if sure or verdict != "explained" else "ambiguous"), f"{said} {why}"
 
 
-def _pose(proposal: Proposal, robot: Robot) -> dict[str, Any]:
-    q = np.where(robot.prismatic, proposal.q, np.rad2deg(proposal.q))
-    return {
-        "separates": list(proposal.separates),
-        "q": [round(float(v), 4) for v in q],
-        "q_unit": ["m" if j.prismatic else "deg" for j in robot.joints],
-        "anchor_m": [round(float(v), 3) for v in proposal.anchor],
-        "force_n": round(proposal.force_n, 0),
-        "approach": proposal.approach if robot.joints[0].prismatic else None,
-        "sigmas_before": proposal.before,
-        "sigmas_after": proposal.after,
-        "pose": proposal.poses,
-    }
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
+def with_drift(verdict: str, why: str, drift: Drift) -> tuple[str, str]:
+    """Verdict and sentence, with what the base reflectors say of the tracker."""
+    turn = 1e6 * float(np.linalg.norm(drift.turn))
+    unit = "urad/h" if drift.effect.parameters[0].unit == "m/s" else "urad"
+    said = (
+        f"The base reflectors moved as one by {1e3 * drift.moved_m:.2g} mm in {drift.hours:.2g} h: "
+        f"{drift.effect.label}, turning by "
+        f"{turn * (HOUR_S if unit == 'urad/h' else 1.0):.2g} {unit}."
+    )
+    if drift.undecided:
+        said += " As they were read, a tracker that was knocked once would look the same."
+    told = "ambiguous" if drift.undecided else "explained"
+    if verdict == "adequate":
+        return told, said
+    return (told if verdict == "explained" else verdict), f"{said} {why}"

@@ -2,16 +2,8 @@
 
 from __future__ import annotations
 
-from pipeline.errors import InputError, listed
-from pipeline.readers import (
-    emscon,
-    leica_6dof,
-    mapped,
-    plain,
-    spatial_analyzer,
-    tracker_pilot,
-    xyz,
-)
+from pipeline.base.errors import InputError, listed
+from pipeline.readers import emscon, leica_6dof, mapped, plain, spatial_analyzer, tracker_pilot, xyz
 from pipeline.readers._cells import text_of
 from pipeline.readers._names import split
 from pipeline.readers._reader import Columns, Export, Hints, Reader, Readings

@@ -9,13 +9,13 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from pyarrow import csv as arrow_csv
 
+from pipeline.base.arrays import Bools, Ints
+from pipeline.base.threads import MUCH, spread
 from pipeline.readers import _time
 from pipeline.readers._cells import cells, cut_off, is_special
 from pipeline.readers._layout import Field, Layout, Rows
 from pipeline.readers._text import CHUNK, Text, in_pieces
 from pipeline.readers._time import MOMENT
-from pipeline.results import Bools, Ints
-from pipeline.threads import MUCH, spread
 
 NAMES = pa.dictionary(pa.int32(), pa.string())
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import csv
 import re
 
+from pipeline.base.arrays import Array, Ints
 from pipeline.readers._layout import Layout
 from pipeline.readers._text import Text
-from pipeline.results import Array, Ints
 
 NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.errors import InputError
-from pipeline.results import Array
+from pipeline.base.arrays import Array
+from pipeline.base.errors import InputError
 
 UNITS = ("mm", "m", "in")
 METRES = {"mm": 1e-3, "m": 1.0, "in": 0.0254, "um": 1e-6}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from pipeline.errors import InputError, listed
+from pipeline.base.errors import InputError, listed
 from pipeline.readers._layout import DELIMITERS
 
 

@@ -7,8 +7,8 @@ from typing import Literal
 
 import pyarrow as pa
 
+from pipeline.base.arrays import Ints, Locked
 from pipeline.readers import _time
-from pipeline.results import Ints, Locked
 
 DELIMITERS = (",", ";", "\t", "|")
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 from pipeline.readers._layout import DELIMITERS
 
 UNIT_WORDS = {

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 from pipeline.readers import _time
 from pipeline.readers._cells import NUMBER, Bad, cells, cells_or_none, cut_off, is_special, shown
 from pipeline.readers._layout import Field, Kind, Layout, Rows

@@ -9,11 +9,11 @@ from datetime import datetime
 import numpy as np
 import pyarrow as pa
 
-from pipeline.errors import InputError
+from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.base.errors import InputError
 from pipeline.readers._coordinates import Meaning, cartesian, covariance, settled
 from pipeline.readers._layout import Rows
 from pipeline.readers._text import Text
-from pipeline.results import Array, Bools, Ints, Locked
 
 EXPANDED, STANDARD, A_PRIORI, RMS = "expanded", "standard", "a-priori", "rms"
 PREFERRED = (A_PRIORI, STANDARD, EXPANDED)

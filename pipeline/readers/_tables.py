@@ -9,7 +9,8 @@ from difflib import get_close_matches
 import numpy as np
 import pyarrow as pa
 
-from pipeline.errors import InputError, listed
+from pipeline.base.arrays import Array, Bools
+from pipeline.base.errors import InputError, listed
 from pipeline.readers import _time
 from pipeline.readers._cells import cells_or_none, shown
 from pipeline.readers._coordinates import Meaning, settled, settled_vertical, uncertainties
@@ -27,7 +28,6 @@ from pipeline.readers._reader import (
     settled_unit,
 )
 from pipeline.readers._text import Text
-from pipeline.results import Array, Bools
 
 VERTICALS = ("vertical", "zenith", "elevation")
 AXES = {

@@ -9,9 +9,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from pipeline.errors import InputError
-from pipeline.results import Ints, Locked
-from pipeline.threads import spread
+from pipeline.base.arrays import Ints, Locked
+from pipeline.base.errors import InputError
+from pipeline.base.threads import spread
 
 T = TypeVar("T")
 

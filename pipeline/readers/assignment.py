@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 import pyarrow as pa
 
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 from pipeline.readers import _header
 from pipeline.readers._reader import Export
 from pipeline.readers.logs import Log, Quantity, once, table

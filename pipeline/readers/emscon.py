@@ -10,7 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pipeline.errors import InputError, listed
+from pipeline.base.arrays import Array
+from pipeline.base.errors import InputError, listed
 from pipeline.readers._cells import text_of
 from pipeline.readers._coordinates import Meaning, raw, settled, settled_vertical
 from pipeline.readers._delimited import rows
@@ -27,7 +28,6 @@ from pipeline.readers._reader import (
     settled_unit,
 )
 from pipeline.readers._text import Text
-from pipeline.results import Array
 
 VALUES = ("dVal1", "dVal2", "dVal3")
 KINDS = {STANDARD: "d", A_PRIORI: "dApriori"}

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from pipeline.errors import InputError, listed
+from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
+from pipeline.base.errors import InputError, listed
+from pipeline.machine.robot import Robot
 from pipeline.readers import _header
 from pipeline.readers._delimited import rows
 from pipeline.readers._layout import Field, Kind, Layout
 from pipeline.readers._text import text
-from pipeline.results import Array, Bools, Ints, Locked, Strings
-from pipeline.robot import Robot
 
 Rejection = tuple[str, int | None, str]
 """File, line and reason of what was left out."""

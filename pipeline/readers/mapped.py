@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pipeline.errors import InputError, listed
+from pipeline.base.errors import InputError, listed
 from pipeline.readers import _named, _tables
 from pipeline.readers._layout import DELIMITERS
 from pipeline.readers._named import Header, Named

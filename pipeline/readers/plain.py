@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pipeline.errors import InputError, listed
+from pipeline.base.errors import InputError, listed
 from pipeline.readers import _named, _tables
 from pipeline.readers._cells import text_of
 from pipeline.readers._coordinates import Meaning, raw

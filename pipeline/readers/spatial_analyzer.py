@@ -14,16 +14,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.errors import InputError
+from pipeline.base.arrays import Array
+from pipeline.base.errors import InputError
 from pipeline.readers import _named, _time, plain
 from pipeline.readers._cells import NUMBER, cells_or_none, text_of
-from pipeline.readers._coordinates import (
-    Meaning,
-    raw,
-    settled,
-    settled_vertical,
-    uncertainties,
-)
+from pipeline.readers._coordinates import Meaning, raw, settled, settled_vertical, uncertainties
 from pipeline.readers._delimited import rows
 from pipeline.readers._layout import DELIMITERS, Field, Kind, Layout, Rows
 from pipeline.readers._named import ANGLE_WORDS, UNIT_WORDS, Header, Named
@@ -41,7 +36,6 @@ from pipeline.readers._reader import (
     settled_unit,
 )
 from pipeline.readers._text import Text
-from pipeline.results import Array
 
 COMMENT = "//"
 SAMPLE = 60

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from scipy import special
 
+from pipeline.answer.recommended import TABLE
+from pipeline.base.arrays import Array
 from pipeline.report.numbers import known
 from pipeline.report.summaries import Result
-from pipeline.result.recommended import TABLE
-from pipeline.results import Array
 
 SURE = 0.01
 """Probability of a false alarm over all joints of a robot together."""

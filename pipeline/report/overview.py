@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 from urllib.parse import quote
 
+from pipeline.base.arrays import Array
 from pipeline.report import words
 from pipeline.report.history import (
     Change,
@@ -40,7 +41,6 @@ from pipeline.report.record import (
     text_entry,
 )
 from pipeline.report.summaries import Result
-from pipeline.results import Array
 
 # --- all campaigns -------------------------------------------------------------------------
 

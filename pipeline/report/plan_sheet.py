@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.cell import paper_cell, predict
+from pipeline.base.arrays import Array
 from pipeline.design.curves import ByAnchor, BySize
 from pipeline.design.discriminate import Sight
 from pipeline.design.information import station
@@ -15,6 +15,8 @@ from pipeline.design.measurement import Measurement
 from pipeline.design.problem import Problem, with_steps
 from pipeline.design.propose import Proposal
 from pipeline.design.schedule import branches, pulls_at
+from pipeline.machine.cell import paper_cell, predict
+from pipeline.machine.robot import Robot
 from pipeline.report import words
 from pipeline.report.numbers import percent, plain
 from pipeline.report.record import (
@@ -29,8 +31,6 @@ from pipeline.report.record import (
     entry,
     text_entry,
 )
-from pipeline.results import Array
-from pipeline.robot import Robot
 
 MM = 1e3
 BEFORE = (

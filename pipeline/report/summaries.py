@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.diagnosis.separability import DETECTED
-from pipeline.results import Array
+from pipeline.base.arrays import Array
+from pipeline.system.separability import DETECTED
 
 Result = Mapping[str, Any]
 """The object of result.json."""

@@ -6,8 +6,8 @@ import re
 
 import numpy as np
 
-from pipeline.errors import UsageError
-from pipeline.results import Array, Parameter
+from pipeline.base.arrays import Array, Parameter
+from pipeline.base.errors import UsageError
 
 
 def parts(text: str) -> tuple[str, str]:

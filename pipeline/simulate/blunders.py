@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.errors import UsageError, listed
+from pipeline.base.arrays import Array, Bools, Locked, Parameter
+from pipeline.base.errors import UsageError, listed
+from pipeline.machine.robot import Robot
+from pipeline.machine.robot.mdh import parse
+from pipeline.machine.robot.variants import misread
 from pipeline.readers import Readings
-from pipeline.results import Array, Bools, Locked, Parameter
-from pipeline.robot import Robot
-from pipeline.robot.mdh import parse
-from pipeline.robot.variants import misread
 from pipeline.simulate._words import amounts, parts
 
 KGF_N, LBF_N, INCH_M = 9.80665, 4.4482216152605, 0.0254

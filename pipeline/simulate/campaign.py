@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from pipeline import toml
-from pipeline.errors import UsageError
+from pipeline.base import toml
+from pipeline.base.arrays import Array, Parameter
+from pipeline.base.errors import UsageError
+from pipeline.machine.robot import SHIPPED, Robot
+from pipeline.machine.robot import load as load_robot
 from pipeline.readers import READERS, Readings, text_of
-from pipeline.results import Array, Parameter
-from pipeline.robot import SHIPPED, Robot
-from pipeline.robot import load as load_robot
 from pipeline.simulate.blunders import Notebook, controller_axes
 from pipeline.simulate.hidden import Planted, blunders
 from pipeline.simulate.noise import stated_covariance

@@ -6,10 +6,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
 
-from pipeline.effects import Effect, catalogue
-from pipeline.errors import UsageError
-from pipeline.results import Array, Locked
-from pipeline.robot import Robot
+from pipeline.base.arrays import Array, Locked
+from pipeline.base.errors import UsageError
+from pipeline.machine.effects import Effect, catalogue
+from pipeline.machine.robot import Robot
 from pipeline.simulate._words import amounts, parts
 from pipeline.simulate.blunders import BLUNDERS, Committed, commit
 

@@ -6,10 +6,10 @@ from typing import Literal
 
 import numpy as np
 
-from pipeline import instrument
-from pipeline.instrument import PAPER_SIGMA_M
-from pipeline.results import Array
-from pipeline.settings import InstrumentNoise, Scale
+from pipeline.base.arrays import Array
+from pipeline.machine import instrument
+from pipeline.machine.instrument import PAPER_SIGMA_M
+from pipeline.reduction.settings import InstrumentNoise, Scale
 
 
 def tracker_errors(

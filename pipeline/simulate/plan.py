@@ -8,9 +8,17 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
-from pipeline.errors import InputError, first_wrong
-from pipeline.settings import InstrumentNoise, NotNegative, Point, Positive, Scale, Strict, TestPose
-from pipeline.toml import loads, merged
+from pipeline.base.errors import InputError, first_wrong
+from pipeline.base.toml import loads, merged
+from pipeline.reduction.settings import (
+    InstrumentNoise,
+    NotNegative,
+    Point,
+    Positive,
+    Scale,
+    Strict,
+    TestPose,
+)
 
 Step = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 

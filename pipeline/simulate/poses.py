@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.errors import InputError
-from pipeline.results import Array, Bools, Ints
-from pipeline.robot import Configuration, Robot, configure
+from pipeline.base.arrays import Array, Bools, Ints
+from pipeline.base.errors import InputError
+from pipeline.machine.robot import Configuration, Robot, configure
 
 CHAIN_M = (1.2, 4.5)
 """Shortest and longest sensible chain, scale and turnbuckle included."""

@@ -1,7 +1,8 @@
 """The virtual cell: a plan becomes poses, pulls, a schedule and a true cell; draws are readings.
 
-Everything physical is asked of `pipeline.cell`; this file knows what an operator does: choose an
-anchor, tighten until the scale shows the step, read targets and chain, read the zeros again.
+Everything physical is asked of `pipeline.machine.cell`; this file knows what an operator does:
+choose an anchor, tighten until the scale shows the step, read targets and chain, read the zeros
+again.
 """
 
 from __future__ import annotations
@@ -10,12 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline import cell as forward
-from pipeline.cell import Cell, Tool
-from pipeline.effects import Noise, Observation, Pulls
-from pipeline.errors import InputError
-from pipeline.results import Array, Ints, Locked
-from pipeline.robot import Robot, configure
+from pipeline.base.arrays import Array, Ints, Locked
+from pipeline.base.errors import InputError
+from pipeline.machine import cell as forward
+from pipeline.machine.cell import Cell, Tool
+from pipeline.machine.effects import Noise, Observation, Pulls
+from pipeline.machine.robot import Robot, configure
 from pipeline.simulate import noise
 from pipeline.simulate.hidden import Planted, effects
 from pipeline.simulate.plan import Plan

@@ -6,16 +6,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
+from pipeline.base.arrays import Array
 from pipeline.design.curves import ByAnchor, BySize
 from pipeline.design.discriminate import Sight
 from pipeline.design.measurement import Measurement
 from pipeline.design.problem import Problem
+from pipeline.machine.robot import configure
 from pipeline.report import words
 from pipeline.report.figures.marks import MARKERS, Tips, legend_above, legend_below, title
 from pipeline.report.numbers import plain
 from pipeline.report.svg import BLUE, GREEN, INK, MUTED, RED, SERIES, Drawing, drawn
-from pipeline.results import Array
-from pipeline.robot import configure
 
 AROUND_M = 1.0
 """Room around robot and anchor in the pictures."""

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator
 
+from pipeline.base.arrays import Array
 from pipeline.report import words
 from pipeline.report.captions import comparable
 from pipeline.report.figures.marks import Tips
@@ -16,7 +17,6 @@ from pipeline.report.history import trends
 from pipeline.report.numbers import common_prefix, known, plain, prefixed
 from pipeline.report.summaries import Result, Tables
 from pipeline.report.svg import BLUE, MUTED, RED
-from pipeline.results import Array
 
 
 def draw_stiffness(canvas: Canvas, result: Result, tables: Tables) -> Tips:

@@ -10,11 +10,11 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
+from pipeline.base.arrays import Array
 from pipeline.report.figures.marks import Tips, each_row
 from pipeline.report.numbers import with_std
 from pipeline.report.summaries import Result, Tables, has
 from pipeline.report.svg import GRID, INK, RED, SHADES
-from pipeline.results import Array
 
 
 def draw_workspace(canvas: Canvas, result: Result, tables: Tables) -> Tips:

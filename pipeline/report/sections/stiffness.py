@@ -20,13 +20,7 @@ from pipeline.report.numbers import (
     with_std,
 )
 from pipeline.report.record import Column, Entry, Section, Table, Text, entry, text_entry
-from pipeline.report.sections._tree import (
-    at,
-    bracketed,
-    items,
-    joint_name,
-    section_of,
-)
+from pipeline.report.sections._tree import at, bracketed, items, joint_name, section_of
 from pipeline.report.summaries import Result
 
 

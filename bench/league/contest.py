@@ -1,0 +1,184 @@
+"""The league on disk: games over processes, kept as they end, and games through the command."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterable
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from dataclasses import asdict
+from multiprocessing import get_context, parent_process
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import TypeAdapter
+
+from bench.league.hidden import SECRETS
+from bench.league.page import page
+from bench.league.play import Rules, drawn, play
+from bench.league.run import Fixture, League, Played, fixtures, played
+from pipeline.app.progress import Progress
+from pipeline.base import files
+from pipeline.base.errors import InputError, Interrupted
+from pipeline.machine.robot import load
+from pipeline.store.campaign import code_version
+
+LINE = TypeAdapter(Played)
+
+
+def contest(league: League, log: Path, jobs: int, minutes: float = np.inf) -> list[Played]:
+    """Play the league, or what is left of it; the same games in any number of processes.
+
+    Args:
+        league: Whom it plays and how often.
+        log: One line per finished game; games that stand there are not played again.
+        jobs: Processes.
+        minutes: No further game is begun after so long; 0 counts what is there.
+
+    Returns:
+        The games that are finished, in the order of the league.
+
+    Raises:
+        Interrupted: With the number of games that are kept.
+        InputError: The log is of another seed, or of other code while games are left.
+    """
+    wanted = fixtures(league)
+    kept, code = _kept(log, league)
+    left = [fixture for fixture in wanted if fixture.key not in kept and minutes]
+    if left and code != code_version():
+        raise InputError(
+            f"holds games of other code, and {len(left)} are left to play",
+            "remove it to start the league anew, or give another --log",
+            file=str(log),
+        )
+    with (
+        Progress(len(left)) as progress,
+        files.writing(log),
+        log.open("a", encoding="utf-8") as out,
+    ):
+        for game in _all(left, league, jobs, minutes, len(wanted), log):
+            progress.now(f"{game.kind}: {' + '.join(game.secrets) or 'nothing'}")
+            out.write(LINE.dump_json(game).decode() + "\n")
+            out.flush()
+            kept[game.key] = game
+            progress.done()
+    return [kept[fixture.key] for fixture in wanted if fixture.key in kept]
+
+
+def _all(
+    left: list[Fixture], league: League, jobs: int, minutes: float, total: int, log: Path
+) -> Iterable[Played]:
+    """Games in the order in which they end."""
+    if not left:
+        return
+    os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # one core for each process
+    done, end = total - len(left), time.monotonic() + 60 * minutes
+    with ProcessPoolExecutor(jobs, get_context("spawn"), _bound) as pool:
+        waiting: list[Future[Played]] = [pool.submit(played, each, league) for each in left]
+        try:
+            for future in as_completed(waiting):
+                if future.cancelled():
+                    continue
+                yield future.result()
+                done += 1
+                if time.monotonic() > end:
+                    for other in waiting:
+                        other.cancel()
+        except KeyboardInterrupt:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise Interrupted(
+                f"Interrupted; {done} of {total} games are kept in {log}, and the same command "
+                f"goes on from there."
+            ) from None
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _bound() -> None:
+    """End this process at a Ctrl-C, and with the one that hands out the games, however it ends."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    parent = parent_process()
+    assert parent is not None
+
+    def follow() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=follow, daemon=True).start()
+
+
+def _kept(log: Path, league: League) -> tuple[dict[str, Played], str]:
+    """Games of an earlier run and the code that played them; a line that was cut off is none.
+
+    Raises:
+        InputError: They are of another seed.
+    """
+    rules = json.loads(json.dumps({"seed": league.seed, "rules": asdict(league.rules)}))
+    if not log.is_file() or not log.stat().st_size:
+        head = rules | {"code": code_version()}
+        files.write(log, (json.dumps(head) + "\n").encode())
+        return {}, code_version()
+    first, *lines = log.read_text("utf-8").split("\n")
+    head = json.loads(first)
+    if {name: head.get(name) for name in rules} != rules:
+        raise InputError(
+            "holds games of another seed or of other rules",
+            "remove it to start the league anew, or give another --log",
+            file=str(log),
+        )
+    whole = lines[:-1]  # what stands behind the last line end was cut off
+    files.write(log, "\n".join([first, *whole, ""]).encode())
+    return {game.key: game for game in map(LINE.validate_json, whole)}, str(head["code"])
+
+
+def seal(secrets: dict[str, float], seed: int, raw: Path, sealed: Path, name: str) -> None:
+    """The generator's part: raw files here, the truth there.
+
+    Args:
+        secrets: Labels with their sizes in typical ones.
+        seed: Of the game.
+        raw: Folder data/raw of a project.
+        sealed: Folder for the truth; the pipeline is never told of it.
+        name: Of the campaign.
+    """
+    robot, rng = load("kr500_rail"), np.random.default_rng(seed)
+    plan = drawn(robot, rng, Rules())
+    chosen = [(SECRETS[label], size) for label, size in secrets.items()]
+    game = play(robot, plan, chosen, rng, name=name)
+    for file, content in game.files.items():
+        files.write(raw / name / file, content)
+    files.write(sealed / f"{name}.json", json.dumps(game.truth).encode())
+
+
+def answers(root: Path, names: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """The pipeline's part: the command, in a process of its own that sees the raw files only."""
+    command = [sys.executable, "-m", "pipeline", "run", *names, "--json", "--engine", "local"]
+    done = subprocess.run(
+        [*command, "--root", str(root)], capture_output=True, text=True, check=True
+    )
+    said = [json.loads(line) for line in done.stdout.splitlines()]
+    return {answer["campaign"]: answer for answer in said}
+
+
+def opened(sealed: Path, name: str) -> dict[str, Any]:
+    """The judge's part: the truth."""
+    truth: dict[str, Any] = json.loads((sealed / f"{name}.json").read_text(encoding="utf-8"))
+    return truth
+
+
+def write_page(games: list[Played], total: int, command: str, log: Path, path: Path) -> None:
+    """The page of results with its pictures; what a person wrote on it stays."""
+    from bench.league.figures import figures  # matplotlib takes half a second
+
+    code = json.loads(log.read_text("utf-8").partition("\n")[0])["code"]
+    old = path.read_text("utf-8") if path.is_file() else ""
+    files.write(path, page(games, total, command, code, old).encode())
+    for name, picture in figures(games).items():
+        files.write(path.parent / "figures" / name, picture)

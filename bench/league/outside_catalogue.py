@@ -1,0 +1,165 @@
+"""Causes that are in no catalogue."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bench.league.hidden_effect import NOMINAL, Course, Secret, Setup, straight
+from bench.league.machine import Spring
+from pipeline.base.arrays import Array
+
+
+def _rail_joint(s: Setup, size: float, course: Course) -> None:
+    """Beyond the rail's joint at 9 m the carriage rocks, before it does not."""
+    beyond = course.q[:, 0] > 9.0
+    s.machine.springs.append(
+        Spring("gap", 1, (0, 1, 0), False, lambda own, _: 2.5e-8 * size * own * beyond, fixed=True)
+    )
+
+
+def _hertz(s: Setup, size: float, course: Course) -> None:
+    """Rollers in Hertzian contact: the rocking grows with the power 2/3 of the moment."""
+
+    def law(own: Array, _: dict[str, Array]) -> Array:
+        return 2.2e-7 * size * np.sign(own) * np.abs(own) ** (2 / 3)
+
+    s.machine.springs.append(Spring("hertz", 1, (0, 1, 0), False, law, fixed=True))
+
+
+def _loose(s: Setup, size: float, course: Course) -> None:
+    """The nest of P2 slips when the tool is loaded."""
+    d = course.rng.standard_normal(3)
+    s.loose[1] = d / np.linalg.norm(d) * 6e-5 * size
+
+
+def _creep(s: Setup, size: float, course: Course) -> None:
+    """The scale's reading creeps through the day."""
+    s.tension.append(lambda f, c: f * (1 + 0.02 * size * np.sqrt(np.maximum(c.time, 0) / 5)))
+
+
+def _softens(s: Setup, size: float, course: Course) -> None:
+    """Joint 3 warms up and softens through the day."""
+    c = float(s.compliance[2])
+    s.machine.springs.append(
+        Spring("warm", 3, (0, 0, 1), False, lambda own, _: own * c * 0.12 * size * course.time / 5)
+    )
+
+
+def _shoulder_elbow(s: Setup, size: float, course: Course) -> None:
+    """Torque at the elbow turns the shoulder, and the other way round."""
+    c = 0.12 * size * float(np.sqrt(NOMINAL[2] * NOMINAL[3]))
+    s.machine.springs += [
+        Spring("c34", 3, (0, 0, 1), False, lambda own, every: c * every["j4"]),
+        Spring("c43", 4, (0, 0, 1), False, lambda own, every: c * every["j3"]),
+    ]
+
+
+def _bilinear(s: Setup, size: float, course: Course) -> None:
+    """Joint 4 is softer one way than the other."""
+    c = float(NOMINAL[3]) * 0.15 * size
+    s.machine.springs.append(
+        Spring("bilinear", 4, (0, 0, 1), False, lambda own, _: c * np.abs(own) * 0.5)
+    )
+
+
+def _teeth(s: Setup, size: float, course: Course) -> None:
+    """The stiffness of joint 2 repeats with the teeth, six times a turn."""
+    c = float(NOMINAL[1]) * 0.2 * size
+    wave = np.cos(6 * course.q[:, 1])
+    s.machine.springs.append(Spring("teeth", 2, (0, 0, 1), False, lambda own, _: c * own * wave))
+
+
+def _bearing(s: Setup, size: float, course: Course) -> None:
+    """The bearing of joint 3 gives way along its own axis."""
+    s.machine.springs.append(Spring("bearing", 3, (0, 0, 1), True, straight(3.0e-8 * size)))
+
+
+def _rubs(s: Setup, size: float, course: Course) -> None:
+    """The chain rubs against something that differs from pose to pose."""
+    push = course.rng.standard_normal((int(course.pose.max()) + 1, 3))
+
+    def acts(F: Array, c: Course) -> Array:
+        size_n = np.linalg.norm(F, axis=1)[:, None]
+        return np.asarray(F + size_n * 0.008 * size * push[c.pose])
+
+    s.force.append(acts)
+
+
+def _walks(s: Setup, size: float, course: Course) -> None:
+    """The carriage slips for good under the largest pull of a pose."""
+
+    def law(own: Array, _: dict[str, Array]) -> Array:
+        late = course.repeat >= 2
+        return 9e-5 * size * np.sign(own) * late * (np.abs(own) > 150)
+
+    s.machine.springs.append(Spring("walk", 1, (0, 0, 1), True, law))
+
+
+def _tripod(s: Setup, size: float, course: Course) -> None:
+    """The tripod settles in one step in the middle of the campaign, between zero and pulls."""
+    d = course.rng.standard_normal(3)
+    d = d / np.linalg.norm(d) * 9e-5 * size
+    middle = float(np.median(course.time))
+    s.drift = lambda hours: d * (np.asarray(hours)[..., None] > middle)
+
+
+def _tilts_with_play(s: Setup, size: float, course: Course) -> None:
+    """The bearing of joint 4 has play: it tips over at a small moment, and no further."""
+    for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)):
+
+        def law(own: Array, _: dict[str, Array]) -> Array:
+            return 8e-5 * size * np.clip(own / 60.0, -1, 1)
+
+        s.machine.springs.append(Spring(f"play{axis}", 4, axis, False, law))
+
+
+def _clamp(s: Setup, size: float, course: Course) -> None:
+    """The effector turns in its clamp under the first pull, and stays turned."""
+
+    def law(own: Array, _: dict[str, Array]) -> Array:
+        first = np.zeros_like(own)
+        first[course.repeat == 0] = own[course.repeat == 0]
+        torn = first[np.searchsorted(course.pose, course.pose)]
+        return 1.2e-4 * size * np.sign(torn) * (np.abs(own) > 0)
+
+    s.machine.springs.append(Spring("clamp", 8, (0, 0, 1), False, law))
+
+
+def _cable(s: Setup, size: float, course: Course) -> None:
+    """A cable tightens as the robot yields and pulls back along one direction of the hall."""
+    d = course.rng.standard_normal(3)
+    d = d / np.linalg.norm(d)
+
+    def acts(F: Array, _: Course) -> Array:
+        along = np.maximum(np.sum(F * d, axis=1), 0.0)
+        return np.asarray(F - 0.02 * size * along[:, None] * d)
+
+    s.force.append(acts)
+
+
+def _oil(s: Setup, size: float, course: Course) -> None:
+    """Joint 5 goes on giving way while it is held: each pull of a pose finds it further."""
+    c = float(NOMINAL[4])
+    s.machine.springs.append(
+        Spring("oil", 5, (0, 0, 1), False, lambda own, _: 0.05 * size * c * own * course.repeat)
+    )
+
+
+STRANGE: tuple[Secret, ...] = (
+    Secret("rail_joint_rocks", "rail", False, _rail_joint),
+    Secret("hertzian_rollers", "rail", False, _hertz),
+    Secret("loose_nest", "metrology", False, _loose),
+    Secret("scale_creep", "force", False, _creep),
+    Secret("joint_softens", "joint 3", False, _softens),
+    Secret("shoulder_elbow_coupling", "joint 3 | joint 4 | upper_arm", False, _shoulder_elbow),
+    Secret("bilinear_gear", "joint 4", False, _bilinear),
+    Secret("tooth_stiffness", "joint 2", False, _teeth),
+    Secret("axial_bearing", "joint 3", False, _bearing),
+    Secret("chain_rubs", "force", False, _rubs),
+    Secret("carriage_walks", "rail", False, _walks),
+    Secret("tripod_step", "metrology", False, _tripod),
+    Secret("bearing_with_play", "joint 4", False, _tilts_with_play),
+    Secret("clamp_turns", "tool", False, _clamp),
+    Secret("cable_pulls_back", "force", False, _cable),
+    Secret("gear_creeps", "joint 5", False, _oil),
+)

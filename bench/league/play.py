@@ -1,0 +1,324 @@
+"""One game of the league: a machine with secrets is measured; raw files and the sealed truth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from bench.league.hidden_effect import NOMINAL, Course, Secret, Setup, setup
+from pipeline.base.arrays import Array, Locked
+from pipeline.machine.robot import Robot
+from pipeline.simulate.poses import default_anchors, draw_poses
+
+NAMES = ("P1", "P2", "P3")
+TOOLS = (
+    ((0.15, 0.0, 0.25), (0.20, 0.05, 0.12), (-0.12, 0.19, 0.10), (-0.10, -0.18, 0.22)),
+    ((0.28, 0.05, 0.30), (0.25, 0.10, 0.20), (-0.15, 0.22, 0.18), (-0.05, -0.25, 0.35)),
+    ((-0.10, 0.22, 0.34), (0.18, -0.16, 0.15), (-0.20, 0.02, 0.16), (0.02, 0.24, 0.28)),
+)
+"""Load point and three reflectors [m], flange frame."""
+
+BASE = ((0.6, -0.5, -0.30), (0.6, 18.5, -0.30), (-0.6, 18.5, -0.28), (-0.6, -0.5, -0.28))
+BEAM = "{ range_m = 8e-6, range_per_m = 0.3e-6, transverse_m = 7.5e-6, transverse_per_m = 3e-6 }"
+
+
+@dataclass(frozen=True)
+class Rules:
+    """How a game is measured.
+
+    Attributes:
+        poses: How many; drawn from the reachable ones.
+        steps: Load steps in the order of the turnbuckle, as fractions of `force_n`.
+        spread: Stiffnesses are off by a factor within 1 +- this.
+        scatter: True over stated scatter of the tracker, drawn in this range.
+        tool_m: Points of the tool are off by this much [m], one sigma.
+        force_n: Largest force [N].
+        scale_n: Scatter of the scale [N]; 2 N are stated.
+    """
+
+    poses: int = 16
+    steps: tuple[float, ...] = (0.35, 0.7, 1.0, 0.5)
+    spread: float = 0.25
+    scatter: tuple[float, float] = (0.8, 1.3)
+    tool_m: float = 2e-4
+    force_n: float = 3000.0
+    scale_n: float = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Plan(Locked):
+    """Where and with what a campaign is measured, whatever the machine hides.
+
+    Attributes:
+        tool: Nominal load point and reflectors, flange frame, shape (4, 3) [m].
+        q: Joint values, shape (p, n).
+        anchor: Where the chain is attached, F_b, shape (p, 3) [m].
+        approach: Which way the carriage comes, shape (p,).
+        isotropic: campaign.toml states one uncertainty for all axes.
+        scatter: True over stated scatter of the tracker.
+    """
+
+    tool: Array
+    q: Array
+    anchor: Array
+    approach: Array
+    isotropic: bool
+    scatter: float
+
+    def further(self, q: Array, anchor: Array, approach: float) -> Plan:
+        """With one pose more, at the end."""
+        return replace(
+            self,
+            q=np.vstack([self.q, q]),
+            anchor=np.vstack([self.anchor, anchor]),
+            approach=np.append(self.approach, approach),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Game:
+    """A campaign as the operator takes it home, and what was true.
+
+    Attributes:
+        files: Content of the raw folder.
+        truth: Labels, places and sizes of the secrets; stiffnesses.
+        course: How the measurement went.
+    """
+
+    files: dict[str, bytes]
+    truth: dict[str, Any]
+    course: Course
+
+
+def drawn(robot: Robot, rng: np.random.Generator, rules: Rules) -> Plan:
+    """Random reachable poses on both sides of the rail in turn."""
+    tool = np.array(TOOLS[rng.integers(len(TOOLS))])
+    anchors = default_anchors(robot)
+    which = (np.arange(rules.poses) + rng.integers(len(anchors))) % len(anchors)
+    return Plan(
+        tool=tool,
+        q=draw_poses(robot, tool, anchors, which, rng),
+        anchor=anchors[which],
+        approach=rng.permutation(np.where(np.arange(rules.poses) % 2 == 0, 1.0, -1.0)),
+        isotropic=bool(rng.random() < 0.6),
+        scatter=float(rng.uniform(*rules.scatter)),
+    )
+
+
+def play(
+    robot: Robot,
+    plan: Plan,
+    secrets: Sequence[tuple[Secret, float]],
+    rng: np.random.Generator,
+    rules: Rules | None = None,
+    name: str = "game",
+    stiffness: Array | None = None,
+) -> Game:
+    """Measure a machine with secrets.
+
+    A plan with further poses at its end measures the same machine, and reads the same at the
+    poses that were there before.
+
+    Args:
+        robot: The KR500 on its rail.
+        plan: Where and with what.
+        secrets: What it hides, each with its size in typical sizes.
+        rng: Source of the machine, the secrets and the scatter.
+        rules: How it is measured.
+        name: Of the campaign.
+        stiffness: True ones of the joints [N/m] or [N m/rad], shape (n,); drawn where not given,
+            which changes nothing else.
+    """
+    rules = rules or Rules()
+    for_truth, for_noise, for_secrets = rng.spawn(3)
+    course = _course(plan, rules, for_secrets)
+    own = 1 / NOMINAL * for_truth.uniform(1 - rules.spread, 1 + rules.spread, robot.n)
+    stiffness = own if stiffness is None else stiffness
+    one = setup(robot, stiffness)
+    one.tracker_scale = plan.scatter
+    true_tool = plan.tool + rules.tool_m * for_truth.standard_normal(plan.tool.shape)
+    sizes = [secret.plant(one, size, course) or {} for secret, size in secrets]
+    files = _measure(one, course, true_tool, plan, for_noise, rules, name)
+    truth: dict[str, Any] = {
+        "secrets": [
+            {"label": s.label, "place": s.place, "known": s.known, "size": size, "amplitudes": true}
+            for (s, size), true in zip(secrets, sizes, strict=True)
+        ],
+        "stiffness": stiffness.tolist(),
+        "tracker_scale": one.tracker_scale,
+    }
+    return Game(files, truth, course)
+
+
+def _course(plan: Plan, rules: Rules, rng: np.random.Generator) -> Course:
+    p, k = len(plan.q), len(rules.steps)
+    pose, repeat = np.repeat(np.arange(p), k), np.tile(np.arange(k), p)
+    branch = np.concatenate([[1.0], np.sign(np.diff(rules.steps))])
+    time = 0.05 + 0.13 * pose + 0.025 * (repeat + 1.0)
+    return Course(pose, repeat, time, np.tile(branch, p), plan.approach[pose], plan.q[pose], rng)
+
+
+def _measure(
+    one: Setup,
+    course: Course,
+    tool: Array,
+    plan: Plan,
+    rng: np.random.Generator,
+    rules: Rules,
+    name: str,
+) -> dict[str, bytes]:
+    m, robot = len(course.pose), one.machine.robot
+    at_the_base, *at_pose = rng.spawn(1 + len(plan.q))
+    q = course.q + one.joint_shift
+    pull_at = tool[0] + one.load_shift
+    targets = tool[1:] + one.target_shift
+    jitter, misread = np.concatenate(
+        [pose.normal(0, [[15.0], [rules.scale_n]], (2, len(rules.steps))) for pose in at_pose],
+        axis=1,
+    )
+    reading = np.round(rules.force_n * np.array(rules.steps)[course.repeat] + jitter, 2)
+    shown = reading
+    for hook in one.tension:
+        shown = hook(shown, course)
+    tension = shown + misread
+    rest, at = one.machine.settle(q, targets, pull_at, np.zeros((m, 3)))
+    far = plan.anchor[course.pose]
+    for _ in range(4):
+        unit = (far - at) / np.linalg.norm(far - at, axis=1, keepdims=True)
+        force = tension[:, None] * unit
+        for hook in one.force:
+            force = hook(force, course)
+        moved, at = one.machine.settle(q, targets, pull_at, force)
+    for target, shift in one.loose.items():
+        moved[:, target] += shift * (reading / rules.force_n)[:, None]
+    axes = _flange_axes(one, q)
+    chain = at[:, None] + np.array([0.1, 0.5])[:, None] * unit[:, None]
+    chain[:, 0] += axes @ (one.chain_shift * 1.0)
+    tracker = _Tracker(one, plan.isotropic, at_the_base)
+    readings = _readings(tracker, course, rest, moved, chain, at_the_base, at_pose)
+    return {
+        "campaign.toml": _toml(one, plan.tool, plan.isotropic, name).encode(),
+        "tracker.csv": readings.encode(),
+        "loads.csv": _loads(course, reading).encode(),
+        "joints.csv": _joints(robot, course).encode(),
+    }
+
+
+def _flange_axes(one: Setup, q: Array) -> Array:
+    unit, _ = one.machine.settle(
+        q, np.vstack([np.zeros(3), np.eye(3)]), np.zeros(3), np.zeros((len(q), 3))
+    )
+    return np.asarray(np.swapaxes(unit[:, 1:] - unit[:, :1], 1, 2))
+
+
+class _Tracker:
+    """Reads points: drift, frame, scatter, millimetres."""
+
+    def __init__(self, one: Setup, isotropic: bool, rng: np.random.Generator) -> None:
+        self.one, self.isotropic = one, isotropic
+        self.origin = np.array([6.5, 8.0, 0.7]) + rng.normal(0, 0.5, 3)
+        turn = rng.normal(0, 1, (3, 3))
+        u, _, v = np.linalg.svd(turn)
+        self.axes = u @ v * np.linalg.det(u @ v)
+
+    def read(self, point: Array, hours: float, rng: np.random.Generator) -> Array:
+        if self.one.drift is not None:
+            point = point + self.one.drift(np.array(hours))
+        local = self.axes.T @ (point - self.origin)
+        if self.isotropic:
+            error = rng.normal(0, 3e-5, 3)
+        else:
+            far = np.linalg.norm(local)
+            beam = local / far
+            error = rng.normal(0, 7.5e-6 + 3e-6 * far, 3)
+            along = rng.normal(0, 8e-6 + 0.3e-6 * far)
+            error = error - beam * (beam @ error) + beam * along
+        return np.asarray(1e3 * (local + self.one.tracker_scale * error))
+
+
+def _clock(hours: float) -> str:
+    seconds = round(hours * 3600)
+    return f"2026-11-03T{8 + seconds // 3600:02d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
+
+
+def _line(group: str, target: str, at: Array, hours: float) -> str:
+    return f"{group},{target},{at[0]:.4f},{at[1]:.4f},{at[2]:.4f},{_clock(hours)}"
+
+
+def _readings(
+    tracker: _Tracker,
+    course: Course,
+    rest: Array,
+    moved: Array,
+    chain: Array,
+    at_the_base: np.random.Generator,
+    at_pose: Sequence[np.random.Generator],
+) -> str:
+    lines = ["group,target,x_mm,y_mm,z_mm,time"]
+
+    def read(group: str, target: str, point: Array, hours: float, rng: np.random.Generator) -> None:
+        lines.append(_line(group, target, tracker.read(point, hours, rng), hours))
+
+    last = float(course.time.max()) + 0.1
+    for group, hours in (("base_start", 0.0), ("base_end", last)):
+        for k, point in enumerate(BASE):
+            read(group, f"B{k + 1}", np.array(point), hours, at_the_base)
+    count = int(course.repeat.max()) + 1
+    for i, rng in enumerate(at_pose[pose] for pose in course.pose):
+        pose, repeat, hours = int(course.pose[i]) + 1, int(course.repeat[i]) + 1, course.time[i]
+        head = f"pose{pose:02d}_rep"
+        if repeat in (1, count):
+            number, when = (0, hours - 0.02) if repeat == 1 else (count + 1, hours + 0.02)
+            for t, target in enumerate(NAMES):
+                read(f"{head}{number}_unloaded", target, rest[i, t], when, rng)
+        points = [*zip(NAMES, moved[i], strict=True), ("Pl1", chain[i, 0]), ("Pl2", chain[i, 1])]
+        for target, point in points:
+            read(f"{head}{repeat}_loaded", target, point, hours, rng)
+    return "\n".join(lines) + "\n"
+
+
+def _loads(course: Course, reading: Array) -> str:
+    rows = zip(course.pose, course.repeat, reading, course.branch, strict=True)
+    body = [f"{p + 1},{r + 1},{f:.2f},{'up' if b > 0 else 'down'}" for p, r, f, b in rows]
+    return "\n".join(["pose,repeat,force_n,branch", *body]) + "\n"
+
+
+def _joints(robot: Robot, course: Course) -> str:
+    names = [f"{j.name}_{'m' if j.prismatic else 'deg'}" for j in robot.joints]
+    first = np.flatnonzero(course.repeat == 0)
+    q = np.where(robot.prismatic, course.q[first], np.rad2deg(course.q[first]))
+    body = [
+        f"{int(course.pose[i]) + 1},{','.join(f'{v:.6f}' for v in row)},{int(course.approach[i])}"
+        for i, row in zip(first, q, strict=True)
+    ]
+    return "\n".join([",".join(["pose", *names, "approach"]), *body]) + "\n"
+
+
+def _toml(one: Setup, tool: Array, isotropic: bool, name: str) -> str:
+    base = np.array(BASE)
+    base = base + np.cross(one.base_turn, base)
+    noise = "sigma_m = 3e-5" if isotropic else f"noise = {BEAM}"
+    points = zip(("load_point", *NAMES), tool.tolist(), strict=True)
+    return "\n".join(
+        [
+            "format = 1",
+            f'name = "{name}"',
+            'robot = "kr500_rail"',
+            "[tracker]",
+            'files = ["tracker.csv"]',
+            noise,
+            "[base_frame]",
+            *(f"B{k + 1} = {[round(v, 7) for v in row]}" for k, row in enumerate(base.tolist())),
+            "[scale]",
+            'file = "loads.csv"',
+            "sigma_n = 2.0",
+            "[joints]",
+            'file = "joints.csv"',
+            "[tool]",
+            *(f"{label} = {row}" for label, row in points),
+            "",
+        ]
+    )

@@ -1,0 +1,434 @@
+"""The league: which games there are, and how one is played, from its seed alone."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache, wraps
+from typing import Any
+
+import numpy as np
+from scipy import special
+
+from bench.league.hidden import SECRETS
+from bench.league.hidden_effect import Secret
+from bench.league.in_catalogue import KNOWN
+from bench.league.judge import Score, score
+from bench.league.outside_catalogue import STRANGE
+from bench.league.play import Plan, Rules, drawn, play
+from pipeline.base.errors import PipelineError
+from pipeline.diagnosis.blindspots import needed, smallest_visible
+from pipeline.diagnosis.diagnose import case_of
+from pipeline.diagnosis.isolability import twins
+from pipeline.machine.effects import catalogue
+from pipeline.machine.robot import Robot, load
+from pipeline.reduction.case import Step, bring, conformed, plain
+from pipeline.run import answered, ingested
+from pipeline.store.campaign import in_memory
+from pipeline.system.detect import threshold
+from pipeline.system.estimate import identify, left_out
+from pipeline.system.fit import fit
+from pipeline.system.separability import identifiable
+from pipeline.system.whitened import View
+
+TOO_LARGE = 12.0
+"""Sizes beyond this many typical ones are no fault that anybody would live with."""
+
+NEVER = ("scale_gain", "rail_yaw")
+"""Exact twins of the stiffnesses: nothing shows, by nature."""
+
+KINDS = ("single", "pair", "strange", "power", "doubtful", "clean")
+"""Kinds of games; their places are part of the seeds."""
+
+STEPS = (0.25, 0.5, 0.7, 1.0, 1.4, 2.0, 4.0)
+"""Sizes of the power curves, in multiples of the smallest identifiable size."""
+
+DOUBTFUL = (0.7, 1.0, 1.3)
+"""Sizes at which a name is often open."""
+
+CURVES = (
+    "rail_roll",
+    "rail_backlash",
+    "joint_tilt:3",
+    "link_bending:forearm",
+    "joint_hardening:3",
+    "joint_lost_motion:2",
+    "joint_hysteresis:4",
+    "compensator",
+    "chain_offset",
+    "scale_zero",
+)
+"""One cause of each manner, for the power curves."""
+
+PLANS = 30
+"""Plans that games with sized causes share, so that each is sized once."""
+
+MOST = 4
+"""Proposed poses that are followed."""
+
+
+@dataclass(frozen=True)
+class League:
+    """Whom it plays and how often.
+
+    Attributes:
+        clean: Games without a secret.
+        single: Games per known secret.
+        pairs: Games with two known secrets.
+        strange: Games per secret outside the catalogue.
+        power: Games per size and cause of the power curves.
+        doubtful: Games per size and known secret in which proposed poses are followed.
+        times: Size over the smallest identifiable one, of singles and pairs.
+        seed: Of everything.
+        rules: How campaigns are measured.
+    """
+
+    clean: int = 1000
+    single: int = 6
+    pairs: int = 100
+    strange: int = 15
+    power: int = 6
+    doubtful: int = 1
+    times: float = 2.0
+    seed: int = 2026
+    rules: Rules = field(default_factory=Rules)
+
+
+@dataclass(frozen=True)
+class Fixture:
+    """One game before it is played.
+
+    Attributes:
+        kind: One of `KINDS`.
+        secrets: Labels of what the machine hides.
+        times: Size over the smallest identifiable one; 0 where sizes are drawn.
+        seed: Of machine and scatter.
+        plan: Seed of the plan.
+    """
+
+    kind: str
+    secrets: tuple[str, ...]
+    times: float
+    seed: tuple[int, ...]
+    plan: tuple[int, ...]
+
+    @property
+    def key(self) -> str:
+        """Its name among the games that are kept."""
+        return "-".join(str(number) for number in self.seed)
+
+
+@dataclass(frozen=True)
+class Played:
+    """A game with its scores.
+
+    Attributes:
+        key: Of its fixture.
+        kind: Of its fixture.
+        secrets: Labels of what the machine hid.
+        times: Size over the smallest identifiable one; 0 where sizes were drawn.
+        sizes: In typical sizes; empty where the plan shows a secret at no sensible size, and the
+            game was not played.
+        power: Predicted probability that the first secret is detected.
+        missed_mm: Left-out error of the joint springs where nothing scatters, of singles.
+        scores: Of the campaign, then with one proposed pose more each time.
+        seconds: Of a processor, from files to the first answer.
+        diagnosing: Part of them that the diagnosis took.
+        cost: Of a processor, for all of it.
+    """
+
+    key: str
+    kind: str
+    secrets: tuple[str, ...]
+    times: float
+    sizes: tuple[float, ...]
+    power: float
+    missed_mm: float
+    scores: tuple[Score, ...]
+    seconds: float
+    diagnosing: float
+    cost: float
+
+    @property
+    def score(self) -> Score:
+        """Of the campaign as planned."""
+        return self.scores[0]
+
+
+def fixtures(league: League) -> list[Fixture]:
+    """All games, the kinds mixed evenly: the first half of the list is half a league."""
+    kinds = (
+        _each(league, "single", KNOWN_LABELS, (league.times,), league.single),
+        [_pair(league, i) for i in range(league.pairs)],
+        [
+            Fixture("strange", (name,), 0.0, _seed(league, "strange", k, i), (league.seed, 7, k, i))
+            for i in range(league.strange)
+            for k, name in enumerate(secret.label for secret in STRANGE)
+        ],
+        _each(league, "power", CURVES, STEPS, league.power),
+        _each(league, "doubtful", ABLE, DOUBTFUL, league.doubtful),
+        [
+            Fixture("clean", (), 0.0, _seed(league, "clean", i), (league.seed, 8, i))
+            for i in range(league.clean)
+        ],
+    )
+    placed = [(i / len(kind), k, one) for k, kind in enumerate(kinds) for i, one in enumerate(kind)]
+    return [one for _, _, one in sorted(placed, key=lambda each: each[:2])]
+
+
+KNOWN_LABELS = tuple(secret.label for secret in KNOWN)
+ABLE = tuple(name for name in KNOWN_LABELS if name not in NEVER)
+
+
+def _seed(league: League, kind: str, *numbers: int) -> tuple[int, ...]:
+    return (league.seed, KINDS.index(kind), *numbers)
+
+
+def _each(
+    league: League, kind: str, labels: tuple[str, ...], steps: tuple[float, ...], count: int
+) -> list[Fixture]:
+    return [
+        Fixture(
+            kind,
+            (name,),
+            times,
+            _seed(league, kind, KNOWN_LABELS.index(name), round(100 * times), i),
+            (league.seed, 9, (5 * k + i) % PLANS),
+        )
+        for i in range(count)
+        for times in steps
+        for k, name in enumerate(labels)
+    ]
+
+
+def _pair(league: League, number: int) -> Fixture:
+    """Two causes in two different parts of the cell."""
+    seed = _seed(league, "pair", number)
+    order = np.random.default_rng(seed).permutation(len(ABLE))
+    first, *rest = [SECRETS[ABLE[k]] for k in order]
+    other = next(secret for secret in rest if secret.place != first.place)
+    plan = (league.seed, 9, number % PLANS)
+    return Fixture("pair", (first.label, other.label), league.times, seed, plan)
+
+
+def played(fixture: Fixture, league: League) -> Played:
+    """Play one game: the same in whatever process, order or company."""
+    began = time.process_time()
+    robot = load("kr500_rail")
+    plan = drawn(robot, np.random.default_rng(fixture.plan), league.rules)
+    sizes = _sizes(fixture, plan, league, robot)
+    head = (fixture.key, fixture.kind, fixture.secrets, fixture.times)
+    most = largest(robot)
+    if any(
+        size > most.get(name, np.inf) for name, size in zip(fixture.secrets, sizes, strict=True)
+    ):
+        return Played(
+            *head, sizes=(), power=0.0, missed_mm=0.0, scores=(), seconds=0, diagnosing=0, cost=0
+        )
+    power = 0.0
+    if fixture.kind == "power":
+        power = yardstick(fixture.plan, league.rules).power(fixture.secrets[0], sizes[0])
+    missed = missed_mm(fixture, plan, sizes, league, robot) if fixture.kind == "single" else 0.0
+    follow = MOST if fixture.kind == "doubtful" else 0
+    scores, spent = _followed(fixture, plan, sizes, league, robot, follow)
+    return Played(*head, sizes, power, missed, scores, *spent, time.process_time() - began)
+
+
+def _sizes(fixture: Fixture, plan: Plan, league: League, robot: Robot) -> tuple[float, ...]:
+    """Sizes of the secrets in typical ones."""
+    if not fixture.times:
+        rng = np.random.default_rng([*fixture.seed, 1])
+        return tuple(rng.uniform(0.7, 2.5, len(fixture.secrets)).tolist())
+    if fixture.secrets[0] in NEVER:
+        return (1.0,)
+    known = yardstick(fixture.plan, league.rules)
+    return tuple(fixture.times * known.named.get(name, np.inf) for name in fixture.secrets)
+
+
+def _followed(
+    fixture: Fixture,
+    plan: Plan,
+    sizes: tuple[float, ...],
+    league: League,
+    robot: Robot,
+    most: int,
+) -> tuple[tuple[Score, ...], tuple[float, float]]:
+    """Scores of the campaign, and with one more proposed pose each time while a name is open."""
+    secrets = [(SECRETS[name], size) for name, size in zip(fixture.secrets, sizes, strict=True)]
+    asked = list(followed(robot, plan, secrets, fixture.seed, league.rules, most))
+    scores = tuple(score(one.truth, one.answer, twins(robot)) for one in asked)
+    return scores, (asked[0].seconds, asked[0].diagnosing)
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """One campaign and what the pipeline says of it.
+
+    Attributes:
+        truth: As `play` seals it.
+        answer: result.json; None where the pipeline refused the campaign.
+        seconds: Of a processor, from files to the answer.
+        diagnosing: Part of them that the diagnosis took.
+    """
+
+    truth: dict[str, Any]
+    answer: dict[str, Any] | None
+    seconds: float
+    diagnosing: float
+
+
+def followed(
+    robot: Robot,
+    plan: Plan,
+    secrets: Sequence[tuple[Secret, float]],
+    seed: Sequence[int],
+    rules: Rules,
+    most: int = MOST,
+) -> Iterator[Asked]:
+    """A campaign, and the same with one more proposed pose each time while a name is open.
+
+    The operator pulls in the usual steps at the first pose that is proposed, then asks again.
+
+    Args:
+        robot: The KR500 on its rail.
+        plan: Where and with what.
+        secrets: What it hides, each with its size in typical sizes.
+        seed: Of machine, secrets and scatter.
+        rules: How it is measured.
+        most: So many proposed poses are followed.
+    """
+    for further in range(most + 1):
+        game = play(robot, plan, secrets, np.random.default_rng(seed), rules)
+        began, clock = time.process_time(), Clock()
+        answer = answer_of(game.files, clock)
+        seconds = time.process_time() - began
+        yield Asked(game.truth, answer, seconds, clock.seconds.get("diagnose", 0.0))
+        said: dict[str, Any] = answer["diagnosis"] if answer else {"verdict": "refused"}
+        if further == most or said["verdict"] != "ambiguous" or not said["next_poses"]:
+            return
+        plan = plan.further(*_where(said["next_poses"][0], robot))
+
+
+def missed_mm(
+    fixture: Fixture, plan: Plan, sizes: tuple[float, ...], league: League, robot: Robot
+) -> float:
+    """Left-out error of the joint springs on the same machine, measured without scatter [mm]."""
+    secrets = [(SECRETS[name], size) for name, size in zip(fixture.secrets, sizes, strict=True)]
+    calm, still = replace(plan, scatter=0.0), replace(league.rules, scale_n=0.0)
+    files = play(robot, calm, secrets, np.random.default_rng(fixture.seed), still).files
+    case = ingested(in_memory(files), conformed, plain)
+    system, _ = identify(case.cell, bring(case).data, robot.nominal_compliance)
+    return float(1e3 * np.sqrt(np.nanmean(left_out(system) ** 2)))
+
+
+def _where(proposal: Mapping[str, Any], robot: Robot) -> tuple[np.ndarray, np.ndarray, float]:
+    """Joint values [m] or [rad], anchor [m] and approach of a proposal."""
+    q = np.where(robot.prismatic, proposal["q"], np.deg2rad(proposal["q"]))
+    return q, np.array(proposal["anchor_m"]), float(proposal.get("approach") or 1.0)
+
+
+class Clock:
+    """Carries out stages, and knows how long each took.
+
+    Attributes:
+        seconds: Of a processor, by the stage's name.
+    """
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    def __call__(self, stage: Callable[..., Any]) -> Callable[..., Any]:
+        """The stage, timed."""
+
+        @wraps(stage)
+        def timed(*args: Any, **kwargs: Any) -> Any:
+            began = time.process_time()
+            done = stage(*args, **kwargs)
+            spent = time.process_time() - began
+            self.seconds[stage.__name__] = self.seconds.get(stage.__name__, 0.0) + spent
+            return done
+
+        return timed
+
+
+def answer_of(files: Mapping[str, bytes], step: Step = plain) -> dict[str, Any] | None:
+    """What `pipeline run` says of these files, writing nothing; None if it refuses them."""
+    try:
+        return answered("game", in_memory(files), step=step).answer
+    except PipelineError:
+        return None
+
+
+def largest(robot: Robot) -> dict[str, float]:
+    """Largest sensible size of each cause, in typical ones: inside its physical bounds."""
+    return {
+        effect.label: min(
+            TOO_LARGE, *(max(p.upper, -p.lower) / p.typical for p in effect.parameters)
+        )
+        for effect in catalogue(robot)
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class Yardstick:
+    """Sizes that one plan can see, by the linear theory, in typical sizes.
+
+    Attributes:
+        named: Smallest at which a cause is found and told from every other.
+        seen: Size that is detected with 80 % power, by the cause's best form.
+        count: Parameters of that form.
+        p: Threshold of one cause's test.
+    """
+
+    named: dict[str, float]
+    seen: dict[str, float]
+    count: dict[str, int]
+    p: float
+
+    def power(self, name: str, size: float) -> float:
+        """Probability that a cause of this size is detected by its own test."""
+        if name not in self.seen:
+            return self.p
+        k = self.count[name]
+        strength = needed(k, self.p) * (size / self.seen[name]) ** 2
+        return float(1 - special.chndtr(special.chdtri(k, self.p), k, strength))
+
+
+@lru_cache(maxsize=2 * PLANS)
+def yardstick(plan: tuple[int, ...], rules: Rules) -> Yardstick:
+    """What a random plan would show.
+
+    Args:
+        plan: Seed of the plan.
+        rules: How it is measured.
+    """
+    rng = np.random.default_rng(plan)
+    return shown_by(drawn(load("kr500_rail"), rng, rules), rules, rng)
+
+
+def shown_by(plan: Plan, rules: Rules, rng: np.random.Generator) -> Yardstick:
+    """Measure an innocent machine by a plan, and see what would have shown.
+
+    Args:
+        plan: Where and with what.
+        rules: How it is measured.
+        rng: Source of the machine and the scatter.
+    """
+    files = play(load("kr500_rail"), plan, [], rng.spawn(1)[0], rules).files
+    case = ingested(in_memory(files), conformed, plain)
+    fitted = fit(case, bring(case))
+    asked, _ = case_of(fitted.case.cell, fitted.data, fitted.estimate)
+    view = asked.look(asked.sight(asked.model((), fitted.estimate.value)))
+    dof = view.rows_left - (len(view.base) - view.first)
+    p = threshold(view, view.base, dof, rng).p
+    return Yardstick(identifiable(view, twins(load("kr500_rail"))), *_visible(view, p), p)
+
+
+def _visible(view: View, p: float) -> tuple[dict[str, float], dict[str, int]]:
+    seen: dict[str, float] = {}
+    count: dict[str, int] = {}
+    for effect, size in zip(view.suspects, smallest_visible(view, view.base, p), strict=True):
+        if size < seen.get(effect.label, np.inf):
+            seen[effect.label], count[effect.label] = float(size), len(effect.parameters)
+    return seen, count

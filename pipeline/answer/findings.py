@@ -1,0 +1,72 @@
+"""All that a run found out about a campaign, for whoever words the answer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import pandas as pd
+
+from pipeline.answer.recommended import Row, Values
+from pipeline.diagnosis.facts import Diagnosis
+from pipeline.faults.finding import Finding
+from pipeline.prediction import model as handover
+from pipeline.prediction.validate import Where
+from pipeline.store.campaign import Raw
+from pipeline.system.fit import Fitted
+from pipeline.system.system import Estimate
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """One model of the campaign with what is said of it.
+
+    Attributes:
+        values: Its values.
+        model: The machine with them.
+        checked: Table VALIDATION; None where nothing is determined.
+    """
+
+    values: Values
+    model: handover.Model
+    checked: pd.DataFrame | None
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """All that a run found out about a campaign.
+
+    Attributes:
+        campaign: Name of the campaign.
+        raw: What its folder holds.
+        given: The joint springs from the data as given.
+        right: The joint springs from the data with every mistake put right; the same without any.
+        mistakes: What is wrong with the data.
+        diagnosis: What the model misses, beside the mistakes.
+        verdict: Of the campaign.
+        why: One sentence for it.
+        row: Which values the answer stands for, and why.
+        told: These values.
+        springs: The paper's model on the data as given.
+        extended: The identified causes' own fit, on the data that the answer rests on; None
+            without causes.
+        where: The test pose.
+    """
+
+    campaign: str
+    raw: Raw
+    given: Fitted
+    right: Fitted
+    mistakes: tuple[Finding, ...]
+    diagnosis: Diagnosis
+    verdict: str
+    why: str
+    row: Row
+    told: Told
+    springs: Told
+    extended: Values | None
+    where: Where
+
+    @property
+    def estimate(self) -> Estimate:
+        """The joint springs from the data as given."""
+        return self.given.estimate

@@ -1,0 +1,82 @@
+"""`fit`: how well the model meets the data, and what the noise rests on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pipeline.answer.numbers import rms_mm
+from pipeline.machine.cell import Cell
+from pipeline.system.assemble import Measured, second_order
+from pipeline.system.system import Estimate
+
+SURE = 0.01
+"""A misfit that chance produces less often than this is a misfit."""
+
+TRACKER_MEASURES_M = 1e-4
+"""A laser tracker measures displacements in a hall to this or better (MPE of the AT500 class)."""
+
+
+def fits(estimate: Estimate) -> bool:
+    """Whether chance alone may have made the misfit; without stated noise, a tracker's noise."""
+    if estimate.p_value is None:
+        return estimate.residual_std_m < TRACKER_MEASURES_M
+    return estimate.p_value >= SURE
+
+
+def larger_scatter(estimate: Estimate) -> str:
+    """Clause of a model that misses nothing, where readings scatter more than their noise."""
+    if estimate.p_value is None or estimate.p_value >= SURE:
+        return ""
+    factor = float(np.sqrt(estimate.chi2 / estimate.dof))
+    return (
+        f", but for scatter {factor:.2f} times as large as the noise that is used "
+        f"(p = {estimate.p_value:.0e}): take every uncertainty that many times larger"
+    )
+
+
+def fit_entry(cell: Cell, data: Measured, estimate: Estimate) -> dict[str, Any]:
+    """How well the model meets the data."""
+    return {
+        "rms_mm": rms_mm(estimate.residual),
+        "chi2": estimate.chi2,
+        "dof": estimate.dof,
+        "p_value": estimate.p_value,
+        "noise_from": estimate.noise_from,
+        "residual_std_mm": 1e3 * estimate.residual_std_m,
+        "second_order_rms_mm": second_order_mm(cell, data, estimate),
+        "noise_statement": noise_statement(estimate),
+    }
+
+
+def second_order_mm(cell: Cell, data: Measured, estimate: Estimate) -> float:
+    """How far the deflected robot's geometry would move the targets, rms [mm]; c = B x omits it."""
+    n = len(cell.parameters)  # the springs stand first
+    known = estimate.identifiable[:n] & (estimate.value[:n] > 0)
+    x = np.where(known, estimate.value[:n], cell.robot.nominal_compliance)
+    return rms_mm(second_order(cell, data, x))
+
+
+def noise_statement(estimate: Estimate) -> str:
+    """One sentence on where the noise comes from and what depends on it."""
+    if estimate.noise_from == "stated":
+        return (
+            "Uncertainties, chi-squared and its p-value rest on the noise stated in campaign.toml."
+        )
+    if estimate.noise_from == "replicates":
+        return (
+            "Uncertainties, chi-squared and its p-value rest on the noise found in the data: "
+            "repeated zeros and pulls, and the effector's own triangle."
+        )
+    std = 1e3 * estimate.residual_std_m
+    more = (
+        "; a laser tracker measures better than that, so the model does not fit as well as a "
+        "tracker measures"
+        if not fits(estimate)
+        else ""
+    )
+    return (
+        f"No noise is stated, so every uncertainty rests on the residuals' own scatter of "
+        f"{std:.3f} mm, there is no independent test of the model{more}."
+    )

@@ -1,0 +1,98 @@
+"""What went in: registration, rejected rows, date and assumptions."""
+
+from __future__ import annotations
+
+import re
+from datetime import date
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy import special
+
+from pipeline.answer.fit import SURE
+from pipeline.prediction.validate import Where
+from pipeline.reduction.register import Registration
+from pipeline.reduction.settings import Settings
+from pipeline.store.campaign import Raw
+
+
+def measured_on(settings: Settings, readings: pd.DataFrame | None) -> str | None:
+    """The date in campaign.toml, else the first reading's, else a date within the name."""
+    if settings.date is not None:
+        return settings.date.isoformat()
+    if readings is not None and readings["time"].notna().any():
+        return pd.Timestamp(readings["time"].min()).isoformat()
+    found = re.search(r"\b\d{4}-\d{2}-\d{2}\b", settings.name)
+    try:
+        return date.fromisoformat(found[0]).isoformat() if found else None
+    except ValueError:
+        return None
+
+
+def rejected_entries(rejected: pd.DataFrame) -> list[dict[str, Any]]:
+    """What was left out, where it stands and why."""
+    return [
+        {
+            "file": row["file"],
+            "line": None if pd.isna(row["line"]) else int(row["line"]),
+            "reason": row["reason"],
+        }
+        for row in rejected.to_dict("records")
+    ]
+
+
+def registration_entry(registration: Registration) -> dict[str, Any] | None:
+    """How well the base reflectors fit; None when the readings are in F_b already."""
+    table = registration.table
+    if table.empty:
+        return None
+    miss = np.linalg.norm(table[["dx_m", "dy_m", "dz_m"]].to_numpy(), axis=1)
+    std = np.sqrt(np.diag(registration.cov))
+    chi2, dof = registration.chi2, registration.dof
+    return {
+        "rms_mm": 1e3 * float(np.sqrt(np.mean(miss**2))),
+        "max_mm": 1e3 * float(miss.max()),
+        "chi2": chi2,
+        "dof": dof,
+        "p_value": None if chi2 is None or dof < 1 else float(special.chdtrc(dof, chi2)),
+        "rotation_std_rad": std[:3].tolist(),
+        "translation_std_m": std[3:].tolist(),
+    }
+
+
+def registration_findings(registration: Registration, drifts: bool) -> list[str]:
+    """A sentence when the base reflectors disagree by more than chance explains.
+
+    Args:
+        registration: How they fit.
+        drifts: A drift of the tracker is named: no single reflector is to blame.
+    """
+    told = registration_entry(registration)
+    if told is None or told["p_value"] is None or told["p_value"] >= SURE:
+        return []
+    if drifts:
+        return [
+            f"The base reflectors do not fit their nominal coordinates (p = "
+            f"{told['p_value']:.1g}): the tracker moved while they were read, see tracker_drift."
+        ]
+    table = registration.table
+    miss = np.linalg.norm(table[["dx_m", "dy_m", "dz_m"]].to_numpy(), axis=1)
+    worst = table.iloc[int(np.argmax(miss))]
+    return [
+        f"The base reflectors do not fit their nominal coordinates (p = {told['p_value']:.1g}): "
+        f"{worst['target']} in {worst['group']} is off by {1e3 * miss.max():.3g} mm; check "
+        f"[base_frame] and whether the tracker or a reflector moved."
+    ]
+
+
+def assumptions(raw: Raw, where: Where) -> list[str]:
+    """What the numbers rest on beside the data."""
+    out = list(raw.robot.assumptions)
+    if not where.stated:
+        out.append("campaign.toml has no [test_pose]: the strongest pull of the campaign stands in")
+    out.append(
+        "validation poses lie within 0.25 m and 10 deg of the test pose, or anywhere within the "
+        "joint limits, always under the test pose's force"
+    )
+    return out

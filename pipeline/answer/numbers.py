@@ -1,0 +1,23 @@
+"""Numbers as result.json holds them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.base.arrays import Array
+
+
+def rms_mm(values: Array) -> float:
+    """Root mean square over coordinates [mm], unweighted."""
+    return 1e3 * float(np.sqrt(np.mean(np.asarray(values, dtype=float) ** 2)))
+
+
+def left_out_mm(left_out_m: Array) -> float | None:
+    """The same of left-out residuals [m], those that the other poses can tell; None without any."""
+    known = left_out_m[np.isfinite(left_out_m)]
+    return rms_mm(known) if len(known) else None
+
+
+def finite(value: float) -> float | None:
+    """A number JSON can hold."""
+    return float(value) if np.isfinite(value) else None

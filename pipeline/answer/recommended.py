@@ -1,0 +1,292 @@
+"""Which values the answer stands for: decided once, read by everything downstream.
+
+The first row of `TABLE` whose condition holds decides. Its model is that of the diagnosis where
+this identifies causes, else the joint springs; its data are those without the mistakes that were
+found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sized
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from functools import cached_property
+
+from pipeline.base.arrays import Array, Parameter
+from pipeline.diagnosis.average import Hypothesis, Springs, springs
+from pipeline.diagnosis.facts import Diagnosis
+from pipeline.prediction import model as handover
+from pipeline.system.estimate import left_out
+from pipeline.system.fit import Fitted
+from pipeline.system.system import Estimate
+
+
+class Which(StrEnum):
+    """Whose values the answer gives."""
+
+    JOINT_SPRINGS = "joint_springs"
+    EXTENDED = "extended"
+    AVERAGED = "averaged"
+
+
+class Data(StrEnum):
+    """From which data they come."""
+
+    AS_GIVEN = "as_given"
+    CORRECTED = "corrected"
+
+
+class Reason(StrEnum):
+    """Why these values."""
+
+    ADEQUATE = "adequate"
+    CAUSE_IDENTIFIED = "cause_identified"
+    CAUSE_AND_RIVALS = "cause_and_rivals"
+    CAUSE_DOUBTFUL = "cause_doubtful"
+    RIVALS = "rivals"
+    SPRINGS_UNTOUCHED = "springs_untouched"
+    UNEXPLAINED = "unexplained"
+    MISTAKE = "mistake"
+    MISTAKE_SPRINGS_UNTOUCHED = "mistake_springs_untouched"
+    MISTAKE_AND_CAUSE = "mistake_and_cause"
+    MISTAKE_AND_RIVALS = "mistake_and_rivals"
+    MISTAKE_AND_UNEXPLAINED = "mistake_and_unexplained"
+
+
+@dataclass(frozen=True)
+class Facts:
+    """All that the decision depends on.
+
+    Attributes:
+        mistakes: The data hold a mistake.
+        verdict: Of the diagnosis of the data without it.
+        modelled: Something that the diagnosis identified changes the springs.
+        rivals: Another hypothesis than the identified one counts, too.
+    """
+
+    mistakes: bool
+    verdict: str
+    modelled: bool
+    rivals: bool
+
+    @property
+    def causes(self) -> bool:
+        """Causes hold that change the springs."""
+        return self.verdict in ("explained", "ambiguous") and self.modelled
+
+    @classmethod
+    def of(cls, mistakes: Sized, verdict: str, diagnosis: Diagnosis) -> Facts:
+        """Those of a campaign."""
+        count = len(diagnosis.hypotheses)
+        return cls(len(mistakes) > 0, verdict, modelled=count > 0, rivals=count > 1)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of the decision.
+
+    Attributes:
+        reason: Its name.
+        holds: When it applies.
+        model: Whose values.
+        data: From which data.
+        why: The same in a sentence.
+    """
+
+    reason: Reason
+    holds: Callable[[Facts], bool]
+    model: Which
+    data: Data
+    why: str
+
+    @property
+    def holds_for_its_readings(self) -> bool:
+        """False where the values do not explain the readings: shown, not compared with others."""
+        return self.reason not in (Reason.UNEXPLAINED, Reason.MISTAKE_AND_UNEXPLAINED)
+
+
+TABLE: tuple[Row, ...] = (
+    Row(
+        Reason.MISTAKE_AND_RIVALS,
+        lambda f: f.mistakes and f.causes and f.rivals,
+        Which.AVERAGED,
+        Data.CORRECTED,
+        "The values are those of the corrected data. Joint springs alone do not explain what "
+        "remains, and more than one model may: the values are averaged over these by "
+        "probability.",
+    ),
+    Row(
+        Reason.MISTAKE_AND_CAUSE,
+        lambda f: f.mistakes and f.causes,
+        Which.EXTENDED,
+        Data.CORRECTED,
+        "The values are those of the corrected data and of the model with what was identified; "
+        "joint springs alone do not explain what remains.",
+    ),
+    Row(
+        Reason.MISTAKE_AND_UNEXPLAINED,
+        lambda f: f.mistakes and f.verdict == "unexplained",
+        Which.JOINT_SPRINGS,
+        Data.CORRECTED,
+        "The values are those of the corrected data. Joint springs do not explain what remains, "
+        "and nothing known does: do not rely on the stated uncertainties.",
+    ),
+    Row(
+        Reason.MISTAKE_SPRINGS_UNTOUCHED,
+        lambda f: f.mistakes and f.verdict != "adequate",
+        Which.JOINT_SPRINGS,
+        Data.CORRECTED,
+        "The values are those of the corrected data. What else was identified does not change the "
+        "joint springs.",
+    ),
+    Row(
+        Reason.MISTAKE,
+        lambda f: f.mistakes,
+        Which.JOINT_SPRINGS,
+        Data.CORRECTED,
+        "The values are those of the corrected data. Joint springs explain what remains.",
+    ),
+    Row(
+        Reason.CAUSE_AND_RIVALS,
+        lambda f: f.causes and f.rivals and f.verdict == "explained",
+        Which.AVERAGED,
+        Data.AS_GIVEN,
+        "Joint springs alone do not explain the readings: the values are those of the model "
+        "with what was identified, averaged by probability over the laws it may have and over "
+        "what else may be true.",
+    ),
+    Row(
+        Reason.CAUSE_IDENTIFIED,
+        lambda f: f.causes and f.verdict == "explained",
+        Which.EXTENDED,
+        Data.AS_GIVEN,
+        "Joint springs alone do not explain the readings: the values are those of the model "
+        "with what was identified.",
+    ),
+    Row(
+        Reason.RIVALS,
+        lambda f: f.causes and f.rivals,
+        Which.AVERAGED,
+        Data.AS_GIVEN,
+        "Joint springs alone do not explain the readings, and more than one cause may be true: "
+        "the values are averaged over them by probability, and each interval holds for every "
+        "one above 5 %.",
+    ),
+    Row(
+        Reason.CAUSE_DOUBTFUL,
+        lambda f: f.causes,
+        Which.EXTENDED,
+        Data.AS_GIVEN,
+        "Joint springs alone do not explain the readings: the values are those of the model "
+        "with the likeliest cause.",
+    ),
+    Row(
+        Reason.SPRINGS_UNTOUCHED,
+        lambda f: f.verdict in ("explained", "ambiguous"),
+        Which.JOINT_SPRINGS,
+        Data.AS_GIVEN,
+        "What was identified does not change the joint springs.",
+    ),
+    Row(
+        Reason.UNEXPLAINED,
+        lambda f: f.verdict == "unexplained",
+        Which.JOINT_SPRINGS,
+        Data.AS_GIVEN,
+        "Joint springs do not explain the readings, and nothing known does: do not rely on the "
+        "stated uncertainties.",
+    ),
+    Row(
+        Reason.ADEQUATE,
+        lambda f: f.verdict == "adequate",
+        Which.JOINT_SPRINGS,
+        Data.AS_GIVEN,
+        "Joint springs explain the readings.",
+    ),
+)
+"""First match wins."""
+
+
+def row_of(reason: str) -> Row:
+    """The row of a reason."""
+    return next(row for row in TABLE if row.reason == reason)
+
+
+def decide(facts: Facts) -> Row:
+    """The row of `TABLE` that holds."""
+    return next(row for row in TABLE if row.holds(facts))
+
+
+@dataclass(frozen=True, eq=False)
+class Values:
+    """Springs and causes of one model with all that is needed to state them.
+
+    Attributes:
+        fitted: The campaign that they rest on, with its joint springs.
+        hypotheses: Springs with what was identified, the identified causes first; for the joint
+            springs alone these only.
+        left_out_m: Residuals of each pose when it is left out [m], shape (M,); NaN where the other
+            poses do not predict it.
+    """
+
+    fitted: Fitted
+    hypotheses: tuple[Hypothesis, ...]
+    left_out_m: Array
+
+    @property
+    def first(self) -> Hypothesis:
+        """The identified causes themselves, whose fit and residuals are shown."""
+        return self.hypotheses[0]
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Of its tables: those of the springs alone where several hypotheses have others."""
+        return self.first.estimate.parameters[: len(self.found.value)]
+
+    @cached_property
+    def found(self) -> Estimate | Springs:
+        """Values and uncertainties of the parameters."""
+        return self.first.estimate if len(self.hypotheses) == 1 else springs(self.hypotheses)
+
+    def model(self, campaign: str, verdict: str, row: Row) -> handover.Model:
+        """What is handed over of it."""
+        return handover.Model(
+            campaign,
+            verdict,
+            {"model": str(row.model), "data": str(row.data), "reason": str(row.reason)},
+            tuple(handover.part(h.weight, h.cell, h.estimate) for h in self.hypotheses),
+        )
+
+
+def joint_springs(fitted: Fitted) -> Values:
+    """The joint springs and nothing else."""
+    alone = Hypothesis(1.0, (), fitted.case.cell, fitted.system, fitted.estimate)
+    return Values(fitted, (alone,), left_out(fitted.system))
+
+
+def identified(fitted: Fitted, diagnosis: Diagnosis) -> Values | None:
+    """Springs with the identified causes; None where these do not change the springs."""
+    if not diagnosis.hypotheses:
+        return None
+    own = replace(diagnosis.hypotheses[0], weight=1.0)
+    return Values(fitted, (own,), _left_out(diagnosis))
+
+
+def recommend(row: Row, given: Fitted, right: Fitted, diagnosis: Diagnosis) -> Values:
+    """The values that the answer stands for.
+
+    Args:
+        row: What decides.
+        given: The joint springs from the data as given.
+        right: The joint springs from the data without mistakes; the same where there are none.
+        diagnosis: Of the data without mistakes.
+    """
+    fitted = right if row.data == Data.CORRECTED else given
+    if row.model == Which.JOINT_SPRINGS:
+        return joint_springs(fitted)
+    return Values(fitted, diagnosis.hypotheses, _left_out(diagnosis))
+
+
+def _left_out(diagnosis: Diagnosis) -> Array:
+    """Left-out residuals with the causes, chosen anew in each fold where these were tested."""
+    tested = any(cause.gain and cause.gain.of == "displacements" for cause in diagnosis.causes)
+    return diagnosis.left_out_after_m if tested else left_out(diagnosis.hypotheses[0].system)

@@ -1,0 +1,130 @@
+"""The first screen: what the verdict is, whose values stand there, why, and what that changes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from pipeline.answer.findings import Findings
+from pipeline.answer.fit import fits, larger_scatter
+from pipeline.answer.numbers import left_out_mm
+from pipeline.answer.recommended import Which
+from pipeline.report.numbers import common_prefix, plain, prefixed, with_std
+
+FAR = 3.0
+"""A stiffness that moves by more standard uncertainties than this between two models is told."""
+
+TOLD = 3
+"""So many of them, those that move most."""
+
+Json = Mapping[str, Any]
+
+
+def sentences(found: Findings, answer: Json) -> list[str]:
+    """What an engineer must know first, most important first.
+
+    Args:
+        found: All that was found out.
+        answer: result.json, but for these sentences.
+    """
+    springs, other = answer["joint_springs"], _other(found)
+    said = [_verdict(found)]
+    if other:
+        moves = _moved(answer["stiffness"], springs["stiffness"])
+        said += [f"Compared with {other}, {move}." for move in moves]
+        said += _deflection(answer["test_pose_deflection"], springs["test_pose_deflection"], found)
+    return [*said, _rest(found, answer["stiffness"])]
+
+
+def _other(found: Findings) -> str:
+    """What the answer is not: joint springs alone, data as given, both, or nothing."""
+    alone = [] if found.row.model == Which.JOINT_SPRINGS else ["joint springs alone"]
+    return " and ".join([*alone, *(["the data as given"] if found.mistakes else [])])
+
+
+def _verdict(found: Findings) -> str:
+    """What holds, and which model the values are from."""
+    why, row = found.why, found.row
+    estimate = found.told.values.fitted.estimate
+    if found.mistakes:
+        return f"{why} {row.why}"
+    if not fits(estimate) and estimate.p_value is None and row.model == Which.JOINT_SPRINGS:
+        left = 1e3 * estimate.residual_std_m
+        return (
+            f"The joint stiffness model does not fit as well as a tracker measures: {left:.3f} mm "
+            f"remain. {why}"
+        )
+    if found.verdict == "unexplained":
+        return (
+            "The joint stiffness model does not explain the measured deflections: do not rely on "
+            f"the stated uncertainties. {why}"
+        )
+    if found.verdict == "adequate":
+        return (
+            "The joint stiffness model explains the measured deflections"
+            f"{larger_scatter(estimate)}."
+        )
+    return f"{row.why} {why}"
+
+
+def _moved(mine: Sequence[Json], springs: Sequence[Json]) -> Iterable[str]:
+    """Stiffnesses that move by far more than either model says that they may be off."""
+    off = []
+    for a, b in zip(mine, springs, strict=True):
+        if a["value"] and b["value"] and b["compliance_std"]:
+            most = max(a["compliance_std"], b["compliance_std"])
+            off.append((abs(a["compliance"] - b["compliance"]) / most, a, b))
+    far = sorted((one for one in off if one[0] > FAR), key=lambda one: -one[0])[:TOLD]
+    if far:
+        yield _listed([_move(a, b) for _, a, b in far])
+
+
+def _move(mine: Json, springs: Json) -> str:
+    factor, letter = common_prefix([mine["value"]])
+    before, after = (
+        with_std(one["value"] / factor, one["std"] / factor) for one in (springs, mine)
+    )
+    return f"{mine['name']} moves from {before} to {after} {prefixed(mine['unit'], letter)}"
+
+
+def _listed(words: Sequence[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def _deflection(mine: Sequence[Json], springs: Sequence[Json], found: Findings) -> Iterable[str]:
+    """What the model changes at the test pose, at the target that moves most."""
+    sizes = [[math.hypot(*(e[f"d{a}_mm"] for a in "xyz")) for e in s] for s in (mine, springs)]
+    if not sizes[0] or not np.all(np.isfinite(sizes)):
+        return
+    k = int(np.argmax(sizes[0]))
+    where = "the test pose" if found.where.stated else "the pose of the strongest pull"
+    instead = "from the data as given" if found.mistakes else "with joint springs alone"
+    yield (
+        f"At {where}, {mine[k]['target']} is predicted to deflect by {plain(sizes[0][k])} mm "
+        f"({plain(sizes[1][k])} mm {instead})."
+    )
+
+
+def _rest(found: Findings, stiffness: Sequence[Json]) -> str:
+    """How many stiffnesses have a value, and how well left-out poses are predicted."""
+    good = [entry for entry in stiffness if entry["value"] is not None]
+    half = [entry["name"] for entry in good if entry["ci95"][1] is None]
+    some = "All" if len(good) == len(stiffness) else f"{len(good)} of {len(stiffness)}"
+    limits = f", {', '.join(half)} only a lower limit" if half else ""
+    if not good:
+        return "These pulls determine no stiffness."
+    error, without = (left_out_mm(one.values.left_out_m) for one in (found.told, found.springs))
+    if error is None:
+        told = "no pose can be predicted from the others"
+    elif without is None or found.told.values is found.springs.values:
+        told = f"poses left out of the estimate are predicted to {error:.3f} mm"
+    else:
+        instead = "from the data as given" if found.mistakes else "with joint springs alone"
+        told = (
+            f"poses left out of the estimate are predicted to {error:.3f} mm "
+            f"({without:.3f} mm {instead})"
+        )
+    return f"{some} stiffnesses have a value{limits}, and {told}."

@@ -1,0 +1,116 @@
+"""The folder of a campaign that is still to be measured, for people to fill in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pipeline.base import files
+from pipeline.base.errors import InputError, UsageError
+from pipeline.base.toml import quoted
+from pipeline.machine.robot import SHIPPED, Robot, load
+
+NAME = "a plain folder name that begins with no dot"
+
+
+TEMPLATE = """\
+format = 1
+name   = {name}
+robot  = {robot}          # {shipped}, or the path of a robot file
+
+[tracker]
+files   = ["tracker*.csv", "tracker*.txt"]
+# unit  = "mm"              # only where the export itself does not say: mm | m | in
+sigma_m = {sigma_m}          # standard uncertainty per axis of one reading [m]
+
+[base_frame]                # fixed reflectors, nominal coordinates in F_b [m]: at least three
+# B1 = [0.6, -0.5, -0.30]
+
+[scale]
+file       = "loads.csv"
+sigma_n    = {sigma_n}            # standard uncertainty of one reading [N]
+sigma_rel  = 0.0
+gain_sigma = 0.0            # relative standard uncertainty of the scale's gain (certificate)
+
+[joints]
+file = "joints.csv"
+
+[tool]                      # points of the effector in the flange frame [m]: measure them
+load_point = [0.15, 0.0, 0.25]
+P1 = [0.20, 0.05, 0.12]
+P2 = [-0.12, 0.19, 0.10]
+P3 = [-0.10, -0.18, 0.22]
+
+# [test_pose]               # where the prediction matters: m and degrees, N
+# q = [{q}]
+# force_n = [0, 0, -300]
+"""
+
+
+ASKED = {
+    "sigma_mm": ("Standard uncertainty of one tracker reading per axis", "mm", 0.03),
+    "sigma_n": ("Standard uncertainty of one scale reading", "N", 2.0),
+}
+"""What `init` asks on a terminal, with unit and default."""
+
+
+def robots() -> str:
+    """The robots that ship, for a sentence."""
+    return ", ".join(SHIPPED)
+
+
+def init(root: Path, name: str, robot: str, sigma_mm: float = 0.03, sigma_n: float = 2.0) -> Path:
+    """Make the folder of a new campaign.
+
+    Args:
+        root: The project's root.
+        name: Of the campaign and its folder.
+        robot: A robot that ships, or a robot file.
+        sigma_mm: Standard uncertainty of one tracker reading per axis [mm].
+        sigma_n: Standard uncertainty of one scale reading [N].
+
+    Raises:
+        UsageError: The name is no folder name, the folder is there already, or there is no such
+            robot.
+    """
+    folder, joints = vacant(root, name), known(root, name, robot).joints
+    columns = [f"{j.name}_m" if j.prismatic else f"{j.name}_deg" for j in joints]
+    text = TEMPLATE.format(
+        name=quoted(name),
+        robot=quoted(robot),
+        shipped=", ".join(SHIPPED),
+        sigma_m=f"{1e-3 * sigma_mm:.3g}",
+        sigma_n=f"{sigma_n:g}",
+        q=", ".join("0" for _ in joints),
+    )
+    files.write(folder / "loads.csv", b"pose,repeat,force_n,branch\n")
+    files.write(folder / "joints.csv", f"pose,{','.join(columns)},approach\n".encode())
+    files.write(folder / "campaign.toml", text.encode())
+    return folder
+
+
+def vacant(root: Path, name: str) -> Path:
+    """The folder that a campaign of this name gets.
+
+    Raises:
+        UsageError: The name is no folder name, or the folder is there already.
+    """
+    if not name.strip() or name[0] == "." or any(c in "/\\" or not c.isprintable() for c in name):
+        raise UsageError(f'"{name}" cannot name a campaign: use {NAME}')
+    folder = root / "data" / "raw" / name
+    if folder.exists():
+        raise UsageError(f"{folder} is there already: choose another name")
+    return folder
+
+
+def known(root: Path, name: str, robot: str) -> Robot:
+    """The robot that is meant, beside a campaign that is still to be written.
+
+    Raises:
+        UsageError: There is no such robot.
+    """
+    try:
+        return load(robot, root / "data" / "raw" / name)
+    except InputError as problem:
+        if problem.file != "campaign.toml":
+            raise
+        raise UsageError(f"--robot: {problem.thing}; {problem.way_out}") from problem

@@ -1,0 +1,84 @@
+"""What the commands share: the application, common options, how an answer is shown."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import textwrap
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TextIO
+
+import typer
+
+from pipeline.base.errors import UsageError
+
+if TYPE_CHECKING:
+    from pipeline.app.outcome import Outcome
+
+app = typer.Typer(
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"pipeline {metadata.version('rail-stiffness')}")
+        raise typer.Exit
+
+
+@app.callback()
+def everything(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_version, is_eager=True, help="Print the version."),
+    ] = False,
+) -> None:
+    """Joint stiffnesses of a robot from tracker campaigns, and how far to trust them."""
+
+
+Root = Annotated[Path, typer.Option(help="Project root with data/ and reports/.")]
+Named = Annotated[str, typer.Argument(metavar="CAMPAIGN", help="Name under data/raw, or a path.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON on stdout, one line each.")]
+
+
+def show(outcome: Outcome, as_json: bool) -> None:
+    """The answer to stdout, complaints to stderr."""
+    typer.echo(outcome.as_json() if as_json else fitted(outcome.as_text(), sys.stdout))
+    for line in outcome.complaints:
+        typer.secho(fitted(line, sys.stderr), err=True, fg="red")
+
+
+def fitted(text: str, stream: TextIO) -> str:
+    """Long lines broken between words on a terminal; a program gets them whole."""
+    if not stream.isatty():
+        return text
+    width = max(40, shutil.get_terminal_size().columns)
+    return "\n".join(
+        line
+        if "  " in line.strip()  # columns, which words must not leave
+        else textwrap.fill(
+            line,
+            width,
+            subsequent_indent="  ",
+            break_long_words=False,
+            break_on_hyphens=False,
+            drop_whitespace=True,
+        )
+        for line in text.split("\n")
+    )
+
+
+def at_work(words: str) -> None:
+    """One line of progress; on a terminal only."""
+    if sys.stderr.isatty():
+        typer.secho(fitted(words, sys.stderr), err=True, dim=True)
+
+
+def open_it(path: Path) -> None:
+    """In the browser, or whatever program opens such files here."""
+    import webbrowser
+
+    if not webbrowser.open(path.resolve().as_uri()):
+        raise UsageError(f"no program opens {path} here: open it yourself")

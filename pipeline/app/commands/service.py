@@ -1,0 +1,100 @@
+"""Commands for campaigns that run by themselves, and for the machine they run on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from pipeline.app.commands._shared import AsJson, Root, app, show
+from pipeline.base.errors import UsageError
+
+if TYPE_CHECKING:
+    from pipeline.app.preferences import Preferences
+
+
+@app.command(short_help="Run new campaigns by themselves; Prefect's page shows them.")
+def serve(
+    interval: Annotated[float | None, typer.Option(help="Seconds between two looks.")] = None,
+    cron: Annotated[str | None, typer.Option(help="A cron line instead of the interval.")] = None,
+    port: Annotated[
+        int | None, typer.Option(help="Of Prefect's page; reports get the next.")
+    ] = None,
+    root: Root = Path(),
+) -> None:
+    """Run new campaigns by themselves; Prefect's page shows them."""
+    from pipeline.app import service
+
+    wanted = _preferred(root, interval_s=interval, cron=cron, port=port)
+    every = f"at {wanted.service.cron}" if wanted.service.cron else _every(wanted)
+
+    def started(urls: dict[str, str]) -> None:
+        typer.echo(f"{urls['page']}  Prefect's page: runs, results, logs")
+        typer.echo(f"{urls['reports']}  the reports")
+        typer.secho(f"Looking at {root / 'data' / 'raw'} {every}; Ctrl-C stops.", err=True)
+
+    service.serve(root, wanted, started)
+
+
+@app.command(short_help="Run new campaigns by themselves, without Prefect.")
+def watch(
+    interval: Annotated[float | None, typer.Option(help="Seconds between two looks.")] = None,
+    as_json: AsJson = False,
+    root: Root = Path(),
+) -> None:
+    """Run new campaigns by themselves, without Prefect."""
+    from pipeline.app import watch as watching
+
+    wanted = _preferred(root, interval_s=interval)
+    watching.stop_on_sigterm()
+    where = root / "data" / "raw"
+    typer.secho(f"Looking at {where} {_every(wanted)}; Ctrl-C stops.", err=True)
+    for outcome in watching.watch(root, wanted):
+        show(outcome, as_json)
+
+
+@app.command(short_help="Put the scan on a team's own Prefect server.")
+def deploy(
+    pool: Annotated[str, typer.Option(help="Work pool whose workers run the campaigns.")],
+    interval: Annotated[float | None, typer.Option(help="Seconds between two looks.")] = None,
+    cron: Annotated[str | None, typer.Option(help="A cron line instead of the interval.")] = None,
+    root: Root = Path(),
+) -> None:
+    """Put the scan on a team's own Prefect server: docs/teams.md."""
+    from pipeline.app import service
+
+    wanted = _preferred(root, interval_s=interval, cron=cron)
+    typer.echo(service.deploy(root, pool, wanted))
+
+
+@app.command(short_help="Say what is missing on this machine, and how to get it.")
+def doctor(as_json: AsJson = False, root: Root = Path()) -> None:
+    """Say what is missing on this machine, and how to get it."""
+    import json
+    from dataclasses import asdict
+
+    from pipeline.app import doctor as examination
+
+    sound = True
+    for finding in examination.examine(root):
+        mark = "ok" if finding.good else "MISSING" if finding.needed else "note"
+        line = f"{mark:8} {finding.what:16} {finding.said}"
+        typer.echo(json.dumps(asdict(finding)) if as_json else line)
+        sound = sound and (finding.good or not finding.needed)
+    raise typer.Exit(0 if sound else UsageError.exit_code)
+
+
+def _preferred(root: Path, **said: Any) -> Preferences:
+    """What pipeline.toml says, and the command line otherwise."""
+    from pipeline.app import preferences
+
+    if not root.is_dir():
+        raise UsageError(f"there is no folder {root}: correct --root")
+    return preferences.load(
+        root, {name: value for name, value in said.items() if value is not None}
+    )
+
+
+def _every(preferences: Preferences) -> str:
+    return f"every {preferences.service.interval_s:g} s"

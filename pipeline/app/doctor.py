@@ -1,0 +1,146 @@
+"""What is missing on this machine, and how to get it."""
+
+from __future__ import annotations
+
+import importlib.metadata as installed
+import os
+import shutil
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.app import preferences, server
+from pipeline.app.storage import Store
+from pipeline.base.errors import InputError
+from pipeline.store import campaign as campaigns
+
+PYTHONS = ((3, 11), (3, 15))
+ROOM_BYTES = 2**30
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was looked at.
+
+    Attributes:
+        what: The thing.
+        good: It is as it should be.
+        said: What was found; where it is not good, what is wrong and the way out.
+        needed: `run` cannot do without it.
+    """
+
+    what: str
+    good: bool
+    said: str
+    needed: bool = True
+
+
+def examine(root: Path) -> Iterator[Finding]:
+    """Look at everything that `run`, `serve` and the report need."""
+    yield _python()
+    yield from _libraries()
+    for folder in ("data/processed", "reports"):
+        yield _writable(root, folder)
+    yield _room(root)
+    yield _raw(root)
+    yield _preferences(root)
+    yield from _storage(root)
+    yield from _service(root)
+
+
+def _python() -> Finding:
+    low, high = PYTHONS
+    here = ".".join(str(part) for part in sys.version_info[:3])
+    good = low <= sys.version_info[:2] < high
+    way_out = "" if good else "; build the environment with Python 3.11 to 3.14: make PYTHON=..."
+    return Finding("Python", good, f"{here}{way_out}")
+
+
+def _libraries() -> Iterator[Finding]:
+    """Every library the project asks for, in a version that it can work with."""
+    from packaging.requirements import Requirement
+
+    try:
+        wanted = [Requirement(text) for text in installed.requires("rail-stiffness") or []]
+    except installed.PackageNotFoundError:
+        yield Finding("libraries", False, "the project is not installed; run make once")
+        return
+    bad = 0
+    for one in wanted:
+        if one.marker is not None and not one.marker.evaluate({"extra": ""}):
+            continue
+        try:
+            version = installed.version(one.name)
+        except installed.PackageNotFoundError:
+            bad += 1
+            yield Finding(one.name, False, f"is missing; python -m pip install '{one}'")
+            continue
+        if not one.specifier.contains(version, prereleases=True):
+            bad += 1
+            said = f"{version} does not work here; python -m pip install '{one}'"
+            yield Finding(one.name, False, said)
+    if not bad:
+        yield Finding("libraries", True, f"all {len(wanted)} that are asked for are there")
+
+
+def _writable(root: Path, name: str) -> Finding:
+    folder = root / name
+    there = next(path for path in (folder, *folder.absolute().parents) if path.is_dir())
+    good = os.access(there, os.W_OK)
+    said = "can be written" if good else f"{there} cannot be written; change its permissions"
+    return Finding(name, good, said)
+
+
+def _room(root: Path) -> Finding:
+    free = shutil.disk_usage(root.absolute()).free
+    good = free > ROOM_BYTES
+    said = f"{free / 2**30:.0f} GiB free"
+    return Finding("disk", good, said if good else f"{said}; make room")
+
+
+def _raw(root: Path) -> Finding:
+    found = len(campaigns.every(root))
+    if found:
+        return Finding("campaigns", True, f"{found} under {root / 'data' / 'raw'}")
+    said = "none under data/raw; `pipeline init NAME`, `pipeline simulate`, or another --root"
+    return Finding("campaigns", False, said, needed=False)
+
+
+def _preferences(root: Path) -> Finding:
+    try:
+        preferences.load(root)
+    except InputError as problem:
+        return Finding(preferences.FILE, False, str(problem))
+    there = (root / preferences.FILE).is_file()
+    return Finding(preferences.FILE, True, "is valid" if there else "is not there, and need not be")
+
+
+def _storage(root: Path) -> Iterator[Finding]:
+    try:
+        address = preferences.load(root).storage.raw
+    except InputError:  # told already
+        return
+    if address is None:
+        return
+    store = Store(address)
+    try:
+        found = len(store.marks())
+    except InputError as problem:
+        yield Finding("storage", False, str(problem))
+    else:
+        yield Finding("storage", True, f"{found} objects at {store.shown}")
+
+
+def _service(root: Path) -> Iterator[Finding]:
+    api = os.environ.get("PREFECT_API_URL")
+    if api:
+        good = server.answers(api)
+        said = (
+            f"{api} {'answers' if good else 'does not answer; start it or unset PREFECT_API_URL'}"
+        )
+        yield Finding("Prefect server", good, said)
+        return
+    urls = server.serving(root)
+    said = f"runs at {urls['page']}" if urls else "not running; `pipeline serve` starts it"
+    yield Finding("service", True, said, needed=False)

@@ -1,0 +1,188 @@
+"""The stages of run.py as a Prefect flow: one task per stage, artifacts at the end.
+
+The only file that imports Prefect, which takes seconds; `server.settle` comes before it, because
+Prefect reads its settings when it is imported.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import warnings
+from collections.abc import Callable, Iterator
+from contextvars import ContextVar
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from prefect import flow, runtime, task
+from prefect.artifacts import (
+    create_link_artifact,
+    create_markdown_artifact,
+    create_table_artifact,
+)
+from prefect.cache_policies import NO_CACHE
+from prefect.client.orchestration import get_client
+from prefect.client.schemas.actions import WorkPoolCreate
+from prefect.client.schemas.filters import (
+    FlowRunFilter,
+    FlowRunFilterState,
+    FlowRunFilterStateType,
+)
+from prefect.client.schemas.objects import StateType
+from prefect.exceptions import ObjectAlreadyExists
+from prefect.states import Crashed
+from prefect.types.entrypoint import EntrypointType
+
+from pipeline.app import watch
+from pipeline.app.outcome import Outcome, stiffness_rows
+from pipeline.app.preferences import Preferences, load
+from pipeline.app.server import PARENT, REPORTS_URL, follow
+from pipeline.base.errors import InputError
+from pipeline.run import run
+from pipeline.store.campaign import Campaign, find
+
+
+def _named() -> str:
+    return Path(runtime.flow_run.parameters["campaign"]).name
+
+
+@flow(name="identify-stiffness", flow_run_name=_named, persist_result=False)
+def identify(root: str, campaign: str, force: bool = False) -> dict[str, Any]:
+    """Run every stage of one campaign as a Prefect task and give its result.json."""
+    found = find(Path(root), campaign)
+    answer = run(found, step=as_task, force=force)
+    publish(found, answer)
+    return answer
+
+
+@flow(name="scan-campaigns", flow_run_name="scan", persist_result=False)
+def scan(root: str) -> None:
+    """Run every campaign under data/raw that is new or changed and complete, each as a flow."""
+    if PARENT in os.environ:
+        follow(int(os.environ[PARENT]))
+    preferences = load(Path(root))
+    outcomes = list(watch.scan(Path(root), preferences, _within))
+    if outcomes:
+        create_markdown_artifact(key="scan", markdown=_summary(outcomes))
+
+
+def _within(campaign: Campaign) -> dict[str, Any]:
+    """One campaign as a flow of its own, unless its last run still stands."""
+    with contextlib.suppress(InputError):  # one that cannot be read is a run to be seen, too
+        if campaign.current():
+            return campaign.result()
+    answer: dict[str, Any] = identify(str(campaign.root), str(campaign.folder))
+    return answer
+
+
+def _summary(outcomes: list[Outcome]) -> str:
+    rows = [
+        f"| {one.campaign} | {watch.verdict_of(one)} | "
+        f"{'; '.join(one.complaints).replace('|', '/') or ' '} |"
+        for one in outcomes
+    ]
+    return "\n".join(["| campaign | verdict | complaints |", "|---|---|---|", *rows])
+
+
+def serve(root: Path, preferences: Preferences) -> None:
+    """Scan on a schedule, one scan at a time, until this process is told to stop."""
+    clear()
+    with warnings.catch_warnings():  # Prefect's way to stop on SIGTERM forgets an await
+        warnings.filterwarnings("ignore", "coroutine 'Runner.astop' was never awaited")
+        scan.serve(
+            name="data-raw",
+            parameters={"root": str(root)},
+            limit=1,
+            pause_on_shutdown=False,
+            print_starting_message=False,
+            **_schedule(preferences),
+        )
+
+
+def deploy(root: Path, pool: str, preferences: Preferences) -> None:
+    """Put the scan on the server of PREFECT_API_URL, for the workers of a pool to carry out."""
+    with get_client(sync_client=True) as client, contextlib.suppress(ObjectAlreadyExists):
+        client.create_work_pool(WorkPoolCreate(name=pool, type="process"))
+    deployment: Any = scan.to_deployment(
+        name="data-raw",
+        parameters={"root": str(root)},
+        entrypoint_type=EntrypointType.MODULE_PATH,
+        work_pool_name=pool,
+        concurrency_limit=1,
+        **_schedule(preferences),
+    )
+    deployment.apply()
+
+
+def _schedule(preferences: Preferences) -> dict[str, Any]:
+    service = preferences.service
+    return {"cron": service.cron} if service.cron else {"interval": service.interval_s}
+
+
+def clear() -> None:
+    """Mark what a killed service left running as crashed, and drop the scans that it missed."""
+    open_states = [StateType.RUNNING, StateType.PENDING, StateType.SCHEDULED, StateType.CANCELLING]
+    left = FlowRunFilter(state=FlowRunFilterState(type=FlowRunFilterStateType(any_=open_states)))
+    with get_client(sync_client=True) as client:
+        while found := client.read_flow_runs(flow_run_filter=left, limit=200):
+            for run in found:
+                if run.state is not None and run.state.type == StateType.SCHEDULED:
+                    client.delete_flow_run(run.id)
+                else:
+                    client.set_flow_run_state(run.id, Crashed(message="killed"), force=True)
+
+
+_LISTENER: ContextVar[Callable[[str], object]] = ContextVar("listener", default=str)
+
+
+@contextlib.contextmanager
+def telling(tell: Callable[[str], object]) -> Iterator[None]:
+    """Within the block, `tell` hears of every stage; what a flow is given goes to the server."""
+    before = _LISTENER.set(tell)
+    try:
+        yield
+    finally:
+        _LISTENER.reset(before)
+
+
+def as_task(stage: Callable[..., Any]) -> Callable[..., Any]:
+    """One stage as a task; Prefect's own cache is off, our manifest decides what is current."""
+    reading = stage.__name__ == "read"  # a share that was away for a moment; nothing else heals
+    carried_out = task(
+        name=stage.__name__,
+        cache_policy=NO_CACHE,
+        persist_result=False,
+        retries=2 if reading else 0,
+        retry_delay_seconds=2,
+        retry_condition_fn=_may_heal,
+    )(stage)
+
+    def announced(*given: Any, **named: Any) -> Any:
+        _LISTENER.get()(stage.__name__)
+        return carried_out(*given, **named)
+
+    return announced
+
+
+def _may_heal(task: Any, run: Any, state: Any) -> bool:
+    problem = state.result(raise_on_failure=False)
+    return isinstance(problem, InputError) and problem.passing
+
+
+def publish(campaign: Campaign, answer: dict[str, Any]) -> None:
+    """Result table and report link as Prefect artifacts."""
+    key = "".join(c if c.isascii() and c.isalnum() else "-" for c in campaign.name.lower())
+    create_table_artifact(
+        key=f"{key}-stiffness",
+        table=stiffness_rows(answer),
+        description=" ".join(answer["verdict_sentence"]),
+    )
+    create_link_artifact(key=f"{key}-report", link=_link(campaign))
+
+
+def _link(campaign: Campaign) -> str:
+    base = os.environ.get(REPORTS_URL)
+    if base:
+        return f"{base.rstrip('/')}/{quote(campaign.name)}/index.html"
+    return (campaign.reports / "index.html").resolve().as_uri()

@@ -1,0 +1,185 @@
+"""What is done with campaigns, without a word about how it is typed or printed."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from pipeline.app import preferences, server
+from pipeline.app import sync as mirror
+from pipeline.app.outcome import EARLIER, Outcome, dated, failed, guarded, outcome, sentences
+from pipeline.app.progress import Progress
+from pipeline.base import files
+from pipeline.base.errors import InputError, PipelineError
+from pipeline.store import campaign as campaigns
+from pipeline.store.campaign import Campaign
+
+
+def run_all(root: Path, names: list[str], engine: str, force: bool) -> Iterator[Outcome]:
+    """Bring campaigns up to date; one that fails stops none of the others."""
+    storage = preferences.load(root).storage
+    refused = mirror.fetch(root, storage)
+    yield from refused
+    everyone = names or [found.name for found in campaigns.every(root)]
+    if not everyone and not refused:
+        raise no_campaign(root)
+    compute = plainly if engine == "local" else through_prefect
+    with Progress(len(everyone)) as bar:
+        for name in everyone:
+            label = campaigns.label(name)
+            bar.now(label)
+            find = partial(campaigns.find, root, name)
+            done = outcome(label, find, partial(compute, force=force, tell=bar.at))
+            bar.done()
+            yield done
+    from pipeline.app import archive
+
+    archive.refresh(root)
+    yield from mirror.publish(root, storage)
+
+
+def no_campaign(root: Path) -> InputError:
+    """What to say where there is nothing to do."""
+    return InputError(
+        f"there is no campaign under {(root / 'data' / 'raw').absolute()}",
+        "go to the project's folder or name it with --root; a new campaign begins with "
+        "`pipeline init NAME` or `pipeline simulate`",
+    )
+
+
+Tell = Callable[[str], object]
+"""Hears the name of every stage before it is carried out."""
+
+
+def plainly(campaign: Campaign, force: bool = False, tell: Tell = str) -> dict[str, Any]:
+    """Bring a campaign up to date in this process."""
+    from pipeline.run import run
+
+    return run(campaign, partial(told, tell), force)
+
+
+def told(tell: Tell, stage: Callable[..., Any]) -> Callable[..., Any]:
+    """A stage that says its name before it begins."""
+
+    def carried_out(*given: Any, **named: Any) -> Any:
+        tell(stage.__name__)
+        return stage(*given, **named)
+
+    return carried_out
+
+
+def through_prefect(campaign: Campaign, force: bool = False, tell: Tell = str) -> dict[str, Any]:
+    """Bring a campaign up to date as a Prefect flow, unless nothing is to be done."""
+    if not force and campaign.current():
+        return campaign.result()
+    home = campaign.root / server.HOME
+    with files.writing(home):
+        home.mkdir(parents=True, exist_ok=True)
+    server.settle(campaign.root)
+    from pipeline.app.flow import identify, telling  # importing Prefect takes two seconds
+
+    with telling(tell), server.sheltered(signal.SIGUSR1):
+        answer: dict[str, Any] = identify(str(campaign.root), str(campaign.folder), force)
+    return answer
+
+
+def check(root: Path, name: str) -> Outcome:
+    """Ingest a campaign and say what would be used; write nothing."""
+    return guarded(campaigns.label(name), partial(_check, root, name))
+
+
+def _check(root: Path, name: str) -> Outcome:
+    from pipeline.answer.inputs import rejected_entries
+    from pipeline.run import reduce
+    from pipeline.store.tables import promised
+
+    campaign = campaigns.find(root, name)
+    name = campaign.name
+    reduced = reduce(campaign.read(), promised)
+    rejected = rejected_entries(reduced.shown["rejected"])
+    used = {
+        "readings": len(reduced.shown["readings"]),
+        "poses": len(set(reduced.data.pulls.pose)),
+        "pulls": len(reduced.data.pulls),
+        "displacements": len(reduced.data.delta),
+        "rejected": len(rejected),
+    }
+    text = f"{name}: " + ", ".join(f"{count} {what}" for what, count in used.items())
+    return Outcome(
+        campaign=name,
+        content={"campaign": name, **used},
+        text=text,
+        exit_code=InputError.exit_code if rejected else 0,
+        complaints=[f"{name}: {line}" for line in sentences(rejected)],
+    )
+
+
+def inspect(path: Path, unit: str | None, csv: bool = False) -> Outcome:
+    """Say what a tracker export is, or with `csv` give its readings in SI.
+
+    A campaign.toml beside it says what the export does not.
+    """
+    from pipeline.readers.inspect import as_csv
+    from pipeline.readers.inspect import inspect as look
+
+    try:
+        if not path.is_file():
+            raise InputError("there is no such file", "correct the path", file=str(path))
+        folder = Campaign(path.parent, path.parent)
+        data, hints = folder.content(path.name), _hints(folder, unit)
+        seen = look(path.name, data, hints)
+        text = as_csv(path.name, data, hints).decode().rstrip("\n") if csv else seen.to_text()
+    except PipelineError as problem:
+        refused = failed(path.name, problem, str(problem), problem.exit_code)
+        content = {"file": path.name, "error": refused.content["error"]}
+        return replace(refused, content=content, complaints=[str(problem)])
+    return Outcome(
+        campaign=path.name,
+        content=seen.to_json(),
+        text=text,
+        exit_code=InputError.exit_code if seen.rejected else 0,
+        complaints=sentences([{"file": path.name, **entry} for entry in seen.rejected]),
+    )
+
+
+def _hints(folder: Campaign, unit: str | None) -> Any:
+    from pipeline.readers import Hints
+    from pipeline.reduction.ingest import hints
+    from pipeline.reduction.settings import parse
+
+    if not (folder.folder / "campaign.toml").is_file():
+        return Hints(unit=unit)
+    tracker = parse(folder.content("campaign.toml").decode("utf-8-sig")).tracker
+    said = hints(tracker) if tracker else Hints()
+    return replace(said, unit=unit or said.unit)
+
+
+def status(root: Path) -> Iterator[Outcome]:
+    """State of every campaign under data/raw."""
+    for campaign in campaigns.every(root):
+        yield dated(guarded(campaign.name, partial(_status, campaign)), campaign)
+
+
+def _status(campaign: Campaign) -> Outcome:
+    before, key = campaign.manifest(), campaign.read().key
+    answer = campaign.done(key)
+    rejected = None if answer else campaign.rejection(key)
+    if rejected:
+        told = failed(campaign.name, rejected, str(rejected), rejected.exit_code)
+        content = {"campaign": campaign.name, "state": "rejected", "verdict": None}
+        return replace(told, content=told.content | content, text=f"{campaign.name:24} rejected")
+    state = "done" if answer else "changed" if before else "new"
+    verdict = answer["diagnosis"]["verdict"] if answer else None
+    content = {"campaign": campaign.name, "state": state, "verdict": verdict}
+    report = campaign.reports / "index.html"
+    shown = str(report) if report.is_file() else ""
+    if shown and not answer:
+        content |= {"earlier_report": shown}
+        shown += f" ({EARLIER})"
+    return Outcome(
+        campaign.name, content, f"{campaign.name:24} {state:8} {verdict or '':12} {shown}".rstrip()
+    )

@@ -1,0 +1,139 @@
+"""A folder on object storage, as named bytes; what it refuses is said in one sentence.
+
+S3, Google's and Azure's storage are spoken to by pyarrow, every other address by fsspec and the
+driver it asks for.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+from urllib.parse import urlsplit
+
+from pipeline.base.errors import CannotWrite, InputError
+from pipeline.store.campaign import LARGEST_FILE
+
+OURS = ("s3", "gs", "gcs", "abfs", "abfss", "file")
+"""Addresses that pyarrow knows without fsspec."""
+
+KEYS = "give a key that may: AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or a profile"
+REFUSALS = (
+    ("NO_SUCH_BUCKET", "there is no such bucket", "make it, or correct the address"),
+    ("ACCESS_DENIED|INVALID_|SIGNATURE|TOKEN|UNRECOGNIZED|CREDENTIAL", "access is denied", KEYS),
+    (
+        "NETWORK|TIMEOUT|TIMED OUT|RESOLVE|REFUSED|UNREACHABLE|CONNECT|NO RESPONSE",
+        "it cannot be reached",
+        "check the network, and AWS_ENDPOINT_URL for a server of your own",
+    ),
+)
+"""What a storage says, what that means, and the way out."""
+
+
+@dataclass(frozen=True)
+class Store:
+    """A folder on object storage.
+
+    Attributes:
+        url: Its address, such as s3://bucket/folder.
+    """
+
+    url: str
+
+    @property
+    def shown(self) -> str:
+        """The address without what may be secret in it."""
+        parts = urlsplit(self.url)
+        return f"{parts.scheme}://{parts.netloc.rpartition('@')[2]}{parts.path}"
+
+    @cached_property
+    def _place(self) -> tuple[Any, str]:
+        """The file system, and the folder in it."""
+        from pyarrow import fs
+
+        if urlsplit(self.url).scheme in OURS:
+            place: tuple[Any, str] = fs.FileSystem.from_uri(self.url)
+            return place
+        import fsspec
+
+        found, path = fsspec.core.url_to_fs(self.url)
+        return fs.PyFileSystem(fs.FSSpecHandler(found)), path
+
+    def marks(self) -> dict[str, tuple[int, float]]:
+        """Every object below, by its name from here: size in bytes, and when it was put there.
+
+        Raises:
+            InputError: It cannot be reached, read or found.
+        """
+        from pyarrow import fs
+
+        with self._reading():
+            files, folder = self._place
+            try:
+                found = files.get_file_info(fs.FileSelector(folder, recursive=True))
+            except FileNotFoundError:  # a folder of object storage is there once it holds something
+                return {}
+        start = len(folder.rstrip("/")) + 1
+        return {
+            info.path[start:]: (info.size, (info.mtime_ns or 0) / 1e9)
+            for info in found
+            if info.type == fs.FileType.File
+        }
+
+    def read(self, name: str) -> bytes:
+        """Content of one object.
+
+        Raises:
+            InputError: It cannot be read.
+        """
+        with self._reading():
+            files, folder = self._place
+            with files.open_input_file(f"{folder.rstrip('/')}/{name}") as source:
+                if source.size() > LARGEST_FILE:
+                    raise InputError(
+                        f"{self.shown}/{name} has {source.size() / 2**30:.1f} GiB, more than "
+                        f"{LARGEST_FILE / 2**30:.0f}",
+                        "split the export",
+                    )
+                return bytes(source.read())
+
+    def write(self, name: str, data: bytes) -> None:
+        """Put an object there, in place of an older one.
+
+        Raises:
+            CannotWrite: The storage refuses.
+        """
+        try:
+            files, folder = self._place
+            path = f"{folder.rstrip('/')}/{name}"
+            if files.type_name not in ("s3", "gcs", "abfs"):  # which know no folders
+                files.create_dir(path.rpartition("/")[0], recursive=True)
+            with files.open_output_stream(path) as sink:
+                sink.write(data)
+        except (OSError, ValueError, ImportError) as problem:
+            thing, way_out = _said(problem)
+            words = f"{self.shown}/{name} cannot be written ({thing}); {way_out}."
+            raise CannotWrite(words) from problem
+
+    @contextlib.contextmanager
+    def _reading(self) -> Iterator[None]:
+        try:
+            yield
+        except (OSError, ValueError, ImportError) as problem:
+            thing, way_out = _said(problem)
+            raise InputError(
+                f"{self.shown} cannot be read ({thing})", way_out, passing=True
+            ) from problem
+
+
+def _said(problem: Exception) -> tuple[str, str]:
+    """What is wrong and the way out, from what a driver says."""
+    words = str(problem)
+    for pattern, thing, way_out in REFUSALS:
+        if re.search(pattern, words.upper()):
+            return thing, way_out
+    short = " ".join(words.split())[:200].rstrip(" .")
+    return short or type(problem).__name__, "correct its address in pipeline.toml"

@@ -1,0 +1,185 @@
+"""Campaigns that live on object storage: a copy under data/raw before the work, answers back after.
+
+What was copied is remembered, so that only changed objects travel and nothing that somebody made
+here is ever replaced or removed.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from pipeline.app.outcome import Outcome, failed
+from pipeline.app.preferences import Storage
+from pipeline.app.storage import Store
+from pipeline.base import files
+from pipeline.base.errors import InputError, PipelineError
+from pipeline.store.campaign import dump
+
+NOTE = "storage.json"
+HERE = "storage"
+"""In place of a campaign's name, where the storage itself is in trouble."""
+
+FRESH_S = 3.0
+"""Storage tells times in seconds: an object this young may still change without a sign of it."""
+
+
+@dataclass
+class Note:
+    """What is known of the storage, kept beside the tables.
+
+    Attributes:
+        copied: Object -> size, time and hash of what was copied here.
+        put: File of ours -> size and time of what was put there.
+        told: Complaints that `watch` and `serve` have made.
+    """
+
+    copied: dict[str, list[Any]] = field(default_factory=dict)
+    put: dict[str, list[int]] = field(default_factory=dict)
+    told: list[str] = field(default_factory=list)
+
+    @staticmethod
+    def of(root: Path) -> Note:
+        """As it was left, or an empty one."""
+        try:
+            return Note(**json.loads((_processed(root) / NOTE).read_bytes()))
+        except (OSError, ValueError, TypeError):
+            return Note()
+
+    def keep(self, root: Path) -> None:
+        """Leave it for the next time."""
+        files.write(_processed(root) / NOTE, dump(asdict(self)))
+
+
+def _processed(root: Path) -> Path:
+    return root / "data" / "processed"
+
+
+def fetch(root: Path, storage: Storage) -> list[Outcome]:
+    """Copy what is new or changed in the storage to data/raw; what was refused, and why."""
+    if storage.raw is None:
+        return []
+    store, note = Store(storage.raw), Note.of(root)
+    refused: dict[str, PipelineError] = {}
+    try:
+        for name, marks in _campaigns(store.marks()).items():
+            try:
+                _take(root / "data" / "raw", store, name, marks, note)
+            except InputError as problem:
+                if problem.passing:  # the storage, not the campaign
+                    raise
+                refused[name] = problem
+    except PipelineError as problem:
+        refused[HERE] = problem
+    note.keep(root)
+    return [_refused(name, problem) for name, problem in refused.items()]
+
+
+def _refused(name: str, problem: PipelineError) -> Outcome:
+    return failed(name, problem, str(problem), problem.exit_code)
+
+
+Marks = Mapping[str, tuple[int, float]]
+
+
+def _campaigns(marks: Marks) -> dict[str, dict[str, tuple[int, float]]]:
+    """Objects by campaign: folders one level down that hold a campaign.toml."""
+    found: dict[str, dict[str, tuple[int, float]]] = {}
+    for name, mark in marks.items():
+        campaign, _, inner = name.partition("/")
+        parts = PurePosixPath(inner).parts
+        if inner and ".." not in parts and not campaign.startswith(".") and "\\" not in name:
+            found.setdefault(campaign, {})[name] = mark
+    return {name: inside for name, inside in found.items() if f"{name}/campaign.toml" in inside}
+
+
+def _take(raw: Path, store: Store, campaign: str, marks: Marks, note: Note) -> None:
+    """Bring one campaign's copy up to date: all of it, or with a complaint nothing.
+
+    Raises:
+        InputError: It cannot be read, or there is something else in its place.
+    """
+    now = time.time()
+    copied = note.copied
+    new = {
+        name: store.read(name)
+        for name, mark in marks.items()
+        if copied.get(name, [])[:2] != list(mark) or not (raw / name).is_file()
+    }
+    gone = [name for name in copied if name.startswith(f"{campaign}/") and name not in marks]
+    for name in (*new, *gone):
+        if not _ours_to_change(raw / name, copied.get(name), new.get(name)):
+            raise InputError(
+                f"{raw / name} is not what was copied from {store.shown}",
+                "move it or its folder away, or rename the campaign there",
+            )
+    for name in sorted(new, key=lambda name: name.endswith("/campaign.toml")):  # which makes it one
+        data = new[name]
+        if not (raw / name).is_file() or (raw / name).read_bytes() != data:
+            files.write(raw / name, data)
+        size, put = marks[name]
+        settled = now - put > FRESH_S
+        copied[name] = [size, put if settled else None, files.sha256(data)]
+    for name in gone:
+        with files.writing(raw / name):
+            (raw / name).unlink(missing_ok=True)
+        del copied[name]
+
+
+def _ours_to_change(path: Path, copied: list[Any] | None, data: bytes | None) -> bool:
+    """Nothing is there, or our own copy, or what is to be there anyway."""
+    if not path.is_file():
+        return not path.exists()
+    here = path.read_bytes()
+    return here == data or (copied is not None and files.sha256(here) == copied[2])
+
+
+def untold(root: Path, refused: list[Outcome]) -> list[Outcome]:
+    """Those that were not there at the last look, so that a lasting trouble is told once."""
+    note = Note.of(root)
+    told = sorted(line for outcome in refused for line in outcome.complaints)
+    new = [outcome for outcome in refused if not set(outcome.complaints) <= set(note.told)]
+    if told != note.told:
+        note.told = told
+        note.keep(root)
+    return new
+
+
+def publish(root: Path, storage: Storage) -> list[Outcome]:
+    """Put changed reports and tables into the storage; what was refused, and why."""
+    folders = ((root / "reports", storage.reports), (_processed(root), storage.processed))
+    if not any(url for _, url in folders):
+        return []
+    note, refused = Note.of(root), []
+    for folder, url in folders:
+        if url is None:
+            continue
+        store = Store(url)
+        try:
+            _put(root, folder, store, note)
+        except PipelineError as problem:
+            refused.append(_refused(HERE, problem))
+    note.keep(root)
+    return refused
+
+
+def _put(root: Path, folder: Path, store: Store, note: Note) -> None:
+    for path in sorted(folder.rglob("*")):
+        if not path.is_file() or not _public(path):
+            continue
+        stat, name = path.stat(), path.relative_to(root).as_posix()
+        mark = [stat.st_size, stat.st_mtime_ns]
+        if note.put.get(name) != mark:
+            store.write(path.relative_to(folder).as_posix(), path.read_bytes())
+            note.put[name] = mark
+
+
+def _public(path: Path) -> bool:
+    """Answers and tables, not locks, notes or what is true of a virtual campaign."""
+    if path.name.startswith("."):
+        return False
+    return path.suffix != ".json" or path.name in ("result.json", "manifest.json")

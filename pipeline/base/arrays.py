@@ -1,0 +1,46 @@
+"""Names for arrays, and frozen records whose arrays are read-only."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+Bools = npt.NDArray[np.bool_]
+Strings = npt.NDArray[np.object_]
+
+
+class Locked:
+    """A frozen dataclass whose arrays cannot be written to."""
+
+    def __post_init__(self) -> None:
+        """Replace every array by a read-only view of it."""
+        for field in dataclasses.fields(self):  # type: ignore[arg-type]
+            value = getattr(self, field.name)
+            if isinstance(value, np.ndarray):
+                view = value.view()
+                view.flags.writeable = False
+                object.__setattr__(self, field.name, view)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One unknown of a model.
+
+    Attributes:
+        name: As in result.json, `c_r1`, `c_roll`.
+        unit: Its unit, `m/N`, `rad/(N m)`.
+        typical: Its usual size, in that unit; scales columns and priors.
+        lower: Physical lower bound (0 for a compliance).
+        upper: Physical upper bound.
+    """
+
+    name: str
+    unit: str
+    typical: float
+    lower: float = -np.inf
+    upper: float = np.inf

@@ -1,0 +1,337 @@
+"""The record that a diagnosis leaves behind, and how result.json words it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pipeline.base.arrays import Array, Locked, Parameter
+from pipeline.diagnosis.average import Hypothesis
+from pipeline.diagnosis.blindspots import BlindSpot
+from pipeline.diagnosis.improvement import Alone, Gain
+from pipeline.diagnosis.nextpose import Proposal
+from pipeline.machine.effects import Effect
+from pipeline.machine.robot import Robot
+from pipeline.system.noise import Scatter
+from pipeline.system.system import Estimate
+
+PLACES = {
+    "rail": "rail",
+    "joint": "joint",
+    "link": "link",
+    "tool": "tool",
+    "scale": "force",
+    "chain": "force",
+    "load": "force",
+    "force": "noise",
+    "tracker": "metrology",
+    "base": "metrology",
+    "gravity": "metrology",
+    "compensator": "shoulder",
+    "wrist": "wrist",
+}
+
+
+def location(effect: Effect) -> str:
+    """Where in the cell a cause sits: `rail`, `joint 3`, `upper_arm`, `force`, `metrology` ..."""
+    if effect.name in ("tracker_noise", "force_noise"):
+        return "noise"
+    if effect.name == "joint_offset":
+        return "metrology"
+    place = PLACES[effect.name.split("_")[0]]
+    return f"{place} {effect.where}" if place == "joint" else str(effect.where or place)
+
+
+@dataclass(frozen=True)
+class Amplitude:
+    """One parameter of a named cause.
+
+    Attributes:
+        parameter: Name, unit, typical size and bounds.
+        value: Estimate, SI.
+        std: Its standard uncertainty.
+        ci95: 95 % interval.
+    """
+
+    parameter: Parameter
+    value: float
+    std: float
+    ci95: tuple[float, float]
+
+    @classmethod
+    def symmetric(
+        cls, parameter: Parameter, value: float, std: float, quantile: float = 1.96
+    ) -> Amplitude:
+        """One whose interval reaches `quantile` standard uncertainties to either side."""
+        return cls(parameter, value, std, (value - quantile * std, value + quantile * std))
+
+
+@dataclass(frozen=True)
+class Named:
+    """A cause that could stand in some place, with its probability."""
+
+    effect: Effect
+    probability: float
+
+
+@dataclass(frozen=True, eq=False)
+class Cause(Locked):
+    """A cause that the data call for.
+
+    Attributes:
+        effect: What it is.
+        probability: Against the others of the catalogue that could stand in its place.
+        amplitudes: Its parameters.
+        p_value: Chance of so much evidence if it were absent.
+        rivals: The others, likeliest first.
+        unnamed: What has no name and would stand there instead, and how likely something without
+            a name does; None where nothing was asked.
+        twins: Labels of rivals that no pose tells from it.
+        gain: Left-out error without and with all named causes; None for causes of scatter and for a
+            drift that the base reflectors show.
+        test_pose_change_m: By how much the predicted deflection at the test pose changes [m]; None
+            where that is not known.
+    """
+
+    effect: Effect
+    probability: float
+    amplitudes: tuple[Amplitude, ...]
+    p_value: float
+    rivals: tuple[Named, ...] = ()
+    unnamed: Named | None = None
+    twins: tuple[str, ...] = ()
+    gain: Gain | None = None
+    test_pose_change_m: float | None = None
+
+
+@dataclass(frozen=True)
+class Clue:
+    """What the data say of one suspect beside the joint springs alone, for the evidence bars.
+
+    Attributes:
+        effect: The suspect, in its best form.
+        p_value: F test.
+        log_evidence: Natural log, with physical priors.
+        absorbed: Fraction of its signature that the joint springs hide.
+        smallest_visible: Multiple of its typical size that is found in 80 % of the cases.
+    """
+
+    effect: Effect
+    p_value: float
+    log_evidence: float
+    absorbed: float
+    smallest_visible: float
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """Where what is left sits: drop of chi-square when all suspects of one place join."""
+
+    place: str
+    share: float
+    p_value: float
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis(Locked):
+    """What the model gets wrong.
+
+    Attributes:
+        verdict: adequate | explained | ambiguous | unexplained | bad_data.
+        why: One sentence for it.
+        causes: The named causes.
+        alone: What the likeliest causes do each by itself.
+        blind_spots: What would have gone unnoticed.
+        next_poses: What to measure next.
+        refused: Labels that fit best only at a physically impossible size.
+        clues: Every suspect.
+        threshold: p below which one suspect is a detection.
+        lack_of_fit: p of the tests of lack of fit with the joint springs alone.
+        remainder: The same with the causes, and the smallest p of a further suspect.
+        rough: What is left with the causes over what the readings scatter; None if unknown.
+        misfits: Where in the cell the misfit sits, the largest share first.
+        scatter: Scatter found over scatter stated.
+        equilibrium: `deformed` where the second order in the load fits better.
+        apart: Sigmas between suspects at typical size as this campaign sees them, (n, n).
+        apart_labels: Labels of its rows.
+        hypotheses: Springs estimated together with the identified causes, then with each likely
+            set of causes in their place; empty where nothing changes the springs.
+        left_out_before_m: Left-out residuals of the joint springs [m], shape (M,).
+        left_out_after_m: Of the extended model [m], shape (M,); the same without causes.
+        noise_floor_m: Root mean square that the scatter of the readings alone makes.
+        stood_off_m: How far the unloaded reflectors stand from the table, rms [m], and the same
+            with the named causes; NaN where that is not known.
+    """
+
+    verdict: str
+    why: str
+    causes: tuple[Cause, ...]
+    alone: tuple[Alone, ...]
+    blind_spots: tuple[BlindSpot, ...]
+    next_poses: tuple[Proposal, ...]
+    refused: tuple[str, ...]
+    clues: tuple[Clue, ...]
+    threshold: float
+    lack_of_fit: tuple[float, float]
+    remainder: tuple[float, float, float]
+    rough: float | None
+    misfits: tuple[Misfit, ...]
+    scatter: Scatter
+    equilibrium: str
+    apart: Array
+    apart_labels: tuple[str, ...]
+    hypotheses: tuple[Hypothesis, ...]
+    left_out_before_m: Array
+    left_out_after_m: Array
+    noise_floor_m: float
+    stood_off_m: tuple[float, float]
+
+    @property
+    def estimate(self) -> Estimate | None:
+        """Springs and identified causes estimated together, None where nothing changes them."""
+        return self.hypotheses[0].estimate if self.hypotheses else None
+
+    @property
+    def modelled(self) -> tuple[Effect, ...]:
+        """The named causes that are estimated together with the springs."""
+        known = {p.name for p in self.estimate.parameters} if self.estimate else set()
+        return tuple(c.effect for c in self.causes if c.effect.parameters[0].name in known)
+
+
+def entry(diagnosis: Diagnosis, robot: Robot) -> dict[str, Any]:
+    """`diagnosis` of result.json."""
+    return {
+        "verdict": diagnosis.verdict,
+        "why": diagnosis.why,
+        "causes": [_cause(cause) for cause in diagnosis.causes],
+        "alone": [_alone(one) for one in diagnosis.alone],
+        "unloaded_off_mm": [_finite(1e3 * off) for off in diagnosis.stood_off_m],
+        "blind_spots": [_blind(spot) for spot in diagnosis.blind_spots],
+        "next_poses": [_pose(proposal, robot) for proposal in diagnosis.next_poses],
+        "refused": list(diagnosis.refused),
+        "misfit_sits_at": [
+            {"place": m.place, "share": m.share, "p_value": m.p_value} for m in diagnosis.misfits
+        ],
+        "detection": {
+            "threshold_p": diagnosis.threshold,
+            "smallest_p": min((clue.p_value for clue in diagnosis.clues), default=None),
+            "lack_of_fit_p": {
+                "poses": diagnosis.lack_of_fit[0],
+                "pulls": diagnosis.lack_of_fit[1],
+            },
+            "remainder_over_scatter": diagnosis.rough,
+            "remainder_p": {
+                "poses": diagnosis.remainder[0],
+                "pulls": diagnosis.remainder[1],
+                "further_cause": diagnosis.remainder[2],
+            },
+        },
+        "scatter": {
+            "tracker_over_stated": diagnosis.scatter.tracker,
+            "tracker_over_stated_std": diagnosis.scatter.tracker_std,
+            "scale_over_tracker": diagnosis.scatter.force,
+            "known_from": diagnosis.scatter.known_from,
+        },
+        "equilibrium": diagnosis.equilibrium,
+        "noise_floor_mm": diagnosis.noise_floor_m * 1e3,
+    }
+
+
+def _cause(cause: Cause) -> dict[str, Any]:
+    effect = cause.effect
+    return {
+        "name": effect.name,
+        "where": effect.where,
+        "location": location(effect),
+        "form": effect.form or None,
+        "probability": cause.probability,
+        "parameters": [
+            {
+                "name": a.parameter.name,
+                "value": a.value,
+                "std": _finite(a.std),
+                "unit": a.parameter.unit,
+                "ci95": [_finite(a.ci95[0]), _finite(a.ci95[1])],
+            }
+            for a in cause.amplitudes
+        ],
+        "p_value": cause.p_value,
+        "rivals": [
+            {"name": r.effect.name, "where": r.effect.where, "probability": r.probability}
+            for r in cause.rivals
+        ],
+        "outside_catalogue": _unnamed(cause.unnamed),
+        "twins": list(cause.twins),
+        "signature": effect.signature,
+        "needs": effect.needs,
+        "gain": _gain(cause),
+    }
+
+
+def _unnamed(one: Named | None) -> dict[str, Any] | None:
+    if one is None:
+        return None
+    return {
+        "probability": one.probability,
+        "looks_like": one.effect.name,
+        "where": one.effect.where,
+    }
+
+
+def _alone(one: Alone) -> dict[str, Any]:
+    return {
+        "name": one.effect.name,
+        "where": one.effect.where,
+        "form": one.effect.form or None,
+        "probability": one.probability,
+        "reduction": one.reduction,
+        "ci95": list(one.ci95),
+    }
+
+
+def _gain(cause: Cause) -> dict[str, Any] | None:
+    if cause.gain is None:
+        return None
+    change = cause.test_pose_change_m
+    return {
+        "held_out_rms_before_mm": cause.gain.rms_before_m * 1e3,
+        "held_out_rms_after_mm": cause.gain.rms_after_m * 1e3,
+        "reduction": cause.gain.reduction,
+        "ci95": list(cause.gain.ci95),
+        "of": cause.gain.of,
+        "test_pose_change_mm": None if change is None else change * 1e3,
+    }
+
+
+def _blind(spot: BlindSpot) -> dict[str, Any]:
+    return {
+        "name": spot.effect.name,
+        "where": spot.effect.where,
+        "why": spot.why,
+        "smallest_visible": spot.smallest_visible,
+        "parameter": spot.effect.parameters[0].name,
+        "unit": spot.effect.parameters[0].unit,
+        "typical": spot.effect.parameters[0].typical,
+        "needs": spot.effect.needs,
+    }
+
+
+def _pose(proposal: Proposal, robot: Robot) -> dict[str, Any]:
+    q = np.where(robot.prismatic, proposal.q, np.rad2deg(proposal.q))
+    return {
+        "separates": list(proposal.separates),
+        "q": [round(float(v), 4) for v in q],
+        "q_unit": ["m" if j.prismatic else "deg" for j in robot.joints],
+        "anchor_m": [round(float(v), 3) for v in proposal.anchor],
+        "force_n": round(proposal.force_n, 0),
+        "approach": proposal.approach if robot.joints[0].prismatic else None,
+        "sigmas_before": proposal.before,
+        "sigmas_after": proposal.after,
+        "pose": proposal.poses,
+    }
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,162 @@
+"""What naming the causes is worth: poses left out, and the causes chosen again without them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.base.arrays import Array, Ints, Locked
+from pipeline.diagnosis.identify import WORTH, Case, by_label
+from pipeline.machine.effects import Effect
+from pipeline.system.elimination import coefficients
+from pipeline.system.evidence import scores
+from pipeline.system.whitened import View
+
+DRAWS = 2000
+
+
+@dataclass(frozen=True, eq=False)
+class Gain(Locked):
+    """Left-out error without and with the causes.
+
+    Attributes:
+        before: Left-out residuals without the causes [m], shape (M,).
+        after: Left-out residuals with the causes chosen in each fold [m], shape (M,).
+        reduction: By which fraction the rms falls.
+        ci95: Its interval by bootstrap over poses.
+        chosen: Labels chosen when each pose was left out.
+        of: What is predicted, `displacements` or `unloaded positions`.
+    """
+
+    before: Array
+    after: Array
+    reduction: float
+    ci95: tuple[float, float]
+    chosen: tuple[tuple[str, ...], ...]
+    of: str = "displacements"
+
+    @property
+    def rms_before_m(self) -> float:
+        """Root mean square over coordinates [m]."""
+        return rms(self.before)
+
+    @property
+    def rms_after_m(self) -> float:
+        """Root mean square over coordinates [m]."""
+        return rms(self.after)
+
+
+@dataclass(frozen=True)
+class Alone:
+    """What one cause does by itself, named or not.
+
+    Attributes:
+        effect: The cause, in its best form.
+        probability: Given that exactly one cause of the catalogue is at work.
+        reduction: By which fraction the left-out rms falls.
+        ci95: Its interval by bootstrap over poses.
+    """
+
+    effect: Effect
+    probability: float
+    reduction: float
+    ci95: tuple[float, float]
+
+
+def alone(
+    first: View, likely: Sequence[tuple[int, float]], rng: np.random.Generator
+) -> tuple[Alone, ...]:
+    """Left-out error with each of some causes by itself, estimated anew without each pose.
+
+    Args:
+        first: The campaign from the joint springs alone.
+        likely: Suspects, each with its probability.
+        rng: Draws the bootstrap.
+    """
+    pose, springs = first.pose[: len(first.rows)], np.arange(first.first)
+    bases = [np.concatenate([springs, first.columns([suspect])]) for suspect, _ in likely]
+    before = np.zeros(len(pose))
+    after = np.zeros((len(bases), len(pose)))
+    for left in range(first.poses):
+        rows, M = pose == left, first.without(left)
+        before[rows] = _predicted_short(first, M, springs, rows)
+        for mine, base in zip(after, bases, strict=True):
+            mine[rows] = _predicted_short(first, M, base, rows)
+    out = []
+    for (suspect, probability), mine in zip(likely, after, strict=True):
+        out.append(Alone(first.suspects[suspect], probability, *interval(before, mine, pose, rng)))
+    return tuple(out)
+
+
+def rms(values: Array) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def gain(case: Case, first: View, extended: View, limit: float, rng: np.random.Generator) -> Gain:
+    """Leave out one pose with all its pulls at a time; estimate and choose without it.
+
+    Args:
+        case: The case.
+        first: The campaign from the joint springs alone.
+        extended: The campaign from the model with the accepted causes.
+        limit: p below which a cause may join.
+        rng: Draws the bootstrap.
+    """
+    accepted = extended.model.accepted
+    pose = first.pose[: len(first.rows)]
+    before, after = np.zeros(len(pose)), np.zeros(len(pose))
+    chosen = []
+    for left in range(first.poses):
+        rows = pose == left
+        M = first.without(left)
+        before[rows] = _predicted_short(first, M, np.arange(first.first), rows)
+        M = extended.without(left)
+        names = _choose(case, extended, M, len(accepted), limit, int(rows.sum()))
+        base = np.concatenate([np.arange(extended.first), extended.columns(names)])
+        after[rows] = _predicted_short(extended, M, base, rows)
+        chosen.append(tuple(case.suspects[i].label for i in names))
+    reduction, ci95 = interval(before, after, pose, rng)
+    return Gain(before, after, reduction, ci95, tuple(chosen))
+
+
+def _predicted_short(view: View, M: Array, base: Ints, rows: Array) -> Array:
+    """What the prediction lacks of c [m] in the rows that were left out."""
+    value = coefficients(M, base) * view.typical[base]
+    keep = (base < view.springs) | (base >= view.first)
+    raw = np.where(base < view.springs, base, base - view.common)[keep]
+    return np.asarray(view.raw[rows, -1] - view.raw[np.ix_(rows, raw)] @ value[keep])
+
+
+def _choose(
+    case: Case, view: View, M: Array, most: int, limit: float, fewer: int
+) -> tuple[int, ...]:
+    """Causes chosen from the poses that stay, one after the other."""
+    names: tuple[int, ...] = ()
+    for _ in range(most):
+        base = np.concatenate([np.arange(view.first), view.columns(names)])
+        now = scores(view, base, view.rows_left - fewer - (len(base) - view.first), M)
+        taken = {case.suspects[i].label for i in names}
+        free = [
+            i for form in by_label(case.suspects).items() if form[0] not in taken for i in form[1]
+        ]
+        best = max(free, key=lambda i: now.log_evidence[i])
+        if now.log_evidence[best] < WORTH or now.p[best] > limit:
+            break
+        names = (*names, best)
+    return names
+
+
+def interval(
+    before: Array, after: Array, pose: Ints, rng: np.random.Generator
+) -> tuple[float, tuple[float, float]]:
+    """Reduction of the rms and its 95 % interval, poses drawn with replacement."""
+    poses = pose.max() + 1
+    squares = np.stack([np.bincount(pose, r**2, poses) for r in (before, after)])
+    drawn = rng.integers(poses, size=(DRAWS, poses))
+    old, new = squares[0][drawn].sum(axis=1), squares[1][drawn].sum(axis=1)
+    low, high = np.quantile(1 - np.sqrt(new / np.maximum(old, 1e-300)), [0.025, 0.975])
+    whole = squares.sum(axis=1)
+    return float(1 - np.sqrt(whole[1] / max(whole[0], 1e-300))), (float(low), float(high))

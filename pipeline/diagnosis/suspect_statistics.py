@@ -1,0 +1,62 @@
+"""What points where before anything is named: evidence of every suspect, misfit of every place."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import special
+
+from pipeline.diagnosis.blindspots import smallest_visible
+from pipeline.diagnosis.facts import Clue, Misfit, location
+from pipeline.diagnosis.identify import Found, by_label
+from pipeline.system.elimination import eliminate
+from pipeline.system.evidence import ROUNDING, clean
+from pipeline.system.whitened import View
+
+
+def clues(found: Found) -> tuple[Clue, ...]:
+    """Each suspect beside the joint springs alone, in its likeliest form."""
+    view, now = found.first, found.scores
+    S = eliminate(view.M, view.base)
+    seen = smallest_visible(view, view.base, found.threshold.p)
+    out = []
+    for forms in by_label(view.suspects).values():
+        i = max(forms, key=lambda i: now.log_evidence[i])
+        columns = view.columns([i])
+        whole = float(np.trace(view.M[np.ix_(columns, columns)]))
+        left = float(np.trace(S[np.ix_(columns, columns)]))
+        absorbed = 1.0 - left / whole if whole > 0 else 1.0
+        out.append(
+            Clue(
+                view.suspects[i],
+                float(now.p[i]),
+                float(now.log_evidence[i]),
+                min(max(absorbed, 0.0), 1.0),
+                float(np.min([seen[j] for j in forms])),
+            )
+        )
+    return tuple(out)
+
+
+def misfits(view: View) -> tuple[Misfit, ...]:
+    """Which place of the cell takes most of the misfit when all its suspects join at once."""
+    S = eliminate(view.M, view.base)
+    dof = view.rows_left
+    rest = max(float(S[-1, -1]), ROUNDING * dof)
+    places: dict[str, list[int]] = {}
+    for i, effect in enumerate(view.suspects):
+        places.setdefault(location(effect), []).append(i)
+    out = []
+    for place, members in places.items():
+        columns = view.columns(members)
+        G, h, rank = clean(
+            S[np.ix_(columns, columns)][None], S[columns, -1][None], view.M[columns, columns][None]
+        )
+        k = int(rank[0])
+        if not k or dof - k < 5:
+            continue
+        T = float(h[0] @ np.linalg.pinv(G[0], rcond=1e-9, hermitian=True) @ h[0])
+        T = min(max(T, 0.0), rest)
+        left = max((rest - T) / (dof - k), ROUNDING)
+        p = float(special.fdtrc(k, dof - k, (T / k) / left))
+        out.append(Misfit(place, T / rest, p))
+    return tuple(sorted(out, key=lambda m: m.p_value))

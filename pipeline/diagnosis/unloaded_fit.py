@@ -1,0 +1,296 @@
+"""Where the unloaded reflectors stand, and how causes are estimated from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import special, stats
+
+from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.diagnosis.improvement import rms
+from pipeline.machine.cell import Cell, predict
+from pipeline.machine.effects import Effect, Pulls
+from pipeline.system.assemble import Measured
+
+TOOL_M = 5e-3
+"""Points of the effector are estimated along, this far from their nominals at most."""
+
+STEP = 1e-3
+"""Of a typical size, for differences; [m] for points of the tool."""
+
+
+@dataclass(frozen=True, eq=False)
+class Unloaded(Locked):
+    """What the tracker says of the unloaded reflectors.
+
+    Attributes:
+        cell: The robot and its tool, nothing that yields.
+        pulls: One pull for each zero, as if nothing pulled.
+        pose: Pose of each zero, 0..p-1, shape (z,).
+        target: Its target in the tool, shape (z,).
+        at: Where it stands [m], F_b, shape (z, 3).
+        white: Inverse Cholesky factors of the covariances of `at`, shape (z, 3, 3).
+        known: Columns that are always estimated along, whitened, shape (3 z + priors, n): points of
+            the tool, where the base stands, and what is stated of its rotation and the joints.
+        free: How many of them, the first, no prior holds.
+        joints: How many of them, the last, are errors of the joints' zeros as they are stated.
+    """
+
+    cell: Cell
+    pulls: Pulls
+    pose: Ints
+    target: Ints
+    at: Array
+    white: Array
+    known: Array
+    free: int
+    joints: int = 0
+
+    @property
+    def exact(self) -> Unloaded:
+        """The same with the joints taken to stand where the log says: how far off is the table?"""
+        rows, columns = (n - self.joints for n in self.known.shape)
+        return replace(self, known=self.known[:rows, :columns], joints=0)
+
+    def stands(self, effects: Sequence[Effect], values: Array) -> Array:
+        """Where the table and some effects put the reflectors [m], shape (z, 3)."""
+        cell = replace(self.cell, effects=tuple(effects))
+        points = predict(cell, self.pulls, values).unloaded
+        return np.asarray(points[np.arange(len(self.target)), self.target])
+
+    def whitened(self, rows: Array) -> Array:
+        """Rows of shape (z, 3) or (z, 3, k), whitened, with the priors below."""
+        wide = rows[..., None] if rows.ndim == 2 else rows
+        white = (self.white @ wide).reshape(3 * len(wide), wide.shape[2])
+        padded = np.vstack([white, np.zeros((len(self.known) - len(white), wide.shape[2]))])
+        return padded.reshape(len(padded), *rows.shape[2:])
+
+    def short(self, fit: Fit) -> Array:
+        """What a fit, of these or other poses, lacks of where they stand [m], shape (z, 3)."""
+        along = (self.known[: 3 * len(self.at)] @ fit.known).reshape(-1, 3, 1)
+        moved = np.linalg.solve(self.white, along)[..., 0]
+        return np.asarray(self.at - self.stands(fit.effects, fit.values) - moved)
+
+    def without(self, pose: int) -> Unloaded:
+        """The same without one pose."""
+        kept = self.pose != pose
+        rows = np.concatenate([np.repeat(kept, 3), np.ones(len(self.known) - 3 * len(kept), bool)])
+        return replace(
+            self,
+            pulls=_only(self.pulls, kept),
+            pose=self.pose[kept],
+            target=self.target[kept],
+            at=self.at[kept],
+            white=self.white[kept],
+            known=self.known[rows],
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Line(Locked):
+    """Where some causes put the reflectors, to first order about some values.
+
+    Attributes:
+        about: The values, shape (k,).
+        stands: Where the reflectors then are [m], shape (z, 3).
+        J: How they move with the parameters in typical sizes, shape (z, 3, k).
+    """
+
+    about: Array
+    stands: Array
+    J: Array
+
+    def only(self, kept: Bools) -> Line:
+        """The same for some of the zeros."""
+        return replace(self, stands=self.stands[kept], J=self.J[kept])
+
+
+@dataclass(frozen=True, eq=False)
+class Fit(Locked):
+    """Some causes, estimated from where the reflectors stand.
+
+    Attributes:
+        effects: The causes.
+        values: Their parameters, shape (k,).
+        cov: Covariance of them, shape (k, k); larger where more than scatter is left.
+        known: What is estimated along, shape (n,).
+        chi2: Weighted sum of squares of what is left.
+        dof: Its degrees of freedom.
+        line: Where it was linearised last.
+    """
+
+    effects: tuple[Effect, ...]
+    values: Array
+    cov: Array
+    known: Array
+    chi2: float
+    dof: int
+    line: Line
+
+    @property
+    def p(self) -> float:
+        """Probability that chance leaves as much."""
+        return float(special.chdtrc(self.dof, self.chi2)) if self.dof > 0 else 1.0
+
+    def size(self, number: int) -> tuple[Array, Array]:
+        """Parameters of one cause and their standard uncertainties."""
+        ends = np.cumsum([len(effect.parameters) for effect in self.effects])
+        mine = slice(ends[number] - len(self.effects[number].parameters), ends[number])
+        return self.values[mine], np.sqrt(np.diag(self.cov))[mine]
+
+
+class Fits:
+    """Fits of sets of causes to where the reflectors stand, each made once.
+
+    Attributes:
+        zeros: Where they stand.
+    """
+
+    def __init__(
+        self, zeros: Unloaded, make: Callable[[tuple[Effect, ...]], Fit] | None = None
+    ) -> None:
+        self.zeros = zeros
+        self._make = make or (lambda effects: fitted(zeros, effects))
+        self._made: dict[tuple[str, ...], Fit] = {}
+
+    def __call__(self, effects: tuple[Effect, ...]) -> Fit:
+        """The fit of some causes."""
+        key = tuple(effect.label for effect in effects)
+        if key not in self._made:
+            self._made[key] = self._make(effects)
+        return self._made[key]
+
+    def left(self, effects: tuple[Effect, ...]) -> float:
+        """What causes leave of where the reflectors stand, rms over coordinates [m]."""
+        return rms(self.zeros.short(self(effects)))
+
+    def without(self, pose: int) -> Fits:
+        """Fits that leave one pose out: values hardly move, and the lines of all poses serve."""
+        kept, rest = self.zeros.pose != pose, self.zeros.without(pose)
+        return Fits(rest, lambda effects: _on_line(rest, effects, self(effects).line.only(kept)))
+
+
+def unloaded(cell: Cell, data: Measured, scale: float) -> Unloaded | None:
+    """Where the unloaded reflectors stand; None where too few poses were read unloaded.
+
+    Args:
+        cell: The paper's model.
+        data: The measurements; `unloaded` may be NaN.
+        scale: Scatter of the tracker over its stated standard uncertainty.
+    """
+    _, first = np.unique(data.zero, return_index=True)
+    first = first[np.isfinite(data.unloaded[first]).all(axis=1)]
+    poses, pose = np.unique(data.pulls.pose[data.pull[first]], return_inverse=True)
+    if len(poses) < 4 or not np.isfinite(scale):
+        return None
+    still = replace(data.pulls, force=np.zeros_like(data.pulls.force))
+    bare = replace(cell, effects=(), equilibrium="undeformed")  # nothing pulls
+    cov = data.zero_cov[first] * scale**2
+    zeros = Unloaded(
+        cell=bare,
+        pulls=_only(still, data.pull[first]),
+        pose=pose,
+        target=data.target[first],
+        at=data.unloaded[first],
+        white=np.linalg.inv(np.linalg.cholesky(cov)),
+        known=np.zeros((3 * len(first), 0)),
+        free=3,
+    )
+    return replace(
+        zeros, known=_along(zeros, data), joints=int(np.any(data.joint_std) * cell.robot.n)
+    )
+
+
+def _along(zeros: Unloaded, data: Measured) -> Array:
+    """Columns estimated along, each in units of its prior, with a row for each prior below."""
+    z, targets = len(zeros.target), len(zeros.cell.tool.targets)
+    here = zeros.stands((), np.zeros(0))
+    columns = [np.tile(np.eye(3), (z, 1, 1))]  # where the base stands: free
+    tool = np.zeros((z, 3, 3 * targets))
+    for axis in range(3):
+        points = zeros.cell.tool.points + STEP * np.eye(3)[axis]
+        moved = replace(
+            zeros, cell=replace(zeros.cell, tool=replace(zeros.cell.tool, points=points))
+        )
+        slope = (moved.stands((), np.zeros(0)) - here) / STEP
+        tool[np.arange(z), :, 3 * zeros.target + axis] = slope
+    columns.append(tool * TOOL_M)
+    turned = np.stack([np.cross(axis, here) for axis in np.eye(3)], axis=2)
+    values, vectors = np.linalg.eigh(data.rotation_cov)
+    columns.append(turned @ (vectors * np.sqrt(np.maximum(values, 0.0))))
+    if data.joint_std.any():
+        columns.append(_by_joint(zeros, here) * data.joint_std)
+    K = np.concatenate(columns, axis=2)
+    white = (zeros.white @ K).reshape(-1, K.shape[2])
+    priors = np.eye(K.shape[2])[zeros.free :]
+    return np.vstack([white, priors])
+
+
+def _by_joint(zeros: Unloaded, here: Array) -> Array:
+    """Where the reflectors move with each joint, by differences, shape (z, 3, n)."""
+    slopes = []
+    for turn in 1e-6 * np.eye(zeros.cell.robot.n):
+        moved = replace(zeros, pulls=replace(zeros.pulls, q=zeros.pulls.q + turn))
+        slopes.append((moved.stands((), np.zeros(0)) - here) / 1e-6)
+    return np.stack(slopes, axis=2)
+
+
+def _only(pulls: Pulls, which: Bools | Ints) -> Pulls:
+    return replace(pulls, **{name: value[which] for name, value in vars(pulls).items()})
+
+
+def fitted(zeros: Unloaded, effects: Sequence[Effect], rounds: int = 4) -> Fit:
+    """Estimate causes and what goes along, linearised anew each round.
+
+    Args:
+        zeros: Where the reflectors stand.
+        effects: The causes.
+        rounds: At most.
+    """
+    typical = _typical(effects)
+    values = np.zeros(len(typical))
+    for _ in range(rounds):
+        fit = _on_line(zeros, effects, _line(zeros, effects, values))
+        step, values = fit.values - values, fit.values
+        if np.max(np.abs(step / typical), initial=0.0) < 1e-4:
+            break
+    return fit
+
+
+def _typical(effects: Sequence[Effect]) -> Array:
+    return np.array([p.typical for effect in effects for p in effect.parameters])
+
+
+def _line(zeros: Unloaded, effects: Sequence[Effect], values: Array) -> Line:
+    typical = _typical(effects)
+    slopes = [
+        zeros.stands(effects, values + d) - zeros.stands(effects, values - d)
+        for d in STEP * typical * np.eye(len(typical))
+    ]
+    J = np.stack(slopes, axis=2) / (2 * STEP) if slopes else np.zeros((*zeros.at.shape, 0))
+    return Line(values, zeros.stands(effects, values), J)
+
+
+def _on_line(zeros: Unloaded, effects: Sequence[Effect], line: Line) -> Fit:
+    """Estimate causes and what goes along, to first order."""
+    typical, n = _typical(effects), zeros.known.shape[1]
+    X = np.hstack([zeros.known, zeros.whitened(line.J)])
+    y = zeros.whitened(zeros.at - line.stands)
+    size = np.maximum(np.linalg.norm(X, axis=0), 1e-300)
+    U, s, Vt = np.linalg.svd(X / size, full_matrices=False)
+    kept = s > 1e-8 * s[0]
+    inverse = (Vt[kept].T / s[kept]) @ U[:, kept].T / size[:, None]
+    step = inverse @ y
+    left = y - X @ step
+    chi2 = float(left @ left)
+    dof = 3 * len(zeros.at) - zeros.free - 3 * len(zeros.cell.tool.targets) - len(typical)
+    cov = (inverse @ inverse.T)[n:, n:] * np.outer(typical, typical)
+    cov = cov * max(1.0, chi2 / max(dof, 1))
+    return Fit(tuple(effects), line.about + step[n:] * typical, cov, step[:n], chi2, dof, line)
+
+
+def student(fit: Fit) -> float:
+    """Quantile of 95 % intervals."""
+    return float(stats.t.ppf(0.975, max(fit.dof, 1)))

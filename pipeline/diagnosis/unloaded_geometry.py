@@ -1,0 +1,225 @@
+"""Where the unloaded reflectors stand: joint zeros, base frame and weight show there, in mm.
+
+Robots stand half a millimetre to three off their table, for many reasons at once, and a wrong
+joint zero can look like any of them. So a cause is believed only where it, or two or three
+together, bring the reflectors to where they stand to within the scatter of the readings, or where
+one alone takes nearly all and leaves no more than any robot has. A robot whose geometry is off
+elsewhere is not accused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import special, stats
+
+from pipeline.base.arrays import Locked
+from pipeline.diagnosis.improvement import Gain, interval
+from pipeline.diagnosis.unloaded_fit import Fit, Fits, Unloaded, fitted, unloaded
+from pipeline.machine.cell import Cell, load
+from pipeline.machine.effects import Effect, Geometry, Observation
+from pipeline.system.assemble import Measured
+from pipeline.system.system import Estimate
+
+NAMES = ("joint_offset", "base_rotation", "gravity_sag")
+"""Causes that move the unloaded reflectors by far more than they change displacements."""
+
+LEAST_M = 3e-4
+"""Reflectors that stand less than this off, rms, stand as well as any robot does."""
+
+BELIEVED = 1e-3
+"""Causes that leave more than chance does at this p are not the ones..."""
+
+NEARLY_ALL = 0.15
+"""... but for one alone that leaves at most this part of the misfit, and less than LEAST_M."""
+
+NEEDED = 1e-6
+"""Each must make the misfit this improbable where it is missing."""
+
+MOST = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Standing(Locked):
+    """What the unloaded reflectors say.
+
+    Attributes:
+        miss_m: How far they stand from the table, tool and base estimated along, rms [m]; NaN
+            where too few were read.
+        left_m: The same with the causes.
+        fit: The causes, None where none is believed.
+        p_values: Of the misfit without each cause.
+        rivals: For each cause, others that would do as well with their probabilities.
+        gain: What the causes are worth at poses that were left out.
+        visible: From which multiple of its typical size each cause would be asked about, by label.
+    """
+
+    miss_m: float
+    left_m: float
+    visible: Mapping[str, float]
+    fit: Fit | None = None
+    p_values: tuple[float, ...] = ()
+    rivals: tuple[tuple[tuple[Effect, float], ...], ...] = ()
+    gain: Gain | None = None
+
+    @property
+    def useless(self) -> bool:
+        """The causes predict where the robot stands in left-out poses no better than none."""
+        return self.gain is not None and self.gain.reduction <= 0
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The causes."""
+        return self.fit.effects if self.fit else ()
+
+
+NOTHING = Standing(np.nan, np.nan, {})
+
+
+def standing(
+    cell: Cell, data: Measured, scale: float, effects: Sequence[Effect], rng: np.random.Generator
+) -> Standing:
+    """Ask the unloaded reflectors for causes that displacements hardly show.
+
+    Args:
+        cell: The paper's model.
+        data: The measurements; `unloaded` may be NaN, then nothing is found.
+        scale: Scatter of the tracker over its stated standard uncertainty.
+        effects: The catalogue.
+        rng: Draws the bootstrap of the gain.
+    """
+    suspects = tuple(effect for effect in effects if effect.name in NAMES)
+    zeros = unloaded(cell, data, scale)
+    if zeros is None or not suspects:
+        return NOTHING
+    fits, exact = Fits(zeros), Fits(zeros.exact)
+    miss = exact.left(())
+    visible = _visible(zeros, suspects)
+    if miss < LEAST_M or fits(()).p > NEEDED:
+        return Standing(miss, miss, visible)
+    nobody = Standing(miss, miss, {})  # where the table is off, one more cause would not be seen
+    best = _search(fits, exact, suspects)
+    if best is None:
+        return nobody
+    rest = [fits(_but(best.effects, k)) for k in range(len(best.effects))]
+    if max(one.p for one in rest) > NEEDED:
+        return nobody
+    return replace(
+        nobody,
+        visible=visible,
+        left_m=exact.left(best.effects),
+        fit=best,
+        p_values=tuple(one.p for one in rest),
+        rivals=tuple(_rivals(fits, best, k, suspects) for k in range(len(best.effects))),
+        gain=_gain(fits, exact, suspects, rng),
+    )
+
+
+def as_stiff(cell: Cell, estimate: Estimate) -> Cell:
+    """The cell of a robot that is as stiff as it was found: so much it sags under its weight."""
+    known = estimate.identifiable & (estimate.value > 0)
+    joints = tuple(
+        replace(joint, stiffness=float(1 / x)) if told else joint
+        for joint, x, told in zip(cell.robot.joints, estimate.value, known, strict=True)
+    )
+    return replace(cell, robot=replace(cell.robot, joints=joints))
+
+
+def corrected(cell: Cell, data: Measured, found: Standing) -> Measured:
+    """The measurements of a robot that stands where it was found to stand."""
+    if found.fit is None:
+        return data
+    fit = found.fit
+    bare = replace(cell, effects=fit.effects)
+    q = data.pulls.q
+    delta = data.delta[:, None]
+    for facet, values in bare.split(fit.values):
+        if isinstance(facet, Geometry):
+            q = q + (facet.geometry(cell.robot, data.pulls, values) - data.pulls.q)
+    loaded = load(bare, data.pulls, fit.values)
+    for facet, values in bare.split(fit.values):
+        if isinstance(facet, Observation):
+            delta = facet.observe(loaded, delta, data.pulls.time, -values)
+    return replace(data, pulls=replace(data.pulls, q=q, force=loaded.force), delta=delta[:, 0])
+
+
+def _but(effects: tuple[Effect, ...], number: int) -> tuple[Effect, ...]:
+    return effects[:number] + effects[number + 1 :]
+
+
+def _search(fits: Fits, exact: Fits, suspects: tuple[Effect, ...]) -> Fit | None:
+    """The fewest causes that leave no more than chance; None when three do not."""
+    chosen: tuple[Effect, ...] = ()
+    alone: Fit | None = None
+    for _ in range(MOST):
+        free = [suspect for suspect in suspects if suspect not in chosen]
+        best = min((fits((*chosen, suspect)) for suspect in free), key=lambda fit: fit.chi2)
+        if best.p > BELIEVED and _possible(best):
+            return best
+        chosen, alone = best.effects, alone or best
+    return alone if alone and _nearly_all(exact, alone) and _possible(alone) else None
+
+
+def _nearly_all(exact: Fits, fit: Fit) -> bool:
+    """Whether causes take nearly all of the misfit and leave what any robot has."""
+    left = exact.left(fit.effects)
+    return left < LEAST_M and left <= NEARLY_ALL * exact.left(())
+
+
+def _visible(zeros: Unloaded, suspects: tuple[Effect, ...]) -> dict[str, float]:
+    """Multiples of the typical size from which a cause is asked about.
+
+    The reflectors then stand LEAST_M off, by more than scatter and stated errors make likely.
+    """
+    here, out = zeros.stands((), np.zeros(0)), {}
+    for suspect in suspects:
+        typical = np.array([p.typical for p in suspect.parameters])
+        moved = replace(zeros, at=zeros.stands((suspect,), typical))
+        size, fit = Fits(moved.exact).left(()), fitted(moved, ())
+        if not np.any(moved.at != here) or size < 1e-9 or fit.dof < 1:
+            out[suspect.label] = np.inf
+            continue
+        beyond = stats.chi2.isf(NEEDED, fit.dof) - fit.dof
+        out[suspect.label] = max(LEAST_M / size, float(np.sqrt(beyond / fit.chi2)))
+    return out
+
+
+def _possible(fit: Fit) -> bool:
+    """Every parameter within its physical bounds, to three standard uncertainties."""
+    parameters = [p for effect in fit.effects for p in effect.parameters]
+    slack = 3 * np.sqrt(np.diag(fit.cov))
+    lower, upper = (np.array([getattr(p, end) for p in parameters]) for end in ("lower", "upper"))
+    return bool(np.all((fit.values > lower - slack) & (fit.values < upper + slack)))
+
+
+def _rivals(
+    fits: Fits, best: Fit, number: int, suspects: tuple[Effect, ...]
+) -> tuple[tuple[Effect, float], ...]:
+    """What could stand in the place of one cause, itself included, likeliest first."""
+    rest = _but(best.effects, number)
+    others = [s for s in suspects if s not in best.effects]
+    made = [best, *(fits((*rest, other)) for other in others)]
+    able = [best.effects[number], *others]
+    rough = max(1.0, best.chi2 / max(best.dof, 1))  # what is left beside the scatter
+    odds = special.softmax([-fit.chi2 / rough / 2 - len(fit.values) for fit in made])
+    order = np.argsort(-odds, kind="stable")
+    return tuple((able[i], float(odds[i])) for i in order if odds[i] > 1e-3)
+
+
+def _gain(fits: Fits, exact: Fits, suspects: tuple[Effect, ...], rng: np.random.Generator) -> Gain:
+    """Leave out one pose at a time, and choose the causes without it."""
+    zeros = exact.zeros
+    before, after = np.zeros_like(zeros.at), np.zeros_like(zeros.at)
+    chosen = []
+    for pose in range(int(zeros.pose.max()) + 1):
+        out, rest = zeros.pose == pose, exact.without(pose)
+        found = _search(fits.without(pose), rest, suspects)
+        effects = found.effects if found else ()
+        before[out] = zeros.short(rest(()))[out]
+        after[out] = zeros.short(rest(effects))[out]
+        chosen.append(tuple(effect.label for effect in effects))
+    rows = np.repeat(zeros.pose, 3)
+    reduction, ci95 = interval(before.ravel(), after.ravel(), rows, rng)
+    return Gain(before.ravel(), after.ravel(), reduction, ci95, tuple(chosen), "unloaded positions")

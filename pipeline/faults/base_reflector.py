@@ -1,0 +1,95 @@
+"""A base reflector that stands off in every round: its nominal place is wrong, or it was moved."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from scipy import stats
+
+from pipeline.base import covariance
+from pipeline.base.arrays import Array
+from pipeline.base.errors import InputError
+from pipeline.faults.finding import Finding
+from pipeline.faults.reading import FAMILY, smallest
+from pipeline.reduction.case import Case
+from pipeline.reduction.register import XYZ, Registration, register
+
+FEWEST = 4
+"""Reflectors below which the others cannot agree against one."""
+
+AGREE = 0.01
+"""The others agree, to what chance leaves in all but this part of campaigns; a rival target whose
+loss leaves a misfit more improbable than FAMILY is none."""
+
+
+def base_target(case: Case, registration: Registration, scale: float) -> list[Finding]:
+    """The target of [base_frame] that the others contradict, if the loss of no other helps.
+
+    Args:
+        case: The campaign.
+        registration: Where the tracker stands.
+        scale: Scatter of the readings over the stated one.
+    """
+    table, chi2 = registration.table, registration.chi2
+    names = sorted(set(table["target"]))
+    if chi2 is None or len(names) < FEWEST:
+        return []
+    if stats.chi2.sf(chi2 / scale**2, registration.dof) > FAMILY:
+        return []
+    free = {name: one for name in names if (one := _freed(case, registration, name))}
+    if len(free) < 2:
+        return []
+    left = {name: rest / scale**2 for name, (rest, _) in free.items()}
+    best, rival = sorted(left, key=lambda name: left[name])[:2]
+    dof = registration.dof - 3
+    drop = chi2 / scale**2 - left[best]
+    p = len(names) * float(stats.chi2.sf(drop, 3))
+    size = float(np.linalg.norm(free[best][1]))
+    fits = stats.chi2.sf(left[best], dof) > AGREE
+    alone = stats.chi2.sf(left[rival], dof) < FAMILY
+    if not (fits and alone) or p > FAMILY or size < smallest(table, scale):
+        return []
+    return [_finding(best, size, float(np.sqrt(drop)), float(np.sqrt(max(left[best], 0))), p)]
+
+
+def _freed(case: Case, registration: Registration, name: str) -> tuple[float, Array] | None:
+    """Weighted sum of squares with the nominal place of a target free, and its shift [m], F_b.
+
+    None where the others do not tell how the tracker stands, as on one line.
+    """
+    try:
+        lost = register(without_target(case, name).settings, case.readings)
+    except InputError:
+        return None
+    rows = case.readings.loc[registration.table.index[registration.table["target"] == name]]
+    at = rows[XYZ].to_numpy(float) @ lost.R.T + lost.t
+    V = np.linalg.inv(lost.R @ covariance.matrices(rows) @ lost.R.T)
+    mean = np.linalg.solve(V.sum(axis=0), np.einsum("mij,mj->i", V, at))
+    own = float(np.einsum("mi,mij,mj->", at - mean, V, at - mean))
+    return float(lost.chi2 or 0.0) + own, mean - np.array(case.settings.base_frame[name])
+
+
+def _finding(name: str, size: float, sigmas: float, after: float, p: float) -> Finding:
+    return Finding(
+        name="outlier",
+        where=name,
+        evidence=f"the base reflector {name} stands {1e3 * size:.2f} mm from its place in "
+        f"[base_frame] in every round, {sigmas:.1f} standard deviations, and the others agree "
+        f"without it: its nominal coordinates are wrong, or it was moved before the first round",
+        correction=f"computed again without {name}",
+        before=sigmas,
+        after=after,
+        unit="sigma",
+        size=size,
+        size_unit="m",
+        p_value=min(p, 1.0),
+        correct=partial(without_target, name=name),
+    )
+
+
+def without_target(case: Case, name: str) -> Case:
+    """The campaign without one reflector of [base_frame]."""
+    base = {one: at for one, at in case.settings.base_frame.items() if one != name}
+    return replace(case, settings=case.settings.model_copy(update={"base_frame": base}))

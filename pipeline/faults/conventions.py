@@ -1,0 +1,367 @@
+"""Mistakes that hold for a whole campaign, by where the unloaded reflectors stand.
+
+Robots stand within millimetres of their table. The unloaded reflectors, moved rigidly onto where
+the table puts them (so that a poor base frame plays no part), miss by far more when a unit, the
+handedness of the tracker's frame, the joint convention or a sign of the table is wrong.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+import pandas as pd
+
+from pipeline.base import covariance
+from pipeline.base.arrays import Array, Ints, Strings
+from pipeline.faults.finding import Finding
+from pipeline.machine import instrument
+from pipeline.machine.robot import SHIPPED, Robot, configure, load
+from pipeline.machine.robot.variants import differing, variants
+from pipeline.reduction.case import Case
+from pipeline.reduction.register import XYZ
+from pipeline.reduction.settings import InstrumentNoise
+
+GROSS_M = 0.03
+"""No robot in use stands this far off its own table."""
+
+GROSS_ANCHORED_M = 0.3
+"""Nor this far from it in a base frame, however poor its reflectors."""
+
+BETTER = 3.0
+"""A correction must bring the reflectors this many times nearer."""
+
+FEWEST_POSES = 3
+"""Poses below which a rigid motion can hide a wrong table."""
+
+UNITS = {
+    1e3: ("m", "the numbers are metres and were read as millimetres"),
+    25.4: ("inch", "the numbers are inches and were read as millimetres"),
+    1e-3: ("mm", "the numbers are millimetres and were read as metres"),
+    1 / 25.4: ("mm", "the numbers are millimetres and were read as inches"),
+    25.4e-3: ("inch", "the numbers are inches and were read as metres"),
+    1 / 25.4e-3: ("m", "the numbers are metres and were read as inches"),
+}
+"""Factor on the tracker's coordinates: the unit they are in, and the sentence for it."""
+
+
+DH_SAYS = {
+    "modified_dh": "the robot's table is one of modified DH parameters, read as standard ones",
+    "standard_dh": "the robot's table is one of standard DH parameters, read as modified ones",
+}
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """One mistake that may have been made.
+
+    Attributes:
+        name: As in `Finding`.
+        where: As in `Finding`.
+        says: What was mistaken for what.
+        correct: What puts it right.
+        table: Whether it is a matter of the robot's table (as the sense of a joint is) or the base
+            frame's; two such at once are not asked about.
+    """
+
+    name: str
+    where: str
+    says: str
+    correct: Callable[[Case], Case]
+    table: bool = False
+
+
+def conventions(case: Case) -> list[Finding]:
+    """The unit, sign or convention that is wrong; at most two of them at once.
+
+    Nothing is found where the reflectors stand where they should, where too few poses were
+    measured, or where no single mistake and no pair of them explains where they stand. What moves
+    the whole robot rigidly shows only against the base reflectors, which are asked second.
+    """
+    for how, gross in ((miss, GROSS_M), (anchored_miss, GROSS_ANCHORED_M)):
+        before = how(case)
+        if before is not None and before >= gross:
+            return _search(case, how, gross, before)
+    return []
+
+
+def _search(
+    case: Case, how: Callable[[Case], float | None], gross: float, before: float
+) -> list[Finding]:
+    def after(*chosen: Hypothesis) -> float:
+        right = case
+        for hypothesis in chosen:
+            right = hypothesis.correct(right)
+        value = how(right)
+        return np.inf if value is None else value
+
+    singles = list(hypotheses(case))
+    data = [h for h in singles if not h.table and how is miss]
+    pairs = [p for p in itertools.combinations(data, 2) if p[0].where != p[1].where]
+    for tried in ([(h,) for h in singles], pairs):
+        misses = [after(*chosen) for chosen in tried]
+        best = int(np.argmin([*misses, np.inf]))
+        if best < len(tried) and misses[best] < gross and BETTER * misses[best] < before:
+            return [_finding(h, before, misses[best]) for h in tried[best]]
+    return []
+
+
+def _finding(h: Hypothesis, before: float, after: float) -> Finding:
+    return Finding(
+        name=h.name,
+        where=h.where,
+        evidence=f"{h.says}: as given the unloaded reflectors stand {1e3 * before:.0f} mm from "
+        f"where the robot's table puts them, and {1e3 * after:.1f} mm with that put right",
+        correction=f"computed again as if {h.says}",
+        before=1e3 * before,
+        after=1e3 * after,
+        unit="mm",
+        correct=h.correct,
+    )
+
+
+def miss(case: Case) -> float | None:
+    """How far the unloaded reflectors stand from the robot's table [m], median over states.
+
+    None where too few poses were read to say.
+    """
+    zeros = unloaded(case)
+    if zeros["pose"].nunique() < FEWEST_POSES:
+        return None
+    seen, expected, state = pairs(case, zeros)
+    residual = seen - moved_onto(seen, expected)
+    square = np.bincount(state, (residual**2).sum(axis=1)) / np.maximum(np.bincount(state), 1)
+    return float(np.sqrt(np.median(square)))
+
+
+def anchored_miss(case: Case) -> float | None:
+    """The same [m] with the readings moved by the base reflectors instead of freely.
+
+    None without three base reflectors.
+    """
+    rows, nominal = case.readings, case.settings.base_frame
+    base = rows[rows["pose"].isna() & rows["target"].isin(list(nominal))]
+    if base["target"].nunique() < 3:
+        return None
+    zeros = unloaded(case)
+    seen, expected, _ = pairs(case, zeros)
+    points = np.array([nominal[name] for name in base["target"]])
+    R, t = rigid(base[XYZ].to_numpy(float), points)
+    away = np.linalg.norm(seen @ R.T + t - expected, axis=1)
+    return float(np.median(away)) if len(away) else None
+
+
+def unloaded(case: Case) -> pd.DataFrame:
+    """Unloaded readings of the measured targets in poses with joint values."""
+    rows = case.readings
+    known = rows["target"].isin(case.settings.measured) & (rows["state"] == "unloaded")
+    return rows[known & rows["pose"].isin(case.joints["pose"])]
+
+
+def pairs(case: Case, rows: pd.DataFrame) -> tuple[Array, Array, Ints]:
+    """Readings (n, 3) in the tracker's frame, where the table puts them in F_b, their states."""
+    poses, at = np.unique(rows["pose"].to_numpy(int), return_inverse=True)
+    target = pd.Index(case.settings.measured).get_indexer(pd.Index(rows["target"]))
+    points = configure(case.robot, case.q(poses)).points(case.tool.points)
+    return rows[XYZ].to_numpy(float), points[at, target], pd.factorize(rows["group"])[0]
+
+
+def moved_onto(seen: Array, expected: Array) -> Array:
+    """The expected points after the rigid motion that brings them nearest to those seen."""
+    R, t = rigid(expected, seen)
+    return expected @ R.T + t
+
+
+def rigid(a: Array, b: Array) -> tuple[Array, Array]:
+    """Rotation and shift that bring points a onto points b with the least squares, (n, 3) each."""
+    U, _, Vt = np.linalg.svd((a - a.mean(axis=0)).T @ (b - b.mean(axis=0)))
+    flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))])
+    R = (U @ flip @ Vt).T
+    return R, b.mean(axis=0) - R @ a.mean(axis=0)
+
+
+# --- what may have gone wrong ---------------------------------------------------------------------
+
+
+def hypotheses(case: Case) -> Iterator[Hypothesis]:
+    """Every mistake that is asked about."""
+    for factor, (unit, says) in UNITS.items():
+        yield Hypothesis("unit_mixup", unit, f"in the tracker export {says}", scaled(factor))
+    yield from _angles(case.robot)
+    yield Hypothesis(
+        "sign_or_convention",
+        "left_handed",
+        "the tracker's frame is left-handed",
+        mirrored,
+    )
+    if case.robot.controller_matrix.shape[1] == case.robot.n:
+        yield Hypothesis(
+            "sign_or_convention",
+            "controller_axes",
+            "the joint log holds the controller's axes under the names of the joints",
+            from_controller,
+        )
+    for column, joint in zip(case.joint_columns, case.robot.joints, strict=True):
+        yield Hypothesis(
+            "sign_or_convention",
+            f"{joint.name}_reversed",
+            f"in the joint log {joint.name} counts the other way round",
+            reversed_joint(column),
+            table=True,
+        )
+    for name, robot in _robots(case.robot):
+        yield Hypothesis(
+            "sign_or_convention",
+            name,
+            DH_SAYS.get(name) or f"the robot's table is wrong in {name}" + _called(robot),
+            partial(replace, robot=robot),
+            table=True,
+        )
+    for names in itertools.permutations(case.settings.measured):
+        if list(names) != case.settings.measured:
+            yield Hypothesis(
+                "label_swap",
+                "all groups",
+                f"the targets {', '.join(case.settings.measured)} carry the names of "
+                f"{', '.join(names)} in every group",
+                partial(renamed, names=names),
+            )
+    for one, other in itertools.combinations(sorted(case.settings.base_frame), 2):
+        yield Hypothesis(
+            "label_swap",
+            f"{one}-{other}",
+            f"the base reflectors {one} and {other} carry each other's names",
+            partial(base_renamed, one=one, other=other),
+            table=True,
+        )
+
+
+def _called(robot: Robot) -> str:
+    return f", as {robot.name} has it," if robot.name in SHIPPED else ""
+
+
+def _angles(robot: Robot) -> Iterator[Hypothesis]:
+    if not robot.prismatic.all():
+        yield Hypothesis(
+            "unit_mixup",
+            "rad",
+            "in the joint log the numbers are radians and were read as degrees",
+            turned(180 / np.pi),
+        )
+        yield Hypothesis(
+            "unit_mixup",
+            "deg",
+            "in the joint log the numbers are degrees and were read as radians",
+            turned(np.pi / 180),
+        )
+    if robot.prismatic.any():
+        yield Hypothesis(
+            "unit_mixup",
+            "joints_mm",
+            "in the joint log the sliding joint is in millimetres and was read as metres",
+            slid(1e-3),
+        )
+        yield Hypothesis(
+            "unit_mixup",
+            "joints_m",
+            "in the joint log the sliding joint is in metres and was read as millimetres",
+            slid(1e3),
+        )
+
+
+def _robots(robot: Robot) -> Iterator[tuple[str, Robot]]:
+    """Other robots that a wrong sign or convention in the table may stand for."""
+    for name in SHIPPED:
+        other = load(name)
+        alike = [(j.name, j.prismatic) for j in other.joints] == [
+            (j.name, j.prismatic) for j in robot.joints
+        ]
+        if alike and name != robot.name:
+            yield differing(robot, other), other
+    yield from variants(robot)
+
+
+def scaled(factor: float) -> Callable[[Case], Case]:
+    """Coordinates times a factor; a stated noise in metres stays what it is."""
+
+    def correct(case: Case) -> Case:
+        rows = case.readings
+        rows = rows.assign(**{axis: rows[axis] * factor for axis in XYZ})
+        own = rows["covariance_from"] == "file"
+        C = covariance.flat(covariance.matrices(rows))
+        C[own.to_numpy()] *= factor**2
+        noise = case.settings.tracker.noise if case.settings.tracker else None
+        if isinstance(noise, InstrumentNoise):
+            beam = instrument.beam_covariance(rows[XYZ].to_numpy(float), noise)
+            C = np.where(own.to_numpy()[:, None], C, beam)
+        return replace(case, readings=_with_covariance(rows, C))
+
+    return correct
+
+
+def mirrored(case: Case) -> Case:
+    """The tracker's y turned round."""
+    rows, flip = case.readings, np.diag([1.0, -1.0, 1.0])
+    C = flip @ covariance.matrices(rows) @ flip
+    return replace(
+        case, readings=_with_covariance(rows.assign(y_m=-rows["y_m"]), covariance.flat(C))
+    )
+
+
+def _with_covariance(rows: pd.DataFrame, six: Array) -> pd.DataFrame:
+    return rows.assign(**dict(zip(covariance.columns(), six.T, strict=True)))
+
+
+def turned(factor: float) -> Callable[[Case], Case]:
+    """Joint angles times a factor."""
+
+    def correct(case: Case) -> Case:
+        columns = [c for c in case.joint_columns if c.endswith("_rad")]
+        return replace(
+            case, joints=case.joints.assign(**{c: case.joints[c] * factor for c in columns})
+        )
+
+    return correct
+
+
+def slid(factor: float) -> Callable[[Case], Case]:
+    """Sliding joints times a factor."""
+
+    def correct(case: Case) -> Case:
+        columns = [c for c in case.joint_columns if c.endswith("_m")]
+        return replace(
+            case, joints=case.joints.assign(**{c: case.joints[c] * factor for c in columns})
+        )
+
+    return correct
+
+
+def reversed_joint(column: str) -> Callable[[Case], Case]:
+    """Values of one joint with the other sign."""
+    return lambda case: replace(case, joints=case.joints.assign(**{column: -case.joints[column]}))
+
+
+def from_controller(case: Case) -> Case:
+    """Joint values from what turn out to be the controller's axes."""
+    axes = case.joints[case.joint_columns].to_numpy(float)
+    q = axes @ case.robot.controller_matrix.T + case.robot.controller_offset
+    return replace(
+        case, joints=case.joints.assign(**dict(zip(case.joint_columns, q.T, strict=True)))
+    )
+
+
+def renamed(case: Case, names: Strings | tuple[str, ...]) -> Case:
+    """Readings whose targets carry each other's names in every group."""
+    true = dict(zip(case.settings.measured, names, strict=True))
+    rows = case.readings
+    return replace(case, readings=rows.assign(target=[true.get(t, t) for t in rows["target"]]))
+
+
+def base_renamed(case: Case, one: str, other: str) -> Case:
+    """Two base reflectors that carry each other's names in [base_frame]."""
+    base = case.settings.base_frame
+    base = base | {one: base[other], other: base[one]}
+    return replace(case, settings=case.settings.model_copy(update={"base_frame": base}))

@@ -1,0 +1,42 @@
+"""What is said of a mistake in the data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from pipeline.reduction.case import Case
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One mistake, the evidence for it, and what would put it right.
+
+    Attributes:
+        name: `outlier`, `label_swap`, `unit_mixup` or `sign_or_convention`.
+        where: A reading `group/target`, a group, or which unit, sign or convention.
+        evidence: Sentence for the engineer, with its numbers.
+        correction: Sentence: what was done to get the corrected result.
+        before: Misfit that speaks for the mistake, in `unit`.
+        after: The same once it is corrected.
+        unit: `mm`, `sigma`, `1`.
+        size: How large the mistake is, where it has a size.
+        size_unit: Unit of `size`.
+        p_value: Probability of such evidence by chance, None where chance has no part in it.
+        beside_model: The evidence is what the joint springs leave, so that a richer model may take
+            it away.
+        correct: The corrected campaign.
+    """
+
+    name: str
+    where: str
+    evidence: str
+    correction: str
+    before: float
+    after: float
+    unit: str
+    correct: Callable[[Case], Case]
+    size: float | None = None
+    size_unit: str = "1"
+    p_value: float | None = None
+    beside_model: bool = False

@@ -1,0 +1,271 @@
+"""Rows of the joint log that are not those of their pose.
+
+The unloaded reflectors of all poses are laid onto the robot's table at the logged joints, the
+base frame and the points of the effector estimated along: how far robots stand off their table
+stays, and is alike in all poses. One pose in which they stand off far beyond all others has a
+row that is wrong, copied or another pose's. Where most poses stand off, something else is wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+import pandas as pd
+from scipy import optimize, stats
+from scipy.spatial.transform import Rotation
+
+from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.faults.conventions import rigid, unloaded
+from pipeline.faults.finding import Finding
+from pipeline.faults.reading import FAMILY
+from pipeline.machine.robot import configure
+from pipeline.reduction.case import Case
+from pipeline.reduction.register import XYZ, register
+
+STANDS_OUT = 10.0
+"""A wrong row puts the reflectors this many times farther off than the others scatter, ..."""
+
+LEAST_M = 1e-3
+"""... and no less than this."""
+
+FEWEST_GOOD = 5
+"""Poses that must agree before another is held against them."""
+
+PART, MOST = 4, 12
+"""At most one of so many poses has a wrong row, and no more than so many have."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stand(Locked):
+    """Readings of measured targets beside the table.
+
+    Attributes:
+        seen: Readings in the tracker's frame [m], shape (n, 3).
+        pose: Index of the pose of each in `poses`, shape (n,).
+        target: Index of its target, shape (n,).
+        state: Number of its group, shape (n,).
+        zero: Unloaded ones, shape (n,).
+        poses: Numbers of the poses, shape (p,).
+        table: Where the table puts each in F_b [m], shape (n, 3).
+        axes: Axes of the flange in F_b of each, shape (n, 3, 3).
+    """
+
+    seen: Array
+    pose: Ints
+    target: Ints
+    state: Ints
+    zero: Bools
+    poses: Ints
+    table: Array
+    axes: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Laid(Locked):
+    """The table laid onto the readings of some poses.
+
+    Attributes:
+        R: Rotation from F_b into the tracker's frame, shape (3, 3).
+        t: Origin of F_b there [m], shape (3,).
+        off: How far the points of the effector are from the stated ones [m], shape (targets, 3).
+        away: Readings minus where they should be, of all poses [m], shape (n, 3).
+        stands: How far each pose is from where the others put it, root mean square coordinate,
+            less what they leave unknown of it [m], shape (p,).
+        usual: The same of those others among themselves [m], shape (p,).
+    """
+
+    R: Array
+    t: Array
+    off: Array
+    away: Array
+    stands: Array
+    usual: Array
+
+    @property
+    def apart(self) -> Bools:
+        """Poses that stand out, shape (p,)."""
+        limit = np.maximum(STANDS_OUT * self.usual, LEAST_M / np.sqrt(3))
+        return np.asarray(self.stands > limit, dtype=bool)
+
+
+def wrong_rows(case: Case) -> list[Finding]:
+    """Poses whose reflectors are not where their row of the joint log puts them."""
+    read = _read(case)
+    if len(read.poses) <= FEWEST_GOOD or len(case.settings.measured) < 2:
+        return []
+    laid = _laid(read, [])
+    if np.linalg.norm(laid.away[read.zero], axis=1).max() < LEAST_M:
+        return []
+    out: list[int] = []
+    for _ in range(min((len(read.poses) - 1) // PART, len(read.poses) - FEWEST_GOOD, MOST)):
+        kept = np.setdiff1d(np.arange(len(read.poses)), out)
+        out.append(int(kept[np.argmax(laid.stands[kept])]))
+        laid = _laid(read, out)
+        if np.array_equal(np.flatnonzero(laid.apart), sorted(out)):
+            wrong = [k for k in sorted(out) if _whole(read, laid, k)]
+            return (
+                []
+                if _knocked(case, read, wrong)
+                else [_finding(case, read, laid, k) for k in wrong]
+            )
+    return []
+
+
+def _read(case: Case) -> Stand:
+    rows = case.readings
+    known = rows["target"].isin(case.settings.measured) & rows["pose"].isin(case.joints["pose"])
+    rows = rows[known & rows["pose"].isin(unloaded(case)["pose"])]
+    poses, at = np.unique(rows["pose"].to_numpy(int), return_inverse=True)
+    target = np.array([case.settings.measured.index(name) for name in rows["target"]], int)
+    frames = configure(case.robot, case.q(poses))
+    return Stand(
+        seen=rows[XYZ].to_numpy(float),
+        pose=at,
+        target=target,
+        state=np.unique(rows["group"].to_numpy(str), return_inverse=True)[1],
+        zero=(rows["state"] == "unloaded").to_numpy(bool),
+        poses=poses,
+        table=frames.points(case.tool.points)[at, target],
+        axes=frames.flange_axes[at],
+    )
+
+
+def _laid(read: Stand, out: Sequence[int]) -> Laid:
+    """The table laid onto the unloaded readings of all poses but some (Gauss-Newton)."""
+    used = read.zero & ~np.isin(read.pose, out)
+    targets = int(read.target.max()) + 1
+    R, t = rigid(read.table[used], read.seen[used])
+    off = np.zeros((targets, 3))
+    for _ in range(6):
+        at, X, away = _linear(read, R, t, off)
+        step = np.linalg.lstsq(X[used].reshape(-1, X.shape[2]), away[used].ravel(), rcond=1e-9)[0]
+        turn, centre = Rotation.from_rotvec(step[:3]).as_matrix(), at[read.zero].mean(axis=0)
+        R, t = turn @ R, turn @ (t - centre) + centre + step[3:6]
+        off = off + step[6:].reshape(-1, 3)
+        if np.abs(step).max() < 1e-9:
+            break
+    _, X, away = _linear(read, R, t, off)
+    U, s, Vt = np.linalg.svd(X[used].reshape(-1, X.shape[2]), full_matrices=False)
+    rank = int(np.sum(s > 1e-9 * s[0]))
+    W = Vt[:rank].T / s[:rank]
+    left = away[used].ravel()
+    left = left - U[:, :rank] @ (U[:, :rank].T @ left)
+    rest, dof = float(left @ left), len(left) - rank
+    stands, usual = np.zeros(len(read.poses)), np.zeros(len(read.poses))
+    for k in range(len(read.poses)):
+        here = read.zero & (read.pose == k)
+        H = X[here].reshape(-1, X.shape[2]) @ W
+        on = k not in out
+        e = away[here].ravel()
+        S = np.eye(len(e)) + (-1.0 if on else 1.0) * H @ H.T
+        drop = max(float(e @ np.linalg.pinv(S, rcond=1e-6, hermitian=True) @ e), 0.0)
+        stands[k] = np.sqrt(drop / len(e))
+        less, more = (drop, len(e)) if on else (0.0, 0)
+        usual[k] = np.sqrt(max(rest - less, 0.0) / max(dof - more, 1))
+    return Laid(R, t, off, away, stands, usual)
+
+
+def _linear(read: Stand, R: Array, t: Array, off: Array) -> tuple[Array, Array, Array]:
+    """Where the readings should be, what moves them (n, 3, 6 + 3 targets), how far they are."""
+    at = (read.table + np.einsum("nij,nj->ni", read.axes, off[read.target])) @ R.T + t
+    X = np.zeros((len(at), 3, 6 + off.size))
+    lever = at - at[read.zero].mean(axis=0)
+    X[:, :, :3] = np.swapaxes(np.cross(np.eye(3)[None], lever[:, None, :]), 1, 2)
+    X[:, :, 3:6] = np.eye(3)
+    turned = R @ read.axes
+    for k in range(len(off)):
+        X[read.target == k, :, 6 + 3 * k : 9 + 3 * k] = turned[read.target == k]
+    return at, X, read.seen - at
+
+
+def _knocked(case: Case, read: Stand, wrong: Sequence[int]) -> bool:
+    """Whether the tracker may have been moved before these poses: the base reflectors say so too.
+
+    Only where they are the last that were read.
+    """
+    if case.settings.base_frame is None or not wrong:
+        return False
+    placed = register(case.settings, case.readings)
+    if placed.chi2 is None or stats.chi2.sf(placed.chi2, placed.dof) > FAMILY:
+        return False
+    begun = np.array([np.flatnonzero(read.pose == k)[0] for k in range(len(read.poses))])
+    return set(np.argsort(begun)[-len(wrong) :].tolist()) == set(wrong)
+
+
+def _whole(read: Stand, laid: Laid, k: int) -> bool:
+    """Whether the effector as a whole stands elsewhere, in every state of the pose.
+
+    One reading that is off is no wrong row, nor are two names exchanged.
+    """
+    far = np.linalg.norm(laid.away, axis=1)
+    zero = read.zero & (read.pose == k)
+    size = float(np.sqrt(np.mean(far[zero] ** 2)))
+    loaded = ~read.zero & (read.pose == k)
+    if loaded.any() and np.median(far[loaded]) < size / 3:
+        return False
+    return all(
+        _moved(read.seen[here], read.seen[here] - laid.away[here], size, float(laid.usual[k]))
+        for here in (zero & (read.state == state) for state in np.unique(read.state[zero]))
+    )
+
+
+def _moved(seen: Array, due: Array, size: float, usual: float) -> bool:
+    """Whether points stand rigidly elsewhere than they should, under their own names."""
+    far = np.sort(np.linalg.norm(seen - due, axis=1))
+    if len(far) < 2 or far[-2] < far[-1] / 3 or far[-1] < size / 2:
+        return False
+    R, t = rigid(due, seen)
+    left = float(np.sqrt(np.mean(np.sum((seen - due @ R.T - t) ** 2, axis=1))))
+    away = np.linalg.norm(seen[:, None] - due[None], axis=2)
+    row, column = optimize.linear_sum_assignment(away**2)
+    names = float(np.sqrt(np.mean(away[row, column] ** 2)))
+    return left < max(size / PART, STANDS_OUT * usual) and names > size / 2
+
+
+def _finding(case: Case, read: Stand, laid: Laid, k: int) -> Finding:
+    row = case.joints[case.joints["pose"] == read.poses[k]].iloc[0]
+    far = np.sum(laid.away**2, axis=1)[read.zero]
+    of = read.pose[read.zero]
+    size = float(np.sqrt(far[of == k].mean()))
+    others = float(np.sqrt(far[~laid.apart[of]].mean()))
+    where = f"{row['file']} pose{read.poses[k]:02d}"
+    return Finding(
+        name="outlier",
+        where=where,
+        evidence=f"the row of pose {read.poses[k]} in the joint log ({row['file']}:{row['line']}) "
+        f"is not that of its readings{_same(case, row)}: the unloaded reflectors stand "
+        f"{_mm(size)} from where it puts them, those of the other poses "
+        f"{_mm(others)}",
+        correction=f"computed again without pose {read.poses[k]}",
+        before=1e3 * size,
+        after=1e3 * others,
+        unit="mm",
+        size=size,
+        size_unit="m",
+        correct=partial(without_pose, pose=int(read.poses[k])),
+    )
+
+
+def _mm(size: float) -> str:
+    return f"{1e3 * size:.0f} mm" if size >= 0.1 else f"{1e3 * size:.2g} mm"
+
+
+def _same(case: Case, row: pd.Series) -> str:
+    """Another pose of the joint log with the same numbers, in words."""
+    others = case.joints[case.joints["pose"] != row["pose"]]
+    equal = (others[case.joint_columns] == row[case.joint_columns]).all(axis=1)
+    return f" but repeats that of pose {others['pose'][equal].iloc[0]}" if equal.any() else ""
+
+
+def without_pose(case: Case, pose: int) -> Case:
+    """The campaign without one pose."""
+    rows, loads, joints = case.readings, case.loads, case.joints
+    return replace(
+        case,
+        readings=rows[rows["pose"].ne(pose).fillna(True)],
+        loads=loads[loads["pose"] != pose],
+        joints=joints[joints["pose"] != pose],
+    )

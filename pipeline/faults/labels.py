@@ -1,0 +1,154 @@
+"""Names that two reflectors of one state carry for each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pandas as pd
+
+from pipeline.base.arrays import Array
+from pipeline.faults.conventions import FEWEST_POSES, pairs, rigid, unloaded
+from pipeline.faults.finding import Finding
+from pipeline.machine.robot import configure
+from pipeline.reduction.case import Case
+from pipeline.reduction.register import XYZ
+
+GROSS_M = 0.03
+"""A reading this far from where its reflector should be is no reading of that reflector."""
+
+
+def labels(case: Case) -> list[Finding]:
+    """States in which two names stand for each other.
+
+    A measured reflector is misnamed when it stands centimetres from where the robot's table puts
+    it and another reading of the state stands there; the ends of the chain are, when the first is
+    farther from the load point than the second, against the rest of the campaign.
+    """
+    zeros = unloaded(case)
+    if zeros["pose"].nunique() < FEWEST_POSES:
+        return []
+    seen, expected, _ = pairs(case, zeros)
+    R, t = _robust(expected, seen)
+    return [*_measured(case, R, t), *_chain(case, R, t)]
+
+
+def _robust(expected: Array, seen: Array) -> tuple[Array, Array]:
+    """The rigid motion onto the readings, those that are far off left out."""
+    good = np.ones(len(seen), dtype=bool)
+    R, t = rigid(expected, seen)
+    for _ in range(3):
+        off = np.linalg.norm(seen - expected @ R.T - t, axis=1)
+        good = off < np.maximum(3 * np.median(off), 1e-3)
+        R, t = rigid(expected[good], seen[good])
+    return R, t
+
+
+def _measured(case: Case, R: Array, t: Array) -> Iterator[Finding]:
+    rows = case.readings
+    rows = rows[
+        rows["pose"].isin(case.joints["pose"]) & rows["target"].isin(case.settings.measured)
+    ]
+    seen, expected, _ = pairs(case, rows)
+    off = np.linalg.norm(seen - expected @ R.T - t, axis=1)
+    usual = float(np.median(off))
+    wrong = rows[off > max(GROSS_M, 3 * usual)]
+    places = dict(zip(rows.index, expected @ R.T + t, strict=True))
+    for group in dict.fromkeys(wrong["group"]):
+        state = case.readings[case.readings["group"] == group]
+        swaps = list(_swaps(wrong[wrong["group"] == group], state, places, 3 * usual))
+        if swaps:
+            yield _finding(str(group), swaps, off, rows)
+
+
+def _swaps(
+    wrong: pd.DataFrame, state: pd.DataFrame, places: dict[int, Array], usual: float
+) -> Iterator[tuple[str, str]]:
+    """Pairs (name as written, name of the reading that stands where it should be)."""
+    points = state[XYZ].to_numpy(float)
+    for index, name in zip(wrong.index, wrong["target"], strict=True):
+        away = np.linalg.norm(points - places[index], axis=1)
+        nearest = int(np.argmin(away))
+        other = str(state["target"].iloc[nearest])
+        if other != name and away[nearest] < max(GROSS_M, usual):
+            yield str(name), other
+
+
+def _finding(group: str, swaps: list[tuple[str, str]], off: Array, rows: pd.DataFrame) -> Finding:
+    names = dict(swaps)
+    names |= {b: a for a, b in swaps if b not in names}
+    before = 1e3 * float(off[(rows["group"] == group).to_numpy()].max())
+    after = 1e3 * float(np.median(off))
+    said = " and ".join(sorted(set(names)))
+    return Finding(
+        name="label_swap",
+        where=group,
+        evidence=f"in {group} the names {said} are exchanged: as given a reflector stands "
+        f"{before:.0f} mm from where it should be, where the other one is",
+        correction=f"computed again with {said} of {group} exchanged",
+        before=before,
+        after=after,
+        unit="mm",
+        correct=partial(exchanged, groups=[group], true=names),
+    )
+
+
+def exchanged(case: Case, groups: list[str], true: dict[str, str]) -> Case:
+    """The readings of some groups under other names; `true` is the name behind a written one."""
+    rows = case.readings
+    here = rows["group"].isin(groups)
+    # a reading standing where `name` should be, written as `other`, is one of `name`
+    back = {other: name for name, other in true.items()}
+    target = [back.get(t, t) if h else t for t, h in zip(rows["target"], here, strict=True)]
+    return replace(case, readings=rows.assign(target=target))
+
+
+# --- the chain ------------------------------------------------------------------------------------
+
+
+def chain_distances(case: Case, R: Array, t: Array) -> pd.DataFrame:
+    """Distance of both ends of the chain from the load point [m]: group, near, far."""
+    near, far = case.settings.naming.chain
+    rows = case.readings
+    rows = rows[rows["pose"].isin(case.joints["pose"]) & rows["target"].isin([near, far])]
+    poses, at = np.unique(rows["pose"].to_numpy(int), return_inverse=True)
+    if not len(poses):
+        return pd.DataFrame({"group": [], "near": [], "far": []})
+    points = configure(case.robot, case.q(poses)).points(case.tool.load_point[None])[at, 0]
+    away = np.linalg.norm(rows[XYZ].to_numpy(float) - points @ R.T - t, axis=1)
+    table = rows.assign(away=away).pivot_table(index="group", columns="target", values="away")
+    table = table.reindex(columns=[near, far]).dropna().set_axis(["near", "far"], axis=1)
+    return table.reset_index()
+
+
+def aligned(case: Case) -> tuple[Array, Array] | None:
+    """The rigid motion from the table's F_b to the tracker's frame, None with too few poses."""
+    zeros = unloaded(case)
+    if zeros["pose"].nunique() < FEWEST_POSES:
+        return None
+    seen, expected, _ = pairs(case, zeros)
+    return _robust(expected, seen)
+
+
+def _chain(case: Case, R: Array, t: Array) -> Iterator[Finding]:
+    table = chain_distances(case, R, t)
+    if not len(table):
+        return
+    reversed_ = (table["near"] > table["far"] + GROSS_M).to_numpy()
+    if reversed_.mean() > 0.5:
+        return
+    near, far = case.settings.naming.chain
+    for group, a, b in table[reversed_].itertuples(index=False, name=None):
+        yield Finding(
+            name="label_swap",
+            where=str(group),
+            evidence=f"in {group} the names {near} and {far} are exchanged: {near} is "
+            f"{1e3 * a:.0f} mm from the load point and {far} {1e3 * b:.0f} mm, against all others",
+            correction=f"computed again with {near} and {far} of {group} exchanged",
+            before=1e3 * a,
+            after=1e3 * b,
+            unit="mm",
+            correct=partial(exchanged, groups=[str(group)], true={near: far, far: near}),
+        )

@@ -1,0 +1,140 @@
+"""Mistakes in all forces of a campaign: the pull reversed, the scale's unit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pyarrow as pa
+
+from pipeline.base.arrays import Array
+from pipeline.faults.finding import Finding
+from pipeline.faults.labels import aligned, chain_distances
+from pipeline.readers.logs import FORCE
+from pipeline.reduction.case import Case
+from pipeline.system.system import Estimate
+
+CLEAR = 4.0
+"""Standard uncertainties from zero at which the sign of a compliance is clear."""
+
+NEAR = 0.35
+"""Logarithm by which the typical stiffness of a machine may be off from its nominal one."""
+
+SPREAD = 0.6
+"""Logarithm by which single joints may scatter about that."""
+
+
+def reversed_pull(case: Case, estimate: Estimate) -> list[Finding]:
+    """The chain's ends are named the wrong way round in the whole campaign.
+
+    Every spring then yields against the force: the work done on the robot is negative, which no
+    passive structure can be.
+    """
+    known = np.isfinite(estimate.std) & (np.abs(estimate.value) > CLEAR * estimate.std)
+    weight = (estimate.value[known] / estimate.std[known]) ** 2
+    if not known.any():
+        return []
+    against = weight[estimate.value[known] < 0].sum() / weight.sum()
+    negative = int((estimate.value[known] < 0).sum())
+    if against < 0.9 or negative < 0.6 * known.sum():
+        return []
+    share = _farther(case)
+    if share is not None and share < 0.5:
+        return []
+    names = " and ".join(case.settings.naming.chain)
+    seen = "" if share is None else f", and in {share:.0%} of the pulls the first end is farther "
+    seen += "" if share is None else "from the load point"
+    return [
+        Finding(
+            name="sign_or_convention",
+            where="pull_reversed",
+            evidence=f"the pull is reversed: {negative} of {known.sum()} clear compliances are "
+            f"negative, the robot would move against the force{seen}",
+            correction=f"computed again with {names} exchanged"
+            if case.settings.displacements is None
+            else "computed again with all forces turned round",
+            before=float(against),
+            after=1 - float(against),
+            unit="1",
+            correct=turned_round,
+        )
+    ]
+
+
+def _farther(case: Case) -> float | None:
+    """Share of the pulls whose first chain reflector is the farther one from the load point."""
+    at = aligned(case)
+    if at is None:
+        return None
+    table = chain_distances(case, *at)
+    return float((table["near"] > table["far"]).mean()) if len(table) else None
+
+
+def turned_round(case: Case) -> Case:
+    """All forces the other way."""
+    if case.forces is not None:
+        return replace(case, forces=_times(case.forces, -1.0))
+    chain = case.settings.naming.chain
+    naming = case.settings.naming.model_copy(update={"chain": chain[::-1]})
+    return replace(case, settings=case.settings.model_copy(update={"naming": naming}))
+
+
+def force_unit(case: Case, estimate: Estimate) -> list[Finding]:
+    """The scale's numbers are in another unit: all stiffnesses are off by its factor.
+
+    Only a robot with nominal stiffnesses can tell; a machine is not 4.4 times softer than its
+    kind in all joints alike.
+    """
+    nominal = np.array([joint.stiffness or np.nan for joint in case.robot.joints])
+    k = len(nominal)
+    x, std = estimate.value[:k], estimate.std[:k]
+    known = np.isfinite(nominal) & np.isfinite(std) & (x > 3 * std)
+    if known.sum() < 3:
+        return []
+    softer = np.log(x[known] * nominal[known])
+    middle = float(np.median(softer))
+    factors = {name: np.log(f) for name, f in FORCE.items() if f != 1.0}
+    tried = [(abs(middle - s * f), s, name) for name, f in factors.items() for s in (1, -1)]
+    off, sign, unit = min(tried)
+    if off > NEAR or np.median(np.abs(softer - middle)) > SPREAD:
+        return []
+    factor = float(FORCE[unit] ** sign)
+    said, where = (
+        (f"are {unit} and were read as N", unit)
+        if sign > 0
+        else (f"are N and were read as {unit}", "n")
+    )
+    return [
+        Finding(
+            name="unit_mixup",
+            where=where,
+            evidence=f"the numbers of the scale {said}: all stiffnesses come out "
+            f"{np.exp(abs(middle)):.2g} times too {'small' if sign > 0 else 'large'} "
+            f"against the robot's nominal ones, and {unit} is {FORCE[unit]:.4g} N",
+            correction=f"computed again with all forces times {factor:.4g}",
+            before=float(np.exp(middle)),
+            after=float(np.exp(middle - sign * factors[unit])),
+            unit="1",
+            correct=times(factor),
+        )
+    ]
+
+
+def times(factor: float) -> Callable[[Case], Case]:
+    """All forces times a factor."""
+
+    def correct(case: Case) -> Case:
+        loads = case.loads.assign(force_n=case.loads["force_n"] * factor)
+        forces = None if case.forces is None else _times(case.forces, factor)
+        return replace(case, loads=loads, forces=forces)
+
+    return correct
+
+
+def _times(forces: pa.Table, factor: float) -> pa.Table:
+    for name in ("fx_n", "fy_n", "fz_n"):
+        values: Array = forces[name].to_numpy() * factor
+        at = forces.schema.get_field_index(name)
+        forces = forces.set_column(at, forces.schema.field(at), pa.array(values))
+    return forces

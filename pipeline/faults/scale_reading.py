@@ -1,0 +1,218 @@
+"""A reading of the scale that contradicts all others: a digit too many, another row's unit.
+
+A pull's reading is set free beside the model and beside all other pulls; how far it then is from
+what stands in the log, in standard deviations, is the test. The drop of the sum of squares names
+the suspect, one column to a pull. A suspect is convicted at the reading that fits best, for one of
+ten times the force spoils the estimate, and with it every column and every standard deviation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from scipy import stats
+
+from pipeline.base.arrays import Array, Bools, Locked
+from pipeline.faults.finding import Finding
+from pipeline.faults.reading import FAMILY
+from pipeline.machine.cell import Cell
+from pipeline.reduction.case import Case
+from pipeline.reduction.forces import reading_std
+from pipeline.reduction.settings import Scale
+from pipeline.system.assemble import Measured, assemble, by_force
+from pipeline.system.estimate import DARK, identify, least_squares
+from pipeline.system.system import Estimate, System
+from pipeline.system.whiten import Whitener, whitener
+
+MATTERS = 0.03
+"""A reading off by a smaller part of the force is none that somebody mistyped."""
+
+STATED = 6.0
+"""Nor is one off by less than this many stated standard uncertainties of the scale."""
+
+FEWEST, MOST = 8, 1000
+"""Fewer pulls do not tell which of them is the one; more are no campaign by hand, and each is a
+column."""
+
+DOMINATES = 4.0
+"""A mistyped reading stands out this much more than any other once it is right: what a force law
+or a joint does, it does in many pulls."""
+
+LEFT = 0.1
+"""Part of what its pull contradicted that may be left there: other faults leave more."""
+
+UNSEEN = 1e-9
+"""A reading that the model follows to this part contradicts nothing."""
+
+ROUNDS = 8
+"""Iterations to the reading that fits best."""
+
+
+@dataclass(frozen=True, eq=False)
+class Freed(Locked):
+    """Every pull's reading set free, one at a time, beside the model.
+
+    Attributes:
+        normal: Normal matrix of each reading, what the model takes left out [1/N^2], shape (m,).
+        drop: Drop of the sum of squares, shape (m,).
+        residual: Whitened residuals with all readings as they are, shape (M,).
+        dof: Degrees of freedom of these.
+        Q: Orthonormal columns of the model, whitened, shape (M, k).
+    """
+
+    normal: Array
+    drop: Array
+    residual: Array
+    dof: int
+    Q: Array
+
+
+def scale_outlier(
+    case: Case, cell: Cell, data: Measured, system: System, estimate: Estimate
+) -> list[Finding]:
+    """The reading of the scale that contradicts all other pulls, if it is the only one.
+
+    Args:
+        case: The campaign.
+        cell: The model beside which readings are judged.
+        data: The measurements.
+        system: Their linear system.
+        estimate: Its solution.
+    """
+    pulls = len(data.pulls)
+    if not FEWEST <= pulls <= MOST:
+        return []
+    freed = _freed(cell, data, system, estimate, whitener(system.errors, system.rows.pose))
+    best = int(np.argmax(freed.drop))
+    rest = float(freed.residual @ freed.residual) - freed.drop[best]
+    if pulls * _chance(freed.drop[best], rest, freed.dof - 1, system.noise_stated) > FAMILY:
+        return []
+    scale = case.settings.scale or Scale()
+    given = float(np.linalg.norm(data.pulls.force[best]))
+    fits = _fitting(cell, data.in_metres(system.found_m), estimate.value, best, scale)
+    if fits is None:
+        return []
+    off = abs(given - fits)
+    if off < MATTERS * min(given, fits) or off < STATED * float(
+        reading_std(scale, np.asarray(fits))
+    ):
+        return []
+    right = _reading(data, best, fits, scale)
+    system, estimate = identify(cell, right, estimate.value)
+    white = whitener(system.errors, system.rows.pose)
+    freed = _freed(cell, right, system, estimate, white)
+    drop = float(off**2 * freed.normal[best])
+    rest, dof = float(freed.residual @ freed.residual), freed.dof - 1
+    p = pulls * _chance(drop, rest, dof, system.noise_stated)
+    others = float(np.delete(freed.drop, best).max())
+    alone = drop > DOMINATES**2 * others
+    alone &= _left(white, freed, system.rows.pull == best) < LEFT * drop
+    if p > FAMILY or not alone:
+        return []
+    return [_finding(case, data, best, given, fits, float(freed.normal[best]), drop, p)]
+
+
+def _freed(
+    cell: Cell, data: Measured, system: System, estimate: Estimate, white: Whitener
+) -> Freed:
+    columns = np.zeros((len(system.rows), len(data.pulls)))
+    columns[np.arange(len(columns)), system.rows.pull] = by_force(cell, data, estimate.value)
+    typical = np.array([p.typical for p in system.parameters])
+    U, s, _ = np.linalg.svd(white(system.B) * typical, full_matrices=False)
+    Q = U[:, s > DARK * s[0]]
+    D, residual = white(columns), white(estimate.residual)
+    residual = residual - Q @ (Q.T @ residual)
+    whole = np.sum(D**2, axis=0)
+    normal = whole - np.sum((Q.T @ D) ** 2, axis=0)
+    seen = normal > UNSEEN * whole
+    drop = np.where(seen, (D.T @ residual) ** 2 / np.where(seen, normal, 1.0), 0.0)
+    return Freed(normal * seen, drop, residual, len(D) - Q.shape[1], Q)
+
+
+def _chance(drop: float, rest: float, dof: int, stated: bool) -> float:
+    """Probability of a drop by one column; a certificate may be modest, chance no outlier."""
+    variance = max(rest / max(dof, 1), 1.0 if stated else 1e-30)
+    return float(stats.f.sf(drop / variance, 1, max(dof, 1)))
+
+
+def _fitting(cell: Cell, data: Measured, values: Array, pull: int, scale: Scale) -> float | None:
+    """What the scale should have read in a pull, all others as they are [N]; None if nothing fits.
+
+    Steps downwards are taken in 1/force: where ten times the force has made the springs ten times
+    too stiff, what the pull moved is straight in that.
+    """
+    force = float(np.linalg.norm(data.pulls.force[pull]))
+    for _ in range(ROUNDS):
+        system = assemble(cell, _reading(data, pull, force, scale), values)
+        here = system.rows.pull == pull
+        one = by_force(cell, _reading(data, pull, force, scale), values) * here
+        white = whitener(system.errors, system.rows.pose)
+        typical = np.array([*(p.typical for p in system.parameters), force])
+        A = white(np.column_stack([system.B, one]))
+        found = least_squares(A, white(system.c), typical, np.append(values, 0.0))[0]
+        values, step = found[:-1], float(found[-1])
+        if not np.isfinite(step):
+            return None
+        force = force + step if step > 0 else force**2 / (force - step)
+        if abs(step) < 1e-6 * force:
+            break
+    return force
+
+
+def _reading(data: Measured, pull: int, force: float, scale: Scale) -> Measured:
+    """The same with another reading of the scale in one pull [N]."""
+    forces, std = data.pulls.force.copy(), data.reading_std.copy()
+    forces[pull] *= force / np.linalg.norm(forces[pull])
+    std[pull] = reading_std(scale, np.asarray(force))
+    return replace(data, pulls=replace(data.pulls, force=forces), reading_std=std)
+
+
+def _left(white: Whitener, freed: Freed, here: Bools) -> float:
+    """Drop of the sum of squares when a pull is left out as a whole."""
+    mine = np.flatnonzero(here)
+    own = np.zeros((len(here), len(mine)))
+    own[mine, np.arange(len(mine))] = 1.0
+    D = white(own)
+    N = D.T @ D - (freed.Q.T @ D).T @ (freed.Q.T @ D)
+    g = D.T @ freed.residual
+    return float(g @ np.linalg.pinv(N, rcond=1e-9, hermitian=True) @ g)
+
+
+def _finding(
+    case: Case,
+    data: Measured,
+    pull: int,
+    given: float,
+    fits: float,
+    normal: float,
+    drop: float,
+    p: float,
+) -> Finding:
+    pose, repeat = int(data.pulls.pose[pull]), int(data.pulls.repeat[pull])
+    loads = case.loads
+    row = loads[(loads["pose"] == pose) & (loads["repeat"] == repeat)].iloc[0]
+    where = f"{row['file']} pose{pose:02d} rep{repeat}"
+    sigmas = float(np.sqrt(drop))
+    return Finding(
+        name="outlier",
+        where=where,
+        evidence=f"the reading {where} (line {row['line']}) says {given:.6g} N, and "
+        f"{fits:.6g} +- {normal**-0.5:.2g} N fit all other pulls, {sigmas:.1f} standard deviations",
+        correction="computed again without this pull",
+        before=sigmas,
+        after=0.0,
+        unit="sigma",
+        size=abs(given - fits),
+        size_unit="N",
+        p_value=min(p, 1.0),
+        beside_model=True,
+        correct=partial(_without, pose=pose, repeat=repeat),
+    )
+
+
+def _without(case: Case, pose: int, repeat: int) -> Case:
+    """The campaign without a line of the scale's log."""
+    loads = case.loads
+    return replace(case, loads=loads[(loads["pose"] != pose) | (loads["repeat"] != repeat)])

@@ -1,0 +1,1 @@
+"""The machine and what moves it: robot, elastic effects, cell, instrument."""

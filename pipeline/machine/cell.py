@@ -1,0 +1,317 @@
+"""The one forward model: a cell with effects in it, and what the tracker would read.
+
+Simulator, B of Eq. (19), score tests, extended model and pose design all ask this file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from pipeline.base.arrays import Array, Ints, Locked, Parameter, Strings
+from pipeline.machine.effects import (
+    Effect,
+    Elastic,
+    Geometry,
+    Loaded,
+    Noise,
+    Observation,
+    Pulls,
+    Reflectors,
+    Wrench,
+)
+from pipeline.machine.effects import baseline as baseline_effects
+from pipeline.machine.robot import Configuration, Robot, configure
+from pipeline.machine.robot.configuration import cross, torque, velocity
+
+
+@dataclass(frozen=True, eq=False)
+class Tool(Locked):
+    """Points of the effector in the flange frame.
+
+    Attributes:
+        load_point: Where the chain pulls [m], shape (3,).
+        targets: Names of the reflectors, shape (t,).
+        points: Their coordinates [m], shape (t, 3).
+    """
+
+    load_point: Array
+    targets: Strings
+    points: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """A robot with its tool and everything that acts on it.
+
+    Attributes:
+        robot: Geometry.
+        tool: Load point and reflectors.
+        effects: What acts, in any order.
+        equilibrium: `undeformed`: geometry of the unloaded pose, c = B x as in the paper.
+            `deformed`: the wrench acts on the deflected robot (second order in the load).
+    """
+
+    robot: Robot
+    tool: Tool
+    effects: tuple[Effect, ...]
+    equilibrium: str = "undeformed"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The unknowns of all effects, in their order."""
+        return tuple(p for effect in self.effects for p in effect.parameters)
+
+    def with_effects(self, *more: Effect) -> Cell:
+        """This cell with further effects in it."""
+        return replace(self, effects=self.effects + more)
+
+    def split(self, values: Array) -> list[tuple[Effect, Array]]:
+        """Each facet of each effect with its part of the parameter vector."""
+        ends = np.cumsum([len(effect.parameters) for effect in self.effects], dtype=int)
+        parts = np.split(np.asarray(values, float), ends)[:-1]
+        return [
+            (facet, part)
+            for effect, part in zip(self.effects, parts, strict=True)
+            for facet in effect.facets
+        ]
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction(Locked):
+    """What the cell does under the pulls, in F_b as the tracker sees it.
+
+    Attributes:
+        unloaded: Positions of the targets before the pull [m], shape (m, t, 3).
+        loaded: Positions under load [m], shape (m, t, 3).
+        displacement: loaded - unloaded [m], free of cancellation, shape (m, t, 3).
+        load_point: Load point under load [m], shape (m, 3).
+    """
+
+    unloaded: Array
+    loaded: Array
+    displacement: Array
+    load_point: Array
+
+
+def paper_cell(robot: Robot, tool: Tool) -> Cell:
+    """The paper's model of a robot: its joint springs and nothing else."""
+    return Cell(robot, tool, baseline_effects(robot))
+
+
+def load(cell: Cell, pulls: Pulls, values: Array) -> Loaded:
+    """Compute the kinematics and apply the wrench: geometry first, then the force chain."""
+    parts = cell.split(values)
+    q = pulls.q
+    for effect, part in parts:
+        if isinstance(effect, Geometry) and part.any():
+            q = q + (effect.geometry(cell.robot, pulls, part) - pulls.q)
+    configuration = _as_logged(cell.robot, pulls) if q is pulls.q else configure(cell.robot, q)
+    points = configuration.points(np.vstack([cell.tool.load_point, cell.tool.points]))
+    loaded = Loaded(
+        pulls=pulls,
+        configuration=configuration,
+        load_point=points[:, 0],
+        force=pulls.force,
+        points=points[:, 1:],
+        targets=cell.tool.targets,
+    )
+    for effect, part in parts:
+        if isinstance(effect, Wrench):
+            load_point, force = effect.wrench(loaded, part)
+            loaded = replace(loaded, load_point=load_point, force=force)
+        elif isinstance(effect, Reflectors):
+            loaded = replace(loaded, points=effect.points(loaded, part))
+    return loaded
+
+
+@lru_cache(maxsize=1)
+def _as_logged(robot: Robot, pulls: Pulls) -> Configuration:
+    """The robot where its log says: derivatives ask for the same pulls a hundred times."""
+    return configure(robot, pulls.q)
+
+
+def columns(effect: Elastic, loaded: Loaded) -> Array:
+    """Displacement of the targets per unit of each parameter, Eq. (7): J_m (J_l' f).
+
+    Returns:
+        Shape (m, t, 3, k).
+    """
+    twists = effect.twists(loaded)
+    response = effect.response(loaded, torque(twists, loaded.load_point, loaded.force))
+    moved = velocity(twists, loaded.points).swapaxes(2, 3) * response[:, None, None, :]
+    if not effect.shared:
+        return moved
+    of = np.eye(len(effect.parameters))[list(effect.shared)]
+    return moved @ of
+
+
+def predict(cell: Cell, pulls: Pulls, values: Array) -> Prediction:
+    """Where the targets are, unloaded and under load.
+
+    Args:
+        cell: The cell.
+        pulls: What was set and read.
+        values: Parameters of all its effects, shape (k,), SI.
+    """
+    loaded = load(cell, pulls, values)
+    if cell.equilibrium == "deformed":
+        displacement, load_point = _deformed(cell, loaded, values)
+    else:
+        displacement, load_point = _undeformed(cell, loaded, values)
+    before, after = loaded.points, loaded.points + displacement
+    for effect, part in cell.split(values):
+        if isinstance(effect, Observation):
+            seen = effect.observe(loaded, before, pulls.time_zero, part)
+            seen_after = effect.observe(loaded, after, pulls.time, part)
+            displacement = displacement + (seen_after - after) - (seen - before)
+            before, after = seen, seen_after
+    return Prediction(before, after, displacement, load_point)
+
+
+def _elastic(cell: Cell, values: Array) -> list[tuple[Elastic, Array]]:
+    return [(e, part) for e, part in cell.split(values) if isinstance(e, Elastic)]
+
+
+def _undeformed(cell: Cell, loaded: Loaded, values: Array) -> tuple[Array, Array]:
+    here = replace(
+        loaded, points=np.concatenate([loaded.points, loaded.load_point[:, None]], axis=1)
+    )
+    moved = np.zeros_like(here.points)
+    for effect, part in _elastic(cell, values):
+        if part.any():
+            moved = moved + columns(effect, here) @ part
+    return moved[:, :-1], loaded.load_point + moved[:, -1]
+
+
+def _deformed(cell: Cell, loaded: Loaded, values: Array, rounds: int = 30) -> tuple[Array, Array]:
+    """Equilibrium on the deflected robot, by products of exponentials of the virtual screws."""
+    parts = _elastic(cell, values)
+    twists = np.concatenate([effect.twists(loaded) for effect, _ in parts], axis=1)
+    order = np.argsort(np.concatenate([effect.carrier for effect, _ in parts]), kind="stable")
+    ends = np.cumsum([len(effect.carrier) for effect, _ in parts])[:-1]
+    m, k = twists.shape[:2]
+    ends_points = np.concatenate([loaded.points, loaded.load_point[:, None]], axis=1)
+    bent, at = twists, loaded.load_point
+    deflection = np.full((m, k), np.inf)
+    for _ in range(rounds):
+        tau = torque(bent, at, loaded.force)
+        amount = np.concatenate(
+            [
+                effect.response(loaded, tau_e) * part[list(effect.parameter_of)]
+                for (effect, part), tau_e in zip(parts, np.split(tau, ends, axis=1), strict=True)
+            ],
+            axis=1,
+        )
+        change = np.max(np.abs(amount - deflection), initial=0.0)
+        deflection = amount
+        bent, motion = _chain(twists, deflection, order)
+        moved = np.einsum("mij,mtj->mti", motion[:, :3, :3] - np.eye(3), ends_points)
+        moved = moved + motion[:, None, :3, 3]
+        at = loaded.load_point + moved[:, -1]
+        if change < 1e-15:
+            break
+    return moved[:, :-1], at
+
+
+def _chain(twists: Array, deflection: Array, order: Ints) -> tuple[Array, Array]:
+    """Each screw after the deflection of all before it, and the motion behind the last."""
+    motion = np.broadcast_to(np.eye(4), (len(twists), 4, 4))
+    bent = np.empty_like(twists)
+    steps = _exponential(twists, deflection)
+    for k in order:
+        R, t = motion[:, :3, :3], motion[:, :3, 3]
+        omega = np.einsum("mij,mj->mi", R, twists[:, k, :3])
+        bent[:, k, :3] = omega
+        bent[:, k, 3:] = np.einsum("mij,mj->mi", R, twists[:, k, 3:]) + cross(t, omega)
+        motion = motion @ steps[:, k]
+    return bent, motion
+
+
+def _exponential(twists: Array, amount: Array) -> Array:
+    """Rigid motions of screws by amounts, (m, k, 6) and (m, k) -> (m, k, 4, 4)."""
+    S = np.zeros((*amount.shape, 4, 4))
+    a, b, c = np.moveaxis(twists[..., :3], -1, 0)
+    S[..., 0, 1], S[..., 0, 2], S[..., 1, 2] = -c, b, -a
+    S[..., 1, 0], S[..., 2, 0], S[..., 2, 1] = c, -b, a
+    S[..., :3, 3] = twists[..., 3:]
+    S *= amount[..., None, None]
+    total = np.eye(4) + S / 8
+    for i in range(7, 0, -1):  # deflections are milliradians: eight terms are below rounding
+        total = np.eye(4) + S @ total / i
+    return total
+
+
+BLOCK = 1024
+"""Pulls computed together: their frames stay in the processor's cache."""
+
+
+def jacobian(cell: Cell, pulls: Pulls, values: Array) -> Array:
+    """Derivative of the displacements by the parameters at `values`: B of Eq. (19).
+
+    Exact for elastic effects of an undeformed cell, whose displacement is linear in their
+    parameters; central differences, scaled by the typical size, for all others.
+
+    Returns:
+        Shape (m, t, 3, k).
+    """
+    values = np.asarray(values, dtype=float)
+    m, t = len(pulls), len(cell.tool.targets)
+    B = np.empty((m, t, 3, len(values)))
+    for start in range(0, m, BLOCK):
+        part = slice(start, start + BLOCK)
+        B[part] = _jacobian(cell, pulls.part(part), values)
+    return B
+
+
+def _jacobian(cell: Cell, pulls: Pulls, values: Array) -> Array:
+    loaded = load(cell, pulls, values)
+    out, start = [], 0
+    for effect in cell.effects:
+        k = len(effect.parameters)
+        if isinstance(effect, Elastic) and cell.equilibrium == "undeformed":
+            out.append(columns(effect, loaded))
+        else:
+            out.append(_differences(cell, pulls, values, range(start, start + k)))
+        start += k
+    return np.concatenate(out, axis=-1)
+
+
+def sensitivity(cell: Cell, pulls: Pulls, values: Array, effects: Sequence[Effect]) -> Array:
+    """Derivative of the displacements by effects that are not in the cell, where they are zero.
+
+    Args:
+        cell: The model without them.
+        pulls: What was set and read.
+        values: Parameters of the cell, shape (k,).
+        effects: The effects, with K parameters in all; effects of noise have none that move.
+
+    Returns:
+        Shape (m, t, 3, K), zero in the columns of effects that move nothing.
+    """
+    loaded = load(cell, pulls, values)
+    out = []
+    for effect in effects:
+        n = len(effect.parameters)
+        if isinstance(effect, Noise):
+            out.append(np.zeros((*loaded.points.shape, n)))
+        elif isinstance(effect, Elastic) and cell.equilibrium == "undeformed":
+            out.append(columns(effect, loaded))
+        else:
+            more = np.concatenate([values, np.zeros(n)])
+            which = range(len(values), len(more))
+            out.append(_differences(cell.with_effects(effect), pulls, more, which))
+    return np.concatenate(out, axis=-1)
+
+
+def _differences(cell: Cell, pulls: Pulls, values: Array, which: range) -> Array:
+    out = []
+    for k in which:
+        step = np.zeros_like(values)
+        step[k] = 1e-3 * cell.parameters[k].typical
+        ahead, behind = (predict(cell, pulls, values + s).displacement for s in (step, -step))
+        out.append((ahead - behind) / (2 * step[k]))
+    return np.stack(out, axis=-1)

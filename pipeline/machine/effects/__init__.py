@@ -1,0 +1,104 @@
+"""The catalogue of physics: one file per effect, one line each below."""
+
+from collections.abc import Callable
+
+from pipeline.machine.effects import (
+    base_rotation,
+    chain_offset,
+    chain_weight,
+    compensator,
+    force_noise,
+    gravity_sag,
+    joint_compliance,
+    joint_hardening,
+    joint_hysteresis,
+    joint_lost_motion,
+    joint_offset,
+    joint_tilt,
+    link_bending,
+    load_point_offset,
+    rail_backlash,
+    rail_lateral,
+    rail_pitch,
+    rail_roll,
+    rail_stiffness_varies,
+    rail_vertical,
+    rail_yaw,
+    scale_curvature,
+    scale_gain,
+    scale_zero,
+    tool_flex,
+    tracker_drift,
+    tracker_noise,
+    wrist_coupling,
+)
+from pipeline.machine.effects._effect import (
+    Compound,
+    Effect,
+    Elastic,
+    Geometry,
+    Loaded,
+    Noise,
+    Observation,
+    Pulls,
+    Reflectors,
+    Wrench,
+)
+from pipeline.machine.robot import Robot
+
+CATALOGUE: tuple[Callable[[Robot], tuple[Effect, ...]], ...] = (
+    rail_lateral.effects,
+    rail_vertical.effects,
+    rail_roll.effects,
+    rail_pitch.effects,
+    rail_yaw.effects,
+    rail_backlash.effects,
+    rail_stiffness_varies.effects,
+    joint_tilt.effects,
+    link_bending.effects,
+    tool_flex.effects,
+    joint_hardening.effects,
+    joint_lost_motion.effects,
+    joint_hysteresis.effects,
+    compensator.effects,
+    wrist_coupling.effects,
+    scale_gain.effects,
+    scale_zero.effects,
+    scale_curvature.effects,
+    chain_weight.effects,
+    chain_offset.effects,
+    joint_offset.effects,
+    base_rotation.effects,
+    tracker_drift.effects,
+    gravity_sag.effects,
+    load_point_offset.effects,
+    tracker_noise.effects,
+    force_noise.effects,
+)
+"""What the paper's model does not know; each entry gives an effect for every place it can act."""
+
+
+def baseline(robot: Robot) -> tuple[Effect, ...]:
+    """The effects of the paper's model: its joint springs."""
+    return joint_compliance.effects(robot)
+
+
+def catalogue(robot: Robot) -> tuple[Effect, ...]:
+    """Every effect that may be missing from the model of this robot."""
+    return tuple(effect for entry in CATALOGUE for effect in entry(robot))
+
+
+__all__ = [
+    "Compound",
+    "Effect",
+    "Elastic",
+    "Geometry",
+    "Loaded",
+    "Noise",
+    "Observation",
+    "Pulls",
+    "Reflectors",
+    "Wrench",
+    "baseline",
+    "catalogue",
+]

@@ -1,0 +1,71 @@
+"""Which joint is the rail, the shoulder, the wrist: what a cause needs to know of a robot."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.base.arrays import Array
+from pipeline.machine.effects._effect import Loaded
+from pipeline.machine.robot import Robot
+
+RATED_TWIST_RAD = 1e-3
+"""Twist of a gear at its rated torque: 1 mrad (3.4 arcmin), catalogue values of RV reducers."""
+
+
+def rail(robot: Robot) -> bool:
+    """True when the first joint slides."""
+    return robot.joints[0].prismatic
+
+
+def turning(robot: Robot) -> tuple[int, ...]:
+    """Numbers of the revolute joints, counted from 1 at the base."""
+    return tuple(number for number, joint in enumerate(robot.joints, 1) if not joint.prismatic)
+
+
+def arm(robot: Robot) -> tuple[int, int, int] | None:
+    """Numbers of shoulder, elbow and the joint whose frame sits in the wrist centre.
+
+    They are the second, third and fifth revolute joint of a six-axis arm; None for other robots.
+    """
+    numbers = turning(robot)
+    return (numbers[1], numbers[2], numbers[4]) if len(numbers) == 6 else None
+
+
+def compliance(robot: Robot, joint: int) -> float:
+    """Typical compliance of a joint [m/N] or [rad/(N m)]."""
+    return float(robot.nominal_compliance[joint - 1])
+
+
+def rated_torque(robot: Robot, joint: int) -> float:
+    """Torque that twists a gear of this stiffness by `RATED_TWIST_RAD` [N m]."""
+    return RATED_TWIST_RAD / compliance(robot, joint)
+
+
+def rail_axes(loaded: Loaded) -> tuple[Array, Array, Array]:
+    """Unit vectors along the rail, across it and up, each (m, 3), in F_b."""
+    along = loaded.configuration.axes[:, 0, :, 2]
+    up = np.broadcast_to([0.0, 0.0, 1.0], along.shape)
+    return along, np.cross(along, up), up
+
+
+def carriage(loaded: Loaded) -> Array:
+    """Origin of the carriage [m], shape (m, 3), in F_b."""
+    return loaded.configuration.origin[:, 0]
+
+
+def clamp(robot: Robot, joint: int) -> str:
+    """What else turns about the axis of the last joint, for `needs`; empty for the others."""
+    if joint != turning(robot)[-1]:
+        return ""
+    return "; reflectors on the flange, as an effector that turns in its clamp looks the same"
+
+
+def joint_screw(loaded: Loaded, joint: int) -> Array:
+    """Unit screw of a joint as one virtual joint, shape (m, 1, 6)."""
+    return loaded.configuration.twists[:, joint - 1 : joint]
+
+
+def direction(loaded: Loaded) -> Array:
+    """Unit vector of the pull on the robot, zero where nothing pulls, shape (m, 3)."""
+    size = np.linalg.norm(loaded.force, axis=1, keepdims=True)
+    return np.asarray(loaded.force / np.where(size > 0, size, 1.0))

@@ -1,0 +1,225 @@
+"""The shape of an effect: what can act on a cell, at one of five places, written once.
+
+From the one definition come the simulator's data, the columns of B (derivative at the fitted
+baseline), the score that accuses the effect, the extended model and the smallest size a plan sees.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from pipeline.base.arrays import Array, Ints, Locked, Parameter, Strings
+from pipeline.machine.robot import Configuration, Robot
+
+
+@dataclass(frozen=True, eq=False)
+class Pulls(Locked):
+    """One row per pull: what was set and read, in F_b, SI.
+
+    Attributes:
+        pose: Pose number, shape (m,).
+        repeat: Pull number within the pose, shape (m,).
+        q: Joint values of the controller [m] or [rad], shape (m, n).
+        force: Force on the robot as read, |f| u of Eqs. (10), (11) [N], shape (m, 3).
+        branch: Which way the turnbuckle was last turned, +1 up, -1 down, 0 unknown, (m,).
+        approach: Which way the carriage came along the rail, +1, -1, 0 unknown, (m,).
+        time: Time of the loaded readings after the first reading [s], NaN unknown, (m,).
+        time_zero: Time of the pose's unloaded readings [s], NaN unknown, (m,).
+    """
+
+    pose: Ints
+    repeat: Ints
+    q: Array
+    force: Array
+    branch: Array
+    approach: Array
+    time: Array
+    time_zero: Array
+
+    def __len__(self) -> int:
+        """Number of pulls m."""
+        return len(self.pose)
+
+    def part(self, which: slice | Ints) -> Pulls:
+        """Some of the pulls."""
+        return Pulls(**{field.name: getattr(self, field.name)[which] for field in fields(self)})
+
+    def under(self, forces: Array) -> Pulls:
+        """The same pulls under n sets of forces, one set after the other.
+
+        Args:
+            forces: [N], F_b, shape (n, m, 3).
+        """
+        n = len(forces)
+        tiled = {
+            field.name: np.concatenate([getattr(self, field.name)] * n) for field in fields(self)
+        }
+        return Pulls(**tiled | {"force": np.asarray(forces, float).reshape(-1, 3)})
+
+
+@dataclass(frozen=True, eq=False)
+class Loaded(Locked):
+    """A robot with its kinematics computed and its wrench applied, in F_b.
+
+    Attributes:
+        pulls: What was set and read.
+        configuration: Frames of the unloaded robot.
+        load_point: Where the force acts [m], shape (m, 3).
+        force: The force that acts [N], shape (m, 3).
+        points: Unloaded positions of the targets [m], shape (m, t, 3).
+        targets: Names of the targets, shape (t,).
+    """
+
+    pulls: Pulls
+    configuration: Configuration
+    load_point: Array
+    force: Array
+    points: Array
+    targets: Strings
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effect:
+    """What every effect says of itself.
+
+    One cause may stand in the catalogue in several mathematical forms (a dead zone, a rounded
+    step): they share name and place, and the diagnosis names the cause, not the form.
+
+    Attributes:
+        name: A word of the list of causes, `rail_roll`.
+        where: Joint number, `upper_arm`, `forearm`, or None.
+        parameters: Its unknowns; zero of all of them means that the effect is absent.
+        signature: What an engineer sees when it is there, and what tells it from its neighbours.
+        needs: The measurement or sensor that would settle it.
+        source: Where formula and typical size come from.
+        form: Which of several mathematical forms of this cause it is; empty for the only one.
+        tolerance: How far the true law may lie from the formula, as a fraction of what it moves.
+    """
+
+    name: str
+    where: int | str | None
+    parameters: tuple[Parameter, ...]
+    signature: str
+    needs: str
+    source: str
+    form: str = ""
+    tolerance: float = 0.03
+
+    @property
+    def facets(self) -> tuple[Effect, ...]:
+        """The places of the cell where it acts, all with the same parameters."""
+        return (self,)
+
+    @property
+    def label(self) -> str:
+        """`rail_roll`, or `joint_tilt:2` where it has a place."""
+        return self.name if self.where is None else f"{self.name}:{self.where}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Elastic(Effect):
+    """Virtual joints that yield under load: parameter k moves virtual joint k.
+
+    The deflection of virtual joint v is its parameter times `response(loaded, tau)[:, v]`, where
+    tau is the torque (force) that the pull exerts about (along) each of them.
+
+    Attributes:
+        carrier: The joint 0..n that carries each virtual joint (0 is the rail's bed);
+            virtual joints of one carrier come after its own motion.
+        twists: loaded -> unit screws of the virtual joints in F_b, shape (m, v, 6).
+        response: loaded, tau (m, v) -> deflection per unit parameter, shape (m, v).
+        shared: Parameter of each virtual joint where several have one; empty for one each.
+    """
+
+    carrier: tuple[int, ...]
+    twists: Callable[[Loaded], Array]
+    response: Callable[[Loaded, Array], Array]
+    shared: tuple[int, ...] = ()
+
+    @property
+    def parameter_of(self) -> tuple[int, ...]:
+        """Index of the parameter of each virtual joint."""
+        return self.shared or tuple(range(len(self.carrier)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wrench(Effect):
+    """The force that acts is not the force that was read.
+
+    Attributes:
+        wrench: loaded, values (k,) -> load point (m, 3) [m] and force (m, 3) [N] that act.
+    """
+
+    wrench: Callable[[Loaded, Array], tuple[Array, Array]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reflectors(Effect):
+    """What is measured sits elsewhere on the tool than campaign.toml says.
+
+    Attributes:
+        points: loaded, values (k,) -> unloaded positions of the targets [m], shape (m, t, 3).
+    """
+
+    points: Callable[[Loaded, Array], Array]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Geometry(Effect):
+    """The robot is not where its joint log and table say.
+
+    Attributes:
+        geometry: robot, pulls, values (k,) -> joint values that are true, shape (m, n).
+    """
+
+    geometry: Callable[[Robot, Pulls, Array], Array]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Observation(Effect):
+    """What is read is not where the point is.
+
+    Attributes:
+        observe: loaded, points (m, t, 3) in F_b, time (m,) [s], values (k,) -> points as read.
+        instrument: The base reflectors are read in the same way (the tracker moves); False when
+            only the robot is concerned (F_b is not where the base reflectors say).
+    """
+
+    observe: Callable[[Loaded, Array, Array, Array], Array]
+    instrument: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Noise(Effect):
+    """Readings scatter otherwise than stated.
+
+    Attributes:
+        source_scaled: The sources of error (`tracker`, `force_reading`) whose standard
+            uncertainty is multiplied by 1 + value.
+    """
+
+    source_scaled: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compound(Effect):
+    """One cause that acts in several places of the cell at once.
+
+    Attributes:
+        acts: Its facets; each gets all the parameters.
+    """
+
+    acts: tuple[Effect, ...]
+
+    @property
+    def facets(self) -> tuple[Effect, ...]:
+        """The places of the cell where it acts, all with the same parameters."""
+        return self.acts
+
+
+def linear(loaded: Loaded, tau: Array) -> Array:
+    """The law of a linear spring: deflection per unit compliance is the torque."""
+    return tau

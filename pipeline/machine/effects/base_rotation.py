@@ -1,0 +1,41 @@
+"""Tracker and robot do not share F_b: all that is read is turned by a small rotation e.
+
+Read are p + e x p and f + e x f; true is the force turned back.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effects._effect import Compound, Loaded, Observation, Wrench
+from pipeline.machine.robot import Robot
+
+PARAMETERS = tuple(Parameter(f"e_{axis}", "rad", 2e-3, -0.1, 0.1) for axis in "xyz")
+SIGNATURE = "displacements and forces are turned together against the robot; lengths stay"
+NEEDS = "more base reflectors, or the unloaded absolute positions with the tool's coordinates known"
+SOURCE = "e x dp - A(e x f) x; 2 mrad with base reflectors whose nominal coordinates are poor"
+
+
+def observe(loaded: Loaded, points: Array, time: Array, values: Array) -> Array:
+    """Points as read."""
+    return points + np.cross(values, points)
+
+
+def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
+    """The load point of the robot, the force turned back."""
+    return loaded.load_point, loaded.force - np.cross(values, loaded.force)
+
+
+def effects(robot: Robot) -> tuple[Compound, ...]:
+    """One effect, on any robot."""
+    said: dict[str, Any] = {
+        "name": "base_rotation",
+        "where": None,
+        "parameters": PARAMETERS,
+        "signature": SIGNATURE,
+        "needs": NEEDS,
+        "source": SOURCE,
+    }
+    acts = (Wrench(**said, wrench=wrench), Observation(**said, observe=observe))
+    return (Compound(**said, acts=acts),)

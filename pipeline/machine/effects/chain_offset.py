@@ -1,0 +1,37 @@
+"""The chain's reflectors do not sit on its line: Eq. (10) points a little wrong.
+
+A reflector off the line by d, fixed to the tool, turns the direction by R_7 d / L with L the
+distance between the two; only the part across the pull matters.
+"""
+
+import numpy as np
+
+from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effects._anatomy import direction
+from pipeline.machine.effects._effect import Loaded, Wrench
+from pipeline.machine.robot import Robot
+
+
+def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
+    """The force as read, turned; its size stays."""
+    u = direction(loaded)
+    size = np.linalg.norm(loaded.force, axis=1, keepdims=True)
+    true = u + loaded.configuration.flange_axes @ values
+    length = np.linalg.norm(true, axis=1, keepdims=True)
+    return loaded.load_point, size * true / np.where(size > 0, length, 1.0)
+
+
+def effects(robot: Robot) -> tuple[Wrench, ...]:
+    """One effect, on any robot."""
+    return (
+        Wrench(
+            name="chain_offset",
+            where=None,
+            parameters=tuple(Parameter(f"d_{axis}_over_L", "1", 8e-3, -0.2, 0.2) for axis in "xyz"),
+            signature="the force seems to act aslant, in a direction fixed in the tool; "
+            "in proportion to the load",
+            needs="one pose repeated with the last joint turned by 180 degrees",
+            source="5 mm over 0.6 m of chain, an estimate",
+            wrench=wrench,
+        ),
+    )

@@ -1,0 +1,43 @@
+"""The chain and the scale hang: half their weight W pulls down where the scale cannot see it.
+
+The chain pulls the robot with H u - (W/2) e_z, where H u is the pull at the middle of its weight.
+A scale reads the tension where it sits, S = H - s (W/2) u_z; so S u - (W/2) (e_z - s u_z u) acts,
+and only the part of the weight across the pull is the same wherever the scale sits.
+"""
+
+from functools import partial
+
+import numpy as np
+
+from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effects._anatomy import direction
+from pipeline.machine.effects._effect import Loaded, Wrench
+from pipeline.machine.robot import Robot
+
+SIDE = {"scale at the robot": 1.0, "scale amid the chain": 0.0, "scale at the anchor": -1.0}
+"""s: how much of half the weight along the pull the scale reads too much, +1, or too little."""
+
+
+def wrench(loaded: Loaded, values: Array, side: float) -> tuple[Array, Array]:
+    """Load point and force that act."""
+    u = direction(loaded)
+    up = np.array([0.0, 0.0, 1.0])
+    return loaded.load_point, loaded.force - values[0] / 2 * (up - side * u * u[:, 2:])
+
+
+def effects(robot: Robot) -> tuple[Wrench, ...]:
+    """One effect in each form, on any robot."""
+    return tuple(
+        Wrench(
+            name="chain_weight",
+            where=None,
+            form=form,
+            parameters=(Parameter("w_chain", "N", 50.0, 0.0, 600.0),),
+            signature="a constant pull downwards; along the chain as much of it as hangs between "
+            "scale and robot",
+            needs="the weight of chain and scale, from any balance, and where the scale sits",
+            source="catenary to first order; 50 to 100 N is an estimate",
+            wrench=partial(wrench, side=side),
+        )
+        for form, side in SIDE.items()
+    )

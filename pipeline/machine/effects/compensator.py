@@ -1,0 +1,49 @@
+"""The gravity compensator stiffens the shoulder depending on where it stands.
+
+The compliance of the shoulder joint is c + c_cos cos(theta) + c_sin sin(theta): the first harmonic
+of a spring or gas strut beside the gear; or with the second one, which a strut near its dead
+centre has.
+"""
+
+import numpy as np
+
+from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effects._anatomy import arm, compliance, joint_screw
+from pipeline.machine.effects._effect import Elastic, Loaded
+from pipeline.machine.robot import Robot
+
+HARMONICS = {"one harmonic": (1,), "two harmonics": (1, 2)}
+
+
+def effects(robot: Robot) -> tuple[Elastic, ...]:
+    """One effect at the shoulder of a six-axis arm, in two forms."""
+    joints = arm(robot)
+    if joints is None:
+        return ()
+    return tuple(_effect(robot, joints[0], form) for form in HARMONICS)
+
+
+def _effect(robot: Robot, shoulder: int, form: str) -> Elastic:
+    c = compliance(robot, shoulder)
+    harmonics = HARMONICS[form]
+    names = [f"c_comp_{part}{k if k > 1 else ''}" for k in harmonics for part in ("cos", "sin")]
+
+    def response(loaded: Loaded, torque: Array) -> Array:
+        angle = loaded.configuration.q[:, shoulder - 1]
+        waves = [wave(k * angle) for k in harmonics for wave in (np.cos, np.sin)]
+        return np.asarray(torque * np.stack(waves, axis=1))
+
+    return Elastic(
+        name="compensator",
+        where=None,
+        form=form,
+        tolerance=0.1,
+        parameters=tuple(Parameter(name, "rad/(N m)", 0.05 * c, -c, c) for name in names),
+        signature=f"the compliance of joint {shoulder} changes with its angle, not with the load",
+        needs=f"one pull repeated at four angles of joint {shoulder}",
+        source="equivalent spring beside the gear: Klimchik et al., compensator models "
+        "(arXiv 1311.6810); some percent of the joint's compliance",
+        carrier=(shoulder,) * len(names),
+        twists=lambda loaded: joint_screw(loaded, shoulder).repeat(len(names), axis=1),
+        response=response,
+    )

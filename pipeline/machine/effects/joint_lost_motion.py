@@ -1,0 +1,36 @@
+"""A gear has lost motion: it turns by b as soon as its torque leaves zero, b tanh(tau / tau_b)."""
+
+import numpy as np
+
+from pipeline.base.arrays import Parameter
+from pipeline.machine.effects._anatomy import clamp, joint_screw, rated_torque, turning
+from pipeline.machine.effects._effect import Elastic
+from pipeline.machine.robot import Robot
+
+WIDTH = {"narrow": 0.03, "wide": 0.08}
+"""tau_b over the rated torque; lost motion is specified at 3 % of the rated torque."""
+
+
+def effects(robot: Robot) -> tuple[Elastic, ...]:
+    """One effect for each revolute joint, in each form."""
+    return tuple(_effect(robot, joint, form) for joint in turning(robot) for form in WIDTH)
+
+
+def _effect(robot: Robot, joint: int, form: str) -> Elastic:
+    full = WIDTH[form] * rated_torque(robot, joint)
+
+    return Elastic(
+        name="joint_lost_motion",
+        where=joint,
+        form=form,
+        tolerance=0.15,
+        parameters=(Parameter(f"b_{joint}", "rad", 6e-5, 0.0, 1e-3),),
+        signature=f"joint {joint} turns by the same angle at every load, in the sense of its "
+        "torque",
+        needs="a small and a large load at poses that turn this joint both ways"
+        + clamp(robot, joint),
+        source="RV reducers: lost motion within 1 arcmin (290 urad) at +-3 % of rated torque",
+        carrier=(joint,),
+        twists=lambda loaded: joint_screw(loaded, joint),
+        response=lambda loaded, torque: np.tanh(torque / full),
+    )

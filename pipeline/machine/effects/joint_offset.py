@@ -1,0 +1,31 @@
+"""A joint's zero is off: the robot stands elsewhere than its log says, q_j + d_j."""
+
+import numpy as np
+
+from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effects._effect import Geometry, Pulls
+from pipeline.machine.robot import Robot
+
+
+def effects(robot: Robot) -> tuple[Geometry, ...]:
+    """One effect for each joint."""
+    return tuple(_effect(robot, joint) for joint in range(1, robot.n + 1))
+
+
+def _effect(robot: Robot, joint: int) -> Geometry:
+    slides = robot.joints[joint - 1].prismatic
+
+    def geometry(robot: Robot, pulls: Pulls, values: Array) -> Array:
+        return np.asarray(pulls.q + values[0] * np.eye(robot.n)[joint - 1])
+
+    return Geometry(
+        name="joint_offset",
+        where=joint,
+        parameters=(Parameter(f"d_{joint}", "m" if slides else "rad", 1e-3, -0.02, 0.02),),
+        signature=f"the unloaded reflectors stand millimetres off as joint {joint} would move "
+        "them; "
+        "the displacements hardly show it",
+        needs="the unloaded absolute positions, in F_b, with the tool's coordinates known",
+        source="derivative of Eqs. (2), (4) by q_j; 1 mrad, 1 mm before a geometric calibration",
+        geometry=geometry,
+    )

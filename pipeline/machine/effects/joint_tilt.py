@@ -1,0 +1,71 @@
+"""The bearing of a joint tilts: it gives way about the two axes across its own, Eq. (3) knows none.
+
+c_tilt_x and c_tilt_y turn about x_j and y_j of the joint's frame, behind its own motion, through
+where the bearing sits on the joint's axis. A table of frames does not say that: it puts the frame
+of the first turning joint at the height of the shoulder, and its bearing may sit there, or in the
+base at the other end of the link's offset, or between.
+"""
+
+import numpy as np
+
+from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effects._anatomy import compliance, turning
+from pipeline.machine.effects._effect import Elastic, Loaded, linear
+from pipeline.machine.robot import Robot
+from pipeline.machine.robot.configuration import rotation_about
+
+SEAT = {"at its origin": 0.0, "amid its offset": 0.5, "at the foot of its axis": 1.0}
+"""Where the bearing sits, from O_j to the foot of the perpendicular from O_j-1 on the axis."""
+
+SHORT_M = 0.3
+"""A bearing is as wide as an offset below this, so it makes little odds where it sits."""
+
+BETWEEN = 0.1
+"""A bearing a quarter of the offset from where a form has it has levers so much longer."""
+
+
+def effects(robot: Robot) -> tuple[Elastic, ...]:
+    """One effect for each revolute joint; of the one in the base, in several forms."""
+    return tuple(
+        _effect(robot, joint, form, offset(robot, joint) * seat)
+        for joint in turning(robot)
+        for form, seat in _seats(robot, joint).items()
+    )
+
+
+def offset(robot: Robot, joint: int) -> float:
+    """How far O_j lies along the joint's axis from the foot of O_j-1 on it [m]."""
+    placement = robot.placement[joint - 1]
+    return float(placement[:3, 3] @ placement[:3, 2])
+
+
+def _seats(robot: Robot, joint: int) -> dict[str, float]:
+    in_the_base = joint == turning(robot)[0] and abs(offset(robot, joint)) > SHORT_M
+    return SEAT if in_the_base else {"": 0.0}
+
+
+def _effect(robot: Robot, joint: int, form: str, below: float) -> Elastic:
+    c = compliance(robot, joint)
+
+    def screws(loaded: Loaded) -> Array:
+        axes, origin = loaded.configuration.frame(joint)
+        seat = origin - below * axes[:, :, 2]
+        return np.stack([rotation_about(seat, axes[:, :, axis]) for axis in (0, 1)], axis=1)
+
+    return Elastic(
+        name="joint_tilt",
+        where=joint,
+        form=form,
+        tolerance=BETWEEN if form else 0.03,
+        parameters=tuple(
+            Parameter(f"c_tilt{joint}_{axis}", "rad/(N m)", c / 6, 0.0, 5 * c) for axis in "xy"
+        ),
+        signature=f"everything behind joint {joint} turns about axes across it, "
+        "that turn with the joint",
+        needs="poses that differ in this joint alone; at the wrist three reflectors on the flange",
+        source="moment rigidity of RV reducers is five to seven times their torsional stiffness; "
+        "full joint compliance after Klimchik et al., Complete stiffness model (2014)",
+        carrier=(joint, joint),
+        twists=screws,
+        response=linear,
+    )

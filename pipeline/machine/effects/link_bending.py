@@ -1,0 +1,66 @@
+"""A link of the arm bends as a beam clamped at its near end, about two axes across it.
+
+- beam: it turns about its middle by c = L / EI times the moment there, and its end moves across by
+  c L^2 / 12 times the force there (Euler and Bernoulli, exact for any load at the end)
+- hinge: it turns about its middle only (a link that is stiff but for one section)
+"""
+
+import numpy as np
+
+from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effects._anatomy import arm, compliance
+from pipeline.machine.effects._effect import Elastic, Loaded
+from pipeline.machine.robot import Robot
+from pipeline.machine.robot.configuration import rotation_about, translation_along
+
+
+def effects(robot: Robot) -> tuple[Elastic, ...]:
+    """Upper arm (shoulder to elbow) and forearm (elbow to wrist centre) of a six-axis arm."""
+    joints = arm(robot)
+    if joints is None:
+        return ()
+    shoulder, elbow, wrist = joints
+    links = (("upper_arm", "upper", shoulder, elbow), ("forearm", "fore", elbow, wrist))
+    return tuple(_effect(robot, *link, form) for link in links for form in ("beam", "hinge"))
+
+
+def _effect(robot: Robot, where: str, short: str, near: int, far: int, form: str) -> Elastic:
+    c = compliance(robot, near)
+    beam = form == "beam"
+
+    def frame(loaded: Loaded) -> tuple[Array, Array, Array, Array]:
+        """Hinge axis of the near joint, direction across, middle, vector along the link."""
+        axes, start = loaded.configuration.frame(near)
+        _, end = loaded.configuration.frame(far)
+        axis = axes[:, :, 2]
+        link = end - start - np.sum((end - start) * axis, axis=1, keepdims=True) * axis
+        side = np.cross(axis, link / np.linalg.norm(link, axis=1, keepdims=True))
+        return axis, side, (start + end) / 2, link
+
+    def screws(loaded: Loaded) -> Array:
+        axis, side, middle, _ = frame(loaded)
+        turns = [rotation_about(middle, axis), rotation_about(middle, side)]
+        shifts = [translation_along(side), translation_along(axis)]
+        return np.stack([*turns, *shifts] if beam else turns, axis=1)
+
+    def response(loaded: Loaded, tau: Array) -> Array:
+        length2 = np.sum(frame(loaded)[3] ** 2, axis=1, keepdims=True)
+        return np.concatenate([tau[:, :2], tau[:, 2:] * length2 / 12], axis=1)
+
+    return Elastic(
+        name="link_bending",
+        where=where,
+        form=form,
+        parameters=(
+            Parameter(f"c_{short}_in_plane", "rad/(N m)", c / 5, 0.0, 5 * c),
+            Parameter(f"c_{short}_out_of_plane", "rad/(N m)", c / 5, 0.0, 5 * c),
+        ),
+        signature=f"everything behind the {where.replace('_', ' ')} turns about its middle; "
+        "a near twin of the tilt of the joint it hangs on",
+        needs="reflectors at the elbow",
+        source="beam theory; 2e7 to 4e7 N m/rad per axis is an estimate",
+        carrier=(near,) * (4 if beam else 2),
+        twists=screws,
+        response=response,
+        shared=(0, 1, 0, 1) if beam else (),
+    )

@@ -1,0 +1,47 @@
+"""Points of the tool are elsewhere than campaign.toml says: p + R_7 d.
+
+- load point:      where the chain pulls
+- measuring point: what the tracker follows, all targets by the same d
+- both:            one point that is pulled at and followed
+"""
+
+from typing import Any
+
+import numpy as np
+
+from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effects._effect import Compound, Effect, Loaded, Reflectors, Wrench
+from pipeline.machine.robot import Robot
+
+
+def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
+    """The load point that is true, the force as read."""
+    return loaded.load_point + loaded.configuration.flange_axes @ values, loaded.force
+
+
+def points(loaded: Loaded, values: Array) -> Array:
+    """The targets where they are."""
+    shift = loaded.configuration.flange_axes @ values
+    return np.asarray(loaded.points + shift[:, None])
+
+
+def effects(robot: Robot) -> tuple[Effect, ...]:
+    """One effect in three forms, on any robot."""
+    alone = Wrench(**_said("load point"), wrench=wrench)
+    followed = Reflectors(**_said("measuring point"), points=points)
+    both = _said("both")
+    acts = (Wrench(**both, wrench=wrench), Reflectors(**both, points=points))
+    return (alone, followed, Compound(**both, acts=acts))
+
+
+def _said(form: str) -> dict[str, Any]:
+    return {
+        "name": "load_point_offset",
+        "where": None,
+        "form": form,
+        "parameters": tuple(Parameter(f"dl_{axis}", "m", 5e-3, -0.5, 0.5) for axis in "xyz"),
+        "signature": "torques of the wrist are off by the force times a lever fixed in the tool, "
+        "or displacements by their rotation times it",
+        "needs": "the load point and the targets measured in the flange frame",
+        "source": "moment d x f, displacement w x d; 5 mm is an estimate",
+    }

@@ -1,0 +1,184 @@
+"""What can give way and has no name in the catalogue: it competes with the causes, unnamed.
+
+A list of causes is never complete. Where something of this file explains the data as well as a
+cause of the catalogue does, the cause is not certain, and only the place can be told. None is in
+the catalogue: no campaign is ever said to suffer from one of them.
+
+- bearing_translation:   a joint's bearing (or the flange) gives way along the axes of its frame;
+                         on a rail the column's is what the rail's own causes say
+- cross_talk:            torque at a joint turns the next one; the catalogue has the wrist's
+- compliance_by_angle:   of a joint, two harmonics; the catalogue has the shoulder's (compensator)
+- compliance_by_time:    of a joint, steadily
+- guide_along_the_rail:  a guide of the carriage is softer here than there, two harmonics
+- guide_contact:         a guide yields less than in proportion to its load, as rollers do
+- effector_play:         the effector turns in its clamp, about the axis of the last joint
+"""
+
+import itertools
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effects import (
+    joint_lost_motion,
+    rail_lateral,
+    rail_pitch,
+    rail_roll,
+    rail_vertical,
+)
+from pipeline.machine.effects._anatomy import compliance, joint_screw, rail, turning
+from pipeline.machine.effects._effect import Effect, Elastic, Loaded, linear
+from pipeline.machine.robot import Robot
+from pipeline.machine.robot.configuration import translation_along
+
+BEARING = 5e-9
+"""Typical compliance of a bearing along an axis [m/N], that of loaded guide rollers."""
+
+HOUR_S = 3600.0
+MOMENT_NM = 3000.0
+"""A moment on the guides of a rail that counts as large."""
+
+GUIDES = {
+    "lateral": (rail_lateral, 5e-9),
+    "vertical": (rail_vertical, 2.5e-9),
+    "roll": (rail_roll, 1e-8),
+    "pitch": (rail_pitch, 5e-9),
+}
+"""The guides of the carriage with their typical compliances [m/N] or [rad/(N m)]."""
+
+Screws = Callable[[Loaded], Array]
+Response = Callable[[Loaded, Array], Array]
+
+
+def nameless(robot: Robot) -> tuple[Effect, ...]:
+    """Everything of this file that the robot can have."""
+    numbers = turning(robot)
+    wrist = set(numbers[-3:]) if len(numbers) == 6 else set()
+    pairs = [p for p in itertools.pairwise(numbers) if not set(p) <= wrist]
+    guides = GUIDES if rail(robot) else ()
+    joints = range(1, robot.n + 1)
+    on_guides = numbers[0] if rail(robot) else None
+    shoulder = numbers[1] if len(numbers) == 6 else None
+    return (
+        *(_bearing(robot, j) for j in (*numbers, robot.n + 1) if j != on_guides),
+        *(_cross_talk(robot, *pair) for pair in pairs),
+        *(_angle(robot, joint) for joint in numbers if joint != shoulder),
+        *(_warming(robot, joint) for joint in joints),
+        *(_along_the_rail(robot, guide) for guide in guides),
+        *(_contact(guide) for guide in guides),
+        *(_play(effect) for effect in joint_lost_motion.effects(robot) if effect.where == robot.n),
+    )
+
+
+def _effect(
+    name: str,
+    where: int | str,
+    sizes: tuple[float, ...],
+    carrier: tuple[int, ...],
+    screws: Screws,
+    response: Response,
+    signed: bool = True,
+    shared: tuple[int, ...] = (),
+) -> Elastic:
+    unit = "1"  # a size relative to what is typical: nobody is told it
+    return Elastic(
+        name=name,
+        where=where,
+        parameters=tuple(
+            Parameter(f"{name}_{where}_{k}", unit, size, -20 * size if signed else 0.0, 20 * size)
+            for k, size in enumerate(sizes)
+        ),
+        signature=f"{name.replace('_', ' ')} {where}",
+        needs="",
+        source="",
+        carrier=carrier,
+        twists=screws,
+        response=response,
+        shared=shared,
+    )
+
+
+def _bearing(robot: Robot, joint: int) -> Effect:
+    def screws(loaded: Loaded) -> Array:
+        here = loaded.configuration
+        axes = here.flange_axes if joint > robot.n else here.frame(joint)[0]
+        return np.stack([translation_along(axes[:, :, axis]) for axis in range(3)], axis=1)
+
+    carrier = (min(joint, robot.n),) * 3
+    return _effect(
+        "bearing_translation", joint, (BEARING,) * 3, carrier, screws, linear, signed=False
+    )
+
+
+def _cross_talk(robot: Robot, one: int, other: int) -> Effect:
+    size = 0.05 * float(np.sqrt(compliance(robot, one) * compliance(robot, other)))
+    at = [one - 1, other - 1]
+    return _effect(
+        "cross_talk",
+        f"{one}-{other}",
+        (size,),
+        (one, other),
+        lambda loaded: loaded.configuration.twists[:, at],
+        lambda loaded, torque: torque[:, ::-1],
+        shared=(0, 0),
+    )
+
+
+def _angle(robot: Robot, joint: int) -> Effect:
+    def response(loaded: Loaded, torque: Array) -> Array:
+        angle = loaded.configuration.q[:, joint - 1]
+        waves = [wave(k * angle) for k in (1, 2) for wave in (np.cos, np.sin)]
+        return np.asarray(torque * np.stack(waves, axis=1))
+
+    sizes = (0.05 * compliance(robot, joint),) * 4
+    return _effect("compliance_by_angle", joint, sizes, (joint,) * 4, _screw(joint, 4), response)
+
+
+def _warming(robot: Robot, joint: int) -> Effect:
+    def response(loaded: Loaded, torque: Array) -> Array:
+        hours = np.nan_to_num(loaded.pulls.time) / HOUR_S
+        return torque * hours[:, None]
+
+    size = (0.05 * compliance(robot, joint),)
+    return _effect("compliance_by_time", joint, size, (joint,), _screw(joint, 1), response)
+
+
+def _along_the_rail(robot: Robot, guide: str) -> Effect:
+    file, size = GUIDES[guide]
+    low, high = (robot.lower[0], robot.upper[0]) if np.isfinite(robot.upper[0]) else (0.0, 10.0)
+
+    def response(loaded: Loaded, load: Array) -> Array:
+        phase = np.pi * (loaded.configuration.q[:, 0] - low) / (high - low)
+        waves = [np.ones_like(phase), *(w(k * phase) for k in (1, 2) for w in (np.cos, np.sin))]
+        return np.asarray(load * np.stack(waves, axis=1))
+
+    def screws(loaded: Loaded) -> Array:
+        return file.screw(loaded).repeat(5, axis=1)
+
+    return _effect("guide_along_the_rail", guide, (size,) * 5, (1,) * 5, screws, response)
+
+
+def _contact(guide: str) -> Effect:
+    file, size = GUIDES[guide]
+    large = 1000.0 if guide in ("lateral", "vertical") else MOMENT_NM
+
+    def response(loaded: Loaded, load: Array) -> Array:
+        return np.sign(load) * np.sqrt(np.abs(load) * large)
+
+    return _effect("guide_contact", guide, (size,), (1,), file.screw, response)
+
+
+def _play(gear: Elastic) -> Effect:
+    """Moves what the gear of the last joint moves: only reflectors on the flange tell the two."""
+    sizes = tuple(p.typical for p in gear.parameters)
+    where = f"{gear.where} {gear.form}"
+    play = _effect(
+        "effector_play", where, sizes, gear.carrier, gear.twists, gear.response, signed=False
+    )
+    return replace(play, signature="the effector turning in its clamp")
+
+
+def _screw(joint: int, times: int) -> Screws:
+    return lambda loaded: joint_screw(loaded, joint).repeat(times, axis=1)

@@ -1,0 +1,73 @@
+"""The rack and pinion of the rail has play: a step of constant width, missing from Eq. (3).
+
+Where the carriage came to rest within the play decides how far it can go:
+
+    travel along the rail = b (tanh(f_y / f_0) - rest) / 2,
+
+with rest = +1 at the end of the play that a positive pull runs into, -1 at the other one. So it
+is where nothing holds the carriage but the flanks. Where friction holds it, a pull across the rail
+leaves it there, and only one that it can give way to takes it over:
+
+    travel along the rail = -rest b tanh(max(-rest f_y, 0) / f_r).
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effects._anatomy import joint_screw, rail
+from pipeline.machine.effects._effect import Elastic, Loaded
+from pipeline.machine.robot import Robot
+
+FULL_PLAY_FORCE_N = 150.0
+"""f_0: with two flanks and nothing else."""
+
+FRICTION_N = 300.0
+"""f_r: pull along the rail that takes a carriage over against its friction."""
+
+
+def _between_flanks(force: Array, start: Array) -> Array:
+    return np.asarray((np.tanh(force / FULL_PLAY_FORCE_N) - start) / 2)
+
+
+def _against_friction(force: Array, start: Array) -> Array:
+    return np.asarray(-start * np.tanh(np.maximum(-start * force, 0.0) / FRICTION_N))
+
+
+FORMS: dict[str, tuple[float, Callable[[Array, Array], Array]]] = {
+    "held by friction": (-1.0, _between_flanks),
+    "held by the brake": (1.0, _between_flanks),
+    "centred": (0.0, _between_flanks),
+    "held by friction until pulled over": (-1.0, _against_friction),
+    "held by the brake until pulled over": (1.0, _against_friction),
+}
+"""Where the carriage rests after coming along +y, and how it leaves: friction stops it with the
+pushing flank in contact, a braking drive with the other one; centred when nothing says which."""
+
+
+def effects(robot: Robot) -> tuple[Elastic, ...]:
+    """The play of the rail's drive, for each way the carriage may come to rest."""
+    return tuple(_effect(form, *law) for form, law in FORMS.items()) if rail(robot) else ()
+
+
+def _effect(form: str, rest: float, law: Callable[[Array, Array], Array]) -> Elastic:
+    def travel(loaded: Loaded, force: Array) -> Array:
+        return law(force, rest * loaded.pulls.approach[:, None])
+
+    return Elastic(
+        name="rail_backlash",
+        where=None,
+        form=form,
+        tolerance=0.1,
+        parameters=(Parameter("b_rail", "m", 2e-4, 0.0, 2e-3),),
+        signature="a step along the rail, the same for all reflectors and all forces, "
+        "that depends on the sign of the pull and on the way the carriage came",
+        needs="pulls both ways along the rail at poses approached both ways, recorded in "
+        "joints.csv",
+        source="play of 0.20 to 0.24 mm set with +-400 N: operating manual of a rack-driven "
+        "linear unit of this class (KUKA KL 1500-3)",
+        carrier=(1,),
+        twists=lambda loaded: joint_screw(loaded, 1),
+        response=travel,
+    )

@@ -1,0 +1,65 @@
+"""The rail's stiffness along its axis changes with the position of the carriage.
+
+The compliance is c_r1 + c_cos cos(2 pi r_1 / L) + c_sin sin(2 pi r_1 / L) between supports at
+pitch L, or c_r1 + c_slope (r_1 - middle) / half length.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effects._anatomy import compliance, joint_screw, rail
+from pipeline.machine.effects._effect import Elastic, Loaded
+from pipeline.machine.robot import Robot
+
+Response = Callable[[Loaded, Array], Array]
+
+PITCH_M = (1.5, 2.0, 3.0, 4.0, 6.0, 9.0)
+"""Support pitches that are tried; the true one is rarely documented."""
+
+SIGNATURE = "the excess along the rail depends on where the carriage stands, not on the arm"
+NEEDS = "one arm pose, pulled along the rail at six or more stations over two support pitches"
+SOURCE = "A_1 phi(r_1); +-40 % between supports is an estimate"
+
+
+def effects(robot: Robot) -> tuple[Elastic, ...]:
+    """Variation with the pitch of the supports, or steady from end to end."""
+    if not rail(robot):
+        return ()
+    return (_steady(robot), *(_waves(robot, pitch) for pitch in PITCH_M))
+
+
+def _waves(robot: Robot, pitch: float) -> Elastic:
+    def response(loaded: Loaded, force: Array) -> Array:
+        phase = 2 * np.pi * loaded.configuration.q[:, 0] / pitch
+        return np.asarray(force * np.stack([np.cos(phase), np.sin(phase)], axis=1))
+
+    return _effect(robot, f"supports every {pitch:g} m", ("c_rail_cos", "c_rail_sin"), response)
+
+
+def _steady(robot: Robot) -> Elastic:
+    low, high = (robot.lower[0], robot.upper[0]) if np.isfinite(robot.upper[0]) else (0.0, 10.0)
+
+    def response(loaded: Loaded, force: Array) -> Array:
+        along = (loaded.configuration.q[:, :1] - (low + high) / 2) / ((high - low) / 2)
+        return force * along
+
+    return _effect(robot, "steady", ("c_rail_slope",), response)
+
+
+def _effect(robot: Robot, form: str, names: tuple[str, ...], response: Response) -> Elastic:
+    c = compliance(robot, 1)
+    return Elastic(
+        name="rail_stiffness_varies",
+        where=None,
+        form=form,
+        tolerance=0.15,
+        parameters=tuple(Parameter(name, "m/N", 0.4 * c, -4 * c, 4 * c) for name in names),
+        signature=SIGNATURE,
+        needs=NEEDS,
+        source=SOURCE,
+        carrier=(1,) * len(names),
+        twists=lambda loaded: joint_screw(loaded, 1).repeat(len(names), axis=1),
+        response=response,
+    )

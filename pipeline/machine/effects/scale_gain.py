@@ -1,0 +1,25 @@
+"""The spring scale reads a constant fraction wrong: the true force is f (1 + g)."""
+
+from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effects._effect import Loaded, Wrench
+from pipeline.machine.robot import Robot
+
+
+def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
+    """Load point and force that act."""
+    return loaded.load_point, loaded.force * (1 + values[0])
+
+
+def effects(robot: Robot) -> tuple[Wrench, ...]:
+    """One effect, on any robot."""
+    return (
+        Wrench(
+            name="scale_gain",
+            where=None,
+            parameters=(Parameter("g_scale", "1", 0.01, -0.2, 0.2),),
+            signature="all stiffnesses shift by the same percentage; nothing else shows",
+            needs="a known dead weight on the scale",
+            source="calibration: crane scales 0.1 % of full scale, mechanical ones 1 %",
+            wrench=wrench,
+        ),
+    )

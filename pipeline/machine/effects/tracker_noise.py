@@ -1,0 +1,20 @@
+"""The tracker scatters more than stated: its standard uncertainty times 1 + s."""
+
+from pipeline.base.arrays import Parameter
+from pipeline.machine.effects._effect import Noise
+from pipeline.machine.robot import Robot
+
+
+def effects(robot: Robot) -> tuple[Noise, ...]:
+    """One effect, on any robot."""
+    return (
+        Noise(
+            name="tracker_noise",
+            where=None,
+            parameters=(Parameter("s_tracker", "1", 0.3, 0.0, 20.0),),
+            signature="all residuals are larger than stated, without a pattern",
+            needs="repeated readings of one state",
+            source="laser trackers in a warm hall against their certificate; 30 % is an estimate",
+            source_scaled=("tracker", "zero", "direction"),
+        ),
+    )

@@ -1,0 +1,349 @@
+"""A robot from its table: TOML rows of DH parameters in, constant joint placements out.
+
+Whatever the convention, link j is `placement[j]` times a motion along or about its z axis, so
+everything behind this file (numpy kinematics, Pinocchio, B) knows one form only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from pipeline.base import toml
+from pipeline.base.arrays import Array, Bools, Locked
+from pipeline.base.errors import InputError, listed
+
+SHIPPED = ("kr500_rail", "kr500_rail_kuka", "fanuc_r2000ic")
+
+CONVENTIONS = {
+    "khalil": "Rx(alpha) Tx(d) Rz(theta) Tz(r): modified DH, letters of Khalil and Kleinfinger",
+    "craig": "Rx(alpha) Tx(a) Rz(theta) Tz(d): modified DH in the letters of Craig, rows i-1 | i",
+    "standard": "Rz(theta) Tz(d) Tx(a) Rx(alpha): the classic (distal) DH table",
+}
+"""What the letters of a row mean. Khalil's d is Craig's a; Khalil's r is Craig's d."""
+
+
+class JointRow(BaseModel):
+    """One `[[joint]]` of a robot file; lengths [m], angles in degrees or radians by suffix."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9]*$")
+    type: Literal["revolute", "prismatic"]
+    alpha_deg: float = 0.0
+    theta_deg: float = 0.0
+    a_m: float | None = None
+    d_m: float = 0.0
+    r_m: float | None = None
+    lower_m: float | None = None
+    upper_m: float | None = None
+    lower_deg: float | None = None
+    upper_deg: float | None = None
+    stiffness_n_per_m: float | None = Field(default=None, gt=0)
+    stiffness_nm_per_rad: float | None = Field(default=None, gt=0)
+    mass_kg: float | None = Field(default=None, ge=0)
+    centre_of_mass_m: tuple[float, float, float] | None = None
+
+    @model_validator(mode="after")
+    def units_fit_the_type(self) -> JointRow:
+        """A prismatic joint has limits in m and N/m, a revolute one in degrees and N m/rad."""
+        wrong = (
+            (self.lower_deg, self.upper_deg, self.stiffness_nm_per_rad)
+            if self.type == "prismatic"
+            else (self.lower_m, self.upper_m, self.stiffness_n_per_m)
+        )
+        if any(value is not None for value in wrong):
+            raise ValueError(
+                f"joint {self.name} is {self.type}: its limits or stiffness have the other unit"
+            )
+        if self.lower >= self.upper:
+            raise ValueError(
+                f"joint {self.name}: lower limit {self.lower} is not below upper {self.upper}"
+            )
+        return self
+
+    @property
+    def lower(self) -> float:
+        """Lower limit [m] or [rad]."""
+        if self.type == "prismatic":
+            return -np.inf if self.lower_m is None else self.lower_m
+        return -np.inf if self.lower_deg is None else float(np.deg2rad(self.lower_deg))
+
+    @property
+    def upper(self) -> float:
+        """Upper limit [m] or [rad]."""
+        if self.type == "prismatic":
+            return np.inf if self.upper_m is None else self.upper_m
+        return np.inf if self.upper_deg is None else float(np.deg2rad(self.upper_deg))
+
+
+class Controller(BaseModel):
+    """How the controller's axes become the model's joint variables: q = matrix @ axes + offset."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    axes: list[str]
+    matrix: list[list[float]]
+    offset_deg: list[float] | None = None
+
+
+class RobotFile(BaseModel):
+    """A robot file, as written by a person."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    format: Literal[1]
+    name: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")
+    description: str
+    convention: Literal["khalil", "craig", "standard"]
+    source: str
+    assumptions: list[str] = []
+    joint: list[JointRow] = Field(min_length=1)
+    controller: Controller | None = None
+
+
+@dataclass(frozen=True)
+class Joint:
+    """One joint of the model.
+
+    Attributes:
+        name: `r1`, `theta2`; columns of joints.csv are `r1_m`, `theta2_deg`.
+        prismatic: True for a sliding joint (m, N), False for a turning one (rad, N m).
+        lower: Lower limit [m] or [rad].
+        upper: Upper limit [m] or [rad].
+        stiffness: Nominal stiffness [N/m] or [N m/rad], None when unknown.
+        mass: Mass of the link behind it [kg], None when unknown.
+        centre_of_mass: Of that link, in its frame [m], None when unknown.
+    """
+
+    name: str
+    prismatic: bool
+    lower: float
+    upper: float
+    stiffness: float | None
+    mass: float | None
+    centre_of_mass: tuple[float, float, float] | None
+
+    @property
+    def stiffness_unit(self) -> str:
+        """Unit of its stiffness."""
+        return "N/m" if self.prismatic else "N m/rad"
+
+    @property
+    def compliance_unit(self) -> str:
+        """Unit of its compliance."""
+        return "m/N" if self.prismatic else "rad/(N m)"
+
+    @property
+    def typical_stiffness(self) -> float:
+        """The nominal stiffness, or the usual size for industrial arms of this class."""
+        return self.stiffness or (5e7 if self.prismatic else 1e6)
+
+
+@dataclass(frozen=True, eq=False)
+class Robot(Locked):
+    """Geometry of a serial robot in its base frame F_b.
+
+    Attributes:
+        name: Name of the robot file.
+        description: One sentence about the machine.
+        joints: The joints from base to flange, n of them.
+        placement: Frame of joint j at q_j = 0 in the frame of joint j-1, shape (n, 4, 4).
+        flange: Flange frame in the frame of the last joint, shape (4, 4).
+        controller: Names of the controller's axes, where the file maps them.
+        controller_matrix: q = controller_matrix @ axes + controller_offset, shape (n, axes).
+        controller_offset: [rad] or [m], shape (n,).
+        assumptions: What the file assumes, for the report.
+        text: The file itself, for hashing and the report.
+    """
+
+    name: str
+    description: str
+    joints: tuple[Joint, ...]
+    placement: Array
+    flange: Array
+    controller: tuple[str, ...]
+    controller_matrix: Array
+    controller_offset: Array
+    assumptions: tuple[str, ...]
+    text: str
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    @property
+    def prismatic(self) -> Bools:
+        """True for sliding joints, shape (n,)."""
+        return np.array([joint.prismatic for joint in self.joints])
+
+    @property
+    def lower(self) -> Array:
+        """Lower joint limits [m] or [rad], shape (n,)."""
+        return np.array([joint.lower for joint in self.joints])
+
+    @property
+    def upper(self) -> Array:
+        """Upper joint limits [m] or [rad], shape (n,)."""
+        return np.array([joint.upper for joint in self.joints])
+
+    @property
+    def nominal_compliance(self) -> Array:
+        """1 / nominal (or typical) stiffness [m/N] or [rad/(N m)], shape (n,)."""
+        return np.array([1.0 / joint.typical_stiffness for joint in self.joints])
+
+
+def _screw_x(alpha: float, a: float) -> Array:
+    c, s = np.cos(alpha), np.sin(alpha)
+    return np.array([[1, 0, 0, a], [0, c, -s, 0], [0, s, c, 0], [0, 0, 0, 1.0]])
+
+
+def _screw_z(theta: float, r: float) -> Array:
+    c, s = np.cos(theta), np.sin(theta)
+    return np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, r], [0, 0, 0, 1.0]])
+
+
+def _letters(row: JointRow, convention: str) -> tuple[float, float]:
+    """The row's shift along x and along z [m], whatever letters its convention uses."""
+    if convention == "khalil":
+        if row.a_m is not None:
+            raise ValueError(f"joint {row.name}: convention khalil has d_m and r_m, not a_m")
+        return row.d_m, row.r_m or 0.0
+    if row.r_m is not None:
+        raise ValueError(f"joint {row.name}: convention {convention} has a_m and d_m, not r_m")
+    return row.a_m or 0.0, row.d_m
+
+
+def placements(rows: list[JointRow], convention: str) -> tuple[Array, Array]:
+    """Constant joint placements of a table, and the flange.
+
+    Args:
+        rows: One row per joint, base to flange.
+        convention: A key of `CONVENTIONS`.
+
+    Returns:
+        placement (n, 4, 4) and flange (4, 4) as in `Robot`.
+    """
+    placement = []
+    behind = np.eye(4)  # what a distal table puts between a joint and the next one
+    for row in rows:
+        x, z = _letters(row, convention)
+        along_x = _screw_x(np.deg2rad(row.alpha_deg), x)
+        along_z = _screw_z(np.deg2rad(row.theta_deg), z)
+        if convention == "standard":
+            placement.append(behind)
+            behind = along_z @ along_x
+        else:
+            placement.append(along_x @ along_z)
+    return np.array(placement), behind
+
+
+def parse(text: str, file: str) -> Robot:
+    """A robot from the text of its file.
+
+    Raises:
+        InputError: The text is not TOML or not a robot; says where and what is expected.
+    """
+    table = toml.loads(text, file)
+    try:
+        content = RobotFile.model_validate(table)
+        placement, flange = placements(content.joint, content.convention)
+    except ValidationError as problem:
+        first = problem.errors()[0]
+        where = ".".join(str(part) for part in first["loc"]) or "the robot"
+        raise InputError(
+            f"{where}: {first['msg']}", "correct the robot file", file=file
+        ) from problem
+    except ValueError as problem:
+        raise InputError(str(problem), "correct the row or the convention", file=file) from problem
+    joints = tuple(
+        Joint(
+            name=row.name,
+            prismatic=row.type == "prismatic",
+            lower=row.lower,
+            upper=row.upper,
+            stiffness=row.stiffness_n_per_m or row.stiffness_nm_per_rad,
+            mass=row.mass_kg,
+            centre_of_mass=row.centre_of_mass_m,
+        )
+        for row in content.joint
+    )
+    names = [joint.name for joint in joints]
+    if len(set(names)) < len(names):
+        raise InputError(f"joint names {listed(names)} are not unique", "rename one", file=file)
+    axes, matrix, offset = _controller(content.controller, len(joints), file)
+    return Robot(
+        name=content.name,
+        description=content.description,
+        joints=joints,
+        placement=placement,
+        flange=flange,
+        controller=axes,
+        controller_matrix=matrix,
+        controller_offset=offset,
+        assumptions=tuple(content.assumptions),
+        text=text,
+    )
+
+
+def _controller(
+    controller: Controller | None, n: int, file: str
+) -> tuple[tuple[str, ...], Array, Array]:
+    if controller is None:
+        return (), np.zeros((n, 0)), np.zeros(n)
+    matrix = np.array(controller.matrix, dtype=float) if controller.matrix else np.zeros((0, 0))
+    if matrix.shape != (n, len(controller.axes)):
+        raise InputError(
+            f"controller.matrix has shape {matrix.shape}, "
+            f"not {n} joints x {len(controller.axes)} axes",
+            "give one row per joint and one column per axis",
+            file=file,
+        )
+    offset = np.deg2rad(controller.offset_deg or [0.0] * n)
+    return tuple(controller.axes), matrix, offset
+
+
+def load(name: str, folder: Path | None = None) -> Robot:
+    """A robot that ships with the pipeline, or a user's own file by path.
+
+    Args:
+        name: One of `SHIPPED`, or a path to a .toml file, relative to `folder`.
+        folder: The campaign folder.
+
+    Raises:
+        InputError: There is no such robot, with a list of those that ship, or its file cannot be
+            read or is none.
+    """
+    if name in SHIPPED:
+        return _shipped(name)
+    path = (folder or Path()) / name
+    if path.suffix != ".toml" or not path.is_file():
+        raise InputError(
+            f'there is no robot "{name}"',
+            f"use one of {listed(SHIPPED)}, or the path of a robot file ending in .toml",
+            file="campaign.toml" if folder else None,
+        )
+    try:
+        return parse(path.read_text("utf-8-sig"), path.name)
+    except UnicodeDecodeError as problem:
+        raise InputError("is not UTF-8", "save it as UTF-8", file=path.name) from problem
+    except OSError as problem:
+        raise InputError(
+            f"cannot be read ({problem.strerror})",
+            "check the file and its permissions",
+            file=path.name,
+            passing=True,
+        ) from problem
+
+
+@cache
+def _shipped(name: str) -> Robot:
+    text = (resources.files(__package__) / f"{name}.toml").read_text("utf-8")
+    return parse(text, f"{name}.toml")

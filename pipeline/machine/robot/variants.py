@@ -1,0 +1,78 @@
+"""The robots that a wrong sign or a wrong DH convention in a table would stand for."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator
+from dataclasses import replace
+
+from pipeline.base import toml
+from pipeline.machine.robot.mdh import JointRow, Robot, RobotFile, placements
+
+LENGTHS = {"a_m": "a", "d_m": "d", "r_m": "r"}
+VISIBLE_M = 0.01
+"""A length below this can have either sign without anyone noticing."""
+
+
+def _file(robot: Robot) -> RobotFile:
+    return RobotFile.model_validate(tomllib.loads(robot.text))
+
+
+def variants(robot: Robot) -> Iterator[tuple[str, Robot]]:
+    """The robot with one sign of its table turned round, or its table read in the other convention.
+
+    Yields:
+        `d_5`, `alpha_3`, `standard_dh` or `modified_dh`, and the robot.
+    """
+    file = _file(robot)
+    for j, row in enumerate(file.joint):
+        for key, letter in LENGTHS.items():
+            if abs(getattr(row, key) or 0.0) > VISIBLE_M:
+                yield f"{letter}_{j + 1}", _with_row(robot, file, j, {key: -getattr(row, key)})
+        if row.alpha_deg % 180:
+            yield f"alpha_{j + 1}", _with_row(robot, file, j, {"alpha_deg": -row.alpha_deg})
+    rows, convention, name = _other_convention(file)
+    yield name, _with_rows(robot, rows, convention)
+
+
+def misread(robot: Robot) -> tuple[str, str]:
+    """The robot's file with its letters under the other convention, and what they are in truth."""
+    file = _file(robot)
+    rows, convention, _ = _other_convention(file)
+    wrong = file.model_copy(update={"joint": rows, "convention": convention})
+    text = toml.dumps(wrong.model_dump(exclude_none=True))
+    return text, "standard_dh" if file.convention == "standard" else "modified_dh"
+
+
+def _with_row(robot: Robot, file: RobotFile, j: int, change: dict[str, float]) -> Robot:
+    rows = [*file.joint[:j], file.joint[j].model_copy(update=change), *file.joint[j + 1 :]]
+    return _with_rows(robot, rows, file.convention)
+
+
+def _with_rows(robot: Robot, rows: list[JointRow], convention: str) -> Robot:
+    placement, flange = placements(rows, convention)
+    return replace(robot, placement=placement, flange=flange)
+
+
+def _other_convention(file: RobotFile) -> tuple[list[JointRow], str, str]:
+    """The same letters under the other convention; Khalil's d and r are Craig's a and d."""
+    rows = file.joint
+    if file.convention == "standard":
+        return rows, "craig", "modified_dh"
+    if file.convention == "khalil":
+        rows = [
+            row.model_copy(update={"a_m": row.d_m, "d_m": row.r_m or 0.0, "r_m": None})
+            for row in rows
+        ]
+    return rows, "standard", "standard_dh"
+
+
+def differing(robot: Robot, other: Robot) -> str:
+    """The length, `d_5`, in which two tables with the same joints differ most."""
+    pairs = enumerate(zip(_file(robot).joint, _file(other).joint, strict=True), 1)
+    apart = {
+        f"{letter}_{j}": abs((getattr(one, key) or 0.0) - (getattr(two, key) or 0.0))
+        for j, (one, two) in pairs
+        for key, letter in LENGTHS.items()
+    }
+    return max(apart, key=lambda name: apart[name])

@@ -1,0 +1,1 @@
+"""What the identified model predicts, and how far to trust it."""

@@ -1,0 +1,499 @@
+"""The identified model as a file for others: load it, ask what a force does, correct a path."""
+
+from __future__ import annotations
+
+import tomllib
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal, Protocol
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from pipeline.base import toml
+from pipeline.base.arrays import Array, Bools, Locked
+from pipeline.base.errors import InputError
+from pipeline.diagnosis.average import average
+from pipeline.machine.cell import Cell, Prediction, Tool, jacobian, paper_cell
+from pipeline.machine.cell import predict as forward
+from pipeline.machine.effects import Effect, Noise, Observation, Pulls, Wrench, catalogue
+from pipeline.machine.effects.nameless import nameless
+from pipeline.machine.robot import Robot
+from pipeline.machine.robot.mdh import parse as parse_robot
+
+
+@dataclass(frozen=True, eq=False)
+class Deflection(Locked):
+    """How a point of the tool gives way.
+
+    Attributes:
+        displacement: Loaded minus unloaded [m], F_b, shape (m, 3).
+        cov: Its covariance [m^2], shape (m, 3, 3); infinite on the diagonal where the campaign did
+            not determine a spring that acts there.
+    """
+
+    displacement: Array
+    cov: Array
+
+    @property
+    def std(self) -> Array:
+        """Standard uncertainty per axis [m], shape (m, 3)."""
+        return np.sqrt(np.diagonal(self.cov, axis1=1, axis2=2))
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis(Locked):
+    """One set of causes that may be true, with the springs estimated together with them.
+
+    Attributes:
+        weight: Its probability.
+        cell: Robot, tool and effects.
+        value: Parameters of the cell, SI, shape (k,).
+        cov: Their covariance, shape (k, k); infinite on the diagonal where undetermined.
+    """
+
+    weight: float
+    cell: Cell
+    value: Array
+    cov: Array
+
+    @property
+    def std(self) -> Array:
+        """Standard uncertainty of `value`, shape (k,)."""
+        return np.sqrt(np.diag(self.cov))
+
+    def at(self, point: Array | None) -> Cell:
+        """Its cell with a tool of one point, where the force acts and the displacement is seen."""
+        load = self.cell.tool.load_point if point is None else np.asarray(point, float)
+        return replace(self.cell, tool=Tool(load, np.array(["point"], dtype=object), load[None]))
+
+    def spread(self, A: Array) -> Array:
+        """Covariance of A x, A of shape (m, 3, k); infinite where undetermined springs move it."""
+        known = np.isfinite(self.std)
+        cov = A[..., known] @ self.cov[np.ix_(known, known)] @ np.swapaxes(A[..., known], 1, 2)
+        typical = np.array([p.typical for p in self.cell.parameters])
+        lost = np.abs(A * typical)[..., ~known].max(axis=-1, initial=0.0) > NOTHING_M
+        m, axis = np.nonzero(lost)
+        cov[m, axis, axis] = np.inf
+        return np.asarray(cov)
+
+
+@dataclass(frozen=True, eq=False)
+class Model(Locked):
+    """An identified robot: what acts in the machine, with values and covariance.
+
+    Where it is uncertain which causes are true, every prediction is the average over the
+    hypotheses by their weights, and what they differ by is in its covariance.
+
+    What belongs to the measurement alone (scale, tracker, noise) is no part of it; having been
+    estimated beside the springs, it stays in their covariance.
+
+    Attributes:
+        campaign: The campaign it comes from.
+        verdict: What the diagnosis said of it, as in result.json.
+        recommended: Why these values: model, data and reason, as in result.json.
+        hypotheses: What may be true, weights sum to one; one only where nothing is open.
+    """
+
+    campaign: str
+    verdict: str
+    recommended: Mapping[str, str]
+    hypotheses: tuple[Hypothesis, ...]
+
+    @staticmethod
+    def load(path: Path | str) -> Model:
+        """The model in a model.toml.
+
+        Raises:
+            InputError: There is no such file, or it is no model.
+        """
+        try:
+            text = Path(path).read_text("utf-8")
+        except (OSError, UnicodeDecodeError) as problem:
+            raise InputError(
+                "cannot be read", "give the path of a model.toml", file=str(path)
+            ) from problem
+        return parse(text, str(path))
+
+    @property
+    def robot(self) -> Robot:
+        """The robot."""
+        return self.hypotheses[0].cell.robot
+
+    @property
+    def tool(self) -> Tool:
+        """The effector of the campaign."""
+        return self.hypotheses[0].cell.tool
+
+    @cached_property
+    def springs(self) -> tuple[Array, Array]:
+        """Compliances of the joints (n,) and their covariance (n, n), over all hypotheses."""
+        n = self.robot.n
+        values = np.stack([one.value[:n] for one in self.hypotheses])
+        covs = np.stack([one.cov[:n, :n] for one in self.hypotheses])
+        return average([one.weight for one in self.hypotheses], values, covs)
+
+    @property
+    def value(self) -> Array:
+        """Compliances of the joints [m/N] or [rad/(N m)], shape (n,)."""
+        return self.springs[0]
+
+    @property
+    def cov(self) -> Array:
+        """Covariance of `value`, shape (n, n); infinite on the diagonal where undetermined."""
+        return self.springs[1]
+
+    @property
+    def std(self) -> Array:
+        """Standard uncertainty of `value`, shape (n,)."""
+        return np.sqrt(np.diag(self.cov))
+
+    def predict(self, q: Array, force: Array, point: Array | None = None) -> Deflection:
+        """What a force does to the point of the tool where it acts.
+
+        Args:
+            q: Joint values [m] or [rad], shape (m, n) or (n,).
+            force: Force on the robot [N], F_b, shape (m, 3) or (3,).
+            point: Point of the tool in the flange frame [m], shape (3,); the campaign's load point
+                when not given.
+        """
+        pulls = _pulls(q, force)
+        moved, covs = [], []
+        for one in self.hypotheses:
+            cell = one.at(point)
+            moved.append(forward(cell, pulls, one.value).displacement[:, 0])
+            A = jacobian(replace(cell, equilibrium="undeformed"), pulls, one.value)[:, 0]
+            covs.append(one.spread(A))
+        return self._mixed(moved, covs)
+
+    def _mixed(self, moved: Sequence[Array], covs: Sequence[Array]) -> Deflection:
+        """The mixture of displacements (m, 3) with their covariances (m, 3, 3)."""
+        mean = self._mean(moved)
+        cov = np.zeros_like(covs[0])
+        for one, each, spread in zip(self.hypotheses, moved, covs, strict=True):
+            off = each - mean
+            cov += one.weight * (spread + off[:, :, None] * off[:, None, :])
+        return Deflection(mean, cov)
+
+    def _mean(self, arrays: Sequence[Array]) -> Array:
+        weights = [one.weight for one in self.hypotheses]
+        return np.asarray(np.einsum("h,h...->...", weights, np.stack(arrays)))
+
+    def deflection(self, q: Array, force: Array) -> tuple[Array, Array]:
+        """Displacements of the campaign's targets under one pull, and their uncertainty.
+
+        Where the geometry is that of the undeformed robot, the uncertainty holds all that this
+        leaves out.
+
+        Args:
+            q: Joint values [m] or [rad], shape (n,).
+            force: Force on the robot [N], F_b, shape (3,).
+
+        Returns:
+            Displacements [m], F_b, and standard uncertainties per axis [m], both shape (t, 3).
+        """
+        pulls = _pulls(q, force)
+        moved, covs = [], []
+        for one in self.hypotheses:
+            kinds = (one.cell, replace(one.cell, equilibrium="deformed"))
+            flat, bent = (forward(kind, pulls, one.value).displacement[0] for kind in kinds)
+            A = jacobian(one.cell, pulls, one.value)[0]
+            known = np.isfinite(one.std)
+            A = A[..., known]
+            cov = A @ one.cov[np.ix_(known, known)] @ np.swapaxes(A, 1, 2)
+            more = bent - flat
+            moved.append(flat)
+            covs.append(cov + more[:, :, None] * np.eye(3) * more[:, None, :])
+        found = self._mixed(moved, covs)
+        return found.displacement, found.std
+
+    def positions(self, q: Array, force: Array, points: Array) -> Prediction:
+        """Points of the tool unloaded and loaded, the force acting at the first of them.
+
+        Args:
+            q: Joint values [m] or [rad], shape (m, n).
+            force: Force on the robot [N], F_b, shape (m, 3).
+            points: In the flange frame [m], shape (t, 3).
+        """
+        names = np.array([str(k) for k in range(len(points))], dtype=object)
+        tool, pulls = Tool(points[0], names, points), _pulls(q, force)
+        each = [forward(replace(one.cell, tool=tool), pulls, one.value) for one in self.hypotheses]
+        return Prediction(
+            *(
+                self._mean([getattr(one, field.name) for one in each])
+                for field in fields(Prediction)
+            )
+        )
+
+
+NOTHING_M = 1e-9
+"""A spring that moves a point less than this at its typical size does not act there."""
+
+
+class Known(Protocol):
+    """Parameters of a cell with their covariance."""
+
+    @property
+    def value(self) -> Array:
+        """Best estimate, shape (k,)."""
+
+    @property
+    def cov(self) -> Array:
+        """Covariance of `value`, shape (k, k)."""
+
+
+def part(weight: float, cell: Cell, estimate: Known) -> Hypothesis:
+    """What is handed over of an estimate: the machine without the measurement.
+
+    Args:
+        weight: Its probability.
+        cell: Joint springs and causes, in the order of the estimate's parameters.
+        estimate: Their values with covariance.
+    """
+    keep = [not _measurement(effect) for effect in cell.effects]
+    of_machine = np.repeat(keep, [len(effect.parameters) for effect in cell.effects])
+    effects = tuple(effect for effect, kept in zip(cell.effects, keep, strict=True) if kept)
+    return Hypothesis(
+        weight,
+        replace(cell, effects=effects),
+        estimate.value[of_machine],
+        estimate.cov[np.ix_(of_machine, of_machine)],
+    )
+
+
+def _measurement(effect: Effect) -> bool:
+    return any(isinstance(facet, Wrench | Observation | Noise) for facet in effect.facets)
+
+
+def files(handed: Model) -> dict[str, bytes]:
+    """The files of a hand-over by name."""
+    return {"model.toml": dumps(handed).encode(), "model.urdf": urdf(handed).encode()}
+
+
+def dumps(handed: Model) -> str:
+    """model.toml: values, uncertainty, covariance, tool and robot, SI throughout."""
+    robot, tool = handed.robot, handed.tool
+    content: dict[str, Any] = {
+        "format": 2,
+        "campaign": handed.campaign,
+        "robot_name": robot.name,
+        "verdict": handed.verdict,
+        "covariance": handed.cov.tolist(),
+        "recommended": dict(handed.recommended),
+        "parameter": [
+            {"name": p.name, "unit": p.unit, "value": float(x), "std": float(s)}
+            | _stiffness(p.name, float(x), float(s), robot)
+            for p, x, s in zip(
+                paper_cell(robot, tool).parameters, handed.value, handed.std, strict=True
+            )
+        ],
+        "hypothesis": [_hypothesis(one) for one in handed.hypotheses],
+        "tool": {
+            "load_point": tool.load_point.tolist(),
+            **dict(zip(tool.targets, tool.points.tolist(), strict=True)),
+        },
+    }
+    return HEAD + toml.dumps(content | {"robot": tomllib.loads(robot.text)})
+
+
+def _hypothesis(one: Hypothesis) -> dict[str, Any]:
+    return {
+        "weight": one.weight,
+        "equilibrium": one.cell.equilibrium,
+        "effects": [[e.label, e.form] for e in _beside_springs(one.cell)],
+        "parameter": [
+            {"name": p.name, "unit": p.unit, "value": float(x), "std": float(s)}
+            for p, x, s in zip(one.cell.parameters, one.value, one.std, strict=True)
+        ],
+        "covariance": one.cov.tolist(),
+    }
+
+
+def _beside_springs(cell: Cell) -> tuple[Effect, ...]:
+    return cell.effects[len(paper_cell(cell.robot, cell.tool).effects) :]
+
+
+HEAD = """\
+# The identified elastic model of a robot, SI: the compliances of its joints ([[parameter]], with
+# their covariance) over all that may be true, and each hypothesis with its weight and causes.
+# displacement = sum over hypotheses of weight B(q, force) x. In Python:
+#   from pipeline.handover import Model
+#   Model.load("model.toml").predict(q, force)      # q [m, rad], force [N] in F_b
+"""
+
+
+def _stiffness(name: str, x: float, std: float, robot: Robot) -> dict[str, Any]:
+    """The stiffness behind a joint's compliance, where it has one."""
+    units = {f"c_{joint.name}": joint.stiffness_unit for joint in robot.joints}
+    if name not in units or not np.isfinite(std) or x <= 0:
+        return {}
+    return {"stiffness": 1 / x, "stiffness_std": std / x**2, "stiffness_unit": units[name]}
+
+
+class _Parameter(BaseModel):
+    model_config = ConfigDict(extra="ignore")
+
+    name: str
+    value: float
+
+
+class _Hypothesis(BaseModel):
+    model_config = ConfigDict(extra="ignore")
+
+    weight: float = 1.0
+    equilibrium: str
+    effects: list[tuple[str, str]]
+    covariance: list[list[float]]
+    parameter: list[_Parameter]
+
+
+class _File(BaseModel):
+    model_config = ConfigDict(extra="ignore")
+
+    format: Literal[2]
+    campaign: str
+    verdict: str
+    recommended: dict[str, str]
+    hypothesis: Annotated[list[_Hypothesis], Field(min_length=1)]
+    tool: dict[str, tuple[float, float, float]]
+    robot: dict[str, Any]
+
+
+def parse(text: str, file: str = "model.toml") -> Model:
+    """A model from the text of model.toml.
+
+    Raises:
+        InputError: It is no model, or its effects are unknown.
+    """
+    try:
+        content = _File.model_validate(tomllib.loads(text))
+    except (tomllib.TOMLDecodeError, ValidationError) as problem:
+        said = problem.errors()[0]["msg"] if isinstance(problem, ValidationError) else problem
+        raise InputError(f"is no model ({said})", ANEW, file=file) from problem
+    robot = parse_robot(toml.dumps(content.robot), file)
+    points = {name: np.array(at) for name, at in content.tool.items() if name != "load_point"}
+    names = np.array(list(points), dtype=object)
+    tool = Tool(np.array(content.tool["load_point"]), names, np.array(list(points.values())))
+    return Model(
+        content.campaign,
+        content.verdict,
+        content.recommended,
+        tuple(_read(one, paper_cell(robot, tool), file) for one in content.hypothesis),
+    )
+
+
+ANEW = "write it anew with `pipeline run`"
+
+
+def _read(one: _Hypothesis, springs: Cell, file: str) -> Hypothesis:
+    cell = replace(springs, equilibrium=one.equilibrium)
+    cell = cell.with_effects(*(_named(cell.robot, *words, file) for words in one.effects))
+    value, cov = np.array([entry.value for entry in one.parameter]), np.array(one.covariance)
+    wanted = [p.name for p in cell.parameters]
+    if [entry.name for entry in one.parameter] != wanted or cov.shape != (len(value),) * 2:
+        raise InputError(
+            f"its parameters are not {', '.join(wanted)} with their covariance", ANEW, file=file
+        )
+    return Hypothesis(one.weight, cell, value, cov)
+
+
+def _named(robot: Robot, label: str, form: str, file: str) -> Effect:
+    for effect in (*catalogue(robot), *nameless(robot)):
+        if effect.label == label and effect.form == form:
+            return effect
+    raise InputError(
+        f"{robot.name} has no effect {label} {form}".rstrip(),
+        "load it with the version of the pipeline that wrote it",
+        file=file,
+    )
+
+
+def _pulls(q: Array, force: Array) -> Pulls:
+    """Loads outside of any campaign: nothing is known of branch, approach and time."""
+    q, force = np.atleast_2d(np.asarray(q, float)), np.atleast_2d(np.asarray(force, float))
+    m = max(len(q), len(force))
+    number, none = np.arange(1, m + 1), np.zeros(m)
+    return Pulls(
+        pose=number,
+        repeat=np.ones(m, dtype=np.int64),
+        q=np.broadcast_to(q, (m, q.shape[1])),
+        force=np.broadcast_to(force, (m, 3)),
+        branch=none,
+        approach=none,
+        time=none,
+        time_zero=none,
+    )
+
+
+def urdf(handed: Model) -> str:
+    """The robot as URDF; every joint carries its stiffness in an <elasticity> of its own.
+
+    URDF has no word for the stiffness of a joint and its readers pass over words they do not know.
+    """
+    robot = handed.robot
+    root = ET.Element("robot", name=robot.name)
+    causes = dict.fromkeys(e.label for h in handed.hypotheses for e in _beside_springs(h.cell))
+    more = f" and {', '.join(causes)}" if causes else ""
+    campaign = handed.campaign.replace("--", "- ")
+    root.append(ET.Comment(f" campaign {campaign}; covariance{more} in model.toml "))
+    ET.SubElement(root, "link", name="F_b")
+    parent = "F_b"
+    known = np.isfinite(handed.std)
+    for j, joint in enumerate(robot.joints):
+        element = _joint(root, joint.name, parent, f"link_{joint.name}", robot.placement[j])
+        element.set("type", "prismatic" if joint.prismatic else "revolute")
+        ET.SubElement(element, "axis", xyz="0 0 1")
+        _limits(element, joint.lower, joint.upper)
+        _elasticity(element, handed, j, known)
+        parent = f"link_{joint.name}"
+    _joint(root, "flange", parent, "F_flange", robot.flange)
+    points = {"load_point": handed.tool.load_point}
+    points |= dict(zip(handed.tool.targets, handed.tool.points, strict=True))
+    for name, at in points.items():
+        shift = np.eye(4)
+        shift[:3, 3] = at
+        _joint(root, f"to_{name}", "F_flange", name, shift)
+    ET.indent(root)
+    return '<?xml version="1.0" encoding="utf-8"?>\n' + ET.tostring(root, "unicode") + "\n"
+
+
+def _joint(root: ET.Element, name: str, parent: str, child: str, at: Array) -> ET.Element:
+    ET.SubElement(root, "link", name=child)
+    element = ET.SubElement(root, "joint", name=name, type="fixed")
+    ET.SubElement(element, "parent", link=parent)
+    ET.SubElement(element, "child", link=child)
+    roll = np.arctan2(at[2, 1], at[2, 2])
+    pitch = np.arctan2(-at[2, 0], np.hypot(at[2, 1], at[2, 2]))
+    yaw = np.arctan2(at[1, 0], at[0, 0])
+    ET.SubElement(element, "origin", xyz=_row(at[:3, 3]), rpy=_row([roll, pitch, yaw]))
+    return element
+
+
+def _limits(element: ET.Element, lower: float, upper: float) -> None:
+    """URDF wants finite limits of everything, effort and velocity too, which a robot file lacks."""
+    ends = {"lower": max(lower, -FAR), "upper": min(upper, FAR), "effort": FAR, "velocity": FAR}
+    ET.SubElement(element, "limit", {name: repr(float(end)) for name, end in ends.items()})
+
+
+FAR = 1e6
+
+
+def _elasticity(element: ET.Element, handed: Model, j: int, known: Bools) -> None:
+    joint, x = handed.robot.joints[j], float(handed.value[j])
+    if not known[j] or x <= 0:
+        return
+    std = float(handed.std[j])
+    ET.SubElement(
+        element,
+        "elasticity",
+        stiffness=repr(1 / x),
+        std=repr(std / x**2),
+        unit=joint.stiffness_unit,
+    )
+
+
+def _row(values: Any) -> str:
+    return " ".join(repr(float(value)) for value in values)

@@ -1,0 +1,162 @@
+"""Stage 8. How far the uncertainty of x makes deflections uncertain: Eqs. (22), (23)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from pipeline.base.arrays import Array, Bools
+from pipeline.diagnosis.average import Hypothesis
+from pipeline.machine.cell import Cell, columns, load
+from pipeline.machine.effects import Elastic, Pulls
+from pipeline.machine.robot import Robot
+from pipeline.reduction.settings import TestPose
+from pipeline.system.system import Estimate
+
+AROUND_M, AROUND_RAD = 0.25, np.deg2rad(10.0)
+"""Half width of the box around the test pose; the paper does not give its own."""
+
+
+@dataclass(frozen=True, eq=False)
+class Where:
+    """The user's test pose.
+
+    Attributes:
+        q: Joint values [m] or [rad], shape (n,).
+        force: [N], F_b, shape (3,).
+        stated: False when campaign.toml has no [test_pose] and a measured pose stands in.
+    """
+
+    q: Array
+    force: Array
+    stated: bool
+
+
+def place_of_interest(stated: TestPose | None, robot: Robot, pulls: Pulls) -> Where:
+    """The campaign's test pose, or its strongest pull where campaign.toml has none.
+
+    Raises:
+        InputError: The test pose has another number of joints than the robot.
+    """
+    if stated is None:
+        strongest = int(np.argmax(np.linalg.norm(pulls.force, axis=1)))
+        return Where(pulls.q[strongest], pulls.force[strongest], stated=False)
+    return Where(stated.joint_values(robot), np.array(stated.force_n), stated=True)
+
+
+def validate(
+    hypotheses: Sequence[Hypothesis], test: Where, rng: np.random.Generator, poses: int = 1000
+) -> pd.DataFrame:
+    """Relative deflection errors mu of Eq. (22) around the test pose and in the workspace.
+
+    Every pose has a draw of its own, once from the full covariance of the compliances and once
+    as in Eq. (23), each stiffness by itself. Parameters that are not identifiable stay put. Where
+    several hypotheses may be true, the prediction is their average, and each pose draws one of
+    them by its weight. Of the causes, those that yield under load take part.
+
+    Args:
+        hypotheses: What may be true, weights sum to one.
+        test: Test pose and force; the force is the same at all poses.
+        rng: Source of the draws.
+        poses: Number of poses in each set.
+
+    Returns:
+        Table VALIDATION.
+    """
+    cell = hypotheses[0].cell
+    sets = {
+        "test_pose": _around(cell, test, rng, poses),
+        "global": rng.uniform(*_limits(cell), (poses, cell.robot.n)),
+    }
+    elastic = [_elastic(one.cell) for one in hypotheses]
+    values = [one.estimate.value[mine] for one, mine in zip(hypotheses, elastic, strict=True)]
+    drawn = {
+        "covariance": [_full(one.estimate, rng, poses) for one in hypotheses],
+        "independent": [_each(one.estimate, cell.robot.n, rng, poses) for one in hypotheses],
+    }
+    weights = np.array([one.weight for one in hypotheses])
+    several = len(weights) > 1
+    true = rng.choice(len(weights), poses, p=weights) if several else np.zeros(poses, np.int64)
+    out = []
+    for name, q in sets.items():
+        force = np.broadcast_to(test.force, (poses, 3))
+        A = [deflections(one.cell, q, force) for one in hypotheses]
+        each = [a @ x for a, x in zip(A, values, strict=True)]
+        mean = sum(w * moved for w, moved in zip(weights, each, strict=True))
+        for kind, draws in drawn.items():
+            moved = [
+                np.einsum("mtik,mk->mti", a, x[:, mine] - value) + nominal - mean
+                for a, x, mine, value, nominal in zip(A, draws, elastic, values, each, strict=True)
+            ]
+            wrong = np.stack(moved)[true, np.arange(poses)]
+            mu = np.linalg.norm(wrong, axis=2) / np.linalg.norm(mean, axis=2)
+            out.append(_table(name, kind, mu, list(cell.tool.targets)))
+    return pd.concat(out, ignore_index=True)
+
+
+def _elastic(cell: Cell) -> Bools:
+    """Parameters of what yields under load, shape (k,)."""
+    counts = [len(effect.parameters) for effect in cell.effects]
+    return np.repeat([isinstance(effect, Elastic) for effect in cell.effects], counts)
+
+
+def deflections(cell: Cell, q: Array, force: Array) -> Array:
+    """A_i of Eq. (7) at joint values q (m, n) under force (m, 3), shape (m, t, 3, k)."""
+    m = len(q)
+    none, zero = np.zeros(m), np.zeros(m, dtype=np.int64)
+    pulls = Pulls(zero, zero, q, np.asarray(force, float), none, none, none, none)
+    loaded = load(cell, pulls, np.zeros(len(cell.parameters)))
+    return np.concatenate(
+        [columns(effect, loaded) for effect in cell.effects if isinstance(effect, Elastic)], axis=-1
+    )
+
+
+def _limits(cell: Cell) -> tuple[Array, Array]:
+    far = np.where(cell.robot.prismatic, 1.0, np.pi)
+    lower, upper = cell.robot.lower, cell.robot.upper
+    return np.where(np.isfinite(lower), lower, -far), np.where(np.isfinite(upper), upper, far)
+
+
+def _around(cell: Cell, test: Where, rng: np.random.Generator, poses: int) -> Array:
+    half = np.where(cell.robot.prismatic, AROUND_M, AROUND_RAD)
+    return np.clip(test.q + rng.uniform(-half, half, (poses, len(half))), *_limits(cell))
+
+
+def _full(estimate: Estimate, rng: np.random.Generator, poses: int) -> Array:
+    known = estimate.identifiable
+    x = np.tile(estimate.value, (poses, 1))
+    std = estimate.std[known]  # compliances differ by powers of ten: factor the correlations
+    values, vectors = np.linalg.eigh(estimate.cov[np.ix_(known, known)] / np.outer(std, std))
+    half = std[:, None] * vectors * np.sqrt(np.clip(values, 0, None))
+    x[:, known] += rng.standard_normal((poses, known.sum())) @ half.T
+    return x
+
+
+def _each(estimate: Estimate, springs: int, rng: np.random.Generator, poses: int) -> Array:
+    """Eq. (23): stiffnesses, each normal by itself; only those that have a positive value."""
+    x = np.tile(estimate.value, (poses, 1))
+    known = estimate.identifiable & (estimate.value > 0) & (np.arange(x.shape[1]) < springs)
+    k = 1 / estimate.value[known]
+    x[:, known] = 1 / (k + rng.standard_normal((poses, len(k))) * estimate.std[known] * k**2)
+    return x
+
+
+def none() -> pd.DataFrame:
+    """The table of a campaign that determines nothing."""
+    return _table("test_pose", "covariance", np.zeros((0, 0)), [])
+
+
+def _table(name: str, kind: str, mu: Array, targets: list[str]) -> pd.DataFrame:
+    m, t = mu.shape
+    return pd.DataFrame(
+        {
+            "set": name,
+            "draw": kind,
+            "index": np.repeat(np.arange(1, m + 1), t),
+            "target": targets * m,
+            "mu": mu.ravel(),
+        }
+    )

@@ -1,0 +1,161 @@
+"""Stage 9. Where the robot is soft: deflection per newton over the plane that its arm sweeps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from pipeline.base.arrays import Array, Bools
+from pipeline.machine.cell import Cell, Tool, jacobian, predict
+from pipeline.machine.effects import Pulls
+from pipeline.machine.robot import Configuration, Robot, configure
+from pipeline.prediction.model import Hypothesis
+from pipeline.prediction.validate import Where
+
+STEPS = 25
+"""Values of each of the two joints that move the arm."""
+
+FORCE_N = 1000.0
+"""The force that is tried; it matters only for effects that are not linear in it."""
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def workspace(hypotheses: Sequence[Hypothesis], test: Where, steps: int = STEPS) -> pd.DataFrame:
+    """Deflection of the load point per newton in the worst direction, over the arm's plane.
+
+    Shoulder and elbow, the first two neighbouring joints with parallel axes, go through their
+    ranges on the test pose's side of the stretched arm; all other joints stay as in the test pose.
+    The worst direction is the first singular vector of the 3 x 3 compliance of the load point.
+
+    Args:
+        hypotheses: What may be true, weights sum to one; parameters without an uncertainty are
+            taken as certain.
+        test: The test pose.
+        steps: Values of each joint.
+
+    Returns:
+        Table WORKSPACE; row 0 is the test pose; empty for an arm without such a pair of joints.
+    """
+    cell = hypotheses[0].cell
+    pair = arm_joints(cell.robot, test.q)
+    if pair is None:
+        return none()
+    q, grid = _swept(cell.robot, test.q, pair, steps)
+    here = configure(cell.robot, q)
+    inside = _same_side(here, cell, pair)
+    q, grid = q[inside], grid[inside]
+    plane = _plane(configure(cell.robot, q), cell, pair)
+    size, std, direction = _softest(hypotheses, q)
+    return _table(plane, size, std, direction, grid)
+
+
+def arm_joints(robot: Robot, q: Array) -> tuple[int, int] | None:
+    """Indices of the first two neighbouring revolute joints whose axes are parallel."""
+    axes = configure(robot, q[None]).axes[0, :, :, 2]
+    for j in range(robot.n - 1):
+        turning = not (robot.joints[j].prismatic or robot.joints[j + 1].prismatic)
+        if turning and np.linalg.norm(np.cross(axes[j], axes[j + 1])) < 1e-6:
+            return j, j + 1
+    return None
+
+
+def _swept(robot: Robot, q: Array, pair: tuple[int, int], steps: int) -> tuple[Array, Array]:
+    """The test pose, then the grid of the two joints: q (m, n) and grid indices (m, 2)."""
+    ranges = []
+    for j in pair:
+        low, high = robot.joints[j].lower, robot.joints[j].upper
+        low, high = max(low, q[j] - np.pi / 2), min(high, q[j] + np.pi / 2)
+        ranges.append(np.linspace(low, high, steps))
+    index = np.stack(np.meshgrid(range(steps), range(steps), indexing="ij"), axis=-1).reshape(-1, 2)
+    swept = np.tile(q, (len(index), 1))
+    for column, j in enumerate(pair):
+        swept[:, j] = ranges[column][index[:, column]]
+    return np.vstack([q, swept]), np.vstack([[-1, -1], index])
+
+
+def _levers(here: Configuration, cell: Cell, pair: tuple[int, int]) -> tuple[Array, Array, Array]:
+    """Shoulder axis (m, 3) and the load point from shoulder and elbow (m, 3)."""
+    point = here.points(cell.tool.load_point[None])[:, 0]
+    return (
+        here.axes[:, pair[0], :, 2],
+        point - here.origin[:, pair[0]],
+        point - here.origin[:, pair[1]],
+    )
+
+
+def _same_side(here: Configuration, cell: Cell, pair: tuple[int, int]) -> Bools:
+    """Where the arm is bent the same way as in the first row: one point, one configuration."""
+    axis, from_shoulder, from_elbow = _levers(here, cell, pair)
+    bend = np.einsum("mi,mi->m", axis, np.cross(from_shoulder, from_elbow))
+    return bend * bend[0] > 0
+
+
+def _plane(here: Configuration, cell: Cell, pair: tuple[int, int]) -> Array:
+    """Reach from the shoulder and height in F_b of the load point [m], shape (m, 2)."""
+    axis, from_shoulder, _ = _levers(here, cell, pair)
+    up = UP - axis[0] * (axis[0] @ UP)
+    up = up / np.linalg.norm(up) if np.linalg.norm(up) > 1e-6 else here.axes[0, pair[0], :, 0]
+    reach = np.cross(up, axis[0])
+    reach = reach * (np.sign(from_shoulder[0] @ reach) or 1.0)
+    height = (here.points(cell.tool.load_point[None])[:, 0]) @ up
+    return np.stack([from_shoulder @ reach, height], axis=1)
+
+
+def _at_load_point(cell: Cell) -> Cell:
+    point = cell.tool.load_point
+    return replace(cell, tool=Tool(point, np.array(["load_point"], dtype=object), point[None]))
+
+
+def _softest(hypotheses: Sequence[Hypothesis], q: Array) -> tuple[Array, Array, Array]:
+    """Largest deflection per newton (m,), its standard uncertainty (m,), direction (m, 3)."""
+    m = len(q)
+    force = np.tile(FORCE_N * np.eye(3), (m, 1))
+    unset, zero = np.zeros(3 * m), np.zeros(3 * m, dtype=np.int64)
+    pulls = Pulls(zero, zero, np.repeat(q, 3, axis=0), force, unset, unset, unset, unset)
+    cells = [_at_load_point(one.cell) for one in hypotheses]
+    each = [
+        predict(cell, pulls, one.value).displacement.reshape(m, 3, 3) / FORCE_N
+        for cell, one in zip(cells, hypotheses, strict=True)
+    ]
+    moved = sum(one.weight * here for one, here in zip(hypotheses, each, strict=True))
+    pulled, size, turned = np.linalg.svd(moved)
+    variance = np.zeros(m)
+    for one, cell, here in zip(hypotheses, cells, each, strict=True):
+        known = np.isfinite(one.std)
+        by = jacobian(cell, pulls, one.value).reshape(m, 3, 3, -1)[..., known] / FORCE_N
+        slope = np.einsum("mf,mfik,mi->mk", pulled[:, :, 0], by, turned[:, 0])
+        own = np.einsum("mk,kl,ml->m", slope, one.cov[np.ix_(known, known)], slope)
+        off = np.einsum("mf,mfi,mi->m", pulled[:, :, 0], here - moved, turned[:, 0])
+        variance += one.weight * (own + off**2)
+    return size[:, 0], np.sqrt(variance), turned[:, 0]
+
+
+def none() -> pd.DataFrame:
+    """The table of no model at all."""
+    return _table(
+        np.zeros((0, 2)),
+        np.zeros(0),
+        np.zeros(0),
+        np.zeros((0, 3)),
+        np.zeros((0, 2), dtype=np.int32),
+    )
+
+
+def _table(plane: Array, size: Array, std: Array, direction: Array, grid: Array) -> pd.DataFrame:
+    return pd.DataFrame(
+        {
+            "row": grid[:, 0].astype(np.int32),
+            "column": grid[:, 1].astype(np.int32),
+            "reach_m": plane[:, 0],
+            "height_m": plane[:, 1],
+            "worst_m_per_n": size,
+            "std_m_per_n": std,
+            "direction_x": direction[:, 0],
+            "direction_y": direction[:, 1],
+            "direction_z": direction[:, 2],
+        }
+    )

@@ -1,0 +1,1 @@
+"""From the files of a campaign to forces and displacements in F_b."""

@@ -1,0 +1,183 @@
+"""Which pulls are complete: loaded reflectors, their zero, the chain, the load and the joints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.base.arrays import Bools, Ints, Locked
+from pipeline.base.errors import listed
+from pipeline.readers.logs import Log
+from pipeline.reduction._index import found, numbered, pull_number
+from pipeline.reduction._shots import Rejection, Shots
+from pipeline.reduction.settings import Settings
+
+
+@dataclass(frozen=True, eq=False)
+class Complete(Locked):
+    """What can be used.
+
+    Attributes:
+        shots: Readings to keep, shape (n,).
+        loads: Rows of the load log to keep, shape (l,).
+        why_not_load: Reason for each row of the load log that is not kept, empty otherwise.
+        rejected: Readings left out, and those that should be there and are not.
+    """
+
+    shots: Bools
+    loads: Bools
+    why_not_load: list[str]
+    rejected: list[Rejection]
+
+
+@dataclass(frozen=True, eq=False)
+class _States(Locked):
+    """For each slot: what of it was read.
+
+    Attributes:
+        present: Whether each measured and chain target was read, shape (s, t + 2).
+        zero: Whether each measured target was read unloaded in the pose of the slot, shape (s, t).
+        joints: Whether the pose has joint values, shape (s,).
+        load: Row of the load log, -1 where there is none, shape (s,).
+    """
+
+    present: Bools
+    zero: Bools
+    joints: Bools
+    load: Ints
+
+
+def complete(shots: Shots, settings: Settings, loads: Log, joints: Log) -> Complete:
+    """Leave out what lacks its counterpart, and only that."""
+    states = _states(shots, len(settings.measured), loads, joints)
+    why = _why_not(shots, settings, states, loads.file, joints.file)
+    dropped = np.zeros(len(shots.pose), dtype=bool)
+    dropped[list(why)] = True
+    out = np.zeros(len(shots), dtype=bool)
+    if why:
+        state = shots.slot >= 0
+        out[state] = dropped[shots.slot[state]]
+    rejected: list[Rejection] = []
+    for k in np.flatnonzero(out):
+        rejected += shots.rejections(np.array([k]), why[int(shots.slot[k])])
+    lone = _without_zero(shots, states) & ~out
+    for k in np.flatnonzero(lone):
+        name, pose = shots.target[int(k)].as_py(), shots.pose[shots.slot[k]]
+        rejected += shots.rejections(
+            np.array([k]), f"{name} was not read unloaded in pose {pose}; measure its zero"
+        )
+    rejected += _absent(shots, settings, states, dropped)
+    kept, why_not_load = _loads(shots, states, dropped, why, loads)
+    return Complete(~out & ~lone, kept, why_not_load, rejected)
+
+
+def _states(shots: Shots, t: int, loads: Log, joints: Log) -> _States:
+    present = np.asfortranarray(shots.counted(t + 2) > 0)  # whole columns are what is wanted
+    poses, of = numbered(shots.pose)
+    zero = np.zeros((len(poses), t), dtype=bool)
+    for k in range(t):
+        zero[of[~shots.loaded & present[:, k]], k] = True
+    logged = (loads.number[name].astype(np.int64) for name in ("pose", "repeat"))
+    load = found(pull_number(*logged), pull_number(shots.pose, shots.repeat))
+    return _States(
+        present=present,
+        zero=np.asfortranarray(zero[of]),
+        joints=np.isin(poses, joints.number["pose"])[of],
+        load=np.where(shots.loaded, load, -1),
+    )
+
+
+def _why_not(
+    shots: Shots, settings: Settings, states: _States, load_file: str, joint_file: str
+) -> dict[int, str]:
+    """Slots that cannot be used, and why."""
+    t = len(settings.measured)
+    read = states.present.any(axis=1)
+    usable = (states.present[:, :t] & states.zero).any(axis=1)
+    chain = states.present[:, t:].all(axis=1)
+    loaded = shots.loaded
+    why: dict[int, str] = {}
+
+    def because(which: Bools, text: str) -> None:
+        for k in np.flatnonzero(which & read).tolist():
+            why.setdefault(k, text.format(pose=shots.pose[k], repeat=shots.repeat[k]))
+
+    because(
+        ~states.joints,
+        "pose {pose} has no row in " + _literal(joint_file) + "; add its joint values",
+    )
+    because(
+        loaded & ~states.zero.any(axis=1),
+        "pose {pose} has no unloaded reading; measure its zero or correct its group",
+    )
+    for k, name in enumerate(settings.naming.chain):
+        because(
+            loaded & ~chain & ~states.present[:, t + k],
+            "pose {pose} repeat {repeat} has no loaded reading of " + _literal(name) + ", so the "
+            "direction of the pull is unknown; measure it",
+        )
+    because(
+        loaded & (states.load < 0),
+        "pose {pose} repeat {repeat} has no force in " + _literal(load_file) + "; add the row",
+    )
+    because(
+        loaded & ~usable,
+        "pose {pose} repeat {repeat} has no target read both unloaded and loaded; measure it",
+    )
+    return why
+
+
+def _literal(name: str) -> str:
+    """A name from a file, safe inside a format string."""
+    return name.replace("{", "{{").replace("}", "}}")
+
+
+def _without_zero(shots: Shots, states: _States) -> Bools:
+    """Loaded readings of a target whose zero is missing."""
+    t = states.zero.shape[1]
+    if not (states.present[:, :t] & ~states.zero)[shots.loaded].any():
+        return np.zeros(len(shots), dtype=bool)
+    out: Bools = (shots.slot >= 0) & (shots.role >= 0) & (shots.role < t)
+    slot, role = shots.slot[out], shots.role[out]
+    out[out] = shots.loaded[slot] & ~states.zero[slot, role]
+    return out
+
+
+def _absent(shots: Shots, settings: Settings, states: _States, dropped: Bools) -> list[Rejection]:
+    """Measured targets that a usable pull lacks: nothing is left out, but something is missing."""
+    t = len(settings.measured)
+    lacking = shots.loaded & ~dropped & states.present.any(axis=1)
+    lacking &= ~states.present[:, :t].all(axis=1)
+    if not lacking.any():
+        return []
+    slots, first = np.unique(shots.slot, return_index=True)
+    at = dict(zip(slots.tolist(), first.tolist(), strict=True))
+    out = []
+    for s in np.flatnonzero(lacking):
+        names = [n for k, n in enumerate(settings.measured) if not states.present[s, k]]
+        reason = (
+            f"{shots.named(int(s))} has no reading of {listed(names)}, the other targets are used; "
+            "measure it again if it matters"
+        )
+        out += shots.rejections(np.array([at[int(s)]]), reason)
+    return out
+
+
+def _loads(
+    shots: Shots, states: _States, dropped: Bools, why: dict[int, str], loads: Log
+) -> tuple[Bools, list[str]]:
+    """Rows of the load log with a usable pull, and why the others are none."""
+    kept = np.zeros(len(loads.line), dtype=bool)
+    read = states.present.any(axis=1) & (states.load >= 0)
+    kept[states.load[read & ~dropped]] = True
+    reason = {int(states.load[s]): why[s] for s in np.flatnonzero(read & dropped).tolist()}
+    pose, repeat = loads.number["pose"], loads.number["repeat"]
+    why_not = [""] * len(kept)
+    for k in np.flatnonzero(~kept).tolist():
+        why_not[k] = reason.get(
+            k,
+            f"pose {pose[k]:.0f} repeat {repeat[k]:.0f} has no loaded tracker reading; "
+            "measure it or remove the row",
+        )
+    return kept, why_not

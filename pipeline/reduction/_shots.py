@@ -1,0 +1,369 @@
+"""All tracker readings of a campaign as arrays: what each is, and which to leave out and why."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.base.errors import InputError, listed
+from pipeline.base.threads import MUCH, spread
+from pipeline.readers import Export
+from pipeline.readers._cells import shown
+from pipeline.reduction._index import numbered
+from pipeline.reduction.settings import Settings
+
+BASE, STRANGE = -1, -2
+"""Roles of a target beside 0..t-1: a base reflector, and a name nobody knows."""
+
+CERTAIN_FACTORS = {
+    1000.0: "are 1000 times too large, as if millimetres were taken for metres",
+    1e-3: "are 1000 times too small, as if metres were taken for millimetres",
+    25.4: "are 25.4 times too large, as if millimetres were taken for inches",
+    1 / 25.4: "are 25.4 times too small, as if inches were taken for millimetres",
+    1000 / 25.4: "are 39.4 times too large, as if inches were taken for metres",
+    25.4 / 1000: "are 39.4 times too small, as if metres were taken for inches",
+}
+NEAR = 0.2
+"""A ratio within 20 % of a factor is that factor; reflectors are placed better than that."""
+
+Rejection = tuple[str, int | None, str]
+
+
+@dataclass(frozen=True, eq=False)
+class Shots(Locked):
+    """Readings of all files, in their order.
+
+    Attributes:
+        files: Names of the files.
+        file: Index into `files`, shape (n,).
+        line: Line in the file, shape (n,).
+        group: Names, dictionary of strings, length n.
+        target: Names, dictionary of strings, length n.
+        position: Frame of the export [m], shape (n, 3).
+        covariance: Of the file, six numbers [m^2], NaN where it has none, shape (n, 6); or None.
+        time: Timestamps, length n.
+        role: Place in `Settings.naming` measured + chain, or BASE, or STRANGE, shape (n,).
+        slot: Index into pose, repeat, loaded of the state read, -1 for base readings, shape (n,).
+        pose: Pose of each slot, shape (s,).
+        repeat: Pull of each slot, shape (s,).
+        loaded: Whether a slot is a loaded state, shape (s,).
+    """
+
+    files: tuple[str, ...]
+    file: Ints
+    line: Ints
+    group: pa.DictionaryArray
+    target: pa.DictionaryArray
+    position: Array
+    covariance: Array | None
+    time: pa.TimestampArray
+    role: Ints
+    slot: Ints
+    pose: Ints
+    repeat: Ints
+    loaded: Bools
+
+    def __len__(self) -> int:
+        """Number of readings."""
+        return len(self.line)
+
+    def only(self, good: Bools) -> Shots:
+        """The readings that are good."""
+        if good.all():
+            return self
+        mask = pa.array(good)
+        return replace(
+            self,
+            file=self.file[good],
+            line=self.line[good],
+            group=self.group.filter(mask),
+            target=self.target.filter(mask),
+            position=self.position[good],
+            covariance=None if self.covariance is None else self.covariance[good],
+            time=self.time.filter(mask),
+            role=self.role[good],
+            slot=self.slot[good],
+        )
+
+    def counted(self, width: int) -> Ints:
+        """How often each target with a role was read in each slot, shape (s, width)."""
+        place = (self.slot + 1) * (width + 1) + self.role + 1  # base readings come first
+        shape = len(self.pose) + 1, width + 1
+        return np.bincount(place, minlength=shape[0] * shape[1]).reshape(shape)[1:, 1:]
+
+    def named(self, slot: int) -> str:
+        """A slot for a message."""
+        state = "loaded" if self.loaded[slot] else "unloaded"
+        return f"pose {self.pose[slot]} repeat {self.repeat[slot]} {state}"
+
+    def place(self, k: int) -> str:
+        """File and line of a reading."""
+        return f"{self.files[self.file[k]]}:{self.line[k]}"
+
+    def rejections(self, which: Ints, reason: str) -> list[Rejection]:
+        """The same reason for some readings."""
+        return [(self.files[self.file[k]], int(self.line[k]), reason) for k in which]
+
+
+def gather(exports: Mapping[str, Export], settings: Settings) -> Shots:
+    """Put the readings of all files together and look up what they are."""
+    group = _joined([export.group for export in exports.values()])
+    target = _joined([export.target for export in exports.values()])
+    slot_of_group, pose, repeat, loaded = _slots(group.dictionary, settings.naming.group)
+    role_of_target = _roles(target.dictionary.to_pylist(), settings)
+    role = role_of_target[np.asarray(target.indices)]
+    slot = slot_of_group[np.asarray(group.indices)]
+    slot[role == BASE] = -1
+    sizes = [len(export.line) for export in exports.values()]
+    return Shots(
+        files=tuple(exports),
+        file=_stacked(
+            [np.full(size, k) if k else np.zeros(size, int) for k, size in enumerate(sizes)]
+        ),
+        line=_stacked([export.line for export in exports.values()]),
+        group=group,
+        target=target,
+        position=_stacked([export.position for export in exports.values()]),
+        covariance=_covariances(list(exports.values())),
+        time=pa.chunked_array([export.time for export in exports.values()]).combine_chunks(),
+        role=role,
+        slot=slot,
+        pose=pose,
+        repeat=repeat,
+        loaded=loaded,
+    )
+
+
+def _joined(parts: Sequence[pa.DictionaryArray]) -> pa.DictionaryArray:
+    return pa.chunked_array(parts).unify_dictionaries().combine_chunks()
+
+
+def _stacked(parts: Sequence[Any]) -> Any:
+    """Arrays one below the other; a single one is not copied, which a million rows notice."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
+def _covariances(exports: Sequence[Export]) -> Array | None:
+    if all(export.covariance is None for export in exports):
+        return None
+    return np.concatenate(
+        [
+            np.full((len(e.line), 6), np.nan) if e.covariance is None else e.covariance
+            for e in exports
+        ]
+    )
+
+
+def _slots(names: pa.StringArray, pattern: str) -> tuple[Ints, Ints, Ints, Bools]:
+    """Slot of each group name, -1 where it is none, and what the slots are."""
+    keys = _keys_at_once(names, pattern) or _keys_one_by_one(names, pattern)
+    matched, (pose, repeat, loaded) = keys
+    # one number for pose, repeat and state: both are below 2^31
+    packed, member = numbered(pose * 2**32 + repeat * 2 + loaded)
+    slot = np.full(len(names), -1, dtype=np.int64)
+    slot[matched] = member
+    return slot, packed // 2**32, packed % 2**32 // 2, packed % 2 == 1
+
+
+def _keys_one_by_one(names: pa.StringArray, pattern: str) -> tuple[Bools, Ints]:
+    compiled = re.compile(pattern)
+    matches = [compiled.fullmatch(name) for name in names.to_pylist()]
+    keys = np.array([_key(match) for match in matches if match], dtype=np.int64).reshape(-1, 3)
+    return np.array([match is not None for match in matches], dtype=bool), keys.T
+
+
+def _keys_at_once(names: pa.StringArray, pattern: str) -> tuple[Bools, Ints] | None:
+    """Which names are states, and pose, repeat, loaded of those; None where it takes care.
+
+    Arrow's expressions are RE2: without look-around, and ASCII where Python's know all letters.
+    """
+    letters = np.frombuffer(b"".join(names.buffers()[2:]), dtype=np.uint8)
+    if letters.min(initial=ord("~")) < ord(" ") or letters.max(initial=0) > ord("~"):
+        return None
+    half = len(names) // 2
+    try:
+        seen = spread(
+            lambda part: _extracted(part, pattern), [names[:half], names[half:]], half > MUCH // 2
+        )
+    except (pa.ArrowInvalid, pa.ArrowNotImplementedError):
+        return None
+    matched, keys = (np.concatenate(parts, axis=-1) for parts in zip(*seen, strict=True))
+    sound = keys.min(initial=0) >= 0 and keys.max(initial=0) < 2**31
+    return (matched, keys) if sound else None
+
+
+def _extracted(names: pa.StringArray, pattern: str) -> tuple[Bools, Ints]:
+    parts = pc.extract_regex(names, f"^(?:{pattern})$")
+    matched = np.asarray(parts.is_valid())
+    parts = parts.drop_null()
+    state = pc.index_in(pc.utf8_lower(parts.field("state")), pa.array(["unloaded", "loaded"]))
+    numbers = [parts.field(name).cast(pa.int64()) for name in ("pose", "repeat")]
+    return matched, np.array([*numbers, state.fill_null(-1)], dtype=np.int64)
+
+
+def _key(match: re.Match[str]) -> tuple[int, int, bool]:
+    pose, repeat, state = match["pose"], match["repeat"], match["state"].lower()
+    try:
+        key = int(pose), int(repeat)
+    except (TypeError, ValueError):
+        key = -1, -1
+    if min(key) < 0 or max(key) >= 2**31 or state not in ("unloaded", "loaded"):
+        raise InputError(
+            f'naming.group reads pose "{pose}", repeat "{repeat}" and state "{state}" '
+            f'from group "{shown(match[0])}"',
+            "let it find two whole numbers and unloaded or loaded",
+            file="campaign.toml",
+        )
+    return *key, state == "loaded"
+
+
+def _roles(names: Sequence[str], settings: Settings) -> Ints:
+    place = {name: k for k, name in enumerate([*settings.measured, *settings.naming.chain])}
+    place |= dict.fromkeys(settings.base_frame, BASE)
+    return np.array([place.get(name, STRANGE) for name in names], dtype=np.int64)
+
+
+def known(shots: Shots, settings: Settings) -> tuple[Shots, list[Rejection]]:
+    """Only readings of reflectors whose use is known."""
+    base = settings.base_frame
+    strange = shots.role == STRANGE
+    lost = ~strange & (shots.slot < 0) & (shots.role != BASE)
+    rejected = shots.rejections(
+        np.flatnonzero(strange),
+        "this target is neither in naming.measured nor in naming.chain nor in [base_frame]; "
+        "add it there or rename it",
+    )
+    rejected += shots.rejections(
+        np.flatnonzero(lost),
+        "the group does not match naming.group, so it holds base reflectors only, and this target "
+        f"is none of {listed(base)}; rename the group or the target",
+    )
+    return shots.only(~strange & ~lost), rejected
+
+
+def once(shots: Shots, width: int) -> tuple[Shots, list[Rejection]]:
+    """Readings that are there once; equal ones are kept once, contradicting ones not at all.
+
+    Base reflectors may be read as often as one likes; only true copies are dropped there.
+
+    Args:
+        width: Number of roles.
+    """
+    repeated = np.flatnonzero(_repeated(shots, width)).tolist()
+    good = np.ones(len(shots), dtype=bool)
+    rejected: list[Rejection] = []
+    same: dict[tuple[object, ...], list[int]] = {}
+    for k in repeated:
+        same.setdefault(_identity(shots, k), []).append(k)
+    for rows in same.values():
+        first, *more = rows
+        equal = all((shots.position[k] == shots.position[first]).all() for k in more)
+        for k in more if equal else rows if more else ():
+            good[k] = False
+            other = shots.place(first if k != first else more[0])
+            reason = (
+                f"repeats {other}; remove one of them"
+                if equal
+                else f"contradicts {other}, the same target in the same state; keep the right one"
+            )
+            rejected += shots.rejections(np.array([k]), reason)
+    return shots.only(good), rejected
+
+
+def weighed(shots: Shots, stated: bool) -> tuple[Shots, list[Rejection]]:
+    """Only readings of targets and chain that have a covariance, if any of them has one.
+
+    Whether the noise is known is settled here for all that follows: for every reading or for none.
+
+    Args:
+        stated: Whether campaign.toml gives a noise to those that have none of their own.
+    """
+    if stated or shots.covariance is None:
+        return shots, []
+    ours = shots.role >= 0
+    own = np.isfinite(shots.covariance).all(axis=1)
+    lacking = ours & ~own
+    if not (ours & own).any():
+        return shots, []
+    reason = (
+        "this reading has no uncertainty, as others have; export it or state sigma_m in [tracker]"
+    )
+    return shots.only(~lacking), shots.rejections(np.flatnonzero(lacking), reason)
+
+
+def _repeated(shots: Shots, width: int) -> Bools:
+    """Readings that may be there more than once, shape (n,)."""
+    twice = shots.counted(width) > 1
+    out = np.zeros(len(shots), dtype=bool)
+    if twice.any():
+        state = shots.slot >= 0
+        out[state] = twice[shots.slot[state], shots.role[state]]
+    base = np.flatnonzero(shots.slot < 0)
+    _, first, number = np.unique(shots.position[base, 0], return_inverse=True, return_counts=True)
+    out[base] = number[first] > 1
+    return out
+
+
+def _identity(shots: Shots, k: int) -> tuple[object, ...]:
+    if shots.slot[k] >= 0:
+        return int(shots.slot[k]), int(shots.role[k])
+    x, y, z = shots.position[k]
+    return -1, shots.target[k].as_py(), shots.group[k].as_py(), shots.time[k].as_py(), x, y, z
+
+
+def check_units(shots: Shots, settings: Settings) -> None:
+    """Distances between reflectors must have the size that campaign.toml states.
+
+    Raises:
+        InputError: They are off by a factor that only a wrong unit explains.
+    """
+    tool = np.array([settings.tool[name] for name in settings.measured])
+    unloaded = np.append(~shots.loaded, False)[shots.slot]  # -1, a base reading, takes the last
+    rows = np.flatnonzero(unloaded & (shots.role >= 0) & (shots.role < len(tool)))
+    _check_size(shots, rows, shots.slot[rows], tool[shots.role[rows]], "[tool]")
+    if not settings.base_frame:
+        return
+    names = shots.target.dictionary.to_pylist()
+    nominal = np.array([settings.base_frame.get(name, (np.nan,) * 3) for name in names])
+    rows = np.flatnonzero(shots.role == BASE)
+    group, target = (np.asarray(names.indices)[rows] for names in (shots.group, shots.target))
+    _check_size(shots, rows, group.astype(np.int64), nominal[target], "[base_frame]")
+
+
+def _check_size(shots: Shots, rows: Ints, together: Ints, nominal: Array, said: str) -> None:
+    """Compare the spread of what was read together with the spread of its nominal points."""
+    if not len(rows):
+        return
+    count = int(together.max()) + 1
+    label = together + count * shots.file[rows]
+    member = pa.array(label).dictionary_encode().indices.to_numpy().astype(np.int64)
+    seen, expected = (_spread(points, member) for points in (shots.position[rows], nominal))
+    enough = (expected > 1e-3) & (seen > 0)
+    ratio = np.where(enough, seen, 1.0) / np.where(enough, expected, 1.0)
+    for factor, meaning in CERTAIN_FACTORS.items():
+        hit = np.flatnonzero(enough & (np.abs(np.log(ratio / factor)) < NEAR))
+        if len(hit):
+            first = rows[member == hit[0]][0]
+            raise InputError(
+                f"distances between reflectors {meaning} ({ratio[hit[0]]:.4g} of those in {said})",
+                "correct the unit of the export, in its column names or in [tracker]",
+                file=shots.files[shots.file[first]],
+                line=int(shots.line[first]),
+            )
+
+
+def _spread(points: Array, member: Ints) -> Array:
+    """Root of the summed squared distances from the mean of each set [m], shape (sets,)."""
+    count = np.bincount(member)
+    total = np.zeros(len(count))
+    for axis in range(3):
+        mean = np.bincount(member, points[:, axis]) / count
+        total += np.bincount(member, (points[:, axis] - mean[member]) ** 2)
+    return np.sqrt(total)

@@ -1,0 +1,97 @@
+"""Stage 3. Chain reflectors and spring-scale readings in, force vectors out: Eqs. (10), (11)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from pipeline.base import covariance
+from pipeline.base.arrays import Array, Ints
+from pipeline.reduction._index import found, means, places, pull_numbers, run
+from pipeline.reduction.register import XYZ
+from pipeline.reduction.settings import Scale, Settings
+
+BRANCH = np.array([1, -1, 0])
+"""up, down, unknown"""
+
+
+def forces(settings: Settings, placed: pd.DataFrame, loads: pd.DataFrame) -> pd.DataFrame:
+    """Point each scale reading along its chain, u = (Pl2 - Pl1) / |Pl2 - Pl1|.
+
+    The direction's covariance is that of the two reflectors across the chain,
+    (I - u u') (C1 + C2) (I - u u') / L^2; relative to the tracker's variance, in 1/m^2, where
+    no noise is stated.
+
+    Args:
+        settings: Names of the chain reflectors and the scale's uncertainty.
+        placed: Table PLACED, F_b.
+        loads: Table LOADS.
+
+    Returns:
+        Table FORCES, one row per pull that has both.
+    """
+    pulls = pull_numbers(loads)
+    if (pulls[1:] < pulls[:-1]).any():
+        order = np.argsort(pulls, kind="stable")
+        loads, pulls = loads.iloc[order], pulls[order]
+    target = places(placed["target"], [*settings.naming.chain, *settings.measured])
+    loaded = places(placed["state"], ["loaded"]) == 0
+    pull = pull_numbers(placed)
+    ends = [_rows(pull, loaded & (target == end), pulls) for end in (0, 1)]
+    both = (ends[0] >= 0) & (ends[1] >= 0)
+    loads, pulls, (near, far) = loads[both], pulls[both], (end[both] for end in ends)
+
+    at = [placed[axis].to_numpy() for axis in XYZ]
+    chain = covariance.each(at, lambda points: points[far] - points[near])
+    square = chain[0] ** 2 + chain[1] ** 2 + chain[2] ** 2
+    u = [part / np.sqrt(square) for part in chain]
+    six = covariance.numbers(placed)
+    if covariance.stated(covariance.known(six)):
+        C = covariance.each(six, lambda column: column[near] + column[far])
+    else:
+        C = [np.full(len(square), 2.0 * (i == j)) for i, j in covariance.PLACES]
+    direction = [column / square for column in _across(u, C)]
+    reading = loads["force_n"].to_numpy()
+    force = [reading * part for part in u]
+    measured = np.flatnonzero(loaded & (target >= 2))
+    return pd.DataFrame(
+        {
+            **{name: loads[name].to_numpy() for name in ("pose", "repeat")},
+            **dict(zip(["fx_n", "fy_n", "fz_n"], force, strict=True)),
+            "reading_std_n": reading_std(settings.scale or Scale(), reading),
+            **dict(zip(covariance.columns("u", ""), direction, strict=True)),
+            "branch": BRANCH[places(loads["branch"], ["up", "down"])],
+            "time_s": _mean_by_pull(placed["time_s"].to_numpy()[measured], pull[measured], pulls),
+        }
+    )
+
+
+def reading_std(scale: Scale, reading: np.ndarray) -> np.ndarray:
+    """Standard uncertainty of scale readings [N]: constant and relative parts, independent."""
+    return np.hypot(scale.sigma_n, scale.sigma_rel * reading)
+
+
+def _rows(pull: Ints, which: np.ndarray, pulls: Ints) -> Ints:
+    """The row that is one end of the chain in each of some pulls, -1 where none is, shape (m,)."""
+    rows = np.flatnonzero(which)
+    at = found(pull[rows], pulls)
+    return np.where(at >= 0, np.append(rows, -1)[at], -1)
+
+
+def _across(u: list[Array], C: list[Array]) -> list[Array]:
+    """(I - u u') C (I - u u') of directions in three columns, in six columns."""
+    xx, xy, xz, yy, yz, zz = C
+    rows = ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
+    v = [sum(c * along for c, along in zip(row, u, strict=True)) for row in rows]
+    s = sum(along * across for along, across in zip(u, v, strict=True))
+    return [
+        C[k] - u[i] * v[j] - v[i] * u[j] + s * u[i] * u[j]
+        for k, (i, j) in enumerate(covariance.PLACES)
+    ]
+
+
+def _mean_by_pull(values: Array, pull: Ints, pulls: Ints) -> Array:
+    """Mean of the values in each of some pulls, NaN where there is none, shape (m,)."""
+    at = found(pulls, pull)
+    known = run(np.flatnonzero(at >= 0))
+    return means(values[known], at[known], len(pulls))

@@ -1,0 +1,190 @@
+"""Stage 2. Readings of base reflectors in, the tracker's place in F_b and placed readings out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy import special
+
+from pipeline.base import covariance
+from pipeline.base.arrays import Array, Locked
+from pipeline.base.errors import InputError
+from pipeline.reduction._index import run
+from pipeline.reduction.settings import Settings
+
+XYZ = ["x_m", "y_m", "z_m"]
+
+MISFIT = 1e-4
+"""Base reflectors that agree worse than chance would have it in this part of all campaigns."""
+
+
+@dataclass(frozen=True, eq=False)
+class Registration(Locked):
+    """Where the tracker stands: p_b = R p_t + t.
+
+    Attributes:
+        R: Rotation from the tracker's frame into F_b, shape (3, 3).
+        t: Origin of the tracker in F_b [m], shape (3,).
+        cov: Covariance of (rotation vector in F_b [rad], shift at `centre` [m]), shape (6, 6).
+        centre: Centre of the base reflectors in F_b [m], shape (3,).
+        table: Table REGISTRATION, residuals of every base reading; empty without a base frame.
+        chi2: Weighted sum of squared residuals; None without stated noise or base frame.
+        dof: Coordinates minus six.
+        from_scatter: Whether `cov` rests on the residuals instead of a stated noise.
+    """
+
+    R: Array
+    t: Array
+    cov: Array
+    centre: Array
+    table: pd.DataFrame
+    chi2: float | None
+    dof: int
+    from_scatter: bool = False
+
+
+def register(settings: Settings, readings: pd.DataFrame) -> Registration:
+    """Fit the tracker's place to the nominal base reflectors by weighted least squares.
+
+    Rigid motion, Gauss-Newton from the unweighted closed form (Kabsch); every reading weighs
+    with its own 3x3 covariance. Without [base_frame] the readings are in F_b already.
+
+    Args:
+        settings: The campaign; `base_frame` has the nominal coordinates [m].
+        readings: Table READINGS.
+
+    Raises:
+        InputError: Fewer than three reflectors, or all of them on one line.
+    """
+    _uncertain(readings)
+    base = readings[readings["pose"].isna()]
+    base = base[base["target"].isin(list(settings.base_frame))]
+    if not settings.base_frame:
+        nothing = base.assign(dx_m=0.0, dy_m=0.0, dz_m=0.0)
+        zero = np.zeros(3)
+        return Registration(np.eye(3), zero, np.zeros((6, 6)), zero, nothing, None, 0)
+    nominal = np.array([settings.base_frame[target] for target in base["target"]]).reshape(-1, 3)
+    points = base[XYZ].to_numpy()
+    _enough(base, nominal, points)
+    C = covariance.matrices(base)
+    stated = bool(np.isfinite(C).all())
+    if not stated:
+        C = np.broadcast_to(np.eye(3), C.shape)
+    R, t = _kabsch(points, nominal)
+    for _ in range(20):
+        step, cov, chi2, centre = _gauss_newton(R, t, points, nominal, C)
+        turn = _rotation(step[:3])
+        R, t = turn @ R, turn @ (t - centre) + centre + step[3:]
+        if np.abs(step).max() < 1e-15:
+            break
+    dof = 3 * len(base) - 6
+    from_scatter = not stated or (dof > 0 and bool(special.chdtrc(dof, chi2) < MISFIT))
+    if from_scatter:
+        cov = cov * (chi2 / dof if dof > 0 else 0.0)  # reflectors that disagree place it worse
+    placed = points @ R.T + t
+    table = base.assign(
+        **dict(zip(XYZ, placed.T, strict=True)),
+        **dict(zip(["dx_m", "dy_m", "dz_m"], (placed - nominal).T, strict=True)),
+    )
+    return Registration(R, t, cov, centre, table, chi2 if stated else None, dof, from_scatter)
+
+
+def place(registration: Registration, readings: pd.DataFrame) -> pd.DataFrame:
+    """Table PLACED: the readings of the poses moved into F_b, with their covariances."""
+    poses = readings.iloc[run(np.flatnonzero(readings["pose"].notna().to_numpy()))]
+    R, t = registration.R, registration.t
+    moved = R @ np.array([poses[axis].to_numpy() for axis in XYZ])
+    moved += t[:, None]
+    C = covariance.turned(covariance.numbers(poses), R)
+    new = {
+        **{name: poses[name].to_numpy().astype(np.int32) for name in ("pose", "repeat")},
+        **dict(zip(XYZ, moved, strict=True)),
+        **dict(zip(covariance.columns(), C, strict=True)),
+        "time_s": _seconds(poses["time"], pd.Timestamp(readings["time"].min())),
+    }
+    kept = {name: poses[name] for name in poses.columns if name not in new}
+    return pd.DataFrame(kept | new, index=poses.index, copy=False)
+
+
+def _seconds(times: pd.Series[pd.Timestamp], start: pd.Timestamp) -> Array:
+    """Seconds after `start`, NaN for no time, shape (n,)."""
+    since = times.to_numpy("datetime64[us]") - start.to_datetime64()
+    return np.asarray(since / np.timedelta64(1, "s"), dtype=float)
+
+
+def _uncertain(readings: pd.DataFrame) -> None:
+    """No instrument reads without error: a reading that says so would outweigh all others."""
+    without = covariance.singular(covariance.numbers(readings)) if len(readings) else np.zeros(0)
+    if without.any():
+        first = readings.iloc[int(np.argmax(without))]
+        raise InputError(
+            f"the uncertainty of {first['target']} is zero in some direction",
+            "export the readings with their uncertainties, or state [tracker] sigma_m",
+            file=str(first["file"]),
+            line=int(first["line"]),
+        )
+
+
+def _enough(base: pd.DataFrame, nominal: Array, points: Array) -> None:
+    names = sorted(set(base["target"]))
+    if len(names) < 3:
+        raise InputError(
+            f"only {len(names)} base reflectors were measured ({', '.join(names) or 'none'})",
+            "measure at least three that stand in [base_frame]",
+            file="campaign.toml",
+        )
+    spread, read = (
+        np.linalg.svd(at - at.mean(axis=0), compute_uv=False) for at in (nominal, points)
+    )
+    if read[1] < 1e-9 * spread[0]:
+        raise InputError(
+            f"the base reflectors {', '.join(names)} were all read in one place or on one line",
+            "export the readings again, these are no coordinates of different reflectors",
+            file=str(base["file"].iloc[0]),
+            line=int(base["line"].iloc[0]),
+        )
+    if spread[1] < 1e-3 * spread[0]:
+        raise InputError(
+            f"the base reflectors {', '.join(names)} lie on one line",
+            "add one beside that line, or the tracker's roll about it stays unknown",
+            file="campaign.toml",
+        )
+
+
+def _kabsch(points: Array, nominal: Array) -> tuple[Array, Array]:
+    a, b = points - points.mean(axis=0), nominal - nominal.mean(axis=0)
+    U, _, Vt = np.linalg.svd(a.T @ b)
+    flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))])
+    R = (U @ flip @ Vt).T
+    return R, nominal.mean(axis=0) - R @ points.mean(axis=0)
+
+
+def _gauss_newton(
+    R: Array, t: Array, points: Array, nominal: Array, C: Array
+) -> tuple[Array, Array, float, Array]:
+    """One step (rotation, shift at the centre), covariance of it, chi2, centre."""
+    placed = points @ R.T + t
+    centre = placed.mean(axis=0)
+    lever = placed - centre
+    D = np.zeros((len(points), 3, 6))
+    for axis in range(3):
+        D[:, :, axis] = np.cross(np.eye(3)[axis], lever)
+    D[:, :, 3:] = np.eye(3)
+    W = np.linalg.inv(R @ C @ R.T)
+    residual = nominal - placed
+    N = np.einsum("mia,mij,mjb->ab", D, W, D)
+    step = np.linalg.solve(N, np.einsum("mia,mij,mj->a", D, W, residual))
+    chi2 = float(np.einsum("mi,mij,mj->", residual, W, residual))
+    return step, np.linalg.inv(N), chi2, centre
+
+
+def _rotation(vector: Array) -> Array:
+    """Rotation matrix of a rotation vector (Rodrigues)."""
+    angle = float(np.linalg.norm(vector))
+    x, y, z = vector
+    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    if angle < 1e-12:
+        return np.eye(3) + K
+    return np.eye(3) + np.sin(angle) / angle * K + (1 - np.cos(angle)) / angle**2 * K @ K

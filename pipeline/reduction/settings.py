@@ -1,0 +1,290 @@
+"""campaign.toml: what was measured, where, with what. Checked once, typed from there on."""
+
+from __future__ import annotations
+
+import datetime
+import re
+from collections.abc import Sequence
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+
+from pipeline.base import toml
+from pipeline.base.arrays import Array
+from pipeline.base.errors import InputError, first_wrong
+from pipeline.machine.robot import Robot
+
+Point = tuple[float, float, float]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+
+class Strict(BaseModel):
+    """A table that tells about words it does not know instead of overlooking them."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class InstrumentNoise(Strict):
+    """Standard uncertainty of one reading in the beam's frame, constant and per metre of range."""
+
+    range_m: Positive
+    range_per_m: NotNegative = 0.0
+    transverse_m: Positive
+    transverse_per_m: NotNegative = 0.0
+
+
+Role = Literal[
+    "group", "target", "time", "delete", "x", "y", "z", "range", "azimuth", "vertical",
+    "sx", "sy", "sz", "u95_x", "u95_y", "u95_z", "cxx", "cxy", "cxz", "cyy", "cyz", "czz",
+]  # fmt: skip
+Column = Annotated[int, Field(ge=1)] | Annotated[str, Field(min_length=1)]
+
+
+class TableMapping(Strict):
+    """Columns of an export in no dialect of its own, by header name or by number from 1."""
+
+    columns: dict[Role, Column] = Field(min_length=3)
+    delimiter: Annotated[str, Field(min_length=1, max_length=1)] | None = None
+    header: Annotated[int, Field(ge=0)] | None = None
+    comment: Annotated[str, Field(min_length=1)] | None = None
+    time_format: str | None = None
+
+
+class Tracker(Strict):
+    """The tracker's exports and its noise; without noise it is estimated from the residuals.
+
+    What follows `files` is for exports that do not say it themselves.
+    """
+
+    files: list[str] = Field(min_length=1)
+    unit: Literal["mm", "m", "in"] | None = None
+    decimal: Literal[".", ","] | None = None
+    coordinates: Literal["cartesian", "spherical", "cylindrical"] | None = None
+    angle: Literal["deg", "rad", "gon"] | None = None
+    vertical: Literal["zenith", "elevation"] | None = None
+    covariance: Literal["a-priori", "standard", "expanded", "rms", "none"] | None = None
+    coverage_factor: Positive | None = None
+    names: str | None = None
+    assignment: str | None = None
+    mapping: TableMapping | None = None
+    sigma_m: Positive | None = None
+    noise: InstrumentNoise | Literal["paper"] | None = None
+
+    @field_validator("names")
+    @classmethod
+    def names_both_parts(cls, pattern: str | None) -> str | None:
+        """The expression must compile and name group and target."""
+        if pattern is not None and not {"group", "target"} <= _parts(pattern):
+            raise ValueError("needs the named parts (?P<group>...), (?P<target>...)")
+        return pattern
+
+    @model_validator(mode="after")
+    def one_noise(self) -> Tracker:
+        """sigma_m or noise, not both."""
+        if self.sigma_m is not None and self.noise is not None:
+            raise ValueError("sigma_m and noise are both given; keep one of them")
+        return self
+
+    def none_missing(self, found: Sequence[str]) -> None:
+        """Every export that `files` asks for by name is there, and at least one in all.
+
+        Raises:
+            InputError: One is missing.
+        """
+        for pattern in self.files:
+            glob = any(mark in pattern for mark in "*?[")
+            if not found or (not glob and pattern not in found):
+                raise InputError(
+                    "the tracker export is missing",
+                    "put it into the campaign folder or correct [tracker] files in campaign.toml",
+                    file=pattern,
+                )
+
+
+class Naming(Strict):
+    """How group and target names are read."""
+
+    group: str = r"pose(?P<pose>[0-9]+)_rep(?P<repeat>[0-9]+)_(?P<state>unloaded|loaded)"
+    measured: list[str] = Field(default=["P1", "P2", "P3"], min_length=1)
+    chain: list[str] = Field(default=["Pl1", "Pl2"], min_length=2, max_length=2)
+
+    @field_validator("group")
+    @classmethod
+    def names_its_parts(cls, pattern: str) -> str:
+        """The pattern must compile and name pose, repeat and state."""
+        if not {"pose", "repeat", "state"} <= _parts(pattern):
+            raise ValueError("needs the named parts (?P<pose>...), (?P<repeat>...), (?P<state>...)")
+        return pattern
+
+
+class Scale(Strict):
+    """The spring scale: its log and its uncertainty."""
+
+    file: str = "loads.csv"
+    sigma_n: NotNegative = 0.0
+    sigma_rel: NotNegative = 0.0
+    gain_sigma: NotNegative = 0.0
+
+
+class JointLog(Strict):
+    """The controller's joint log, and how far the joints' zeros may be off, one for all poses."""
+
+    file: str = "joints.csv"
+    sigma_m: NotNegative = 0.0
+    sigma_rad: NotNegative = 0.0
+
+
+class ToolUncertainty(Strict):
+    """Standard uncertainty per axis of the nominal points in [tool]."""
+
+    sigma_m: NotNegative = 0.0
+
+
+class Displacements(Strict):
+    """A campaign that arrives already reduced."""
+
+    file: str = "displacements.csv"
+    forces: str = "forces.csv"
+    sigma_m: Positive | None = None
+
+
+class TestPose(Strict):
+    """Where a good prediction matters most, Eqs. (12), (13); m and degrees, N."""
+
+    __test__ = False
+
+    q: list[float]
+    force_n: Point
+
+    @field_validator("force_n")
+    @classmethod
+    def pulls(cls, force: Point) -> Point:
+        """Without a force nothing deflects, and there is nothing to predict."""
+        if not any(force):
+            raise ValueError("the force must be greater than zero")
+        return force
+
+    def joint_values(self, robot: Robot) -> Array:
+        """`q` in m and rad, shape (n,).
+
+        Raises:
+            InputError: It has another number of joints than the robot.
+        """
+        if len(self.q) != robot.n:
+            raise InputError(
+                f"test_pose.q has {len(self.q)} values, the robot {robot.n} joints",
+                f"give one value per joint: {', '.join(joint.name for joint in robot.joints)}",
+                file="campaign.toml",
+            )
+        return np.where(robot.prismatic, self.q, np.deg2rad(self.q))
+
+    def within_limits(self, robot: Robot) -> None:
+        """The robot can stand there.
+
+        Raises:
+            InputError: It has another number of joints, or one of them is outside its limits.
+        """
+        values = self.joint_values(robot)
+        for joint, said, value in zip(robot.joints, self.q, values, strict=True):
+            if not joint.lower - 1e-9 <= value <= joint.upper + 1e-9:
+                unit, one = ("m", 1.0) if joint.prismatic else ("deg", np.rad2deg(1.0))
+                raise InputError(
+                    f"test_pose.q has {joint.name} = {said:g} {unit}, outside its limits "
+                    f"{one * joint.lower:g} to {one * joint.upper:g} {unit}",
+                    "give a pose that the robot can take, in m and degrees",
+                    file="campaign.toml",
+                )
+
+
+class Model(Strict):
+    """What the forward model takes into account."""
+
+    equilibrium: Literal["undeformed", "deformed"] = "undeformed"
+
+
+class Settings(Strict):
+    """A whole campaign.toml."""
+
+    format: Literal[1]
+    name: str = Field(min_length=1, max_length=200)
+    robot: str
+    date: datetime.date | None = None
+    tracker: Tracker | None = None
+    naming: Naming = Naming()
+    base_frame: dict[str, Point] = {}
+    scale: Scale | None = None
+    joints: JointLog = JointLog()
+    displacements: Displacements | None = None
+    tool: dict[str, Point]
+    tool_uncertainty: ToolUncertainty = ToolUncertainty()
+    test_pose: TestPose | None = None
+    model: Model = Model()
+
+    @model_validator(mode="after")
+    def raw_or_reduced(self) -> Settings:
+        """Either [tracker] and [scale], or [displacements]."""
+        if self.displacements is None and (self.tracker is None or self.scale is None):
+            raise ValueError("needs the tables [tracker] and [scale], or [displacements]")
+        if self.displacements is not None and (self.tracker is not None or self.scale is not None):
+            raise ValueError("has [displacements] beside [tracker] or [scale]; keep one way in")
+        return self
+
+    @model_validator(mode="after")
+    def tool_has_its_points(self) -> Settings:
+        """The load point and every measured target need nominal coordinates."""
+        lacking = [name for name in ("load_point", *self.measured) if name not in self.tool]
+        if lacking:
+            raise ValueError(f"[tool] lacks {', '.join(lacking)}")
+        return self
+
+    @property
+    def measured(self) -> list[str]:
+        """Targets whose displacement is measured; a reduced campaign has those of its tool."""
+        if self.displacements is not None and "measured" not in self.naming.model_fields_set:
+            return [name for name in self.tool if name != "load_point"]
+        return self.naming.measured
+
+
+def _parts(pattern: str) -> set[str]:
+    """Names of the parts of a regular expression."""
+    try:
+        return set(re.compile(pattern).groupindex)
+    except re.error as problem:
+        raise ValueError(f"not a regular expression ({problem})") from problem
+
+
+def parse(text: str) -> Settings:
+    """Settings from the text of campaign.toml.
+
+    Raises:
+        InputError: Not TOML, an unknown word, a missing table or a value of the wrong kind.
+    """
+    content = toml.loads(text, "campaign.toml")
+    try:
+        return Settings.model_validate(content)
+    except ValidationError as problem:
+        words, message = first_wrong(problem)
+        where = ".".join(words)
+        raise InputError(
+            f"{where}: {message}" if where else message,
+            "correct it as docs/campaign.md describes",
+            file="campaign.toml",
+            line=_line(text, words),
+        ) from problem
+
+
+def _line(text: str, path: list[str]) -> int | None:
+    """The line on which the last known word of a path stands, as good as text search can tell."""
+    table = None
+    for number, line in enumerate(text.splitlines(), 1):
+        header = re.match(r"\s*\[([^\]]+)\]", line)
+        if header:
+            table = header[1].strip()
+            if path == [table]:
+                return number
+        key = re.match(r'\s*"?([^"=\s]+)"?\s*=', line)
+        if key and path and key[1] == path[-1] and (len(path) == 1 or table == ".".join(path[:-1])):
+            return number
+    return None

@@ -1,1 +1,0 @@
-"""The stages of run.py: named tables in, named tables out."""

@@ -1,0 +1,169 @@
+"""Restricted likelihood of the scales of noise components, by pose, and where it is largest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from pipeline.base.arrays import Array, Bools, Locked
+from pipeline.system.system import System
+
+Loss = Callable[[Array], tuple[Array, float]]
+"""Minus twice a restricted log likelihood by log scales: part of each pose, and the rest."""
+"""The components, and the sources of error whose standard uncertainty each of them multiplies."""
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks(Locked):
+    """Rows by pose, padded to the largest: y, X and the parts of V.
+
+    Attributes:
+        y: Shape (p, s).
+        X: Orthonormal fixed effects, shape (p, s, k).
+        parts: Covariance of each component as stated, then of the rest, shape (n + 1, p, s, s).
+        dof: Rows minus fixed effects.
+    """
+
+    y: Array
+    X: Array
+    parts: Array
+    dof: int
+
+    @classmethod
+    def of(cls, system: System, X: Array, groups: Sequence[Sequence[str]]) -> Blocks:
+        _, index = np.unique(system.rows.pose, return_inverse=True)
+        count = np.bincount(index, minlength=1)
+        order = np.argsort(index, kind="stable")
+        place = np.empty(len(index), dtype=np.int64)
+        place[order] = np.arange(len(index)) - np.repeat(np.cumsum(count) - count, count)
+        p, s = len(count), int(count.max())
+        unit = float(np.sqrt(np.mean(system.c**2))) or 1.0
+        U, size, _ = np.linalg.svd(X / unit, full_matrices=False)
+        norms = np.linalg.norm(X / unit, axis=0)
+        if X.shape[1]:
+            scaled = (X / unit)[:, norms > 0] / norms[norms > 0]
+            U, size, _ = np.linalg.svd(scaled, full_matrices=False)
+        Q = U[:, size > 1e-10 * size.max(initial=1e-300)]
+        y, wide = np.zeros((p, s)), np.zeros((p, s, Q.shape[1]))
+        y[index, place], wide[index, place] = system.c / unit, Q
+        source = system.errors.source.astype(str)
+        rest = ~np.isin(source, [name for group in groups for name in group])
+        parts = np.zeros((len(groups) + 1, p, s, s))
+        masks = [np.isin(source, group) for group in groups] + [rest]
+        for k, mask in enumerate(masks):
+            own = system.errors.G[:, mask & ~system.errors.common]
+            V = (own @ own.T).tocoo()
+            parts[k, index[V.row], place[V.row], place[V.col]] = V.data / unit**2
+        empty = np.ones((p, s), dtype=bool)
+        empty[index, place] = False
+        which, at = np.nonzero(empty)
+        parts[-1, which, at, at] = 1.0  # padding: independent rows of zeros
+        return cls(y, wide, parts, len(index) - Q.shape[1])
+
+    @property
+    def rough(self) -> float:
+        """Log scale that gives the rows their mean square if all components share it."""
+        stated = np.einsum("kpii->", self.parts[:-1])
+        return float(0.5 * np.log(np.sum(self.y**2) / stated))
+
+    def loss(self, log_scale: Array) -> tuple[Array, float]:
+        """Minus twice the restricted log likelihood: part of each pose, shape (p,), and of X."""
+        weights = np.append(np.exp(2 * log_scale), 1.0)
+        V = np.einsum("k,kpij->pij", weights, self.parts)
+        try:
+            L = np.linalg.cholesky(V)
+        except np.linalg.LinAlgError:
+            return np.full(len(self.y), np.inf), 0.0
+        both = np.linalg.solve(L, np.concatenate([self.X, self.y[..., None]], axis=2))
+        X, y = both[..., :-1], both[..., -1]
+        own = 2 * np.log(np.einsum("pii->pi", L)).sum(axis=1) + (y**2).sum(axis=1)
+        if not X.shape[2]:
+            return own, 0.0
+        N = np.einsum("psi,psj->ij", X, X)
+        g = np.einsum("psi,ps->i", X, y)
+        return own, float(np.linalg.slogdet(N)[1] - g @ np.linalg.solve(N, g))
+
+    def of_scales(self, told: Bools) -> Loss:
+        """The loss as a function of some log scales; the other components stay as stated."""
+
+        def loss(x: Array) -> tuple[Array, float]:
+            full = np.zeros(len(told))
+            full[told] = x
+            return self.loss(full)
+
+        return loss
+
+
+STEP = 3e-3
+"""Differences of log scale for first and second derivatives."""
+
+
+def maximum(blocks: Blocks, told: Bools) -> tuple[Array, Array, Array]:
+    """The log scales that are told, their standard uncertainties and their p-values.
+
+    The p-value is of the likelihood ratio against the component as stated. A curvature says
+    nothing of it: a component may stand out clearly at a scale at which it would be invisible.
+    """
+    loss, start = blocks.of_scales(told), np.full(int(told.sum()), blocks.rough)
+    x = _lowest(loss, start)
+    _, H, scores = _derivatives(loss, x)
+    values, vectors = np.linalg.eigh(H)
+    if values.min() <= 0:
+        weak = (vectors[:, values <= 1e-3] ** 2).sum(axis=1) > 0.1
+        cov = (vectors / np.maximum(values, 1e-3)) @ vectors.T
+        information, longer = 2 * np.where(weak, np.inf, np.diag(cov)), np.ones(len(x))
+    else:
+        inverse = (vectors / values) @ vectors.T
+        sandwich = np.diag(inverse @ (scores.T @ scores) @ inverse)
+        information = 2 * np.diag(inverse)
+        longer = np.maximum(sandwich / information, 1.0)
+    best, p = _total(loss, x), np.empty(len(x))
+    for i, k in enumerate(np.flatnonzero(told)):
+        others = told & (np.arange(len(told)) != k)
+        as_stated = blocks.of_scales(others)
+        worse = _total(as_stated, _lowest(as_stated, np.delete(x, i))) - best
+        tail = 0.5 * stats.chi2.sf(max(worse, 0.0) / longer[i], 1)
+        p[i] = tail if x[i] > 0 else 1 - tail
+    return x, np.sqrt(information * longer), p
+
+
+def _lowest(loss: Loss, start: Array) -> Array:
+    """Where a loss is lowest, by Newton's method."""
+    x = start
+    for _ in range(40):
+        if not len(x):
+            break
+        gradient, H, _ = _derivatives(loss, x)
+        values, vectors = np.linalg.eigh(H)
+        move = vectors @ (vectors.T @ gradient / np.maximum(np.abs(values), 0.5))
+        move = np.clip(move, -0.7, 0.7)
+        x = np.clip(x - move, start - 4.0, start + 4.0)
+        if np.abs(move).max() < 1e-4:
+            break
+    return x
+
+
+def _derivatives(loss: Loss, x: Array) -> tuple[Array, Array, Array]:
+    """Gradient and Hessian of the loss, and gradient of each pose's part, shape (p, n)."""
+    n = len(x)
+    steps = STEP * np.eye(n)
+    here = _total(loss, x)
+    ahead = [loss(x + d) for d in steps]
+    behind = [loss(x - d) for d in steps]
+    up = np.array([own.sum() + rest for own, rest in ahead])
+    down = np.array([own.sum() + rest for own, rest in behind])
+    scores = np.stack([(a[0] - b[0]) / (2 * STEP) for a, b in zip(ahead, behind, strict=True)], 1)
+    H = np.diag((up - 2 * here + down) / STEP**2)
+    for i in range(n):
+        for j in range(i):
+            both = _total(loss, x + steps[i] + steps[j])
+            H[i, j] = H[j, i] = (both - up[i] - up[j] + here) / STEP**2
+    return (up - down) / (2 * STEP), H, scores
+
+
+def _total(loss: Loss, x: Array) -> float:
+    own, rest = loss(x)
+    return float(own.sum() + rest)

@@ -1,0 +1,261 @@
+"""Differences between readings that no model of the robot can make: they show noise alone.
+
+Changes of the effector's own triangle, zeros read again, and pulls that were repeated. A wrong
+model of the robot therefore does not pass for noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+import scipy.sparse
+
+from pipeline.base import covariance
+from pipeline.base.arrays import Array, Ints, Locked
+from pipeline.machine.cell import Cell
+from pipeline.machine.robot import configure
+from pipeline.reduction.register import XYZ
+from pipeline.reduction.settings import Settings
+from pipeline.system.assemble import Measured
+from pipeline.system.system import Errors, Rows, System
+
+SAME_FORCE = 0.03
+"""Repeats pull as strongly as the first of them to this part of it; a turnbuckle is set so."""
+
+
+SAME_DIRECTION = 0.005
+"""And within this angle [rad]: a chain hung into the same place again."""
+
+
+ZEROS = -1
+"""Stands for the pull of a contrast between zeros."""
+
+
+@dataclass(frozen=True, eq=False)
+class Zeros(Locked):
+    """Differences between unloaded readings of one target in one pose.
+
+    Attributes:
+        pose: Shape (n,).
+        target: Index into the tool's targets, shape (n,).
+        which: Number of the difference within its pose and target, shape (n,).
+        delta: [m], F_b, shape (n, 3).
+        cov: [m^2], shape (n, 3, 3).
+    """
+
+    pose: Ints
+    target: Ints
+    which: Ints
+    delta: Array
+    cov: Array
+
+
+def repeated_zeros(settings: Settings, placed: pd.DataFrame) -> Zeros:
+    """Every further unloaded reading minus the mean of those before it.
+
+    These differences are independent of each other and of the mean, the zero of the pose.
+
+    Args:
+        settings: Names of the measured targets.
+        placed: Table PLACED, F_b.
+    """
+    names = pd.Index(settings.measured)
+    rows = placed[(placed["state"] == "unloaded") & placed["target"].isin(names)]
+    rows = rows.sort_values("time", kind="stable")
+    groups = rows.groupby(["pose", "target"])
+    nth = groups.cumcount().to_numpy()
+    points, C = rows[XYZ], covariance.matrices(rows)
+    past = (groups[XYZ].cumsum() - points).to_numpy() / np.maximum(nth, 1)[:, None]
+    six = rows[covariance.columns()]
+    C_past = (groups[covariance.columns()].cumsum() - six).assign(
+        **{n: lambda t, n=n: t[n] / np.maximum(nth, 1) ** 2 for n in covariance.columns()}
+    )
+    again = nth > 0
+    return Zeros(
+        pose=rows["pose"].to_numpy(np.int64)[again],
+        target=np.asarray(names.get_indexer(pd.Index(rows["target"])), dtype=np.int64)[again],
+        which=np.asarray(nth, dtype=np.int64)[again],
+        delta=(points.to_numpy() - past)[again],
+        cov=(C + covariance.matrices(C_past))[again],
+    )
+
+
+def pure_error(system: System, residual: Array, data: Measured, zeros: Zeros, cell: Cell) -> System:
+    """Contrasts of the campaign that no model of the robot can make, as a system without x.
+
+    Left out of each group of equal pulls is one free rigid motion of the effector, out of each
+    repeated zero another; with fewer than three targets, zeros are taken to stand still instead.
+    Pulls of a group are brought to the force of the first, so that what the model misses in
+    proportion to the force cancels too.
+
+    Args:
+        system: The system, for its errors.
+        residual: c - B x; the model only carries small differences of direction in a group [m].
+        data: The measurements that the system was made from.
+        zeros: Repeated zeros; none of them matters when empty.
+        cell: For the positions of the targets.
+    """
+    stack = stacked(system, residual, data, zeros, cell)
+    errors = stack.errors
+    K = _contrasts(stack.group, stack.modes)
+    contrasts = K.shape[1]
+    at = np.asarray(np.abs(K).argmax(axis=0)).ravel()
+    rows = Rows(
+        pose=stack.pose[at],
+        repeat=np.zeros(contrasts, np.int64),
+        target=np.full(contrasts, "", dtype=object),
+        axis=np.zeros(contrasts, np.int64),
+        pull=np.where(at < 3 * len(data.pull), 0, ZEROS),
+    )
+    G = scipy.sparse.csr_array(K.T @ scipy.sparse.diags_array(stack.to_first) @ errors.G)
+    return System(
+        parameters=(),
+        rows=rows,
+        B=np.zeros((contrasts, 0)),
+        c=K.T @ (stack.to_first * stack.c),
+        errors=Errors(G, errors.source, errors.common),
+        noise_stated=system.noise_stated,
+        found_m=system.found_m,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Stack(Locked):
+    """All that one campaign's readings tell of displacements: rows of c, then repeated zeros.
+
+    Attributes:
+        c: Values [m], shape (R,).
+        errors: Their errors.
+        pose: Pose number of each row, shape (R,).
+        target: Index of its target, shape (R,).
+        axis: 0, 1, 2 for x, y, z of F_b, shape (R,).
+        pull: Index of its pull, -1 for repeated zeros, shape (R,).
+        which: Number of the difference of zeros, 0 for rows of c, shape (R,).
+        group: Equal pulls share a number, and so do the targets of one repeated zero, shape (R,).
+        modes: What six small rigid motions of the effector do to it, shape (R, 6).
+        to_first: Force of the first pull of its group over its own, shape (R,).
+    """
+
+    c: Array
+    errors: Errors
+    pose: Ints
+    target: Ints
+    axis: Ints
+    pull: Ints
+    which: Ints
+    group: Ints
+    modes: Array
+    to_first: Array
+
+
+def stacked(system: System, c: Array, data: Measured, zeros: Zeros, cell: Cell) -> Stack:
+    """Rows of c (or of residuals, shape (M,)), and below them the repeated zeros."""
+    first = np.unique(data.pulls.pose, return_index=True)[1]
+    q = dict(zip(data.pulls.pose[first].tolist(), data.pulls.q[first], strict=True))
+    known = np.isin(zeros.pose, list(q))
+    zero_pose, zero_target = zeros.pose[known], zeros.target[known]
+    pose = np.concatenate([data.pulls.pose[data.pull], zero_pose])
+    values, which = np.unique(pose, return_inverse=True)
+    axes = configure(cell.robot, np.array([q[p] for p in values.tolist()])).flange_axes[which]
+    target = np.concatenate([data.target, zero_target])
+    tool = cell.tool.points - cell.tool.points.mean(axis=0)
+    levers = np.einsum("rij,rj->ri", axes, tool[target])
+    modes = np.zeros((len(pose), 3, 6))
+    modes[:, :, :3] = np.eye(3)
+    modes[:, :, 3:] = np.swapaxes(np.cross(np.eye(3)[None], levers[:, None, :]), 1, 2)
+    repeats, to_first = _repeats(data)
+    brought = np.repeat(np.append(to_first[data.pull], np.ones(len(zero_pose))), 3)
+    group = np.concatenate([repeats[data.pull], zero_pose * 1000 + zeros.which[known]])
+    group[len(data.pull) :] += group[: len(data.pull)].max() + 1
+    if len(set(data.target.tolist())) < 3:
+        modes[len(data.pull) :] = 0.0
+    C = zeros.cov[known]
+    if not data.noise_stated:
+        nth = zeros.which[known][:, None, None]
+        C = (system.found_m or 1.0) ** 2 * np.eye(3) * (1 + 1 / nth)
+    factors = covariance.factors(C)
+    own = scipy.sparse.block_diag(list(factors), format="csr") if len(factors) else None
+    G, source, common = system.errors.G, system.errors.source, system.errors.common
+    if own is not None:
+        G = scipy.sparse.csr_array(scipy.sparse.block_diag([G, own], format="csr"))
+        source = np.concatenate([source, np.full(own.shape[1], "zero", dtype=object)])
+        common = np.concatenate([common, np.zeros(own.shape[1], dtype=bool)])
+    d = len(data.pull)
+    return Stack(
+        c=np.concatenate([c, zeros.delta[known].ravel()]),
+        errors=Errors(G, source, common),
+        pose=np.repeat(pose, 3),
+        target=np.repeat(target, 3),
+        axis=np.tile(np.arange(3), len(pose)),
+        pull=np.repeat(np.append(data.pull, np.full(len(zero_pose), -1)), 3),
+        which=np.repeat(np.append(np.zeros(d, np.int64), zeros.which[known]), 3),
+        group=np.repeat(group, 3),
+        modes=modes.reshape(-1, 6),
+        to_first=brought,
+    )
+
+
+def _repeats(data: Measured) -> tuple[Ints, Array]:
+    """Which pulls repeat each other, and by what each is to be multiplied to be the first of them.
+
+    Repeats have the same pose, force and branch. Where the branch is not known, the pull before
+    and the last pull unlike theirs have to be alike too: friction answers to where one comes from,
+    and the chain may have been released between two pulls.
+
+    Returns:
+        Number of each pull's group, and force of the group's first over its own, both (m,).
+    """
+    pulls = data.pulls
+    order = np.lexsort((pulls.repeat, pulls.time, pulls.pose))
+    pose, force, branch = pulls.pose[order], pulls.force[order], pulls.branch[order]
+    like = _like(pose, force)
+    before = np.where(branch[:, None] == 0, _before(pose, like), -1)
+    key = np.column_stack([like, branch.astype(np.int64), before])
+    _, first, number = np.unique(key, axis=0, return_index=True, return_inverse=True)
+    size = np.linalg.norm(force, axis=1)
+    group, to_first = np.empty(len(order), dtype=np.int64), np.empty(len(order))
+    group[order], to_first[order] = number.ravel(), size[first][number.ravel()] / size
+    return group, to_first
+
+
+def _like(pose: Ints, force: Array) -> Ints:
+    """Place of the first pull of the same pose with a force like it, shape (m,)."""
+    like = np.full(len(pose), -1, dtype=np.int64)
+    while (free := np.flatnonzero(like < 0)).size:
+        _, first, which = np.unique(pose[free], return_index=True, return_inverse=True)
+        leader = free[first][which]
+        size = np.linalg.norm(force[leader], axis=1)
+        along = np.einsum("mi,mi->m", force[free], force[leader]) / size
+        across = np.sqrt(np.maximum(np.sum(force[free] ** 2, axis=1) - along**2, 0.0))
+        near = np.abs(along / size - 1) <= SAME_FORCE
+        near = (near & (across <= SAME_DIRECTION * size)) | (free == leader)
+        like[free[near]] = leader[near]
+    return like
+
+
+def _before(pose: Ints, like: Ints) -> Ints:
+    """`like` of the pull before and of the last unlike one, -1 where there is none, (m, 2)."""
+    place = np.arange(len(pose))
+    new = np.ones(len(pose), dtype=bool)
+    new[1:] = (pose[1:] != pose[:-1]) | (like[1:] != like[:-1])
+    last = np.column_stack([place, np.flatnonzero(new)[np.cumsum(new) - 1]]) - 1
+    there = (last >= 0) & (pose[last] == pose[:, None])
+    return np.where(there, like[last], -1)
+
+
+def _contrasts(group: Ints, modes: Array) -> scipy.sparse.csc_array:
+    """Orthonormal columns that the modes of no group can reach, shape (rows, contrasts)."""
+    order = np.argsort(group, kind="stable")
+    ends = np.flatnonzero(np.diff(group[order])) + 1
+    blocks, at = [], []
+    for rows in np.split(order, ends):
+        U, s, _ = np.linalg.svd(modes[rows], full_matrices=True)
+        rank = int((s > 1e-9 * max(s[0], 1e-300)).sum()) if s[0] > 0 else 0
+        blocks.append(U[:, rank:])
+        at.append(rows)
+    K = scipy.sparse.block_diag(blocks, format="csr")
+    back = np.empty(len(group), dtype=np.int64)
+    back[np.concatenate(at)] = np.arange(len(group))
+    return scipy.sparse.csc_array(K[back])

@@ -1,0 +1,206 @@
+"""Stage 6. c = B x + G e in, x with its uncertainty out: generalised least squares."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse
+from scipy import special  # scipy.stats takes a second to import
+
+from pipeline.base.arrays import Array, Bools
+from pipeline.machine.cell import Cell
+from pipeline.system.assemble import TRACKED, Measured, assemble
+from pipeline.system.system import Errors, Estimate, System
+from pipeline.system.whiten import Whitener, whitener
+
+DARK = 1e-8
+"""A mix of parameters that moves the data this much less than the strongest one is undetermined."""
+
+NO_NOISE_M = 1e-12
+"""Residuals below this are rounding [m]."""
+
+
+def solve(system: System, start: Array, white: Whitener | None = None) -> Estimate:
+    """Generalised least squares with columns in their typical size.
+
+    The singular values then read "how many standard uncertainties this mix of parameters moves
+    the data at typical size", and a column of rounding noise stays what it is. Mixes that move
+    nothing keep `start`, and the parameters in them have infinite uncertainty.
+
+    Args:
+        system: The system; its covariance is used in full.
+        start: Where undetermined parameters stay, shape (k,).
+        white: The system's whitener, if it is at hand.
+    """
+    white = white or whitener(system.errors, system.rows.pose)
+    typical = np.array([p.typical for p in system.parameters])
+    value, cov, chi2, rank = least_squares(white(system.B), white(system.c), typical, start)
+    residual = system.c - system.B @ value
+    dof = len(system.rows) - rank
+    scale = chi2 / max(dof, 1) if system.relative else 1.0
+    cov = np.where(np.isinf(cov), np.inf, cov * scale)  # a perfect fit has scale 0
+    std = np.sqrt(np.diag(cov))
+    return Estimate(
+        parameters=system.parameters,
+        value=value,
+        cov=cov,
+        identifiable=identifiable(typical, value, std),
+        residual=residual,
+        chi2=chi2 / scale if scale else 0.0,
+        dof=dof,
+        p_value=float(special.chdtrc(dof, chi2)) if system.noise_stated else None,
+        noise_from="stated" if system.noise_stated else "residuals",
+        residual_std_m=float(np.sqrt(residual @ residual / max(dof, 1))),
+        quantile=float(
+            special.ndtri(0.975) if system.noise_stated else special.stdtrit(dof, 0.975)
+        ),
+    )
+
+
+def identifiable(typical: Array, value: Array, std: Array) -> Bools:
+    """Parameters known to better than half their size, the typical or the estimated one, (k,).
+
+    Where the uncertainty is several typical sizes, an estimate as large is likely scatter: it must
+    be known to a quarter.
+    """
+    size = np.abs(value) / np.where(std > 3 * typical, 2, 1)
+    return np.asarray(2 * std < np.maximum(typical, size), dtype=bool)
+
+
+def least_squares(
+    A: Array, y: Array, typical: Array, start: Array
+) -> tuple[Array, Array, float, int]:
+    """Least squares on whitened rows, columns in their typical size.
+
+    Args:
+        A: Whitened B, shape (M, k).
+        y: Whitened c, shape (M,).
+        typical: Typical size of each parameter, shape (k,).
+        start: Where undetermined parameters stay, shape (k,).
+
+    Returns:
+        Values (k,), covariance (k, k) with infinite variances where undetermined, chi2, rank.
+    """
+    U, s, Vt = np.linalg.svd(A * typical, full_matrices=False)
+    seen = s > DARK * s[0]
+    value = start + typical * (Vt[seen].T @ (U[:, seen].T @ (y - A @ start) / s[seen]))
+    half = typical[:, None] * Vt[seen].T / s[seen]
+    cov = half @ half.T
+    lost = 1 - np.sum(Vt[seen] ** 2, axis=0) > 1e-8  # its part in mixes that nothing determines
+    cov[lost, lost] = np.inf
+    rest = y - A @ value
+    return value, cov, float(rest @ rest), int(seen.sum())
+
+
+def identify(cell: Cell, data: Measured, start: Array) -> tuple[System, Estimate]:
+    """The parameters of a cell from one campaign's measurements; x starts at `start`.
+
+    A noise of the tracker that is not stated is found from the residuals, beside the errors that
+    are stated, about the first solution and about the next.
+    """
+    value = np.asarray(start, dtype=float)
+    if not data.noise_stated and data.found_m is None:
+        for _ in range(2):
+            found_m = tracker_noise(assemble(cell, data, value))
+            weighed = data.in_metres(found_m)
+            value = solve(assemble(cell, weighed, value), value).value
+        data = data.in_metres(tracker_noise(assemble(cell, data, value)))
+    return iterate(lambda values: assemble(cell, data, values), start)
+
+
+def tracker_noise(system: System) -> float:
+    """Standard uncertainty per axis of a reading [m] for which V = s^2 V_tracker + V_rest fits.
+
+    Restricted likelihood of the residuals: log|V| + log|B' V^-1 B| + r' V^-1 r is smallest. With
+    nothing but the tracker's errors that is s^2 = r' V_tracker^-1 r / (M - k).
+
+    Args:
+        system: A system whose noise of the tracker is still relative.
+    """
+    tracked = np.isin(system.errors.source.astype(str), TRACKED)
+    typical = np.array([p.typical for p in system.parameters])
+
+    def fit(errors: Errors) -> tuple[float, float, int]:
+        """Minus twice the restricted log likelihood, chi2 and degrees of freedom."""
+        white = whitener(errors, system.rows.pose)
+        A, y = white(system.B), white(system.c)
+        _, _, chi2, rank = least_squares(A, y, typical, np.zeros(len(typical)))
+        seen = np.linalg.svd(A * typical, compute_uv=False)[:rank]
+        return white.log_det + 2 * float(np.sum(np.log(seen))) + chi2, chi2, len(y) - rank
+
+    def scaled(log_s: float) -> Errors:
+        factor = np.where(tracked, np.exp(log_s), 1.0)
+        G = scipy.sparse.csr_array(system.errors.G @ scipy.sparse.diags_array(factor))
+        return replace(system.errors, G=G)
+
+    alone = replace(
+        system.errors,
+        G=system.errors.G[:, tracked],
+        source=system.errors.source[tracked],
+        common=system.errors.common[tracked],
+    )
+    _, chi2, dof = fit(alone)
+    most = max(float(np.sqrt(chi2 / max(dof, 1))), NO_NOISE_M)
+    if tracked.all():
+        return most
+    bounds = np.log([max(1e-3 * most, NO_NOISE_M), 2 * most])
+    from scipy import optimize  # slow to import, and seldom needed
+
+    best = optimize.minimize_scalar(
+        lambda log_s: fit(scaled(log_s))[0],
+        bounds=bounds,
+        method="bounded",
+        options={"xatol": 1e-6},
+    )
+    return float(np.exp(best.x))
+
+
+def iterate(
+    assembled: Callable[[Array], System], start: Array, rounds: int = 12
+) -> tuple[System, Estimate]:
+    """Solve, take B and the covariance at the solution, and solve again until x stands still.
+
+    Args:
+        assembled: The system about given parameter values.
+        start: First values, shape (k,).
+        rounds: At most so many.
+    """
+    value = np.asarray(start, dtype=float)
+    for _ in range(rounds):
+        system = assembled(value)
+        estimate = solve(system, np.asarray(start, dtype=float))
+        step = np.abs(estimate.value - value)
+        value = estimate.value
+        if np.all(step <= 1e-12 * np.abs(value)):
+            break
+    return system, estimate
+
+
+def left_out(system: System, white: Whitener | None = None) -> Array:
+    """Residuals of each pose when that pose with all its pulls is left out of the estimate.
+
+    Errors common to all poses are estimated beside x from the poses that stay.
+
+    Returns:
+        Unweighted residuals [m], shape (M,); NaN where the rest does not determine x.
+    """
+    white = white or whitener(system.errors, system.rows.pose)
+    typical = np.array([p.typical for p in system.parameters])
+    k, r = len(typical), white.common.shape[1]
+    A = np.hstack([white.by_pose(system.B) * typical, white.common])
+    y = white.by_pose(system.c)
+    poses = len(white.inverse)
+    N, g = np.zeros((poses, k + r, k + r)), np.zeros((poses, k + r))
+    np.add.at(N, white.pose, A[:, :, None] * A[:, None, :])
+    np.add.at(g, white.pose, A * y[:, None])
+    prior = np.diag([0.0] * k + [1.0] * r)
+    w, V = np.linalg.eigh(N.sum(axis=0) + prior - N)
+    seen = w > DARK**1.5 * w[:, -1:]
+    along = np.einsum("pij,pi->pj", V, g.sum(axis=0) - g) / np.where(seen, w, np.inf)
+    x = np.einsum("pij,pj->pi", V, along)
+    rows = np.hstack([system.B * typical, np.zeros((len(y), r))])
+    needs = np.abs(np.einsum("mi,mij->mj", rows, V[white.pose])) * ~seen[white.pose]
+    left = system.c - np.einsum("mi,mi->m", rows, x[white.pose])
+    return np.where(needs.max(axis=1) > 1e-6 * np.linalg.norm(rows, axis=1), np.nan, left)

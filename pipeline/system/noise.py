@@ -1,0 +1,150 @@
+"""How much the readings really scatter.
+
+The tracker's share comes from the effector's own rigidity, the scale's from readings that are off
+as a whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse
+from scipy import optimize, stats
+
+from pipeline.base.arrays import Array
+from pipeline.system.system import Errors
+from pipeline.system.whiten import whitener
+from pipeline.system.whitened import View
+
+TOLERATED = 1.3
+"""A certificate that is wrong by less than this is not worth a word."""
+
+SURE = 0.001
+"""How unlikely scatter must be before it is called larger than stated."""
+
+LEAST = 0.01
+"""Readings that scatter less than this part of the stated noise are not from an instrument."""
+
+LEAST_M = 1e-7
+"""The same where no noise is stated [m]."""
+
+TRIED = (1.0, 1.4, 2.0, 3.0, 5.0, 8.0, 13.0)
+"""Scatter of the scale over its stated one, relative to the tracker's."""
+
+BEND = 0.1
+"""Differences of log scale for the curvature at the best one."""
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Scatter found over scatter stated.
+
+    Attributes:
+        tracker: Of the tracker's readings.
+        tracker_std: Its standard uncertainty.
+        tracker_p: Probability of so much if it were `TOLERATED` at most.
+        force: Of the scale's readings, relative to the tracker's; 1 unless the data say otherwise.
+        force_std: Its standard uncertainty; 0 where it is not looked at.
+        force_p: Probability of so much more by chance.
+        known_from: `rigidity` of the effector, or `residuals`.
+    """
+
+    tracker: float
+    tracker_std: float
+    tracker_p: float
+    force: float
+    force_std: float
+    force_p: float
+    known_from: str
+
+
+def scatter(view: View, errors: Errors, stated: bool) -> Scatter:
+    """Estimate both scales; needs no model of the arm, as every suspect may be at work.
+
+    Args:
+        view: The campaign from the joint springs alone, with nothing scaled.
+        errors: Its errors as stated.
+        stated: False when the campaign states no noise.
+    """
+    if view.tells_scatter:
+        dof, square, source = view.scatter_dof, view.scatter, "rigidity"
+    else:
+        dof, square, source = _all_suspects_out(view)
+    tracker = max(float(np.sqrt(square / dof)), LEAST if stated else LEAST_M)
+    p = float(stats.chi2.sf(square / TOLERATED**2, dof)) if stated else 1.0
+    force, force_std, force_p = _force(view, errors)
+    tracker_std = tracker / float(np.sqrt(2 * dof))
+    return Scatter(tracker, tracker_std, p, force, force_std, force_p, source)
+
+
+def _all_suspects_out(view: View) -> tuple[int, float, str]:
+    """Residual of the springs alone: with one reflector nothing better is known."""
+    base = view.base
+    X = view.A[:, base]
+    residual = view.A[:, -1] - X @ np.linalg.lstsq(X, view.A[:, -1], rcond=1e-12)[0]
+    return view.rows_left, float(residual @ residual), "residuals"
+
+
+def _force(view: View, errors: Errors) -> tuple[float, float, float]:
+    """The scale's share by restricted maximum likelihood, springs and all suspects estimated.
+
+    Returns:
+        Factor on its stated scatter, relative to the tracker's, its standard uncertainty and its
+        p-value; 1, 0 and 1 unless the data say otherwise.
+    """
+    if not (errors.source == "force_reading").any() or not view.tells_scatter:
+        return 1.0, 0.0, 1.0
+    loss = _restricted(view, errors)
+    if not np.isfinite(loss(0.0)):
+        return 1.0, 0.0, 1.0
+    tried = np.log(TRIED)
+    losses = [loss(x) for x in tried]
+    best = float(tried[int(np.argmin(losses))])
+    p = float(stats.chi2.sf(losses[0] - min(losses), 1) / 2)
+    if p >= SURE:
+        return 1.0, 0.0, 1.0
+    x = float(optimize.minimize_scalar(loss, bounds=(best - 0.5, best + 0.5), method="bounded").x)
+    curvature = (loss(x + BEND) - 2 * loss(x) + loss(x - BEND)) / BEND**2
+    std = float(np.sqrt(2 / curvature)) if curvature > 0 else np.inf
+    return float(np.exp(x)), float(np.exp(x)) * std, p
+
+
+def _restricted(view: View, errors: Errors) -> Callable[[float], float]:
+    """Minus twice the restricted log likelihood by the log scale of the force readings.
+
+    The fixed effects are thinned to independent ones once: were their rank counted anew at every
+    scale, a direction near the limit would come and go and pass for evidence.
+    """
+    force = errors.source == "force_reading"
+    typical = np.concatenate([view.typical[: view.springs], view.typical[view.first :]])
+    fixed = view.raw[:, :-1] * typical
+
+    def whitened(log_scale: float) -> tuple[Array, Array, float]:
+        scale = np.where(force, np.exp(log_scale), 1.0)
+        G = scipy.sparse.csr_array(errors.G @ scipy.sparse.diags_array(scale))
+        white = whitener(replace(errors, G=G), view.rows.pose)
+        X = np.column_stack([white.by_pose(fixed), white.common])
+        return X, white.by_pose(view.raw[:, -1]), _log_det(white.inverse)
+
+    X, y, _ = whitened(0.0)
+    U, size, Vt = np.linalg.svd(X, full_matrices=False)
+    kept = size > 1e-9 * size[0]
+    thin, dof = Vt[kept].T / size[kept], len(y) - int(kept.sum())
+    exact = float(y @ y - np.sum((U[:, kept].T @ y) ** 2)) < 1e-10 * float(y @ y)
+    if dof < 10 or exact:  # exact data have no scatter to speak of
+        return lambda _: np.inf
+
+    def loss(log_scale: float) -> float:
+        X, y, log_det = whitened(log_scale)
+        Q, R = np.linalg.qr(X @ thin)
+        square = float(y @ y - np.sum((Q.T @ y) ** 2))
+        return 2 * float(np.log(np.abs(np.diag(R))).sum()) + dof * np.log(square) - 2 * log_det
+
+    return loss
+
+
+def _log_det(inverse: Array) -> float:
+    """Log determinant of V^-1/2."""
+    return float(np.sum(np.log(np.einsum("pss->ps", inverse))))

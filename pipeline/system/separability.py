@@ -1,0 +1,67 @@
+"""Which causes one campaign can tell apart, and from which size on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pipeline.base.arrays import Array
+from pipeline.diagnosis.isolability import Twins
+from pipeline.diagnosis.nextpose import APART
+from pipeline.system.elimination import eliminate
+from pipeline.system.whitened import View
+
+DETECTED = 5.0
+"""Sigmas from which a cause is found for nearly certain."""
+
+
+def separation(view: View, suspects: Sequence[int]) -> Array:
+    """Sigmas between suspects at typical size, shape (n, n).
+
+    Entry (a, b) is what a typical a leaves when springs and b are fitted; (a, a) when only the
+    springs are.
+
+    Args:
+        view: The view.
+        suspects: Indices of n suspects.
+    """
+    S = eliminate(view.M, view.base)
+    most = max(len(view.suspects[i].parameters) for i in suspects)
+    at = np.full((len(suspects), most), -1)
+    for row, i in enumerate(suspects):
+        columns = view.columns([i])
+        at[row, : len(columns)] = columns
+    there = at >= 0
+    G = S[at[:, :, None, None], at[None, None, :, :]]
+    G = G * there[:, :, None, None] * there[None, None, :, :]
+    whole = np.where(there, np.maximum(view.M[at, at], 1e-100), 1.0)
+    own = np.einsum("aiaj->aij", G) / np.sqrt(whole[:, :, None] * whole[:, None, :])
+    inverse = np.linalg.pinv(own, rcond=1e-7, hermitian=True)
+    inverse = inverse / np.sqrt(whole[:, :, None] * whole[:, None, :])
+    h = G.sum(axis=1)
+    alone = np.einsum("aai->a", h)
+    shared = np.einsum("abi,bij,abj->ab", h, inverse, h)
+    left = alone[:, None] - shared
+    np.fill_diagonal(left, alone)
+    return np.asarray(np.sqrt(np.maximum(left, 0.0)))
+
+
+def identifiable(view: View, known: Twins) -> dict[str, float]:
+    """Smallest multiple of its typical size at which each cause is found and told from all others.
+
+    Every form of a cause against every form of the others, twins apart; infinite where none is.
+    """
+    apart = separation(view, range(len(view.suspects)))
+    labels = [effect.label for effect in view.suspects]
+    twins = {frozenset(pair) for pair in known.pairs}
+    out: dict[str, float] = {}
+    for a, label in enumerate(labels):
+        others = [
+            b
+            for b, other in enumerate(labels)
+            if other != label and frozenset((label, other)) not in twins
+        ]
+        least = min(apart[a, others].min(), apart[a, a] * APART / DETECTED)
+        out[label] = max(out.get(label, 0.0), APART / least if least > 1e-9 else np.inf)
+    return out

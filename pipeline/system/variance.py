@@ -1,0 +1,213 @@
+"""Stage 6b. How large the noise is, from the data: variance components by restricted likelihood.
+
+V = sum over components of scale^2 G_s G_s' + the rest as stated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import scipy.sparse
+from scipy import special, stats
+
+from pipeline.base.arrays import Array, Bools, Locked, Strings
+from pipeline.machine.cell import Cell
+from pipeline.reduction.settings import Settings
+from pipeline.system._restricted import Blocks, maximum
+from pipeline.system.assemble import TRACKED, Measured
+from pipeline.system.contrasts import ZEROS, pure_error, repeated_zeros
+from pipeline.system.system import Estimate, System
+from pipeline.system.whiten import whitener
+
+SCALED: Mapping[str, tuple[str, ...]] = {
+    "tracker": TRACKED,
+    "force_reading": ("force_reading",),
+}
+"""The components, and the sources of error whose standard uncertainty each of them multiplies."""
+
+
+NAMES = {"tracker": "tracker_noise", "force_reading": "force_noise"}
+"""What the contract calls a component that is larger than stated."""
+
+
+SURELY = 0.003
+"""A scale this improbable under the stated noise is another noise."""
+
+
+UNTOLD = 0.5
+"""A relative standard uncertainty of a scale above this: the data cannot tell it."""
+
+
+FEWEST = 12
+"""Contrasts below this say too little about a component."""
+
+
+@dataclass(frozen=True, eq=False)
+class Components(Locked):
+    """Noise found, as factors on the stated standard uncertainties.
+
+    Attributes:
+        name: `tracker`, `force_reading`, shape (n,).
+        scale: Factor on the stated standard uncertainty; 1 where the data cannot tell, shape (n,).
+        std: Relative standard uncertainty of `scale`; infinite where the data cannot tell, (n,).
+        p_value: Probability of a scale this large or larger if the stated noise were true, (n,).
+        dof: Contrasts that were looked at.
+        stated: False when the campaign states no noise of the tracker; its scale then is in m.
+        chi2: Weighted sum of squares of the contrasts of pulls, which are a part of the misfit of
+            every model, in the noise as it is used.
+        chi2_dof: Their number.
+    """
+
+    name: Strings
+    scale: Array
+    std: Array
+    p_value: Array
+    dof: int
+    stated: bool
+    chi2: float = 0.0
+    chi2_dof: int = 0
+
+    @property
+    def larger(self) -> Bools:
+        """Components that are larger than stated beyond chance, shape (n,)."""
+        return self.p_value < SURELY
+
+    @property
+    def replaced(self) -> Bools:
+        """Components whose noise found takes the place of the stated or missing one, shape (n,)."""
+        missing = (self.name == "tracker") & (not self.stated)
+        return np.asarray(self.larger | (missing & np.isfinite(self.std)), dtype=bool)
+
+    @property
+    def used(self) -> bool:
+        """Whether any is."""
+        return bool(self.replaced.any())
+
+    def of(self, name: str) -> float:
+        """Scale of one component."""
+        return float(self.scale[list(self.name).index(name)])
+
+
+def variance_components(
+    system: System,
+    design: Array | None = None,
+    names: Sequence[str] = ("tracker", "force_reading"),
+) -> Components:
+    """Scales of the noise components by restricted maximum likelihood.
+
+    Fixed effects are the columns of `design` and the errors common to all poses; what is left is
+    normal with V = sum s^2 G_s G_s' + stated rest. For an answer that no wrong model of the robot
+    can spoil, give the system of `pure_error`; for residuals of a model, the campaign's own.
+    Its standard uncertainties are the larger of the information's and of the scatter from pose
+    to pose, so that tails longer than normal do not make it too sure.
+
+    Args:
+        system: c, and its errors by source.
+        design: Fixed effects, shape (M, k); B of the system when not given.
+        names: Components to find, keys of `SCALED`.
+    """
+    X = system.B if design is None else design
+    log_scale, std = np.zeros(len(names)), np.full(len(names), np.inf)
+    p = np.ones(len(names))
+    if len(system.rows) - X.shape[1] < FEWEST:
+        return _components(system, names, log_scale, std, p, len(system.rows))
+    common = system.errors.G[:, system.errors.common].toarray()
+    felt = np.linalg.norm(common, axis=0) > 0.01 * np.sqrt(np.mean(system.c**2))
+    X = np.hstack([X, common[:, felt]])
+    blocks = Blocks.of(system, X, [SCALED[name] for name in names])
+    told = np.array([_told(system, SCALED[name]) for name in names])
+    if told.any():
+        log_scale[told], std[told], p[told] = maximum(blocks, told)
+    return _components(system, names, log_scale, std, p, blocks.dof)
+
+
+def _components(
+    system: System, names: Sequence[str], log_scale: Array, std: Array, p: Array, dof: int
+) -> Components:
+    lost = ~(std < UNTOLD)
+    log_scale, std = np.where(lost, 0.0, log_scale), np.where(lost, np.inf, std)
+    name = np.array(names, object)
+    missing = (name == "tracker") & (not system.noise_stated)
+    scale = np.exp(log_scale) * np.where(missing, system.found_m or 1.0, 1.0)
+    return Components(name, scale, std, np.where(lost | missing, 1.0, p), dof, system.noise_stated)
+
+
+def _told(system: System, sources: Sequence[str]) -> bool:
+    mine = np.isin(system.errors.source.astype(str), sources)
+    return bool(mine.any()) and bool(abs(system.errors.G[:, mine]).sum() > 0)
+
+
+def rescaled(data: Measured, found: Components) -> Measured:
+    """The same measurements with the noise that was found wherever it is larger than stated.
+
+    A tracker noisier than stated also placed the base frame worse, unless the scatter of the base
+    reflectors themselves has said already how well that is placed.
+    """
+    factor = np.where(found.larger | ~np.array([found.stated, True]), found.scale, 1.0)
+    tracker, force = factor.tolist()
+    told = data.rotation_found or not found.stated
+    return replace(
+        data.scaled(tracker / (data.found_m or 1.0)),
+        rotation_cov=data.rotation_cov * (1.0 if told else tracker**2),
+        reading_std=data.reading_std * force,
+        noise_stated=True,
+        found_m=None,
+    )
+
+
+def resting_on(estimate: Estimate, found: Components) -> Estimate:
+    """The estimate whose noise is itself estimated: Student's quantile, and the test of misfit.
+
+    The noise was made to fit the contrasts, so they cannot speak for the model: what chi2 holds
+    beside them is compared with them (F test of the lack of fit).
+    """
+    dof = 0.5 / float(np.max(found.std[found.replaced])) ** 2
+    lack, lack_dof = max(estimate.chi2 - found.chi2, 0.0), estimate.dof - found.chi2_dof
+    return replace(
+        estimate,
+        p_value=float(stats.f.sf(lack / lack_dof, lack_dof, dof)) if lack_dof > 0 else None,
+        noise_from="replicates",
+        quantile=float(stats.t.ppf(0.975, dof)),
+    )
+
+
+def at_most(p: float) -> float:
+    """The largest probability that a p-value leaves to what contradicts the null, at even odds.
+
+    No alternative makes the null less likely than -e p ln p against one (Sellke, Bayarri and
+    Berger 2001); so 0.95 where p is 0.003, and a half where p says nothing.
+    """
+    if p >= np.exp(-1):
+        return 0.5
+    return float(1 / (1 - np.e * special.xlogy(p, p)))
+
+
+def noise(
+    settings: Settings,
+    cell: Cell,
+    placed: pd.DataFrame,
+    data: Measured,
+    system: System,
+    estimate: Estimate,
+) -> Components:
+    """The noise of a campaign from its repeats, its repeated zeros and its effector's triangle."""
+    zeros = repeated_zeros(settings, placed)
+    pure = pure_error(system, estimate.residual, data, zeros, cell)
+    found = variance_components(pure)
+    return replace(found, **_of_pulls(pure, found)) if found.used else found
+
+
+def _of_pulls(pure: System, found: Components) -> dict[str, Any]:
+    """`chi2` and `chi2_dof` of the contrasts between pulls."""
+    rows = np.flatnonzero(pure.rows.pull != ZEROS)
+    factor = np.ones(len(pure.errors.source))
+    for name in found.name[found.replaced]:
+        unit = (pure.found_m or 1.0) if name == "tracker" else 1.0
+        factor[np.isin(pure.errors.source.astype(str), SCALED[name])] = found.of(name) / unit
+    G = scipy.sparse.csr_array(pure.errors.G[rows] @ scipy.sparse.diags_array(factor))
+    white = whitener(replace(pure.errors, G=G), pure.rows.pose[rows])
+    return {"chi2": float(np.sum(white(pure.c[rows]) ** 2)), "chi2_dof": len(rows)}
