@@ -35,10 +35,10 @@ from bench.league.hidden_effect import NOMINAL
 from bench.league.judge import label
 from bench.league.play import NAMES, Plan, Rules, drawn, play
 from bench.league.run import ABLE, PLANS, answer_of, largest, yardstick
+from pipeline.answer.history import Change, changes
 from pipeline.base import files
 from pipeline.base.arrays import Array
 from pipeline.machine.robot import Robot, load
-from pipeline.report.history import Change, changes
 from pipeline.simulate.blunders import INCH_M, KGF_N
 from pipeline.store.campaign import code_version
 

@@ -11,10 +11,10 @@ from pipeline.machine.robot.model import model
 from pipeline.run import reduce, tool
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
-from pipeline.store.tables import promised
 from pipeline.system.assemble import assemble
 from pipeline.system.estimate import least_squares, solve
 from pipeline.system.whiten import whitener
+from pipeline.tables import promised
 
 READINGS = 9_999
 

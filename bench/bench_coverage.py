@@ -15,8 +15,8 @@ from pipeline.machine.robot import load
 from pipeline.run import reduce, tool
 from pipeline.simulate import Plan, build, draw, raw_files, revised
 from pipeline.store.campaign import in_memory
-from pipeline.store.tables import promised
 from pipeline.system.estimate import identify
+from pipeline.tables import promised
 
 CAMPAIGNS = 2000
 NOISES = {"sigma": {"sigma_m": 3e-5}, "paper": {"noise": "paper"}}

@@ -15,7 +15,7 @@ from pipeline.reduction.case import plain, to_displacements
 from pipeline.run import ingested, reduce
 from pipeline.simulate import Plan
 from pipeline.store.campaign import Raw, in_memory
-from pipeline.store.tables import promised
+from pipeline.tables import promised
 
 POSES, PULLS = 10_000, 19
 TARGETS = ("P1", "P2", "P3", "Pl1", "Pl2")

@@ -28,8 +28,8 @@ from bench.league.table import rivalled, share, wrong
 from pipeline.base.arrays import Array
 from pipeline.diagnosis.isolability import twins
 from pipeline.diagnosis.nextpose import APART
+from pipeline.machine.poses import default_anchors, draw_poses, feasible, rounded
 from pipeline.machine.robot import Robot, load
-from pipeline.simulate.poses import default_anchors, draw_poses, feasible, rounded
 
 SEED, PLANS = 2027, 96
 EACH = 3

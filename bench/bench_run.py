@@ -13,7 +13,7 @@ PROJECT = Path(__file__).parents[1]
 REPORT = """
 import sys, time
 from pathlib import Path
-from pipeline.archive import finished, shown
+from pipeline.answer.archive import finished, shown
 campaign, = finished(Path(sys.argv[1]))
 result, tables = campaign.result(), shown(campaign)
 wall, processor = time.perf_counter(), time.process_time()

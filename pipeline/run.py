@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from pipeline import tables
+from pipeline.answer import archive
 from pipeline.answer.answer import answer as answer_of
 from pipeline.answer.diagnosis import bad_data_sentence, beside_mistakes
 from pipeline.answer.findings import Findings, Told
@@ -32,7 +34,6 @@ from pipeline.answer.tables import (
     residuals_table,
     system_table,
 )
-from pipeline.app import archive
 from pipeline.base.errors import InputError
 from pipeline.diagnosis.diagnose import diagnose
 from pipeline.diagnosis.drift import drift
@@ -43,17 +44,17 @@ from pipeline.faults.screen import acquit, screen
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import Robot
 from pipeline.prediction import model as handover
-from pipeline.prediction.validate import Where, place_of_interest, validate
 from pipeline.prediction.validate import none as no_validation
+from pipeline.prediction.validate import validate
 from pipeline.prediction.workspace import none as no_workspace
 from pipeline.prediction.workspace import workspace
 from pipeline.reduction.case import Case, Keep, Reduced, Step, bring, conformed, plain
 from pipeline.reduction.case import tool as tool
 from pipeline.reduction.ingest import ingest
+from pipeline.reduction.measured import Measured
+from pipeline.reduction.test_pose import Where, place_of_interest
 from pipeline.report.render import render
-from pipeline.store import tables
 from pipeline.store.campaign import Campaign, Raw, dump
-from pipeline.system.assemble import Measured
 from pipeline.system.fit import Fitted, fit
 
 SEED = 20261103

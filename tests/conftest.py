@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 import pytest
 
+from pipeline import tables
 from pipeline.run import Reduced, reduce
 from pipeline.simulate import Plan, RawCampaign, simulate
-from pipeline.store import tables
 from pipeline.store.campaign import in_memory
 
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # a shell's background job ignores Ctrl-C

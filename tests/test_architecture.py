@@ -96,6 +96,38 @@ def test_no_two_files_import_each_other():
     ).prepare()
 
 
+ORDER = (
+    "base",
+    "machine",
+    "tables",
+    "readers",
+    "reduction",
+    "store",
+    "system",
+    "faults",
+    "diagnosis",
+    "prediction",
+    "design",
+    "simulate",
+    "answer",
+    "report",
+    "run",
+    "app",
+)
+"""Packages and files at the top, each importing only what stands before it."""
+
+
+def test_every_package_imports_only_those_below_it():
+    """The order of docs/code.md, also of what is imported late."""
+    for path in PACKAGE.rglob("*.py"):
+        mine = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+        if mine.startswith("__"):
+            continue
+        others = {m.split(".")[1] for m in used(path) if m and m.startswith("pipeline.")}
+        above = [other for other in others & set(ORDER) if ORDER.index(other) > ORDER.index(mine)]
+        assert not above, path
+
+
 def used(path):
     """Modules, and what may be one: `from pipeline import files` uses pipeline.files."""
     tree = ast.parse(path.read_text("utf-8"))

@@ -7,7 +7,7 @@ import shutil
 
 import pytest
 
-from pipeline.app import archive
+from pipeline.app import pages
 from pipeline.app.cli import _exit_code
 from pipeline.app.preferences import Preferences
 from pipeline.app.shell import plainly, run_all, status
@@ -149,7 +149,7 @@ def test_a_run_that_is_going_on_is_left_out(project, tmp_path):
     shutil.copytree(project, tmp_path / "copy")
     (tmp_path / "copy" / "data" / "processed" / "spring" / "manifest.json").unlink()
 
-    page = archive.refresh(tmp_path / "copy")
+    page = pages.refresh(tmp_path / "copy")
 
     assert "spring/index.html" not in page.read_text("utf-8")
     assert "Change since" not in (page.parent / "autumn" / "index.html").read_text("utf-8")
@@ -213,6 +213,6 @@ def test_what_cannot_be_done_is_said(project, capsys, words, said):
 
 def test_a_project_without_results_has_no_page(tmp_path, capsys):
     """Before the first run there is nothing to show, and it is said."""
-    assert archive.refresh(tmp_path) is None
+    assert pages.refresh(tmp_path) is None
     assert _exit_code(["report", "--root", str(tmp_path)]) == 2
     assert "no campaign is finished" in capsys.readouterr().err

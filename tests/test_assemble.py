@@ -10,8 +10,8 @@ from pipeline.machine.cell import paper_cell
 from pipeline.run import reduce, tool
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
-from pipeline.store.tables import promised
 from pipeline.system.assemble import assemble
+from pipeline.tables import promised
 
 
 @pytest.fixture(scope="module")

@@ -9,9 +9,9 @@ from pipeline.machine.cell import paper_cell
 from pipeline.run import reduce, tool
 from pipeline.simulate import Plan, revised, simulate
 from pipeline.store.campaign import in_memory
-from pipeline.store.tables import promised
 from pipeline.system.budget import budget
 from pipeline.system.estimate import identify
+from pipeline.tables import promised
 
 PLAN = Plan(name="budget", seed=7, poses={"count": 8}, scale={"sigma_n": 5.0, "gain_sigma": 3e-3})
 EVERY = ["tracker", "zero", "force_reading", "direction", "registration", "force_gain", "geometry"]

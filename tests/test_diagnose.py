@@ -7,6 +7,7 @@ import pytest
 
 from bench.league.hidden import SECRETS
 from bench.league.play import Rules, drawn, play
+from pipeline import tables
 from pipeline.answer.stiffness import stiffness_entries
 from pipeline.diagnosis.average import dependences
 from pipeline.diagnosis.diagnose import diagnose
@@ -14,18 +15,17 @@ from pipeline.diagnosis.facts import entry
 from pipeline.diagnosis.tables import apart_table, clues_table, examined_table
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.robot import load
-from pipeline.prediction.validate import place_of_interest
 from pipeline.reduction.displacements import displacements
 from pipeline.reduction.forces import forces
 from pipeline.reduction.ingest import ingest
+from pipeline.reduction.measured import measured
 from pipeline.reduction.register import place, register
 from pipeline.reduction.settings import parse
+from pipeline.reduction.test_pose import place_of_interest
 from pipeline.run import answered
 from pipeline.simulate import simulate
 from pipeline.simulate.plan import Plan
-from pipeline.store import tables
 from pipeline.store.campaign import in_memory
-from pipeline.system.assemble import measured
 from pipeline.system.estimate import identify
 
 KR500 = load("kr500_rail")

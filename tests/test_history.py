@@ -8,7 +8,7 @@ import pytest
 import report_sample
 from scipy import stats
 
-from pipeline.report.history import changes, ordered, previous, together, trends
+from pipeline.answer.history import changes, ordered, previous, together, trends
 from pipeline.report.model import compose
 from pipeline.report.overview import comparison, overview
 from pipeline.report.record import Figure, Table

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from pipeline.base.errors import InputError
-from pipeline.machine.instrument import beam_covariance
+from pipeline.machine.instrument import InstrumentNoise, beam_covariance
 from pipeline.machine.robot import load
 from pipeline.reduction.ingest import ingest
-from pipeline.reduction.settings import InstrumentNoise, parse
+from pipeline.reduction.settings import parse
 
 TOML = """
 format = 1

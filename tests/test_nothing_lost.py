@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from bench.bench_kill import PLAN, Victim, survived
-from pipeline.app.archive import refresh
+from pipeline.app.pages import refresh
 from pipeline.base.errors import InputError
 from pipeline.run import run
 from pipeline.store.campaign import find
@@ -54,7 +54,7 @@ def test_a_full_disk_leaves_the_old_answer(victim):
     victim.run()
     before = victim.result
     limited = "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000)); "
-    limited += "from pipeline.cli import main; main(sys.argv[1:])"
+    limited += "from pipeline.app.cli import main; main(sys.argv[1:])"
     command = [sys.executable, "-c", limited, "run", "killed", "--engine", "local", "--force"]
     done = subprocess.run(
         [*command, "--root", str(victim.root)], capture_output=True, text=True, check=False

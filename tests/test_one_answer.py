@@ -15,12 +15,12 @@ import pytest
 
 from bench.league.hidden import SECRETS
 from bench.league.play import Rules, drawn, play
-from pipeline.app import archive
+from pipeline.answer.history import previous, trends
+from pipeline.app import pages
 from pipeline.machine.robot import load
 from pipeline.machine.robot.model import model as pin_model
 from pipeline.prediction import compensate
 from pipeline.prediction.model import Model
-from pipeline.report.history import previous, trends
 from pipeline.store.campaign import find
 
 ROBOT = load("kr500_rail")
@@ -149,7 +149,7 @@ def test_trend_and_comparison_take_it(campaign):
     """The change against another campaign is the answer's; who explains nothing raises no alarm."""
     found, answer, root = campaign
     other = find(root, OTHER).result()
-    _, content = archive.compare(root, found.name, OTHER)
+    _, content = pages.compare(root, found.name, OTHER)
     over_time = {t.name: t for t in trends([answer, other])}
 
     for change in content["stiffness"]:

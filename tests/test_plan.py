@@ -27,8 +27,8 @@ from pipeline.report.plan_sheet import Extras, _log, expected, sheet
 from pipeline.run import reduce
 from pipeline.simulate import build, parse, simulate
 from pipeline.store.campaign import find, in_memory
-from pipeline.store.tables import conform
 from pipeline.system.estimate import identify
+from pipeline.tables import conform
 
 SEED = 20261121
 

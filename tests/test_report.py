@@ -12,7 +12,7 @@ import pytest
 import report_sample
 from pypdf.generic import DictionaryObject
 
-from pipeline.report import numbers
+from pipeline.base import quantities as numbers
 from pipeline.report.model import compose
 from pipeline.report.record import Figure, Table, Text
 from pipeline.report.render import pdf, render

@@ -21,9 +21,9 @@ from pipeline.run import ingested, run
 from pipeline.simulate import Plan, revised, simulate
 from pipeline.store import campaign as campaigns
 from pipeline.store.campaign import in_memory
-from pipeline.store.tables import DISPLACEMENTS, FORCES
 from pipeline.system.estimate import identify
 from pipeline.system.fit import fit
+from pipeline.tables import DISPLACEMENTS, FORCES
 
 PROJECT = Path(__file__).parents[1]
 

@@ -15,10 +15,10 @@ from pipeline.base.arrays import Parameter
 from pipeline.base.errors import InputError, UsageError
 from pipeline.machine.cell import Tool, paper_cell, predict
 from pipeline.machine.effects import Noise, Observation, Wrench, catalogue
+from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import load
 from pipeline.readers import READERS
 from pipeline.reduction import settings
-from pipeline.reduction.settings import InstrumentNoise
 from pipeline.simulate import Plan, Planted, build, draw, parse, plant, revised, simulate
 from pipeline.simulate.noise import tracker_errors
 from pipeline.system.estimate import identify

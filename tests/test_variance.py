@@ -15,7 +15,6 @@ from pipeline.reduction.settings import parse
 from pipeline.run import reduce, tool
 from pipeline.simulate import Plan, revised, simulate
 from pipeline.store.campaign import in_memory
-from pipeline.store.tables import promised
 from pipeline.system.contrasts import repeated_zeros
 from pipeline.system.estimate import identify
 from pipeline.system.system import Errors, Rows, System
@@ -27,6 +26,7 @@ from pipeline.system.variance import (
     resting_on,
     variance_components,
 )
+from pipeline.tables import promised
 
 PLAN = Plan(name="noise", seed=5)
 

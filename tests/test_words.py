@@ -141,7 +141,7 @@ def test_init_refuses_a_robot_before_it_asks_further(tmp_path):
 
 CTRL_C = """
 import signal, subprocess, sys
-from pipeline.server import sheltered
+from pipeline.app.server import sheltered
 
 child = "import sys, time; print('up', flush=True); sys.stdin.read(); print('whole', flush=True)"
 try:
@@ -179,7 +179,7 @@ def test_ctrl_c_is_kept_from_the_processes_that_prefect_starts():
 def test_an_end_that_prefect_calls_good_stays_an_interruption():
     """Its runner exits with 0 when it is told to stop; whoever pressed Ctrl-C gets 130."""
     script = (
-        "import signal, sys, time; from pipeline.server import sheltered\n"
+        "import signal, sys, time; from pipeline.app.server import sheltered\n"
         "with sheltered(signal.SIGTERM):\n"
         "    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))\n"
         "    print('up', flush=True); time.sleep(30)\n"
@@ -255,7 +255,7 @@ def test_a_comparison_is_told_where_its_page_cannot_be_kept(tmp_path, monkeypatc
     """The answer comes, then the trouble with the disk, exit code 3."""
     joints = SAMPLE["stiffness"]
     said = overview.comparison(("a", "a:extended"), joints, joints, None)
-    monkeypatch.setattr(answers.archive, "compare", lambda *_: (said, {"stiffness": []}))
+    monkeypatch.setattr(answers.pages, "compare", lambda *_: (said, {"stiffness": []}))
     (tmp_path / "reports").write_text("in the way")
     outcome, path = answers.compare(tmp_path, "a", "a:extended")
 

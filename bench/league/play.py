@@ -10,8 +10,8 @@ import numpy as np
 
 from bench.league.hidden_effect import NOMINAL, Course, Secret, Setup, setup
 from pipeline.base.arrays import Array, Locked
+from pipeline.machine.poses import default_anchors, draw_poses
 from pipeline.machine.robot import Robot
-from pipeline.simulate.poses import default_anchors, draw_poses
 
 NAMES = ("P1", "P2", "P3")
 TOOLS = (

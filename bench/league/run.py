@@ -21,6 +21,7 @@ from pipeline.base.errors import PipelineError
 from pipeline.diagnosis.blindspots import needed, smallest_visible
 from pipeline.diagnosis.diagnose import case_of
 from pipeline.diagnosis.isolability import twins
+from pipeline.diagnosis.separability import identifiable
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import Robot, load
 from pipeline.reduction.case import Step, bring, conformed, plain
@@ -29,7 +30,6 @@ from pipeline.store.campaign import in_memory
 from pipeline.system.detect import threshold
 from pipeline.system.estimate import identify, left_out
 from pipeline.system.fit import fit
-from pipeline.system.separability import identifiable
 from pipeline.system.whitened import View
 
 TOO_LARGE = 12.0

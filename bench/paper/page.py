@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from bench.paper.tables import ASSUMPTIONS, MISPRINTS, Entry, Reproduction
+from pipeline.base.quantities import plain
 from pipeline.report.figures.plan import anchor_curve, size_curves
-from pipeline.report.numbers import plain
 from pipeline.report.record import Block, Column, Figure, Report, Section, Table, entry, text_entry
 from pipeline.report.record import Entry as Cell
 from pipeline.report.render import page, pdf

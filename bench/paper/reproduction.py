@@ -11,8 +11,8 @@ from typing import Any
 
 from bench.paper.tables import ASSUMPTIONS, MISPRINTS, Entry, Reproduction, reproduce
 from pipeline.base import files
+from pipeline.base.quantities import plain
 from pipeline.machine.robot import load as load_robot
-from pipeline.report.numbers import plain
 from pipeline.store.campaign import dump
 
 ROBOTS = ("kr500_rail", "kr500_rail_kuka")

@@ -20,7 +20,7 @@ from pipeline.answer.sentences import sentences
 from pipeline.answer.stiffness import budget_entries, stiffness_entries
 from pipeline.base import files
 from pipeline.machine.effects import catalogue
-from pipeline.prediction.validate import Where
+from pipeline.reduction.test_pose import Where
 from pipeline.store.campaign import versions
 
 

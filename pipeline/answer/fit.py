@@ -8,7 +8,8 @@ import numpy as np
 
 from pipeline.answer.numbers import rms_mm
 from pipeline.machine.cell import Cell
-from pipeline.system.assemble import Measured, second_order
+from pipeline.reduction.measured import Measured
+from pipeline.system.assemble import second_order
 from pipeline.system.system import Estimate
 
 SURE = 0.01

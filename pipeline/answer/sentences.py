@@ -12,7 +12,7 @@ from pipeline.answer.findings import Findings
 from pipeline.answer.fit import fits, larger_scatter
 from pipeline.answer.numbers import left_out_mm
 from pipeline.answer.recommended import Which
-from pipeline.report.numbers import common_prefix, plain, prefixed, with_std
+from pipeline.base.quantities import common_prefix, plain, prefixed, with_std
 
 FAR = 3.0
 """A stiffness that moves by more standard uncertainties than this between two models is told."""

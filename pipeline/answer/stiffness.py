@@ -9,10 +9,10 @@ import numpy as np
 
 from pipeline.answer.numbers import finite
 from pipeline.base.arrays import Array
+from pipeline.base.quantities import with_std
 from pipeline.diagnosis.average import Dependence, Hypothesis, Springs, dependences, springs
 from pipeline.machine.cell import Cell
 from pipeline.machine.robot import Joint
-from pipeline.report.numbers import with_std
 from pipeline.system.budget import budget
 
 WHICH = "which_cause"

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.app import archive
+from pipeline.answer import archive
+from pipeline.answer.history import previous
+from pipeline.app import pages
 from pipeline.app.outcome import Outcome
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite, UsageError
-from pipeline.report.history import previous
 from pipeline.report.model import compose
 from pipeline.report.render import page as as_page
 from pipeline.report.text import as_text
@@ -25,14 +26,14 @@ def report(root: Path, name: str | None, form: str) -> Path:
     if name is None:
         if form != "html":
             raise UsageError(f"the page over all campaigns has no form {form}: name a campaign")
-        page = archive.refresh(root)
+        page = pages.refresh(root)
         if page is None:
             raise UsageError("no campaign is finished: run `pipeline run` first")
         return page
 
     campaign = campaigns.find(root, name)
     run(campaign)
-    archive.refresh(root)
+    pages.refresh(root)
     names = {"html": "index.html", "pdf": "report.pdf", "json": "result.json"}
     return campaign.reports / names[form]
 
@@ -47,7 +48,7 @@ def report_text(root: Path, name: str) -> str:
 
 def compare(root: Path, first: str, second: str) -> tuple[Outcome, Path | None]:
     """Two campaigns or models beside each other, and the page of it, where one can be kept."""
-    said, content = archive.compare(root, first, second)
+    said, content = pages.compare(root, first, second)
     path = root / "reports" / f"{first}--{second}.html".replace(":", ".").replace("/", ".")
     complaints: list[str] = []
     try:

@@ -13,7 +13,7 @@ from typing import Any
 
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite, InputError, PipelineError
-from pipeline.report.numbers import common_prefix, prefixed, with_std
+from pipeline.base.quantities import common_prefix, prefixed, with_std
 from pipeline.store.campaign import Campaign
 
 

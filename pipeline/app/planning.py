@@ -14,6 +14,7 @@ import numpy as np
 from pipeline.base import files
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError, UsageError, listed
+from pipeline.base.quantities import percent, plain
 from pipeline.design import spec as specs
 from pipeline.design.known import continued, information_of
 from pipeline.design.planfile import plan_text
@@ -22,10 +23,9 @@ from pipeline.design.propose import Proposal, propose
 from pipeline.design.search import Effort
 from pipeline.machine.cell import paper_cell
 from pipeline.machine.robot import load as load_robot
-from pipeline.report.numbers import percent, plain
 from pipeline.run import reduce
 from pipeline.store.campaign import Campaign, dump
-from pipeline.store.tables import conform
+from pipeline.tables import conform
 
 MM = 1e3
 MADE_BY = "# Made by `pipeline design"

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from pydantic import Field, ValidationError, field_validator
 
 from pipeline.base.errors import InputError, UsageError, first_wrong
-from pipeline.reduction.settings import Strict
+from pipeline.base.strict import Strict
 
 FILE = "pipeline.toml"
 

@@ -9,8 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pipeline.app import preferences, server
-from pipeline.app import sync as mirror
+from pipeline.app import preferences, server, sync
 from pipeline.app.outcome import EARLIER, Outcome, dated, failed, guarded, outcome, sentences
 from pipeline.app.progress import Progress
 from pipeline.base import files
@@ -22,7 +21,7 @@ from pipeline.store.campaign import Campaign
 def run_all(root: Path, names: list[str], engine: str, force: bool) -> Iterator[Outcome]:
     """Bring campaigns up to date; one that fails stops none of the others."""
     storage = preferences.load(root).storage
-    refused = mirror.fetch(root, storage)
+    refused = sync.fetch(root, storage)
     yield from refused
     everyone = names or [found.name for found in campaigns.every(root)]
     if not everyone and not refused:
@@ -36,10 +35,10 @@ def run_all(root: Path, names: list[str], engine: str, force: bool) -> Iterator[
             done = outcome(label, find, partial(compute, force=force, tell=bar.at))
             bar.done()
             yield done
-    from pipeline.app import archive
+    from pipeline.app import pages
 
-    archive.refresh(root)
-    yield from mirror.publish(root, storage)
+    pages.refresh(root)
+    yield from sync.publish(root, storage)
 
 
 def no_campaign(root: Path) -> InputError:
@@ -95,7 +94,7 @@ def check(root: Path, name: str) -> Outcome:
 def _check(root: Path, name: str) -> Outcome:
     from pipeline.answer.inputs import rejected_entries
     from pipeline.run import reduce
-    from pipeline.store.tables import promised
+    from pipeline.tables import promised
 
     campaign = campaigns.find(root, name)
     name = campaign.name

@@ -1,4 +1,4 @@
-"""`python -m pipeline.leash COMMAND`: runs COMMAND until whoever started this is gone.
+"""`python -m pipeline.app.supervise COMMAND`: runs COMMAND until whoever started this is gone.
 
 The parent holds the other end of stdin and never writes; the end of file is the end of the parent,
 even of one that was killed and could tell nobody.

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from pipeline.app import sync as mirror
+from pipeline.app import sync
 from pipeline.app.outcome import Compute, Outcome, outcome
 from pipeline.app.preferences import Notify, Preferences
 from pipeline.base import files
@@ -106,11 +106,11 @@ def scan(
         pause: Waits; given by tests.
     """
     storage = preferences.storage
-    refused = mirror.fetch(root, storage)
+    refused = sync.fetch(root, storage)
     before = waiting(root)
     if before:
         pause(preferences.service.quiet_s)
-        refused = mirror.fetch(root, storage)  # what still grows there grows here, too
+        refused = sync.fetch(root, storage)  # what still grows there grows here, too
     for campaign, now in before.items():
         if fingerprint(campaign) != now:  # still being copied: the next look will take it
             continue
@@ -118,11 +118,11 @@ def scan(
         _learn(campaign, now, made)
         yield made
     if before:
-        from pipeline.app import archive  # brings pandas, which watching itself does not need
+        from pipeline.app import pages  # brings pandas, which watching itself does not need
 
-        archive.refresh(root)
-    refused += mirror.publish(root, storage)
-    yield from mirror.untold(root, refused)
+        pages.refresh(root)
+    refused += sync.publish(root, storage)
+    yield from sync.untold(root, refused)
     for campaign in campaigns.every(root):
         _tell(campaign, preferences.notify)
 

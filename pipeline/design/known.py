@@ -9,8 +9,8 @@ import numpy as np
 from pipeline.base.arrays import Array
 from pipeline.design.spec import ProblemFile, validated
 from pipeline.machine.cell import Cell
+from pipeline.reduction.measured import Measured
 from pipeline.reduction.settings import Settings
-from pipeline.system.assemble import Measured
 from pipeline.system.estimate import identify
 from pipeline.system.whiten import whitener
 

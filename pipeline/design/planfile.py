@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.base import toml
 from pipeline.design.propose import Proposal
-from pipeline.reduction.settings import InstrumentNoise
+from pipeline.machine.instrument import InstrumentNoise
 
 HEADER = """\
 # Made by `pipeline design {problem}`: {figure}.

@@ -17,9 +17,8 @@ from pipeline.design.scatter import Beam, Scatter
 from pipeline.design.spec import ProblemFile, Range
 from pipeline.machine.cell import Tool, jacobian, paper_cell
 from pipeline.machine.effects import Pulls
-from pipeline.machine.instrument import PAPER_SHARE, PAPER_SIGMA_M
+from pipeline.machine.instrument import PAPER_SHARE, PAPER_SIGMA_M, InstrumentNoise
 from pipeline.machine.robot import Robot, configure
-from pipeline.reduction.settings import InstrumentNoise
 
 G_N_PER_KG = 9.81
 

@@ -20,8 +20,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Locked
 from pipeline.base.covariance import symmetric
-from pipeline.machine.instrument import beam_covariance
-from pipeline.reduction.settings import InstrumentNoise
+from pipeline.machine.instrument import InstrumentNoise, beam_covariance
 
 STEP = 1e-30
 """Imaginary step of the complex-step derivative: exact to rounding, nothing cancels."""

@@ -8,15 +8,10 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from pipeline.base.errors import InputError, first_wrong, listed
+from pipeline.base.strict import NotNegative, Positive, Strict
 from pipeline.base.toml import loads, merged
-from pipeline.reduction.settings import (
-    InstrumentNoise,
-    NotNegative,
-    Point,
-    Positive,
-    Strict,
-    TestPose,
-)
+from pipeline.machine.instrument import InstrumentNoise
+from pipeline.reduction.settings import Point, TestPose
 
 SHIPPED = ("paper_reference", "diagnosis_reference")
 

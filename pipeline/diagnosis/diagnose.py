@@ -19,6 +19,7 @@ from pipeline.diagnosis.facts import Amplitude, Cause, Diagnosis, Named
 from pipeline.diagnosis.identify import NAMELESS, Case, Found, by_label, remainder, search
 from pipeline.diagnosis.improvement import Gain, alone, gain, rms
 from pipeline.diagnosis.isolability import Twins, twins
+from pipeline.diagnosis.separability import separation
 from pipeline.diagnosis.suspect_statistics import clues, misfits
 from pipeline.diagnosis.undecided import next_poses
 from pipeline.diagnosis.unloaded_fit import student
@@ -27,13 +28,13 @@ from pipeline.diagnosis.verdict import judge, with_drift
 from pipeline.machine.cell import Cell, predict
 from pipeline.machine.effects import Effect, Noise, Pulls, catalogue
 from pipeline.machine.effects.nameless import nameless
-from pipeline.prediction.validate import Where
-from pipeline.system.assemble import TRACKED, Measured, assemble
+from pipeline.reduction.measured import Measured
+from pipeline.reduction.test_pose import Where
+from pipeline.system.assemble import TRACKED, assemble
 from pipeline.system.elimination import coefficients, eliminate
 from pipeline.system.estimate import identifiable, solve
 from pipeline.system.linearised import Model, Sight
 from pipeline.system.noise import SURE, Scatter, scatter
-from pipeline.system.separability import separation
 from pipeline.system.system import Estimate, System
 from pipeline.system.variance import at_most
 from pipeline.system.whitened import View, with_laws

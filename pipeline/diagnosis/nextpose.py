@@ -18,8 +18,8 @@ from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.diagnosis.identify import Case
 from pipeline.machine.cell import sensitivity
 from pipeline.machine.effects import Effect, Pulls
+from pipeline.machine.poses import default_anchors, draw_poses
 from pipeline.machine.robot import configure
-from pipeline.simulate.poses import default_anchors, draw_poses
 from pipeline.system.elimination import eliminate
 from pipeline.system.evidence import WIDTHS
 from pipeline.system.whitened import View

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from pipeline import tables
 from pipeline.diagnosis.facts import Diagnosis, location
 from pipeline.machine.cell import Cell, load
 from pipeline.machine.robot.configuration import torque
-from pipeline.store import tables
-from pipeline.system.assemble import Measured
+from pipeline.reduction.measured import Measured
 from pipeline.system.system import Estimate, System
 
 AXES = np.array(["x", "y", "z"], dtype=object)

@@ -12,7 +12,7 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.diagnosis.improvement import rms
 from pipeline.machine.cell import Cell, predict
 from pipeline.machine.effects import Effect, Pulls
-from pipeline.system.assemble import Measured
+from pipeline.reduction.measured import Measured
 
 TOOL_M = 5e-3
 """Points of the effector are estimated along, this far from their nominals at most."""

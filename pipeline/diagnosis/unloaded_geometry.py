@@ -20,7 +20,7 @@ from pipeline.diagnosis.improvement import Gain, interval
 from pipeline.diagnosis.unloaded_fit import Fit, Fits, Unloaded, fitted, unloaded
 from pipeline.machine.cell import Cell, load
 from pipeline.machine.effects import Effect, Geometry, Observation
-from pipeline.system.assemble import Measured
+from pipeline.reduction.measured import Measured
 from pipeline.system.system import Estimate
 
 NAMES = ("joint_offset", "base_rotation", "gravity_sag")

@@ -19,11 +19,11 @@ from pipeline.base import covariance
 from pipeline.base.arrays import Array, Ints, Strings
 from pipeline.faults.finding import Finding
 from pipeline.machine import instrument
+from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import SHIPPED, Robot, configure, load
 from pipeline.machine.robot.variants import differing, variants
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
-from pipeline.reduction.settings import InstrumentNoise
 
 GROSS_M = 0.03
 """No robot in use stands this far off its own table."""

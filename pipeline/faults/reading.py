@@ -20,7 +20,7 @@ from pipeline.faults.finding import Finding
 from pipeline.machine import instrument
 from pipeline.machine.cell import Cell
 from pipeline.reduction.case import Case, Reduced
-from pipeline.system.assemble import Measured
+from pipeline.reduction.measured import Measured
 from pipeline.system.contrasts import Stack, Zeros, pure_error, stacked
 from pipeline.system.system import Estimate, System
 from pipeline.system.whiten import Whitener, whitener

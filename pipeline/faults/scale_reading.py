@@ -20,8 +20,9 @@ from pipeline.faults.reading import FAMILY
 from pipeline.machine.cell import Cell
 from pipeline.reduction.case import Case
 from pipeline.reduction.forces import reading_std
+from pipeline.reduction.measured import Measured
 from pipeline.reduction.settings import Scale
-from pipeline.system.assemble import Measured, assemble, by_force
+from pipeline.system.assemble import assemble, by_force
 from pipeline.system.estimate import DARK, identify, least_squares
 from pipeline.system.system import Estimate, System
 from pipeline.system.whiten import Whitener, whitener

@@ -9,7 +9,17 @@ import numpy as np
 
 from pipeline.base.arrays import Array
 from pipeline.base.covariance import COLUMN, ROW
-from pipeline.reduction.settings import InstrumentNoise
+from pipeline.base.strict import NotNegative, Positive, Strict
+
+
+class InstrumentNoise(Strict):
+    """Standard uncertainty of one reading in the beam's frame, constant and per metre of range."""
+
+    range_m: Positive
+    range_per_m: NotNegative = 0.0
+    transverse_m: Positive
+    transverse_per_m: NotNegative = 0.0
+
 
 PAPER_SIGMA_M = 3e-5
 """Eq. (18): the radius is N(0, 0.03 mm)."""

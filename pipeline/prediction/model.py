@@ -200,13 +200,10 @@ class Model(Locked):
         for one in self.hypotheses:
             kinds = (one.cell, replace(one.cell, equilibrium="deformed"))
             flat, bent = (forward(kind, pulls, one.value).displacement[0] for kind in kinds)
-            A = jacobian(one.cell, pulls, one.value)[0]
-            known = np.isfinite(one.std)
-            A = A[..., known]
-            cov = A @ one.cov[np.ix_(known, known)] @ np.swapaxes(A, 1, 2)
+            A = jacobian(replace(one.cell, equilibrium="undeformed"), pulls, one.value)[0]
             more = bent - flat
             moved.append(flat)
-            covs.append(cov + more[:, :, None] * np.eye(3) * more[:, None, :])
+            covs.append(one.spread(A) + more[:, :, None] * np.eye(3) * more[:, None, :])
         found = self._mixed(moved, covs)
         return found.displacement, found.std
 
@@ -320,7 +317,7 @@ HEAD = """\
 # The identified elastic model of a robot, SI: the compliances of its joints ([[parameter]], with
 # their covariance) over all that may be true, and each hypothesis with its weight and causes.
 # displacement = sum over hypotheses of weight B(q, force) x. In Python:
-#   from pipeline.handover import Model
+#   from pipeline.prediction.model import Model
 #   Model.load("model.toml").predict(q, force)      # q [m, rad], force [N] in F_b
 """
 

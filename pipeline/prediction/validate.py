@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -12,39 +11,11 @@ from pipeline.base.arrays import Array, Bools
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.machine.cell import Cell, columns, load
 from pipeline.machine.effects import Elastic, Pulls
-from pipeline.machine.robot import Robot
-from pipeline.reduction.settings import TestPose
+from pipeline.reduction.test_pose import Where
 from pipeline.system.system import Estimate
 
 AROUND_M, AROUND_RAD = 0.25, np.deg2rad(10.0)
 """Half width of the box around the test pose; the paper does not give its own."""
-
-
-@dataclass(frozen=True, eq=False)
-class Where:
-    """The user's test pose.
-
-    Attributes:
-        q: Joint values [m] or [rad], shape (n,).
-        force: [N], F_b, shape (3,).
-        stated: False when campaign.toml has no [test_pose] and a measured pose stands in.
-    """
-
-    q: Array
-    force: Array
-    stated: bool
-
-
-def place_of_interest(stated: TestPose | None, robot: Robot, pulls: Pulls) -> Where:
-    """The campaign's test pose, or its strongest pull where campaign.toml has none.
-
-    Raises:
-        InputError: The test pose has another number of joints than the robot.
-    """
-    if stated is None:
-        strongest = int(np.argmax(np.linalg.norm(pulls.force, axis=1)))
-        return Where(pulls.q[strongest], pulls.force[strongest], stated=False)
-    return Where(stated.joint_values(robot), np.array(stated.force_n), stated=True)
 
 
 def validate(

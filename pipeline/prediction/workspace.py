@@ -13,7 +13,7 @@ from pipeline.machine.cell import Cell, Tool, jacobian, predict
 from pipeline.machine.effects import Pulls
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.prediction.model import Hypothesis
-from pipeline.prediction.validate import Where
+from pipeline.reduction.test_pose import Where
 
 STEPS = 25
 """Values of each of the two joints that move the arm."""
@@ -126,7 +126,8 @@ def _softest(hypotheses: Sequence[Hypothesis], q: Array) -> tuple[Array, Array, 
     variance = np.zeros(m)
     for one, cell, here in zip(hypotheses, cells, each, strict=True):
         known = np.isfinite(one.std)
-        by = jacobian(cell, pulls, one.value).reshape(m, 3, 3, -1)[..., known] / FORCE_N
+        flat = replace(cell, equilibrium="undeformed")  # the same to the digits of a derivative
+        by = jacobian(flat, pulls, one.value).reshape(m, 3, 3, -1)[..., known] / FORCE_N
         slope = np.einsum("mf,mfik,mi->mk", pulled[:, :, 0], by, turned[:, 0])
         own = np.einsum("mk,kl,ml->m", slope, one.cov[np.ix_(known, known)], slope)
         off = np.einsum("mf,mfi,mi->m", pulled[:, :, 0], here - moved, turned[:, 0])

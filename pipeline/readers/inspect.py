@@ -8,8 +8,8 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from pipeline import tables
 from pipeline.readers import Hints, read
-from pipeline.store import tables
 
 
 @dataclass(frozen=True)

@@ -10,15 +10,15 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
+from pipeline import tables
 from pipeline.base.arrays import Array, Ints
 from pipeline.machine.cell import Cell, Tool, paper_cell
 from pipeline.machine.robot import Robot
 from pipeline.reduction.displacements import displacements
 from pipeline.reduction.forces import forces
+from pipeline.reduction.measured import Measured, measured
 from pipeline.reduction.register import Registration, place, register
 from pipeline.reduction.settings import Settings
-from pipeline.store import tables
-from pipeline.system.assemble import Measured, measured
 
 Step = Callable[[Callable[..., Any]], Callable[..., Any]]
 Keep = Callable[[str, "pd.DataFrame | pa.Table | None", pa.Schema], pd.DataFrame]

@@ -14,20 +14,20 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from pipeline import readers
+from pipeline import readers, tables
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.covariance import columns as covariance_columns
 from pipeline.base.errors import InputError, listed
 from pipeline.base.threads import MUCH, both
 from pipeline.machine import instrument
+from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import Robot
 from pipeline.readers import Columns, Export, Hints, logs
 from pipeline.readers.assignment import assigned
 from pipeline.reduction import _pulls, _shots
 from pipeline.reduction._index import numbered
 from pipeline.reduction._shots import Rejection, Shots
-from pipeline.reduction.settings import InstrumentNoise, Scale, Settings, Tracker
-from pipeline.store import tables
+from pipeline.reduction.settings import Scale, Settings, Tracker
 
 SIX = covariance_columns()
 

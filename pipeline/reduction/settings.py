@@ -8,32 +8,16 @@ from collections.abc import Sequence
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from pipeline.base import toml
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError, first_wrong
+from pipeline.base.strict import NotNegative, Positive, Strict
+from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import Robot
 
 Point = tuple[float, float, float]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-
-
-class Strict(BaseModel):
-    """A table that tells about words it does not know instead of overlooking them."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class InstrumentNoise(Strict):
-    """Standard uncertainty of one reading in the beam's frame, constant and per metre of range."""
-
-    range_m: Positive
-    range_per_m: NotNegative = 0.0
-    transverse_m: Positive
-    transverse_per_m: NotNegative = 0.0
-
 
 Role = Literal[
     "group", "target", "time", "delete", "x", "y", "z", "range", "azimuth", "vertical",
@@ -213,7 +197,7 @@ class Settings(Strict):
     date: datetime.date | None = None
     tracker: Tracker | None = None
     naming: Naming = Naming()
-    base_frame: dict[str, Point] = {}
+    base_frame: dict[str, Point] = Field(default_factory=dict)
     scale: Scale | None = None
     joints: JointLog = JointLog()
     displacements: Displacements | None = None

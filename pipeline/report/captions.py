@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.base.quantities import known, percent, plain, with_std
 from pipeline.diagnosis.nextpose import APART
 from pipeline.report import words
-from pipeline.report.numbers import known, percent, plain, with_std
 from pipeline.report.record import Figure
 from pipeline.report.summaries import (
     Result,

@@ -6,9 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 from urllib.parse import quote
 
-from pipeline.base.arrays import Array
-from pipeline.report import words
-from pipeline.report.history import (
+from pipeline.answer.history import (
     Change,
     Trend,
     chance,
@@ -19,7 +17,8 @@ from pipeline.report.history import (
     trends,
     trusted,
 )
-from pipeline.report.numbers import (
+from pipeline.base.arrays import Array
+from pipeline.base.quantities import (
     MISSING,
     common_prefix,
     known,
@@ -28,6 +27,7 @@ from pipeline.report.numbers import (
     prefixed,
     with_std,
 )
+from pipeline.report import words
 from pipeline.report.record import (
     Block,
     Column,

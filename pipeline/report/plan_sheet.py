@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.base.arrays import Array
+from pipeline.base.quantities import percent, plain
 from pipeline.design.curves import ByAnchor, BySize
 from pipeline.design.discriminate import Sight
 from pipeline.design.information import station
@@ -18,7 +19,6 @@ from pipeline.design.schedule import branches, pulls_at
 from pipeline.machine.cell import paper_cell, predict
 from pipeline.machine.robot import Robot
 from pipeline.report import words
-from pipeline.report.numbers import percent, plain
 from pipeline.report.record import (
     Block,
     Column,

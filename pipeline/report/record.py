@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from pipeline.report.numbers import MISSING, known, typeset
+from pipeline.base.quantities import MISSING, known, typeset
 
 
 @dataclass(frozen=True)

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from pipeline.answer.history import Result as Result
 from pipeline.base.arrays import Array
-from pipeline.system.separability import DETECTED
-
-Result = Mapping[str, Any]
-"""The object of result.json."""
+from pipeline.diagnosis.separability import DETECTED
 
 Tables = Mapping[str, pd.DataFrame]
 """Tables by the lower-case name of their promise, SI."""

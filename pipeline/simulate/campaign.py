@@ -12,6 +12,7 @@ import numpy as np
 from pipeline.base import toml
 from pipeline.base.arrays import Array, Parameter
 from pipeline.base.errors import UsageError
+from pipeline.machine.poses import in_log_units
 from pipeline.machine.robot import SHIPPED, Robot
 from pipeline.machine.robot import load as load_robot
 from pipeline.readers import READERS, Readings, text_of
@@ -19,7 +20,6 @@ from pipeline.simulate.blunders import Notebook, controller_axes
 from pipeline.simulate.hidden import Planted, blunders
 from pipeline.simulate.noise import stated_covariance
 from pipeline.simulate.plan import Plan
-from pipeline.simulate.poses import in_log_units
 from pipeline.simulate.scene import Draws, Scene, build, draw
 
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from pipeline.base.arrays import Array
 from pipeline.machine import instrument
-from pipeline.machine.instrument import PAPER_SIGMA_M
-from pipeline.reduction.settings import InstrumentNoise, Scale
+from pipeline.machine.instrument import PAPER_SIGMA_M, InstrumentNoise
+from pipeline.reduction.settings import Scale
 
 
 def tracker_errors(

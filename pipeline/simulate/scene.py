@@ -16,17 +16,17 @@ from pipeline.base.errors import InputError
 from pipeline.machine import cell as forward
 from pipeline.machine.cell import Cell, Tool
 from pipeline.machine.effects import Noise, Observation, Pulls
-from pipeline.machine.robot import Robot, configure
-from pipeline.simulate import noise
-from pipeline.simulate.hidden import Planted, effects
-from pipeline.simulate.plan import Plan
-from pipeline.simulate.poses import (
+from pipeline.machine.poses import (
     default_anchors,
     draw_poses,
     from_log_units,
     in_log_units,
     nearest_in_reach,
 )
+from pipeline.machine.robot import Robot, configure
+from pipeline.simulate import noise
+from pipeline.simulate.hidden import Planted, effects
+from pipeline.simulate.plan import Plan
 
 CHAIN_POINTS_M = (0.1, 0.5)
 """Where Pl1 and Pl2 sit on the chain, from the load point."""

@@ -24,6 +24,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
 
+from pipeline import tables
 from pipeline.base import files
 from pipeline.base.errors import InputError, PipelineError, UsageError, listed
 from pipeline.machine.robot import Robot
@@ -31,7 +32,6 @@ from pipeline.machine.robot import load as load_robot
 from pipeline.machine.robot.mdh import parse as parse_robot
 from pipeline.reduction.settings import Settings
 from pipeline.reduction.settings import parse as parse_settings
-from pipeline.store import tables
 
 LIBRARIES = ("numpy", "scipy", "pandas", "pyarrow", "pin", "prefect", "matplotlib", "typst")
 MANIFEST = "manifest.json"

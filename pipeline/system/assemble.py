@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-import pandas as pd
 import scipy.sparse
 
 from pipeline.base import covariance
-from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
+from pipeline.base.arrays import Array, Bools, Ints, Strings
 from pipeline.machine.cell import Cell, jacobian, predict
-from pipeline.machine.effects import Pulls
-from pipeline.machine.robot import Robot
-from pipeline.store import tables
+from pipeline.reduction.measured import Measured
 from pipeline.system.system import Errors, Rows, System
 
-FORCE = ["fx_n", "fy_n", "fz_n"]
-DELTA = ["dx_m", "dy_m", "dz_m"]
 TRACKED = ("tracker", "zero", "direction")
 """Sources of error that are in proportion to the noise of the tracker."""
 
@@ -26,149 +21,6 @@ WILD = 20.0
 
 SMALL_M = 1e-5
 """Where that noise is not known, directions err by this much, and what it does is divided by it."""
-
-
-@dataclass(frozen=True, eq=False)
-class Measured(Locked):
-    """One campaign's measurements as arrays, in F_b, SI: all that the systems are made from.
-
-    Attributes:
-        pulls: What was set and read in each pull, m of them.
-        pull: Pull of each displacement, shape (d,).
-        target: Index of its target in the tool, shape (d,).
-        name: Name of its target, shape (d,).
-        delta: Displacements [m], shape (d, 3).
-        unloaded: Unloaded positions [m], NaN when unknown, shape (d, 3).
-        loaded_cov: Covariance of the loaded readings [m^2], shape (d, 3, 3).
-        zero_cov: Covariance of the zeros [m^2], shape (d, 3, 3).
-        zero: Number of the zero that the displacement is measured from, shape (d,).
-        reading_std: Standard uncertainty of the scale readings [N], shape (m,).
-        direction_cov: Covariance of the direction cosines, shape (m, 3, 3).
-        rotation_cov: Covariance of the registration's rotation [rad^2], shape (3, 3).
-        gain_std: Relative standard uncertainty of the scale's gain.
-        noise_stated: False: the covariances of readings are relative, 1 m^2 each, and so are those
-            of zeros and directions.
-        rotation_found: Whether `rotation_cov` rests on the scatter of the base reflectors.
-        found_m: What the relative ones have been multiplied by [m], None if by nothing.
-        bends: Whether what an undeformed cell leaves out, the robot's own deflection, is an error.
-        tool_std: Standard uncertainty per axis of the tool's nominal points [m].
-        joint_std: Standard uncertainty of the joints' zeros [m] or [rad], shape (n,).
-    """
-
-    pulls: Pulls
-    pull: Ints
-    target: Ints
-    name: Strings
-    delta: Array
-    unloaded: Array
-    loaded_cov: Array
-    zero_cov: Array
-    zero: Ints
-    reading_std: Array
-    direction_cov: Array
-    rotation_cov: Array
-    gain_std: float
-    noise_stated: bool
-    tool_std: float = 0.0
-    joint_std: Array = field(default_factory=lambda: np.zeros(0))
-    rotation_found: bool = False
-    found_m: float | None = None
-    bends: bool = False
-
-    def scaled(self, factor: float) -> Measured:
-        """The same with the standard uncertainties of readings, zeros, directions multiplied."""
-        return replace(
-            self,
-            loaded_cov=self.loaded_cov * factor**2,
-            zero_cov=self.zero_cov * factor**2,
-            direction_cov=self.direction_cov * factor**2,
-        )
-
-    def in_metres(self, found_m: float | None) -> Measured:
-        """The same with a noise of the tracker in place of the unstated one [m]; None: as it is."""
-        if found_m is None:
-            return self
-        return replace(self.scaled(found_m / (self.found_m or 1.0)), found_m=found_m)
-
-
-def measured(
-    robot: Robot,
-    targets: Strings,
-    joints: pd.DataFrame,
-    forces: pd.DataFrame,
-    displacements: pd.DataFrame,
-    rotation_cov: Array,
-    gain_std: float,
-    tool_std: float = 0.0,
-    joint_std: Array | None = None,
-    rotation_found: bool = False,
-) -> Measured:
-    """Join the tables of a campaign into arrays; rows without a partner are left out.
-
-    Args:
-        robot: The robot, for the names of its joints.
-        targets: Names of the tool's targets, shape (t,).
-        joints: Table of joint values, `tables.joints(robot)`.
-        forces: Table FORCES.
-        displacements: Table DISPLACEMENTS.
-        rotation_cov: As in `Measured`.
-        gain_std: As in `Measured`.
-        tool_std: As in `Measured`.
-        joint_std: As in `Measured`; none where not given.
-        rotation_found: As in `Measured`.
-    """
-    pulls = forces.merge(joints, on="pose").sort_values(["pose", "repeat"], ignore_index=True)
-    key = pd.MultiIndex.from_frame(pulls[["pose", "repeat"]])
-    rows = displacements[displacements["target"].isin(targets)]
-    pull = key.get_indexer(pd.MultiIndex.from_frame(rows[["pose", "repeat"]]))
-    target = pd.Index(targets).get_indexer(pd.Index(rows["target"]))
-    order = np.lexsort((target, pull))
-    order = order[pull[order] >= 0]
-    rows, pull, target = rows.iloc[order], pull[order], target[order]
-    zero_time = rows.groupby(pull)["zero_time_s"].mean().reindex(range(len(pulls))).to_numpy()
-    loaded_cov, zero_cov, stated = _covariances(rows)
-    values = [tables.joint_column(j.name, j.prismatic) for j in robot.joints]
-    return Measured(
-        pulls=Pulls(
-            pose=pulls["pose"].to_numpy(np.int64),
-            repeat=pulls["repeat"].to_numpy(np.int64),
-            q=pulls[values].to_numpy(float),
-            force=pulls[FORCE].to_numpy(float),
-            branch=pulls["branch"].to_numpy(float),
-            approach=pulls["approach"].to_numpy(float),
-            time=pulls["time_s"].to_numpy(float),
-            time_zero=zero_time,
-        ),
-        pull=pull,
-        target=target,
-        name=rows["target"].to_numpy(object),
-        delta=rows[DELTA].to_numpy(float),
-        unloaded=rows[["zero_x_m", "zero_y_m", "zero_z_m"]].to_numpy(float),
-        loaded_cov=loaded_cov,
-        zero_cov=zero_cov,
-        zero=np.asarray(rows.groupby(["pose", "target"]).ngroup(), dtype=np.int64),
-        reading_std=pulls["reading_std_n"].to_numpy(float),
-        direction_cov=covariance.matrices(pulls, covariance.columns("u", "")),
-        rotation_cov=rotation_cov,
-        gain_std=gain_std,
-        noise_stated=stated,
-        tool_std=tool_std,
-        joint_std=np.zeros(robot.n) if joint_std is None else joint_std,
-        rotation_found=rotation_found,
-    )
-
-
-def _covariances(rows: pd.DataFrame) -> tuple[Array, Array, bool]:
-    of = [
-        covariance.numbers(rows, covariance.columns(f"{state}_c")) for state in ("loaded", "zero")
-    ]
-    loaded, zero = (covariance.full(six) for six in of)
-    if all(covariance.stated(covariance.known(six)) for six in of):
-        return loaded, zero, True
-    count = rows["zero_count"].to_numpy(float)
-    share = np.divide(1.0, count, out=np.zeros_like(count), where=count > 0)
-    unit = np.broadcast_to(np.eye(3), loaded.shape)
-    return unit.copy(), unit * share[:, None, None], False
 
 
 def assemble(cell: Cell, data: Measured, values: Array) -> System:

@@ -16,9 +16,9 @@ from pipeline.base import covariance
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.machine.cell import Cell
 from pipeline.machine.robot import configure
+from pipeline.reduction.measured import Measured
 from pipeline.reduction.register import XYZ
 from pipeline.reduction.settings import Settings
-from pipeline.system.assemble import Measured
 from pipeline.system.system import Errors, Rows, System
 
 SAME_FORCE = 0.03

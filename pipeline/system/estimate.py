@@ -11,7 +11,8 @@ from scipy import special  # scipy.stats takes a second to import
 
 from pipeline.base.arrays import Array, Bools
 from pipeline.machine.cell import Cell
-from pipeline.system.assemble import TRACKED, Measured, assemble
+from pipeline.reduction.measured import Measured
+from pipeline.system.assemble import TRACKED, assemble
 from pipeline.system.system import Errors, Estimate, System
 from pipeline.system.whiten import Whitener, whitener
 

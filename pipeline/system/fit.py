@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from pipeline.reduction.case import Case, Reduced
-from pipeline.system.assemble import Measured
+from pipeline.reduction.measured import Measured
 from pipeline.system.estimate import identify
 from pipeline.system.system import Estimate, System
 from pipeline.system.variance import Components, noise, rescaled, resting_on

@@ -10,7 +10,8 @@ from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.machine.cell import Cell, jacobian, load, predict, sensitivity
 from pipeline.machine.effects import Effect, Loaded
 from pipeline.machine.robot.configuration import rotation_about, velocity
-from pipeline.system.assemble import Measured, assemble
+from pipeline.reduction.measured import Measured
+from pipeline.system.assemble import assemble
 from pipeline.system.system import Errors, Rows
 
 

@@ -16,9 +16,10 @@ from scipy import special, stats
 
 from pipeline.base.arrays import Array, Bools, Locked, Strings
 from pipeline.machine.cell import Cell
+from pipeline.reduction.measured import Measured
 from pipeline.reduction.settings import Settings
 from pipeline.system._restricted import Blocks, maximum
-from pipeline.system.assemble import TRACKED, Measured
+from pipeline.system.assemble import TRACKED
 from pipeline.system.contrasts import ZEROS, pure_error, repeated_zeros
 from pipeline.system.system import Estimate, System
 from pipeline.system.whiten import whitener

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 from matplotlib.figure import Figure as Canvas
 
+from pipeline.answer.history import robots
 from pipeline.report.figures.causes import draw_evidence, draw_gain, draw_separability
 from pipeline.report.figures.marks import Tips
 from pipeline.report.figures.places import draw_arrows, draw_registration
@@ -18,7 +19,6 @@ from pipeline.report.figures.residuals import (
 )
 from pipeline.report.figures.stiffness import draw_history, draw_stiffness
 from pipeline.report.figures.workspace import draw_workspace, draw_workspace_joint_springs
-from pipeline.report.history import robots
 from pipeline.report.summaries import Result, Tables
 from pipeline.report.svg import Drawing, drawn
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure as Canvas
 
+from pipeline.base.quantities import plain
 from pipeline.diagnosis.nextpose import APART
 from pipeline.report import words
 from pipeline.report.captions import cause_in_words
 from pipeline.report.figures.marks import Tips, integer_ticks, legend_above
-from pipeline.report.numbers import plain
 from pipeline.report.summaries import Result, Tables, gain, separability, suspects
 from pipeline.report.svg import BLUE, MUTED, RED, SHADES
 

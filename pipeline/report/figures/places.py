@@ -7,8 +7,8 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.quiver import Quiver
 from matplotlib.ticker import MaxNLocator
 
+from pipeline.base.quantities import plain
 from pipeline.report.figures.marks import MARKERS, Tips, each_row, legend_above, title
-from pipeline.report.numbers import plain
 from pipeline.report.summaries import AXES, MM, MOST, Result, Tables, arrows, places, thinned
 from pipeline.report.svg import INK, MUTED, RED, SERIES
 

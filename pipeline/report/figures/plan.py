@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
 from pipeline.base.arrays import Array
+from pipeline.base.quantities import plain
 from pipeline.design.curves import ByAnchor, BySize
 from pipeline.design.discriminate import Sight
 from pipeline.design.measurement import Measurement
@@ -14,7 +15,6 @@ from pipeline.design.problem import Problem
 from pipeline.machine.robot import configure
 from pipeline.report import words
 from pipeline.report.figures.marks import MARKERS, Tips, legend_above, legend_below, title
-from pipeline.report.numbers import plain
 from pipeline.report.svg import BLUE, GREEN, INK, MUTED, RED, SERIES, Drawing, drawn
 
 AROUND_M = 1.0

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure as Canvas
 
+from pipeline.base.quantities import percent, plain
 from pipeline.report.captions import DRAWS, SETS
 from pipeline.report.figures.marks import Tips, legend_above
-from pipeline.report.numbers import percent, plain
 from pipeline.report.summaries import Result, Tables, prediction_error
 from pipeline.report.svg import GRID, SERIES
 

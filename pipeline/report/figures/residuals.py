@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator
 
+from pipeline.base.quantities import plain
 from pipeline.report.figures.marks import MARKERS, Tips, each_row, integer_ticks, legend_above
-from pipeline.report.numbers import plain
 from pipeline.report.summaries import (
     MOST,
     Result,

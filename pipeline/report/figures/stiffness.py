@@ -9,12 +9,12 @@ import numpy as np
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator
 
+from pipeline.answer.history import trends
 from pipeline.base.arrays import Array
+from pipeline.base.quantities import common_prefix, known, plain, prefixed
 from pipeline.report import words
 from pipeline.report.captions import comparable
 from pipeline.report.figures.marks import Tips
-from pipeline.report.history import trends
-from pipeline.report.numbers import common_prefix, known, plain, prefixed
 from pipeline.report.summaries import Result, Tables
 from pipeline.report.svg import BLUE, MUTED, RED
 

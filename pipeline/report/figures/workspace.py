@@ -11,8 +11,8 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
 from pipeline.base.arrays import Array
+from pipeline.base.quantities import with_std
 from pipeline.report.figures.marks import Tips, each_row
-from pipeline.report.numbers import with_std
 from pipeline.report.summaries import Result, Tables, has
 from pipeline.report.svg import GRID, INK, RED, SHADES
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pipeline.report.numbers import MISSING, known, plain, typeset
+from pipeline.base.quantities import MISSING, known, plain, typeset
 from pipeline.report.record import Column, Entry, Section, Table, Text, entry, text_entry
 from pipeline.report.sections._tree import at, items
 from pipeline.report.summaries import Result

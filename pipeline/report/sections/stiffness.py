@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pipeline.report import words
-from pipeline.report.captions import figures
-from pipeline.report.history import Change, changes, trusted
-from pipeline.report.numbers import (
+from pipeline.answer.history import Change, changes, trusted
+from pipeline.base.quantities import (
     MISSING,
     common_prefix,
     interval,
@@ -19,6 +17,8 @@ from pipeline.report.numbers import (
     probability,
     with_std,
 )
+from pipeline.report import words
+from pipeline.report.captions import figures
 from pipeline.report.record import Column, Entry, Section, Table, Text, entry, text_entry
 from pipeline.report.sections._tree import at, bracketed, items, joint_name, section_of
 from pipeline.report.summaries import Result

@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from pipeline.base.quantities import common_prefix, known, plain, prefixed
 from pipeline.report import words
-from pipeline.report.numbers import common_prefix, known, plain, prefixed
 from pipeline.report.record import Column, Table, entry, text_entry
 
 

@@ -12,45 +12,20 @@ import numpy as np
 import pandas as pd
 from filelock import FileLock
 
+from pipeline.answer.archive import finished, mark, shown
+from pipeline.answer.history import chance, changes, previous, together, trusted
 from pipeline.base import files
 from pipeline.base.arrays import Array
 from pipeline.base.errors import UsageError
-from pipeline.report.history import chance, changes, previous, together, trusted
 from pipeline.report.overview import NOT_EXPLAINED, SAME_READINGS, comparison
 from pipeline.report.record import Report
 from pipeline.store.campaign import Campaign, code_version, dump, find, versions
-
-SHOWN = {
-    "rejected": "13_rejected",
-    "registration": "20_registration",
-    "forces": "22_forces",
-    "displacements": "23_displacements",
-    "residuals": "42_residuals",
-    "examined": "50_examined",
-    "diagnosis": "51_diagnosis",
-    "separability": "52_separability",
-    "validation": "60_validation",
-    "workspace": "61_workspace",
-    "workspace_joint_springs": "62_workspace_joint_springs",
-}
-"""Tables that a report shows, and the files they are kept in."""
 
 COVARIANCES = {"recommended": "41_covariance", "joints": "41_covariance_joint_springs"}
 """Models of a campaign that can be compared, with the tables of their covariance."""
 
 MODELS = (*COVARIANCES, "extended")
 INDEX_MANIFEST = "index.json"
-
-
-def finished(root: Path) -> list[Campaign]:
-    """Campaigns with a result that counts, by name; their raw folders may be gone."""
-    out = []
-    for path in sorted((root / "reports").glob("*/result.json")):
-        campaign = Campaign(root, root / "data" / "raw" / path.parent.name)
-        manifest = campaign.manifest()
-        if manifest is not None:  # a campaign that was run by path lies elsewhere
-            out.append(Campaign(root, root / manifest.get("source", campaign.folder)))
-    return out
 
 
 def refresh(root: Path) -> Path | None:
@@ -71,18 +46,6 @@ def refresh(root: Path) -> Path | None:
     return _index(root, list(results.values())) if campaigns else None
 
 
-def earlier(campaign: Campaign, result: dict[str, Any]) -> Mapping[str, Any] | None:
-    """The result of the same robot's campaign before this one, as far as it is finished."""
-    return previous(result, (other.result() for other in finished(campaign.root)))
-
-
-def mark(before: Mapping[str, Any] | None) -> str | None:
-    """What of the previous campaign a report depends on, in short."""
-    if before is None:
-        return None
-    return files.sha256(dump([before["campaign"], before["stiffness"]]))
-
-
 def _told(manifest: Mapping[str, Any] | None) -> str | None:
     return None if manifest is None else manifest.get("previous")
 
@@ -97,14 +60,6 @@ def _tell(campaign: Campaign, before: Mapping[str, Any] | None) -> None:
             return  # another run has been faster
         pages = render(campaign.result(), shown(campaign), manifest.get("run_time_s"), before)
         campaign.amend(pages, {"previous": mark(before)})
-
-
-def shown(campaign: Campaign) -> dict[str, pd.DataFrame]:
-    """The tables of a report, as the run left them."""
-    import pyarrow.parquet as pq
-
-    paths = {name: campaign.processed / f"{file}.parquet" for name, file in SHOWN.items()}
-    return {name: pq.read_table(p).to_pandas() for name, p in paths.items() if p.is_file()}
 
 
 def _index(root: Path, results: list[dict[str, Any]]) -> Path:

@@ -12,8 +12,10 @@ from scipy import special
 
 from pipeline.answer.recommended import TABLE
 from pipeline.base.arrays import Array
-from pipeline.report.numbers import known
-from pipeline.report.summaries import Result
+from pipeline.base.quantities import known
+
+Result = Mapping[str, Any]
+"""The object of result.json."""
 
 SURE = 0.01
 """Probability of a false alarm over all joints of a robot together."""

@@ -1,0 +1,39 @@
+"""The pose and force that the user cares about, Eqs. (12), (13)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.base.arrays import Array
+from pipeline.machine.effects import Pulls
+from pipeline.machine.robot import Robot
+from pipeline.reduction.settings import TestPose
+
+
+@dataclass(frozen=True, eq=False)
+class Where:
+    """The user's test pose.
+
+    Attributes:
+        q: Joint values [m] or [rad], shape (n,).
+        force: [N], F_b, shape (3,).
+        stated: False when campaign.toml has no [test_pose] and a measured pose stands in.
+    """
+
+    q: Array
+    force: Array
+    stated: bool
+
+
+def place_of_interest(stated: TestPose | None, robot: Robot, pulls: Pulls) -> Where:
+    """The campaign's test pose, or its strongest pull where campaign.toml has none.
+
+    Raises:
+        InputError: The test pose has another number of joints than the robot.
+    """
+    if stated is None:
+        strongest = int(np.argmax(np.linalg.norm(pulls.force, axis=1)))
+        return Where(pulls.q[strongest], pulls.force[strongest], stated=False)
+    return Where(stated.joint_values(robot), np.array(stated.force_n), stated=True)
