@@ -19,7 +19,7 @@ WORKER = """
 import os, signal, sys, time
 from pathlib import Path
 import pipeline.report.figures.catalogue
-from pipeline.campaign import find
+from pipeline.store.campaign import find
 from pipeline.run import run
 
 root = Path(sys.argv[1])
