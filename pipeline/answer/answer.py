@@ -19,7 +19,7 @@ from pipeline.answer.recommended import Values
 from pipeline.answer.sentences import sentences
 from pipeline.answer.stiffness import budget_entries, stiffness_entries
 from pipeline.base import files
-from pipeline.machine.effects import catalogue
+from pipeline.machine.effects import Observation, catalogue
 from pipeline.reduction.test_pose import Where
 from pipeline.store.campaign import versions
 
@@ -27,7 +27,10 @@ from pipeline.store.campaign import versions
 def answer(found: Findings) -> dict[str, Any]:
     """result.json of a campaign."""
     given, raw, where = found.given, found.raw, found.where
-    drifts = any(cause.effect.name == "tracker_drift" for cause in found.diagnosis.causes)
+    drifts = any(
+        isinstance(cause.effect, Observation) and cause.effect.instrument
+        for cause in found.diagnosis.causes
+    )
     row, values = found.row, values_entry(found.told, where)
     stiffness = values["stiffness"]
     said = {

@@ -10,7 +10,7 @@ from scipy import special
 
 from pipeline.base.arrays import Array, Ints
 from pipeline.diagnosis.isolability import Twins
-from pipeline.machine.effects import Effect
+from pipeline.machine.effects import Effect, Wrench
 from pipeline.system.elimination import eliminate
 from pipeline.system.evidence import clean
 from pipeline.system.whitened import View
@@ -99,6 +99,6 @@ def blind_spots(
 
 
 def _hidden(effect: Effect) -> str:
-    if effect.name == "scale_gain":
+    if isinstance(effect, Wrench):
         return "multiplies every stiffness alike"
     return "acts about the axis of a joint and is part of that joint's stiffness"

@@ -113,7 +113,7 @@ def drift(
     Returns:
         None where no time, too few reflectors, or one round of readings say nothing.
     """
-    forms = [e for e in effects if isinstance(e, Observation) and e.name == "tracker_drift"]
+    forms = [e for e in effects if isinstance(e, Observation) and e.form in LAWS]
     table = registration.table[registration.table["time"].notna()]
     table = table[table.groupby("target")["group"].transform("nunique") > 1]
     if not forms or table["target"].nunique() < 3:

@@ -17,32 +17,6 @@ from pipeline.machine.robot import Robot
 from pipeline.system.noise import Scatter
 from pipeline.system.system import Estimate
 
-PLACES = {
-    "rail": "rail",
-    "joint": "joint",
-    "link": "link",
-    "tool": "tool",
-    "scale": "force",
-    "chain": "force",
-    "load": "force",
-    "force": "noise",
-    "tracker": "metrology",
-    "base": "metrology",
-    "gravity": "metrology",
-    "compensator": "shoulder",
-    "wrist": "wrist",
-}
-
-
-def location(effect: Effect) -> str:
-    """Where in the cell a cause sits: `rail`, `joint 3`, `upper_arm`, `force`, `metrology` ..."""
-    if effect.name in ("tracker_noise", "force_noise"):
-        return "noise"
-    if effect.name == "joint_offset":
-        return "metrology"
-    place = PLACES[effect.name.split("_")[0]]
-    return f"{place} {effect.where}" if place == "joint" else str(effect.where or place)
-
 
 @dataclass(frozen=True)
 class Amplitude:
@@ -244,7 +218,7 @@ def _cause(cause: Cause) -> dict[str, Any]:
     return {
         "name": effect.name,
         "where": effect.where,
-        "location": location(effect),
+        "location": effect.location,
         "form": effect.form or None,
         "probability": cause.probability,
         "parameters": [

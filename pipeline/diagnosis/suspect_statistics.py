@@ -6,7 +6,7 @@ import numpy as np
 from scipy import special
 
 from pipeline.diagnosis.blindspots import smallest_visible
-from pipeline.diagnosis.facts import Clue, Misfit, location
+from pipeline.diagnosis.facts import Clue, Misfit
 from pipeline.diagnosis.identify import Found, by_label
 from pipeline.system.elimination import eliminate
 from pipeline.system.evidence import ROUNDING, clean
@@ -44,7 +44,7 @@ def misfits(view: View) -> tuple[Misfit, ...]:
     rest = max(float(S[-1, -1]), ROUNDING * dof)
     places: dict[str, list[int]] = {}
     for i, effect in enumerate(view.suspects):
-        places.setdefault(location(effect), []).append(i)
+        places.setdefault(effect.location, []).append(i)
     out = []
     for place, members in places.items():
         columns = view.columns(members)

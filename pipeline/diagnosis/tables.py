@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline import tables
-from pipeline.diagnosis.facts import Diagnosis, location
+from pipeline.diagnosis.facts import Diagnosis
 from pipeline.machine.cell import Cell, load
 from pipeline.machine.robot.configuration import torque
 from pipeline.reduction.measured import Measured
@@ -24,7 +24,7 @@ def clues_table(diagnosis: Diagnosis) -> pd.DataFrame:
             "where": [
                 "" if c.effect.where is None else str(c.effect.where) for c in diagnosis.clues
             ],
-            "location": [location(clue.effect) for clue in diagnosis.clues],
+            "location": [clue.effect.location for clue in diagnosis.clues],
             "form": [clue.effect.form for clue in diagnosis.clues],
             "p_value": [clue.p_value for clue in diagnosis.clues],
             "threshold_p": diagnosis.threshold,

@@ -23,9 +23,6 @@ from pipeline.machine.effects import Effect, Geometry, Observation
 from pipeline.reduction.measured import Measured
 from pipeline.system.system import Estimate
 
-NAMES = ("joint_offset", "base_rotation", "gravity_sag")
-"""Causes that move the unloaded reflectors by far more than they change displacements."""
-
 LEAST_M = 3e-4
 """Reflectors that stand less than this off, rms, stand as well as any robot does."""
 
@@ -90,7 +87,7 @@ def standing(
         effects: The catalogue.
         rng: Draws the bootstrap of the gain.
     """
-    suspects = tuple(effect for effect in effects if effect.name in NAMES)
+    suspects = tuple(effect for effect in effects if effect.shows_unloaded)
     zeros = unloaded(cell, data, scale)
     if zeros is None or not suspects:
         return NOTHING

@@ -14,7 +14,7 @@ from pipeline.diagnosis.improvement import Gain
 from pipeline.diagnosis.unloaded_geometry import Standing
 from pipeline.machine.effects.tracker_drift import HOUR_S
 from pipeline.system.noise import SURE, Scatter
-from pipeline.system.whitened import SOFT, same_gear
+from pipeline.system.whitened import SOFT, same_element
 
 CERTAIN = 0.95
 """A cause less probable than this among its rivals is not named singly."""
@@ -161,7 +161,7 @@ def _two_laws(found: Found, causes: Sequence[Cause]) -> int | str | None:
     """The joint whose gear needs two laws of the catalogue at once: it has a third one."""
     effects = [cause.effect for cause in causes[: len(found.accepted)]]
     for one, other in combinations(effects, 2):
-        if same_gear(one, other):
+        if same_element(one, other):
             return one.where
     return None
 

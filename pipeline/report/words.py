@@ -4,44 +4,33 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
-CAUSES = {
-    "rail_lateral": "sideways give of the carriage",
-    "rail_vertical": "vertical give of the carriage",
-    "rail_roll": "roll of the carriage about the rail",
-    "rail_pitch": "pitch of the carriage",
-    "rail_yaw": "yaw of the carriage",
-    "rail_backlash": "backlash of the rail drive",
-    "rail_stiffness_varies": "stiffness of the rail drive that varies along the rail",
-    "joint_tilt": "tilt of the bearing",
-    "link_bending": "bending of the link",
-    "tool_flex": "give of the tool or its flange",
-    "joint_hardening": "stiffness that changes with the load",
-    "joint_lost_motion": "lost motion",
-    "joint_hysteresis": "hysteresis",
-    "compensator": "gravity compensator",
-    "wrist_coupling": "coupling of the wrist joints",
-    "scale_gain": "wrong gain of the spring scale",
-    "scale_zero": "wrong zero of the spring scale",
-    "scale_curvature": "curvature of the spring scale",
-    "chain_weight": "weight of the chain",
-    "chain_offset": "offset of the chain reflectors",
-    "joint_offset": "wrong joint zero",
-    "base_rotation": "rotation of the base frame",
-    "tracker_drift": "drift of the tracker",
-    "gravity_sag": "sag under the arm's own weight",
-    "load_point_offset": "offset of the load point or the targets",
-    "tracker_noise": "tracker noise larger than stated",
-    "force_noise": "force noise larger than stated",
+MISTAKES = {
     "outlier": "outlying reading",
     "label_swap": "swapped names of targets",
     "unit_mixup": "mixed-up unit",
     "sign_or_convention": "mixed-up sign or axis convention",
 }
-"""Each cause as a noun, so that it fits into any sentence."""
+"""Each mistake in the data as a noun."""
 
-LABEL = re.compile(rf"\b({'|'.join(n for n in CAUSES if '_' in n)})(?::(\w+))?\b")
+
+@cache
+def nouns() -> dict[str, str]:
+    """Each cause as a noun, so that it fits into any sentence."""
+    from pipeline.machine.effects import catalogue
+    from pipeline.machine.robot import SHIPPED, load
+
+    known = {e.name: e.noun for robot in SHIPPED for e in catalogue(load(robot))}
+    return known | MISTAKES
+
+
+@cache
+def labels() -> re.Pattern[str]:
+    """A cause's label, `joint_tilt:2`, within a sentence."""
+    return re.compile(rf"\b({'|'.join(n for n in nouns() if '_' in n)})(?::(\w+))?\b")
+
 
 SOURCES = {
     "tracker": "tracker readings",
@@ -95,7 +84,7 @@ def place_of_cause(where: object) -> str:
 
 def cause(name: str, where: object) -> str:
     """A cause in plain words with its place."""
-    return CAUSES.get(name, name.replace("_", " ")) + place_of_cause(where)
+    return nouns().get(name, name.replace("_", " ")) + place_of_cause(where)
 
 
 def label(name: str, where: object) -> str:
@@ -105,7 +94,7 @@ def label(name: str, where: object) -> str:
 
 def in_words(sentence: str) -> str:
     """A sentence with the machine-readable names of causes put into words."""
-    return LABEL.sub(lambda found: cause(found[1], _where(found[2])), sentence)
+    return labels().sub(lambda found: cause(found[1], _where(found[2])), sentence)
 
 
 def from_label(text: str) -> str:

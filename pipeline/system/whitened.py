@@ -194,7 +194,7 @@ def _kin(seen: Sight, accepted: int, fraction: float) -> Array:
         i
         for i, other in enumerate(seen.suspects)
         if i not in seen.model.accepted
-        and (effect.label == other.label or same_gear(effect, other))
+        and (effect.label == other.label or same_element(effect, other))
     ]
     columns = seen.Z[:, np.isin(owner, others)]
     size = np.linalg.norm(columns, axis=0)
@@ -202,10 +202,9 @@ def _kin(seen: Sight, accepted: int, fraction: float) -> Array:
     return np.asarray(columns * scale)
 
 
-def same_gear(one: Effect, other: Effect) -> bool:
-    """True when both are laws of how one gear turns with its torque."""
-    laws = ("joint_hardening", "joint_lost_motion")
-    return one.name in laws and other.name in laws and one.where == other.where
+def same_element(one: Effect, other: Effect) -> bool:
+    """True when both are laws of one thing of the machine, such as how one gear turns."""
+    return bool(one.element) and (one.element, one.where) == (other.element, other.where)
 
 
 def _widened(seen: Sight, doubt: Sequence[tuple[int, float]], force_noise: float) -> Errors:

@@ -91,22 +91,32 @@ class Effect:
     Attributes:
         name: A word of the list of causes, `rail_roll`.
         where: Joint number, `upper_arm`, `forearm`, or None.
+        noun: What an engineer calls it, as a noun, so that it fits into any sentence.
+        place: Where in the cell it acts: rail, joint, link, tool, shoulder, wrist, force, metrology
+            or noise.
         parameters: Its unknowns; zero of all of them means that the effect is absent.
         signature: What an engineer sees when it is there, and what tells it from its neighbours.
         needs: The measurement or sensor that would settle it.
         source: Where formula and typical size come from.
         form: Which of several mathematical forms of this cause it is; empty for the only one.
         tolerance: How far the true law may lie from the formula, as a fraction of what it moves.
+        element: What of the machine the law is of: effects of one element at one place are laws of
+            one thing. Empty where it is alone.
+        shows_unloaded: It moves the unloaded reflectors by far more than it changes displacements.
     """
 
     name: str
     where: int | str | None
+    noun: str
+    place: str
     parameters: tuple[Parameter, ...]
     signature: str
     needs: str
     source: str
     form: str = ""
     tolerance: float = 0.03
+    element: str = ""
+    shows_unloaded: bool = False
 
     @property
     def facets(self) -> tuple[Effect, ...]:
@@ -117,6 +127,13 @@ class Effect:
     def label(self) -> str:
         """`rail_roll`, or `joint_tilt:2` where it has a place."""
         return self.name if self.where is None else f"{self.name}:{self.where}"
+
+    @property
+    def location(self) -> str:
+        """Where in the cell it sits: `rail`, `joint 3`, `upper_arm`, `force`, `metrology` ..."""
+        if self.where is None or self.place == "metrology":
+            return self.place
+        return f"joint {self.where}" if self.place == "joint" else str(self.where)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -31,6 +31,9 @@ def effects(robot: Robot) -> tuple[Compound, ...]:
     """One effect, on any robot."""
     said: dict[str, Any] = {
         "name": "base_rotation",
+        "noun": "rotation of the base frame",
+        "place": "metrology",
+        "shows_unloaded": True,
         "where": None,
         "parameters": PARAMETERS,
         "signature": SIGNATURE,

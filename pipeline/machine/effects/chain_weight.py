@@ -30,6 +30,8 @@ def effects(robot: Robot) -> tuple[Wrench, ...]:
     return tuple(
         Wrench(
             name="chain_weight",
+            noun="weight of the chain",
+            place="force",
             where=None,
             form=form,
             parameters=(Parameter("w_chain", "N", 50.0, 0.0, 600.0),),

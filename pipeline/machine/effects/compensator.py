@@ -35,6 +35,8 @@ def _effect(robot: Robot, shoulder: int, form: str) -> Elastic:
 
     return Elastic(
         name="compensator",
+        noun="gravity compensator",
+        place="shoulder",
         where=None,
         form=form,
         tolerance=0.1,

@@ -28,6 +28,9 @@ def effects(robot: Robot) -> tuple[Compound, ...]:
     chains = tuple(tuple(range(first, near + 1)) for near, _ in ends)
     said: dict[str, Any] = {
         "name": "gravity_sag",
+        "noun": "sag under the arm's own weight",
+        "place": "metrology",
+        "shows_unloaded": True,
         "where": None,
         "parameters": (
             Parameter("m_upper_arm", "kg", 500.0, 0.0, 2000.0),

@@ -10,6 +10,8 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
     return (
         Elastic(
             name="joint_compliance",
+            noun="stiffness of the joint",
+            place="joint",
             where=None,
             parameters=tuple(
                 Parameter(

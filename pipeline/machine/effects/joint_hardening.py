@@ -36,6 +36,9 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
 
     return Elastic(
         name="joint_hardening",
+        noun="stiffness that changes with the load",
+        place="joint",
+        element="gear",
         where=joint,
         form=form,
         tolerance=0.2,

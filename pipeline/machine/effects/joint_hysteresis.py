@@ -44,6 +44,8 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
 
     return Elastic(
         name="joint_hysteresis",
+        noun="hysteresis",
+        place="joint",
         where=joint,
         form=form,
         tolerance=0.2,

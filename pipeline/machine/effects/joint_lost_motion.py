@@ -21,6 +21,9 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
 
     return Elastic(
         name="joint_lost_motion",
+        noun="lost motion",
+        place="joint",
+        element="gear",
         where=joint,
         form=form,
         tolerance=0.15,

@@ -20,6 +20,9 @@ def _effect(robot: Robot, joint: int) -> Geometry:
 
     return Geometry(
         name="joint_offset",
+        noun="wrong joint zero",
+        place="metrology",
+        shows_unloaded=True,
         where=joint,
         parameters=(Parameter(f"d_{joint}", "m" if slides else "rad", 1e-3, -0.02, 0.02),),
         signature=f"the unloaded reflectors stand millimetres off as joint {joint} would move "

@@ -54,6 +54,8 @@ def _effect(robot: Robot, joint: int, form: str, below: float) -> Elastic:
 
     return Elastic(
         name="joint_tilt",
+        noun="tilt of the bearing",
+        place="joint",
         where=joint,
         form=form,
         tolerance=BETWEEN if form else 0.03,

@@ -49,6 +49,8 @@ def _effect(robot: Robot, where: str, short: str, near: int, far: int, form: str
 
     return Elastic(
         name="link_bending",
+        noun="bending of the link",
+        place="link",
         where=where,
         form=form,
         parameters=(

@@ -37,6 +37,8 @@ def effects(robot: Robot) -> tuple[Effect, ...]:
 def _said(form: str) -> dict[str, Any]:
     return {
         "name": "load_point_offset",
+        "noun": "offset of the load point or the targets",
+        "place": "force",
         "where": None,
         "form": form,
         "parameters": tuple(Parameter(f"dl_{axis}", "m", 5e-3, -0.5, 0.5) for axis in "xyz"),

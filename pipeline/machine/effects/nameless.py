@@ -86,6 +86,8 @@ def _effect(
     return Elastic(
         name=name,
         where=where,
+        noun=name.replace("_", " "),
+        place="joint",
         parameters=tuple(
             Parameter(f"{name}_{where}_{k}", unit, size, -20 * size if signed else 0.0, 20 * size)
             for k, size in enumerate(sizes)

@@ -57,6 +57,8 @@ def _effect(form: str, rest: float, law: Callable[[Array, Array], Array]) -> Ela
 
     return Elastic(
         name="rail_backlash",
+        noun="backlash of the rail drive",
+        place="rail",
         where=None,
         form=form,
         tolerance=0.1,

@@ -20,6 +20,8 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
     return (
         Elastic(
             name="rail_lateral",
+            noun="sideways give of the carriage",
+            place="rail",
             where=None,
             parameters=(Parameter("c_lateral", "m/N", 5e-09, 0.0, 2e-07),),
             signature="all reflectors move alike across the rail in proportion to the lateral "

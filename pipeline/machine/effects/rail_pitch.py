@@ -20,6 +20,8 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
     return (
         Elastic(
             name="rail_pitch",
+            noun="pitch of the carriage",
+            place="rail",
             where=None,
             parameters=(Parameter("c_pitch", "rad/(N m)", 5e-09, 0.0, 5e-07),),
             signature="all reflectors turn together about the axis across the rail, whatever "

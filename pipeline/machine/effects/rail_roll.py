@@ -20,6 +20,8 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
     return (
         Elastic(
             name="rail_roll",
+            noun="roll of the carriage about the rail",
+            place="rail",
             where=None,
             parameters=(Parameter("c_roll", "rad/(N m)", 1e-08, 0.0, 5e-07),),
             signature="all reflectors turn together about the rail, whatever the arm does; tilt "

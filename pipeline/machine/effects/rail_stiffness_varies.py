@@ -52,6 +52,8 @@ def _effect(robot: Robot, form: str, names: tuple[str, ...], response: Response)
     c = compliance(robot, 1)
     return Elastic(
         name="rail_stiffness_varies",
+        noun="stiffness of the rail drive that varies along the rail",
+        place="rail",
         where=None,
         form=form,
         tolerance=0.15,

@@ -20,6 +20,8 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
     return (
         Elastic(
             name="rail_vertical",
+            noun="vertical give of the carriage",
+            place="rail",
             where=None,
             parameters=(Parameter("c_vertical", "m/N", 2.5e-09, 0.0, 2e-07),),
             signature="all reflectors move alike up or down in proportion to the vertical "

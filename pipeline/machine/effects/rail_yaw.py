@@ -20,6 +20,8 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
     return (
         Elastic(
             name="rail_yaw",
+            noun="yaw of the carriage",
+            place="rail",
             where=None,
             parameters=(Parameter("c_yaw", "rad/(N m)", 7e-09, 0.0, 5e-07),),
             signature="cannot be told from the compliance of joint 2, whose axis it shares",

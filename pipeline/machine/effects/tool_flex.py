@@ -21,6 +21,8 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
     return (
         Elastic(
             name="tool_flex",
+            noun="give of the tool or its flange",
+            place="tool",
             where=None,
             parameters=tuple(
                 Parameter(f"c_tool_{axis}", "rad/(N m)", c / 6, 0.0, 5 * c) for axis in "xy"

@@ -35,6 +35,8 @@ def _effect(form: str, letter: str, unit: str, typical: float, most: float) -> O
 
     return Observation(
         name="tracker_drift",
+        noun="drift of the tracker",
+        place="metrology",
         where=None,
         form=form,
         tolerance=0.2,

@@ -32,6 +32,8 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
     return (
         Elastic(
             name="wrist_coupling",
+            noun="coupling of the wrist joints",
+            place="wrist",
             where=None,
             parameters=tuple(parameter(*pair) for pair in pairs),
             signature="a wrist joint without torque turns when its neighbour is loaded",

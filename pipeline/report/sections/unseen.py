@@ -82,7 +82,7 @@ def blind_spots(spots: list[Any]) -> Table | None:
         alike.setdefault(key, []).append(spot)
     rows = [
         (
-            text_entry(words.CAUSES.get(name, name.replace("_", " "))),
+            text_entry(words.cause(name, None)),
             text_entry(_places(group)),
             entry(*_smallest(group, unit)),
             text_entry("; ".join(dict.fromkeys(_why(s) for s in group))),

@@ -1,0 +1,93 @@
+"""An effect is one file and one line: a made-up one goes from simulator to report by itself.
+
+Its name stands nowhere else, so whatever knows effects by name is found out here.
+"""
+
+import numpy as np
+import pytest
+
+from pipeline.answer.recommended import Which
+from pipeline.base.arrays import Parameter
+from pipeline.diagnosis.isolability import twins
+from pipeline.machine import effects
+from pipeline.machine.effects import Elastic
+from pipeline.machine.effects._anatomy import carriage
+from pipeline.machine.effects._effect import linear
+from pipeline.machine.effects.listing import as_text
+from pipeline.machine.robot import load
+from pipeline.machine.robot.configuration import rotation_about
+from pipeline.prediction.model import Model
+from pipeline.report import words
+from pipeline.run import run
+from pipeline.simulate import Plan, revised, simulate
+from pipeline.store.campaign import find
+
+ASLANT = np.array([1.0, 1.5, 0.8]) / np.linalg.norm([1.0, 1.5, 0.8])
+
+
+def screw(loaded):
+    """The carriage turns about an axis aslant to the rail, shape (m, 1, 6)."""
+    here = carriage(loaded)
+    return rotation_about(here, np.broadcast_to(ASLANT, here.shape))[:, None]
+
+
+def bracket(robot):
+    """What nobody has thought of."""
+    return (
+        Elastic(
+            name="zigzag_bracket",
+            where=None,
+            noun="give of the zigzag bracket",
+            place="bracket",
+            parameters=(Parameter("c_zigzag", "rad/(N m)", 1e-8, 0.0, 5e-7),),
+            signature="all reflectors turn about an axis aslant to the rail",
+            needs="a dial gauge on the bracket",
+            source="made up",
+            carrier=(1,),
+            twists=screw,
+            response=linear,
+        ),
+    )
+
+
+@pytest.fixture
+def catalogued(monkeypatch):
+    """One line in the catalogue."""
+    monkeypatch.setattr(effects, "CATALOGUE", (*effects.CATALOGUE, bracket))
+    for known in (words.nouns, words.labels, twins):
+        known.cache_clear()
+    yield
+    for known in (words.nouns, words.labels, twins):
+        known.cache_clear()
+
+
+def test_a_made_up_effect_goes_from_simulator_to_report(catalogued, tmp_path):
+    """Planted by name, identified with its size, told with its noun, handed over with its value."""
+    plan = revised(
+        Plan(name="zigzag", seed=4),
+        {
+            "poses": {"count": 14},
+            "pulls": {"steps_n": [1000.0, 2000.0, 3000.0, 1500.0]},
+            "hidden": {"effects": ["zigzag_bracket=2x"], "stiffness_spread": 0.2},
+        },
+    )
+    folder = tmp_path / "data" / "raw" / "zigzag"
+    folder.mkdir(parents=True)
+    for name, content in simulate(plan).files.items():
+        (folder / name).write_bytes(content)
+
+    found = find(tmp_path, "zigzag")
+    answer = run(found)
+
+    (cause,) = answer["diagnosis"]["causes"]
+    assert answer["diagnosis"]["verdict"] == "explained"
+    assert (cause["name"], cause["where"], cause["location"]) == ("zigzag_bracket", None, "bracket")
+    (size,) = cause["parameters"]
+    assert size["value"] == pytest.approx(2e-8, abs=4 * size["std"])
+    assert answer["recommended"]["model"] == Which.EXTENDED
+    page = (found.reports / "index.html").read_text("utf-8")
+    assert "give of the zigzag bracket" in page
+    assert "a dial gauge on the bracket" in page
+    model = Model.load(found.reports / "model.toml")
+    assert model.hypotheses[0].value[-1] == pytest.approx(size["value"], abs=size["std"])
+    assert "zigzag_bracket" in as_text(load("kr500_rail"))
