@@ -245,7 +245,7 @@ def _criterion(
         weights = np.ones(len(q))
     cell = paper_cell(robot, tool)
     points = [spec.targets.index(name) for name in spec.criterion.points or spec.targets]
-    A = jacobian(cell, _pulls(q, force), np.zeros(robot.n))[:, points] * scale
+    A = jacobian(cell, Pulls.at(q, force), np.zeros(robot.n))[:, points] * scale
     weights = np.repeat(weights, len(points))
     return criteria.prediction(A.reshape(-1, 3, robot.n), weights, kind)
 
@@ -266,8 +266,3 @@ def _workspace(spec: ProblemFile, lower: Array, upper: Array) -> tuple[Array, Ar
     direction = rng.normal(size=(len(q), 3))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     return q, spec.criterion.force_n * direction
-
-
-def _pulls(q: Array, force: Array) -> Pulls:
-    none, number = np.zeros(len(q)), np.arange(len(q))
-    return Pulls(number, np.ones_like(number), q, force, none, none, none, none)

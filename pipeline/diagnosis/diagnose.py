@@ -280,17 +280,7 @@ def _noise_causes(whole: tuple[Effect, ...], spread: Scatter) -> tuple[Cause, ..
 
 def _change(found: Found, where: Where) -> float:
     """How much the deflection predicted at the test pose moves, mean over targets [m]."""
-    zero = np.zeros(1)
-    pulls = Pulls(
-        zero.astype(np.int64),
-        zero.astype(np.int64),
-        where.q[None],
-        where.force[None],
-        zero + 1,
-        zero,
-        zero,
-        zero,
-    )
+    pulls = Pulls.at(where.q, where.force, branch=1.0)
     first, last = found.first.model, found.view.model
     old = predict(first.cell, pulls, first.values).displacement
     new = predict(last.cell, pulls, last.values).displacement

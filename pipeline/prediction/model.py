@@ -160,7 +160,7 @@ class Model(Locked):
             point: Point of the tool in the flange frame [m], shape (3,); the campaign's load point
                 when not given.
         """
-        pulls = _pulls(q, force)
+        pulls = Pulls.at(q, force)
         moved, covs = [], []
         for one in self.hypotheses:
             cell = one.at(point)
@@ -195,7 +195,7 @@ class Model(Locked):
         Returns:
             Displacements [m], F_b, and standard uncertainties per axis [m], both shape (t, 3).
         """
-        pulls = _pulls(q, force)
+        pulls = Pulls.at(q, force)
         moved, covs = [], []
         for one in self.hypotheses:
             kinds = (one.cell, replace(one.cell, equilibrium="deformed"))
@@ -216,7 +216,7 @@ class Model(Locked):
             points: In the flange frame [m], shape (t, 3).
         """
         names = np.array([str(k) for k in range(len(points))], dtype=object)
-        tool, pulls = Tool(points[0], names, points), _pulls(q, force)
+        tool, pulls = Tool(points[0], names, points), Pulls.at(q, force)
         each = [forward(replace(one.cell, tool=tool), pulls, one.value) for one in self.hypotheses]
         return Prediction(
             *(
@@ -405,23 +405,6 @@ def _named(robot: Robot, label: str, form: str, file: str) -> Effect:
         f"{robot.name} has no effect {label} {form}".rstrip(),
         "load it with the version of the pipeline that wrote it",
         file=file,
-    )
-
-
-def _pulls(q: Array, force: Array) -> Pulls:
-    """Loads outside of any campaign: nothing is known of branch, approach and time."""
-    q, force = np.atleast_2d(np.asarray(q, float)), np.atleast_2d(np.asarray(force, float))
-    m = max(len(q), len(force))
-    number, none = np.arange(1, m + 1), np.zeros(m)
-    return Pulls(
-        pose=number,
-        repeat=np.ones(m, dtype=np.int64),
-        q=np.broadcast_to(q, (m, q.shape[1])),
-        force=np.broadcast_to(force, (m, 3)),
-        branch=none,
-        approach=none,
-        time=none,
-        time_zero=none,
     )
 
 

@@ -76,9 +76,7 @@ def _elastic(cell: Cell) -> Bools:
 
 def deflections(cell: Cell, q: Array, force: Array) -> Array:
     """A_i of Eq. (7) at joint values q (m, n) under force (m, 3), shape (m, t, 3, k)."""
-    m = len(q)
-    none, zero = np.zeros(m), np.zeros(m, dtype=np.int64)
-    pulls = Pulls(zero, zero, q, np.asarray(force, float), none, none, none, none)
+    pulls = Pulls.at(q, force)
     loaded = load(cell, pulls, np.zeros(len(cell.parameters)))
     return np.concatenate(
         [columns(effect, loaded) for effect in cell.effects if isinstance(effect, Elastic)], axis=-1

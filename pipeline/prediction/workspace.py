@@ -114,8 +114,7 @@ def _softest(hypotheses: Sequence[Hypothesis], q: Array) -> tuple[Array, Array, 
     """Largest deflection per newton (m,), its standard uncertainty (m,), direction (m, 3)."""
     m = len(q)
     force = np.tile(FORCE_N * np.eye(3), (m, 1))
-    unset, zero = np.zeros(3 * m), np.zeros(3 * m, dtype=np.int64)
-    pulls = Pulls(zero, zero, np.repeat(q, 3, axis=0), force, unset, unset, unset, unset)
+    pulls = Pulls.at(np.repeat(q, 3, axis=0), force)
     cells = [_at_load_point(one.cell) for one in hypotheses]
     each = [
         predict(cell, pulls, one.value).displacement.reshape(m, 3, 3) / FORCE_N

@@ -43,6 +43,29 @@ class Pulls(Locked):
         """Number of pulls m."""
         return len(self.pose)
 
+    @classmethod
+    def at(cls, q: Array, force: Array, branch: float = 0.0) -> Pulls:
+        """Loads outside of any campaign: nothing is known of approach and time.
+
+        Args:
+            q: Joint values [m] or [rad], shape (m, n) or (n,).
+            force: [N], F_b, shape (m, 3) or (3,).
+            branch: Which way the turnbuckle was turned, 0 unknown.
+        """
+        q, force = np.atleast_2d(np.asarray(q, float)), np.atleast_2d(np.asarray(force, float))
+        m = max(len(q), len(force))
+        none = np.zeros(m)
+        return cls(
+            pose=np.arange(1, m + 1),
+            repeat=np.ones(m, dtype=np.int64),
+            q=np.broadcast_to(q, (m, q.shape[1])),
+            force=np.broadcast_to(force, (m, 3)),
+            branch=none + branch,
+            approach=none,
+            time=none,
+            time_zero=none,
+        )
+
     def part(self, which: slice | Ints) -> Pulls:
         """Some of the pulls."""
         return Pulls(**{field.name: getattr(self, field.name)[which] for field in fields(self)})
