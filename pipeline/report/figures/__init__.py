@@ -1,1 +1,1 @@
-"""The pictures: each draws what its caption in captions.py speaks of, from the same digest."""
+"""The figures: each module has words and picture of its own, from the same digest."""

@@ -1,47 +1,44 @@
-"""Every figure of the report by its name; captions.py writes what stands below each."""
+"""Every figure of the report, one line each."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-
-from matplotlib.figure import Figure as Canvas
+from collections.abc import Sequence
 
 from pipeline.answer.history import robots
-from pipeline.report.figures.causes import draw_evidence, draw_gain, draw_separability
-from pipeline.report.figures.marks import Tips
-from pipeline.report.figures.places import draw_arrows, draw_registration
-from pipeline.report.figures.prediction import draw_prediction
-from pipeline.report.figures.residuals import (
-    draw_pose_rms,
-    draw_residual_course,
-    draw_residual_force,
-    draw_whitened,
-)
-from pipeline.report.figures.stiffness import draw_history, draw_stiffness
-from pipeline.report.figures.workspace import draw_workspace, draw_workspace_joint_springs
+from pipeline.report.figures import causes, places, prediction, residuals, stiffness, workspace
+from pipeline.report.figures.plot import Plot
+from pipeline.report.figures.stiffness import draw_history
+from pipeline.report.record import Figure
 from pipeline.report.summaries import Result, Tables
 from pipeline.report.svg import Drawing, drawn
 
-DRAWERS: dict[str, Callable[[Canvas, Result, Tables], Tips]] = {
-    "stiffness": draw_stiffness,
-    "prediction": draw_prediction,
-    "gain": draw_gain,
-    "evidence": draw_evidence,
-    "separability": draw_separability,
-    "pose-rms": draw_pose_rms,
-    "residual-force": draw_residual_force,
-    "residual-course": draw_residual_course,
-    "whitened": draw_whitened,
-    "arrows": draw_arrows,
-    "workspace": draw_workspace,
-    "workspace-joint-springs": draw_workspace_joint_springs,
-    "registration": draw_registration,
-}
+CATALOGUE: tuple[Plot, ...] = (
+    stiffness.STIFFNESS,
+    prediction.PREDICTION,
+    causes.GAIN,
+    causes.EVIDENCE,
+    causes.SEPARABILITY,
+    residuals.POSE_RMS,
+    residuals.RESIDUAL_FORCE,
+    residuals.RESIDUAL_COURSE,
+    residuals.WHITENED,
+    places.ARROWS,
+    workspace.WORKSPACE,
+    workspace.WORKSPACE_JOINT_SPRINGS,
+    places.REGISTRATION,
+)
+PLOTS = {plot.name: plot for plot in CATALOGUE}
+
+
+def figures(names: Sequence[str], result: Result, tables: Tables) -> list[Figure]:
+    """The figures of these names that this campaign has data for."""
+    written = [PLOTS[name].write(result, tables) for name in names]
+    return [figure for figure in written if figure is not None]
 
 
 def draw(name: str, result: Result, tables: Tables) -> Drawing:
     """Draw one of the figures of the report."""
-    return drawn(name, lambda canvas: DRAWERS[name](canvas, result, tables))
+    return drawn(name, lambda canvas: PLOTS[name].draw(canvas, result, tables))
 
 
 def draw_robot(name: str, results: Sequence[Result]) -> Drawing:

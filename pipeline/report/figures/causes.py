@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.figure import Figure as Canvas
 
 from pipeline.base.quantities import plain
 from pipeline.diagnosis.nextpose import APART
 from pipeline.report import words
-from pipeline.report.captions import cause_in_words
 from pipeline.report.figures.marks import Tips, integer_ticks, legend_above
-from pipeline.report.summaries import Result, Tables, gain, separability, suspects
+from pipeline.report.figures.plot import Plot
+from pipeline.report.record import Figure
+from pipeline.report.summaries import (
+    Result,
+    Tables,
+    gain,
+    has,
+    separability,
+    suspects,
+)
 from pipeline.report.svg import BLUE, MUTED, RED, SHADES
 
 APART_STEPS = (1.0, 2.0, APART, 10.0)
@@ -18,7 +28,7 @@ APART_SHADES = SHADES[::2]
 """Dark where two causes are alike."""
 
 
-def draw_evidence(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+def _draw_evidence(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     """Bars of the best suspects, the named ones in another colour."""
     best = suspects(tables["diagnosis"])
     canvas.set_size_inches(5.6, 0.9 + 0.24 * len(best))
@@ -37,7 +47,7 @@ def draw_evidence(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     return {"evidence": [f"{s}: {plain(v, 2)}{', named' if n else ''}" for s, v, n in rows]}
 
 
-def draw_separability(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+def _draw_separability(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     """A triangle of squares, dark where two causes are alike."""
     apart = separability(tables["separability"])
     names, n = [words.from_label(label) for label in apart.index], len(apart)
@@ -77,7 +87,7 @@ def draw_separability(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     return {key: said for key, said in tips.items() if said}
 
 
-def draw_gain(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+def _draw_gain(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     """Error at every pose left out, without and with the named causes."""
     poses = gain(tables["examined"]).dropna()
     axes = canvas.subplots()
@@ -100,3 +110,82 @@ def draw_gain(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     axes.set_ylabel("Rms error per coordinate [mm]")
     legend_above(axes, 2)
     return tips
+
+
+def cause_in_words(suspect: Any) -> str:
+    """A row of table DIAGNOSIS in words."""
+    where = str(suspect["where"])
+    return words.from_label(f"{suspect['name']}:{where}" if where else str(suspect["name"]))
+
+
+def _write_gain(result: Result, tables: Tables) -> Figure | None:
+    causes = (result.get("diagnosis") or {}).get("causes")
+    if not (causes and has(tables, "examined")):
+        return None
+    poses = gain(tables["examined"]).dropna()
+    if poses.empty:
+        return None
+    better = int((poses["after"] < poses["before"]).sum())
+    worst = poses.iloc[int(poses["before"].argmax())]
+    said = (
+        f"With the named causes {better} of {len(poses)} poses are predicted better; pose "
+        f"{int(worst['pose'])}, the worst, goes from {plain(worst['before'])} mm to "
+        f"{plain(worst['after'])} mm."
+    )
+    return Figure(
+        "gain",
+        "Error at poses left out, without and with the named causes",
+        f"{said} Each pose is predicted from all others, the causes chosen anew without it.",
+        f"Pairs of marks per pose: error with joint springs alone and with causes. {said}",
+    )
+
+
+def _write_evidence(result: Result, tables: Tables) -> Figure | None:
+    if not has(tables, "diagnosis"):
+        return None
+    best = suspects(tables["diagnosis"])
+    if best.empty or best["log_evidence"].iloc[0] < 3:
+        return None
+    first = best.iloc[0]
+    said = (
+        f"By itself {cause_in_words(first)} has the most evidence, "
+        f"{plain(first['log_evidence'], 2)}; {int((best['log_evidence'] > 3).sum())} of "
+        f"{len(tables['diagnosis'])} suspects lie above 3."
+    )
+    return Figure(
+        "evidence",
+        "Evidence for each suspect by itself",
+        f"{said} Scale: natural logarithm of the odds against the joint springs alone; 3 is 20 to "
+        f"1. Suspects close to each other are hard to tell apart; the named ones are marked.",
+        f"Bars of the evidence for the {len(best)} best suspects. {said}",
+    )
+
+
+def _write_separability(result: Result, tables: Tables) -> Figure | None:
+    if not has(tables, "separability"):
+        return None
+    apart, whole = separability(tables["separability"]), tables["separability"]["cause"].nunique()
+    if len(apart) < 2:
+        return None
+    rows, columns = np.tril_indices(len(apart), -1)
+    sigmas = apart.to_numpy()[rows, columns]
+    close, order = int((sigmas < APART).sum()), np.argsort(sigmas, kind="stable")
+    first, second = (words.from_label(apart.index[at[order[0]]]) for at in (rows, columns))
+    said = (
+        f"{len(apart)} of {whole} causes would show at their typical size. Of their {len(sigmas)} "
+        f"pairs {close} could then not be told apart by these readings; the closest are {first} "
+        f"and {second}, {plain(sigmas[order[0]], 2)} standard deviations from each other."
+    )
+    return Figure(
+        "separability",
+        "Which causes these readings can tell apart",
+        f"{said} Each square is what one cause of typical size leaves when the other is fitted in "
+        f"its place; dark is alike, and from {APART} on the right one of two is found in 95 % of "
+        f"the cases. A pair in a dark square needs another pose or another sensor.",
+        f"Triangular map of the distances between {len(apart)} causes. {said}",
+    )
+
+
+GAIN = Plot("gain", _write_gain, _draw_gain)
+EVIDENCE = Plot("evidence", _write_evidence, _draw_evidence)
+SEPARABILITY = Plot("separability", _write_separability, _draw_separability)

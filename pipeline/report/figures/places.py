@@ -9,11 +9,24 @@ from matplotlib.ticker import MaxNLocator
 
 from pipeline.base.quantities import plain
 from pipeline.report.figures.marks import MARKERS, Tips, each_row, legend_above, title
-from pipeline.report.summaries import AXES, MM, MOST, Result, Tables, arrows, places, thinned
+from pipeline.report.figures.plot import Plot
+from pipeline.report.record import Figure
+from pipeline.report.summaries import (
+    AXES,
+    MM,
+    MOST,
+    Result,
+    Tables,
+    arrows,
+    has,
+    places,
+    registration_by_target,
+    thinned,
+)
 from pipeline.report.svg import INK, MUTED, RED, SERIES
 
 
-def draw_arrows(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+def _draw_arrows(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     """Residual vectors at the poses, from above and from the side."""
     vectors = arrows(tables["residuals"], places(tables), tables["forces"])
     size = np.linalg.norm(vectors[["rx", "ry", "rz"]].to_numpy(float), axis=1)
@@ -86,7 +99,7 @@ def _round_down(value: float) -> float:
     return float(max(step for step in (1, 2, 5) if step * power <= value * (1 + 1e-12)) * power)
 
 
-def draw_registration(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+def _draw_registration(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     """Deviation of each base reading from nominal, in order."""
     readings = tables["registration"].reset_index(drop=True).assign(at=lambda t: t.index + 1)
     size = np.linalg.norm(readings[AXES].to_numpy(float), axis=1)
@@ -122,3 +135,46 @@ def draw_registration(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     if len(targets) <= 8:
         legend_above(views[0], min(len(targets), 6))
     return tips
+
+
+def _write_arrows(result: Result, tables: Tables) -> Figure | None:
+    if not all(has(tables, name) for name in ("residuals", "displacements", "forces")):
+        return None
+    vectors = arrows(tables["residuals"], places(tables), tables["forces"])
+    if vectors.empty:
+        return None
+    size = np.linalg.norm(vectors[["rx", "ry", "rz"]].to_numpy(float), axis=1)
+    worst = vectors.iloc[int(size.argmax())]
+    said = (
+        f"The longest of {len(vectors)} arrows is {plain(size.max())} mm, at {worst['target']} in "
+        f"pose {int(worst['pose'])}."
+    )
+    return Figure(
+        "arrows",
+        "Residual at each pose, seen in the base frame",
+        f"{said} Each arrow is what is left of one reflector's displacement under the strongest "
+        f"pull of its pose. Arrows in all directions are noise; arrows that agree within a pose or "
+        f"along the rail are an effect.",
+        f"Residual vectors drawn at the poses, from above and from the side. {said}",
+    )
+
+
+def _write_registration(result: Result, tables: Tables) -> Figure | None:
+    if not has(tables, "registration"):
+        return None
+    by_target = registration_by_target(tables["registration"])
+    worst = by_target.iloc[int(by_target["largest"].argmax())]
+    said = (
+        f"The largest deviation is {plain(worst['largest'])} mm at {worst['target']}, in "
+        f"{len(tables['registration'])} readings of {len(by_target)} reflectors."
+    )
+    return Figure(
+        "registration",
+        "Base reflectors after registration",
+        f"{said} A step or a slope from the first to the last reading is a tracker that moved.",
+        f"Deviation of each base reading from nominal, in order of the readings. {said}",
+    )
+
+
+ARROWS = Plot("arrows", _write_arrows, _draw_arrows)
+REGISTRATION = Plot("registration", _write_registration, _draw_registration)

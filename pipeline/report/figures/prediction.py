@@ -6,13 +6,19 @@ import numpy as np
 from matplotlib.figure import Figure as Canvas
 
 from pipeline.base.quantities import percent, plain
-from pipeline.report.captions import DRAWS, SETS
 from pipeline.report.figures.marks import Tips, legend_above
-from pipeline.report.summaries import Result, Tables, prediction_error
+from pipeline.report.figures.plot import Plot
+from pipeline.report.record import Figure
+from pipeline.report.summaries import (
+    Result,
+    Tables,
+    has,
+    prediction_error,
+)
 from pipeline.report.svg import GRID, SERIES
 
 
-def draw_prediction(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+def _draw_prediction(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     """Share of the validation poses below each relative error."""
     errors = prediction_error(tables["validation"])
     axes = canvas.subplots()
@@ -39,3 +45,31 @@ def draw_prediction(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     axes.grid(color=GRID, linewidth=0.6)
     legend_above(axes, 2)
     return tips
+
+
+SETS = {"test_pose": "around the test pose", "global": "over the workspace"}
+
+
+DRAWS = {"covariance": "full covariance", "independent": "independent"}
+
+
+def _write_prediction(result: Result, tables: Tables) -> Figure | None:
+    if not has(tables, "validation"):
+        return None
+    errors = prediction_error(tables["validation"])
+    said = " ".join(
+        f"{SETS.get(where, where).capitalize()} half of the poses are predicted within "
+        f"{percent(np.median(mu))} and 95 % within {percent(np.quantile(mu, 0.95))}."
+        for (where, draw), mu in errors.items()
+        if draw == "covariance"
+    )
+    return Figure(
+        "prediction",
+        "Relative error of the predicted deflection",
+        f"{said} The further left a curve, the better; dashed curves draw each stiffness "
+        f"by itself, as the paper does.",
+        f"Cumulative curves of the relative prediction error of Eq. (22). {said}",
+    )
+
+
+PREDICTION = Plot("prediction", _write_prediction, _draw_prediction)

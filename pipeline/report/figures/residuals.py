@@ -6,13 +6,16 @@ import numpy as np
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator
 
-from pipeline.base.quantities import plain
+from pipeline.base.quantities import percent, plain
 from pipeline.report.figures.marks import MARKERS, Tips, each_row, integer_ticks, legend_above
+from pipeline.report.figures.plot import Plot
+from pipeline.report.record import Figure
 from pipeline.report.summaries import (
     MOST,
     Result,
     Tables,
     courses,
+    has,
     pose_rms,
     residual_force,
     thinned,
@@ -21,7 +24,7 @@ from pipeline.report.summaries import (
 from pipeline.report.svg import BLUE, MUTED, RED, SERIES
 
 
-def draw_pose_rms(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+def _draw_pose_rms(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     """A bar for each pose, and a diamond for the pose left out."""
     poses = pose_rms(tables["residuals"])
     axes = canvas.subplots()
@@ -54,7 +57,7 @@ def draw_pose_rms(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     return tips
 
 
-def draw_residual_force(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+def _draw_residual_force(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     """Every residual coordinate over the size of its pull."""
     points = residual_force(tables["residuals"], tables["forces"])
     points = thinned(points, points["mm"].to_numpy(float))
@@ -85,7 +88,7 @@ def draw_residual_force(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     return tips
 
 
-def draw_residual_course(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+def _draw_residual_course(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     """Every residual coordinate over rail position, torque and time."""
     rows, told = courses(tables)
     canvas.set_size_inches(5.6, 0.5 + 1.5 * len(told))
@@ -116,7 +119,7 @@ def draw_residual_course(canvas: Canvas, result: Result, tables: Tables) -> Tips
     return tips
 
 
-def draw_whitened(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+def _draw_whitened(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     """Histogram of weighted residuals beside the normal curve."""
     values = whitened(tables["residuals"])
     reach = float(np.clip(np.abs(values).max(), 4, 12))
@@ -143,3 +146,92 @@ def draw_whitened(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     legend_above(axes, 2)
     bars = zip(edges[:-1], count, strict=True)
     return {"count": [f"{a:g} to {a + 0.5:g} σ: {n}" for a, n in bars]}
+
+
+def _write_pose_rms(result: Result, tables: Tables) -> Figure | None:
+    if not has(tables, "residuals"):
+        return None
+    poses = pose_rms(tables["residuals"])
+    worst = poses.iloc[int(poses["fitted"].argmax())]
+    said = (
+        f"Pose {int(worst['pose'])} is the worst with {plain(worst['fitted'])} mm; the middle of "
+        f"all {len(poses)} poses is {plain(poses['fitted'].median())} mm."
+    )
+    left_out = poses["left_out"].dropna()
+    if len(left_out):
+        said += f" Left out of the estimate, the worst is missed by {plain(left_out.max())} mm."
+    return Figure(
+        "pose-rms",
+        "Residual of each pose",
+        f"{said} A diamond far above its bar marks a pose that the others do not predict.",
+        f"Bar chart of the rms residual per pose, with a marker for the pose left out. {said}",
+    )
+
+
+def _write_residual_force(result: Result, tables: Tables) -> Figure | None:
+    if not (has(tables, "residuals") and has(tables, "forces")):
+        return None
+    points = residual_force(tables["residuals"], tables["forces"])
+    if points.empty:
+        return None
+    low, high = points["force_n"].min(), points["force_n"].max()
+    said = (
+        f"Pulls reach from {plain(low)} N to {plain(high)} N and the largest residual is "
+        f"{plain(points['mm'].abs().max())} mm."
+    )
+    return Figure(
+        "residual-force",
+        "Residual against pull",
+        f"{said} An even band is noise; a band that opens or bends with the pull is an effect that "
+        f"grows with load, such as a joint that hardens.",
+        f"Scatter plot of {len(points)} residual coordinates against the size of the pull. {said}",
+    )
+
+
+def _write_residual_course(result: Result, tables: Tables) -> Figure | None:
+    if not has(tables, "examined") or "residual_extended_m" not in tables["examined"]:
+        return None
+    _, told = courses(tables)
+    if not told:
+        return None
+    said = "Steps of " + ", ".join(
+        f"{one.name} explain {percent(one.explained)} of the residuals of the joint springs"
+        if k == 0
+        else f"of {one.name} {percent(one.explained)}"
+        for k, one in enumerate(told)
+    )
+    said += f"; pure noise would give {percent(told[0].by_chance)}."
+    return Figure(
+        "residual-course",
+        "Residual against " + ", ".join(one.name for one in told),
+        f"{said} A band that bends, steps or drifts is an effect the joint springs do not have; "
+        f"diamonds are what is left with the named causes.",
+        f"{len(told)} scatter plots of residual coordinates. {said}",
+    )
+
+
+def _write_whitened(result: Result, tables: Tables) -> Figure | None:
+    if not has(tables, "residuals"):
+        return None
+    values = whitened(tables["residuals"])
+    if not len(values):
+        return None
+    spread, beyond = float(np.sqrt(np.mean(values**2))), int(np.sum(np.abs(values) > 3))
+    expected = 0.0027 * len(values)
+    said = (
+        f"Their spread is {plain(spread)} where 1 is expected; {beyond} of {len(values)} lie "
+        f"beyond ±3 where about {plain(expected, 2)} are expected."
+    )
+    return Figure(
+        "whitened",
+        "Residuals in standard deviations",
+        f"{said} Bars that follow the curve are noise as assumed; wide shoulders are a missing "
+        f"effect or a noise stated too small.",
+        f"Histogram of weighted residuals with the normal curve. {said}",
+    )
+
+
+POSE_RMS = Plot("pose-rms", _write_pose_rms, _draw_pose_rms)
+RESIDUAL_FORCE = Plot("residual-force", _write_residual_force, _draw_residual_force)
+RESIDUAL_COURSE = Plot("residual-course", _write_residual_course, _draw_residual_course)
+WHITENED = Plot("whitened", _write_whitened, _draw_whitened)

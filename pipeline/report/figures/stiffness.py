@@ -11,15 +11,16 @@ from matplotlib.ticker import MaxNLocator
 
 from pipeline.answer.history import trends
 from pipeline.base.arrays import Array
-from pipeline.base.quantities import common_prefix, known, plain, prefixed
+from pipeline.base.quantities import common_prefix, known, percent, plain, prefixed
 from pipeline.report import words
-from pipeline.report.captions import comparable
 from pipeline.report.figures.marks import Tips
+from pipeline.report.figures.plot import Plot
+from pipeline.report.record import Figure
 from pipeline.report.summaries import Result, Tables
 from pipeline.report.svg import BLUE, MUTED, RED
 
 
-def draw_stiffness(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+def _draw_stiffness(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     """Every joint with its 95 % interval, in percent of nominal."""
     joints = comparable(result)
     canvas.set_size_inches(5.6, 0.9 + 0.28 * len(joints))
@@ -126,3 +127,51 @@ def _unit(results: Sequence[Result], name: str, letter: str) -> str:
         j.get("unit") for r in results for j in r.get("stiffness") or [] if j.get("name") == name
     ]
     return prefixed(str(units[0] or ""), letter)
+
+
+def comparable(result: Result) -> list[Mapping[str, Any]]:
+    """Stiffnesses that have a value, an uncertainty and a nominal value to be shown beside."""
+    return [
+        joint
+        for joint in result.get("stiffness") or []
+        if joint.get("identifiable", True)
+        and known(joint.get("nominal"))
+        and joint["nominal"]
+        and known(joint.get("value"))
+        and known(joint.get("std"))
+    ]
+
+
+def _circles(result: Result) -> str:
+    """What the open circles of the interval plot are."""
+    other = words.beside(result)
+    return f" Open circles, where they are near: {other[0]}." if other else ""
+
+
+def _write_stiffness(result: Result, tables: Tables) -> Figure | None:
+    joints = comparable(result)
+    if not joints:
+        return None
+    endless = [str(j["name"]) for j in joints if not all(map(known, j.get("ci95") or [None]))]
+    off = {str(j["name"]): j["value"] / j["nominal"] for j in joints}
+    off = {name: share for name, share in off.items() if name not in endless} or off
+    softest, stiffest = min(off, key=off.__getitem__), max(off, key=off.__getitem__)
+    widest = max(
+        (j for j in joints if str(j["name"]) in off), key=lambda j: j["std"] / j["nominal"]
+    )
+    said = (
+        f"{softest} is at {percent(off[softest], 3)} and {stiffest} at {percent(off[stiffest], 3)} "
+        f"of its nominal value; {widest['name']} has the widest interval"
+        + (f", and {', '.join(endless)} no upper limit." if endless else ".")
+    )
+    return Figure(
+        "stiffness",
+        "Stiffness as a share of the nominal value",
+        f"{said} Bars are 95 % intervals, an arrow has no upper limit: where one does not reach "
+        f"the line at 100 %, the joint differs from nominal by more than the measurement's "
+        f"uncertainty.{_circles(result)}",
+        f"Interval plot of {len(joints)} joint stiffnesses relative to nominal. {said}",
+    )
+
+
+STIFFNESS = Plot("stiffness", _write_stiffness, _draw_stiffness)

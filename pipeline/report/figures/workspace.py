@@ -11,18 +11,25 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
 from pipeline.base.arrays import Array
-from pipeline.base.quantities import with_std
+from pipeline.base.quantities import plain, with_std
+from pipeline.report import words
 from pipeline.report.figures.marks import Tips, each_row
-from pipeline.report.summaries import Result, Tables, has
+from pipeline.report.figures.plot import Plot
+from pipeline.report.record import Figure
+from pipeline.report.summaries import (
+    Result,
+    Tables,
+    has,
+)
 from pipeline.report.svg import GRID, INK, RED, SHADES
 
 
-def draw_workspace(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+def _draw_workspace(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     """The map of the answer's values."""
     return _map(canvas, tables["workspace"], levels_of(tables))
 
 
-def draw_workspace_joint_springs(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+def _draw_workspace_joint_springs(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     """The map with joint springs alone, data as given."""
     return _map(canvas, tables["workspace_joint_springs"], levels_of(tables))
 
@@ -70,3 +77,42 @@ def _triangles(swept: pd.DataFrame) -> Array:
     meshes = np.stack([at[:-1, :-1], at[1:, :-1], at[:-1, 1:], at[1:, 1:]], axis=-1)
     whole = meshes[(meshes >= 0).all(axis=-1)]
     return whole[:, [0, 1, 2, 1, 3, 2]].reshape(-1, 3)
+
+
+def _told(name: str, model: str, tables: Tables) -> Figure | None:
+    table = name.replace("-", "_")
+    if not has(tables, table) or len(tables[table]) < 20:
+        return None
+    soft = tables[table]
+    here, worst = soft.iloc[0], soft.iloc[int(soft["worst_m_per_n"].to_numpy().argmax())]
+    size = 1e6 * soft["worst_m_per_n"]
+    axis = "xyz"[int(np.abs(here[[f"direction_{a}" for a in "xyz"]].to_numpy(float)).argmax())]
+    said = (
+        f"At the test pose (cross) one newton moves the load point by "
+        f"{with_std(1e6 * here['worst_m_per_n'], 1e6 * here['std_m_per_n'])} µm in its softest "
+        f"direction, mostly along {axis}. Over the plane it is {plain(size.min(), 2)} µm to "
+        f"{plain(size.max(), 2)} µm, most at a reach of {worst['reach_m']:.1f} m and a height of "
+        f"{worst['height_m']:.1f} m."
+    )
+    return Figure(
+        name,
+        f"Deflection per newton over the arm's plane, {model}",
+        f"{said} Shoulder and elbow go through their ranges, the other joints stay as in the test "
+        f"pose; bright is soft.",
+        f"Map of the deflection per newton of load over reach and height, {model}. {said}",
+    )
+
+
+def _write_workspace(result: Result, tables: Tables) -> Figure | None:
+    return _told("workspace", words.values_of(result), tables)
+
+
+def _write_workspace_joint_springs(result: Result, tables: Tables) -> Figure | None:
+    other = words.beside(result)
+    return _told("workspace-joint-springs", other[0], tables) if other else None
+
+
+WORKSPACE = Plot("workspace", _write_workspace, _draw_workspace)
+WORKSPACE_JOINT_SPRINGS = Plot(
+    "workspace-joint-springs", _write_workspace_joint_springs, _draw_workspace_joint_springs
+)

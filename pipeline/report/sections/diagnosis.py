@@ -7,7 +7,7 @@ from typing import Any
 
 from pipeline.base.quantities import known, p_value, percent, plain, probability, with_std
 from pipeline.report import words
-from pipeline.report.captions import figures
+from pipeline.report.figures.catalogue import figures
 from pipeline.report.record import Block, Column, Section, Table, Text, entry, text_entry
 from pipeline.report.sections._tree import bracketed, items, section_of
 from pipeline.report.sections.unseen import blind_spots, next_joint_values, next_poses

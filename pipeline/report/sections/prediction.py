@@ -7,7 +7,7 @@ from typing import Any
 
 from pipeline.base.quantities import known, percent, plain, with_std
 from pipeline.report import words
-from pipeline.report.captions import figures
+from pipeline.report.figures.catalogue import figures
 from pipeline.report.record import Column, Section, Table, Text, entry, text_entry
 from pipeline.report.sections._tree import at, items, section_of
 from pipeline.report.summaries import Result, Tables

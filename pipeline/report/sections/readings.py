@@ -9,7 +9,7 @@ import pandas as pd
 
 from pipeline.base.quantities import MISSING, known, p_value, plain, with_std
 from pipeline.report import words
-from pipeline.report.captions import figures
+from pipeline.report.figures.catalogue import figures
 from pipeline.report.record import Column, Entry, Section, Table, Text, entry, text_entry
 from pipeline.report.sections._tree import items, section_of
 from pipeline.report.summaries import Result, Tables, has, registration_by_target

@@ -18,7 +18,7 @@ from pipeline.base.quantities import (
     with_std,
 )
 from pipeline.report import words
-from pipeline.report.captions import figures
+from pipeline.report.figures.catalogue import figures
 from pipeline.report.record import Column, Entry, Section, Table, Text, entry, text_entry
 from pipeline.report.sections._tree import at, bracketed, items, joint_name, section_of
 from pipeline.report.summaries import Result

@@ -1,0 +1,28 @@
+"""A figure of the report: what is said of it and how it is drawn, in one record."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from matplotlib.figure import Figure as Canvas
+
+from pipeline.report.figures.marks import Tips
+from pipeline.report.record import Figure
+from pipeline.report.summaries import Result, Tables
+
+
+@dataclass(frozen=True)
+class Plot:
+    """One figure.
+
+    Attributes:
+        name: File name without ending.
+        write: Title, caption and alternative text with the numbers of a campaign in them; None
+            where the campaign has no data for it.
+        draw: Draws it, and gives what its marks say, by the name of their group.
+    """
+
+    name: str
+    write: Callable[[Result, Tables], Figure | None]
+    draw: Callable[[Canvas, Result, Tables], Tips]
