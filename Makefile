@@ -10,11 +10,12 @@
 #   make compare  every number that differs from an earlier commit      make compare BASE=HEAD~1
 #   make example  the report and the picture that the README shows, from the demo campaign
 #   make picture  the picture of the code in docs/code.md
+#   make schema   the keys of result.json in docs/, from their types
 #   make lock     write requirements.lock anew from pyproject.toml      make lock UPGRADE=--upgrade
 #   make clean    remove .venv and the caches; data and reports stay
 
 .DELETE_ON_ERROR:
-.PHONY: run test slow check bench league paper compare example picture lock clean
+.PHONY: run test slow check bench league paper compare example picture schema lock clean
 
 PYTHON ?=
 ARGS ?=
@@ -56,6 +57,9 @@ example: .venv/.ready
 	@.venv/bin/pipeline run kr500_demo --engine local
 	@mkdir -p docs/example
 	@cp reports/kr500_demo/report.pdf reports/kr500_demo/figures/workspace.svg docs/example/
+
+schema: .venv/.ready
+	@$(PY) -m bench.schema
 
 picture: .venv/.ready
 	@$(PY) -m bench.picture docs/figures/packages.svg

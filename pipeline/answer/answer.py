@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from pipeline.answer.contract import Answer
 from pipeline.answer.diagnosis import diagnosis_entry, noise_entry
 from pipeline.answer.findings import Findings, Told
 from pipeline.answer.fit import fit_entry
@@ -65,7 +66,9 @@ def answer(found: Findings) -> dict[str, Any]:
         "versions": versions(),
     }
     said["findings"] += [entry["finding"] for entry in stiffness if entry["finding"]]
-    return said | {"verdict_sentence": sentences(found, said)}
+    said |= {"verdict_sentence": sentences(found, said)}
+    Answer.model_validate(said)
+    return said
 
 
 def values_entry(told: Told, where: Where) -> dict[str, Any]:

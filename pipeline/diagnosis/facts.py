@@ -189,17 +189,17 @@ def entry(diagnosis: Diagnosis, robot: Robot) -> dict[str, Any]:
             {"place": m.place, "share": m.share, "p_value": m.p_value} for m in diagnosis.misfits
         ],
         "detection": {
-            "threshold_p": diagnosis.threshold,
-            "smallest_p": min((clue.p_value for clue in diagnosis.clues), default=None),
+            "threshold_p": _finite(diagnosis.threshold),
+            "smallest_p": _finite(min((clue.p_value for clue in diagnosis.clues), default=np.nan)),
             "lack_of_fit_p": {
-                "poses": diagnosis.lack_of_fit[0],
-                "pulls": diagnosis.lack_of_fit[1],
+                "poses": _finite(diagnosis.lack_of_fit[0]),
+                "pulls": _finite(diagnosis.lack_of_fit[1]),
             },
             "remainder_over_scatter": diagnosis.rough,
             "remainder_p": {
-                "poses": diagnosis.remainder[0],
-                "pulls": diagnosis.remainder[1],
-                "further_cause": diagnosis.remainder[2],
+                "poses": _finite(diagnosis.remainder[0]),
+                "pulls": _finite(diagnosis.remainder[1]),
+                "further_cause": _finite(diagnosis.remainder[2]),
             },
         },
         "scatter": {

@@ -1,0 +1,87 @@
+"""`python -m bench.schema`: docs/result.schema.json and the keys in docs/campaign.md, from types.
+
+Both follow from pipeline/answer/contract.py alone; a test holds them to it.
+"""
+
+from __future__ import annotations
+
+import json
+import types
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from pydantic import BaseModel
+
+from pipeline.answer.contract import Answer
+
+DOCS = Path(__file__).parents[1] / "docs"
+BEGIN, END = "<!-- make schema writes from here -->", "<!-- to here -->"
+
+
+def schema() -> str:
+    """JSON Schema of result.json."""
+    return json.dumps(Answer.model_json_schema(by_alias=True), indent=1) + "\n"
+
+
+def page(old: str) -> str:
+    """docs/campaign.md with its table of keys anew; what stands outside the marks stays."""
+    before, _, rest = old.partition(BEGIN)
+    _, _, after = rest.partition(END)
+    rows = ["| key | type | meaning |", "|---|---|---|", *_rows(Answer, "")]
+    return "\n".join([f"{before}{BEGIN}", "", *rows, "", f"{END}{after}"])
+
+
+def _rows(model: type[BaseModel], path: str) -> Iterator[str]:
+    for name, field in model.model_fields.items():
+        here = f"{path}{field.alias or name}"
+        inner, several = _inner(field.annotation)
+        where = f"{here}[]" if inner and several else here
+        meaning = field.description or (inner.__doc__ or "").strip() if inner else field.description
+        yield f"| `{where}` | {_words(field.annotation)} | {(meaning or '').replace('|', '/')} |"
+        if inner and not path:
+            yield from _rows(inner, f"{where}.")
+
+
+def _inner(kind: Any) -> tuple[type[BaseModel] | None, bool]:
+    """The record that a type holds, and whether a list of them."""
+    if isinstance(kind, type) and issubclass(kind, BaseModel):
+        return kind, False
+    for part in get_args(kind):
+        inner, several = _inner(part)
+        if inner:
+            return inner, several or get_origin(kind) is list
+    return None, get_origin(kind) is list
+
+
+def _words(kind: Any) -> str:
+    """A type in the words of JSON."""
+    origin, parts = get_origin(kind), get_args(kind)
+    if origin is Annotated:
+        return _words(parts[0])
+    if origin in (Union, types.UnionType):
+        return " or ".join(_words(part) for part in parts)
+    if origin is Literal:
+        return ", ".join(f"`{part}`" for part in parts)
+    if origin is list:
+        return f"list of {_words(parts[0])}"
+    if origin is dict or kind is Any:
+        return "object"
+    if kind is type(None):
+        return "null"
+    if issubclass(kind, BaseModel):
+        return "object"
+    if hasattr(kind, "__members__"):
+        return ", ".join(f"`{member.value}`" for member in kind)
+    return {str: "text", int: "integer", float: "number", bool: "true or false"}[kind]
+
+
+def main() -> None:
+    """Write both."""
+    (DOCS / "result.schema.json").write_text(schema(), "utf-8")
+    campaign = DOCS / "campaign.md"
+    campaign.write_text(page(campaign.read_text("utf-8")), "utf-8")
+
+
+if __name__ == "__main__":
+    main()

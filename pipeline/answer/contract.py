@@ -1,0 +1,378 @@
+"""What result.json promises: every key with its type, unit and meaning.
+
+docs/result.schema.json and the table in docs/campaign.md are made from here (`make schema`), and
+every answer is held to it before it is written. Keys may be added, not renamed.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from pipeline.answer.recommended import Data, Reason, Which
+
+Where = int | str | None
+Verdict = Literal["adequate", "explained", "ambiguous", "unexplained", "bad_data"]
+Interval = Annotated[list[float | None], Field(min_length=2, max_length=2)]
+Share = Annotated[float, Field(ge=-1e-9, le=1 + 1e-9)]
+
+
+class Fact(BaseModel):
+    """A part of the answer; it knows every key it allows."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+
+
+class BudgetPart(Fact):
+    """What one source of error adds to a stiffness."""
+
+    source: str = Field(description="tracker, zero, force_reading, direction, registration, ...")
+    std: float = Field(description="standard uncertainty, in the stiffness' unit")
+    share: float = Field(description="part of the variance")
+
+
+class Stiffness(Fact):
+    """One joint."""
+
+    joint: int = Field(description="number, from 1")
+    name: str = Field(description="k_r1, k_theta2, ...")
+    unit: str = Field(description="of value, std and ci95")
+    value: float | None = Field(description="null where the data give none; `finding` says why")
+    std: float | None = Field(description="standard uncertainty")
+    ci95: Interval = Field(description="95 % interval; null is no limit")
+    identifiable: bool = Field(description="whether the data determine it")
+    joint_type: Literal["prismatic", "revolute"]
+    compliance: float | None = Field(description="the estimate itself")
+    compliance_std: float | None = Field(description="its standard uncertainty; null: undetermined")
+    compliance_unit: str
+    relative_std: float | None = Field(description="std over value")
+    nominal: float | None = Field(description="stiffness in the robot file")
+    finding: str | None = Field(description="what to know of it, in a sentence")
+    budget: list[BudgetPart] = Field(description="where its uncertainty comes from")
+
+
+class Fit(Fact):
+    """How well a model meets the data."""
+
+    rms_mm: float = Field(description="residual, root mean square over coordinates, unweighted")
+    chi2: float
+    dof: int
+    p_value: float | None = Field(description="null where no noise is stated")
+    noise_from: Literal["stated", "replicates", "residuals"]
+    residual_std_mm: float
+    second_order_rms_mm: float = Field(description="what c = B x leaves out, rms")
+    noise_statement: str
+
+
+PerTarget = dict[str, float]
+
+
+class Drawn(Fact):
+    """Means of Eq. (22) per target."""
+
+    test_pose: PerTarget = Field(description="over 1000 poses around the test pose")
+    global_: PerTarget = Field(alias="global", description="over 1000 poses in the workspace")
+
+
+class Validation(Drawn):
+    """How far predictions can be trusted."""
+
+    held_out_rms_mm: float | None = Field(
+        description="rms error of a pose that was left out with all its pulls, unweighted"
+    )
+    independent: Drawn = Field(description="as in Eq. (23), each stiffness drawn by itself")
+    poses: int
+    test_pose_stated: bool = Field(description="false: the strongest pull stands in")
+
+
+class Deflection(Fact):
+    """Predicted deflection of one target at the test pose."""
+
+    target: str
+    dx_mm: float
+    dy_mm: float
+    dz_mm: float
+    std_mm: list[float | None] = Field(description="per axis; null: infinite")
+
+
+class Values(Fact):
+    """One model of the campaign."""
+
+    stiffness: list[Stiffness]
+    fit: Fit
+    validation: Validation | None = Field(description="null where nothing is determined")
+    test_pose_deflection: list[Deflection]
+
+
+class Extended(Fact):
+    """The identified causes' own fit, on the data that the answer rests on."""
+
+    stiffness: list[Stiffness]
+    fit: Fit
+    test_pose_deflection: list[Deflection]
+
+
+class Placed(Fact):
+    """A cause with its place."""
+
+    name: str = Field(description="a word of the list of causes")
+    where: Where = Field(description="joint number, link, target, reading, or null")
+
+
+class Believed(Placed):
+    """A cause within a hypothesis."""
+
+    form: str | None = Field(description="which of its laws")
+    in_catalogue: bool = Field(description="false: something without a name, of this kind")
+
+
+class Weighed(Fact):
+    """A set of causes that may be true."""
+
+    weight: Share
+    causes: list[Believed]
+
+
+class Recommended(Fact):
+    """Which values the answer stands for."""
+
+    model: Which
+    data: Data
+    reason: Reason
+    why: str
+    hypotheses: list[Weighed] = Field(description="what the values are averaged over")
+
+
+class Amplitude(Fact):
+    """One parameter of a cause."""
+
+    name: str
+    value: float
+    std: float | None
+    unit: str
+    ci95: Interval | None = None
+
+
+class Rival(Placed):
+    """What else could stand in the place of a cause."""
+
+    probability: Share
+
+
+class Unnamed(Fact):
+    """How likely a cause is none of the catalogue."""
+
+    probability: Share
+    looks_like: str
+    where: Where
+
+
+class Gain(Fact):
+    """What the causes are worth at poses that were left out."""
+
+    held_out_rms_before_mm: float | None
+    held_out_rms_after_mm: float | None
+    reduction: float | None = Field(description="fraction by which the error falls")
+    ci95: Interval | None
+    of: Literal["displacements", "unloaded positions"] | None = None
+    test_pose_change_mm: float | None
+
+
+class Evidence(Fact):
+    """What speaks for a mistake in the data."""
+
+    sentence: str
+    correction: str
+    before: float
+    after: float
+    unit: str
+
+
+class Cause(Placed):
+    """A cause that the data call for, or a mistake in the data."""
+
+    location: str | None = Field(None, description="part of the cell: rail, joint 3, force, ...")
+    form: str | None = None
+    probability: Share = Field(description="among the catalogue's causes that could stand there")
+    parameters: list[Amplitude]
+    p_value: float | None = Field(description="chance of so much evidence without it")
+    rivals: list[Rival]
+    outside_catalogue: Unnamed | None = None
+    twins: list[str] = Field(default_factory=list, description="what no pose tells from it")
+    signature: str | None = None
+    needs: str | None = Field(None, description="what would settle it")
+    gain: Gain | None
+    evidence: Evidence | None = None
+
+
+class Alone(Placed):
+    """What one cause does as the only one."""
+
+    form: str | None
+    probability: Share
+    reduction: float
+    ci95: Interval
+
+
+class BlindSpot(Placed):
+    """An effect that may be there unseen."""
+
+    why: str
+    smallest_visible: float | None = Field(description="null: never visible")
+    parameter: str
+    unit: str
+    typical: float
+    needs: str
+
+
+class NextPose(Fact):
+    """A pose that would decide what is open, pulled in the usual load steps up to `force_n`."""
+
+    pose: int = Field(description="its number")
+    q: list[float]
+    q_unit: list[Literal["m", "deg"]]
+    anchor_m: list[float]
+    force_n: float
+    approach: float | None = Field(description="which way the carriage comes; null without a rail")
+    separates: list[str] = Field(description="the two that stay closest with it")
+    sigmas_before: float
+    sigmas_after: float
+
+
+class MisfitPlace(Fact):
+    """Where what is left sits."""
+
+    place: str
+    share: float
+    p_value: float
+
+
+class PosesPulls(Fact):
+    """Two tests of lack of fit."""
+
+    poses: float | None
+    pulls: float | None
+
+
+class Remainder(PosesPulls):
+    """The same with the causes, and the smallest p of a further one."""
+
+    further_cause: float | None
+
+
+class Detection(Fact):
+    """How sure the search was."""
+
+    threshold_p: float | None
+    smallest_p: float | None
+    lack_of_fit_p: PosesPulls
+    remainder_over_scatter: float | None = Field(
+        description="what is left with the causes over the scatter of the readings; null: unknown"
+    )
+    remainder_p: Remainder
+
+
+class Scatter(Fact):
+    """Scatter of the readings."""
+
+    tracker_over_stated: float
+    tracker_over_stated_std: float
+    scale_over_tracker: float
+    known_from: str
+
+
+class Diagnosis(Fact):
+    """What the simulation gets wrong."""
+
+    verdict: Verdict
+    why: str
+    causes: list[Cause]
+    alone: list[Alone] = Field(description="what the likeliest causes do each as the only one")
+    unloaded_off_mm: list[float | None] = Field(
+        description="how far the unloaded reflectors stand from the robot's table, without and "
+        "with the causes"
+    )
+    blind_spots: list[BlindSpot]
+    next_poses: list[NextPose]
+    refused: list[str] = Field(description="labels that fit only at an impossible size")
+    misfit_sits_at: list[MisfitPlace]
+    detection: Detection
+    scatter: Scatter
+    equilibrium: Literal["deformed", "undeformed"]
+    noise_floor_mm: float
+
+
+class NoiseComponent(Fact):
+    """One noise, found over stated (in m where none is stated)."""
+
+    name: str
+    found_over_stated: float
+    std: float
+    p_value: float
+
+
+class Noise(Fact):
+    """Noise found in the data beside the stated one."""
+
+    from_: str = Field(alias="from")
+    contrasts: int
+    components: list[NoiseComponent]
+
+
+class Rejected(Fact):
+    """What was left out, where it stands and why."""
+
+    file: str
+    line: int | None
+    reason: str
+
+
+class Registration(Fact):
+    """How the base reflectors fit."""
+
+    rms_mm: float
+    max_mm: float
+    chi2: float | None
+    dof: int
+    p_value: float | None
+    rotation_std_rad: list[float]
+    translation_std_m: list[float]
+
+
+class Forward(Fact):
+    """What the forward model takes into account."""
+
+    equilibrium: Literal["deformed", "undeformed"]
+
+
+class Input(Fact):
+    """One file that was read."""
+
+    file: str
+    sha256: str
+    bytes: int
+
+
+class Answer(Values):
+    """result.json; the values at the top are those of the recommended model."""
+
+    format: Literal[1]
+    campaign: str
+    name: str
+    robot: str
+    measured: str | None = Field(description="date")
+    verdict_sentence: list[str] = Field(description="the first screen, most important first")
+    recommended: Recommended = Field(description="which values stand at the top, and why")
+    diagnosis: Diagnosis
+    joint_springs: Values = Field(description="the paper's model on the data as given, always")
+    extended: Extended | None = Field(description="the identified causes' own fit; null without")
+    budget: list[dict[str, Any]] = Field(description="shares of the variance by source [%]")
+    noise: Noise
+    rejected: list[Rejected] = Field(description="everything that was left out")
+    findings: list[str] = Field(description="sentences to act on")
+    registration: Registration | None
+    model: Forward
+    assumptions: list[str]
+    inputs: list[Input]
+    versions: dict[str, str]

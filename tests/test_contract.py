@@ -1,0 +1,67 @@
+"""result.json keeps what docs/ promise of it."""
+
+import copy
+import json
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+
+from bench import schema
+from pipeline.answer.contract import Answer
+from pipeline.run import answered
+from pipeline.simulate import Plan, simulate
+from pipeline.store.campaign import in_memory
+
+DOCS = Path(__file__).parents[1] / "docs"
+
+
+@pytest.fixture(scope="module")
+def answer():
+    """The answer to a small campaign whose carriage rolls."""
+    plan = Plan(
+        name="rolls",
+        seed=3,
+        poses={"count": 12},
+        pulls={"steps_n": [1000.0, 2000.0, 3000.0]},
+        hidden={"effects": ["rail_roll=2x"]},
+    )
+    return answered("rolls", in_memory(simulate(plan).files)).answer
+
+
+def test_the_schema_and_the_table_of_keys_are_those_of_the_types():
+    """docs/result.schema.json and docs/campaign.md say what the code holds answers to."""
+    page = (DOCS / "campaign.md").read_text("utf-8")
+
+    assert (DOCS / "result.schema.json").read_text("utf-8") == schema.schema()
+    assert page == schema.page(page)
+    for key in ("recommended", "joint_springs", "diagnosis.verdict", "stiffness[].ci95"):
+        assert f"| `{key}` |" in page
+
+
+def test_an_answer_is_its_own_dump(answer):
+    """Read into the types and written again, result.json is the same object."""
+    read = Answer.model_validate_json(json.dumps(answer), strict=False)
+    written = json.loads(read.model_dump_json(by_alias=True, exclude_unset=True))
+
+    assert written == json.loads(json.dumps(answer))
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda a: a["stiffness"][0].pop("unit"),
+        lambda a: a["stiffness"][0].update(value=float("nan")),
+        lambda a: a["diagnosis"].update(verdict="splendid"),
+        lambda a: a.update(surprise=1),
+        lambda a: a["recommended"].update(model="guessed"),
+        lambda a: a["diagnosis"]["causes"][0].update(probability=1.5),
+    ],
+)
+def test_what_breaks_the_promise_is_found(answer, spoil):
+    """A key that lacks, a number that is none, a word that nobody knows."""
+    broken = copy.deepcopy(answer)
+    spoil(broken)
+
+    with pytest.raises(ValidationError):
+        Answer.model_validate(broken)
