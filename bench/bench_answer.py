@@ -42,7 +42,7 @@ from pipeline.machine.robot import Robot, load
 from pipeline.simulate.blunders import INCH_M, KGF_N
 from pipeline.store.campaign import code_version
 
-SEED = 2029
+SEED = 2030
 TARGETS = {"explained": 200, "ambiguous": 100, "bad_data": 100, "adequate": 100}
 """Campaigns wanted of each verdict."""
 MOST = 2500

@@ -186,7 +186,7 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
         mistakes=mistakes,
         diagnosis=diagnosis,
         verdict=verdict,
-        why=f"{bad_data_sentence(mistakes)} Without it: {why}" if mistakes else why,
+        why=f"{bad_data_sentence(mistakes)} With that corrected: {why}" if mistakes else why,
         row=row,
         told=told,
         springs=paper,

@@ -1,6 +1,7 @@
 """The catalogue: every cause of the list is there, written once, and means what it says."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -449,3 +450,12 @@ def test_a_hanging_chain_pulls_as_statics_says(bench, form, at):
     _, acts = heavy.wrench(replace(loaded, force=read[:, None] * u), np.array([weight]))
 
     np.testing.assert_allclose(acts, strong[:, 0], atol=weight**2 / 3000)
+
+
+def test_the_guide_shows_a_real_effect():
+    """The example of docs/add-an-effect.md is the file of an effect, letter for letter."""
+    root = Path(__file__).parents[1]
+    shown = (root / "docs" / "add-an-effect.md").read_text("utf-8").split("```python\n")[1]
+    file = root / "pipeline" / "machine" / "effects" / "rail_roll.py"
+
+    assert shown.split("```")[0] == file.read_text("utf-8")

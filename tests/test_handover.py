@@ -229,6 +229,19 @@ def test_a_prediction_is_that_of_draws_over_the_hypotheses(demo):
     np.testing.assert_array_equal(read.predict(q, force).displacement, said.displacement)
 
 
+def test_a_joint_that_the_answer_does_not_state_has_no_stiffness(demo):
+    """Known to a finite uncertainty and yet not determined: neither file gives it a stiffness."""
+    model = Model.load(demo / "reports" / "kr500_demo" / "model.toml")
+    unstated = replace(model, stated=np.arange(7) != 5)
+    content = tomllib.loads(handover.dumps(unstated))
+    urdf = ElementTree.fromstring(handover.urdf(unstated).partition("\n")[2])
+
+    assert ["stiffness" in entry for entry in content["parameter"]] == [j != 5 for j in range(7)]
+    assert len(list(urdf.iter("elasticity"))) == 6
+    read = handover.parse(handover.dumps(unstated))
+    assert [read.states(j) for j in range(7)] == [j != 5 for j in range(7)]
+
+
 def test_a_model_of_an_older_format_is_refused_with_the_way_out(demo):
     """What an older version wrote had one hypothesis and no word of the rest."""
     text = (demo / "reports" / "kr500_demo" / "model.toml").read_text("utf-8")

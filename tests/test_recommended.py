@@ -39,13 +39,20 @@ def test_the_values_are_those_of_the_model_that_holds(
     assert (row.model, row.data, row.reason) == (model, data, reason)
 
 
+def test_what_changes_no_model_only_weighs_the_springs_anew():
+    """Where the robot stands was put right, nothing stands beside the springs."""
+    row = decide(Facts(False, "explained", modelled=True, rivals=False, beside=False))
+
+    assert (row.model, row.data, row.reason) == (EXTENDED, GIVEN, Reason.WEIGHED_ANEW)
+
+
 def test_every_campaign_has_a_row_and_every_row_a_campaign():
     """Whatever the facts, one row decides; and no row stands in the table for nothing."""
     verdicts = ("adequate", "explained", "ambiguous", "unexplained")
     decided = {
-        decide(Facts(mistakes, verdict, modelled, modelled and rivals)).reason
-        for mistakes, verdict, modelled, rivals in product(
-            (False, True), verdicts, (False, True), (False, True)
+        decide(Facts(mistakes, verdict, modelled, modelled and rivals, beside)).reason
+        for mistakes, verdict, modelled, rivals, beside in product(
+            (False, True), verdicts, (False, True), (False, True), (False, True)
         )
     }
 

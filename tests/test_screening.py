@@ -290,5 +290,5 @@ def test_the_answer_has_both_results(tmp_path):
     given = [entry["compliance"] for entry in answer["joint_springs"]["stiffness"]]
     right = [entry["compliance"] for entry in answer["stiffness"]]
     assert given == pytest.approx([-x for x in right], rel=1e-2)
-    assert "those of the corrected data" in " ".join(answer["verdict_sentence"])
+    assert "from the corrected data" in " ".join(answer["verdict_sentence"])
     assert [x > 0 for x in right] == [True] * 7

@@ -32,6 +32,7 @@ def answer(found: Findings) -> dict[str, Any]:
         isinstance(cause.effect, Observation) and cause.effect.instrument
         for cause in found.diagnosis.causes
     )
+    registration = given.reduced.registration
     row, values = found.row, values_entry(found.told, where)
     stiffness = values["stiffness"]
     said = {
@@ -55,8 +56,8 @@ def answer(found: Findings) -> dict[str, Any]:
         "budget": budget_entries(stiffness),
         "noise": noise_entry(found.right.noise, found.right.estimate),
         "rejected": rejected_entries(given.case.rejected),
-        "findings": registration_findings(given.reduced.registration, drifts),
-        "registration": registration_entry(given.reduced.registration),
+        "findings": registration_findings(registration, drifts),
+        "registration": registration_entry(registration),
         "model": {"equilibrium": found.told.values.first.cell.equilibrium},
         "assumptions": assumptions(raw, where),
         "inputs": [

@@ -39,7 +39,7 @@ def bad_data_sentence(mistakes: tuple[Finding, ...]) -> str:
     """What is wrong with the data, and what was done about it."""
     first, *more = mistakes
     others = f", and {len(more)} more mistakes were found" if more else ""
-    return f"The data hold a mistake: {first.evidence}{others}. The files stay as they are."
+    return f"The data hold a mistake: {first.evidence}{others}. Your files are unchanged."
 
 
 def data_causes(found: Findings) -> list[dict[str, Any]]:

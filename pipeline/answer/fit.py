@@ -79,5 +79,5 @@ def noise_statement(estimate: Estimate) -> str:
     )
     return (
         f"No noise is stated, so every uncertainty rests on the residuals' own scatter of "
-        f"{std:.3f} mm, there is no independent test of the model{more}."
+        f"{std:.3f} mm; there is no independent test of the model{more}."
     )

@@ -45,6 +45,7 @@ class Reason(StrEnum):
     CAUSE_DOUBTFUL = "cause_doubtful"
     RIVALS = "rivals"
     SPRINGS_UNTOUCHED = "springs_untouched"
+    WEIGHED_ANEW = "weighed_anew"
     UNEXPLAINED = "unexplained"
     MISTAKE = "mistake"
     MISTAKE_SPRINGS_UNTOUCHED = "mistake_springs_untouched"
@@ -62,12 +63,15 @@ class Facts:
         verdict: Of the diagnosis of the data without it.
         modelled: Something that the diagnosis identified changes the springs.
         rivals: Another hypothesis than the identified one counts, too.
+        beside: A cause stands beside the springs in the model; without one, where the robot stands
+            or how much the scale scatters was put right.
     """
 
     mistakes: bool
     verdict: str
     modelled: bool
     rivals: bool
+    beside: bool = True
 
     @property
     def causes(self) -> bool:
@@ -77,8 +81,9 @@ class Facts:
     @classmethod
     def of(cls, mistakes: Sized, verdict: str, diagnosis: Diagnosis) -> Facts:
         """Those of a campaign."""
-        count = len(diagnosis.hypotheses)
-        return cls(len(mistakes) > 0, verdict, modelled=count > 0, rivals=count > 1)
+        found = diagnosis.hypotheses
+        beside = bool(found and found[0].effects)
+        return cls(len(mistakes) > 0, verdict, len(found) > 0, len(found) > 1, beside)
 
 
 @dataclass(frozen=True)
@@ -111,32 +116,31 @@ TABLE: tuple[Row, ...] = (
         lambda f: f.mistakes and f.causes and f.rivals,
         Which.AVERAGED,
         Data.CORRECTED,
-        "The values are those of the corrected data. Joint springs alone do not explain what "
-        "remains, and more than one model may: the values are averaged over these by "
-        "probability.",
+        "All values are from the corrected data, averaged by probability over the models that "
+        "may hold.",
     ),
     Row(
         Reason.MISTAKE_AND_CAUSE,
         lambda f: f.mistakes and f.causes,
         Which.EXTENDED,
         Data.CORRECTED,
-        "The values are those of the corrected data and of the model with what was identified; "
-        "joint springs alone do not explain what remains.",
+        "All values are from the corrected data and include what was identified beside the "
+        "joint springs.",
     ),
     Row(
         Reason.MISTAKE_AND_UNEXPLAINED,
         lambda f: f.mistakes and f.verdict == "unexplained",
         Which.JOINT_SPRINGS,
         Data.CORRECTED,
-        "The values are those of the corrected data. Joint springs do not explain what remains, "
-        "and nothing known does: do not rely on the stated uncertainties.",
+        "All values are from the corrected data, which the joint springs do not explain, and "
+        "nothing known does: do not rely on the stated uncertainties.",
     ),
     Row(
         Reason.MISTAKE_SPRINGS_UNTOUCHED,
         lambda f: f.mistakes and f.verdict != "adequate",
         Which.JOINT_SPRINGS,
         Data.CORRECTED,
-        "The values are those of the corrected data. What else was identified does not change the "
+        "All values are from the corrected data; what else was identified does not change the "
         "joint springs.",
     ),
     Row(
@@ -144,24 +148,32 @@ TABLE: tuple[Row, ...] = (
         lambda f: f.mistakes,
         Which.JOINT_SPRINGS,
         Data.CORRECTED,
-        "The values are those of the corrected data. Joint springs explain what remains.",
+        "All values are from the corrected data.",
+    ),
+    Row(
+        Reason.WEIGHED_ANEW,
+        lambda f: f.causes and not f.beside,
+        Which.EXTENDED,
+        Data.AS_GIVEN,
+        "The model is that of the joint springs; the values include what was identified of where "
+        "the robot stands or how much the scale scatters.",
     ),
     Row(
         Reason.CAUSE_AND_RIVALS,
         lambda f: f.causes and f.rivals and f.verdict == "explained",
         Which.AVERAGED,
         Data.AS_GIVEN,
-        "Joint springs alone do not explain the readings: the values are those of the model "
-        "with what was identified, averaged by probability over the laws it may have and over "
-        "what else may be true.",
+        "Joint springs alone do not explain the readings; the values below include the "
+        "identified cause, averaged by probability over the laws it may have and over what else "
+        "may be true.",
     ),
     Row(
         Reason.CAUSE_IDENTIFIED,
         lambda f: f.causes and f.verdict == "explained",
         Which.EXTENDED,
         Data.AS_GIVEN,
-        "Joint springs alone do not explain the readings: the values are those of the model "
-        "with what was identified.",
+        "Joint springs alone do not explain the readings; the values below include the "
+        "identified cause.",
     ),
     Row(
         Reason.RIVALS,
@@ -169,16 +181,16 @@ TABLE: tuple[Row, ...] = (
         Which.AVERAGED,
         Data.AS_GIVEN,
         "Joint springs alone do not explain the readings, and more than one cause may be true: "
-        "the values are averaged over them by probability, and each interval holds for every "
-        "one above 5 %.",
+        "the values are averaged over them by probability, and each interval covers every cause "
+        "with a probability above 5 %.",
     ),
     Row(
         Reason.CAUSE_DOUBTFUL,
         lambda f: f.causes,
         Which.EXTENDED,
         Data.AS_GIVEN,
-        "Joint springs alone do not explain the readings: the values are those of the model "
-        "with the likeliest cause.",
+        "Joint springs alone do not explain the readings; the values below include the "
+        "likeliest cause.",
     ),
     Row(
         Reason.SPRINGS_UNTOUCHED,
@@ -254,6 +266,7 @@ class Values:
             verdict,
             {"model": str(row.model), "data": str(row.data), "reason": str(row.reason)},
             tuple(handover.part(h.weight, h.cell, h.estimate) for h in self.hypotheses),
+            self.found.identifiable[: self.fitted.case.robot.n],
         )
 
 

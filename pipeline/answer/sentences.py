@@ -76,8 +76,9 @@ def _moved(mine: Sequence[Json], springs: Sequence[Json]) -> Iterable[str]:
     for a, b in zip(mine, springs, strict=True):
         if a["value"] and b["value"] and b["compliance_std"]:
             most = max(a["compliance_std"], b["compliance_std"])
-            off.append((abs(a["compliance"] - b["compliance"]) / most, a, b))
-    far = sorted((one for one in off if one[0] > FAR), key=lambda one: -one[0])[:TOLD]
+            if abs(a["compliance"] - b["compliance"]) > FAR * most:
+                off.append((abs(math.log(a["value"] / b["value"])), a, b))
+    far = sorted(off, key=lambda one: -one[0])[:TOLD]
     if far:
         yield _listed([_move(a, b) for _, a, b in far])
 
@@ -101,11 +102,18 @@ def _deflection(mine: Sequence[Json], springs: Sequence[Json], found: Findings) 
         return
     k = int(np.argmax(sizes[0]))
     where = "the test pose" if found.where.stated else "the pose of the strongest pull"
-    instead = "from the data as given" if found.mistakes else "with joint springs alone"
+    now, before = (plain(size[k]) for size in sizes)
+    other = "the same" if now == before else f"{before} mm"
     yield (
-        f"At {where}, {mine[k]['target']} is predicted to deflect by {plain(sizes[0][k])} mm "
-        f"({plain(sizes[1][k])} mm {instead})."
+        f"At {where}, {mine[k]['target']} is predicted to deflect by {now} mm "
+        f"({other} {_instead(found)})."
     )
+
+
+def _instead(found: Findings) -> str:
+    """How the values beside the answer's were made."""
+    alone = [] if found.row.model == Which.JOINT_SPRINGS else ["with joint springs alone"]
+    return ", ".join([*alone, *(["from the data as given"] if found.mistakes else [])])
 
 
 def _rest(found: Findings, stiffness: Sequence[Json]) -> str:
@@ -113,18 +121,19 @@ def _rest(found: Findings, stiffness: Sequence[Json]) -> str:
     good = [entry for entry in stiffness if entry["value"] is not None]
     half = [entry["name"] for entry in good if entry["ci95"][1] is None]
     some = "All" if len(good) == len(stiffness) else f"{len(good)} of {len(stiffness)}"
-    limits = f", {', '.join(half)} only a lower limit" if half else ""
+    lost = [entry["name"] for entry in stiffness if entry["value"] is None]
+    limits = f" (not {_listed(lost)})" if lost else ""
+    limits += f", {', '.join(half)} without an upper limit" if half else ""
     if not good:
         return "These pulls determine no stiffness."
     error, without = (left_out_mm(one.values.left_out_m) for one in (found.told, found.springs))
     if error is None:
         told = "no pose can be predicted from the others"
     elif without is None or found.told.values is found.springs.values:
-        told = f"poses left out of the estimate are predicted to {error:.3f} mm"
+        told = f"poses left out of the estimate are predicted to {plain(error)} mm"
     else:
-        instead = "from the data as given" if found.mistakes else "with joint springs alone"
         told = (
-            f"poses left out of the estimate are predicted to {error:.3f} mm "
-            f"({without:.3f} mm {instead})"
+            f"poses left out of the estimate are predicted to {plain(error)} mm "
+            f"({plain(without)} mm {_instead(found)})"
         )
-    return f"{some} stiffnesses have a value{limits}, and {told}."
+    return f"{some} stiffnesses are estimated{limits}, and {told}."

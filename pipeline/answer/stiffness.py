@@ -87,13 +87,13 @@ def _depends(
             )
         elif not found.identifiable[on[0].spring]:
             said.append(
-                f"{name} is not identifiable: how large it is depends on whether {cause} is true "
-                f"or {others}, which the data do not exclude."
+                f"{name} is not identifiable: how large it is depends on whether the cause is "
+                f"{cause} or {others}, which the data do not exclude."
             )
         else:
             said.append(
-                f"{name} depends on whether {cause} is true or {others}, which the data do not "
-                "exclude; its interval holds for each."
+                f"{name} depends on whether the cause is {cause} or {others}, which the data do "
+                "not exclude; its interval holds for each."
             )
     return {"finding": " ".join(said)}
 
@@ -153,6 +153,11 @@ def _finding(
         return (
             f"{name} is not identifiable: its compliance is {with_std(x, std)} "
             f"{joint.compliance_unit}; add {work}, or pull harder."
+        )
+    if low <= 0 < x - 2 * std:
+        return (
+            f"{name} has no upper limit: its compliance is {with_std(x, std)} "
+            f"{joint.compliance_unit}, but beside one of the possible causes it may be zero."
         )
     if low <= 0:
         return (

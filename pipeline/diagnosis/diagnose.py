@@ -92,13 +92,16 @@ def diagnose(
     single = [(r.suspect, r.probability) for r in found.single[:SHOWN]]
     singly = alone(found.first, single, rng) if worth else ()
     final = found.view if helps else found.first
+    spots = blind_spots(whole, final, final.base, found.threshold.p, known, elsewhere)
+    told = {cause.effect.label for cause in causes}
+    told |= {rival.effect.label for cause in causes for rival in cause.rivals}
     before = worth.before if worth else _left_by_springs(found.first)
     return Diagnosis(
         verdict=verdict,
         why=why,
         causes=stands + drifts + causes,
         alone=tuple(one for one in singly if one.reduction > 0),
-        blind_spots=blind_spots(whole, final, final.base, found.threshold.p, known, elsewhere),
+        blind_spots=tuple(spot for spot in spots if spot.effect.label not in told),
         next_poses=next_poses(case, found, considered, worth, known, rng),
         refused=found.refused,
         clues=clues(found),
@@ -162,7 +165,11 @@ def case_of(
     seen = plain.sight(start)
     spread = scatter(plain.look(seen), seen.errors, data.noise_stated)
     case = replace(
-        plain, noise=spread.tracker, force_noise=spread.force, nameless=nameless(cell.robot)
+        plain,
+        noise=spread.tracker,
+        certain_noise=spread.tracker if spread.tracker_p < SURE or not data.noise_stated else 1.0,
+        force_noise=spread.force,
+        nameless=nameless(cell.robot),
     )
     return replace(case, cell=replace(case.cell, equilibrium=_bent(case, seen))), spread
 
@@ -187,11 +194,14 @@ def _left_by_springs(view: View) -> Array:
 
 
 def _scales(case: Case, system: System) -> Array:
-    """Scatter found over stated, for each column of G: that of the tracker and of the scale."""
+    """Scatter found over stated, for each column of G: that of the tracker and of the scale.
+
+    What is stated holds unless it is certainly larger.
+    """
     source = system.errors.source
     scale = case.force_noise * case.noise if case.force_noise != 1 else 1.0
     tracked = np.isin(source.astype(str), TRACKED)
-    return np.where(tracked, case.noise, np.where(source == "force_reading", scale, 1.0))
+    return np.where(tracked, case.certain_noise, np.where(source == "force_reading", scale, 1.0))
 
 
 def _causes(

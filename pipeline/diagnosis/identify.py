@@ -50,6 +50,8 @@ class Case:
         data: The measurements.
         suspects: All causes that move something, in all their forms.
         noise: Scatter of the tracker over its stated standard uncertainty.
+        certain_noise: The same where it is certainly larger or nothing is stated, else 1: what the
+            uncertainties of the answer rest on.
         force_noise: Scatter of the scale over its stated one, relative to the tracker's.
         nameless: What competes with the suspects and is never named.
         refuted: Multiples of the typical size from which the unloaded reflectors would show a
@@ -60,6 +62,7 @@ class Case:
     data: Measured
     suspects: tuple[Effect, ...]
     noise: float
+    certain_noise: float = 1.0
     force_noise: float = 1.0
     nameless: tuple[Effect, ...] = ()
     refuted: Mapping[str, float] = field(default_factory=dict)

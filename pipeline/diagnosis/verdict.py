@@ -103,14 +103,10 @@ def _of_displacements(
         )
     doubtful = [c for c in causes if c.twins or c.probability < CERTAIN]
     if doubtful:
-        told = "; ".join(
-            f"{c.effect.label} from "
-            + " or ".join(
-                [r.effect.label for r in c.rivals[:3]] or [*c.twins, "what is like it"][:1]
-            )
-            for c in doubtful
-        )
-        return "ambiguous", f"The data cannot tell {told}."
+        sure = [c.effect.label for c in causes[: len(found.accepted)] if c not in doubtful]
+        certain = f"{_and(sure)} {'is' if len(sure) == 1 else 'are'} certain. " if sure else ""
+        told = "; ".join(_or(c) for c in doubtful)
+        return "ambiguous", f"{certain}The data do not decide between {told}."
     if unnamed > 1 - CERTAIN:
         return (
             "ambiguous",
@@ -124,6 +120,17 @@ def _of_displacements(
         else f"With {names} in the model {found.rough:.1f} times the scatter of the readings is "
         "left: as much as the laws of the causes may be others.",
     )
+
+
+def _and(names: Sequence[str]) -> str:
+    return " and ".join(names)
+
+
+def _or(cause: Cause) -> str:
+    """A cause and what it could be instead, with their probabilities."""
+    mine = f"{cause.effect.label} ({100 * cause.probability:.0f} %)"
+    others = [f"{r.effect.label} ({100 * r.probability:.0f} %)" for r in cause.rivals[:3]]
+    return " and ".join([mine, *(others or [*cause.twins, "what is like it"][:1])])
 
 
 def _useless(found: Found, worth: Gain) -> str:
@@ -187,7 +194,7 @@ def _with_standing(
     names = " and ".join(cause.effect.label for cause in stands)
     said = (
         f"The unloaded reflectors stand {1e3 * stood.miss_m:.2g} mm off where the robot's table "
-        f"puts them, and {1e3 * stood.left_m:.2g} mm with {names}."
+        f"puts them (base and tool fitted), and {1e3 * stood.left_m:.2g} mm with {names}."
     )
     sure = all(cause.probability >= CERTAIN for cause in stands)
     if verdict == "adequate":

@@ -200,7 +200,8 @@ def _finding(
         name="outlier",
         where=where,
         evidence=f"the reading {where} (line {row['line']}) says {given:.6g} N, and "
-        f"{fits:.6g} +- {normal**-0.5:.2g} N fit all other pulls, {sigmas:.1f} standard deviations",
+        f"all other pulls agree with {fits:.6g} +- {normal**-0.5:.2g} N, {sigmas:.0f} standard "
+        "deviations away",
         correction="computed again without this pull",
         before=sigmas,
         after=0.0,

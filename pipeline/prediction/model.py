@@ -21,7 +21,7 @@ from pipeline.machine.cell import Cell, Prediction, Tool, jacobian, paper_cell
 from pipeline.machine.cell import predict as forward
 from pipeline.machine.effects import Effect, Noise, Observation, Pulls, Wrench, catalogue
 from pipeline.machine.effects.nameless import nameless
-from pipeline.machine.robot import Robot
+from pipeline.machine.robot import Joint, Robot
 from pipeline.machine.robot.mdh import parse as parse_robot
 
 
@@ -96,12 +96,14 @@ class Model(Locked):
         verdict: What the diagnosis said of it, as in result.json.
         recommended: Why these values: model, data and reason, as in result.json.
         hypotheses: What may be true, weights sum to one; one only where nothing is open.
+        stated: Joints whose stiffness result.json states, shape (n,); all where not given.
     """
 
     campaign: str
     verdict: str
     recommended: Mapping[str, str]
     hypotheses: tuple[Hypothesis, ...]
+    stated: Bools | None = None
 
     @staticmethod
     def load(path: Path | str) -> Model:
@@ -127,6 +129,11 @@ class Model(Locked):
     def tool(self) -> Tool:
         """The effector of the campaign."""
         return self.hypotheses[0].cell.tool
+
+    def states(self, joint: int) -> bool:
+        """Whether the stiffness of a joint is stated: it is determined, and positive."""
+        known = self.stated is None or bool(self.stated[joint])
+        return known and bool(np.isfinite(self.std[joint])) and float(self.value[joint]) > 0
 
     @cached_property
     def springs(self) -> tuple[Array, Array]:
@@ -282,9 +289,9 @@ def dumps(handed: Model) -> str:
         "recommended": dict(handed.recommended),
         "parameter": [
             {"name": p.name, "unit": p.unit, "value": float(x), "std": float(s)}
-            | _stiffness(p.name, float(x), float(s), robot)
-            for p, x, s in zip(
-                paper_cell(robot, tool).parameters, handed.value, handed.std, strict=True
+            | (_stiffness(robot.joints[j], float(x), float(s)) if handed.states(j) else {})
+            for j, (p, x, s) in enumerate(
+                zip(paper_cell(robot, tool).parameters, handed.value, handed.std, strict=True)
             )
         ],
         "hypothesis": [_hypothesis(one) for one in handed.hypotheses],
@@ -322,12 +329,10 @@ HEAD = """\
 """
 
 
-def _stiffness(name: str, x: float, std: float, robot: Robot) -> dict[str, Any]:
-    """The stiffness behind a joint's compliance, where it has one."""
-    units = {f"c_{joint.name}": joint.stiffness_unit for joint in robot.joints}
-    if name not in units or not np.isfinite(std) or x <= 0:
-        return {}
-    return {"stiffness": 1 / x, "stiffness_std": std / x**2, "stiffness_unit": units[name]}
+def _stiffness(joint: Joint, x: float, std: float) -> dict[str, Any]:
+    """The stiffness behind a joint's compliance."""
+    unit = joint.stiffness_unit
+    return {"stiffness": 1 / x, "stiffness_std": std / x**2, "stiffness_unit": unit}
 
 
 class _Parameter(BaseModel):
@@ -335,6 +340,7 @@ class _Parameter(BaseModel):
 
     name: str
     value: float
+    stiffness: float | None = None
 
 
 class _Hypothesis(BaseModel):
@@ -354,6 +360,7 @@ class _File(BaseModel):
     campaign: str
     verdict: str
     recommended: dict[str, str]
+    parameter: list[_Parameter]
     hypothesis: Annotated[list[_Hypothesis], Field(min_length=1)]
     tool: dict[str, tuple[float, float, float]]
     robot: dict[str, Any]
@@ -379,6 +386,7 @@ def parse(text: str, file: str = "model.toml") -> Model:
         content.verdict,
         content.recommended,
         tuple(_read(one, paper_cell(robot, tool), file) for one in content.hypothesis),
+        np.array([entry.stiffness is not None for entry in content.parameter]),
     )
 
 
@@ -421,13 +429,12 @@ def urdf(handed: Model) -> str:
     root.append(ET.Comment(f" campaign {campaign}; covariance{more} in model.toml "))
     ET.SubElement(root, "link", name="F_b")
     parent = "F_b"
-    known = np.isfinite(handed.std)
     for j, joint in enumerate(robot.joints):
         element = _joint(root, joint.name, parent, f"link_{joint.name}", robot.placement[j])
         element.set("type", "prismatic" if joint.prismatic else "revolute")
         ET.SubElement(element, "axis", xyz="0 0 1")
         _limits(element, joint.lower, joint.upper)
-        _elasticity(element, handed, j, known)
+        _elasticity(element, handed, j)
         parent = f"link_{joint.name}"
     _joint(root, "flange", parent, "F_flange", robot.flange)
     points = {"load_point": handed.tool.load_point}
@@ -461,9 +468,9 @@ def _limits(element: ET.Element, lower: float, upper: float) -> None:
 FAR = 1e6
 
 
-def _elasticity(element: ET.Element, handed: Model, j: int, known: Bools) -> None:
+def _elasticity(element: ET.Element, handed: Model, j: int) -> None:
     joint, x = handed.robot.joints[j], float(handed.value[j])
-    if not known[j] or x <= 0:
+    if not handed.states(j):
         return
     std = float(handed.std[j])
     ET.SubElement(

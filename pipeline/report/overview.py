@@ -27,6 +27,7 @@ from pipeline.base.quantities import (
     prefixed,
     with_std,
 )
+from pipeline.diagnosis.average import LIKELY
 from pipeline.report import words
 from pipeline.report.record import (
     Block,
@@ -101,7 +102,8 @@ def _overview_sentences(
 def _campaigns(results: Sequence[Result]) -> Table:
     rows = []
     for result in results:
-        verdict = (result.get("diagnosis") or {}).get("verdict")
+        said = result.get("diagnosis") or {}
+        verdict = said.get("verdict")
         left_out = (result.get("validation") or {}).get("held_out_rms_mm")
         name = str(result.get("campaign"))
         rows.append(
@@ -110,12 +112,7 @@ def _campaigns(results: Sequence[Result]) -> Table:
                 text_entry(result.get("robot")),
                 text_entry(_day(result)),
                 text_entry(words.VERDICTS.get(str(verdict), (str(verdict or MISSING), ""))[0]),
-                text_entry(
-                    ", ".join(
-                        words.cause(str(c.get("name")), c.get("where"))
-                        for c in (result.get("diagnosis") or {}).get("causes") or []
-                    )
-                ),
+                text_entry(", ".join(map(_who, said.get("causes") or []))),
                 text_entry(words.values_of(result)),
                 entry(plain(left_out), left_out),
             )
@@ -125,11 +122,17 @@ def _campaigns(results: Sequence[Result]) -> Table:
         Column("Robot"),
         Column("Measured"),
         Column("Verdict"),
-        Column("Named causes"),
-        Column("Stiffnesses of the model"),
+        Column("Identified causes"),
+        Column("Model"),
         Column("Error at poses left out [mm]", numeric=True),
     )
     return Table("campaigns", "Every campaign with a result", columns, tuple(rows))
+
+
+def _who(cause: Mapping[str, Any]) -> str:
+    """A cause, with those that it could as well be."""
+    rivals = [r for r in cause.get("rivals") or [] if r.get("probability", 0.0) > LIKELY]
+    return " or ".join(words.cause(str(c.get("name")), c.get("where")) for c in (cause, *rivals))
 
 
 def _day(result: Result) -> str | None:

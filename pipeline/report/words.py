@@ -48,7 +48,7 @@ SOURCES = {
 
 VERDICTS = {
     "adequate": ("The model fits", "good"),
-    "explained": ("A cause is named", "attention"),
+    "explained": ("A cause is identified", "attention"),
     "ambiguous": ("Causes cannot be told apart yet", "attention"),
     "unexplained": ("Something unknown is missing", "bad"),
     "bad_data": ("The data need attention", "bad"),

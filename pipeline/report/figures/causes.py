@@ -161,6 +161,11 @@ def _write_evidence(result: Result, tables: Tables) -> Figure | None:
     )
 
 
+def _apart(sigmas: float) -> str:
+    """A distance; what is rounding is none."""
+    return plain(sigmas, 2) if sigmas >= 0.01 else "less than 0.01"
+
+
 def _write_separability(result: Result, tables: Tables) -> Figure | None:
     if not has(tables, "separability"):
         return None
@@ -174,7 +179,7 @@ def _write_separability(result: Result, tables: Tables) -> Figure | None:
     said = (
         f"{len(apart)} of {whole} causes would show at their typical size. Of their {len(sigmas)} "
         f"pairs {close} could then not be told apart by these readings; the closest are {first} "
-        f"and {second}, {plain(sigmas[order[0]], 2)} standard deviations from each other."
+        f"and {second}, {_apart(sigmas[order[0]])} standard deviations from each other."
     )
     return Figure(
         "separability",

@@ -145,7 +145,8 @@ def comparable(result: Result) -> list[Mapping[str, Any]]:
 def _circles(result: Result) -> str:
     """What the open circles of the interval plot are."""
     other = words.beside(result)
-    return f" Open circles, where they are near: {other[0]}." if other else ""
+    there = other and any(joint["value"] for joint in other[1]["stiffness"])
+    return f" Open circles, where they are near: {other[0]}." if other and there else ""
 
 
 def _write_stiffness(result: Result, tables: Tables) -> Figure | None:

@@ -52,6 +52,8 @@ def _deflections(name: str, title: str, points: list[Any]) -> Table | None:
         Column("Distance [mm]", numeric=True),
     )
     note = "Base frame; ± is one standard uncertainty from the full covariance of the estimate."
+    if any(s is None for point in points for s in point.get("std_mm") or []):
+        note += " A value without ± depends on a stiffness that these pulls do not determine."
     return Table(name, title, columns, tuple(rows), note)
 
 
