@@ -52,7 +52,7 @@ from pipeline.reduction.case import Case, Keep, Reduced, Step, bring, conformed,
 from pipeline.reduction.case import tool as tool
 from pipeline.reduction.ingest import ingest
 from pipeline.reduction.measured import Measured
-from pipeline.reduction.test_pose import Where, place_of_interest
+from pipeline.reduction.pose_of_interest import Where, place_of_interest
 from pipeline.report.render import render
 from pipeline.store.campaign import Campaign, Raw, dump
 from pipeline.system.fit import Fitted, fit

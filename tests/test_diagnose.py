@@ -19,9 +19,9 @@ from pipeline.reduction.displacements import displacements
 from pipeline.reduction.forces import forces
 from pipeline.reduction.ingest import ingest
 from pipeline.reduction.measured import measured
+from pipeline.reduction.pose_of_interest import place_of_interest
 from pipeline.reduction.register import place, register
 from pipeline.reduction.settings import parse
-from pipeline.reduction.test_pose import place_of_interest
 from pipeline.run import answered
 from pipeline.simulate import simulate
 from pipeline.simulate.plan import Plan

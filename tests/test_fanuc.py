@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.diagnosis.diagnose import case_of, diagnose
 from pipeline.machine.cell import paper_cell, sensitivity
-from pipeline.reduction.test_pose import place_of_interest
+from pipeline.reduction.pose_of_interest import place_of_interest
 from pipeline.run import reduce, tool
 from pipeline.store.campaign import find
 from pipeline.system.detect import threshold

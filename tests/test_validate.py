@@ -12,8 +12,8 @@ from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.effects import Pulls
 from pipeline.machine.robot import configure, load
 from pipeline.prediction.validate import deflections, validate
+from pipeline.reduction.pose_of_interest import Where, place_of_interest
 from pipeline.reduction.settings import TestPose
-from pipeline.reduction.test_pose import Where, place_of_interest
 from pipeline.system.system import Estimate
 
 ROBOT = load("kr500_rail")

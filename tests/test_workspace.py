@@ -12,7 +12,7 @@ from pipeline.machine.robot import SHIPPED, load
 from pipeline.machine.robot.model import model
 from pipeline.prediction.model import Hypothesis
 from pipeline.prediction.workspace import arm_joints, workspace
-from pipeline.reduction.test_pose import Where
+from pipeline.reduction.pose_of_interest import Where
 from pipeline.system.system import Estimate
 
 LOAD = np.array([0.15, 0.02, 0.25])

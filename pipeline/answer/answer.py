@@ -21,7 +21,7 @@ from pipeline.answer.sentences import sentences
 from pipeline.answer.stiffness import budget_entries, stiffness_entries
 from pipeline.base import files
 from pipeline.machine.effects import Observation, catalogue
-from pipeline.reduction.test_pose import Where
+from pipeline.reduction.pose_of_interest import Where
 from pipeline.store.campaign import versions
 
 

@@ -10,7 +10,7 @@ from pipeline.answer.recommended import Row, Values
 from pipeline.diagnosis.facts import Diagnosis
 from pipeline.faults.finding import Finding
 from pipeline.prediction import model as handover
-from pipeline.reduction.test_pose import Where
+from pipeline.reduction.pose_of_interest import Where
 from pipeline.store.campaign import Raw
 from pipeline.system.fit import Fitted
 from pipeline.system.system import Estimate

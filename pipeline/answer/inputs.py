@@ -11,9 +11,9 @@ import pandas as pd
 from scipy import special
 
 from pipeline.answer.fit import SURE
+from pipeline.reduction.pose_of_interest import Where
 from pipeline.reduction.register import Registration
 from pipeline.reduction.settings import Settings
-from pipeline.reduction.test_pose import Where
 from pipeline.store.campaign import Raw
 
 

@@ -9,7 +9,7 @@ import pandas as pd
 from pipeline.answer.numbers import finite, left_out_mm
 from pipeline.base.arrays import Array
 from pipeline.prediction.model import Model
-from pipeline.reduction.test_pose import Where
+from pipeline.reduction.pose_of_interest import Where
 
 
 def validation_entry(checked: pd.DataFrame, left_out_m: Array, where: Where) -> dict[str, Any]:

@@ -29,7 +29,7 @@ from pipeline.machine.cell import Cell, predict
 from pipeline.machine.effects import Effect, Noise, Pulls, catalogue
 from pipeline.machine.effects.nameless import nameless
 from pipeline.reduction.measured import Measured
-from pipeline.reduction.test_pose import Where
+from pipeline.reduction.pose_of_interest import Where
 from pipeline.system.assemble import TRACKED, assemble
 from pipeline.system.elimination import coefficients, eliminate
 from pipeline.system.estimate import identifiable, solve

@@ -11,7 +11,7 @@ from pipeline.base.arrays import Array, Bools
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.machine.cell import Cell, columns, load
 from pipeline.machine.effects import Elastic, Pulls
-from pipeline.reduction.test_pose import Where
+from pipeline.reduction.pose_of_interest import Where
 from pipeline.system.system import Estimate
 
 AROUND_M, AROUND_RAD = 0.25, np.deg2rad(10.0)

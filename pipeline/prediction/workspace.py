@@ -13,7 +13,7 @@ from pipeline.machine.cell import Cell, Tool, jacobian, predict
 from pipeline.machine.effects import Pulls
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.prediction.model import Hypothesis
-from pipeline.reduction.test_pose import Where
+from pipeline.reduction.pose_of_interest import Where
 
 STEPS = 25
 """Values of each of the two joints that move the arm."""
