@@ -9,6 +9,8 @@ import scipy.sparse
 
 from pipeline.answer.stiffness import stiffness_entries
 from pipeline.diagnosis.average import LEAST, LIKELY, Hypothesis, dependences, springs, weighed
+from pipeline.diagnosis.diagnose import _likely
+from pipeline.diagnosis.identify import Rival, Stranger
 from pipeline.machine.effects import baseline, catalogue
 from pipeline.machine.robot import load
 from pipeline.system.estimate import identifiable, solve
@@ -214,3 +216,37 @@ def test_what_is_left_over_the_scatter_widens_every_source():
     for a, b in zip(one["budget"], other["budget"], strict=True):
         assert b["share"] == pytest.approx(a["share"])
         assert b["std"] == pytest.approx(1.5 * a["std"])
+
+
+def test_one_stranger_for_two_causes_is_one_hypothesis():
+    """What may stand for both causes at once counts once; no cause stands in two places."""
+    label = {0: "A", 1: "B", 2: "C"}
+    case = SimpleNamespace(suspects=[SimpleNamespace(label=label[i]) for i in range(3)])
+
+    def rival(i, probability):
+        return Rival(label[i], i, probability, ((i, 1.0),))
+
+    both = Stranger(0.4, 3, (0, 1))
+    found = SimpleNamespace(
+        accepted=(0, 1),
+        rivals=((rival(0, 0.6), rival(2, 0.4)), (rival(1, 0.7), rival(2, 0.3))),
+        strange=(both, both),
+    )
+
+    sets = {one.suspects: one.weight for one in _likely(case, found)}
+
+    assert sets == pytest.approx({(0, 1): 0.252, (3,): 0.4, (2, 1): 0.168, (0, 2): 0.108})
+
+
+def test_the_laws_of_a_cause_share_its_probability():
+    """A cause of two laws: the accepted one and the other, each with its share."""
+    case = SimpleNamespace(suspects=[SimpleNamespace(label="A"), SimpleNamespace(label="A")])
+    found = SimpleNamespace(
+        accepted=(0,), rivals=((Rival("A", 0, 1.0, ((0, 0.8), (1, 0.2))),),), strange=()
+    )
+
+    first, second = _likely(case, found)
+
+    assert (first.suspects, second.suspects) == ((0,), (1,))
+    assert [first.weight, second.weight] == pytest.approx([0.8, 0.2])
+    assert second.instead == ()  # another law, not another cause

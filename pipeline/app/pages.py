@@ -17,6 +17,7 @@ from pipeline.answer.history import chance, changes, previous, together, trusted
 from pipeline.base import files
 from pipeline.base.arrays import Array
 from pipeline.base.errors import UsageError
+from pipeline.report import words
 from pipeline.report.overview import NOT_EXPLAINED, SAME_READINGS, comparison
 from pipeline.report.record import Report
 from pipeline.store.campaign import Campaign, code_version, dump, find, versions
@@ -106,7 +107,8 @@ def compare(root: Path, first: str, second: str) -> tuple[Report, dict[str, Any]
     independent = a.name != b.name and not loose
     covariances = (cov_a, cov_b) if independent else None
     why = NOT_EXPLAINED.format(" and ".join(loose)) if loose else SAME_READINGS
-    report = comparison((first, second), entries_a, entries_b, covariances, why)
+    models = (_model(a, first), _model(b, second))
+    report = comparison((first, second), entries_a, entries_b, covariances, why, models)
     found = changes(entries_a, entries_b, independent)
     same = [j["name"] for j in entries_a] == [j["name"] for j in entries_b]
     chi2, dof = together(entries_a, entries_b, cov_a, cov_b) if independent and same else (None, 0)
@@ -119,6 +121,11 @@ def compare(root: Path, first: str, second: str) -> tuple[Report, dict[str, Any]
         "p_value": None if chi2 is None else chance(chi2, dof),
     }
     return report, content
+
+
+def _model(campaign: Campaign, name: str) -> str:
+    """Which model's values were asked for, in words; nothing where the name says it."""
+    return words.values_of(campaign.result()) if name == campaign.name else ""
 
 
 def _side(root: Path, name: str) -> tuple[Campaign, list[dict[str, Any]], Array]:

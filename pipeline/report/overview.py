@@ -171,7 +171,7 @@ def _trend_table(number: int, found: Sequence[Trend]) -> Table:
         Column("First to last [%]", numeric=True),
         Column("Per year [%]", numeric=True),
         Column("Chance of such scatter", numeric=True),
-        Column("So"),
+        Column("Result"),
     )
     note = (
         "Tested on the compliances, whose errors are normal, at 1 % for all joints together; an "
@@ -215,6 +215,7 @@ def comparison(
     after: Sequence[Any],
     covariances: tuple[Array, Array] | None,
     not_tested: str = SAME_READINGS,
+    models: tuple[str, str] = ("", ""),
 ) -> Report:
     """Two campaigns, or two models of one, joint by joint.
 
@@ -225,12 +226,15 @@ def comparison(
         covariances: Of their compliances, when they are independent; without them, as for two
             models of one campaign, nothing is tested.
         not_tested: Why nothing is tested, where nothing is.
+        models: Which model's the values of each are, in words.
     """
     found = changes(before, after, independent=covariances is not None)
     surely = [c.name for c in found if c.sure]
     test = _test(before, after, covariances)
     verdict = "Not tested" if covariances is None else "They differ" if surely else "They agree"
     title = f"{names[0]} beside {names[1]}"
+    each = zip(names, models, strict=True)
+    titles = [f"{name}: {model}" if model else name for name, model in each]
     return Report(
         kicker="Joint stiffness compared",
         heading=title,
@@ -240,7 +244,9 @@ def comparison(
         sentences=tuple(
             _comparison_sentences(found, surely, test, "" if covariances else not_tested)
         ),
-        sections=(Section("joints", "Joint by joint", (_comparison_table(names, before, found),)),),
+        sections=(
+            Section("joints", "Joint by joint", (_comparison_table(titles, before, found),)),
+        ),
     )
 
 
@@ -274,7 +280,7 @@ def _comparison_sentences(
 
 
 def _comparison_table(
-    names: tuple[str, str], before: Sequence[Any], found: Sequence[Change]
+    names: Sequence[str], before: Sequence[Any], found: Sequence[Change]
 ) -> Table:
     factor, letter = common_prefix(c.before for c in found)
     units = {j.get("name"): str(j.get("unit") or "") for j in before}
@@ -297,7 +303,7 @@ def _comparison_table(
         Column("Unit"),
         Column("Change [%]", numeric=True),
         Column("Difference of compliance [σ]", numeric=True),
-        Column("So"),
+        Column("Result"),
     )
     tested = any(c.sigmas is not None for c in found)
     note = (
