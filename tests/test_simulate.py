@@ -323,7 +323,8 @@ def test_the_scale_is_wrong_not_the_pull_in_the_log():
 def extra_weight():
     """A lump of 40 N hangs at the load point: a wrench that no scale shows."""
     effect = Wrench(
-        name="lump", where=None, parameters=(Parameter("w", "N", 40.0),),
+        name="lump", where=None, noun="lump", place="force",
+        parameters=(Parameter("w", "N", 40.0),),
         signature="", needs="", source="",
         wrench=lambda loaded, w: (loaded.load_point, loaded.force - w * np.array([0, 0, 1.0])),
     )  # fmt: skip
@@ -380,7 +381,8 @@ def test_a_hidden_effect_shows_in_the_data_and_only_there(small_plan):
 def test_the_clock_drives_what_drifts(instrument):
     """1 um/s moves each target by its own time since the first reading; base only if all drifts."""
     drift = Observation(
-        name="drift", where=None, parameters=(Parameter("v", "m/s", 1e-6),),
+        name="drift", where=None, noun="drift", place="metrology",
+        parameters=(Parameter("v", "m/s", 1e-6),),
         signature="", needs="", source="", instrument=instrument,
         observe=lambda loaded, p, time, v: p + (v * time)[:, None, None] * np.array([1.0, 0, 0]),
     )  # fmt: skip
