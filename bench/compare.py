@@ -414,10 +414,10 @@ tree, raw, out = (Path(word).resolve() for word in sys.argv[1:])
 if tree not in Path(pipeline.__file__).resolve().parents:
     sys.exit(f"pipeline comes from {pipeline.__file__}, not from {tree}")
 
-try:
+if (tree / "pipeline" / "store").is_dir():
     from pipeline.store.campaign import in_memory
     from pipeline.base.errors import PipelineError
-except ImportError:  # a commit from before the files had rooms
+else:  # from before the files had rooms; an editable install would lend those of another tree
     from pipeline.campaign import in_memory
     from pipeline.errors import PipelineError
 from pipeline.run import answered
