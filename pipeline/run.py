@@ -57,9 +57,9 @@ from pipeline.report.render import render
 from pipeline.store.campaign import Campaign, Raw, dump
 from pipeline.system.fit import Fitted, fit
 
-SEED = 20261103
+_SEED = 20261103
 
-CORRECTED = (("22_forces", tables.FORCES), ("23_displacements", tables.DISPLACEMENTS))
+_CORRECTED = (("22_forces", tables.FORCES), ("23_displacements", tables.DISPLACEMENTS))
 """Tables that a mistake in the data changes, and that the answer rests on."""
 
 
@@ -109,11 +109,11 @@ def ingested(raw: Raw, keep: Keep, step: Step, plausible: bool = True) -> Case:
         return case
     if not conventions(case):
         raise got.doubt
-    doubted = pd.concat([case.rejected, doubt_row(got.doubt)], ignore_index=True)
+    doubted = pd.concat([case.rejected, _doubt_row(got.doubt)], ignore_index=True)
     return replace(case, rejected=keep("13_rejected", doubted, tables.REJECTED))
 
 
-def doubt_row(doubt: InputError) -> pd.DataFrame:
+def _doubt_row(doubt: InputError) -> pd.DataFrame:
     """A file that no value of can be right as given, as a row of REJECTED."""
     reason = f"{doubt.thing}; {doubt.way_out}"
     line = pd.array([doubt.line], dtype="Int64")
@@ -152,7 +152,7 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
     """To stiffnesses and what is wrong with data or model."""
     case = ingested(raw, keep, step, plausible=False)
     reduced = bring(case, keep, step)
-    enough(reduced.data, raw.robot)
+    _enough(reduced.data, raw.robot)
     screened = step(screen)(case, reduced)
     given = step(fit)(case, reduced)
     right = step(fit)(screened.case, bring(screened.case)) if screened.findings else given
@@ -201,7 +201,7 @@ def _told(model: handover.Model, values: Values, where: Where, step: Step) -> To
     """One model's values with what they predict."""
     checked = None
     if values.found.identifiable.any():
-        checked = step(validate)(values.hypotheses, where, np.random.default_rng(SEED))
+        checked = step(validate)(values.hypotheses, where, np.random.default_rng(_SEED))
     return Told(values, model, checked)
 
 
@@ -211,7 +211,7 @@ def _kept(found: Findings, keep: Keep, step: Step) -> dict[str, pd.DataFrame]:
     system, said = values.first.system, found.diagnosis
     if found.mistakes:  # what the answer rests on stands under the usual names
         given, used = found.given.reduced.shown, found.right.reduced.shown
-        for name, promise in CORRECTED:
+        for name, promise in _CORRECTED:
             part = name[3:]
             keep(f"{name}_as_given", given[part], promise)
             keep(name, used[part], promise)
@@ -242,14 +242,14 @@ def _kept(found: Findings, keep: Keep, step: Step) -> dict[str, pd.DataFrame]:
 
 def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosis:
     """What the model gets wrong; every diagnosis draws alike."""
-    rng = np.random.default_rng(SEED)
+    rng = np.random.default_rng(_SEED)
     cell, data = right.case.cell, right.data
     scale, effects = float(right.noise.scale[0]), catalogue(cell.robot)
     moved = drift(right.reduced.registration, scale, data.unloaded, effects)
     return step(diagnose)(cell, data, right.estimate, where, rng, drift=moved)
 
 
-def enough(data: Measured, robot: Robot) -> None:
+def _enough(data: Measured, robot: Robot) -> None:
     """At least as many coordinates as stiffnesses, or there is nothing to estimate.
 
     Raises:

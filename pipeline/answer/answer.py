@@ -33,7 +33,7 @@ def answer(found: Findings) -> dict[str, Any]:
         for cause in found.diagnosis.causes
     )
     registration = given.reduced.registration
-    row, values = found.row, values_entry(found.told, where)
+    row, values = found.row, _values_entry(found.told, where)
     stiffness = values["stiffness"]
     said = {
         "format": 1,
@@ -47,12 +47,12 @@ def answer(found: Findings) -> dict[str, Any]:
             "data": row.data,
             "reason": row.reason,
             "why": row.why,
-            "hypotheses": hypothesis_entries(found.told.values),
+            "hypotheses": _hypothesis_entries(found.told.values),
         },
         **values,
         "diagnosis": diagnosis_entry(found),
-        "joint_springs": values_entry(found.springs, where),
-        "extended": extended_entry(found),
+        "joint_springs": _values_entry(found.springs, where),
+        "extended": _extended_entry(found),
         "budget": budget_entries(stiffness),
         "noise": noise_entry(found.right.noise, found.right.estimate),
         "rejected": rejected_entries(given.case.rejected),
@@ -72,7 +72,7 @@ def answer(found: Findings) -> dict[str, Any]:
     return said
 
 
-def values_entry(told: Told, where: Where) -> dict[str, Any]:
+def _values_entry(told: Told, where: Where) -> dict[str, Any]:
     """Stiffnesses, fit, validation and deflection at the test pose of one model."""
     values = told.values
     fitted = values.fitted
@@ -87,7 +87,7 @@ def values_entry(told: Told, where: Where) -> dict[str, Any]:
     }
 
 
-def hypothesis_entries(values: Values) -> list[dict[str, Any]]:
+def _hypothesis_entries(values: Values) -> list[dict[str, Any]]:
     """What the values are averaged over, with the weight of each."""
     known = {effect.label for effect in catalogue(values.fitted.case.robot)}
     return [
@@ -107,7 +107,7 @@ def hypothesis_entries(values: Values) -> list[dict[str, Any]]:
     ]
 
 
-def extended_entry(found: Findings) -> dict[str, Any] | None:
+def _extended_entry(found: Findings) -> dict[str, Any] | None:
     """`extended`: the identified causes' own fit; None without causes."""
     own = found.extended
     if own is None:

@@ -12,7 +12,7 @@ from pipeline.answer.history import previous
 from pipeline.base import files
 from pipeline.store.campaign import Campaign, dump
 
-SHOWN = {
+_SHOWN = {
     "rejected": "13_rejected",
     "registration": "20_registration",
     "forces": "22_forces",
@@ -55,5 +55,5 @@ def shown(campaign: Campaign) -> dict[str, pd.DataFrame]:
     """The tables of a report, as the run left them."""
     import pyarrow.parquet as pq
 
-    paths = {name: campaign.processed / f"{file}.parquet" for name, file in SHOWN.items()}
+    paths = {name: campaign.processed / f"{file}.parquet" for name, file in _SHOWN.items()}
     return {name: pq.read_table(p).to_pandas() for name, p in paths.items() if p.is_file()}

@@ -23,8 +23,8 @@ def diagnosis_entry(found: Findings) -> dict[str, Any]:
     """
     said = verdicts.entry(found.diagnosis, found.right.case.robot)
     named = {cause["name"] for cause in said["causes"]}
-    noisy = [cause for cause in noise_causes(found.right.noise) if cause["name"] not in named]
-    said["causes"] = [*data_causes(found), *said["causes"], *noisy]
+    noisy = [cause for cause in _noise_causes(found.right.noise) if cause["name"] not in named]
+    said["causes"] = [*_data_causes(found), *said["causes"], *noisy]
     return said | {"verdict": found.verdict, "why": found.why}
 
 
@@ -42,7 +42,7 @@ def bad_data_sentence(mistakes: tuple[Finding, ...]) -> str:
     return f"The data hold a mistake: {first.evidence}{others}. Your files are unchanged."
 
 
-def data_causes(found: Findings) -> list[dict[str, Any]]:
+def _data_causes(found: Findings) -> list[dict[str, Any]]:
     """The mistakes in the data, as causes."""
     if not found.mistakes:
         return []
@@ -95,7 +95,7 @@ def noise_entry(found: Components, estimate: Estimate) -> dict[str, Any]:
     }
 
 
-def noise_causes(found: Components) -> list[dict[str, Any]]:
+def _noise_causes(found: Components) -> list[dict[str, Any]]:
     """The noise components that are larger than stated, as causes."""
     return [
         {

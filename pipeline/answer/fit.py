@@ -15,14 +15,14 @@ from pipeline.system.system import Estimate
 SURE = 0.01
 """A misfit that chance produces less often than this is a misfit."""
 
-TRACKER_MEASURES_M = 1e-4
+_TRACKER_MEASURES_M = 1e-4
 """A laser tracker measures displacements in a hall to this or better (MPE of the AT500 class)."""
 
 
 def fits(estimate: Estimate) -> bool:
     """Whether chance alone may have made the misfit; without stated noise, a tracker's noise."""
     if estimate.p_value is None:
-        return estimate.residual_std_m < TRACKER_MEASURES_M
+        return estimate.residual_std_m < _TRACKER_MEASURES_M
     return estimate.p_value >= SURE
 
 
@@ -46,12 +46,12 @@ def fit_entry(cell: Cell, data: Measured, estimate: Estimate) -> dict[str, Any]:
         "p_value": estimate.p_value,
         "noise_from": estimate.noise_from,
         "residual_std_mm": 1e3 * estimate.residual_std_m,
-        "second_order_rms_mm": second_order_mm(cell, data, estimate),
+        "second_order_rms_mm": _second_order_mm(cell, data, estimate),
         "noise_statement": noise_statement(estimate),
     }
 
 
-def second_order_mm(cell: Cell, data: Measured, estimate: Estimate) -> float:
+def _second_order_mm(cell: Cell, data: Measured, estimate: Estimate) -> float:
     """How far the deflected robot's geometry would move the targets, rms [mm]; c = B x omits it."""
     n = len(cell.parameters)  # the springs stand first
     known = estimate.identifiable[:n] & (estimate.value[:n] > 0)

@@ -17,10 +17,10 @@ from pipeline.base.quantities import known
 Result = Mapping[str, Any]
 """The object of result.json."""
 
-SURE = 0.01
+_SURE = 0.01
 """Probability of a false alarm over all joints of a robot together."""
 
-DAYS_A_YEAR = 365.25
+_DAYS_A_YEAR = 365.25
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def changes(before: Sequence[Any], after: Sequence[Any], independent: bool = Tru
     pairs = {j.get("name"): j for j in before}
     both = [(pairs[j.get("name")], j) for j in after if j.get("name") in pairs]
     tested = sum(bool(compliance(a) and compliance(b)) for a, b in both)
-    limit = float(-special.ndtri(SURE / 2 / max(tested, 1)))
+    limit = float(-special.ndtri(_SURE / 2 / max(tested, 1)))
     return [_change(a, b, limit, independent) for a, b in both]
 
 
@@ -222,7 +222,7 @@ def _trend(name: str, points: list[tuple[str | None, float, float]], tested: int
         p_value=p_scatter,
         percent_a_year=share[0] if share else None,
         percent_a_year_std=abs(share[1]) if share else None,
-        sure=smallest < SURE / 2 / tested,  # two looks at every joint
+        sure=smallest < _SURE / 2 / tested,  # two looks at every joint
     )
 
 
@@ -231,7 +231,7 @@ def _slope(dates: Sequence[str | None], x: Array, std: Array) -> tuple[float | N
     days = [date.fromisoformat(d[:10]).toordinal() for d in dates if d]
     if len(days) < len(x) or len(set(days)) < 3:
         return None, None
-    t = np.array(days) / DAYS_A_YEAR
+    t = np.array(days) / _DAYS_A_YEAR
     weight = std**-2
     t = t - np.average(t, weights=weight)
     size = float(np.sum(weight * t**2))

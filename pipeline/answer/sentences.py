@@ -14,16 +14,16 @@ from pipeline.answer.numbers import left_out_mm
 from pipeline.answer.recommended import Which
 from pipeline.base.quantities import common_prefix, plain, prefixed, with_std
 
-FAR = 3.0
+_FAR = 3.0
 """A stiffness that moves by more standard uncertainties than this between two models is told."""
 
-TOLD = 3
+_TOLD = 3
 """So many of them, those that move most."""
 
-Json = Mapping[str, Any]
+_Json = Mapping[str, Any]
 
 
-def sentences(found: Findings, answer: Json) -> list[str]:
+def sentences(found: Findings, answer: _Json) -> list[str]:
     """What an engineer must know first, most important first.
 
     Args:
@@ -70,20 +70,20 @@ def _verdict(found: Findings) -> str:
     return f"{row.why} {why}"
 
 
-def _moved(mine: Sequence[Json], springs: Sequence[Json]) -> Iterable[str]:
+def _moved(mine: Sequence[_Json], springs: Sequence[_Json]) -> Iterable[str]:
     """Stiffnesses that move by far more than either model says that they may be off."""
     off = []
     for a, b in zip(mine, springs, strict=True):
         if a["value"] and b["value"] and b["compliance_std"]:
             most = max(a["compliance_std"], b["compliance_std"])
-            if abs(a["compliance"] - b["compliance"]) > FAR * most:
+            if abs(a["compliance"] - b["compliance"]) > _FAR * most:
                 off.append((abs(math.log(a["value"] / b["value"])), a, b))
-    far = sorted(off, key=lambda one: -one[0])[:TOLD]
+    far = sorted(off, key=lambda one: -one[0])[:_TOLD]
     if far:
         yield _listed([_move(a, b) for _, a, b in far])
 
 
-def _move(mine: Json, springs: Json) -> str:
+def _move(mine: _Json, springs: _Json) -> str:
     factor, letter = common_prefix([mine["value"]])
     before, after = (
         with_std(one["value"] / factor, one["std"] / factor) for one in (springs, mine)
@@ -95,7 +95,7 @@ def _listed(words: Sequence[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
-def _deflection(mine: Sequence[Json], springs: Sequence[Json], found: Findings) -> Iterable[str]:
+def _deflection(mine: Sequence[_Json], springs: Sequence[_Json], found: Findings) -> Iterable[str]:
     """What the model changes at the test pose, at the target that moves most."""
     sizes = [[math.hypot(*(e[f"d{a}_mm"] for a in "xyz")) for e in s] for s in (mine, springs)]
     if not sizes[0] or not np.all(np.isfinite(sizes)):
@@ -116,7 +116,7 @@ def _instead(found: Findings) -> str:
     return ", ".join([*alone, *(["from the data as given"] if found.mistakes else [])])
 
 
-def _rest(found: Findings, stiffness: Sequence[Json]) -> str:
+def _rest(found: Findings, stiffness: Sequence[_Json]) -> str:
     """How many stiffnesses have a value, and how well left-out poses are predicted."""
     good = [entry for entry in stiffness if entry["value"] is not None]
     half = [entry["name"] for entry in good if entry["ci95"][1] is None]

@@ -15,10 +15,10 @@ from pipeline.machine.cell import Cell
 from pipeline.machine.robot import Joint
 from pipeline.system.budget import budget
 
-WHICH = "which_cause"
+_WHICH = "which_cause"
 """Source of the uncertainty that comes of not knowing which cause is true."""
 
-SHOWN = 1e-3
+_SHOWN = 1e-3
 """A smaller share of the variance than this is rounding."""
 
 
@@ -60,8 +60,8 @@ def _budget(found: Springs, parts: Mapping[str, Array], k: int) -> list[dict[str
     total = float(found.cov[k, k])
     shares = {name: float(variance[k]) / total for name, variance in parts.items()}
     rest = 1 - sum(shares.values())
-    if rest > SHOWN:
-        shares[WHICH] = rest
+    if rest > _SHOWN:
+        shares[_WHICH] = rest
     return [
         {"source": name, "std": float(np.sqrt(share * total)) / x**2, "share": share}
         for name, share in shares.items()

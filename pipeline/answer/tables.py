@@ -12,12 +12,12 @@ from pipeline.diagnosis.average import Springs
 from pipeline.system.system import Estimate, System
 from pipeline.system.whiten import whitener
 
-Known = Estimate | Springs
+_Known = Estimate | Springs
 
-AXES = np.array(["x", "y", "z"], dtype=object)
+_AXES = np.array(["x", "y", "z"], dtype=object)
 
 
-def rows_table(system: System) -> pd.DataFrame:
+def _rows_table(system: System) -> pd.DataFrame:
     """What each row of a system is."""
     rows = system.rows
     return pd.DataFrame(
@@ -26,7 +26,7 @@ def rows_table(system: System) -> pd.DataFrame:
             "pose": rows.pose,
             "repeat": rows.repeat,
             "target": rows.target,
-            "axis": AXES[rows.axis],
+            "axis": _AXES[rows.axis],
         }
     )
 
@@ -34,7 +34,7 @@ def rows_table(system: System) -> pd.DataFrame:
 def system_table(system: System) -> pd.DataFrame:
     """Table `tables.system`."""
     columns = {f"B_{p.name}": system.B[:, k] for k, p in enumerate(system.parameters)}
-    return rows_table(system).assign(c_m=system.c, **columns)
+    return _rows_table(system).assign(c_m=system.c, **columns)
 
 
 def errors_table(system: System) -> pd.DataFrame:
@@ -62,12 +62,12 @@ def residuals_table(system: System, estimate: Estimate, left_out_m: Array) -> pd
     whitened = whitener(system.errors, system.rows.pose)(estimate.residual)
     if not system.noise_stated:
         whitened = whitened / np.sqrt(np.sum(whitened**2) / max(estimate.dof, 1))
-    return rows_table(system).assign(
+    return _rows_table(system).assign(
         residual_m=estimate.residual, whitened=whitened, left_out_m=left_out_m
     )
 
 
-def estimate_table(names: Sequence[Parameter], found: Known) -> pd.DataFrame:
+def estimate_table(names: Sequence[Parameter], found: _Known) -> pd.DataFrame:
     """Table ESTIMATE."""
     return pd.DataFrame(
         {

@@ -12,7 +12,7 @@ from pipeline.machine.robot import SHIPPED, Robot, load
 NAME = "a plain folder name that begins with no dot"
 
 
-TEMPLATE = """\
+_TEMPLATE = """\
 format = 1
 name   = {name}
 robot  = {robot}          # {shipped}, or the path of a robot file
@@ -74,7 +74,7 @@ def init(root: Path, name: str, robot: str, sigma_mm: float = 0.03, sigma_n: flo
     """
     folder, joints = vacant(root, name), known(root, name, robot).joints
     columns = [f"{j.name}_m" if j.prismatic else f"{j.name}_deg" for j in joints]
-    text = TEMPLATE.format(
+    text = _TEMPLATE.format(
         name=quoted(name),
         robot=quoted(robot),
         shipped=", ".join(SHIPPED),

@@ -15,8 +15,8 @@ from pipeline.app.storage import Store
 from pipeline.base.errors import InputError
 from pipeline.store import campaign as campaigns
 
-PYTHONS = ((3, 11), (3, 15))
-ROOM_BYTES = 2**30
+_PYTHONS = ((3, 11), (3, 15))
+_ROOM_BYTES = 2**30
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ def examine(root: Path) -> Iterator[Finding]:
 
 
 def _python() -> Finding:
-    low, high = PYTHONS
+    low, high = _PYTHONS
     here = ".".join(str(part) for part in sys.version_info[:3])
     good = low <= sys.version_info[:2] < high
     way_out = "" if good else "; build the environment with Python 3.11 to 3.14: make PYTHON=..."
@@ -94,7 +94,7 @@ def _writable(root: Path, name: str) -> Finding:
 
 def _room(root: Path) -> Finding:
     free = shutil.disk_usage(root.absolute()).free
-    good = free > ROOM_BYTES
+    good = free > _ROOM_BYTES
     said = f"{free / 2**30:.0f} GiB free"
     return Finding("disk", good, said if good else f"{said}; make room")
 

@@ -51,8 +51,8 @@ def _named() -> str:
 def identify(root: str, campaign: str, force: bool = False) -> dict[str, Any]:
     """Run every stage of one campaign as a Prefect task and give its result.json."""
     found = find(Path(root), campaign)
-    answer = run(found, step=as_task, force=force)
-    publish(found, answer)
+    answer = run(found, step=_as_task, force=force)
+    _publish(found, answer)
     return answer
 
 
@@ -146,7 +146,7 @@ def telling(tell: Callable[[str], object]) -> Iterator[None]:
         _LISTENER.reset(before)
 
 
-def as_task(stage: Callable[..., Any]) -> Callable[..., Any]:
+def _as_task(stage: Callable[..., Any]) -> Callable[..., Any]:
     """One stage as a task; Prefect's own cache is off, our manifest decides what is current."""
     reading = stage.__name__ == "read"  # a share that was away for a moment; nothing else heals
     carried_out = task(
@@ -170,7 +170,7 @@ def _may_heal(task: Any, run: Any, state: Any) -> bool:
     return isinstance(problem, InputError) and problem.passing
 
 
-def publish(campaign: Campaign, answer: dict[str, Any]) -> None:
+def _publish(campaign: Campaign, answer: dict[str, Any]) -> None:
     """Result table and report link as Prefect artifacts."""
     key = "".join(c if c.isascii() and c.isalnum() else "-" for c in campaign.name.lower())
     create_table_artifact(

@@ -80,7 +80,7 @@ def _outcome(campaign: Campaign, compute: Compute) -> Outcome:
     rejected = answer["rejected"]
     lines = [
         f"{name}: {answer['verdict_sentence'][0]}",
-        *(f"  {line}" for line in (*answer["verdict_sentence"][1:], *stiffness_lines(answer))),
+        *(f"  {line}" for line in (*answer["verdict_sentence"][1:], *_stiffness_lines(answer))),
         f"  {campaign.reports / 'index.html'}",
     ]
     return Outcome(
@@ -93,7 +93,7 @@ def _outcome(campaign: Campaign, compute: Compute) -> Outcome:
     )
 
 
-def stiffness_lines(answer: dict[str, Any]) -> list[str]:
+def _stiffness_lines(answer: dict[str, Any]) -> list[str]:
     """The stiffnesses that the answer stands for, one line per joint."""
     out = []
     for joint in answer["stiffness"]:
@@ -158,7 +158,7 @@ def sentence(rejected: dict[str, Any]) -> str:
     return f"{rejected['file']}{line}: {rejected['reason']}"
 
 
-ALIKE = 3
+_ALIKE = 3
 """How many of the rows that differ in numbers only are told one by one."""
 
 
@@ -175,7 +175,7 @@ def _told(entries: list[dict[str, Any]]) -> list[str]:
     first: dict[str, dict[str, Any]] = {}
     for entry in entries:
         first.setdefault(entry["reason"], entry)
-    told = [sentence(entry) for entry in list(first.values())[:ALIKE]]
+    told = [sentence(entry) for entry in list(first.values())[:_ALIKE]]
     more = len(entries) - len(told)
     if more:
         told.append(f"{entries[0]['file']}: ... and {more} more line{'s' * (more > 1)} like this")

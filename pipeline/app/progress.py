@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from typing import Any
 
-SHARES = {"ingest": 0.01, "screen": 0.07, "fit": 0.14, "diagnose": 0.2, "render": 0.8}
+_SHARES = {"ingest": 0.01, "screen": 0.07, "fit": 0.14, "diagnose": 0.2, "render": 0.8}
 """How much of a campaign's time has passed when a stage begins, about."""
 
 
@@ -52,8 +52,8 @@ class Progress:
 
     def at(self, stage: str) -> None:
         """Say which of its stages begins."""
-        if self._bar is not None and stage in SHARES:
-            done = max(self._done + SHARES[stage], self._bar.tasks[0].completed)
+        if self._bar is not None and stage in _SHARES:
+            done = max(self._done + _SHARES[stage], self._bar.tasks[0].completed)
             self._bar.update(self._task, completed=done, description=f"{self._name}: {stage}")
 
     def done(self) -> None:

@@ -26,7 +26,7 @@ def run_all(root: Path, names: list[str], engine: str, force: bool) -> Iterator[
     everyone = names or [found.name for found in campaigns.every(root)]
     if not everyone and not refused:
         raise no_campaign(root)
-    compute = plainly if engine == "local" else through_prefect
+    compute = plainly if engine == "local" else _through_prefect
     with Progress(len(everyone)) as bar:
         for name in everyone:
             label = campaigns.label(name)
@@ -50,18 +50,18 @@ def no_campaign(root: Path) -> InputError:
     )
 
 
-Tell = Callable[[str], object]
+_Tell = Callable[[str], object]
 """Hears the name of every stage before it is carried out."""
 
 
-def plainly(campaign: Campaign, force: bool = False, tell: Tell = str) -> dict[str, Any]:
+def plainly(campaign: Campaign, force: bool = False, tell: _Tell = str) -> dict[str, Any]:
     """Bring a campaign up to date in this process."""
     from pipeline.run import run
 
     return run(campaign, partial(told, tell), force)
 
 
-def told(tell: Tell, stage: Callable[..., Any]) -> Callable[..., Any]:
+def told(tell: _Tell, stage: Callable[..., Any]) -> Callable[..., Any]:
     """A stage that says its name before it begins."""
 
     def carried_out(*given: Any, **named: Any) -> Any:
@@ -71,7 +71,7 @@ def told(tell: Tell, stage: Callable[..., Any]) -> Callable[..., Any]:
     return carried_out
 
 
-def through_prefect(campaign: Campaign, force: bool = False, tell: Tell = str) -> dict[str, Any]:
+def _through_prefect(campaign: Campaign, force: bool = False, tell: _Tell = str) -> dict[str, Any]:
     """Bring a campaign up to date as a Prefect flow, unless nothing is to be done."""
     if not force and campaign.current():
         return campaign.result()

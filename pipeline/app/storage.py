@@ -17,13 +17,13 @@ from urllib.parse import urlsplit
 from pipeline.base.errors import CannotWrite, InputError
 from pipeline.store.campaign import LARGEST_FILE
 
-OURS = ("s3", "gs", "gcs", "abfs", "abfss", "file")
+_OURS = ("s3", "gs", "gcs", "abfs", "abfss", "file")
 """Addresses that pyarrow knows without fsspec."""
 
-KEYS = "give a key that may: AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or a profile"
-REFUSALS = (
+_KEYS = "give a key that may: AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or a profile"
+_REFUSALS = (
     ("NO_SUCH_BUCKET", "there is no such bucket", "make it, or correct the address"),
-    ("ACCESS_DENIED|INVALID_|SIGNATURE|TOKEN|UNRECOGNIZED|CREDENTIAL", "access is denied", KEYS),
+    ("ACCESS_DENIED|INVALID_|SIGNATURE|TOKEN|UNRECOGNIZED|CREDENTIAL", "access is denied", _KEYS),
     (
         "NETWORK|TIMEOUT|TIMED OUT|RESOLVE|REFUSED|UNREACHABLE|CONNECT|NO RESPONSE",
         "it cannot be reached",
@@ -54,7 +54,7 @@ class Store:
         """The file system, and the folder in it."""
         from pyarrow import fs
 
-        if urlsplit(self.url).scheme in OURS:
+        if urlsplit(self.url).scheme in _OURS:
             place: tuple[Any, str] = fs.FileSystem.from_uri(self.url)
             return place
         import fsspec
@@ -132,7 +132,7 @@ class Store:
 def _said(problem: Exception) -> tuple[str, str]:
     """What is wrong and the way out, from what a driver says."""
     words = str(problem)
-    for pattern, thing, way_out in REFUSALS:
+    for pattern, thing, way_out in _REFUSALS:
         if re.search(pattern, words.upper()):
             return thing, way_out
     short = " ".join(words.split())[:200].rstrip(" .")

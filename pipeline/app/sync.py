@@ -20,11 +20,11 @@ from pipeline.base import files
 from pipeline.base.errors import InputError, PipelineError
 from pipeline.store.campaign import dump
 
-NOTE = "storage.json"
-HERE = "storage"
+_NOTE = "storage.json"
+_HERE = "storage"
 """In place of a campaign's name, where the storage itself is in trouble."""
 
-FRESH_S = 3.0
+_FRESH_S = 3.0
 """Storage tells times in seconds: an object this young may still change without a sign of it."""
 
 
@@ -46,13 +46,13 @@ class Note:
     def of(root: Path) -> Note:
         """As it was left, or an empty one."""
         try:
-            return Note(**json.loads((_processed(root) / NOTE).read_bytes()))
+            return Note(**json.loads((_processed(root) / _NOTE).read_bytes()))
         except (OSError, ValueError, TypeError):
             return Note()
 
     def keep(self, root: Path) -> None:
         """Leave it for the next time."""
-        files.write(_processed(root) / NOTE, dump(asdict(self)))
+        files.write(_processed(root) / _NOTE, dump(asdict(self)))
 
 
 def _processed(root: Path) -> Path:
@@ -74,7 +74,7 @@ def fetch(root: Path, storage: Storage) -> list[Outcome]:
                     raise
                 refused[name] = problem
     except PipelineError as problem:
-        refused[HERE] = problem
+        refused[_HERE] = problem
     note.keep(root)
     return [_refused(name, problem) for name, problem in refused.items()]
 
@@ -83,10 +83,10 @@ def _refused(name: str, problem: PipelineError) -> Outcome:
     return failed(name, problem, str(problem), problem.exit_code)
 
 
-Marks = Mapping[str, tuple[int, float]]
+_Marks = Mapping[str, tuple[int, float]]
 
 
-def _campaigns(marks: Marks) -> dict[str, dict[str, tuple[int, float]]]:
+def _campaigns(marks: _Marks) -> dict[str, dict[str, tuple[int, float]]]:
     """Objects by campaign: folders one level down that hold a campaign.toml."""
     found: dict[str, dict[str, tuple[int, float]]] = {}
     for name, mark in marks.items():
@@ -97,7 +97,7 @@ def _campaigns(marks: Marks) -> dict[str, dict[str, tuple[int, float]]]:
     return {name: inside for name, inside in found.items() if f"{name}/campaign.toml" in inside}
 
 
-def _take(raw: Path, store: Store, campaign: str, marks: Marks, note: Note) -> None:
+def _take(raw: Path, store: Store, campaign: str, marks: _Marks, note: Note) -> None:
     """Bring one campaign's copy up to date: all of it, or with a complaint nothing.
 
     Raises:
@@ -122,7 +122,7 @@ def _take(raw: Path, store: Store, campaign: str, marks: Marks, note: Note) -> N
         if not (raw / name).is_file() or (raw / name).read_bytes() != data:
             files.write(raw / name, data)
         size, put = marks[name]
-        settled = now - put > FRESH_S
+        settled = now - put > _FRESH_S
         copied[name] = [size, put if settled else None, files.sha256(data)]
     for name in gone:
         with files.writing(raw / name):
@@ -162,7 +162,7 @@ def publish(root: Path, storage: Storage) -> list[Outcome]:
         try:
             _put(root, folder, store, note)
         except PipelineError as problem:
-            refused.append(_refused(HERE, problem))
+            refused.append(_refused(_HERE, problem))
     note.keep(root)
     return refused
 

@@ -15,7 +15,7 @@ from pipeline.machine.robot import load as load_robot
 from pipeline.simulate import Plan, RawCampaign, parse, prepared, revised, simulate
 from pipeline.store.campaign import dump
 
-INSTRUMENT = {
+_INSTRUMENT = {
     "range_m": 8e-6,
     "range_per_m": 0.3e-6,
     "transverse_m": 7.5e-6,
@@ -149,7 +149,7 @@ def _noise(word: str) -> dict[str, Any]:
     if word == "paper":
         return {"noise": "paper", "sigma_m": None}
     if word == "instrument":
-        return {"noise": INSTRUMENT, "sigma_m": None}
+        return {"noise": _INSTRUMENT, "sigma_m": None}
     try:
         return {"sigma_m": float(word), "noise": None}
     except ValueError as problem:

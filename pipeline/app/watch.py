@@ -25,7 +25,7 @@ from pipeline.store import campaign as campaigns
 from pipeline.store.campaign import Campaign, dump
 
 MEMORY = "seen.json"
-PATIENCE = 3
+_PATIENCE = 3
 """How often a run that broke for reasons of its own is tried before the campaign has to change."""
 
 
@@ -48,10 +48,10 @@ class Seen:
     @property
     def settled(self) -> bool:
         """Nothing is to be gained from trying again."""
-        return self.verdict != "failed" or self.attempts >= PATIENCE
+        return self.verdict != "failed" or self.attempts >= _PATIENCE
 
 
-def fingerprint(campaign: Campaign) -> str:
+def _fingerprint(campaign: Campaign) -> str:
     """Names, sizes and times of everything in a folder, and the code; cheap, reads no content."""
     found = [campaigns.code_version()]
     for path in sorted(campaign.folder.rglob("*")):
@@ -64,7 +64,7 @@ def fingerprint(campaign: Campaign) -> str:
     return files.sha256("\n".join(found).encode())
 
 
-def recall(campaign: Campaign) -> Seen:
+def _recall(campaign: Campaign) -> Seen:
     """What is remembered of a campaign."""
     try:
         return Seen(**json.loads((campaign.processed / MEMORY).read_bytes()))
@@ -72,19 +72,19 @@ def recall(campaign: Campaign) -> Seen:
         return Seen()
 
 
-def remember(campaign: Campaign, seen: Seen) -> None:
+def _remember(campaign: Campaign, seen: Seen) -> None:
     """Keep it beside the tables."""
     files.write(campaign.processed / MEMORY, dump(asdict(seen)))
 
 
-def waiting(root: Path) -> dict[Campaign, str]:
+def _waiting(root: Path) -> dict[Campaign, str]:
     """Campaigns that changed since they were last looked at, with their fingerprints."""
-    prints = {campaign: fingerprint(campaign) for campaign in campaigns.every(root)}
+    prints = {campaign: _fingerprint(campaign) for campaign in campaigns.every(root)}
     return {campaign: now for campaign, now in prints.items() if not _seen(campaign, now)}
 
 
 def _seen(campaign: Campaign, now: str) -> bool:
-    before = recall(campaign)
+    before = _recall(campaign)
     lost = before.verdict not in ("rejected", "failed") and not (
         (campaign.reports / "result.json").is_file()
     )
@@ -107,12 +107,12 @@ def scan(
     """
     storage = preferences.storage
     refused = sync.fetch(root, storage)
-    before = waiting(root)
+    before = _waiting(root)
     if before:
         pause(preferences.service.quiet_s)
         refused = sync.fetch(root, storage)  # what still grows there grows here, too
     for campaign, now in before.items():
-        if fingerprint(campaign) != now:  # still being copied: the next look will take it
+        if _fingerprint(campaign) != now:  # still being copied: the next look will take it
             continue
         made = outcome(campaign.name, lambda c=campaign: c, compute)  # type: ignore[misc]
         _learn(campaign, now, made)
@@ -128,9 +128,9 @@ def scan(
 
 
 def _learn(campaign: Campaign, now: str, made: Outcome) -> None:
-    before = recall(campaign)
+    before = _recall(campaign)
     attempts = before.attempts + 1 if before.print == now else 1
-    remember(campaign, replace(before, print=now, verdict=verdict_of(made), attempts=attempts))
+    _remember(campaign, replace(before, print=now, verdict=verdict_of(made), attempts=attempts))
 
 
 def verdict_of(made: Outcome) -> str:
@@ -144,11 +144,11 @@ def verdict_of(made: Outcome) -> str:
 
 def _tell(campaign: Campaign, notify: Notify) -> None:
     """Tell a changed verdict once; what could not be delivered is tried again next time."""
-    seen = recall(campaign)
+    seen = _recall(campaign)
     if seen.verdict is None or seen.verdict == seen.told or not seen.settled:
         return
     if notify.webhook is None or _posted(notify.webhook, message(campaign, seen)):
-        remember(campaign, replace(seen, told=seen.verdict))
+        _remember(campaign, replace(seen, told=seen.verdict))
 
 
 def message(campaign: Campaign, seen: Seen) -> dict[str, str | None]:

@@ -66,7 +66,7 @@ def each(columns: Sequence[Any], work: Callable[[Any], T]) -> list[T]:
     return [done[place] for place in where]
 
 
-def alike(six: Sequence[Array]) -> bool:
+def _alike(six: Sequence[Array]) -> bool:
     """Whether all rows of six columns have the same covariance, and there is one."""
     return len(six[0]) > 0 and all(each(six, lambda column: bool((column == column[0]).all())))
 
@@ -79,7 +79,7 @@ def isotropic(one: Sequence[float]) -> bool:
 
 def turned(six: Sequence[Array], R: Array) -> list[Array]:
     """Columns of R C R' from those of C; a million equal ones cost as much as one."""
-    if alike(six):
+    if _alike(six):
         if isotropic([column[0] for column in six]):
             return list(six)
         one = flat(R @ symmetric(np.array([[column[0] for column in six]])) @ R.T)[0]
@@ -91,7 +91,7 @@ def turned(six: Sequence[Array], R: Array) -> list[Array]:
 def singular(six: Sequence[Array]) -> Bools:
     """Where a covariance has no scatter in some direction, by Cholesky's pivots, shape (m,)."""
     m = len(six[0])
-    xx, xy, xz, yy, yz, zz = (column[:1] for column in six) if alike(six) else six
+    xx, xy, xz, yy, yz, zz = (column[:1] for column in six) if _alike(six) else six
     with np.errstate(divide="ignore", invalid="ignore"):
         second = yy - xy * xy / xx
         below = yz - xy * xz / xx

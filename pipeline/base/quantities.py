@@ -11,17 +11,17 @@ from typing import TypeGuard
 
 MISSING = "–"
 
-PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n", -12: "p"}
+_PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n", -12: "p"}
 
-DIGIT = r"[\d⁰¹²³⁴⁵⁶⁷⁸⁹]"
-BINDS = re.compile(
-    rf"(?<={DIGIT}) (?=(?:%|mm|m|N|µm|µrad|σ|×|±)(?:\W|$))|(?<=[×±=<]) (?=\d)|(?<=\bp) (?=[=<])"
+_DIGIT = r"[\d⁰¹²³⁴⁵⁶⁷⁸⁹]"
+_BINDS = re.compile(
+    rf"(?<={_DIGIT}) (?=(?:%|mm|m|N|µm|µrad|σ|×|±)(?:\W|$))|(?<=[×±=<]) (?=\d)|(?<=\bp) (?=[=<])"
 )
 """Spaces that belong inside a quantity or a relation."""
 
-POWER = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d{1,3})(?![\w.])")
+_POWER = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d{1,3})(?![\w.])")
 
-SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def known(value: object) -> TypeGuard[float]:
@@ -29,7 +29,7 @@ def known(value: object) -> TypeGuard[float]:
     return isinstance(value, numbers.Real) and not isinstance(value, bool) and math.isfinite(value)
 
 
-def place_of(std: float, significant: int = 2) -> int:
+def _place_of(std: float, significant: int = 2) -> int:
     """Decimal exponent of the last digit that an uncertainty justifies.
 
     Two significant digits of the uncertainty after rounding: 0.0994 counts in 0.001,
@@ -44,7 +44,7 @@ def _to_place(value: float, place: int) -> Decimal:
     return Decimal(repr(float(value))).quantize(Decimal(1).scaleb(place), ROUND_HALF_EVEN)
 
 
-def at_place(value: float, place: int) -> str:
+def _at_place(value: float, place: int) -> str:
     """A number rounded at a decimal place, without an exponent: (1234.5, 1) -> 1230."""
     text = f"{_to_place(value, place):f}" if place <= 0 else f"{int(_to_place(value, place)):d}"
     return text.replace("-0", "0", 1) if float(text) == 0 and text.startswith("-") else text
@@ -58,29 +58,29 @@ def with_std(value: float | None, std: float | None) -> str:
         return plain(value)
     if max(abs(value), std) < 1e-3 or max(abs(value), std) >= 1e6:
         return _scientific(value, std)
-    place = place_of(std)
-    return f"{at_place(value, place)} ± {at_place(std, place)}"
+    place = _place_of(std)
+    return f"{_at_place(value, place)} ± {_at_place(std, place)}"
 
 
 def _scientific(value: float, std: float) -> str:
     power = Decimal(repr(float(max(abs(value), std)))).adjusted()
     scale = Decimal(10) ** -power
     scaled = [float(Decimal(repr(float(v))) * scale) for v in (value, std)]
-    place = place_of(scaled[1])
-    return f"({at_place(scaled[0], place)} ± {at_place(scaled[1], place)}) × {ten_to(power)}"
+    place = _place_of(scaled[1])
+    return f"({_at_place(scaled[0], place)} ± {_at_place(scaled[1], place)}) × {_ten_to(power)}"
 
 
-def ten_to(power: int) -> str:
+def _ten_to(power: int) -> str:
     """10⁻⁸."""
-    return f"10{str(power).translate(SUPERSCRIPT)}"
+    return f"10{str(power).translate(_SUPERSCRIPT)}"
 
 
 def interval(bounds: Iterable[float | None] | None, std: float | None) -> str:
     """`76.9 to 83.1` in the digits of the uncertainty, or `above 76.9` without an upper limit."""
     low, high = [*(bounds or []), None, None][:2]
-    place = place_of(std) if known(std) and std > 0 else None
+    place = _place_of(std) if known(std) and std > 0 else None
     shown = [
-        (plain(b) if place is None else at_place(b, place)) if known(b) else None
+        (plain(b) if place is None else _at_place(b, place)) if known(b) else None
         for b in (low, high)
     ]
     if None not in shown:
@@ -97,10 +97,10 @@ def plain(value: float | None, significant: int = 3) -> str:
     if value == 0:
         return "0"
     if 1e-4 <= abs(value) < 1e6:
-        return at_place(value, place_of(abs(value), significant))
+        return _at_place(value, _place_of(abs(value), significant))
     power = Decimal(repr(abs(float(value)))).adjusted()
-    mantissa = at_place(value / 10.0**power, 1 - significant)
-    return f"{mantissa} × {ten_to(power)}"
+    mantissa = _at_place(value / 10.0**power, 1 - significant)
+    return f"{mantissa} × {_ten_to(power)}"
 
 
 def percent(ratio: float | None, significant: int = 2) -> str:
@@ -121,14 +121,14 @@ def p_value(p: float | None) -> str:
     """`p = 0.33`, or `p < 1 × 10⁻³⁰⁰` where it underflows."""
     if not known(p):
         return "p unknown"
-    return f"p = {plain(p, 2)}" if p > 0 else f"p < {ten_to(-300)}"
+    return f"p = {plain(p, 2)}" if p > 0 else f"p < {_ten_to(-300)}"
 
 
 def typeset(text: str) -> str:
     """A sentence as it is printed: ± and powers of ten, no line end inside a quantity."""
-    text = POWER.sub(lambda found: f"{found[1]} × {ten_to(int(found[2]))}", text)
+    text = _POWER.sub(lambda found: f"{found[1]} × {_ten_to(int(found[2]))}", text)
     text = re.sub(r"\+-(?= ?\d)", "±", text)
-    return BINDS.sub("\N{NO-BREAK SPACE}", text)
+    return _BINDS.sub("\N{NO-BREAK SPACE}", text)
 
 
 def common_prefix(values: Iterable[float | None]) -> tuple[float, str]:
@@ -138,7 +138,7 @@ def common_prefix(values: Iterable[float | None]) -> tuple[float, str]:
         return 1.0, ""
     middle = sizes[len(sizes) // 2]
     power = min(max(3 * math.floor(math.log10(middle) / 3), -12), 9)
-    return 10.0**power, PREFIXES[power]
+    return 10.0**power, _PREFIXES[power]
 
 
 def prefixed(unit: str, letter: str) -> str:

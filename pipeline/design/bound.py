@@ -26,10 +26,10 @@ from pipeline.design.limits import penalty
 from pipeline.design.problem import Problem
 from pipeline.design.space import Box
 
-WALL = 1e3
+_WALL = 1e3
 """Weight of broken limits in the search for the worst direction: what it overshoots by only
 lowers the bound."""
-GAP = 5e-4
+_GAP = 5e-4
 """Relative distance of the best bound from the continuous design at which to stop."""
 
 
@@ -69,7 +69,7 @@ class Worst(Locked):
     agreeing: float
 
 
-Oracle = Callable[[Array, bool], Worst]
+_Oracle = Callable[[Array, bool], Worst]
 """Z (n, n) in, and whether to search harder than usual; the pose that gains most from it out."""
 
 
@@ -104,7 +104,7 @@ def bounds(
     criterion: Criterion,
     informations: Array,
     poses: int,
-    oracle: Oracle,
+    oracle: _Oracle,
     rounds: int = 20,
     known: Array | None = None,
     steps: int = 3000,
@@ -126,7 +126,7 @@ def bounds(
     candidates, highest, continuous = informations, 0.0, np.inf
     deciding = Worst(np.inf, informations[:0], 0, 0.0)
     for done in range(1, rounds + 1):
-        weights = best_weights(criterion, candidates, poses, before, steps)
+        weights = _best_weights(criterion, candidates, poses, before, steps)
         M = before + poses * np.einsum("c,cij->ij", weights, candidates)
         continuous = min(continuous, float(criterion.figure(M[None])[0]))
         Z = criterion.support(M[None])[0]
@@ -136,7 +136,7 @@ def bounds(
         if _bound(Z, before, poses, worst) > highest:
             highest, deciding = _bound(Z, before, poses, worst), worst
         yield Certificate(highest, continuous, done, deciding.starts, deciding.agreeing)
-        if highest >= (1 - GAP) * continuous:
+        if highest >= (1 - _GAP) * continuous:
             return
         candidates = np.concatenate([candidates[weights > 1e-6], worst.informations])
 
@@ -145,7 +145,7 @@ def _bound(Z: Array, before: Array, poses: int, worst: Worst) -> float:
     return float((np.sum(Z * before) + poses * worst.most) ** -0.5)
 
 
-def best_weights(
+def _best_weights(
     criterion: Criterion, candidates: Array, poses: int, before: Array, steps: int
 ) -> Array:
     """Weights (c,) of candidate poses for the best continuous design; multiplicative steps."""
@@ -159,7 +159,7 @@ def best_weights(
         average = weights @ gain
         weights = weights * (gain / average) ** 0.7
         weights /= weights.sum()
-        if gain.max() < (1 + GAP / 5) * average:
+        if gain.max() < (1 + _GAP / 5) * average:
             break
     return weights
 
@@ -197,8 +197,8 @@ class _Directions:
         at = station(self.problem.experiment, q[:, 0], anchor)
         gain, by_q, by_anchor = value_and_slope(self.problem.experiment, at, Z)
         broken, q_slope, anchor_slope = penalty(self.problem.limits, at, margin=0.0)
-        slopes = self.box.slopes(by_q - WALL * q_slope, by_anchor - WALL * anchor_slope)
-        return gain - WALL * broken, slopes
+        slopes = self.box.slopes(by_q - _WALL * q_slope, by_anchor - _WALL * anchor_slope)
+        return gain - _WALL * broken, slopes
 
     def _function(self, Z: Array) -> Function:
         def function(x: Array) -> tuple[Array, Array]:

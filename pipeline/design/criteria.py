@@ -14,7 +14,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array
 
-Score = Callable[[Array], tuple[Array, Array]]
+_Score = Callable[[Array], tuple[Array, Array]]
 """Information M (k, n, n) in; log g (k,) and S = d log g / dM (k, n, n) out; trace(S M) = 1."""
 
 
@@ -33,8 +33,8 @@ class Criterion:
     name: str
     unit: str
     meaning: str
-    score: Score
-    smooth: Score | None = None
+    score: _Score
+    smooth: _Score | None = None
 
     def figure(self, M: Array) -> Array:
         """The figure of plans with information M (k, n, n), small is good, shape (k,)."""

@@ -15,7 +15,7 @@ from pipeline.design.search import HARD, Effort, Plan, evaluate, objective, sear
 from pipeline.design.space import Box
 from pipeline.design.spec import revised
 
-QUICK = Effort(first=0, rounds=1, poses=192, settled=16, exchanged=4)
+_QUICK = Effort(first=0, rounds=1, poses=192, settled=16, exchanged=4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,7 @@ def by_size(
     poses: Sequence[int],
     readings: Sequence[int],
     seed: int,
-    effort: Effort = QUICK,
+    effort: Effort = _QUICK,
 ) -> BySize:
     """Best figure for each m_0 and n; the limit on single compliances is left out.
 

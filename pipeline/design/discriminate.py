@@ -22,9 +22,9 @@ from pipeline.diagnosis.nextpose import APART
 from pipeline.machine.cell import Cell, paper_cell, sensitivity
 from pipeline.machine.effects import Effect, Noise, catalogue
 
-P_EACH = 0.01 / 25
+_P_EACH = 0.01 / 25
 """False alarms of one cause: 1 % for all, which count as some 25 independent tests."""
-NULL = 1e-7
+_NULL = 1e-7
 """What is left of a column relative to the whole column when it is a mix of others."""
 
 
@@ -158,7 +158,7 @@ def _covariance(experiment: Experiment, q: Array, anchor: Array) -> Array:
 
 def sights(view: Lens, M: Array) -> list[Sight]:
     """What a plan with these products, shape (W, W), sees of every cause of the catalogue."""
-    seen, apart, rival = separations(view, M[None])
+    seen, apart, rival = _separations(view, M[None])
     detected, named = _sizes(view, seen, apart)
     out = []
     for g, name in enumerate(view.names):
@@ -173,7 +173,7 @@ def sights(view: Lens, M: Array) -> list[Sight]:
 
 def named_from(view: Lens, M: Array) -> Array:
     """Size from which each cause is named, in typical sizes, by plans (k, W, W), (k, g)."""
-    seen, apart, _ = separations(view, M)
+    seen, apart, _ = _separations(view, M)
     named = _sizes(view, seen, apart)[1]
     members = [(view.group == g) & view.main for g in range(len(view.names))]
     return np.stack([named[:, of_cause].max(axis=1) for of_cause in members], axis=1)
@@ -182,7 +182,7 @@ def named_from(view: Lens, M: Array) -> Array:
 def _sizes(view: Lens, seen: Array, apart: Array) -> tuple[Array, Array]:
     """Sizes from which each suspect is noticed and named, in typical sizes, both (k, n)."""
     count = np.bincount(view.owner, minlength=len(view.suspects))
-    least = {k: float(np.sqrt(needed(int(k), P_EACH) / k)) for k in np.unique(count)}
+    least = {k: float(np.sqrt(needed(int(k), _P_EACH) / k)) for k in np.unique(count)}
     threshold = np.array([least[k] for k in count])
     detected = threshold / np.maximum(seen, 1e-300)
     return detected, np.maximum(detected, APART / np.maximum(apart, 1e-300))
@@ -200,7 +200,7 @@ def _never(view: Lens) -> list[tuple[str, float, float, str, str]]:
     ]
 
 
-def separations(view: Lens, M: Array) -> tuple[Array, Array, Ints]:
+def _separations(view: Lens, M: Array) -> tuple[Array, Array, Ints]:
     """How far each suspect at typical size stands out, in sigmas per parameter.
 
     Args:
@@ -242,7 +242,7 @@ def _taken(S: Array, owner: Ints, n: int) -> Array:
         members = np.flatnonzero(count == k)
         columns = np.searchsorted(owner, members)[:, None] + np.arange(k)
         values, vectors = np.linalg.eigh(S[:, columns[:, :, None], columns[:, None]])
-        root = np.where(values > NULL, np.maximum(values, NULL) ** -0.5, 0.0)
+        root = np.where(values > _NULL, np.maximum(values, _NULL) ** -0.5, 0.0)
         half = (vectors * root[..., None, :]).swapaxes(-1, -2)
         out[:, members] = ((half @ S[:, columns]) ** 2).sum(axis=2)
     return out

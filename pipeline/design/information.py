@@ -131,14 +131,14 @@ def value_and_slope(experiment: Experiment, at: Station, W: Array) -> tuple[Arra
         back = weigh(seen.weighted, V)
         total = (back * at.A).sum(axis=(0, 1, 2))
     back *= 2 * experiment.scale[:, None, None]
-    by_q, by_anchor = pull_back(at, back)
+    by_q, by_anchor = _pull_back(at, back)
     by_points = scatter.slope(seen, at.A, V)
     if by_points is not None:
         by_q += np.einsum("tim,tnim->nm", by_points, at.J)
     return total, by_q.T, by_anchor.T
 
 
-def pull_back(at: Station, G: Array) -> tuple[Array, Array]:
+def _pull_back(at: Station, G: Array) -> tuple[Array, Array]:
     """Derivative of a quantity by joints and anchor, from its derivative by J tau.
 
     A column of a Jacobian changes by dJ_k/dq_j = omega_min(j,k) x J_max(j,k). Both sums over k

@@ -14,7 +14,7 @@ import numpy as np
 from pipeline.base.arrays import Array, Bools
 from pipeline.design.information import Station, cross
 
-MARGIN_M = 1e-3
+_MARGIN_M = 1e-3
 """The search stays this far inside, so that its penalty cannot end on the wrong side."""
 
 
@@ -75,7 +75,7 @@ def kept(limits: Limits, at: Station) -> Bools:
     return np.all([slack.value >= 0 for slack in slacks(limits, at)], axis=0)
 
 
-def penalty(limits: Limits, at: Station, margin: float = MARGIN_M) -> tuple[Array, Array, Array]:
+def penalty(limits: Limits, at: Station, margin: float = _MARGIN_M) -> tuple[Array, Array, Array]:
     """Sum of squared violations with a margin, (m,); its slopes by joints (m, n), anchor (m, 3)."""
     total, by_q, by_anchor = np.zeros_like(at.chain_m), np.zeros_like(at.tau), np.zeros((3, 1))
     for slack in slacks(limits, at):

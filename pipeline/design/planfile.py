@@ -10,7 +10,7 @@ from pipeline.base import toml
 from pipeline.design.propose import Proposal
 from pipeline.machine.instrument import InstrumentNoise
 
-HEADER = """\
+_HEADER = """\
 # Made by `pipeline design {problem}`: {figure}.
 # Rehearse it:        pipeline simulate {file}
 # Prepare its folder: pipeline init {name} --plan {file}
@@ -26,7 +26,7 @@ def plan_text(proposal: Proposal, file: str, figure: str) -> str:
         figure: The criterion in words.
     """
     spec = proposal.problem.spec
-    header = HEADER.format(problem=spec.name, figure=figure, file=file, name=spec.name)
+    header = _HEADER.format(problem=spec.name, figure=figure, file=file, name=spec.name)
     return header + toml.dumps(plan_content(proposal))
 
 

@@ -20,7 +20,7 @@ from pipeline.machine.effects import Pulls
 from pipeline.machine.instrument import PAPER_SHARE, PAPER_SIGMA_M, InstrumentNoise
 from pipeline.machine.robot import Robot, configure
 
-G_N_PER_KG = 9.81
+_G_N_PER_KG = 9.81
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,10 +206,10 @@ def _check_payload(spec: ProblemFile) -> None:
     payload, pull = spec.limits.payload_kg, max(spec.pull.steps_n)
     if spec.diagnosis is not None:
         pull = max(pull, *(abs(step) for steps in spec.diagnosis.programmes for step in steps))
-    if payload is not None and pull > payload * G_N_PER_KG:
+    if payload is not None and pull > payload * _G_N_PER_KG:
         raise InputError(
             f"a pull of {pull:g} N is more than the payload of {payload:g} kg carries "
-            f"({payload * G_N_PER_KG:.0f} N)",
+            f"({payload * _G_N_PER_KG:.0f} N)",
             "pull less, or correct limits.payload_kg",
         )
 

@@ -22,7 +22,7 @@ from pipeline.base.arrays import Array, Locked
 from pipeline.base.covariance import symmetric
 from pipeline.machine.instrument import InstrumentNoise, beam_covariance
 
-STEP = 1e-30
+_STEP = 1e-30
 """Imaginary step of the complex-step derivative: exact to rounding, nothing cancels."""
 
 
@@ -165,7 +165,7 @@ class Scatter(Locked):
         h = n.sum(axis=-1)
         Wn = (W @ n[:, :, None])[:, :, 0]
         cost = (n * Wn).sum(axis=1)
-        gamma, slope = self.gamma(h), self.gamma(h + 1j * STEP).imag / STEP
+        gamma, slope = self.gamma(h), self.gamma(h + 1j * _STEP).imag / _STEP
         both = gamma[:, None] * Wn
         V = self.alpha * W - both[:, :, None] - both[:, None] - (slope * cost)[:, None, None]
         return self.alpha * (W * N).sum(axis=(1, 2)) - gamma * cost, V

@@ -22,9 +22,9 @@ from pipeline.design.space import Box
 
 SOFT, HARD = 50.0, 2e4
 """Weight of broken limits while looking around, and while settling."""
-QUICKER = 3
+_QUICKER = 3
 """The first round follows this many times fewer plans to their end."""
-STD_MARGIN = 0.995
+_STD_MARGIN = 0.995
 """The search keeps this much inside the largest allowed uncertainty."""
 
 
@@ -115,7 +115,7 @@ def search(
     check_reachable(problem, rng)
     best: Plan | None = None
     x = np.empty((0, box.size))
-    looks = [(effort.first, QUICKER)] * bool(effort.first) + [(effort.poses, 1)] * effort.rounds
+    looks = [(effort.first, _QUICKER)] * bool(effort.first) + [(effort.poses, 1)] * effort.rounds
     for done, (poses, share) in enumerate(looks, 1):
         settled, exchanged = -(-effort.settled // share), -(-effort.exchanged // share)
         start = rng.uniform(size=(max(32, poses // problem.poses), box.size))
@@ -125,7 +125,7 @@ def search(
         yield Progress(done, len(looks), best, _single(box, x), nearest)
         far = descend(hard, x, rounds=600)
         x = far.x[np.argsort(far.value)][:settled]
-        changed = exchange(problem, x[:exchanged], known)
+        changed = _exchange(problem, x[:exchanged], known)
         x = np.vstack([descend(hard, changed, rounds=600, gain=1e-11).x, x])
         best, nearest = _best(evaluate(problem, *box.opened(x), known), best)
         yield Progress(done, len(looks), best, _single(box, x), nearest)
@@ -159,7 +159,7 @@ def objective(problem: Problem, weight: float, known: Array | None = None) -> Fu
         at = station(experiment, q.reshape(-1, n), np.repeat(anchor, poses, axis=0))
         M = before + information(experiment, at).reshape(len(x), poses, n, n).sum(axis=1)
         log_g, S = criterion.score(M)
-        unseen, slope = _unseen(M, problem.most_std * STD_MARGIN)
+        unseen, slope = _unseen(M, problem.most_std * _STD_MARGIN)
         W = np.repeat(slope - S / 2, poses, axis=0)
         _, by_q, by_anchor = value_and_slope(experiment, at, W)
         broken, q_slope, anchor_slope = penalty(problem.limits, at)
@@ -178,7 +178,7 @@ def _unseen(M: Array, most_std: float) -> tuple[Array, Array]:
     return SOFT * (over**2).sum(axis=1), -np.einsum("kij,kj,kjl->kil", Q, pull, Q)
 
 
-def exchange(problem: Problem, x: Array, known: Array | None = None, most: int = 600) -> Array:
+def _exchange(problem: Problem, x: Array, known: Array | None = None, most: int = 600) -> Array:
     """Swap single poses for poses of other plans, as long as a swap improves a plan.
 
     Args:
@@ -218,7 +218,7 @@ def _swapped(
 
 
 def _loss(problem: Problem, M: Array) -> Array:
-    unseen, _ = _unseen(M, problem.most_std * STD_MARGIN)
+    unseen, _ = _unseen(M, problem.most_std * _STD_MARGIN)
     return unseen - problem.criterion.score(M)[0] / 2
 
 

@@ -138,8 +138,8 @@ def trade(
                 among = offers[len(aim.programmes[chosen.programme[slot]])]
                 some = among.taken(rng.integers(len(among.q), size=tried))
                 near = _near(view, chosen, int(slot), aim, rng, tried // 4)
-                chosen = _exchanged(view, chosen, int(slot), joined([some, near]), most)
-            now = mixed(view, chosen)
+                chosen = _exchanged(view, chosen, int(slot), _joined([some, near]), most)
+            now = _mixed(view, chosen)
             if now.figure <= most and (best is None or now.worth > best.worth):
                 best = now
             if best is not None:
@@ -167,7 +167,7 @@ def _beginning(view: Lens, plan: Plan, aim: Aim, rng: np.random.Generator) -> Vi
         k = by_length[size]
         programme = aim.programmes[k]
         parts.append(visits(view, plan.q[rows_], plan.anchor, approach[rows_], k, programme))
-    return joined(parts)
+    return _joined(parts)
 
 
 def _lengths(aim: Aim, readings: int) -> Ints:
@@ -196,7 +196,7 @@ def _offers(view: Lens, plan: Plan, aim: Aim, rng: np.random.Generator) -> dict[
         for way in _ways(problem):
             part = visits(view, q, plan.anchor, np.full(len(q), way), k, steps)
             out.setdefault(len(steps), []).append(part)
-    return {size: joined(parts) for size, parts in out.items()}
+    return {size: _joined(parts) for size, parts in out.items()}
 
 
 def _ways(problem: Problem) -> tuple[float, ...]:
@@ -220,7 +220,7 @@ def _near(
     return visits(view, q, chosen.anchor, way, k, aim.programmes[k])
 
 
-def joined(parts: list[Visits]) -> Visits:
+def _joined(parts: list[Visits]) -> Visits:
     """Several sets of visits as one."""
     return Visits(
         q=np.concatenate([part.q for part in parts]),
@@ -250,7 +250,7 @@ def visits(
     )
 
 
-def mixed(view: Lens, chosen: Visits) -> Mixed:
+def _mixed(view: Lens, chosen: Visits) -> Mixed:
     """What a set of visits is worth."""
     M = chosen.informations.sum(axis=0)[None]
     return Mixed(

@@ -38,13 +38,13 @@ def amplitudes(case: Case, view: View) -> list[tuple[Amplitude, ...]]:
             mine = std[k] * parameter.typical
             interval = (here - quantile * mine, here + quantile * mine)
             if not isinstance(effect, Elastic) and np.isfinite(mine):
-                interval = profile(view, suspect, parameter, here, mine, rest / dof)
+                interval = _profile(view, suspect, parameter, here, mine, rest / dof)
             sizes.append(Amplitude(parameter, float(here), float(mine), interval))
         out.append(tuple(sizes))
     return out
 
 
-def profile(
+def _profile(
     view: View, suspect: int, parameter: Parameter, value: float, std: float, variance: float
 ) -> tuple[float, float]:
     """95 % interval where chi-square, everything else refitted, has risen by 3.84.

@@ -31,10 +31,10 @@ LIKELY = 0.05
 """A hypothesis above this probability may be true: every interval holds its own. Those that leave a
 stiffness undetermined may be passed over up to this probability in all."""
 
-APART = 0.5
+_APART = 0.5
 """A hypothesis that moves a stiffness by fewer standard uncertainties than this leaves it alone."""
 
-COVERED = (0.025, 0.975)
+_COVERED = (0.025, 0.975)
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +178,7 @@ def springs(hypotheses: Sequence[Hypothesis]) -> Springs:
     low = np.min((values - quantile * std)[may_be], axis=0)
     high = np.max((values + quantile * std)[may_be], axis=0)
     if len(hypotheses) > 1:
-        ends = [_quantile(p, weights, values, std * quantile / NORMAL) for p in COVERED]
+        ends = [_quantile(p, weights, values, std * quantile / _NORMAL) for p in _COVERED]
         low, high = np.minimum(low, ends[0]), np.maximum(high, ends[1])
     sure = np.all([_determined(one) for one in hypotheses], axis=0)
     if len(hypotheses) > 1:
@@ -187,7 +187,7 @@ def springs(hypotheses: Sequence[Hypothesis]) -> Springs:
     return Springs(value, cov, low, high, sure)
 
 
-NORMAL = float(special.ndtri(COVERED[1]))
+_NORMAL = float(special.ndtri(_COVERED[1]))
 
 
 def _quantile(p: float, weights: Array, values: Array, std: Array) -> Array:
@@ -216,7 +216,7 @@ def dependences(hypotheses: Sequence[Hypothesis]) -> tuple[Dependence, ...]:
         theirs, std = _determined(one), one.estimate.std[:n]
         gone = np.abs(one.estimate.value[:n] - value)
         with np.errstate(invalid="ignore"):
-            differs = (gone > APART * own) | (std > (1 + APART) * own)
+            differs = (gone > _APART * own) | (std > (1 + _APART) * own)
         moved = mine & theirs & differs & (one.weight > LIKELY)
         for cause, rival in one.instead:
             out += [Dependence(int(j), cause, rival, False) for j in np.flatnonzero(moved)]

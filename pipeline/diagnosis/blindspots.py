@@ -15,7 +15,7 @@ from pipeline.system.elimination import eliminate
 from pipeline.system.evidence import clean
 from pipeline.system.whitened import View
 
-POWER = 0.8
+_POWER = 0.8
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ def smallest_visible(view: View, base: Ints, p: float) -> Array:
 
 def needed(k: int, p: float) -> float:
     """Noncentrality that k parameters need to fall below p with 80 % power."""
-    return float(special.chndtrinc(special.chdtri(k, p), k, 1 - POWER))
+    return float(special.chndtrinc(special.chdtri(k, p), k, 1 - _POWER))
 
 
 def blind_spots(

@@ -39,12 +39,12 @@ from pipeline.system.system import Estimate, System
 from pipeline.system.variance import at_most
 from pipeline.system.whitened import View, with_laws
 
-EQUILIBRIA = ("deformed", "undeformed")
+_EQUILIBRIA = ("deformed", "undeformed")
 
-SHOWN = 5
+_SHOWN = 5
 """So many causes are shown that could be the only one."""
 
-POINTS_M = 3e-4
+_POINTS_M = 3e-4
 """Standard uncertainty per axis of the tool's points [m] where the campaign states none."""
 
 
@@ -89,7 +89,7 @@ def diagnose(
         verdict, why = with_drift(verdict, why, drift)
     elsewhere = {**stood.visible, **({drift.effect.label: drift.visible} if drift else {})}
     hypotheses = _hypotheses(case, found, bool(stood.effects) and not stood.useless, helps)
-    single = [(r.suspect, r.probability) for r in found.single[:SHOWN]]
+    single = [(r.suspect, r.probability) for r in found.single[:_SHOWN]]
     singly = alone(found.first, single, rng) if worth else ()
     final = found.view if helps else found.first
     spots = blind_spots(whole, final, final.base, found.threshold.p, known, elsewhere)
@@ -159,7 +159,7 @@ def case_of(
     known = known or twins(cell.robot)
     never = {*known.unmoved, *known.of_stiffness}
     suspects = tuple(e for e in whole if not isinstance(e, Noise) and e.label not in never)
-    data = replace(data, tool_std=data.tool_std or POINTS_M, bends=False)
+    data = replace(data, tool_std=data.tool_std or _POINTS_M, bends=False)
     plain = Case(replace(cell, equilibrium="undeformed"), data, suspects, 1.0)
     start = plain.model((), estimate.value)
     seen = plain.sight(start)
@@ -176,8 +176,8 @@ def case_of(
 
 def _bent(case: Case, seen: Sight) -> str:
     """The equilibrium, on the straight or the deflected robot, that fits better."""
-    views = [case.look(seen.bent(equilibrium)) for equilibrium in EQUILIBRIA]
-    return EQUILIBRIA[int(np.argmin([eliminate(v.M, v.base)[-1, -1] for v in views]))]
+    views = [case.look(seen.bent(equilibrium)) for equilibrium in _EQUILIBRIA]
+    return _EQUILIBRIA[int(np.argmin([eliminate(v.M, v.base)[-1, -1] for v in views]))]
 
 
 def _gain(case: Case, found: Found, rng: np.random.Generator) -> Gain | None:

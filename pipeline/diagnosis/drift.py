@@ -21,13 +21,13 @@ from pipeline.machine.effects.tracker_drift import HOUR_S, LAWS
 from pipeline.reduction.register import XYZ, Registration
 from pipeline.system.noise import SURE, TOLERATED
 
-FITS = 1e-3
+_FITS = 1e-3
 """Where a rigid motion leaves something this improbable, a reflector moved or was read badly."""
 
-DECIDES = 9.2
+_DECIDES = 9.2
 """Drop of chi-square at which one course of the motion is told from another: odds of 100."""
 
-LEVER_M = 10.0
+_LEVER_M = 10.0
 """Turns are estimated in shifts at this distance, for the conditioning."""
 
 
@@ -128,25 +128,25 @@ def drift(
     amounts = [LAWS[effect.form](since) for effect in forms]
     fits = [base.fit(amount) for amount in amounts]
     steady, best = 0, int(np.argmin([left for _, _, left in fits]))
-    best = best if fits[best][2] < fits[steady][2] - DECIDES else steady
+    best = best if fits[best][2] < fits[steady][2] - _DECIDES else steady
     effect, amount, (motion, cov, rest) = forms[best], amounts[best], fits[best]
     variance = max(TOLERATED**2, rest / dof)
     p = float(stats.chi2.sf((base.beside(base.y) - rest) / variance, 6))
-    rigid = stats.chi2.sf(rest / TOLERATED**2, dof) > FITS
+    rigid = stats.chi2.sf(rest / TOLERATED**2, dof) > _FITS
     knocked = min((base.fit(after.astype(float))[2] for after in _rounds(table)), default=np.inf)
     typical = np.concatenate([[q.typical for q in effect.parameters], np.zeros(3)])
     shown = base.beside(base.columns(amount) @ typical) / variance
     parts = base.rigid @ motion * np.ptp(amount)
     std = np.sqrt(np.diag(cov) * max(1.0, rest / dof))
-    named = bool(p < SURE and rigid and knocked > rest - DECIDES)
+    named = bool(p < SURE and rigid and knocked > rest - _DECIDES)
     visible = float(np.sqrt(needed(6, SURE) / shown)) if rigid and shown > 0 else np.inf
-    undecided = knocked <= rest + DECIDES
+    undecided = knocked <= rest + _DECIDES
     return Drift(
         effect=_undecided(effect, table) if undecided else effect,
         velocity=motion[:3],
         std=std[:3],
-        turn=motion[3:] / LEVER_M,
-        turn_std=std[3:] / LEVER_M,
+        turn=motion[3:] / _LEVER_M,
+        turn_std=std[3:] / _LEVER_M,
         moved_m=float(np.sqrt(np.mean(np.sum(parts**2, axis=1)))),
         hours=float(np.ptp(since)) / HOUR_S,
         p_value=p,
@@ -165,7 +165,7 @@ def _base(registration: Registration, table: pd.DataFrame, at: Array, scale: flo
     number = pd.factorize(table["target"])[0]
     which = np.eye(number.max() + 1)[number]
     fixed = np.einsum("kij,kt->kitj", white, which).reshape(3 * len(table), -1)
-    turns = np.stack([np.cross(axis, points - at) for axis in np.eye(3)], axis=2) / LEVER_M
+    turns = np.stack([np.cross(axis, points - at) for axis in np.eye(3)], axis=2) / _LEVER_M
     rigid = np.concatenate([np.tile(np.eye(3), (len(table), 1, 1)), turns], axis=2)
     off = table[["dx_m", "dy_m", "dz_m"]].to_numpy(float)  # small numbers: digits for the fit
     return _Base(white, fixed, (white @ off[..., None]).ravel(), rigid)

@@ -19,13 +19,13 @@ from pipeline.system.evidence import ROUNDING, Scores, scores
 from pipeline.system.linearised import Model, Sight, sight
 from pipeline.system.whitened import View, look
 
-MOST = 3
+_MOST = 3
 """So many causes at once can be named; more is an unknown one."""
 
 WORTH = 3.0
 """A further cause must be worth this much log evidence (20 to 1)."""
 
-BETTER = 0.1
+_BETTER = 0.1
 """A cause takes another's place when its log evidence is larger by this: the likelier one leads,
 and twins, which differ by rounding, stay."""
 
@@ -36,7 +36,7 @@ NAMELESS = 0.25
 """Odds of one thing without a name against one cause of the catalogue, before the data speak: about
 one fault in five is none of the catalogue."""
 
-FURTHER = 0.1
+_FURTHER = 0.1
 """A suspect that was not worth naming contradicts the model only this far below the threshold:
 what is left was searched once more after each cause that was named."""
 
@@ -102,7 +102,7 @@ class Case:
         for _ in range(rounds):
             near = few.sight(replace(model, accepted=tuple(range(len(accepted)))), near)
             view = few.look(near)
-            values = solved(view, view.base)
+            values = _solved(view, view.base)
             step = np.abs(values - model.values) / view.typical[of_model(view)]
             model = replace(model, values=values)
             if np.max(step, initial=0.0) < 1e-3:
@@ -124,7 +124,7 @@ def of_model(view: View) -> Ints:
     return np.concatenate([np.arange(view.springs), *chosen]).astype(np.int64)
 
 
-def solved(view: View, base: Ints) -> Array:
+def _solved(view: View, base: Ints) -> Array:
     """Parameters of the view's model, estimated, SI."""
     found = dict(zip(base.tolist(), coefficients(view.M, base), strict=True))
     mine = of_model(view)
@@ -227,7 +227,7 @@ class Found(Locked):
     @property
     def clean(self) -> bool:
         """True when nothing is left to explain."""
-        return not self.lack.found and self.left >= FURTHER * self.threshold.p
+        return not self.lack.found and self.left >= _FURTHER * self.threshold.p
 
 
 def remainder(view: View) -> float | None:
@@ -303,12 +303,12 @@ def _stand(case: Case, seen: Sight, rough: Sequence[int]) -> _Stand:
 
 def _grow(case: Case, end: _Stand, limit: Threshold, refused: dict[str, None]) -> _Stand:
     tried: set[tuple[int, ...]] = {()}
-    while len(end.seen.model.accepted) < MOST and (end.p.min() < limit.p or end.lack.found):
+    while len(end.seen.model.accepted) < _MOST and (end.p.min() < limit.p or end.lack.found):
         added = _add(case, end.view, end.now, end.p < limit.p, refused)
         if added is None:
             break
         accepted = (*end.seen.model.accepted, added)
-        start = solved(end.view, end.view.base)
+        start = _solved(end.view, end.view.base)
         better = _exchange(case, case.fitted(accepted, start, end.seen))
         if tuple(sorted(better.model.accepted)) in tried:
             break  # what was added went again at once: there is no third way
@@ -342,13 +342,13 @@ def _add(case: Case, view: View, now: Scores, found: Bools, refused: dict[str, N
             return None
         if not found[i] or label in taken:
             continue
-        if possible(case, view, int(i)):
+        if _possible(case, view, int(i)):
             return int(i)
         refused[label] = None
     return None
 
 
-def possible(case: Case, view: View, suspect: int) -> bool:
+def _possible(case: Case, view: View, suspect: int) -> bool:
     """True unless an estimate is beyond its bounds by more than two sigmas.
 
     Bounds are what physics allows and what the unloaded reflectors do not refute.
@@ -374,13 +374,13 @@ def possible(case: Case, view: View, suspect: int) -> bool:
 def _exchange(case: Case, seen: Sight) -> Sight:
     """Swap an accepted cause for a better one, or drop one that is no longer needed."""
     tried = {frozenset(seen.model.accepted)}
-    for _ in range(2 * MOST):
+    for _ in range(2 * _MOST):
         view = case.look(seen)
         better = _better(case, view, tried)
         if better is None:
             return seen
         tried.add(frozenset(better))
-        seen = case.fitted(better, solved(view, view.base)[: view.springs], seen)
+        seen = case.fitted(better, _solved(view, view.base)[: view.springs], seen)
     return seen
 
 
@@ -395,12 +395,12 @@ def _better(case: Case, view: View, tried: Set[frozenset[int]]) -> tuple[int, ..
             return rest
         taken = {case.suspects[i].label for i in rest}
         for i in np.argsort(-now.log_evidence)[:5]:
-            if now.log_evidence[i] < now.log_evidence[mine] + BETTER:
+            if now.log_evidence[i] < now.log_evidence[mine] + _BETTER:
                 break
             swapped = (*accepted[:place], int(i), *accepted[place + 1 :])
             if case.suspects[i].label in taken or frozenset(swapped) in tried:
                 continue
-            if possible(case, view, int(i)):
+            if _possible(case, view, int(i)):
                 return swapped
     return None
 

@@ -14,7 +14,7 @@ from pipeline.system.elimination import coefficients
 from pipeline.system.evidence import scores
 from pipeline.system.whitened import View
 
-DRAWS = 2000
+_DRAWS = 2000
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +155,7 @@ def interval(
     """Reduction of the rms and its 95 % interval, poses drawn with replacement."""
     poses = pose.max() + 1
     squares = np.stack([np.bincount(pose, r**2, poses) for r in (before, after)])
-    drawn = rng.integers(poses, size=(DRAWS, poses))
+    drawn = rng.integers(poses, size=(_DRAWS, poses))
     old, new = squares[0][drawn].sum(axis=1), squares[1][drawn].sum(axis=1)
     low, high = np.quantile(1 - np.sqrt(new / np.maximum(old, 1e-300)), [0.025, 0.975])
     whole = squares.sum(axis=1)

@@ -14,10 +14,10 @@ from pipeline.machine.cell import Cell, Tool, paper_cell, sensitivity
 from pipeline.machine.effects import Effect, Pulls, catalogue
 from pipeline.machine.robot import Robot
 
-SAME = 1e-8
+_SAME = 1e-8
 """Two directions that differ by less than this, relative to their size, are one."""
 
-NOTHING_M = 1e-12
+_NOTHING_M = 1e-12
 """A typical effect that moves the reflectors less than this [m] does not move them."""
 
 
@@ -97,16 +97,16 @@ def _compare(effects: Sequence[Effect], B: Array, signature: dict[int, Array]) -
     for i, Z in signature.items():
         left = Z - Q @ (Q.T @ Z)
         left = left - Q @ (Q.T @ left)
-        if np.abs(Z).max() < NOTHING_M:
+        if np.abs(Z).max() < _NOTHING_M:
             unmoved.append(effects[i].label)
-        elif np.linalg.norm(left) < SAME * np.linalg.norm(Z):
+        elif np.linalg.norm(left) < _SAME * np.linalg.norm(Z):
             hidden.append(effects[i].label)
         else:
-            own[i] = span(left, SAME * float(np.linalg.norm(Z)))
+            own[i] = _span(left, _SAME * float(np.linalg.norm(Z)))
     pairs = [
         (effects[a].label, effects[b].label)
         for a, b in combinations(own, 2)
-        if effects[a].label != effects[b].label and same_span(own[a], own[b])
+        if effects[a].label != effects[b].label and _same_span(own[a], own[b])
     ]
     return Twins(_once(hidden), tuple(dict.fromkeys(pairs)), _once(unmoved))
 
@@ -115,14 +115,14 @@ def _once(names: list[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(names))
 
 
-def span(columns: Array, least: float) -> Array:
+def _span(columns: Array, least: float) -> Array:
     """Orthonormal basis of what columns span beyond `least`, shape (rows, rank)."""
     U, s, _ = np.linalg.svd(columns, full_matrices=False)
     return U[:, s > least]
 
 
-def same_span(a: Array, b: Array) -> bool:
+def _same_span(a: Array, b: Array) -> bool:
     """True when two orthonormal bases span one space."""
     if a.shape[1] != b.shape[1]:
         return False
-    return bool(np.linalg.norm(a - b @ (b.T @ a)) < 1e3 * SAME)
+    return bool(np.linalg.norm(a - b @ (b.T @ a)) < 1e3 * _SAME)

@@ -27,15 +27,15 @@ from pipeline.system.whitened import View
 APART = 4.6
 """Sigmas between two causes from which the right one leads by 20 to 1 in 95 % of the cases."""
 
-SETTLED = 0.002
+_SETTLED = 0.002
 """Chance of a wrong name from which a further pose need not do better."""
 
-CANDIDATES = 240
+_CANDIDATES = 240
 
-LIGHT = 0.25
+_LIGHT = 0.25
 """Weak pulls, of the largest: proposed as well where the campaign's steps are all large."""
 
-SPRINGS = "joint_springs"
+_SPRINGS = "joint_springs"
 """What a cause is told from when nothing else could stand in its place."""
 
 
@@ -59,7 +59,7 @@ class Proposal(Locked):
     """One pose that would help, pulled in the usual load steps.
 
     Attributes:
-        separates: Labels of the two causes that stay closest, or of a cause and `SPRINGS`.
+        separates: Labels of the two causes that stay closest, or of a cause and `_SPRINGS`.
         q: Joint values [m] or [rad], shape (n,).
         anchor: Where to attach the chain [m], F_b, shape (3,).
         force_n: The largest of the load steps [N].
@@ -101,7 +101,7 @@ def candidates(case: Case, rng: np.random.Generator) -> Candidates:
     """
     robot, tool, done = case.cell.robot, case.cell.tool, case.data.pulls
     anchors = default_anchors(robot)
-    which = np.arange(CANDIDATES) % len(anchors)
+    which = np.arange(_CANDIDATES) % len(anchors)
     points = np.vstack([tool.load_point, tool.points])
     q = draw_poses(robot, points, anchors, which, rng)
     at = configure(robot, q).points(points)[:, 0]
@@ -109,7 +109,7 @@ def candidates(case: Case, rng: np.random.Generator) -> Candidates:
     unit = chain / np.linalg.norm(chain, axis=1, keepdims=True)
     usual, size = _fullest(done.pose), np.linalg.norm(done.force, axis=1)
     steps = size[usual] / size[usual].max() * size.max()
-    series = [steps] if steps.min() < 0.6 * steps.max() else [steps, LIGHT * steps]
+    series = [steps] if steps.min() < 0.6 * steps.max() else [steps, _LIGHT * steps]
     here, k = np.tile(np.arange(len(q)), len(series)), len(usual)
     late = np.nanmax(done.time, initial=0.0)
     pulls = Pulls(
@@ -187,13 +187,13 @@ def _series(
     while len(chosen) < most:
         after = contest.apart(M + more)
         wrong = np.exp(-np.maximum(after**2 - apart[0] ** 2, 0.0) / 8) @ weight
-        enough = (wrong <= SETTLED) & contest.rivals
+        enough = (wrong <= _SETTLED) & contest.rivals
         order = np.where(enough, far_fetched, np.inf) if enough.any() else wrong
         best = int(np.argmin(order))
         chosen.append(best)
         apart.append(after[best])
         M = M + more[best]
-        if wrong[best] <= SETTLED and (after[best][open_pairs] >= APART).all():
+        if wrong[best] <= _SETTLED and (after[best][open_pairs] >= APART).all():
             break
     return chosen, np.array(apart)
 
@@ -262,7 +262,7 @@ class _Contest(Locked):
     def labels(self, view: View, pair: int) -> tuple[str, str]:
         number, a, b = self.pairs[pair]
         who = self.questions[number].who
-        one, other = (SPRINGS if i is None else view.suspects[i].label for i in (who[a], who[b]))
+        one, other = (_SPRINGS if i is None else view.suspects[i].label for i in (who[a], who[b]))
         return one, other
 
     def _taken(self, question: Question) -> Ints:

@@ -12,7 +12,7 @@ from pipeline.machine.robot.configuration import torque
 from pipeline.reduction.measured import Measured
 from pipeline.system.system import Estimate, System
 
-AXES = np.array(["x", "y", "z"], dtype=object)
+_AXES = np.array(["x", "y", "z"], dtype=object)
 
 
 def clues_table(diagnosis: Diagnosis) -> pd.DataFrame:
@@ -71,7 +71,7 @@ def examined_table(
         "pose": rows.pose,
         "repeat": rows.repeat,
         "target": rows.target,
-        "axis": AXES[rows.axis],
+        "axis": _AXES[rows.axis],
         "x_m": place[:, 0],
         "y_m": place[:, 1],
         "z_m": place[:, 2],

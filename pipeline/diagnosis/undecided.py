@@ -14,10 +14,10 @@ from pipeline.diagnosis.isolability import Twins
 from pipeline.diagnosis.nextpose import Candidates, Proposal, Question, candidates, propose
 from pipeline.diagnosis.verdict import CERTAIN
 
-LEAST = 0.02
+_LEAST = 0.02
 """Rivals less probable than this are not asked about."""
 
-MOST = 4
+_MOST = 4
 """So many rivals of one cause, the likeliest, are asked about."""
 
 
@@ -58,7 +58,7 @@ def _open(
         }
         if causes[place].probability < CERTAIN:
             others = [r for r in found.rivals[place] if r.label not in one]
-            odds |= {r.suspect: r.probability for r in others[:MOST] if r.probability > LEAST}
+            odds |= {r.suspect: r.probability for r in others[:_MOST] if r.probability > _LEAST}
         if found.strange and found.strange[place].probability > 1 - CERTAIN:
             strange = found.strange[place]
             odds = {who: (1 - strange.probability) * odd for who, odd in odds.items()}

@@ -14,10 +14,10 @@ from pipeline.machine.cell import Cell, predict
 from pipeline.machine.effects import Effect, Pulls
 from pipeline.reduction.measured import Measured
 
-TOOL_M = 5e-3
+_TOOL_M = 5e-3
 """Points of the effector are estimated along, this far from their nominals at most."""
 
-STEP = 1e-3
+_STEP = 1e-3
 """Of a typical size, for differences; [m] for points of the tool."""
 
 
@@ -210,13 +210,13 @@ def _along(zeros: Unloaded, data: Measured) -> Array:
     columns = [np.tile(np.eye(3), (z, 1, 1))]  # where the base stands: free
     tool = np.zeros((z, 3, 3 * targets))
     for axis in range(3):
-        points = zeros.cell.tool.points + STEP * np.eye(3)[axis]
+        points = zeros.cell.tool.points + _STEP * np.eye(3)[axis]
         moved = replace(
             zeros, cell=replace(zeros.cell, tool=replace(zeros.cell.tool, points=points))
         )
-        slope = (moved.stands((), np.zeros(0)) - here) / STEP
+        slope = (moved.stands((), np.zeros(0)) - here) / _STEP
         tool[np.arange(z), :, 3 * zeros.target + axis] = slope
-    columns.append(tool * TOOL_M)
+    columns.append(tool * _TOOL_M)
     turned = np.stack([np.cross(axis, here) for axis in np.eye(3)], axis=2)
     values, vectors = np.linalg.eigh(data.rotation_cov)
     columns.append(turned @ (vectors * np.sqrt(np.maximum(values, 0.0))))
@@ -267,9 +267,9 @@ def _line(zeros: Unloaded, effects: Sequence[Effect], values: Array) -> Line:
     typical = _typical(effects)
     slopes = [
         zeros.stands(effects, values + d) - zeros.stands(effects, values - d)
-        for d in STEP * typical * np.eye(len(typical))
+        for d in _STEP * typical * np.eye(len(typical))
     ]
-    J = np.stack(slopes, axis=2) / (2 * STEP) if slopes else np.zeros((*zeros.at.shape, 0))
+    J = np.stack(slopes, axis=2) / (2 * _STEP) if slopes else np.zeros((*zeros.at.shape, 0))
     return Line(values, zeros.stands(effects, values), J)
 
 

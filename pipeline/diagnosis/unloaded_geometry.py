@@ -23,19 +23,19 @@ from pipeline.machine.effects import Effect, Geometry, Observation
 from pipeline.reduction.measured import Measured
 from pipeline.system.system import Estimate
 
-LEAST_M = 3e-4
+_LEAST_M = 3e-4
 """Reflectors that stand less than this off, rms, stand as well as any robot does."""
 
-BELIEVED = 1e-3
+_BELIEVED = 1e-3
 """Causes that leave more than chance does at this p are not the ones..."""
 
-NEARLY_ALL = 0.15
+_NEARLY_ALL = 0.15
 """... but for one alone that leaves at most this part of the misfit, and less than LEAST_M."""
 
-NEEDED = 1e-6
+_NEEDED = 1e-6
 """Each must make the misfit this improbable where it is missing."""
 
-MOST = 3
+_MOST = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ class Standing(Locked):
         return self.fit.effects if self.fit else ()
 
 
-NOTHING = Standing(np.nan, np.nan, {})
+_NOTHING = Standing(np.nan, np.nan, {})
 
 
 def standing(
@@ -90,18 +90,18 @@ def standing(
     suspects = tuple(effect for effect in effects if effect.shows_unloaded)
     zeros = unloaded(cell, data, scale)
     if zeros is None or not suspects:
-        return NOTHING
+        return _NOTHING
     fits, exact = Fits(zeros), Fits(zeros.exact)
     miss = exact.left(())
     visible = _visible(zeros, suspects)
-    if miss < LEAST_M or fits(()).p > NEEDED:
+    if miss < _LEAST_M or fits(()).p > _NEEDED:
         return Standing(miss, miss, visible)
     nobody = Standing(miss, miss, {})  # where the table is off, one more cause would not be seen
     best = _search(fits, exact, suspects)
     if best is None:
         return nobody
     rest = [fits(_but(best.effects, k)) for k in range(len(best.effects))]
-    if max(one.p for one in rest) > NEEDED:
+    if max(one.p for one in rest) > _NEEDED:
         return nobody
     return replace(
         nobody,
@@ -150,10 +150,10 @@ def _search(fits: Fits, exact: Fits, suspects: tuple[Effect, ...]) -> Fit | None
     """The fewest causes that leave no more than chance; None when three do not."""
     chosen: tuple[Effect, ...] = ()
     alone: Fit | None = None
-    for _ in range(MOST):
+    for _ in range(_MOST):
         free = [suspect for suspect in suspects if suspect not in chosen]
         best = min((fits((*chosen, suspect)) for suspect in free), key=lambda fit: fit.chi2)
-        if best.p > BELIEVED and _possible(best):
+        if best.p > _BELIEVED and _possible(best):
             return best
         chosen, alone = best.effects, alone or best
     return alone if alone and _nearly_all(exact, alone) and _possible(alone) else None
@@ -162,7 +162,7 @@ def _search(fits: Fits, exact: Fits, suspects: tuple[Effect, ...]) -> Fit | None
 def _nearly_all(exact: Fits, fit: Fit) -> bool:
     """Whether causes take nearly all of the misfit and leave what any robot has."""
     left = exact.left(fit.effects)
-    return left < LEAST_M and left <= NEARLY_ALL * exact.left(())
+    return left < _LEAST_M and left <= _NEARLY_ALL * exact.left(())
 
 
 def _visible(zeros: Unloaded, suspects: tuple[Effect, ...]) -> dict[str, float]:
@@ -178,8 +178,8 @@ def _visible(zeros: Unloaded, suspects: tuple[Effect, ...]) -> dict[str, float]:
         if not np.any(moved.at != here) or size < 1e-9 or fit.dof < 1:
             out[suspect.label] = np.inf
             continue
-        beyond = stats.chi2.isf(NEEDED, fit.dof) - fit.dof
-        out[suspect.label] = max(LEAST_M / size, float(np.sqrt(beyond / fit.chi2)))
+        beyond = stats.chi2.isf(_NEEDED, fit.dof) - fit.dof
+        out[suspect.label] = max(_LEAST_M / size, float(np.sqrt(beyond / fit.chi2)))
     return out
 
 

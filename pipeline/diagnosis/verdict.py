@@ -19,10 +19,10 @@ from pipeline.system.whitened import SOFT, same_element
 CERTAIN = 0.95
 """A cause less probable than this among its rivals is not named singly."""
 
-NOTICED = 1.15
+_NOTICED = 1.15
 """What is left over the scatter of the readings, from which it is more than chance, and said."""
 
-UNKNOWN = 0.5
+_UNKNOWN = 0.5
 """What has no name stands where a cause was sought if it is likelier than this."""
 
 
@@ -82,8 +82,10 @@ def _of_displacements(
     unnamed = stranger.probability if stranger else 0.0
     looks = found.wide.suspects[stranger.suspect].signature if stranger else ""
     if not found.explains:
-        return "unexplained", _left_over(found, worth, names, s, looks if unnamed > UNKNOWN else "")
-    if unnamed > UNKNOWN:
+        return "unexplained", _left_over(
+            found, worth, names, s, looks if unnamed > _UNKNOWN else ""
+        )
+    if unnamed > _UNKNOWN:
         return (
             "unexplained",
             f"{names} come{s} nearest, but something that the catalogue has no name for explains "
@@ -116,7 +118,7 @@ def _of_displacements(
     return (
         "explained",
         f"The model with {names} fits the readings to within their scatter."
-        if found.rough is None or found.rough < NOTICED
+        if found.rough is None or found.rough < _NOTICED
         else f"With {names} in the model {found.rough:.1f} times the scatter of the readings is "
         "left: as much as the laws of the causes may be others.",
     )
@@ -146,7 +148,7 @@ def _useless(found: Found, worth: Gain) -> str:
 
 def _left_over(found: Found, worth: Gain | None, names: str, s: str, looks: str) -> str:
     """Sentence of causes that do not explain the data; `s` is the ending of their verb."""
-    much = found.rough is not None and found.rough > NOTICED
+    much = found.rough is not None and found.rough > _NOTICED
     left = (
         f"what is left is {found.rough:.1f} times the scatter of the readings"
         if much

@@ -16,10 +16,10 @@ from pipeline.faults.reading import FAMILY, smallest
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ, Registration, register
 
-FEWEST = 4
+_FEWEST = 4
 """Reflectors below which the others cannot agree against one."""
 
-AGREE = 0.01
+_AGREE = 0.01
 """The others agree, to what chance leaves in all but this part of campaigns; a rival target whose
 loss leaves a misfit more improbable than FAMILY is none."""
 
@@ -34,7 +34,7 @@ def base_target(case: Case, registration: Registration, scale: float) -> list[Fi
     """
     table, chi2 = registration.table, registration.chi2
     names = sorted(set(table["target"]))
-    if chi2 is None or len(names) < FEWEST:
+    if chi2 is None or len(names) < _FEWEST:
         return []
     if stats.chi2.sf(chi2 / scale**2, registration.dof) > FAMILY:
         return []
@@ -47,7 +47,7 @@ def base_target(case: Case, registration: Registration, scale: float) -> list[Fi
     drop = chi2 / scale**2 - left[best]
     p = len(names) * float(stats.chi2.sf(drop, 3))
     size = float(np.linalg.norm(free[best][1]))
-    fits = stats.chi2.sf(left[best], dof) > AGREE
+    fits = stats.chi2.sf(left[best], dof) > _AGREE
     alone = stats.chi2.sf(left[rival], dof) < FAMILY
     if not (fits and alone) or p > FAMILY or size < smallest(table, scale):
         return []
@@ -60,7 +60,7 @@ def _freed(case: Case, registration: Registration, name: str) -> tuple[float, Ar
     None where the others do not tell how the tracker stands, as on one line.
     """
     try:
-        lost = register(without_target(case, name).settings, case.readings)
+        lost = register(_without_target(case, name).settings, case.readings)
     except InputError:
         return None
     rows = case.readings.loc[registration.table.index[registration.table["target"] == name]]
@@ -85,11 +85,11 @@ def _finding(name: str, size: float, sigmas: float, after: float, p: float) -> F
         size=size,
         size_unit="m",
         p_value=min(p, 1.0),
-        correct=partial(without_target, name=name),
+        correct=partial(_without_target, name=name),
     )
 
 
-def without_target(case: Case, name: str) -> Case:
+def _without_target(case: Case, name: str) -> Case:
     """The campaign without one reflector of [base_frame]."""
     base = {one: at for one, at in case.settings.base_frame.items() if one != name}
     return replace(case, settings=case.settings.model_copy(update={"base_frame": base}))

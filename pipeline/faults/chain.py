@@ -23,30 +23,30 @@ from pipeline.faults.reading import FAMILY
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 
-TESTS = 2
+_TESTS = 2
 """Distance and direction share the probability of a false alarm."""
 
-FEWEST = 8
+_FEWEST = 8
 """Pulls below this do not say how much a chain scatters."""
 
-HUNG = 0.05
+_HUNG = 0.05
 """Lengths that differ between poses this improbably: the chain was hung otherwise."""
 
-MATTERS_RAD = 5e-4
+_MATTERS_RAD = 5e-4
 """A direction off by less turns no force by more than the readings of a scale scatter."""
 
-SHORT_M = 1.5e-4
+_SHORT_M = 1.5e-4
 """A distance off by less is not worth being named."""
 
-APART = 5.0
+_APART = 5.0
 """A direction stands out this much also against the other pulls of its own pose."""
 
-DECIDES = 3.0
+_DECIDES = 3.0
 """One end stands out this much more than the other, or neither is named alone."""
 
 
 @dataclass(frozen=True, eq=False)
-class Chain(Locked):
+class _Chain(Locked):
     """Both ends of the chain in every pull, in the tracker's frame.
 
     Attributes:
@@ -79,7 +79,7 @@ class _Off:
 def chain_outlier(case: Case) -> list[Finding]:
     """The pull whose chain reflectors are unlike those of the other pulls, and which of the two."""
     chain = _read(case)
-    if len(chain.group) < FEWEST:
+    if len(chain.group) < _FEWEST:
         return []
     names = case.settings.naming.chain
     off = _distance(chain)
@@ -99,7 +99,7 @@ def chain_outlier(case: Case) -> list[Finding]:
     return []
 
 
-def _read(case: Case) -> Chain:
+def _read(case: Case) -> _Chain:
     near, far = case.settings.naming.chain
     rows = case.readings[case.readings["state"] == "loaded"].drop_duplicates(["group", "target"])
     ends = [rows[rows["target"] == name].set_index("group") for name in (near, far)]
@@ -113,7 +113,7 @@ def _read(case: Case) -> Chain:
     C = covariance.matrices(ends[0]) + covariance.matrices(ends[1])
     std = np.sqrt(np.einsum("mi,mij,mj->m", u, C, u))
     stated = bool(np.isfinite(std).all())
-    return Chain(
+    return _Chain(
         group=both.to_numpy(object),
         pose=ends[0]["pose"].to_numpy(np.int64),
         force=loads.reindex(key).to_numpy(float),
@@ -123,11 +123,11 @@ def _read(case: Case) -> Chain:
     )
 
 
-def _length(chain: Chain) -> Array:
+def _length(chain: _Chain) -> Array:
     return np.asarray(np.linalg.norm(chain.ends[:, 1] - chain.ends[:, 0], axis=1))
 
 
-def _distance(chain: Chain) -> _Off | None:
+def _distance(chain: _Chain) -> _Off | None:
     """By the distance of the ends, the same in all pulls but for what the chain stretches."""
     y = _length(chain)
     y = (y - np.median(y)) / chain.std
@@ -145,12 +145,12 @@ def _distance(chain: Chain) -> _Off | None:
         best = _of_its_pose(chain, t, _deleted(common, y, least)[0])
     p = 2 * len(y) * float(stats.t.sf(t[best], dof))
     size_m = float(size[best] * chain.std[best])
-    if p > FAMILY / TESTS or size_m < SHORT_M:
+    if p > FAMILY / _TESTS or size_m < _SHORT_M:
         return None
     return _Off(best, float(t[best]), size_m, p)
 
 
-def _of_its_pose(chain: Chain, t: Array, among_all: Array) -> int:
+def _of_its_pose(chain: _Chain, t: Array, among_all: Array) -> int:
     """The pull that stands out; where a pose has two, each as much, that unlike all others."""
     level = np.flatnonzero(t > 0.999 * t.max())
     return int(level[np.argmax(among_all[level])])
@@ -163,7 +163,7 @@ def _differs(plain: Array, richer: Array, y: Array) -> bool:
     if more <= rank or dof < 1:
         return False
     F = (rest - less) / (more - rank) / max(less / dof, 1e-30)
-    return bool(stats.f.sf(F, more - rank, dof) < HUNG)
+    return bool(stats.f.sf(F, more - rank, dof) < _HUNG)
 
 
 def _rest(X: Array, y: Array) -> tuple[float, int]:
@@ -193,7 +193,7 @@ def _deleted(X: Array, y: Array, least: float) -> tuple[Array, Array, int]:
     return np.sqrt(drop / variance), size, max(dof, 1)
 
 
-def _direction(chain: Chain) -> _Off | None:
+def _direction(chain: _Chain) -> _Off | None:
     """By the direction against the other pulls of the pose, four or more of them."""
     laws = [_turns(chain, course) for course in (chain.force, 1 / chain.force)]
     if any(len(law[0]) == 0 for law in laws):
@@ -204,15 +204,15 @@ def _direction(chain: Chain) -> _Off | None:
     size = np.min([law[3] for law in laws], axis=0)
     sigmas = np.min([law[4] for law in laws], axis=0)
     best = int(np.argmin(p))
-    sure = len(pulls) * p[best] < FAMILY / TESTS and apart[best] > APART
-    if not sure or size[best] < MATTERS_RAD:
+    sure = len(pulls) * p[best] < FAMILY / _TESTS and apart[best] > _APART
+    if not sure or size[best] < _MATTERS_RAD:
         return None
     return _Off(
         int(pulls[best]), float(sigmas[best]), float(size[best]), float(len(pulls) * p[best])
     )
 
 
-def _turns(chain: Chain, course: Array) -> tuple[Ints, Array, Array, Array, Array]:
+def _turns(chain: _Chain, course: Array) -> tuple[Ints, Array, Array, Array, Array]:
     """Deleted residuals of directions beside a straight course in each pose.
 
     Args:
@@ -252,7 +252,7 @@ def _turns(chain: Chain, course: Array) -> tuple[Ints, Array, Array, Array, Arra
     return np.concatenate(pulls), p, apart, np.concatenate(sizes), np.sqrt(2 * F)
 
 
-def _end(chain: Chain, pull: int) -> tuple[int, float] | None:
+def _end(chain: _Chain, pull: int) -> tuple[int, float] | None:
     """Which end is not where the other pulls of the pose put it, and by how much [m].
 
     None where nobody can tell.
@@ -263,7 +263,7 @@ def _end(chain: Chain, pull: int) -> tuple[int, float] | None:
         return None
     X = np.column_stack([np.ones(len(same)), chain.force])
     miss = [_unlike(X, chain.ends[:, k], others, pull) for k in (0, 1)]
-    if max(miss) < DECIDES * min(miss):
+    if max(miss) < _DECIDES * min(miss):
         return None
     return int(np.argmax(miss)), max(miss)
 
@@ -274,7 +274,7 @@ def _unlike(X: Array, at: Array, others: Bools, pull: int) -> float:
     return float(np.linalg.norm(at[pull] - X[pull] @ course))
 
 
-def _finding(chain: Chain, off: _Off, names: Sequence[str], told: str, size: float) -> Finding:
+def _finding(chain: _Chain, off: _Off, names: Sequence[str], told: str, size: float) -> Finding:
     group, end = str(chain.group[off.pull]), _end(chain, off.pull)
     which = f"{names[0]}-{names[1]}"
     if end is not None:

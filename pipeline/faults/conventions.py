@@ -25,19 +25,19 @@ from pipeline.machine.robot.variants import differing, variants
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 
-GROSS_M = 0.03
+_GROSS_M = 0.03
 """No robot in use stands this far off its own table."""
 
-GROSS_ANCHORED_M = 0.3
+_GROSS_ANCHORED_M = 0.3
 """Nor this far from it in a base frame, however poor its reflectors."""
 
-BETTER = 3.0
+_BETTER = 3.0
 """A correction must bring the reflectors this many times nearer."""
 
 FEWEST_POSES = 3
 """Poses below which a rigid motion can hide a wrong table."""
 
-UNITS = {
+_UNITS = {
     1e3: ("m", "the numbers are metres and were read as millimetres"),
     25.4: ("inch", "the numbers are inches and were read as millimetres"),
     1e-3: ("mm", "the numbers are millimetres and were read as metres"),
@@ -48,7 +48,7 @@ UNITS = {
 """Factor on the tracker's coordinates: the unit they are in, and the sentence for it."""
 
 
-DH_SAYS = {
+_DH_SAYS = {
     "modified_dh": "the robot's table is one of modified DH parameters, read as standard ones",
     "standard_dh": "the robot's table is one of standard DH parameters, read as modified ones",
 }
@@ -81,7 +81,7 @@ def conventions(case: Case) -> list[Finding]:
     measured, or where no single mistake and no pair of them explains where they stand. What moves
     the whole robot rigidly shows only against the base reflectors, which are asked second.
     """
-    for how, gross in ((miss, GROSS_M), (anchored_miss, GROSS_ANCHORED_M)):
+    for how, gross in ((miss, _GROSS_M), (anchored_miss, _GROSS_ANCHORED_M)):
         before = how(case)
         if before is not None and before >= gross:
             return _search(case, how, gross, before)
@@ -104,7 +104,7 @@ def _search(
     for tried in ([(h,) for h in singles], pairs):
         misses = [after(*chosen) for chosen in tried]
         best = int(np.argmin([*misses, np.inf]))
-        if best < len(tried) and misses[best] < gross and BETTER * misses[best] < before:
+        if best < len(tried) and misses[best] < gross and _BETTER * misses[best] < before:
             return [_finding(h, before, misses[best]) for h in tried[best]]
     return []
 
@@ -132,7 +132,7 @@ def miss(case: Case) -> float | None:
     if zeros["pose"].nunique() < FEWEST_POSES:
         return None
     seen, expected, state = pairs(case, zeros)
-    residual = seen - moved_onto(seen, expected)
+    residual = seen - _moved_onto(seen, expected)
     square = np.bincount(state, (residual**2).sum(axis=1)) / np.maximum(np.bincount(state), 1)
     return float(np.sqrt(np.median(square)))
 
@@ -169,7 +169,7 @@ def pairs(case: Case, rows: pd.DataFrame) -> tuple[Array, Array, Ints]:
     return rows[XYZ].to_numpy(float), points[at, target], pd.factorize(rows["group"])[0]
 
 
-def moved_onto(seen: Array, expected: Array) -> Array:
+def _moved_onto(seen: Array, expected: Array) -> Array:
     """The expected points after the rigid motion that brings them nearest to those seen."""
     R, t = rigid(expected, seen)
     return expected @ R.T + t
@@ -188,35 +188,35 @@ def rigid(a: Array, b: Array) -> tuple[Array, Array]:
 
 def hypotheses(case: Case) -> Iterator[Hypothesis]:
     """Every mistake that is asked about."""
-    for factor, (unit, says) in UNITS.items():
+    for factor, (unit, says) in _UNITS.items():
         yield Hypothesis("unit_mixup", unit, f"in the tracker export {says}", scaled(factor))
     yield from _angles(case.robot)
     yield Hypothesis(
         "sign_or_convention",
         "left_handed",
         "the tracker's frame is left-handed",
-        mirrored,
+        _mirrored,
     )
     if case.robot.controller_matrix.shape[1] == case.robot.n:
         yield Hypothesis(
             "sign_or_convention",
             "controller_axes",
             "the joint log holds the controller's axes under the names of the joints",
-            from_controller,
+            _from_controller,
         )
     for column, joint in zip(case.joint_columns, case.robot.joints, strict=True):
         yield Hypothesis(
             "sign_or_convention",
             f"{joint.name}_reversed",
             f"in the joint log {joint.name} counts the other way round",
-            reversed_joint(column),
+            _reversed_joint(column),
             table=True,
         )
     for name, robot in _robots(case.robot):
         yield Hypothesis(
             "sign_or_convention",
             name,
-            DH_SAYS.get(name) or f"the robot's table is wrong in {name}" + _called(robot),
+            _DH_SAYS.get(name) or f"the robot's table is wrong in {name}" + _called(robot),
             partial(replace, robot=robot),
             table=True,
         )
@@ -234,7 +234,7 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
             "label_swap",
             f"{one}-{other}",
             f"the base reflectors {one} and {other} carry each other's names",
-            partial(base_renamed, one=one, other=other),
+            partial(_base_renamed, one=one, other=other),
             table=True,
         )
 
@@ -249,26 +249,26 @@ def _angles(robot: Robot) -> Iterator[Hypothesis]:
             "unit_mixup",
             "rad",
             "in the joint log the numbers are radians and were read as degrees",
-            turned(180 / np.pi),
+            _turned(180 / np.pi),
         )
         yield Hypothesis(
             "unit_mixup",
             "deg",
             "in the joint log the numbers are degrees and were read as radians",
-            turned(np.pi / 180),
+            _turned(np.pi / 180),
         )
     if robot.prismatic.any():
         yield Hypothesis(
             "unit_mixup",
             "joints_mm",
             "in the joint log the sliding joint is in millimetres and was read as metres",
-            slid(1e-3),
+            _slid(1e-3),
         )
         yield Hypothesis(
             "unit_mixup",
             "joints_m",
             "in the joint log the sliding joint is in metres and was read as millimetres",
-            slid(1e3),
+            _slid(1e3),
         )
 
 
@@ -302,7 +302,7 @@ def scaled(factor: float) -> Callable[[Case], Case]:
     return correct
 
 
-def mirrored(case: Case) -> Case:
+def _mirrored(case: Case) -> Case:
     """The tracker's y turned round."""
     rows, flip = case.readings, np.diag([1.0, -1.0, 1.0])
     C = flip @ covariance.matrices(rows) @ flip
@@ -315,7 +315,7 @@ def _with_covariance(rows: pd.DataFrame, six: Array) -> pd.DataFrame:
     return rows.assign(**dict(zip(covariance.columns(), six.T, strict=True)))
 
 
-def turned(factor: float) -> Callable[[Case], Case]:
+def _turned(factor: float) -> Callable[[Case], Case]:
     """Joint angles times a factor."""
 
     def correct(case: Case) -> Case:
@@ -327,7 +327,7 @@ def turned(factor: float) -> Callable[[Case], Case]:
     return correct
 
 
-def slid(factor: float) -> Callable[[Case], Case]:
+def _slid(factor: float) -> Callable[[Case], Case]:
     """Sliding joints times a factor."""
 
     def correct(case: Case) -> Case:
@@ -339,12 +339,12 @@ def slid(factor: float) -> Callable[[Case], Case]:
     return correct
 
 
-def reversed_joint(column: str) -> Callable[[Case], Case]:
+def _reversed_joint(column: str) -> Callable[[Case], Case]:
     """Values of one joint with the other sign."""
     return lambda case: replace(case, joints=case.joints.assign(**{column: -case.joints[column]}))
 
 
-def from_controller(case: Case) -> Case:
+def _from_controller(case: Case) -> Case:
     """Joint values from what turn out to be the controller's axes."""
     axes = case.joints[case.joint_columns].to_numpy(float)
     q = axes @ case.robot.controller_matrix.T + case.robot.controller_offset
@@ -360,7 +360,7 @@ def renamed(case: Case, names: Strings | tuple[str, ...]) -> Case:
     return replace(case, readings=rows.assign(target=[true.get(t, t) for t in rows["target"]]))
 
 
-def base_renamed(case: Case, one: str, other: str) -> Case:
+def _base_renamed(case: Case, one: str, other: str) -> Case:
     """Two base reflectors that carry each other's names in [base_frame]."""
     base = case.settings.base_frame
     base = base | {one: base[other], other: base[one]}

@@ -25,13 +25,13 @@ from pipeline.machine.robot import configure
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ, register
 
-STANDS_OUT = 10.0
+_STANDS_OUT = 10.0
 """A wrong row puts the reflectors this many times farther off than the others scatter, ..."""
 
-LEAST_M = 1e-3
+_LEAST_M = 1e-3
 """... and no less than this."""
 
-FEWEST_GOOD = 5
+_FEWEST_GOOD = 5
 """Poses that must agree before another is held against them."""
 
 PART, MOST = 4, 12
@@ -39,7 +39,7 @@ PART, MOST = 4, 12
 
 
 @dataclass(frozen=True, eq=False)
-class Stand(Locked):
+class _Stand(Locked):
     """Readings of measured targets beside the table.
 
     Attributes:
@@ -64,7 +64,7 @@ class Stand(Locked):
 
 
 @dataclass(frozen=True, eq=False)
-class Laid(Locked):
+class _Laid(Locked):
     """The table laid onto the readings of some poses.
 
     Attributes:
@@ -87,20 +87,20 @@ class Laid(Locked):
     @property
     def apart(self) -> Bools:
         """Poses that stand out, shape (p,)."""
-        limit = np.maximum(STANDS_OUT * self.usual, LEAST_M / np.sqrt(3))
+        limit = np.maximum(_STANDS_OUT * self.usual, _LEAST_M / np.sqrt(3))
         return np.asarray(self.stands > limit, dtype=bool)
 
 
 def wrong_rows(case: Case) -> list[Finding]:
     """Poses whose reflectors are not where their row of the joint log puts them."""
     read = _read(case)
-    if len(read.poses) <= FEWEST_GOOD or len(case.settings.measured) < 2:
+    if len(read.poses) <= _FEWEST_GOOD or len(case.settings.measured) < 2:
         return []
     laid = _laid(read, [])
-    if np.linalg.norm(laid.away[read.zero], axis=1).max() < LEAST_M:
+    if np.linalg.norm(laid.away[read.zero], axis=1).max() < _LEAST_M:
         return []
     out: list[int] = []
-    for _ in range(min((len(read.poses) - 1) // PART, len(read.poses) - FEWEST_GOOD, MOST)):
+    for _ in range(min((len(read.poses) - 1) // PART, len(read.poses) - _FEWEST_GOOD, MOST)):
         kept = np.setdiff1d(np.arange(len(read.poses)), out)
         out.append(int(kept[np.argmax(laid.stands[kept])]))
         laid = _laid(read, out)
@@ -114,14 +114,14 @@ def wrong_rows(case: Case) -> list[Finding]:
     return []
 
 
-def _read(case: Case) -> Stand:
+def _read(case: Case) -> _Stand:
     rows = case.readings
     known = rows["target"].isin(case.settings.measured) & rows["pose"].isin(case.joints["pose"])
     rows = rows[known & rows["pose"].isin(unloaded(case)["pose"])]
     poses, at = np.unique(rows["pose"].to_numpy(int), return_inverse=True)
     target = np.array([case.settings.measured.index(name) for name in rows["target"]], int)
     frames = configure(case.robot, case.q(poses))
-    return Stand(
+    return _Stand(
         seen=rows[XYZ].to_numpy(float),
         pose=at,
         target=target,
@@ -133,7 +133,7 @@ def _read(case: Case) -> Stand:
     )
 
 
-def _laid(read: Stand, out: Sequence[int]) -> Laid:
+def _laid(read: _Stand, out: Sequence[int]) -> _Laid:
     """The table laid onto the unloaded readings of all poses but some (Gauss-Newton)."""
     used = read.zero & ~np.isin(read.pose, out)
     targets = int(read.target.max()) + 1
@@ -165,10 +165,10 @@ def _laid(read: Stand, out: Sequence[int]) -> Laid:
         stands[k] = np.sqrt(drop / len(e))
         less, more = (drop, len(e)) if on else (0.0, 0)
         usual[k] = np.sqrt(max(rest - less, 0.0) / max(dof - more, 1))
-    return Laid(R, t, off, away, stands, usual)
+    return _Laid(R, t, off, away, stands, usual)
 
 
-def _linear(read: Stand, R: Array, t: Array, off: Array) -> tuple[Array, Array, Array]:
+def _linear(read: _Stand, R: Array, t: Array, off: Array) -> tuple[Array, Array, Array]:
     """Where the readings should be, what moves them (n, 3, 6 + 3 targets), how far they are."""
     at = (read.table + np.einsum("nij,nj->ni", read.axes, off[read.target])) @ R.T + t
     X = np.zeros((len(at), 3, 6 + off.size))
@@ -181,7 +181,7 @@ def _linear(read: Stand, R: Array, t: Array, off: Array) -> tuple[Array, Array, 
     return at, X, read.seen - at
 
 
-def _knocked(case: Case, read: Stand, wrong: Sequence[int]) -> bool:
+def _knocked(case: Case, read: _Stand, wrong: Sequence[int]) -> bool:
     """Whether the tracker may have been moved before these poses: the base reflectors say so too.
 
     Only where they are the last that were read.
@@ -195,7 +195,7 @@ def _knocked(case: Case, read: Stand, wrong: Sequence[int]) -> bool:
     return set(np.argsort(begun)[-len(wrong) :].tolist()) == set(wrong)
 
 
-def _whole(read: Stand, laid: Laid, k: int) -> bool:
+def _whole(read: _Stand, laid: _Laid, k: int) -> bool:
     """Whether the effector as a whole stands elsewhere, in every state of the pose.
 
     One reading that is off is no wrong row, nor are two names exchanged.
@@ -222,10 +222,10 @@ def _moved(seen: Array, due: Array, size: float, usual: float) -> bool:
     away = np.linalg.norm(seen[:, None] - due[None], axis=2)
     row, column = optimize.linear_sum_assignment(away**2)
     names = float(np.sqrt(np.mean(away[row, column] ** 2)))
-    return left < max(size / PART, STANDS_OUT * usual) and names > size / 2
+    return left < max(size / PART, _STANDS_OUT * usual) and names > size / 2
 
 
-def _finding(case: Case, read: Stand, laid: Laid, k: int) -> Finding:
+def _finding(case: Case, read: _Stand, laid: _Laid, k: int) -> Finding:
     row = case.joints[case.joints["pose"] == read.poses[k]].iloc[0]
     far = np.sum(laid.away**2, axis=1)[read.zero]
     of = read.pose[read.zero]
@@ -245,7 +245,7 @@ def _finding(case: Case, read: Stand, laid: Laid, k: int) -> Finding:
         unit="mm",
         size=size,
         size_unit="m",
-        correct=partial(without_pose, pose=int(read.poses[k])),
+        correct=partial(_without_pose, pose=int(read.poses[k])),
     )
 
 
@@ -260,7 +260,7 @@ def _same(case: Case, row: pd.Series) -> str:
     return f" but repeats that of pose {others['pose'][equal].iloc[0]}" if equal.any() else ""
 
 
-def without_pose(case: Case, pose: int) -> Case:
+def _without_pose(case: Case, pose: int) -> Case:
     """The campaign without one pose."""
     rows, loads, joints = case.readings, case.loads, case.joints
     return replace(

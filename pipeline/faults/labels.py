@@ -16,7 +16,7 @@ from pipeline.machine.robot import configure
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 
-GROSS_M = 0.03
+_GROSS_M = 0.03
 """A reading this far from where its reflector should be is no reading of that reflector."""
 
 
@@ -54,7 +54,7 @@ def _measured(case: Case, R: Array, t: Array) -> Iterator[Finding]:
     seen, expected, _ = pairs(case, rows)
     off = np.linalg.norm(seen - expected @ R.T - t, axis=1)
     usual = float(np.median(off))
-    wrong = rows[off > max(GROSS_M, 3 * usual)]
+    wrong = rows[off > max(_GROSS_M, 3 * usual)]
     places = dict(zip(rows.index, expected @ R.T + t, strict=True))
     for group in dict.fromkeys(wrong["group"]):
         state = case.readings[case.readings["group"] == group]
@@ -72,7 +72,7 @@ def _swaps(
         away = np.linalg.norm(points - places[index], axis=1)
         nearest = int(np.argmin(away))
         other = str(state["target"].iloc[nearest])
-        if other != name and away[nearest] < max(GROSS_M, usual):
+        if other != name and away[nearest] < max(_GROSS_M, usual):
             yield str(name), other
 
 
@@ -91,11 +91,11 @@ def _finding(group: str, swaps: list[tuple[str, str]], off: Array, rows: pd.Data
         before=before,
         after=after,
         unit="mm",
-        correct=partial(exchanged, groups=[group], true=names),
+        correct=partial(_exchanged, groups=[group], true=names),
     )
 
 
-def exchanged(case: Case, groups: list[str], true: dict[str, str]) -> Case:
+def _exchanged(case: Case, groups: list[str], true: dict[str, str]) -> Case:
     """The readings of some groups under other names; `true` is the name behind a written one."""
     rows = case.readings
     here = rows["group"].isin(groups)
@@ -136,7 +136,7 @@ def _chain(case: Case, R: Array, t: Array) -> Iterator[Finding]:
     table = chain_distances(case, R, t)
     if not len(table):
         return
-    reversed_ = (table["near"] > table["far"] + GROSS_M).to_numpy()
+    reversed_ = (table["near"] > table["far"] + _GROSS_M).to_numpy()
     if reversed_.mean() > 0.5:
         return
     near, far = case.settings.naming.chain
@@ -150,5 +150,5 @@ def _chain(case: Case, R: Array, t: Array) -> Iterator[Finding]:
             before=1e3 * a,
             after=1e3 * b,
             unit="mm",
-            correct=partial(exchanged, groups=[str(group)], true={near: far, far: near}),
+            correct=partial(_exchanged, groups=[str(group)], true={near: far, far: near}),
         )

@@ -15,13 +15,13 @@ from pipeline.readers.logs import FORCE
 from pipeline.reduction.case import Case
 from pipeline.system.system import Estimate
 
-CLEAR = 4.0
+_CLEAR = 4.0
 """Standard uncertainties from zero at which the sign of a compliance is clear."""
 
-NEAR = 0.35
+_NEAR = 0.35
 """Logarithm by which the typical stiffness of a machine may be off from its nominal one."""
 
-SPREAD = 0.6
+_SPREAD = 0.6
 """Logarithm by which single joints may scatter about that."""
 
 
@@ -31,7 +31,7 @@ def reversed_pull(case: Case, estimate: Estimate) -> list[Finding]:
     Every spring then yields against the force: the work done on the robot is negative, which no
     passive structure can be.
     """
-    known = np.isfinite(estimate.std) & (np.abs(estimate.value) > CLEAR * estimate.std)
+    known = np.isfinite(estimate.std) & (np.abs(estimate.value) > _CLEAR * estimate.std)
     weight = (estimate.value[known] / estimate.std[known]) ** 2
     if not known.any():
         return []
@@ -57,7 +57,7 @@ def reversed_pull(case: Case, estimate: Estimate) -> list[Finding]:
             before=float(against),
             after=1 - float(against),
             unit="1",
-            correct=turned_round,
+            correct=_turned_round,
         )
     ]
 
@@ -71,7 +71,7 @@ def _farther(case: Case) -> float | None:
     return float((table["near"] > table["far"]).mean()) if len(table) else None
 
 
-def turned_round(case: Case) -> Case:
+def _turned_round(case: Case) -> Case:
     """All forces the other way."""
     if case.forces is not None:
         return replace(case, forces=_times(case.forces, -1.0))
@@ -97,7 +97,7 @@ def force_unit(case: Case, estimate: Estimate) -> list[Finding]:
     factors = {name: np.log(f) for name, f in FORCE.items() if f != 1.0}
     tried = [(abs(middle - s * f), s, name) for name, f in factors.items() for s in (1, -1)]
     off, sign, unit = min(tried)
-    if off > NEAR or np.median(np.abs(softer - middle)) > SPREAD:
+    if off > _NEAR or np.median(np.abs(softer - middle)) > _SPREAD:
         return []
     factor = float(FORCE[unit] ** sign)
     said, where = (

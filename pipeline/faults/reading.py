@@ -30,22 +30,22 @@ FAMILY = 5e-4
 of readings of the poses, of readings of the base, of whole base reflectors, of the chain and of
 the scale."""
 
-SMALLEST_M = 8e-5
+_SMALLEST_M = 8e-5
 """A reading off by less than this is not worth being named."""
 
-FITS = 1e-3
+_FITS = 1e-3
 """A model whose misfit is this probable fits."""
 
-DOMINANT = 2.0
+_DOMINANT = 2.0
 """Beside a model that does not fit, an outlier must stand out this much more."""
 
-TOO_FEW = 16.0
+_TOO_FEW = 16.0
 """A sum of squares below this confirms nothing and refutes nothing."""
 
-CONFIRMS = 0.25
+_CONFIRMS = 0.25
 """Part of the expected sum of squares that must be found; chance leaves less in 1 of 100."""
 
-PAPER_TAIL = 4.9
+_PAPER_TAIL = 4.9
 """Eq. (18) scatters along one direction: a shift counts in radii, whatever its direction."""
 
 
@@ -116,17 +116,17 @@ def outlier(
         variance, known_from = rest / dof, dof
         if system.noise_stated:
             variance = max(variance, 1.0)  # a certificate may be modest, chance no outlier
-            if stats.f.sf(rest / dof / scale**2, dof, contrasts) < FITS:
+            if stats.f.sf(rest / dof / scale**2, dof, contrasts) < _FITS:
                 if must_fit:
                     continue
-                variance, known_from = DOMINANT * rest / dof, contrasts
+                variance, known_from = _DOMINANT * rest / dof, contrasts
         p = len(shifts.drop) * float(stats.f.sf(shifts.drop[best] / 3 / variance, 3, known_from))
         size = float(np.linalg.norm(shifts.shift[best]))
         shift = shifts.shift[best]
         confirmed = _confirmed(poses, best, shift, scale**2)
         confirmed &= _confirmed(pulls, best, shift, scale**2, seen=not must_fit)
         whole = _of_whole_pull(stack, white, shifts, best)
-        confirmed &= whole < shifts.drop[best] + TOO_FEW * variance
+        confirmed &= whole < shifts.drop[best] + _TOO_FEW * variance
         if p < FAMILY and size > floor and confirmed:
             row = _row(case, reduced, shifts, best)
             sigmas = float(np.sqrt(shifts.drop[best] / variance))
@@ -182,9 +182,9 @@ def _confirmed(freer: Shifts, k: int, shift: Array, variance: float, seen: bool 
         seen: The freer model has to see it; where it cannot, nothing is confirmed.
     """
     expected = float(shift @ freer.normal[k] @ shift) / variance
-    if expected < TOO_FEW:
+    if expected < _TOO_FEW:
         return not seen
-    return float(freer.drop[k]) / variance > CONFIRMS * expected
+    return float(freer.drop[k]) / variance > _CONFIRMS * expected
 
 
 def noise_scale(
@@ -211,7 +211,7 @@ def noise_scale(
 def smallest(readings: pd.DataFrame, scale: float) -> float:
     """The smallest shift that is worth being named [m]."""
     paper = (readings["covariance_from"] == "paper").any()
-    return PAPER_TAIL * instrument.PAPER_SIGMA_M * scale if paper else SMALLEST_M
+    return _PAPER_TAIL * instrument.PAPER_SIGMA_M * scale if paper else _SMALLEST_M
 
 
 def _zero_counts(placed: pd.DataFrame, measured: list[str]) -> dict[tuple[int, int], int]:

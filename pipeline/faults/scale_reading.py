@@ -27,32 +27,32 @@ from pipeline.system.estimate import DARK, identify, least_squares
 from pipeline.system.system import Estimate, System
 from pipeline.system.whiten import Whitener, whitener
 
-MATTERS = 0.03
+_MATTERS = 0.03
 """A reading off by a smaller part of the force is none that somebody mistyped."""
 
-STATED = 6.0
+_STATED = 6.0
 """Nor is one off by less than this many stated standard uncertainties of the scale."""
 
 FEWEST, MOST = 8, 1000
 """Fewer pulls do not tell which of them is the one; more are no campaign by hand, and each is a
 column."""
 
-DOMINATES = 4.0
+_DOMINATES = 4.0
 """A mistyped reading stands out this much more than any other once it is right: what a force law
 or a joint does, it does in many pulls."""
 
-LEFT = 0.1
+_LEFT = 0.1
 """Part of what its pull contradicted that may be left there: other faults leave more."""
 
-UNSEEN = 1e-9
+_UNSEEN = 1e-9
 """A reading that the model follows to this part contradicts nothing."""
 
-ROUNDS = 8
+_ROUNDS = 8
 """Iterations to the reading that fits best."""
 
 
 @dataclass(frozen=True, eq=False)
-class Freed(Locked):
+class _Freed(Locked):
     """Every pull's reading set free, one at a time, beside the model.
 
     Attributes:
@@ -96,7 +96,7 @@ def scale_outlier(
     if fits is None:
         return []
     off = abs(given - fits)
-    if off < MATTERS * min(given, fits) or off < STATED * float(
+    if off < _MATTERS * min(given, fits) or off < _STATED * float(
         reading_std(scale, np.asarray(fits))
     ):
         return []
@@ -108,8 +108,8 @@ def scale_outlier(
     rest, dof = float(freed.residual @ freed.residual), freed.dof - 1
     p = pulls * _chance(drop, rest, dof, system.noise_stated)
     others = float(np.delete(freed.drop, best).max())
-    alone = drop > DOMINATES**2 * others
-    alone &= _left(white, freed, system.rows.pull == best) < LEFT * drop
+    alone = drop > _DOMINATES**2 * others
+    alone &= _left(white, freed, system.rows.pull == best) < _LEFT * drop
     if p > FAMILY or not alone:
         return []
     return [_finding(case, data, best, given, fits, float(freed.normal[best]), drop, p)]
@@ -117,7 +117,7 @@ def scale_outlier(
 
 def _freed(
     cell: Cell, data: Measured, system: System, estimate: Estimate, white: Whitener
-) -> Freed:
+) -> _Freed:
     columns = np.zeros((len(system.rows), len(data.pulls)))
     columns[np.arange(len(columns)), system.rows.pull] = by_force(cell, data, estimate.value)
     typical = np.array([p.typical for p in system.parameters])
@@ -127,9 +127,9 @@ def _freed(
     residual = residual - Q @ (Q.T @ residual)
     whole = np.sum(D**2, axis=0)
     normal = whole - np.sum((Q.T @ D) ** 2, axis=0)
-    seen = normal > UNSEEN * whole
+    seen = normal > _UNSEEN * whole
     drop = np.where(seen, (D.T @ residual) ** 2 / np.where(seen, normal, 1.0), 0.0)
-    return Freed(normal * seen, drop, residual, len(D) - Q.shape[1], Q)
+    return _Freed(normal * seen, drop, residual, len(D) - Q.shape[1], Q)
 
 
 def _chance(drop: float, rest: float, dof: int, stated: bool) -> float:
@@ -145,7 +145,7 @@ def _fitting(cell: Cell, data: Measured, values: Array, pull: int, scale: Scale)
     too stiff, what the pull moved is straight in that.
     """
     force = float(np.linalg.norm(data.pulls.force[pull]))
-    for _ in range(ROUNDS):
+    for _ in range(_ROUNDS):
         system = assemble(cell, _reading(data, pull, force, scale), values)
         here = system.rows.pull == pull
         one = by_force(cell, _reading(data, pull, force, scale), values) * here
@@ -170,7 +170,7 @@ def _reading(data: Measured, pull: int, force: float, scale: Scale) -> Measured:
     return replace(data, pulls=replace(data.pulls, force=forces), reading_std=std)
 
 
-def _left(white: Whitener, freed: Freed, here: Bools) -> float:
+def _left(white: Whitener, freed: _Freed, here: Bools) -> float:
     """Drop of the sum of squares when a pull is left out as a whole."""
     mine = np.flatnonzero(here)
     own = np.zeros((len(here), len(mine)))

@@ -21,7 +21,7 @@ from pipeline.system.contrasts import Zeros, repeated_zeros
 from pipeline.system.estimate import identify
 from pipeline.system.system import Estimate, System
 
-MOST = 12
+_MOST = 12
 """More bad readings than this are no bad readings: the campaign is what is wrong."""
 
 
@@ -51,7 +51,7 @@ def screen(case: Case, reduced: Reduced) -> Screened:
         case = _put_right(case, wrong_rows(case), findings)
         case = _put_right(case, conventions(case), findings)
         case = _put_right(case, labels(case), findings)
-    for _ in range(MOST):
+    for _ in range(_MOST):
         if case is not brought:
             reduced, brought = bring(case), case
         system, estimate = identify(case.cell, reduced.data, case.robot.nominal_compliance)

@@ -245,7 +245,7 @@ def _exponential(twists: Array, amount: Array) -> Array:
     return total
 
 
-BLOCK = 1024
+_BLOCK = 1024
 """Pulls computed together: their frames stay in the processor's cache."""
 
 
@@ -261,8 +261,8 @@ def jacobian(cell: Cell, pulls: Pulls, values: Array) -> Array:
     values = np.asarray(values, dtype=float)
     m, t = len(pulls), len(cell.tool.targets)
     B = np.empty((m, t, 3, len(values)))
-    for start in range(0, m, BLOCK):
-        part = slice(start, start + BLOCK)
+    for start in range(0, m, _BLOCK):
+        part = slice(start, start + _BLOCK)
         B[part] = _jacobian(cell, pulls.part(part), values)
     return B
 

@@ -8,13 +8,13 @@ from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.errors import InputError
 from pipeline.machine.robot import Configuration, Robot, configure
 
-CHAIN_M = (1.2, 4.5)
+_CHAIN_M = (1.2, 4.5)
 """Shortest and longest sensible chain, scale and turnbuckle included."""
-CLEARANCE_M = 0.3
+_CLEARANCE_M = 0.3
 """Joints, load point and targets stay this far above the floor."""
-COLUMN_M = 0.6
+_COLUMN_M = 0.6
 """The chain passes the robot's column at least this far away."""
-RAIL_REACH_M = 2.5
+_RAIL_REACH_M = 2.5
 """The carriage stands at most this far along the rail from the anchor."""
 
 
@@ -92,8 +92,8 @@ def _candidates(robot: Robot, anchor: Array, rng: np.random.Generator) -> Array:
     lower = np.broadcast_to(lower, (len(anchor), robot.n)).copy()
     upper = np.broadcast_to(upper, (len(anchor), robot.n)).copy()
     if robot.joints[0].prismatic:
-        lower[:, 0] = np.maximum(lower[:, 0], anchor[:, 1] - RAIL_REACH_M)
-        upper[:, 0] = np.minimum(upper[:, 0], anchor[:, 1] + RAIL_REACH_M)
+        lower[:, 0] = np.maximum(lower[:, 0], anchor[:, 1] - _RAIL_REACH_M)
+        upper[:, 0] = np.minimum(upper[:, 0], anchor[:, 1] + _RAIL_REACH_M)
     return rng.uniform(lower, upper)
 
 
@@ -111,10 +111,10 @@ def feasible(robot: Robot, q: Array, tool: Array, anchor: Array) -> Bools:
     lowest = np.minimum(points[..., 2].min(axis=1), configuration.origin[:, 2:, 2].min(axis=1))
     length = np.linalg.norm(anchor - points[:, 0], axis=1)
     return (
-        (lowest > anchor[:, 2] + CLEARANCE_M)
-        & (length > CHAIN_M[0])
-        & (length < CHAIN_M[1])
-        & (_column_distance(robot, configuration, points[:, 0], anchor) > COLUMN_M)
+        (lowest > anchor[:, 2] + _CLEARANCE_M)
+        & (length > _CHAIN_M[0])
+        & (length < _CHAIN_M[1])
+        & (_column_distance(robot, configuration, points[:, 0], anchor) > _COLUMN_M)
     )
 
 
@@ -131,4 +131,4 @@ def _column_distance(robot: Robot, at: Configuration, start: Array, end: Array) 
 def nearest_in_reach(load_point: Array, anchors: Array) -> Ints:
     """For each load point (p, 3) the nearest anchor that leaves room for a chain, shape (p,)."""
     length = np.linalg.norm(load_point[:, None] - anchors, axis=-1)
-    return np.argmin(np.where(length < CHAIN_M[0], np.inf, length), axis=1)
+    return np.argmin(np.where(length < _CHAIN_M[0], np.inf, length), axis=1)

@@ -13,10 +13,10 @@ from pipeline.machine.robot.configuration import velocity
 from pipeline.prediction.model import Model
 from pipeline.readers import logs
 
-ARM_M = 0.3
+_ARM_M = 0.3
 """Turning the tool by an angle counts as moving a point this far from its tip."""
 
-SINGULAR = 1e-5
+_SINGULAR = 1e-5
 """Directions in which the joints move the tool this much less than in the best one are left."""
 
 
@@ -65,7 +65,7 @@ def read(name: str, data: bytes, robot: Robot) -> Path:
         InputError: Any row or column is not as it should be: a path with a hole is no path.
     """
     log, q = logs.joints(name, data, robot)
-    force = logs.table(name, data, [logs.POSE, *(logs.Quantity(a, logs.FORCE) for a in FORCES)])
+    force = logs.table(name, data, [logs.POSE, *(logs.Quantity(a, logs.FORCE) for a in _FORCES)])
     for _, line, reason in (*log.rejected, *force.rejected):
         thing, _, way_out = reason.partition("; ")
         raise InputError(thing, way_out or "correct the row", file=name, line=line)
@@ -75,12 +75,12 @@ def read(name: str, data: bytes, robot: Robot) -> Path:
     return Path(
         pose=log.number["pose"].astype(np.int64),
         q=q,
-        force=np.column_stack([force.number[axis] for axis in FORCES]),
+        force=np.column_stack([force.number[axis] for axis in _FORCES]),
         controller=not own & set(logs.columns(name, data)),
     )
 
 
-FORCES = ("fx", "fy", "fz")
+_FORCES = ("fx", "fy", "fz")
 
 
 def compensate(model: Model, path: Path, tip: Array | None = None, rounds: int = 4) -> Compensation:
@@ -97,7 +97,7 @@ def compensate(model: Model, path: Path, tip: Array | None = None, rounds: int =
         rounds: Newton steps; each gains about three digits.
     """
     tip = model.tool.load_point if tip is None else np.asarray(tip, float)
-    points = tip + ARM_M * np.vstack([np.zeros(3), np.eye(3)])
+    points = tip + _ARM_M * np.vstack([np.zeros(3), np.eye(3)])
     before = model.positions(path.q, path.force, points)
     offset = np.zeros_like(path.q)
     for _ in range(rounds):
@@ -121,14 +121,14 @@ def _least(robot: Robot, q: Array, points: Array, missed: Array) -> Array:
     J = velocity(configuration.twists, configuration.points(points))
     J = np.swapaxes(J, 2, 3).reshape(len(q), -1, robot.n)
     soft = np.sqrt(robot.nominal_compliance)
-    inverse = np.linalg.pinv(J * soft, rcond=SINGULAR)
+    inverse = np.linalg.pinv(J * soft, rcond=_SINGULAR)
     return np.asarray(soft * np.einsum("mjk,mk->mj", inverse, missed.reshape(len(q), -1)))
 
 
 def _turned(points: Array, moved: Array) -> Array:
     """Rotation vector (m, 3) of a small rigid motion: tip and three arms at right angles."""
     arms = points[:, 1:] - points[:, :1]
-    return np.cross(arms, moved[:, 1:] - moved[:, :1]).sum(axis=1) / (2 * ARM_M**2)
+    return np.cross(arms, moved[:, 1:] - moved[:, :1]).sum(axis=1) / (2 * _ARM_M**2)
 
 
 def table(robot: Robot, path: Path, found: Compensation) -> bytes:

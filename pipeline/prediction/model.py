@@ -75,7 +75,7 @@ class Hypothesis(Locked):
         known = np.isfinite(self.std)
         cov = A[..., known] @ self.cov[np.ix_(known, known)] @ np.swapaxes(A[..., known], 1, 2)
         typical = np.array([p.typical for p in self.cell.parameters])
-        lost = np.abs(A * typical)[..., ~known].max(axis=-1, initial=0.0) > NOTHING_M
+        lost = np.abs(A * typical)[..., ~known].max(axis=-1, initial=0.0) > _NOTHING_M
         m, axis = np.nonzero(lost)
         cov[m, axis, axis] = np.inf
         return np.asarray(cov)
@@ -233,7 +233,7 @@ class Model(Locked):
         )
 
 
-NOTHING_M = 1e-9
+_NOTHING_M = 1e-9
 """A spring that moves a point less than this at its typical size does not act there."""
 
 
@@ -376,7 +376,7 @@ def parse(text: str, file: str = "model.toml") -> Model:
         content = _File.model_validate(tomllib.loads(text))
     except (tomllib.TOMLDecodeError, ValidationError) as problem:
         said = problem.errors()[0]["msg"] if isinstance(problem, ValidationError) else problem
-        raise InputError(f"is no model ({said})", ANEW, file=file) from problem
+        raise InputError(f"is no model ({said})", _ANEW, file=file) from problem
     robot = parse_robot(toml.dumps(content.robot), file)
     points = {name: np.array(at) for name, at in content.tool.items() if name != "load_point"}
     names = np.array(list(points), dtype=object)
@@ -390,7 +390,7 @@ def parse(text: str, file: str = "model.toml") -> Model:
     )
 
 
-ANEW = "write it anew with `pipeline run`"
+_ANEW = "write it anew with `pipeline run`"
 
 
 def _read(one: _Hypothesis, springs: Cell, file: str) -> Hypothesis:
@@ -400,7 +400,7 @@ def _read(one: _Hypothesis, springs: Cell, file: str) -> Hypothesis:
     wanted = [p.name for p in cell.parameters]
     if [entry.name for entry in one.parameter] != wanted or cov.shape != (len(value),) * 2:
         raise InputError(
-            f"its parameters are not {', '.join(wanted)} with their covariance", ANEW, file=file
+            f"its parameters are not {', '.join(wanted)} with their covariance", _ANEW, file=file
         )
     return Hypothesis(one.weight, cell, value, cov)
 
@@ -461,11 +461,11 @@ def _joint(root: ET.Element, name: str, parent: str, child: str, at: Array) -> E
 
 def _limits(element: ET.Element, lower: float, upper: float) -> None:
     """URDF wants finite limits of everything, effort and velocity too, which a robot file lacks."""
-    ends = {"lower": max(lower, -FAR), "upper": min(upper, FAR), "effort": FAR, "velocity": FAR}
+    ends = {"lower": max(lower, -_FAR), "upper": min(upper, _FAR), "effort": _FAR, "velocity": _FAR}
     ET.SubElement(element, "limit", {name: repr(float(end)) for name, end in ends.items()})
 
 
-FAR = 1e6
+_FAR = 1e6
 
 
 def _elasticity(element: ET.Element, handed: Model, j: int) -> None:

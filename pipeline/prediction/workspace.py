@@ -15,16 +15,16 @@ from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.prediction.model import Hypothesis
 from pipeline.reduction.pose_of_interest import Where
 
-STEPS = 25
+_STEPS = 25
 """Values of each of the two joints that move the arm."""
 
-FORCE_N = 1000.0
+_FORCE_N = 1000.0
 """The force that is tried; it matters only for effects that are not linear in it."""
 
 UP = np.array([0.0, 0.0, 1.0])
 
 
-def workspace(hypotheses: Sequence[Hypothesis], test: Where, steps: int = STEPS) -> pd.DataFrame:
+def workspace(hypotheses: Sequence[Hypothesis], test: Where, steps: int = _STEPS) -> pd.DataFrame:
     """Deflection of the load point per newton in the worst direction, over the arm's plane.
 
     Shoulder and elbow, the first two neighbouring joints with parallel axes, go through their
@@ -113,11 +113,11 @@ def _at_load_point(cell: Cell) -> Cell:
 def _softest(hypotheses: Sequence[Hypothesis], q: Array) -> tuple[Array, Array, Array]:
     """Largest deflection per newton (m,), its standard uncertainty (m,), direction (m, 3)."""
     m = len(q)
-    force = np.tile(FORCE_N * np.eye(3), (m, 1))
+    force = np.tile(_FORCE_N * np.eye(3), (m, 1))
     pulls = Pulls.at(np.repeat(q, 3, axis=0), force)
     cells = [_at_load_point(one.cell) for one in hypotheses]
     each = [
-        predict(cell, pulls, one.value).displacement.reshape(m, 3, 3) / FORCE_N
+        predict(cell, pulls, one.value).displacement.reshape(m, 3, 3) / _FORCE_N
         for cell, one in zip(cells, hypotheses, strict=True)
     ]
     moved = sum(one.weight * here for one, here in zip(hypotheses, each, strict=True))
@@ -126,7 +126,7 @@ def _softest(hypotheses: Sequence[Hypothesis], q: Array) -> tuple[Array, Array, 
     for one, cell, here in zip(hypotheses, cells, each, strict=True):
         known = np.isfinite(one.std)
         flat = replace(cell, equilibrium="undeformed")  # the same to the digits of a derivative
-        by = jacobian(flat, pulls, one.value).reshape(m, 3, 3, -1)[..., known] / FORCE_N
+        by = jacobian(flat, pulls, one.value).reshape(m, 3, 3, -1)[..., known] / _FORCE_N
         slope = np.einsum("mf,mfik,mi->mk", pulled[:, :, 0], by, turned[:, 0])
         own = np.einsum("mk,kl,ml->m", slope, one.cov[np.ix_(known, known)], slope)
         off = np.einsum("mf,mfi,mi->m", pulled[:, :, 0], here - moved, turned[:, 0])

@@ -17,7 +17,7 @@ from pipeline.readers._layout import Field, Layout, Rows
 from pipeline.readers._text import CHUNK, Text, in_pieces
 from pipeline.readers._time import MOMENT
 
-NAMES = pa.dictionary(pa.int32(), pa.string())
+_NAMES = pa.dictionary(pa.int32(), pa.string())
 
 
 def at_once(text: Text, layout: Layout) -> Rows | None:
@@ -115,7 +115,7 @@ def _read(body: pa.Buffer, layout: Layout, direct: bool) -> pa.Table:
 
 
 def _typed(body: pa.Buffer, layout: Layout, moment: pa.DataType) -> pa.Table:
-    kinds = {"name": NAMES, "number": pa.float64(), "time": moment, "blank": pa.null()}
+    kinds = {"name": _NAMES, "number": pa.float64(), "time": moment, "blank": pa.null()}
     keys = [str(k) for k in range(len(layout.fields))]
     wanted = {
         key: kinds[f.kind] for key, f in zip(keys, layout.fields, strict=True) if f.kind != "any"

@@ -10,10 +10,10 @@ import numpy as np
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError
 
-UNITS = ("mm", "m", "in")
-METRES = {"mm": 1e-3, "m": 1.0, "in": 0.0254, "um": 1e-6}
-ANGLES = {"deg": np.pi / 180.0, "rad": 1.0, "gon": np.pi / 200.0}
-KINDS = ("cartesian", "spherical", "cylindrical")
+_UNITS = ("mm", "m", "in")
+_METRES = {"mm": 1e-3, "m": 1.0, "in": 0.0254, "um": 1e-6}
+_ANGLES = {"deg": np.pi / 180.0, "rad": 1.0, "gon": np.pi / 200.0}
+_KINDS = ("cartesian", "spherical", "cylindrical")
 
 
 @dataclass(frozen=True)
@@ -43,12 +43,12 @@ def metres(values: Array, unit: str) -> Array:
 
 def uncertainties(values: Array, stated: str | None, unit: str) -> Array:
     """Uncertainties of a column that may state another unit, in the unit of the coordinates."""
-    if stated not in METRES or stated == unit:
+    if stated not in _METRES or stated == unit:
         return values
-    return values * (METRES[stated] / METRES[unit])
+    return values * (_METRES[stated] / _METRES[unit])
 
 
-def in_unit(values: Array, unit: str) -> Array:
+def _in_unit(values: Array, unit: str) -> Array:
     """Lengths in metres in another unit."""
     if unit == "mm":
         return values * 1000.0
@@ -78,7 +78,7 @@ def cartesian(numbers: Sequence[Array], meaning: Meaning) -> Array:
 def raw(position: Array, meaning: Meaning) -> Array:
     """The numbers that a file would have for Cartesian coordinates [m], both shape (n, 3)."""
     if meaning.kind == "cartesian":
-        return in_unit(position, meaning.unit)
+        return _in_unit(position, meaning.unit)
     x, y, z = position.T
     azimuth = np.arctan2(y, x)
     if meaning.kind == "cylindrical":
@@ -120,14 +120,14 @@ def _angles(meaning: Meaning) -> list[int]:
 def _si(values: Array, meaning: Meaning) -> Array:
     angles = _angles(meaning)
     out = metres(values, meaning.unit)
-    out[:, angles] = values[:, angles] * ANGLES[meaning.angle or "rad"]
+    out[:, angles] = values[:, angles] * _ANGLES[meaning.angle or "rad"]
     return out
 
 
 def _from_si(values: Array, meaning: Meaning) -> Array:
     angles = _angles(meaning)
-    out = in_unit(values, meaning.unit).copy()
-    out[:, angles] = values[:, angles] / ANGLES[meaning.angle or "rad"]
+    out = _in_unit(values, meaning.unit).copy()
+    out[:, angles] = values[:, angles] / _ANGLES[meaning.angle or "rad"]
     return out
 
 
@@ -197,7 +197,7 @@ def settled_vertical(
         InputError: Nobody says and the angles leave it open.
     """
     if stated is None and said is None and len(values):
-        degrees = values * ANGLES[angle] * 180.0 / np.pi
+        degrees = values * _ANGLES[angle] * 180.0 / np.pi
         if degrees.min() < 0 and degrees.max() <= 90:
             return "elevation"
         if degrees.min() >= 0 and 90 < degrees.max() <= 180:

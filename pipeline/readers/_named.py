@@ -20,14 +20,14 @@ ANGLE_WORDS = {
     "rad": "rad", "radian": "rad", "radians": "rad", "gon": "gon", "gons": "gon",
 }  # fmt: skip
 
-AXES = {
+_AXES = {
     "x": "x", "y": "y", "z": "z",
     "r": "range", "range": "range", "radius": "range", "distance": "range", "d": "range",
     "theta": "azimuth", "azimuth": "azimuth", "az": "azimuth", "hz": "azimuth",
     "phi": "vertical", "zenith": "zenith", "elevation": "elevation", "el": "elevation",
     "inclination": "elevation",
 }  # fmt: skip
-FILLING = {
+_FILLING = {
     "coordinate",
     "coord",
     "koordinate",
@@ -38,9 +38,9 @@ FILLING = {
     "actual",
     "measured",
 }
-STANDARD_WORDS = {"std", "stddev", "sigma", "uncertainty", "sd", "unc"}
-TIMES = ({"time"}, {"timestamp"}, {"date", "time"}, {"datetime"}, {"date"}, {"time", "stamp"})
-NAMES = {
+_STANDARD_WORDS = {"std", "stddev", "sigma", "uncertainty", "sd", "unc"}
+_TIMES = ({"time"}, {"timestamp"}, {"date", "time"}, {"datetime"}, {"date"}, {"time", "stamp"})
+_NAMES = {
     "collection": "collection", "group": "group", "group name": "group", "groupname": "group",
     "point group": "group",
     "target": "target", "target name": "target", "point": "target", "point name": "target",
@@ -49,10 +49,10 @@ NAMES = {
     "reflector": "reflector",
     "delete": "delete", "deleted": "delete", "rms": "rms",
 }  # fmt: skip
-SHORT_UNITS = ("mm", "m", "in", "um", "µm", "μm", "deg", "rad", "gon")
-EXPANDED_WORDS = {"u", "95", "expanded", "k", "2", "uncertainty"}
-IN_UNIT = re.compile(r"\[[^\]]*\]")
-IN_BRACKETS = re.compile(r"[\[(]\s*([^\])]*?)\s*[\])]")
+_SHORT_UNITS = ("mm", "m", "in", "um", "µm", "μm", "deg", "rad", "gon")
+_EXPANDED_WORDS = {"u", "95", "expanded", "k", "2", "uncertainty"}
+_IN_UNIT = re.compile(r"\[[^\]]*\]")
+_IN_BRACKETS = re.compile(r"[\[(]\s*([^\])]*?)\s*[\])]")
 
 
 @dataclass(frozen=True)
@@ -100,13 +100,13 @@ def named(title: str) -> Named:
     bare = title.strip().strip('"').strip()
     unit = None
     rest = bare
-    for inside in IN_BRACKETS.findall(bare):
+    for inside in _IN_BRACKETS.findall(bare):
         word = inside.lower()
         if word in UNIT_WORDS or word in ANGLE_WORDS:
             unit = UNIT_WORDS.get(word) or ANGLE_WORDS[word]
             rest = re.sub(rf"[\[(]\s*{re.escape(inside)}\s*[\])]", " ", rest)
     words = re.findall(r"[^\W\d_]+|[0-9]+", rest.lower())
-    if unit is None and len(words) > 1 and words[-1] in SHORT_UNITS:
+    if unit is None and len(words) > 1 and words[-1] in _SHORT_UNITS:
         word = words.pop()
         unit = UNIT_WORDS.get(word) or ANGLE_WORDS[word]
     return Named(bare, _role(words), unit)
@@ -114,22 +114,22 @@ def named(title: str) -> Named:
 
 def _role(words: Sequence[str]) -> str:
     bag = set(words)
-    if bag in TIMES:
+    if bag in _TIMES:
         return "time"
-    if " ".join(words) in NAMES:
-        return NAMES[" ".join(words)]
+    if " ".join(words) in _NAMES:
+        return _NAMES[" ".join(words)]
     fused = re.fullmatch(r"(u|s|std|sigma)(x|y|z)(95)?", "".join(words))
     if fused:
         return f"{'u95' if fused[3] else 'std'} {fused[2]}"
-    axes = [AXES[word] for word in words if word in AXES]
+    axes = [_AXES[word] for word in words if word in _AXES]
     if len(axes) != 1:
         return ""
-    others = bag - {word for word in words if word in AXES} - FILLING
+    others = bag - {word for word in words if word in _AXES} - _FILLING
     if not others:
         return axes[0]
-    if others <= EXPANDED_WORDS and others & {"95", "expanded"}:
+    if others <= _EXPANDED_WORDS and others & {"95", "expanded"}:
         return f"u95 {axes[0]}"
-    if others <= STANDARD_WORDS | {"u", "1", "dev", "standard", "deviation"}:
+    if others <= _STANDARD_WORDS | {"u", "1", "dev", "standard", "deviation"}:
         return f"std {axes[0]}"
     return ""
 
@@ -146,7 +146,7 @@ def in_context(columns: Sequence[Named]) -> tuple[Named, ...]:
     titles = [_words(column.title) for column in columns]
     for column, words in zip(columns, titles, strict=True):
         behind = out[-1].role if out else ""
-        if words == {"u", "95"} and behind in AXES.values():
+        if words == {"u", "95"} and behind in _AXES.values():
             column = replace(column, role=f"u95 {behind}")
         if words == {"date"} and {"time"} in titles:
             column = replace(column, role="date")
@@ -155,7 +155,7 @@ def in_context(columns: Sequence[Named]) -> tuple[Named, ...]:
 
 
 def _words(title: str) -> set[str]:
-    return set(re.findall(r"[^\W\d_]+|[0-9]+", IN_UNIT.sub(" ", title.lower()))) - {*UNIT_WORDS}
+    return set(re.findall(r"[^\W\d_]+|[0-9]+", _IN_UNIT.sub(" ", title.lower()))) - {*UNIT_WORDS}
 
 
 def find(lines: Sequence[str]) -> Header | None:

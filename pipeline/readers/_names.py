@@ -10,7 +10,7 @@ import pyarrow as pa
 
 from pipeline.readers._reader import Export, kept
 
-JOINED = r"(?:.+?::)?(?P<group>[^:]+(?::[^:]+)*)::(?P<target>[^:]+(?::[^:]+)*)"
+_JOINED = r"(?:.+?::)?(?P<group>[^:]+(?::[^:]+)*)::(?P<target>[^:]+(?::[^:]+)*)"
 """SpatialAnalyzer's way; a collection in front is not used."""
 
 
@@ -23,7 +23,7 @@ def split(export: Export, pattern: str | None) -> Export:
     """
     if export.group is not None or export.target is None:
         return export
-    compiled = re.compile(pattern or JOINED)
+    compiled = re.compile(pattern or _JOINED)
     matches = [compiled.fullmatch(name) for name in export.target.dictionary.to_pylist()]
     if not any(matches) or (pattern is None and not all(matches)):
         return export

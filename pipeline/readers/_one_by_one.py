@@ -17,8 +17,8 @@ from pipeline.readers._layout import Field, Kind, Layout, Rows
 from pipeline.readers._text import Text
 from pipeline.readers._time import MOMENT
 
-GROUPED = re.compile(r"[+-]?[0-9]{1,3}(,[0-9]{3})+")
-JOINT = "::"
+_GROUPED = re.compile(r"[+-]?[0-9]{1,3}(,[0-9]{3})+")
+_JOINT = "::"
 
 
 def one_by_one(text: Text, layout: Layout) -> Rows:
@@ -64,7 +64,7 @@ def _array(values: list[Any], kind: Kind) -> pa.Array:
 def _row(line: str, layout: Layout, decimal: str, zoned: set[bool]) -> list[Any]:
     found = cells(line, layout.delimiter)
     if layout.joined:
-        names = [name.strip() for name in found[0].split(JOINT)]
+        names = [name.strip() for name in found[0].split(_JOINT)]
         if len(names) != layout.joined:
             raise Bad(
                 f"has {len(names)} names in its first cell where {layout.joined} are expected; "
@@ -161,7 +161,7 @@ def _decimal(text: Text, layout: Layout) -> str:
             continue
         found = cells_or_none(line, layout.delimiter) or []
         for cell in (found[k] for k in numeric if k < len(found)):
-            if GROUPED.fullmatch(cell):
+            if _GROUPED.fullmatch(cell):
                 doubtful = doubtful or (number, cell)
             else:
                 points += "." in cell and "," not in cell

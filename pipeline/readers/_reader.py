@@ -16,15 +16,15 @@ from pipeline.readers._layout import Rows
 from pipeline.readers._text import Text
 
 EXPANDED, STANDARD, A_PRIORI, RMS = "expanded", "standard", "a-priori", "rms"
-PREFERRED = (A_PRIORI, STANDARD, EXPANDED)
+_PREFERRED = (A_PRIORI, STANDARD, EXPANDED)
 """Which covariance is used where a file has several. A-priori comes first: the scatter within one
 reading (standard) leaves out what does not change during it, calibration and slow air, and rms
 is a scatter too, of one number for three axes: it is used only when campaign.toml asks for it."""
 
 
-FARTHEST_M = 1e7
+_FARTHEST_M = 1e7
 """No tracker reads so far, whatever unit was mistaken for whatever other."""
-TOO_FAR = "the coordinates are farther than 10 000 km; measure it again or remove the row"
+_TOO_FAR = "the coordinates are farther than 10 000 km; measure it again or remove the row"
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ class Readings(Locked):
     covariance: Array | None = None
 
 
-Write = Callable[[Readings, str, int | None], bytes]
+_Write = Callable[[Readings, str, int | None], bytes]
 """Readings, unit of length, decimals (None: all that matter) -> content of a file."""
 
 
@@ -153,7 +153,7 @@ class Reader:
     name: str
     recognise: Callable[[Sequence[str]], bool]
     read: Callable[[Text, Hints], Export]
-    write: Write | None = None
+    write: _Write | None = None
     suffix: str = ".csv"
     says_unit: bool = True
     says_names: bool = True
@@ -192,7 +192,7 @@ def export(text: Text, hints: Hints, found: Found) -> Export:
     """Readings in SI of what a dialect found."""
     rows = found.rows
     numbers = [np.asarray(rows.columns[axis]) for axis in found.axes]
-    kind = chosen(list(found.covariance), hints, text.name)
+    kind = _chosen(list(found.covariance), hints, text.name)
     C = covariance(found.covariance[kind], np.array(numbers).T, found.meaning) if kind else None
     n = len(rows.line)
     time = rows.columns.get("time", pa.nulls(n, pa.timestamp("us")))
@@ -217,10 +217,10 @@ def export(text: Text, hints: Hints, found: Found) -> Export:
     if found.keep is not None:
         everything = kept(everything, found.keep, found.why_not)
     columns = everything.position.T
-    if all(x.min(initial=0) >= -FARTHEST_M and x.max(initial=0) <= FARTHEST_M for x in columns):
+    if all(x.min(initial=0) >= -_FARTHEST_M and x.max(initial=0) <= _FARTHEST_M for x in columns):
         return everything
-    near = np.logical_and.reduce([np.abs(axis) <= FARTHEST_M for axis in columns])
-    return kept(everything, near, TOO_FAR)
+    near = np.logical_and.reduce([np.abs(axis) <= _FARTHEST_M for axis in columns])
+    return kept(everything, near, _TOO_FAR)
 
 
 def kept(readings: Export, keep: Bools, why_not: str) -> Export:
@@ -244,7 +244,7 @@ def kept(readings: Export, keep: Bools, why_not: str) -> Export:
     )
 
 
-def chosen(kinds: Sequence[str], hints: Hints, file: str) -> str | None:
+def _chosen(kinds: Sequence[str], hints: Hints, file: str) -> str | None:
     """Which of the covariances of a file is used.
 
     Raises:
@@ -253,7 +253,7 @@ def chosen(kinds: Sequence[str], hints: Hints, file: str) -> str | None:
     if hints.covariance == "none":
         return None
     if hints.covariance is None:
-        return next((kind for kind in PREFERRED if kind in kinds), None)
+        return next((kind for kind in _PREFERRED if kind in kinds), None)
     if kinds and hints.covariance not in kinds:
         raise InputError(
             f"the export has no {hints.covariance} covariance, only {', '.join(kinds)}",

@@ -29,19 +29,19 @@ from pipeline.readers._reader import (
 )
 from pipeline.readers._text import Text
 
-VERTICALS = ("vertical", "zenith", "elevation")
-AXES = {
+_VERTICALS = ("vertical", "zenith", "elevation")
+_AXES = {
     "cartesian": ("x", "y", "z"),
     "spherical": ("range", "azimuth", "vertical"),
     "cylindrical": ("range", "azimuth", "z"),
 }
 COVARIANCE = ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")
-NOT_DELETED = ("", "-", "0", "no", "false", "n")
-LOST_IF_MISSPELT = {
+_NOT_DELETED = ("", "-", "0", "no", "false", "n")
+_LOST_IF_MISSPELT = {
     "time": "time", "timestamp": "time", "delete": "delete", "deleted": "delete",
     "group": "group", "point group": "group",
 }  # fmt: skip
-NAMES = ("group", "target", "reflector", "delete")
+_NAMES = ("group", "target", "reflector", "delete")
 
 
 def read(
@@ -190,8 +190,8 @@ def _nearly(header: Header, file: str) -> None:
     for column in header.columns:
         if column.role or not column.title:
             continue
-        near = get_close_matches(column.title.lower(), LOST_IF_MISSPELT, n=1, cutoff=0.75)
-        if near and not header.has(LOST_IF_MISSPELT[near[0]]):
+        near = get_close_matches(column.title.lower(), _LOST_IF_MISSPELT, n=1, cutoff=0.75)
+        if near and not header.has(_LOST_IF_MISSPELT[near[0]]):
             raise InputError(
                 f'column "{shown(column.title)}" is not known, but looks like "{near[0]}"',
                 "correct its name, or say what it is in [tracker.mapping] of campaign.toml",
@@ -206,14 +206,14 @@ def _kind(header: Header, hints: Hints, file: str) -> tuple[str, tuple[str, str,
     Raises:
         InputError: The columns are not those of any kind.
     """
-    for kind, wanted in AXES.items():
+    for kind, wanted in _AXES.items():
         axes = [_present(header, role) for role in wanted]
         if None not in axes:
             x, y, z = (str(axis) for axis in axes)
             if kind == "cartesian":
                 kind = hints.coordinates or kind
             return kind, (x, y, z)
-    lacking = next((role for role in AXES["cartesian"] if not header.has(role)), "x")
+    lacking = next((role for role in _AXES["cartesian"] if not header.has(role)), "x")
     raise InputError(
         f"there is no column {lacking}_mm among {listed(c.title for c in header.columns)}",
         "add it to the header and to every row",
@@ -223,7 +223,7 @@ def _kind(header: Header, hints: Hints, file: str) -> tuple[str, tuple[str, str,
 
 
 def _present(header: Header, role: str) -> str | None:
-    alike = VERTICALS if role == "vertical" else (role,)
+    alike = _VERTICALS if role == "vertical" else (role,)
     return next((name for name in alike if header.has(name)), None)
 
 
@@ -232,7 +232,7 @@ def _field(column: Named, place: int, axes: Sequence[str], dated: bool = False) 
     kind: Kind = "any" if column.title else "blank"
     if column.role in axes:
         return Field(name, "number", title=column.title)
-    if column.role in NAMES:
+    if column.role in _NAMES:
         return Field(name, "name", column.role != "delete", column.title)
     if column.role == "time" and not dated:
         return Field(name, "time", needed=False, title=column.title)
@@ -281,7 +281,7 @@ def _kept(table: Rows, header: Header) -> tuple[Bools | None, str]:
     if not header.has("delete"):
         return None, ""
     marks = table.columns["delete"]
-    kept = [str(mark).lower() in NOT_DELETED for mark in marks.dictionary.to_pylist()]
+    kept = [str(mark).lower() in _NOT_DELETED for mark in marks.dictionary.to_pylist()]
     mask = (
         np.array(kept, dtype=bool)[np.asarray(marks.indices)] if len(marks) else np.zeros(0, bool)
     )
@@ -302,7 +302,7 @@ def _meaning(
     angle = settled(stated, hints.angle, "unit of angles", example, file, line)
     if kind == "cylindrical":
         return Meaning(unit, kind, angle)
-    said = axes[2] if axes[2] in VERTICALS[1:] else None
+    said = axes[2] if axes[2] in _VERTICALS[1:] else None
     third = np.asarray(table.columns[axes[2]])
     vertical = settled_vertical(said, hints.vertical, third, angle, file, line)
     return replace(Meaning(unit, kind, angle), vertical=vertical)

@@ -15,12 +15,12 @@ from pipeline.base.threads import spread
 
 T = TypeVar("T")
 
-MAX_BYTES = 2_000_000_000
-MAX_LINE_BYTES = 10_000
+_MAX_BYTES = 2_000_000_000
+_MAX_LINE_BYTES = 10_000
 CHUNK = 1 << 20
 """Bytes looked at in one go: temporary arrays of this size stay in the cache."""
 
-OTHER_PROGRAMS = {
+_OTHER_PROGRAMS = {
     b"PK\x03\x04": "an Excel workbook or a ZIP archive",
     b"\xd0\xcf\x11\xe0": "an old Excel workbook",
     b"\x1f\x8b": "compressed",
@@ -28,7 +28,7 @@ OTHER_PROGRAMS = {
 }
 """How files begin that are no text, and what they are."""
 
-MARKS = {b"\xef\xbb\xbf": "utf-8", b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
+_MARKS = {b"\xef\xbb\xbf": "utf-8", b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,13 +73,13 @@ def text(name: str, data: bytes) -> Text:
     Raises:
         InputError: Empty, too large, a line too long, or no text.
     """
-    if len(data) > MAX_BYTES:
+    if len(data) > _MAX_BYTES:
         raise InputError(
-            f"the file has {len(data) / 1e9:.1f} GB, more than the {MAX_BYTES / 1e9:.0f} GB read",
+            f"the file has {len(data) / 1e9:.1f} GB, more than the {_MAX_BYTES / 1e9:.0f} GB read",
             "split it into several exports and list them in [tracker] files",
             file=name,
         )
-    for begin, what in OTHER_PROGRAMS.items():
+    for begin, what in _OTHER_PROGRAMS.items():
         if data.startswith(begin):
             raise InputError(f"the file is {what}", "save it as CSV or text", file=name)
     data, encoding = _as_utf8(name, data)
@@ -94,7 +94,7 @@ def text(name: str, data: bytes) -> Text:
 
 
 def _as_utf8(name: str, data: bytes) -> tuple[bytes, str]:
-    for mark, encoding in MARKS.items():
+    for mark, encoding in _MARKS.items():
         if data.startswith(mark):
             return _recoded(name, data[len(mark) :], encoding)
     if data.isascii():
@@ -156,9 +156,9 @@ def in_pieces(work: Callable[[int], T], size: int) -> list[T]:
 def _short_lines(name: str, starts: Ints) -> None:
     length = np.diff(starts)
     longest = int(length.argmax())
-    if length[longest] > MAX_LINE_BYTES:
+    if length[longest] > _MAX_LINE_BYTES:
         raise InputError(
-            f"the line has {length[longest]} bytes, more than the {MAX_LINE_BYTES} allowed",
+            f"the line has {length[longest]} bytes, more than the {_MAX_LINE_BYTES} allowed",
             "check that this is a text export with one reading per line",
             file=name,
             line=longest + 1,

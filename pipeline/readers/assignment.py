@@ -19,7 +19,7 @@ from pipeline.readers._reader import Export
 from pipeline.readers.logs import Log, Quantity, once, table
 
 BASE = "base"
-Names = dict[int, tuple[str, str]]
+_Names = dict[int, tuple[str, str]]
 
 
 def assigned(exports: Mapping[str, Export], name: str, data: bytes) -> dict[str, Export]:
@@ -41,7 +41,7 @@ def assigned(exports: Mapping[str, Export], name: str, data: bytes) -> dict[str,
     }
 
 
-def _names(name: str, data: bytes, files: list[str]) -> dict[str, Names]:
+def _names(name: str, data: bytes, files: list[str]) -> dict[str, _Names]:
     words = [Quantity(w, {}, "name", needed=False) for w in ("file", "group", "state")]
     numbers = [Quantity(n, {}, needed=False) for n in ("pose", "repeat")]
     wanted = [Quantity("order", {}), Quantity("target", {}, "name"), *words, *numbers]
@@ -57,7 +57,7 @@ def _names(name: str, data: bytes, files: list[str]) -> dict[str, Names]:
             file=name,
             line=1,
         )
-    out: dict[str, Names] = {}
+    out: dict[str, _Names] = {}
     groups = _groups(log, name)
     for k, order in enumerate(log.number["order"]):
         file = str(log.word["file"][k]) if "file" in log.word else (files or [""])[0]
@@ -98,7 +98,7 @@ def _groups(log: Log, name: str) -> list[str]:
     return out
 
 
-def _assigned(export: Export, names: Names, name: str) -> Export:
+def _assigned(export: Export, names: _Names, name: str) -> Export:
     if export.rows != len(names):
         raise InputError(
             f"the export has {export.rows} rows but {name} assigns {len(names)}, "

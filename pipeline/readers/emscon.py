@@ -29,15 +29,15 @@ from pipeline.readers._reader import (
 )
 from pipeline.readers._text import Text
 
-VALUES = ("dVal1", "dVal2", "dVal3")
-KINDS = {STANDARD: "d", A_PRIORI: "dApriori"}
+_VALUES = ("dVal1", "dVal2", "dVal3")
+_KINDS = {STANDARD: "d", A_PRIORI: "dApriori"}
 """The scatter within the reading, and what the tracker's own error model expects."""
 
-POINTING = (
+_POINTING = (
     *("dPointingErrorH", "dPointingErrorV", "dPointingErrorD"),
     *("dPointingError1", "dPointingError2", "dPointingError3"),
 )
-WEATHER = ("dTemperature", "dPressure", "dHumidity")
+_WEATHER = ("dTemperature", "dPressure", "dHumidity")
 
 
 def _names(start: str) -> list[str]:
@@ -47,14 +47,14 @@ def _names(start: str) -> list[str]:
     ]
 
 
-STATISTICS = {name for start in KINDS.values() for name in _names(start)}
-COMPLETE = (0, 8, 14)
+_STATISTICS = {name for start in _KINDS.values() for name in _names(start)}
+_COMPLETE = (0, 8, 14)
 """How many of them there are: none, those without covariances, all."""
 
 
 def recognise(lines: Sequence[str]) -> bool:
     """The first line names dVal1, dVal2 and dVal3."""
-    return set(VALUES) <= set(_titles(next((line for line in lines if line.strip()), "")))
+    return set(_VALUES) <= set(_titles(next((line for line in lines if line.strip()), "")))
 
 
 def _titles(line: str) -> list[str]:
@@ -69,9 +69,9 @@ def read(text: Text, hints: Hints) -> Export:
     """
     first, header = next((n, line) for n, line in text.lines() if line.strip())
     titles = _titles(header)
-    known = {*VALUES, *STATISTICS, *POINTING, *WEATHER, ""}
+    known = {*_VALUES, *_STATISTICS, *_POINTING, *_WEATHER, ""}
     strange = [title for title in titles if title not in known]
-    if strange or len({*titles} & STATISTICS) not in COMPLETE:
+    if strange or len({*titles} & _STATISTICS) not in _COMPLETE:
         raise InputError(
             f"the columns are not those of SingleMeasResultT or 2T ({listed(strange or titles)})",
             "export it again, or describe the table in [tracker.mapping] of campaign.toml",
@@ -88,13 +88,13 @@ def read(text: Text, hints: Hints) -> Export:
         dialect=READER.name,
         rows=table,
         meaning=_meaning(table, titles, hints, text.name, first),
-        axes=VALUES,
+        axes=_VALUES,
         covariance={
             kind: C
-            for kind, start in KINDS.items()
+            for kind, start in _KINDS.items()
             if (C := _six(table, titles, start)) is not None
         },
-        unused=tuple(title for title in titles if title in (*POINTING, *WEATHER)),
+        unused=tuple(title for title in titles if title in (*_POINTING, *_WEATHER)),
     )
     return export(text, hints, found)
 
@@ -102,7 +102,7 @@ def read(text: Text, hints: Hints) -> Export:
 def _fields(titles: Sequence[str]) -> tuple[Field, ...]:
     return tuple(
         Field(title, "number")
-        if title in VALUES or title in STATISTICS
+        if title in _VALUES or title in _STATISTICS
         else Field(f"{title} ({place})", "any" if title else "blank", needed=False)
         for place, title in enumerate(titles, 1)
     )
@@ -134,7 +134,7 @@ def _meaning(table: Rows, titles: Sequence[str], hints: Hints, file: str, line: 
     )
     if kind == "cylindrical":
         return Meaning(unit, kind, angle)
-    third = np.asarray(table.columns[VALUES[2]])
+    third = np.asarray(table.columns[_VALUES[2]])
     return Meaning(
         unit, kind, angle, settled_vertical(None, hints.vertical, third, angle, file, line)
     )
@@ -155,7 +155,7 @@ def write(readings: Readings, unit: str, digits: int | None) -> bytes:
     scale = raw(np.ones((1, 3)), meaning)[0, 0]
     six = np.zeros((len(numbers), 6)) if readings.covariance is None else readings.covariance
     statistics = [_statistics(row * scale**2) for row in six]
-    titles = [*VALUES, *_names("d"), *POINTING[:3], *_names("dApriori"), *WEATHER]
+    titles = [*_VALUES, *_names("d"), *_POINTING[:3], *_names("dApriori"), *_WEATHER]
     lines = [",".join([*titles, ""])]
     lines += [
         ",".join([*xyz, *s, "0", "0", "0", *s, "20", "1013", "50", ""])

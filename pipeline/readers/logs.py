@@ -20,15 +20,15 @@ from pipeline.readers._delimited import rows
 from pipeline.readers._layout import Field, Kind, Layout
 from pipeline.readers._text import text
 
-Rejection = tuple[str, int | None, str]
+_Rejection = tuple[str, int | None, str]
 """File, line and reason of what was left out."""
 
 FORCE = {"n": 1.0, "kn": 1e3, "kgf": 9.80665, "lbf": 4.4482216152605}
-LENGTH = {"m": 1.0, "mm": 1e-3}
-ANGLE = {"deg": np.pi / 180.0, "rad": 1.0}
-LARGEST = 1e8
+_LENGTH = {"m": 1.0, "mm": 1e-3}
+_ANGLE = {"deg": np.pi / 180.0, "rad": 1.0}
+_LARGEST = 1e8
 """Of lengths, angles and forces [SI], whatever unit was mistaken for whatever other."""
-BRANCHES = ("up", "down")
+_BRANCHES = ("up", "down")
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ class Log(Locked):
     number: dict[str, Array]
     word: dict[str, Strings]
     line: Ints
-    rejected: tuple[Rejection, ...]
+    rejected: tuple[_Rejection, ...]
 
     def only(self, good: Bools, reason: str | Sequence[str]) -> Log:
         """The rows that are good; the others are rejected, for one reason or each for its own."""
@@ -83,7 +83,7 @@ class Quantity:
 
 
 POSE = Quantity("pose", {})
-REPEAT = Quantity("repeat", {})
+_REPEAT = Quantity("repeat", {})
 
 
 def loads(name: str, data: bytes) -> Log:
@@ -93,12 +93,12 @@ def loads(name: str, data: bytes) -> Log:
         InputError: The file cannot be read or trusted as a whole.
     """
     branch = Quantity("branch", {}, "name", needed=False)
-    log = whole_numbers(table(name, data, [POSE, REPEAT, Quantity("force", FORCE), branch]))
+    log = _whole_numbers(table(name, data, [POSE, _REPEAT, Quantity("force", FORCE), branch]))
     log = log.only(
         log.number["force"] > 0, "the force is not above zero; correct or remove the row"
     )
     if "branch" in log.word:
-        known = np.isin(log.word["branch"], [*BRANCHES, ""])
+        known = np.isin(log.word["branch"], [*_BRANCHES, ""])
         log = log.only(known, "branch is neither up nor down; correct it or leave it empty")
     return once(log, ["pose", "repeat"])
 
@@ -114,11 +114,11 @@ def joints(name: str, data: bytes, robot: Robot) -> tuple[Log, Array]:
     """
     approach = Quantity("approach", {}, needed=False)
     header = set(columns(name, data))
-    own = [Quantity(j.name, LENGTH if j.prismatic else ANGLE) for j in robot.joints]
-    axes = [Quantity(axis, LENGTH if slides else ANGLE) for axis, slides in _controller(robot)]
+    own = [Quantity(j.name, _LENGTH if j.prismatic else _ANGLE) for j in robot.joints]
+    axes = [Quantity(axis, _LENGTH if slides else _ANGLE) for axis, slides in _controller(robot)]
     from_controller = bool(axes) and not _has(header, own) and _has(header, axes)
     wanted = axes if from_controller else own
-    log = whole_numbers(table(name, data, [POSE, *wanted, approach]))
+    log = _whole_numbers(table(name, data, [POSE, *wanted, approach]))
     if "approach" in log.number:
         known = np.isin(log.number["approach"], [1, -1, 0]) | np.isnan(log.number["approach"])
         log = log.only(known, "approach is neither 1 nor -1; correct it or leave it empty")
@@ -164,9 +164,9 @@ def within_limits(log: Log, q: Array, robot: Robot) -> None:
 def displacements(name: str, data: bytes) -> Log:
     """Displacements of an already reduced campaign: pose, repeat, target, dx, dy, dz [m]."""
     target = Quantity("target", {}, "name")
-    axes = [Quantity(axis, LENGTH) for axis in ("dx", "dy", "dz")]
+    axes = [Quantity(axis, _LENGTH) for axis in ("dx", "dy", "dz")]
     return once(
-        whole_numbers(table(name, data, [POSE, REPEAT, target, *axes])),
+        _whole_numbers(table(name, data, [POSE, _REPEAT, target, *axes])),
         ["pose", "repeat", "target"],
     )
 
@@ -174,7 +174,7 @@ def displacements(name: str, data: bytes) -> Log:
 def forces(name: str, data: bytes) -> Log:
     """Forces of an already reduced campaign: pose, repeat, fx, fy, fz [N] in the base frame."""
     axes = [Quantity(axis, FORCE) for axis in ("fx", "fy", "fz")]
-    return once(whole_numbers(table(name, data, [POSE, REPEAT, *axes])), ["pose", "repeat"])
+    return once(_whole_numbers(table(name, data, [POSE, _REPEAT, *axes])), ["pose", "repeat"])
 
 
 def table(name: str, data: bytes, wanted: Sequence[Quantity]) -> Log:
@@ -210,7 +210,7 @@ def table(name: str, data: bytes, wanted: Sequence[Quantity]) -> Log:
     log = Log(name, number, word, read.line, rejected)
     for q in wanted:
         if q.units and q.stem in number:
-            possible = ~(np.abs(log.number[q.stem]) > LARGEST)
+            possible = ~(np.abs(log.number[q.stem]) > _LARGEST)
             reason = f"{q.stem} is larger than any instrument shows; correct or remove the row"
             log = log.only(possible, reason)
     return log
@@ -250,7 +250,7 @@ def _column(
     return column
 
 
-def whole_numbers(log: Log) -> Log:
+def _whole_numbers(log: Log) -> Log:
     """Only rows whose pose and repeat are whole numbers, not negative."""
     for name in ("pose", "repeat"):
         if name in log.number:

@@ -10,7 +10,7 @@ from pipeline.readers._reader import Columns, Export, Hints
 from pipeline.readers._text import Text, squeezed
 
 NAME = "table by [tracker.mapping]"
-ROLES = {
+_ROLES = {
     "group": "group", "target": "target", "time": "time", "delete": "delete",
     "x": "x", "y": "y", "z": "z",
     "range": "range", "azimuth": "azimuth", "vertical": "vertical",
@@ -55,7 +55,7 @@ def _header(text: Text, mapping: Columns) -> Header:
         unit = _named.named(title).unit if line else None
         columns.append(
             Named(
-                title if line else f"column {place + 1}", ROLES.get(roles.get(place, ""), ""), unit
+                title if line else f"column {place + 1}", _ROLES.get(roles.get(place, ""), ""), unit
             )
         )
     return Header(line or _first(text, mapping) - 1, delimiter, tuple(columns))

@@ -15,14 +15,14 @@ from pipeline.readers._coordinates import Meaning, raw
 from pipeline.readers._reader import Export, Hints, Reader, Readings
 from pipeline.readers._text import Text
 
-NEEDED = ("group", "target", "x", "y", "z")
+_NEEDED = ("group", "target", "x", "y", "z")
 
 
 def recognise(lines: Sequence[str]) -> bool:
     """The first line that is not blank has three of the five columns, `group` or `target` too."""
     header = _named.header(next((line for line in lines if line.strip()), ""), 1)
     exact = {column.title.lower() for column in header.columns}
-    there = sum(header.has(role) for role in NEEDED)
+    there = sum(header.has(role) for role in _NEEDED)
     return there >= 3 and bool({"group", "target"} & exact)
 
 
@@ -34,7 +34,7 @@ def read(text: Text, hints: Hints) -> Export:
     """
     line, first = next((n, line) for n, line in text.lines() if line.strip())
     header = _named.header(first, line)
-    lacking = [role for role in NEEDED if not header.has(role)]
+    lacking = [role for role in _NEEDED if not header.has(role)]
     if lacking:
         titles = [f"{role}_mm" if role in "xyz" else role for role in lacking]
         raise InputError(

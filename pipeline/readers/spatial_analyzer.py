@@ -37,21 +37,21 @@ from pipeline.readers._reader import (
 )
 from pipeline.readers._text import Text
 
-COMMENT = "//"
-SAMPLE = 60
-PARTS = ("collection", "group", "target")
-COORDINATES = {
+_COMMENT = "//"
+_SAMPLE = 60
+_PARTS = ("collection", "group", "target")
+_COORDINATES = {
     "cartesian": ("x", "y", "z"),
     "spherical": ("range", "azimuth", "vertical"),
     "cylindrical": ("range", "azimuth", "z"),
 }
 KIND_WORDS = {"cartesian": "cartesian", "spherical": "spherical", "polar": "spherical"}
 KIND_WORDS |= {"cylindrical": "cylindrical"}
-SHORT_UNIT = re.compile(r"\bunits?\s*[:=]?\s*(mm|m|in)\b|[\[(](mm|m|in)[\])]", re.IGNORECASE)
+_SHORT_UNIT = re.compile(r"\bunits?\s*[:=]?\s*(mm|m|in)\b|[\[(](mm|m|in)[\])]", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
-class Shape:
+class _Shape:
     """How rows are made up.
 
     Attributes:
@@ -71,7 +71,7 @@ class Shape:
 
 def recognise(lines: Sequence[str]) -> bool:
     """Rows that are no comments have a name of one to three parts, then three numbers."""
-    comments = [line for line in lines if line.lstrip().startswith(COMMENT)]
+    comments = [line for line in lines if line.lstrip().startswith(_COMMENT)]
     sample = [line for line in lines if _is_row(line)]
     shape = _shape(sample, comments)
     if shape is None or _named.find(sample) or plain.recognise(sample):  # rows under a header
@@ -88,12 +88,12 @@ def read(text: Text, hints: Hints) -> Export:
     """
     first = next(n for n, line in text.lines() if _is_row(line))
     comments = [line for _, line in text.lines(1, first - 1) if line.strip()]
-    sample = [line for _, line in text.lines(first, SAMPLE) if _is_row(line)]
+    sample = [line for _, line in text.lines(first, _SAMPLE) if _is_row(line)]
     shape = _shape(sample, comments)
     assert shape is not None  # recognised before
     fields = (*_name_fields(shape.names), *_number_fields(), *_rest_fields(shape))
     layout = Layout(
-        fields, shape.delimiter, first, hints.decimal, COMMENT, shape.form, shape.compound
+        fields, shape.delimiter, first, hints.decimal, _COMMENT, shape.form, shape.compound
     )
     table = rows(text, layout)
     meaning = _meaning(comments, hints, table, text.name, first)
@@ -111,10 +111,10 @@ def read(text: Text, hints: Hints) -> Export:
 
 
 def _is_row(line: str) -> bool:
-    return bool(line.strip()) and not line.lstrip().startswith(COMMENT)
+    return bool(line.strip()) and not line.lstrip().startswith(_COMMENT)
 
 
-def _shape(sample: Sequence[str], comments: Sequence[str]) -> Shape | None:
+def _shape(sample: Sequence[str], comments: Sequence[str]) -> _Shape | None:
     """How rows are made up, told from the first sound ones and the header; None when they are not.
 
     A damaged row says nothing about the others, but at least half of them must be alike.
@@ -129,9 +129,9 @@ def _shape(sample: Sequence[str], comments: Sequence[str]) -> Shape | None:
         alike = [other for other in cut if len(other) == len(cells)]
         fits = 1 <= count <= 3 and len(numbers) == 3 and all(map(_is_number, numbers))
         if fits and compound <= 3 and 2 * len(alike) >= len(sample):
-            names = PARTS[-(compound or count) :]
+            names = _PARTS[-(compound or count) :]
             rest, form = _rest([row[count + 3 :] for row in alike], titles[count + 3 :])
-            return Shape(delimiter, compound, names, rest, form)
+            return _Shape(delimiter, compound, names, rest, form)
     return None
 
 
@@ -163,7 +163,7 @@ def _names(cells: Sequence[str], titles: Sequence[Named]) -> int:
 def _titles(comments: Sequence[str], count: int, delimiter: str) -> list[Named]:
     """The column titles of the header, if it has as many as the rows have cells."""
     for line in reversed(comments):
-        found = _named.header(line.strip().removeprefix(COMMENT), 0, delimiter)
+        found = _named.header(line.strip().removeprefix(_COMMENT), 0, delimiter)
         roles = [column.role for column in found.columns]
         if len(roles) == count and ("x" in roles or "range" in roles):
             return list(found.columns)
@@ -178,7 +178,7 @@ def _number_fields() -> list[Field]:
     return [Field(axis, "number") for axis in ("1", "2", "3")]
 
 
-def _rest_fields(shape: Shape) -> list[Field]:
+def _rest_fields(shape: _Shape) -> list[Field]:
     """Fields behind the coordinates; those without a role are not looked at."""
     out = []
     for place, column in enumerate(shape.rest):
@@ -196,7 +196,7 @@ def _rest_fields(shape: Shape) -> list[Field]:
 
 
 def _meaning(comments: Sequence[str], hints: Hints, table: Rows, file: str, line: int) -> Meaning:
-    head = [comment for comment in comments if comment.lstrip().startswith(COMMENT)]
+    head = [comment for comment in comments if comment.lstrip().startswith(_COMMENT)]
     unit = settled_unit(_only(_units(head), "units of length", file), hints, file, line)
     stated = _only(_kinds(head), "kinds of coordinates", file)
     if stated is None and hints.coordinates is None:
@@ -235,7 +235,7 @@ def _units(comments: Sequence[str]) -> set[str]:
     for comment in comments:
         words = re.findall(r"[a-z]+", comment.lower())
         found |= {UNIT_WORDS[word] for word in words if len(word) > 2 and word in UNIT_WORDS}
-        found |= {short.lower() for pair in SHORT_UNIT.findall(comment) for short in pair if short}
+        found |= {short.lower() for pair in _SHORT_UNIT.findall(comment) for short in pair if short}
     return found
 
 
@@ -245,15 +245,15 @@ def _kinds(comments: Sequence[str]) -> set[str]:
     for comment in comments:
         found |= {KIND_WORDS[w] for w in re.findall(r"[a-z]+", comment.lower()) if w in KIND_WORDS}
         for delimiter in DELIMITERS:
-            cut = _named.header(comment.strip().removeprefix(COMMENT), 0, delimiter)
+            cut = _named.header(comment.strip().removeprefix(_COMMENT), 0, delimiter)
             roles = {
                 "vertical" if c.role in ("zenith", "elevation") else c.role for c in cut.columns
             }
-            found |= {kind for kind, axes in COORDINATES.items() if set(axes) <= roles}
+            found |= {kind for kind, axes in _COORDINATES.items() if set(axes) <= roles}
     return found
 
 
-def _covariance(table: Rows, shape: Shape, hints: Hints, unit: str, file: str) -> dict[str, Array]:
+def _covariance(table: Rows, shape: _Shape, hints: Hints, unit: str, file: str) -> dict[str, Array]:
     """Covariances that the header names: per axis, expanded or standard, and the RMS of a point."""
     out = {}
     header = Header(0, shape.delimiter, shape.rest)

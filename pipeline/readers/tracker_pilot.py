@@ -14,14 +14,14 @@ from pipeline.readers._named import Header
 from pipeline.readers._reader import Export, Hints, Reader, Readings
 from pipeline.readers._text import Text
 
-TURNED = {"rx", "ry", "rz", "q0", "q1", "q2", "q3", "qw", "qx", "qy", "qz", "roll", "pitch", "yaw"}
+_TURNED = {"rx", "ry", "rz", "q0", "q1", "q2", "q3", "qw", "qx", "qy", "qz", "roll", "pitch", "yaw"}
 
 
 def six_dof(header: Header) -> bool:
     """Whether there are orientations or expanded uncertainties, as a T-Mac gives them."""
     turned = {
         column.title.lower().split(" ")[0].split("[")[0] for column in header.columns
-    } & TURNED
+    } & _TURNED
     return bool(turned) or any(column.role.startswith("u95") for column in header.columns)
 
 

@@ -12,8 +12,8 @@ from pipeline.readers._layout import Field, Layout
 from pipeline.readers._reader import Export, Found, Hints, Reader, Readings, export, settled_unit
 from pipeline.readers._text import Text
 
-NAMES = {3: (), 4: ("target",), 5: ("group", "target")}
-AXES = ("x", "y", "z")
+_NAMES = {3: (), 4: ("target",), 5: ("group", "target")}
+_AXES = ("x", "y", "z")
 
 
 def recognise(lines: Sequence[str]) -> bool:
@@ -22,8 +22,8 @@ def recognise(lines: Sequence[str]) -> bool:
     if any("::" in row or row.lstrip().startswith("//") for row in rows) or _named.find(rows):
         return False
     found = [_cells(row) for row in rows]
-    fitting = [cells for cells in found if len(cells) in NAMES and all(map(_number, cells[-3:]))]
-    return bool(fitting) and len(_cells(rows[0])) in NAMES and len(fitting) > len(rows) / 2
+    fitting = [cells for cells in found if len(cells) in _NAMES and all(map(_number, cells[-3:]))]
+    return bool(fitting) and len(_cells(rows[0])) in _NAMES and len(fitting) > len(rows) / 2
 
 
 def _cells(line: str) -> list[str]:
@@ -42,8 +42,8 @@ def read(text: Text, hints: Hints) -> Export:
         InputError: The unit is not stated in campaign.toml.
     """
     first, line = next((n, line) for n, line in text.lines() if line.strip())
-    names = NAMES[len(_cells(line))]
-    fields = [*(Field(name, "name") for name in names), *(Field(axis, "number") for axis in AXES)]
+    names = _NAMES[len(_cells(line))]
+    fields = [*(Field(name, "name") for name in names), *(Field(axis, "number") for axis in _AXES)]
     if line.rstrip().endswith(";"):
         fields.append(Field("end", "blank", needed=False))
     unit = settled_unit(None, hints, text.name, first)
@@ -53,7 +53,7 @@ def read(text: Text, hints: Hints) -> Export:
         dialect=READER.name,
         rows=table,
         meaning=Meaning(unit),
-        axes=AXES,
+        axes=_AXES,
         group="group" if "group" in names else None,
         target="target" if names else None,
     )

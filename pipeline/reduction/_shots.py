@@ -22,7 +22,7 @@ from pipeline.reduction.settings import Settings
 BASE, STRANGE = -1, -2
 """Roles of a target beside 0..t-1: a base reflector, and a name nobody knows."""
 
-CERTAIN_FACTORS = {
+_CERTAIN_FACTORS = {
     1000.0: "are 1000 times too large, as if millimetres were taken for metres",
     1e-3: "are 1000 times too small, as if metres were taken for millimetres",
     25.4: "are 25.4 times too large, as if millimetres were taken for inches",
@@ -30,7 +30,7 @@ CERTAIN_FACTORS = {
     1000 / 25.4: "are 39.4 times too large, as if inches were taken for metres",
     25.4 / 1000: "are 39.4 times too small, as if metres were taken for inches",
 }
-NEAR = 0.2
+_NEAR = 0.2
 """A ratio within 20 % of a factor is that factor; reflectors are placed better than that."""
 
 Rejection = tuple[str, int | None, str]
@@ -347,8 +347,8 @@ def _check_size(shots: Shots, rows: Ints, together: Ints, nominal: Array, said: 
     seen, expected = (_spread(points, member) for points in (shots.position[rows], nominal))
     enough = (expected > 1e-3) & (seen > 0)
     ratio = np.where(enough, seen, 1.0) / np.where(enough, expected, 1.0)
-    for factor, meaning in CERTAIN_FACTORS.items():
-        hit = np.flatnonzero(enough & (np.abs(np.log(ratio / factor)) < NEAR))
+    for factor, meaning in _CERTAIN_FACTORS.items():
+        hit = np.flatnonzero(enough & (np.abs(np.log(ratio / factor)) < _NEAR))
         if len(hit):
             first = rows[member == hit[0]][0]
             raise InputError(

@@ -11,7 +11,7 @@ from pipeline.reduction._index import found, means, places, pull_numbers, run
 from pipeline.reduction.register import XYZ
 from pipeline.reduction.settings import Scale, Settings
 
-BRANCH = np.array([1, -1, 0])
+_BRANCH = np.array([1, -1, 0])
 """up, down, unknown"""
 
 
@@ -60,7 +60,7 @@ def forces(settings: Settings, placed: pd.DataFrame, loads: pd.DataFrame) -> pd.
             **dict(zip(["fx_n", "fy_n", "fz_n"], force, strict=True)),
             "reading_std_n": reading_std(settings.scale or Scale(), reading),
             **dict(zip(covariance.columns("u", ""), direction, strict=True)),
-            "branch": BRANCH[places(loads["branch"], ["up", "down"])],
+            "branch": _BRANCH[places(loads["branch"], ["up", "down"])],
             "time_s": _mean_by_pull(placed["time_s"].to_numpy()[measured], pull[measured], pulls),
         }
     )

@@ -29,7 +29,7 @@ from pipeline.reduction._index import numbered
 from pipeline.reduction._shots import Rejection, Shots
 from pipeline.reduction.settings import Scale, Settings, Tracker
 
-SIX = covariance_columns()
+_SIX = covariance_columns()
 
 
 @dataclass(frozen=True)
@@ -155,7 +155,7 @@ def _raw(
     )
 
 
-def tracker_files(settings: Settings, names: Sequence[str]) -> list[str]:
+def _tracker_files(settings: Settings, names: Sequence[str]) -> list[str]:
     """Which of some file names are tracker exports, sorted; a glob never takes the other logs."""
     others = {settings.joints.file, "campaign.toml"}
     others |= {settings.scale.file} if settings.scale else set()
@@ -169,7 +169,7 @@ def tracker_files(settings: Settings, names: Sequence[str]) -> list[str]:
 
 
 def _exports(settings: Settings, tracker: Tracker, raw: Mapping[str, bytes]) -> dict[str, Export]:
-    found = tracker_files(settings, list(raw))
+    found = _tracker_files(settings, list(raw))
     tracker.none_missing(found)
     said = hints(tracker)
     exports = {name: readers.read(name, raw[name], said) for name in found}
@@ -245,7 +245,7 @@ def _readings(shots: Shots, tracker: Tracker) -> pa.Table:
         "repeat": repeat,
         "state": pa.DictionaryArray.from_arrays(loaded, ["unloaded", "loaded"]),
         **{f"{axis}_m": _column(shots.position[:, k]) for k, axis in enumerate("xyz")},
-        **{name: _column(covariance[k]) for k, name in enumerate(SIX)},
+        **{name: _column(covariance[k]) for k, name in enumerate(_SIX)},
         "covariance_from": source,
         "time": shots.time,
     }
@@ -426,9 +426,9 @@ def _displacements(moved: logs.Log, sigma_m: float | None) -> pa.Table:
         **{f"{axis}_m": pa.array(moved.number[axis]) for axis in ("dx", "dy", "dz")},
         **{
             f"loaded_{name}": pa.array(np.full(n, loaded * c))
-            for name, c in zip(SIX, instrument.ISOTROPIC, strict=True)
+            for name, c in zip(_SIX, instrument.ISOTROPIC, strict=True)
         },
-        **{f"zero_{name}": pa.array(np.zeros(n)) for name in SIX},
+        **{f"zero_{name}": pa.array(np.zeros(n)) for name in _SIX},
         **{f"zero_{axis}_m": pa.array(np.full(n, np.nan)) for axis in "xyz"},
         "zero_count": _int32(np.zeros(n)),
         "zero_time_s": pa.array(np.zeros(n)),

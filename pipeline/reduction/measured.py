@@ -13,8 +13,8 @@ from pipeline.base.arrays import Array, Ints, Locked, Strings
 from pipeline.machine.effects import Pulls
 from pipeline.machine.robot import Robot
 
-FORCE = ["fx_n", "fy_n", "fz_n"]
-DELTA = ["dx_m", "dy_m", "dz_m"]
+_FORCE = ["fx_n", "fy_n", "fz_n"]
+_DELTA = ["dx_m", "dy_m", "dz_m"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +122,7 @@ def measured(
             pose=pulls["pose"].to_numpy(np.int64),
             repeat=pulls["repeat"].to_numpy(np.int64),
             q=pulls[values].to_numpy(float),
-            force=pulls[FORCE].to_numpy(float),
+            force=pulls[_FORCE].to_numpy(float),
             branch=pulls["branch"].to_numpy(float),
             approach=pulls["approach"].to_numpy(float),
             time=pulls["time_s"].to_numpy(float),
@@ -131,7 +131,7 @@ def measured(
         pull=pull,
         target=target,
         name=rows["target"].to_numpy(object),
-        delta=rows[DELTA].to_numpy(float),
+        delta=rows[_DELTA].to_numpy(float),
         unloaded=rows[["zero_x_m", "zero_y_m", "zero_z_m"]].to_numpy(float),
         loaded_cov=loaded_cov,
         zero_cov=zero_cov,

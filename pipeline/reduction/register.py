@@ -16,7 +16,7 @@ from pipeline.reduction.settings import Settings
 
 XYZ = ["x_m", "y_m", "z_m"]
 
-MISFIT = 1e-4
+_MISFIT = 1e-4
 """Base reflectors that agree worse than chance would have it in this part of all campaigns."""
 
 
@@ -80,7 +80,7 @@ def register(settings: Settings, readings: pd.DataFrame) -> Registration:
         if np.abs(step).max() < 1e-15:
             break
     dof = 3 * len(base) - 6
-    from_scatter = not stated or (dof > 0 and bool(special.chdtrc(dof, chi2) < MISFIT))
+    from_scatter = not stated or (dof > 0 and bool(special.chdtrc(dof, chi2) < _MISFIT))
     if from_scatter:
         cov = cov * (chi2 / dof if dof > 0 else 0.0)  # reflectors that disagree place it worse
     placed = points @ R.T + t

@@ -19,17 +19,17 @@ from pipeline.machine.robot import Robot
 
 Point = tuple[float, float, float]
 
-Role = Literal[
+_Role = Literal[
     "group", "target", "time", "delete", "x", "y", "z", "range", "azimuth", "vertical",
     "sx", "sy", "sz", "u95_x", "u95_y", "u95_z", "cxx", "cxy", "cxz", "cyy", "cyz", "czz",
 ]  # fmt: skip
-Column = Annotated[int, Field(ge=1)] | Annotated[str, Field(min_length=1)]
+_Column = Annotated[int, Field(ge=1)] | Annotated[str, Field(min_length=1)]
 
 
 class TableMapping(Strict):
     """Columns of an export in no dialect of its own, by header name or by number from 1."""
 
-    columns: dict[Role, Column] = Field(min_length=3)
+    columns: dict[_Role, _Column] = Field(min_length=3)
     delimiter: Annotated[str, Field(min_length=1, max_length=1)] | None = None
     header: Annotated[int, Field(ge=0)] | None = None
     comment: Annotated[str, Field(min_length=1)] | None = None

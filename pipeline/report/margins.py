@@ -19,19 +19,19 @@ from matplotlib.text import Text
 from matplotlib.textpath import text_to_path
 from matplotlib.ticker import AutoLocator
 
-POINTS = 72.0
+_POINTS = 72.0
 """To the inch; all lengths here are points."""
-EDGE = 4.0
-GAP = 6.0
+_EDGE = 4.0
+_GAP = 6.0
 """Between plots side by side or one above the other."""
-MOST_ROOM = 0.75
+_MOST_ROOM = 0.75
 """Share of a figure that words may take; longer ones are cut, so that a plot is left."""
 LINE = 1.25
 """Height of a line of text over the size of its letters."""
-TICK_PAD = 3.5
+_TICK_PAD = 3.5
 """Matplotlib's own, from a plot to the labels of its ticks."""
-LABEL_PAD = 4.5
-STEPS = 6
+_LABEL_PAD = 4.5
+_STEPS = 6
 """At most so many steps on an axis that chooses its own: enough to read, and each costs time."""
 
 
@@ -65,7 +65,7 @@ class Margins(LayoutEngine):
 
     def execute(self, fig: Canvas) -> None:
         """Place the plots of a figure and the labels of their axes."""
-        width, height = POINTS * fig.get_size_inches()
+        width, height = _POINTS * fig.get_size_inches()
         cells = {a: spec for a in fig.axes if (spec := a.get_subplotspec()) is not None}
         grid = next(iter(cells.values())).get_gridspec()
         for axes in cells:
@@ -91,15 +91,15 @@ class Margins(LayoutEngine):
             bottom = height - top - high
             axes.set_position((left / width, bottom / height, wide / width, high / height))
             ticks = max(rooms[a].y_ticks for a in in_column[cell.colspan.start])
-            aside = (ticks + LABEL_PAD) / wide
-            below = (rooms[axes].x_ticks + LABEL_PAD) / high
+            aside = (ticks + _LABEL_PAD) / wide
+            below = (rooms[axes].x_ticks + _LABEL_PAD) / high
             axes.xaxis.set_label_coords(_middle(axes.xaxis, left, wide, width), -below)
             middle = _middle(axes.yaxis, bottom, high, height)
             axes.yaxis.set_label_coords(1 + aside if _on_right(axes) else -aside, middle)
 
 
 @dataclass(frozen=True)
-class Room:
+class _Room:
     """What one plot needs around it, and how far the labels of its ticks reach [pt]."""
 
     left: float
@@ -110,19 +110,19 @@ class Room:
     y_ticks: float
 
 
-def _room(axes: Axes, wide: float) -> Room:
+def _room(axes: Axes, wide: float) -> _Room:
     x_ticks, low, high = _ticks(axes.xaxis, wide)
     y_ticks, _, _ = _ticks(axes.yaxis, wide)
-    side = EDGE + y_ticks + _label(axes.yaxis)
-    left, right = (EDGE, side) if _on_right(axes) else (side, EDGE)
-    bottom = EDGE + x_ticks + _label(axes.xaxis)
-    return Room(max(left, low), max(right, high), bottom, EDGE, x_ticks, y_ticks)
+    side = _EDGE + y_ticks + _label(axes.yaxis)
+    left, right = (_EDGE, side) if _on_right(axes) else (side, _EDGE)
+    bottom = _EDGE + x_ticks + _label(axes.xaxis)
+    return _Room(max(left, low), max(right, high), bottom, _EDGE, x_ticks, y_ticks)
 
 
 def _coarsen(axis: Axis, plots: int) -> None:
     """Fewer steps where several plots share the figure."""
     if isinstance(locator := axis.get_major_locator(), AutoLocator):
-        locator.set_params(nbins=max(STEPS // plots + (plots > 1), 3))
+        locator.set_params(nbins=max(_STEPS // plots + (plots > 1), 3))
 
 
 def _on_right(axes: Axes) -> bool:
@@ -134,9 +134,9 @@ def _spans(
 ) -> list[tuple[float, float]]:
     """Start and length of every column or row [pt]."""
     first, last = np.asarray(before), np.asarray(after)
-    share = min(1.0, MOST_ROOM * whole / (first + last + GAP).sum())
-    around = share * (first + last + GAP)
-    length = (whole + share * GAP - around.sum()) * np.asarray(ratios) / np.sum(ratios)
+    share = min(1.0, _MOST_ROOM * whole / (first + last + _GAP).sum())
+    around = share * (first + last + _GAP)
+    length = (whole + share * _GAP - around.sum()) * np.asarray(ratios) / np.sum(ratios)
     start = share * first + np.concatenate([[0.0], np.cumsum(around + length)[:-1]])
     return list(zip(start.tolist(), length.tolist(), strict=True))
 
@@ -145,12 +145,12 @@ def _label(axis: Axis) -> float:
     """Thickness of an axis label with its distance from the ticks."""
     words = axis.label.get_text()
     lines = words.count("\n") + 1
-    return LABEL_PAD + LINE * lines * float(axis.label.get_fontsize()) if words else 0.0
+    return _LABEL_PAD + LINE * lines * float(axis.label.get_fontsize()) if words else 0.0
 
 
 def _middle(axis: Axis, start: float, length: float, whole: float) -> float:
     """Where along its axis a label stands: in the middle, unless the figure would cut it there."""
-    half = max(_width(line, axis.label) for line in axis.label.get_text().split("\n")) / 2 + EDGE
+    half = max(_width(line, axis.label) for line in axis.label.get_text().split("\n")) / 2 + _EDGE
     inside = min(max(start + length / 2, half), max(whole - half, half))
     return (inside - start) / length
 
@@ -162,7 +162,7 @@ def _ticks(axis: Axis, wide: float) -> tuple[float, float, float]:
     if not labels:
         return 0.0, 0.0, 0.0
     boxes = [_turned(label) for label in labels]
-    out = TICK_PAD + max(box[isinstance(axis, XAxis)] for box in boxes)
+    out = _TICK_PAD + max(box[isinstance(axis, XAxis)] for box in boxes)
     if not isinstance(axis, XAxis):
         return out, 0.0, 0.0
     limits = axis.get_transform().transform(axis.get_view_interval())
@@ -175,7 +175,7 @@ def _ticks(axis: Axis, wide: float) -> tuple[float, float, float]:
     ]
     low = max((w * _before(how) - s * wide for s, w, how in seen), default=0.0)
     high = max((w * (1 - _before(how)) - (1 - s) * wide for s, w, how in seen), default=0.0)
-    return out, low + EDGE, high + EDGE
+    return out, low + _EDGE, high + _EDGE
 
 
 def _shown(axis: Axis) -> str:

@@ -11,9 +11,9 @@ from pipeline.report.plan_sheet import MM, Extras, sheet
 from pipeline.report.render import page, pdf
 from pipeline.report.svg import Drawing
 
-SIZES = (3, 4, 6, 12)
+_SIZES = (3, 4, 6, 12)
 """Numbers of poses and of readings of Table II."""
-PLACES = 9
+_PLACES = 9
 
 
 def plan_files(proposal: Proposal, seconds: float, seed: int) -> dict[str, bytes]:
@@ -40,7 +40,7 @@ def plan_files(proposal: Proposal, seconds: float, seed: int) -> dict[str, bytes
 def _sizes(proposal: Proposal, seed: int) -> BySize | None:
     """Only where one search is quick and readings are independent, as in the paper."""
     plain = proposal.problem.experiment.scatter.zero == 0 and proposal.mixed is None
-    return by_size(proposal.problem, SIZES, SIZES, seed) if plain else None
+    return by_size(proposal.problem, _SIZES, _SIZES, seed) if plain else None
 
 
 def _anchors(proposal: Proposal, seed: int) -> ByAnchor | None:
@@ -49,7 +49,7 @@ def _anchors(proposal: Proposal, seed: int) -> ByAnchor | None:
     if not problem.free.any() or proposal.mixed is not None:
         return None
     axis = int(np.argmax(problem.free))
-    at = np.linspace(problem.anchor_lower[axis], problem.anchor_upper[axis], PLACES)
+    at = np.linspace(problem.anchor_lower[axis], problem.anchor_upper[axis], _PLACES)
     return by_anchor(problem, proposal.plan, at, seed, axis)
 
 

@@ -33,15 +33,15 @@ from pipeline.report.record import (
 )
 
 MM = 1e3
-BEFORE = (
+_BEFORE = (
     "Fix the anchor, mount the effector, measure its points and put them into campaign.toml. Read "
     "the base reflectors before the first pose and after the last."
 )
-AT_EACH = (
+_AT_EACH = (
     "At every pose: read the reflectors unloaded, then tighten or slacken the chain to each step "
     "in the order given, and read the scale, the reflectors and both ends of the chain."
 )
-AFTER = "Release the chain before the next pose and read the unloaded reflectors once more."
+_AFTER = "Release the chain before the next pose and read the unloaded reflectors once more."
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +134,7 @@ def _setting_up(problem: Problem, measurement: Measurement) -> Section:
         ("Tracker, F_b [m], as planned", _point(spec.noise.tracker_position_m)),
         ("Chain reflectors", "Pl1 near the effector, Pl2 near the anchor, both on the chain"),
     ]
-    todo = [BEFORE, AT_EACH, *([AFTER] if spec.noise.zero == "before_after" else [])]
+    todo = [_BEFORE, _AT_EACH, *([_AFTER] if spec.noise.zero == "before_after" else [])]
     table = Table(
         "setup",
         "Set-up",

@@ -19,7 +19,7 @@ from pipeline.report.model import compose
 from pipeline.report.overview import overview
 from pipeline.report.record import Report
 
-HERE = files("pipeline.report")
+_HERE = files("pipeline.report")
 
 
 def render(
@@ -103,4 +103,4 @@ def pdf(report: Report, drawings: Mapping[str, str]) -> bytes:
 
 
 def _text(name: str) -> str:
-    return HERE.joinpath(name).read_text(encoding="utf-8")
+    return _HERE.joinpath(name).read_text(encoding="utf-8")

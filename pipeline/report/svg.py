@@ -25,7 +25,7 @@ SHADES = tuple(
 )
 """Nine steps of cividis: brightness alone tells them apart."""
 
-VARIABLES = {
+_VARIABLES = {
     **{shade: f"--shade-{step}" for step, shade in enumerate(SHADES)},
     INK: "--fig-ink",
     MUTED: "--fig-muted",
@@ -67,13 +67,13 @@ STYLE: Any = {
     "figure.constrained_layout.use": True,
 }
 
-ON_THE_PAGE: Any = STYLE | {
+_ON_THE_PAGE: Any = STYLE | {
     "figure.facecolor": "none",
     "axes.facecolor": "none",
     "figure.constrained_layout.use": False,
 }
 
-SHAPES = {"use", "path"}
+_SHAPES = {"use", "path"}
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ def drawn(name: str, draw: Callable[[Canvas], Mapping[str, Sequence[str]]]) -> D
     """
     text = io.StringIO()
     nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
-    with rc_context(ON_THE_PAGE):
+    with rc_context(_ON_THE_PAGE):
         canvas = Canvas(layout=Margins())
         tips = draw(canvas)
         # Figure.savefig would draw everything once more for the layout.
@@ -130,7 +130,7 @@ def _inline(svg: str, name: str, tips: Mapping[str, Sequence[str]]) -> str:
 
 
 def _variable(colour: str) -> str:
-    return f"var({VARIABLES[colour]})" if colour in VARIABLES else colour
+    return f"var({_VARIABLES[colour]})" if colour in _VARIABLES else colour
 
 
 def _attach(root: ET.Element, artist: str, words: Sequence[str]) -> None:
@@ -148,5 +148,5 @@ def _marks(element: ET.Element) -> list[ET.Element]:
         kind = child.tag.rpartition("}")[2]
         if kind == "defs":
             continue
-        found += [child] if kind in SHAPES else _marks(child)
+        found += [child] if kind in _SHAPES else _marks(child)
     return found

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from pipeline.report.record import Figure, Report, Table, Text
 
-WIDTH = 96
+_WIDTH = 96
 
 
 def as_text(report: Report) -> str:
@@ -18,7 +18,7 @@ def as_text(report: Report) -> str:
 def _lines(report: Report) -> Iterator[str]:
     yield from (report.title, "=" * len(report.title), "", report.verdict)
     for sentence in report.sentences:
-        yield from textwrap.wrap(sentence, WIDTH)
+        yield from textwrap.wrap(sentence, _WIDTH)
     for section in report.sections:
         yield from ("", section.title, "-" * len(section.title))
         for block in section.blocks:
@@ -27,9 +27,9 @@ def _lines(report: Report) -> Iterator[str]:
                 yield from _table(block)
             elif isinstance(block, Text):
                 mark = "! " if block.tone == "finding" else ""
-                yield from textwrap.wrap(mark + block.text, WIDTH)
+                yield from textwrap.wrap(mark + block.text, _WIDTH)
             elif isinstance(block, Figure):
-                yield from textwrap.wrap(f"[{block.name}.svg] {block.alt}", WIDTH)
+                yield from textwrap.wrap(f"[{block.name}.svg] {block.alt}", _WIDTH)
 
 
 def _table(table: Table) -> Iterator[str]:
@@ -44,4 +44,4 @@ def _table(table: Table) -> Iterator[str]:
         )
         yield f"  {'   '.join(cells)}".rstrip()
     if table.note:
-        yield from textwrap.wrap(table.note, WIDTH)
+        yield from textwrap.wrap(table.note, _WIDTH)

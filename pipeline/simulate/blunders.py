@@ -19,7 +19,7 @@ from pipeline.readers import Readings
 from pipeline.simulate._words import amounts, parts
 
 KGF_N, LBF_N, INCH_M = 9.80665, 4.4482216152605, 0.0254
-SISTER = {"kr500_rail": "kr500_rail_kuka", "kr500_rail_kuka": "kr500_rail"}
+_SISTER = {"kr500_rail": "kr500_rail_kuka", "kr500_rail_kuka": "kr500_rail"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ class Notebook(Locked):
     controller: Array
 
 
-Act = Callable[[Notebook, str, Array, np.random.Generator], tuple[Notebook, str]]
+_Act = Callable[[Notebook, str, Array, np.random.Generator], tuple[Notebook, str]]
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Blunder:
     name: str
     places: tuple[str, ...]
     size: tuple[Parameter, ...]
-    act: Act
+    act: _Act
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +158,7 @@ def _sign_or_convention(
             ("controller_axes", notes.controller.shape[1] == notes.joints.shape[1]),
             ("left_handed", True),
             ("pull_reversed", True),
-            ("d_5", notes.robot in SISTER),
+            ("d_5", notes.robot in _SISTER),
             (misread_as, True),
         )
         if can
@@ -172,7 +172,7 @@ def _sign_or_convention(
     if where == misread_as:
         return replace(notes, robot="robot.toml", robot_text=misread_robot), where
     if where == "d_5":
-        return replace(notes, robot=SISTER[notes.robot]), where
+        return replace(notes, robot=_SISTER[notes.robot]), where
     other = {"Pl1": "Pl2", "Pl2": "Pl1"}
     target = [other.get(t, t) for t in notes.readings.target]
     return replace(notes, readings=replace(notes.readings, target=target)), where

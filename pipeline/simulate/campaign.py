@@ -60,7 +60,7 @@ def simulate(
     robot = robot or load_robot(plan.robot)
     scene = build(plan, robot, for_scene, hidden)
     draws = draw(scene, for_draw)
-    notes, done = notebook(scene, draws), []
+    notes, done = _notebook(scene, draws), []
     for one in blunders(plan.hidden.effects, robot):
         notes, where = one.blunder.act(notes, one.where, one.size, for_blunders)
         done.append(_effect(one.blunder.name, where, one.blunder.size, one.size))
@@ -70,7 +70,7 @@ def simulate(
     )
 
 
-TO_FILL = b"""
+_TO_FILL = b"""
 [base_frame]                # fixed reflectors, nominal coordinates in F_b [m]: at least three
 # B1 = [0.6, -0.5, -0.30]
 """
@@ -92,7 +92,9 @@ def prepared(plan: Plan, robot: Robot) -> dict[str, bytes]:
     loads = [f"{pose},{repeat},,{'up' if way > 0 else 'down'}\n" for pose, repeat, way in rows]
     toml_text = _campaign_toml(plan, plan.robot)
     if "base_frame" not in plan.model_fields_set:
-        toml_text = _campaign_toml(plan.model_copy(update={"base_frame": {}}), plan.robot) + TO_FILL
+        toml_text = (
+            _campaign_toml(plan.model_copy(update={"base_frame": {}}), plan.robot) + _TO_FILL
+        )
     files = {
         "campaign.toml": toml_text,
         "loads.csv": "".join(["pose,repeat,force_n,branch\n", *loads]).encode(),
@@ -103,10 +105,10 @@ def prepared(plan: Plan, robot: Robot) -> dict[str, bytes]:
 
 def raw_files(scene: Scene, draws: Draws, which: int = 0) -> dict[str, bytes]:
     """The files of one of the drawn campaigns, nothing gone wrong."""
-    return written(scene, notebook(scene, draws, which))
+    return written(scene, _notebook(scene, draws, which))
 
 
-def notebook(scene: Scene, draws: Draws, which: int = 0) -> Notebook:
+def _notebook(scene: Scene, draws: Draws, which: int = 0) -> Notebook:
     """What the operator has to write down of one drawn campaign."""
     q = scene.pulls.q[scene.pulls.repeat == 1]
     return Notebook(

@@ -14,9 +14,9 @@ from pipeline.base.toml import loads, merged
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.reduction.settings import Point, Scale, TestPose
 
-Step = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+_Step = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
-SignedStep = Annotated[float, Field(allow_inf_nan=False)]
+_SignedStep = Annotated[float, Field(allow_inf_nan=False)]
 
 TOOL: dict[str, Point] = {
     "load_point": (0.15, 0.0, 0.25),
@@ -77,9 +77,9 @@ class Pull(Strict):
         setting_sd_n: How closely the operator meets a step with the turnbuckle [N].
     """
 
-    steps_n: list[Step] = Field(default=[1200.0, 3000.0, 2000.0], min_length=1)
+    steps_n: list[_Step] = Field(default=[1200.0, 3000.0, 2000.0], min_length=1)
     repeats: int = Field(default=1, ge=1)
-    pose_steps_n: list[list[SignedStep]] | None = Field(default=None, min_length=1)
+    pose_steps_n: list[list[_SignedStep]] | None = Field(default=None, min_length=1)
     zero: Literal["before", "before_after"] = "before_after"
     anchors: list[Point] | None = Field(default=None, min_length=1)
     anchor: list[int] | None = None

@@ -28,7 +28,7 @@ from pipeline.simulate import noise
 from pipeline.simulate.hidden import Planted, effects
 from pipeline.simulate.plan import Plan
 
-CHAIN_POINTS_M = (0.1, 0.5)
+_CHAIN_POINTS_M = (0.1, 0.5)
 """Where Pl1 and Pl2 sit on the chain, from the load point."""
 
 
@@ -406,7 +406,7 @@ def _chain(scene: Scene, pulls: Pulls, load_point: Array, n: int) -> Array:
     times = np.tile(scene.schedule.loaded[:, -2:].mean(axis=1, keepdims=True), (n, 1))
     at = _observed(scene, pulls, load_point[:, None], times, ["load_point"])
     unit = pulls.force / np.linalg.norm(pulls.force, axis=1, keepdims=True)
-    return at + np.array(CHAIN_POINTS_M)[:, None] * unit[:, None]
+    return at + np.array(_CHAIN_POINTS_M)[:, None] * unit[:, None]
 
 
 def _zeros(scene: Scene) -> Array:

@@ -33,9 +33,9 @@ from pipeline.machine.robot.mdh import parse as parse_robot
 from pipeline.reduction.settings import Settings
 from pipeline.reduction.settings import parse as parse_settings
 
-LIBRARIES = ("numpy", "scipy", "pandas", "pyarrow", "pin", "prefect", "matplotlib", "typst")
+_LIBRARIES = ("numpy", "scipy", "pandas", "pyarrow", "pin", "prefect", "matplotlib", "typst")
 MANIFEST = "manifest.json"
-REJECTION = "rejection.json"
+_REJECTION = "rejection.json"
 LARGEST_FILE = 4 * 2**30
 
 
@@ -275,7 +275,7 @@ class Campaign:
     @contextmanager
     def remembering(self, key: str) -> Iterator[None]:
         """Keep why an input is rejected while it is computed; a result makes it forgotten."""
-        path = self.processed / REJECTION
+        path = self.processed / _REJECTION
         try:
             yield
         except InputError as problem:
@@ -291,7 +291,7 @@ class Campaign:
     def rejection(self, key: str) -> InputError | None:
         """Why the last run rejected the input with this key; None where it did not."""
         try:
-            kept = json.loads((self.processed / REJECTION).read_bytes())
+            kept = json.loads((self.processed / _REJECTION).read_bytes())
             return InputError(**kept["why"]) if kept["key"] == key else None
         except (OSError, ValueError, TypeError, KeyError):
             return None
@@ -406,7 +406,7 @@ def versions() -> dict[str, str]:
     """Versions of the libraries that numbers and pages depend on."""
     from pipeline import __version__
 
-    return {"pipeline": __version__} | {name: metadata.version(name) for name in LIBRARIES}
+    return {"pipeline": __version__} | {name: metadata.version(name) for name in _LIBRARIES}
 
 
 @cache

@@ -11,7 +11,7 @@ from scipy import stats
 from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.system.system import System
 
-Loss = Callable[[Array], tuple[Array, float]]
+_Loss = Callable[[Array], tuple[Array, float]]
 """Minus twice a restricted log likelihood by log scales: part of each pose, and the rest."""
 """The components, and the sources of error whose standard uncertainty each of them multiplies."""
 
@@ -86,7 +86,7 @@ class Blocks(Locked):
         g = np.einsum("psi,ps->i", X, y)
         return own, float(np.linalg.slogdet(N)[1] - g @ np.linalg.solve(N, g))
 
-    def of_scales(self, told: Bools) -> Loss:
+    def of_scales(self, told: Bools) -> _Loss:
         """The loss as a function of some log scales; the other components stay as stated."""
 
         def loss(x: Array) -> tuple[Array, float]:
@@ -97,7 +97,7 @@ class Blocks(Locked):
         return loss
 
 
-STEP = 3e-3
+_STEP = 3e-3
 """Differences of log scale for first and second derivatives."""
 
 
@@ -130,7 +130,7 @@ def maximum(blocks: Blocks, told: Bools) -> tuple[Array, Array, Array]:
     return x, np.sqrt(information * longer), p
 
 
-def _lowest(loss: Loss, start: Array) -> Array:
+def _lowest(loss: _Loss, start: Array) -> Array:
     """Where a loss is lowest, by Newton's method."""
     x = start
     for _ in range(40):
@@ -146,24 +146,24 @@ def _lowest(loss: Loss, start: Array) -> Array:
     return x
 
 
-def _derivatives(loss: Loss, x: Array) -> tuple[Array, Array, Array]:
+def _derivatives(loss: _Loss, x: Array) -> tuple[Array, Array, Array]:
     """Gradient and Hessian of the loss, and gradient of each pose's part, shape (p, n)."""
     n = len(x)
-    steps = STEP * np.eye(n)
+    steps = _STEP * np.eye(n)
     here = _total(loss, x)
     ahead = [loss(x + d) for d in steps]
     behind = [loss(x - d) for d in steps]
     up = np.array([own.sum() + rest for own, rest in ahead])
     down = np.array([own.sum() + rest for own, rest in behind])
-    scores = np.stack([(a[0] - b[0]) / (2 * STEP) for a, b in zip(ahead, behind, strict=True)], 1)
-    H = np.diag((up - 2 * here + down) / STEP**2)
+    scores = np.stack([(a[0] - b[0]) / (2 * _STEP) for a, b in zip(ahead, behind, strict=True)], 1)
+    H = np.diag((up - 2 * here + down) / _STEP**2)
     for i in range(n):
         for j in range(i):
             both = _total(loss, x + steps[i] + steps[j])
-            H[i, j] = H[j, i] = (both - up[i] - up[j] + here) / STEP**2
-    return (up - down) / (2 * STEP), H, scores
+            H[i, j] = H[j, i] = (both - up[i] - up[j] + here) / _STEP**2
+    return (up - down) / (2 * _STEP), H, scores
 
 
-def _total(loss: Loss, x: Array) -> float:
+def _total(loss: _Loss, x: Array) -> float:
     own, rest = loss(x)
     return float(own.sum() + rest)

@@ -16,10 +16,10 @@ from pipeline.system.system import Errors, Rows, System
 TRACKED = ("tracker", "zero", "direction")
 """Sources of error that are in proportion to the noise of the tracker."""
 
-WILD = 20.0
+_WILD = 20.0
 """A compliance beyond so many typical ones, or below zero, is no spring's."""
 
-SMALL_M = 1e-5
+_SMALL_M = 1e-5
 """Where that noise is not known, directions err by this much, and what it does is divided by it."""
 
 
@@ -75,7 +75,7 @@ def errors(cell: Cell, data: Measured, values: Array) -> Errors:
     size = np.linalg.norm(force, axis=1, keepdims=True)
     reading = (force / size * data.reading_std[:, None])[:, None, :]
     gain = force[:, None, :] * data.gain_std
-    unit = 1.0 if data.noise_stated or data.found_m else SMALL_M
+    unit = 1.0 if data.noise_stated or data.found_m else _SMALL_M
     direction = np.swapaxes(covariance.factors(data.direction_cov), 1, 2) * size[:, None, :] * unit
     moved = _moved(cell, data, values, np.concatenate([reading, direction, gain], axis=1))
     turn = covariance.factors(data.rotation_cov[None])[0].T
@@ -165,7 +165,7 @@ def second_order(cell: Cell, data: Measured, values: Array) -> Array:
     A spring that came out wild, as what hardly shows does, counts as its table has it.
     """
     typical = np.array([p.typical for p in cell.parameters])
-    sane = (values > 0) & (values < WILD * typical)
+    sane = (values > 0) & (values < _WILD * typical)
     x = np.where(sane, values, cell.robot.nominal_compliance)
     flat, bent = (
         predict(replace(cell, equilibrium=kind), data.pulls, x).displacement

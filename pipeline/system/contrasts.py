@@ -21,11 +21,11 @@ from pipeline.reduction.register import XYZ
 from pipeline.reduction.settings import Settings
 from pipeline.system.system import Errors, Rows, System
 
-SAME_FORCE = 0.03
+_SAME_FORCE = 0.03
 """Repeats pull as strongly as the first of them to this part of it; a turnbuckle is set so."""
 
 
-SAME_DIRECTION = 0.005
+_SAME_DIRECTION = 0.005
 """And within this angle [rad]: a chain hung into the same place again."""
 
 
@@ -229,8 +229,8 @@ def _like(pose: Ints, force: Array) -> Ints:
         size = np.linalg.norm(force[leader], axis=1)
         along = np.einsum("mi,mi->m", force[free], force[leader]) / size
         across = np.sqrt(np.maximum(np.sum(force[free] ** 2, axis=1) - along**2, 0.0))
-        near = np.abs(along / size - 1) <= SAME_FORCE
-        near = (near & (across <= SAME_DIRECTION * size)) | (free == leader)
+        near = np.abs(along / size - 1) <= _SAME_FORCE
+        near = (near & (across <= _SAME_DIRECTION * size)) | (free == leader)
         like[free[near]] = leader[near]
     return like
 

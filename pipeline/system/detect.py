@@ -12,12 +12,12 @@ from pipeline.system.elimination import NULL, eliminate
 from pipeline.system.evidence import ROUNDING, Scores
 from pipeline.system.whitened import View, by_pose_drop
 
-FALSE_ALARM = 0.002
+_FALSE_ALARM = 0.002
 """For all suspects together. With the two tests of lack of fit, the five of bad readings and the
 tracker's drift 7.5 of 1000 clean campaigns are accused: 1 % holds also where 1000 are counted.
 Scatter above the stated is asked about besides, and is no fault of the model."""
 
-LACK_OF_FIT = 0.001
+_LACK_OF_FIT = 0.001
 """For each of the two tests of lack of fit."""
 
 
@@ -55,7 +55,7 @@ def threshold(
         left = dof - k
         least = np.minimum(least, special.fdtrc(k, left, (T / k) / ((rest - T) / left)))
     tests = np.log1p(-0.02) / np.log1p(-np.quantile(least, 0.02))
-    return Threshold(-np.expm1(np.log1p(-FALSE_ALARM) / tests), float(tests))
+    return Threshold(-np.expm1(np.log1p(-_FALSE_ALARM) / tests), float(tests))
 
 
 def _bases(view: View, S: Array) -> list[Array]:
@@ -91,7 +91,7 @@ class Lack:
     @property
     def found(self) -> bool:
         """True when either is too unlikely."""
-        return min(self.p_poses, self.p_pulls) < LACK_OF_FIT
+        return min(self.p_poses, self.p_pulls) < _LACK_OF_FIT
 
 
 def lack_of_fit(view: View, base: Ints, score: Scores) -> Lack:

@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Ints
 
-CUT = 1e-11
+_CUT = 1e-11
 """Relative size of an eigenvalue of products of scaled columns that is rounding."""
 
 NULL = 1e-7
@@ -19,7 +19,7 @@ def coefficients(M: Array, base: Ints) -> Array:
     Mixes of columns that cannot be told apart share the work equally.
     """
     scaled, size = _scaled(M, base)
-    inverse = np.linalg.pinv(scaled, rcond=CUT, hermitian=True)
+    inverse = np.linalg.pinv(scaled, rcond=_CUT, hermitian=True)
     found = np.einsum("...ij,...j->...i", inverse, M[..., base, -1] / size) / size
     return np.asarray(found)
 
@@ -36,7 +36,7 @@ def eliminate(M: Array, base: Ints) -> Array:
     """
     scaled, size = _scaled(M, base)
     values, vectors = np.linalg.eigh(scaled)
-    kept = values > CUT
+    kept = values > _CUT
     inverse = np.where(kept, 1 / np.where(kept, values, 1), 0)
     side = M[..., base, :] / size[..., :, None]
     half = np.swapaxes(vectors, -1, -2) @ side

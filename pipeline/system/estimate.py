@@ -19,7 +19,7 @@ from pipeline.system.whiten import Whitener, whitener
 DARK = 1e-8
 """A mix of parameters that moves the data this much less than the strongest one is undetermined."""
 
-NO_NOISE_M = 1e-12
+_NO_NOISE_M = 1e-12
 """Residuals below this are rounding [m]."""
 
 
@@ -108,7 +108,7 @@ def identify(cell: Cell, data: Measured, start: Array) -> tuple[System, Estimate
             weighed = data.in_metres(found_m)
             value = solve(assemble(cell, weighed, value), value).value
         data = data.in_metres(tracker_noise(assemble(cell, data, value)))
-    return iterate(lambda values: assemble(cell, data, values), start)
+    return _iterate(lambda values: assemble(cell, data, values), start)
 
 
 def tracker_noise(system: System) -> float:
@@ -143,10 +143,10 @@ def tracker_noise(system: System) -> float:
         common=system.errors.common[tracked],
     )
     _, chi2, dof = fit(alone)
-    most = max(float(np.sqrt(chi2 / max(dof, 1))), NO_NOISE_M)
+    most = max(float(np.sqrt(chi2 / max(dof, 1))), _NO_NOISE_M)
     if tracked.all():
         return most
-    bounds = np.log([max(1e-3 * most, NO_NOISE_M), 2 * most])
+    bounds = np.log([max(1e-3 * most, _NO_NOISE_M), 2 * most])
     from scipy import optimize  # slow to import, and seldom needed
 
     best = optimize.minimize_scalar(
@@ -158,7 +158,7 @@ def tracker_noise(system: System) -> float:
     return float(np.exp(best.x))
 
 
-def iterate(
+def _iterate(
     assembled: Callable[[Array], System], start: Array, rounds: int = 12
 ) -> tuple[System, Estimate]:
     """Solve, take B and the covariance at the solution, and solve again until x stands still.

@@ -24,16 +24,16 @@ TOLERATED = 1.3
 SURE = 0.001
 """How unlikely scatter must be before it is called larger than stated."""
 
-LEAST = 0.01
+_LEAST = 0.01
 """Readings that scatter less than this part of the stated noise are not from an instrument."""
 
-LEAST_M = 1e-7
+_LEAST_M = 1e-7
 """The same where no noise is stated [m]."""
 
-TRIED = (1.0, 1.4, 2.0, 3.0, 5.0, 8.0, 13.0)
+_TRIED = (1.0, 1.4, 2.0, 3.0, 5.0, 8.0, 13.0)
 """Scatter of the scale over its stated one, relative to the tracker's."""
 
-BEND = 0.1
+_BEND = 0.1
 """Differences of log scale for the curvature at the best one."""
 
 
@@ -72,7 +72,7 @@ def scatter(view: View, errors: Errors, stated: bool) -> Scatter:
         dof, square, source = view.scatter_dof, view.scatter, "rigidity"
     else:
         dof, square, source = _all_suspects_out(view)
-    tracker = max(float(np.sqrt(square / dof)), LEAST if stated else LEAST_M)
+    tracker = max(float(np.sqrt(square / dof)), _LEAST if stated else _LEAST_M)
     p = float(stats.chi2.sf(square / TOLERATED**2, dof)) if stated else 1.0
     force, force_std, force_p = _force(view, errors)
     tracker_std = tracker / float(np.sqrt(2 * dof))
@@ -99,14 +99,14 @@ def _force(view: View, errors: Errors) -> tuple[float, float, float]:
     loss = _restricted(view, errors)
     if not np.isfinite(loss(0.0)):
         return 1.0, 0.0, 1.0
-    tried = np.log(TRIED)
+    tried = np.log(_TRIED)
     losses = [loss(x) for x in tried]
     best = float(tried[int(np.argmin(losses))])
     p = float(stats.chi2.sf(losses[0] - min(losses), 1) / 2)
     if p >= SURE:
         return 1.0, 0.0, 1.0
     x = float(optimize.minimize_scalar(loss, bounds=(best - 0.5, best + 0.5), method="bounded").x)
-    curvature = (loss(x + BEND) - 2 * loss(x) + loss(x - BEND)) / BEND**2
+    curvature = (loss(x + _BEND) - 2 * loss(x) + loss(x - _BEND)) / _BEND**2
     std = float(np.sqrt(2 / curvature)) if curvature > 0 else np.inf
     return float(np.exp(x)), float(np.exp(x)) * std, p
 

@@ -24,7 +24,7 @@ from pipeline.system.contrasts import ZEROS, pure_error, repeated_zeros
 from pipeline.system.system import Estimate, System
 from pipeline.system.whiten import whitener
 
-SCALED: Mapping[str, tuple[str, ...]] = {
+_SCALED: Mapping[str, tuple[str, ...]] = {
     "tracker": TRACKED,
     "force_reading": ("force_reading",),
 }
@@ -35,15 +35,15 @@ NAMES = {"tracker": "tracker_noise", "force_reading": "force_noise"}
 """What the contract calls a component that is larger than stated."""
 
 
-SURELY = 0.003
+_SURELY = 0.003
 """A scale this improbable under the stated noise is another noise."""
 
 
-UNTOLD = 0.5
+_UNTOLD = 0.5
 """A relative standard uncertainty of a scale above this: the data cannot tell it."""
 
 
-FEWEST = 12
+_FEWEST = 12
 """Contrasts below this say too little about a component."""
 
 
@@ -75,7 +75,7 @@ class Components(Locked):
     @property
     def larger(self) -> Bools:
         """Components that are larger than stated beyond chance, shape (n,)."""
-        return self.p_value < SURELY
+        return self.p_value < _SURELY
 
     @property
     def replaced(self) -> Bools:
@@ -109,18 +109,18 @@ def variance_components(
     Args:
         system: c, and its errors by source.
         design: Fixed effects, shape (M, k); B of the system when not given.
-        names: Components to find, keys of `SCALED`.
+        names: Components to find, keys of `_SCALED`.
     """
     X = system.B if design is None else design
     log_scale, std = np.zeros(len(names)), np.full(len(names), np.inf)
     p = np.ones(len(names))
-    if len(system.rows) - X.shape[1] < FEWEST:
+    if len(system.rows) - X.shape[1] < _FEWEST:
         return _components(system, names, log_scale, std, p, len(system.rows))
     common = system.errors.G[:, system.errors.common].toarray()
     felt = np.linalg.norm(common, axis=0) > 0.01 * np.sqrt(np.mean(system.c**2))
     X = np.hstack([X, common[:, felt]])
-    blocks = Blocks.of(system, X, [SCALED[name] for name in names])
-    told = np.array([_told(system, SCALED[name]) for name in names])
+    blocks = Blocks.of(system, X, [_SCALED[name] for name in names])
+    told = np.array([_told(system, _SCALED[name]) for name in names])
     if told.any():
         log_scale[told], std[told], p[told] = maximum(blocks, told)
     return _components(system, names, log_scale, std, p, blocks.dof)
@@ -129,7 +129,7 @@ def variance_components(
 def _components(
     system: System, names: Sequence[str], log_scale: Array, std: Array, p: Array, dof: int
 ) -> Components:
-    lost = ~(std < UNTOLD)
+    lost = ~(std < _UNTOLD)
     log_scale, std = np.where(lost, 0.0, log_scale), np.where(lost, np.inf, std)
     name = np.array(names, object)
     missing = (name == "tracker") & (not system.noise_stated)
@@ -208,7 +208,7 @@ def _of_pulls(pure: System, found: Components) -> dict[str, Any]:
     factor = np.ones(len(pure.errors.source))
     for name in found.name[found.replaced]:
         unit = (pure.found_m or 1.0) if name == "tracker" else 1.0
-        factor[np.isin(pure.errors.source.astype(str), SCALED[name])] = found.of(name) / unit
+        factor[np.isin(pure.errors.source.astype(str), _SCALED[name])] = found.of(name) / unit
     G = scipy.sparse.csr_array(pure.errors.G[rows] @ scipy.sparse.diags_array(factor))
     white = whitener(replace(pure.errors, G=G), pure.rows.pose[rows])
     return {"chi2": float(np.sum(white(pure.c[rows]) ** 2)), "chi2_dof": len(rows)}

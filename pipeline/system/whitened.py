@@ -23,7 +23,7 @@ from pipeline.system.linearised import Model, Sight, accepted_columns, owners
 from pipeline.system.system import Errors, Rows
 from pipeline.system.whiten import Whitener, whitener
 
-LOOSE = 0.05
+_LOOSE = 0.05
 """How far a law may be off in one pull alone, as a fraction of what it moves; the rest of its
 tolerance bends all pulls together."""
 
@@ -218,7 +218,7 @@ def _widened(seen: Sight, doubt: Sequence[tuple[int, float]], force_noise: float
     parts = dict(accepted_columns(model, suspects))
     for accepted, fraction in doubt:
         column = [c for c in parts if owners(suspects)[c] == accepted]
-        moved = min(fraction, LOOSE) * Z[:, column] @ model.values[[parts[c] for c in column]]
+        moved = min(fraction, _LOOSE) * Z[:, column] @ model.values[[parts[c] for c in column]]
         pulls = rows.pull.max() + 1
         block = scipy.sparse.csr_array(
             (moved, (np.arange(len(moved)), rows.pull)), (len(moved), pulls)

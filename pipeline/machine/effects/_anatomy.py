@@ -8,7 +8,7 @@ from pipeline.base.arrays import Array
 from pipeline.machine.effects._effect import Loaded
 from pipeline.machine.robot import Robot
 
-RATED_TWIST_RAD = 1e-3
+_RATED_TWIST_RAD = 1e-3
 """Twist of a gear at its rated torque: 1 mrad (3.4 arcmin), catalogue values of RV reducers."""
 
 
@@ -37,8 +37,8 @@ def compliance(robot: Robot, joint: int) -> float:
 
 
 def rated_torque(robot: Robot, joint: int) -> float:
-    """Torque that twists a gear of this stiffness by `RATED_TWIST_RAD` [N m]."""
-    return RATED_TWIST_RAD / compliance(robot, joint)
+    """Torque that twists a gear of this stiffness by `_RATED_TWIST_RAD` [N m]."""
+    return _RATED_TWIST_RAD / compliance(robot, joint)
 
 
 def rail_axes(loaded: Loaded) -> tuple[Array, Array, Array]:

@@ -11,10 +11,12 @@ from pipeline.base.arrays import Array, Parameter
 from pipeline.machine.effects._effect import Compound, Loaded, Observation, Wrench
 from pipeline.machine.robot import Robot
 
-PARAMETERS = tuple(Parameter(f"e_{axis}", "rad", 2e-3, -0.1, 0.1) for axis in "xyz")
-SIGNATURE = "displacements and forces are turned together against the robot; lengths stay"
-NEEDS = "more base reflectors, or the unloaded absolute positions with the tool's coordinates known"
-SOURCE = "e x dp - A(e x f) x; 2 mrad with base reflectors whose nominal coordinates are poor"
+_PARAMETERS = tuple(Parameter(f"e_{axis}", "rad", 2e-3, -0.1, 0.1) for axis in "xyz")
+_SIGNATURE = "displacements and forces are turned together against the robot; lengths stay"
+_NEEDS = (
+    "more base reflectors, or the unloaded absolute positions with the tool's coordinates known"
+)
+_SOURCE = "e x dp - A(e x f) x; 2 mrad with base reflectors whose nominal coordinates are poor"
 
 
 def observe(loaded: Loaded, points: Array, time: Array, values: Array) -> Array:
@@ -35,10 +37,10 @@ def effects(robot: Robot) -> tuple[Compound, ...]:
         "place": "metrology",
         "shows_unloaded": True,
         "where": None,
-        "parameters": PARAMETERS,
-        "signature": SIGNATURE,
-        "needs": NEEDS,
-        "source": SOURCE,
+        "parameters": _PARAMETERS,
+        "signature": _SIGNATURE,
+        "needs": _NEEDS,
+        "source": _SOURCE,
     }
     acts = (Wrench(**said, wrench=wrench), Observation(**said, observe=observe))
     return (Compound(**said, acts=acts),)

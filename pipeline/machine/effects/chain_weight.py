@@ -14,7 +14,7 @@ from pipeline.machine.effects._anatomy import direction
 from pipeline.machine.effects._effect import Loaded, Wrench
 from pipeline.machine.robot import Robot
 
-SIDE = {"scale at the robot": 1.0, "scale amid the chain": 0.0, "scale at the anchor": -1.0}
+_SIDE = {"scale at the robot": 1.0, "scale amid the chain": 0.0, "scale at the anchor": -1.0}
 """s: how much of half the weight along the pull the scale reads too much, +1, or too little."""
 
 
@@ -41,5 +41,5 @@ def effects(robot: Robot) -> tuple[Wrench, ...]:
             source="catenary to first order; 50 to 100 N is an estimate",
             wrench=partial(wrench, side=side),
         )
-        for form, side in SIDE.items()
+        for form, side in _SIDE.items()
     )

@@ -12,7 +12,7 @@ from pipeline.machine.effects._anatomy import arm, compliance, joint_screw
 from pipeline.machine.effects._effect import Elastic, Loaded
 from pipeline.machine.robot import Robot
 
-HARMONICS = {"one harmonic": (1,), "two harmonics": (1, 2)}
+_HARMONICS = {"one harmonic": (1,), "two harmonics": (1, 2)}
 
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:
@@ -20,12 +20,12 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
     joints = arm(robot)
     if joints is None:
         return ()
-    return tuple(_effect(robot, joints[0], form) for form in HARMONICS)
+    return tuple(_effect(robot, joints[0], form) for form in _HARMONICS)
 
 
 def _effect(robot: Robot, shoulder: int, form: str) -> Elastic:
     c = compliance(robot, shoulder)
-    harmonics = HARMONICS[form]
+    harmonics = _HARMONICS[form]
     names = [f"c_comp_{part}{k if k > 1 else ''}" for k in harmonics for part in ("cos", "sin")]
 
     def response(loaded: Loaded, torque: Array) -> Array:

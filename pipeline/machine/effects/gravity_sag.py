@@ -14,7 +14,7 @@ from pipeline.machine.effects._effect import Compound, Elastic, Geometry, Loaded
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.configuration import torque
 
-WEIGHT_OF_1_KG = np.array([0.0, 0.0, -9.80665])
+_WEIGHT_OF_1_KG = np.array([0.0, 0.0, -9.80665])
 
 
 def effects(robot: Robot) -> tuple[Compound, ...]:
@@ -52,7 +52,7 @@ def effects(robot: Robot) -> tuple[Compound, ...]:
         sag = np.zeros_like(pulls.q)
         for link, chain in enumerate(chains):
             at = [joint - 1 for joint in chain]
-            weight = np.broadcast_to(values[link] * WEIGHT_OF_1_KG, (len(sag), 3))
+            weight = np.broadcast_to(values[link] * _WEIGHT_OF_1_KG, (len(sag), 3))
             sag[:, at] += torque(now.twists[:, at], middle(now, link), weight)
         return np.asarray(pulls.q + robot.nominal_compliance * sag)
 
@@ -84,6 +84,6 @@ def _stiffening(configuration: Configuration, chain: tuple[int, ...], mass: Arra
     at = [joint - 1 for joint in chain]
     z, o = configuration.axes[..., 2][:, at], configuration.origin[:, at]
     inner = np.cross(z, mass[:, None] - o)
-    full = np.cross(z[:, :, None], inner[:, None]) @ WEIGHT_OF_1_KG
+    full = np.cross(z[:, :, None], inner[:, None]) @ _WEIGHT_OF_1_KG
     upper = np.triu(full)
     return np.asarray(upper + np.swapaxes(np.triu(full, 1), 1, 2))

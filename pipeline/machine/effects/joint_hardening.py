@@ -15,14 +15,14 @@ from pipeline.machine.effects._anatomy import compliance, joint_screw, rated_tor
 from pipeline.machine.effects._effect import Elastic, Loaded
 from pipeline.machine.robot import Robot
 
-EXPONENT = {"cubic": 2, "quadratic": 1}
-KNEE = {"low knee": 0.2, "high knee": 0.5}
-FORMS = (*EXPONENT, *KNEE)
+_EXPONENT = {"cubic": 2, "quadratic": 1}
+_KNEE = {"low knee": 0.2, "high knee": 0.5}
+_FORMS = (*_EXPONENT, *_KNEE)
 
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:
     """One effect for each revolute joint, in each form."""
-    return tuple(_effect(robot, joint, form) for joint in turning(robot) for form in FORMS)
+    return tuple(_effect(robot, joint, form) for joint in turning(robot) for form in _FORMS)
 
 
 def _effect(robot: Robot, joint: int, form: str) -> Elastic:
@@ -30,9 +30,9 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
 
     def response(loaded: Loaded, torque: Array) -> Array:
         size = np.abs(torque)
-        if form in KNEE:
-            return np.asarray(np.sign(torque) * np.maximum(size - KNEE[form] * rated, 0.0))
-        return np.asarray(torque * (size / rated) ** EXPONENT[form])
+        if form in _KNEE:
+            return np.asarray(np.sign(torque) * np.maximum(size - _KNEE[form] * rated, 0.0))
+        return np.asarray(torque * (size / rated) ** _EXPONENT[form])
 
     return Elastic(
         name="joint_hardening",

@@ -16,15 +16,15 @@ from pipeline.machine.effects._anatomy import clamp, joint_screw, rated_torque, 
 from pipeline.machine.effects._effect import Elastic, Loaded
 from pipeline.machine.robot import Robot
 
-SLIDES_OVER = {"sliding, tight": 0.05, "sliding": 0.15, "sliding, wide": 0.4}
+_SLIDES_OVER = {"sliding, tight": 0.05, "sliding": 0.15, "sliding, wide": 0.4}
 """s over the rated torque."""
 
-FORMS = ("held", "left over", "bow", *SLIDES_OVER)
+_FORMS = ("held", "left over", "bow", *_SLIDES_OVER)
 
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:
     """One effect for each revolute joint, in each form."""
-    return tuple(_effect(robot, joint, form) for joint in turning(robot) for form in FORMS)
+    return tuple(_effect(robot, joint, form) for joint in turning(robot) for form in _FORMS)
 
 
 def _effect(robot: Robot, joint: int, form: str) -> Elastic:
@@ -33,8 +33,8 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
     def response(loaded: Loaded, torque: Array) -> Array:
         pulls = loaded.pulls
         branch, sense = pulls.branch[:, None], np.tanh(torque / (0.03 * rated))
-        if form in SLIDES_OVER:
-            return -slid(pulls.pose, pulls.repeat, torque[:, 0] / (SLIDES_OVER[form] * rated))
+        if form in _SLIDES_OVER:
+            return -slid(pulls.pose, pulls.repeat, torque[:, 0] / (_SLIDES_OVER[form] * rated))
         if form == "held":
             return -sense * branch
         if form == "left over":

@@ -7,17 +7,17 @@ from pipeline.machine.effects._anatomy import clamp, joint_screw, rated_torque, 
 from pipeline.machine.effects._effect import Elastic
 from pipeline.machine.robot import Robot
 
-WIDTH = {"narrow": 0.03, "wide": 0.08}
+_WIDTH = {"narrow": 0.03, "wide": 0.08}
 """tau_b over the rated torque; lost motion is specified at 3 % of the rated torque."""
 
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:
     """One effect for each revolute joint, in each form."""
-    return tuple(_effect(robot, joint, form) for joint in turning(robot) for form in WIDTH)
+    return tuple(_effect(robot, joint, form) for joint in turning(robot) for form in _WIDTH)
 
 
 def _effect(robot: Robot, joint: int, form: str) -> Elastic:
-    full = WIDTH[form] * rated_torque(robot, joint)
+    full = _WIDTH[form] * rated_torque(robot, joint)
 
     return Elastic(
         name="joint_lost_motion",

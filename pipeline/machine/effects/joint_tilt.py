@@ -14,34 +14,34 @@ from pipeline.machine.effects._effect import Elastic, Loaded, linear
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.configuration import rotation_about
 
-SEAT = {"at its origin": 0.0, "amid its offset": 0.5, "at the foot of its axis": 1.0}
+_SEAT = {"at its origin": 0.0, "amid its offset": 0.5, "at the foot of its axis": 1.0}
 """Where the bearing sits, from O_j to the foot of the perpendicular from O_j-1 on the axis."""
 
-SHORT_M = 0.3
+_SHORT_M = 0.3
 """A bearing is as wide as an offset below this, so it makes little odds where it sits."""
 
-BETWEEN = 0.1
+_BETWEEN = 0.1
 """A bearing a quarter of the offset from where a form has it has levers so much longer."""
 
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:
     """One effect for each revolute joint; of the one in the base, in several forms."""
     return tuple(
-        _effect(robot, joint, form, offset(robot, joint) * seat)
+        _effect(robot, joint, form, _offset(robot, joint) * seat)
         for joint in turning(robot)
         for form, seat in _seats(robot, joint).items()
     )
 
 
-def offset(robot: Robot, joint: int) -> float:
+def _offset(robot: Robot, joint: int) -> float:
     """How far O_j lies along the joint's axis from the foot of O_j-1 on it [m]."""
     placement = robot.placement[joint - 1]
     return float(placement[:3, 3] @ placement[:3, 2])
 
 
 def _seats(robot: Robot, joint: int) -> dict[str, float]:
-    in_the_base = joint == turning(robot)[0] and abs(offset(robot, joint)) > SHORT_M
-    return SEAT if in_the_base else {"": 0.0}
+    in_the_base = joint == turning(robot)[0] and abs(_offset(robot, joint)) > _SHORT_M
+    return _SEAT if in_the_base else {"": 0.0}
 
 
 def _effect(robot: Robot, joint: int, form: str, below: float) -> Elastic:
@@ -58,7 +58,7 @@ def _effect(robot: Robot, joint: int, form: str, below: float) -> Elastic:
         place="joint",
         where=joint,
         form=form,
-        tolerance=BETWEEN if form else 0.03,
+        tolerance=_BETWEEN if form else 0.03,
         parameters=tuple(
             Parameter(f"c_tilt{joint}_{axis}", "rad/(N m)", c / 6, 0.0, 5 * c) for axis in "xy"
         ),

@@ -9,7 +9,7 @@ from pipeline.machine.effects import Effect, catalogue
 from pipeline.machine.robot import Robot
 
 
-def entries(robot: Robot) -> list[dict[str, Any]]:
+def _entries(robot: Robot) -> list[dict[str, Any]]:
     """One entry per cause and place, its forms together."""
     out: dict[str, dict[str, Any]] = {}
     for effect in catalogue(robot):
@@ -43,13 +43,13 @@ def _entry(effect: Effect) -> dict[str, Any]:
 
 def as_json(robot: Robot) -> str:
     """One JSON array."""
-    return json.dumps(entries(robot), allow_nan=False)
+    return json.dumps(_entries(robot), allow_nan=False)
 
 
 def as_text(robot: Robot) -> str:
     """One line per cause: what to write after --effect, its size, its signature."""
     rows = []
-    for entry in entries(robot):
+    for entry in _entries(robot):
         where = "" if entry["where"] is None else f":{entry['where']}"
         first = entry["parameters"][0]
         size = f"{first['name']} = {first['typical']:.2g} {first['unit']}"

@@ -33,14 +33,14 @@ from pipeline.machine.effects._effect import Effect, Elastic, Loaded, linear
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.configuration import translation_along
 
-BEARING = 5e-9
+_BEARING = 5e-9
 """Typical compliance of a bearing along an axis [m/N], that of loaded guide rollers."""
 
-HOUR_S = 3600.0
-MOMENT_NM = 3000.0
+_HOUR_S = 3600.0
+_MOMENT_NM = 3000.0
 """A moment on the guides of a rail that counts as large."""
 
-GUIDES = {
+_GUIDES = {
     "lateral": (rail_lateral, 5e-9),
     "vertical": (rail_vertical, 2.5e-9),
     "roll": (rail_roll, 1e-8),
@@ -48,8 +48,8 @@ GUIDES = {
 }
 """The guides of the carriage with their typical compliances [m/N] or [rad/(N m)]."""
 
-Screws = Callable[[Loaded], Array]
-Response = Callable[[Loaded, Array], Array]
+_Screws = Callable[[Loaded], Array]
+_Response = Callable[[Loaded, Array], Array]
 
 
 def nameless(robot: Robot) -> tuple[Effect, ...]:
@@ -57,7 +57,7 @@ def nameless(robot: Robot) -> tuple[Effect, ...]:
     numbers = turning(robot)
     wrist = set(numbers[-3:]) if len(numbers) == 6 else set()
     pairs = [p for p in itertools.pairwise(numbers) if not set(p) <= wrist]
-    guides = GUIDES if rail(robot) else ()
+    guides = _GUIDES if rail(robot) else ()
     joints = range(1, robot.n + 1)
     on_guides = numbers[0] if rail(robot) else None
     shoulder = numbers[1] if len(numbers) == 6 else None
@@ -77,8 +77,8 @@ def _effect(
     where: int | str,
     sizes: tuple[float, ...],
     carrier: tuple[int, ...],
-    screws: Screws,
-    response: Response,
+    screws: _Screws,
+    response: _Response,
     signed: bool = True,
     shared: tuple[int, ...] = (),
 ) -> Elastic:
@@ -110,7 +110,7 @@ def _bearing(robot: Robot, joint: int) -> Effect:
 
     carrier = (min(joint, robot.n),) * 3
     return _effect(
-        "bearing_translation", joint, (BEARING,) * 3, carrier, screws, linear, signed=False
+        "bearing_translation", joint, (_BEARING,) * 3, carrier, screws, linear, signed=False
     )
 
 
@@ -140,7 +140,7 @@ def _angle(robot: Robot, joint: int) -> Effect:
 
 def _warming(robot: Robot, joint: int) -> Effect:
     def response(loaded: Loaded, torque: Array) -> Array:
-        hours = np.nan_to_num(loaded.pulls.time) / HOUR_S
+        hours = np.nan_to_num(loaded.pulls.time) / _HOUR_S
         return torque * hours[:, None]
 
     size = (0.05 * compliance(robot, joint),)
@@ -148,7 +148,7 @@ def _warming(robot: Robot, joint: int) -> Effect:
 
 
 def _along_the_rail(robot: Robot, guide: str) -> Effect:
-    file, size = GUIDES[guide]
+    file, size = _GUIDES[guide]
     low, high = (robot.lower[0], robot.upper[0]) if np.isfinite(robot.upper[0]) else (0.0, 10.0)
 
     def response(loaded: Loaded, load: Array) -> Array:
@@ -163,8 +163,8 @@ def _along_the_rail(robot: Robot, guide: str) -> Effect:
 
 
 def _contact(guide: str) -> Effect:
-    file, size = GUIDES[guide]
-    large = 1000.0 if guide in ("lateral", "vertical") else MOMENT_NM
+    file, size = _GUIDES[guide]
+    large = 1000.0 if guide in ("lateral", "vertical") else _MOMENT_NM
 
     def response(loaded: Loaded, load: Array) -> Array:
         return np.sign(load) * np.sqrt(np.abs(load) * large)
@@ -182,5 +182,5 @@ def _play(gear: Elastic) -> Effect:
     return replace(play, signature="the effector turning in its clamp")
 
 
-def _screw(joint: int, times: int) -> Screws:
+def _screw(joint: int, times: int) -> _Screws:
     return lambda loaded: joint_screw(loaded, joint).repeat(times, axis=1)

@@ -20,22 +20,22 @@ from pipeline.machine.effects._anatomy import joint_screw, rail
 from pipeline.machine.effects._effect import Elastic, Loaded
 from pipeline.machine.robot import Robot
 
-FULL_PLAY_FORCE_N = 150.0
+_FULL_PLAY_FORCE_N = 150.0
 """f_0: with two flanks and nothing else."""
 
-FRICTION_N = 300.0
+_FRICTION_N = 300.0
 """f_r: pull along the rail that takes a carriage over against its friction."""
 
 
 def _between_flanks(force: Array, start: Array) -> Array:
-    return np.asarray((np.tanh(force / FULL_PLAY_FORCE_N) - start) / 2)
+    return np.asarray((np.tanh(force / _FULL_PLAY_FORCE_N) - start) / 2)
 
 
 def _against_friction(force: Array, start: Array) -> Array:
-    return np.asarray(-start * np.tanh(np.maximum(-start * force, 0.0) / FRICTION_N))
+    return np.asarray(-start * np.tanh(np.maximum(-start * force, 0.0) / _FRICTION_N))
 
 
-FORMS: dict[str, tuple[float, Callable[[Array, Array], Array]]] = {
+_FORMS: dict[str, tuple[float, Callable[[Array, Array], Array]]] = {
     "held by friction": (-1.0, _between_flanks),
     "held by the brake": (1.0, _between_flanks),
     "centred": (0.0, _between_flanks),
@@ -48,7 +48,7 @@ pushing flank in contact, a braking drive with the other one; centred when nothi
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:
     """The play of the rail's drive, for each way the carriage may come to rest."""
-    return tuple(_effect(form, *law) for form, law in FORMS.items()) if rail(robot) else ()
+    return tuple(_effect(form, *law) for form, law in _FORMS.items()) if rail(robot) else ()
 
 
 def _effect(form: str, rest: float, law: Callable[[Array, Array], Array]) -> Elastic:

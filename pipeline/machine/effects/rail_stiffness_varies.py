@@ -13,21 +13,21 @@ from pipeline.machine.effects._anatomy import compliance, joint_screw, rail
 from pipeline.machine.effects._effect import Elastic, Loaded
 from pipeline.machine.robot import Robot
 
-Response = Callable[[Loaded, Array], Array]
+_Response = Callable[[Loaded, Array], Array]
 
-PITCH_M = (1.5, 2.0, 3.0, 4.0, 6.0, 9.0)
+_PITCH_M = (1.5, 2.0, 3.0, 4.0, 6.0, 9.0)
 """Support pitches that are tried; the true one is rarely documented."""
 
-SIGNATURE = "the excess along the rail depends on where the carriage stands, not on the arm"
-NEEDS = "one arm pose, pulled along the rail at six or more stations over two support pitches"
-SOURCE = "A_1 phi(r_1); +-40 % between supports is an estimate"
+_SIGNATURE = "the excess along the rail depends on where the carriage stands, not on the arm"
+_NEEDS = "one arm pose, pulled along the rail at six or more stations over two support pitches"
+_SOURCE = "A_1 phi(r_1); +-40 % between supports is an estimate"
 
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:
     """Variation with the pitch of the supports, or steady from end to end."""
     if not rail(robot):
         return ()
-    return (_steady(robot), *(_waves(robot, pitch) for pitch in PITCH_M))
+    return (_steady(robot), *(_waves(robot, pitch) for pitch in _PITCH_M))
 
 
 def _waves(robot: Robot, pitch: float) -> Elastic:
@@ -48,7 +48,7 @@ def _steady(robot: Robot) -> Elastic:
     return _effect(robot, "steady", ("c_rail_slope",), response)
 
 
-def _effect(robot: Robot, form: str, names: tuple[str, ...], response: Response) -> Elastic:
+def _effect(robot: Robot, form: str, names: tuple[str, ...], response: _Response) -> Elastic:
     c = compliance(robot, 1)
     return Elastic(
         name="rail_stiffness_varies",
@@ -58,9 +58,9 @@ def _effect(robot: Robot, form: str, names: tuple[str, ...], response: Response)
         form=form,
         tolerance=0.15,
         parameters=tuple(Parameter(name, "m/N", 0.4 * c, -4 * c, 4 * c) for name in names),
-        signature=SIGNATURE,
-        needs=NEEDS,
-        source=SOURCE,
+        signature=_SIGNATURE,
+        needs=_NEEDS,
+        source=_SOURCE,
         carrier=(1,) * len(names),
         twists=lambda loaded: joint_screw(loaded, 1).repeat(len(names), axis=1),
         response=response,

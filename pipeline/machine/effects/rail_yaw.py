@@ -7,7 +7,7 @@ from pipeline.machine.robot import Robot
 from pipeline.machine.robot.configuration import rotation_about
 
 
-def screw(loaded: Loaded) -> Array:
+def _screw(loaded: Loaded) -> Array:
     """Screw of the virtual joint, shape (m, 1, 6)."""
     _, _, up = rail_axes(loaded)
     return rotation_about(carriage(loaded), up)[:, None]
@@ -29,7 +29,7 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
             source="rotation column (a x (p - o)) (a . ((l - o) x f)); size an estimate for "
             "roller carriages",
             carrier=(1,),
-            twists=screw,
+            twists=_screw,
             response=linear,
         ),
     )

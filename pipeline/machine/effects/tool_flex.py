@@ -9,7 +9,7 @@ from pipeline.machine.robot import Robot
 from pipeline.machine.robot.configuration import rotation_about
 
 
-def screws(loaded: Loaded) -> Array:
+def _screws(loaded: Loaded) -> Array:
     """Rotations about x and y of the flange, shape (m, 2, 6)."""
     axes, origin = loaded.configuration.flange_axes, loaded.configuration.flange_origin
     return np.stack([rotation_about(origin, axes[:, :, axis]) for axis in (0, 1)], axis=1)
@@ -32,7 +32,7 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
             needs="three reflectors on the flange",
             source="rotation column at the flange; 3e6 N m/rad is an estimate",
             carrier=(robot.n, robot.n),
-            twists=screws,
+            twists=_screws,
             response=linear,
         ),
     )

@@ -14,9 +14,9 @@ from pipeline.machine.robot import Robot
 
 HOUR_S = 3600.0
 
-Law = Callable[[Array], Array]
+_Law = Callable[[Array], Array]
 
-LAWS: Mapping[str, Law] = {"steady": lambda t: t, "warm-up": lambda t: -np.expm1(-t / HOUR_S)}
+LAWS: Mapping[str, _Law] = {"steady": lambda t: t, "warm-up": lambda t: -np.expm1(-t / HOUR_S)}
 """How much of each form there is at a time [s]."""
 
 

@@ -9,8 +9,8 @@ from dataclasses import replace
 from pipeline.base import toml
 from pipeline.machine.robot.mdh import JointRow, Robot, RobotFile, placements
 
-LENGTHS = {"a_m": "a", "d_m": "d", "r_m": "r"}
-VISIBLE_M = 0.01
+_LENGTHS = {"a_m": "a", "d_m": "d", "r_m": "r"}
+_VISIBLE_M = 0.01
 """A length below this can have either sign without anyone noticing."""
 
 
@@ -26,8 +26,8 @@ def variants(robot: Robot) -> Iterator[tuple[str, Robot]]:
     """
     file = _file(robot)
     for j, row in enumerate(file.joint):
-        for key, letter in LENGTHS.items():
-            if abs(getattr(row, key) or 0.0) > VISIBLE_M:
+        for key, letter in _LENGTHS.items():
+            if abs(getattr(row, key) or 0.0) > _VISIBLE_M:
                 yield f"{letter}_{j + 1}", _with_row(robot, file, j, {key: -getattr(row, key)})
         if row.alpha_deg % 180:
             yield f"alpha_{j + 1}", _with_row(robot, file, j, {"alpha_deg": -row.alpha_deg})
@@ -73,6 +73,6 @@ def differing(robot: Robot, other: Robot) -> str:
     apart = {
         f"{letter}_{j}": abs((getattr(one, key) or 0.0) - (getattr(two, key) or 0.0))
         for j, (one, two) in pairs
-        for key, letter in LENGTHS.items()
+        for key, letter in _LENGTHS.items()
     }
     return max(apart, key=lambda name: apart[name])

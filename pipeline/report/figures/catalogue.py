@@ -27,18 +27,18 @@ CATALOGUE: tuple[Plot, ...] = (
     workspace.WORKSPACE_JOINT_SPRINGS,
     places.REGISTRATION,
 )
-PLOTS = {plot.name: plot for plot in CATALOGUE}
+_PLOTS = {plot.name: plot for plot in CATALOGUE}
 
 
 def figures(names: Sequence[str], result: Result, tables: Tables) -> list[Figure]:
     """The figures of these names that this campaign has data for."""
-    written = [PLOTS[name].write(result, tables) for name in names]
+    written = [_PLOTS[name].write(result, tables) for name in names]
     return [figure for figure in written if figure is not None]
 
 
 def draw(name: str, result: Result, tables: Tables) -> Drawing:
     """Draw one of the figures of the report."""
-    return drawn(name, lambda canvas: PLOTS[name].draw(canvas, result, tables))
+    return drawn(name, lambda canvas: _PLOTS[name].draw(canvas, result, tables))
 
 
 def draw_robot(name: str, results: Sequence[Result]) -> Drawing:

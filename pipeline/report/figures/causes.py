@@ -23,8 +23,8 @@ from pipeline.report.summaries import (
 )
 from pipeline.report.svg import BLUE, MUTED, RED, SHADES
 
-APART_STEPS = (1.0, 2.0, APART, 10.0)
-APART_SHADES = SHADES[::2]
+_APART_STEPS = (1.0, 2.0, APART, 10.0)
+_APART_SHADES = SHADES[::2]
 """Dark where two causes are alike."""
 
 
@@ -38,7 +38,7 @@ def _draw_evidence(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     size = best["log_evidence"].to_numpy(float)
     axes.barh(at, size, color=np.where(named, RED, BLUE).tolist(), height=0.7, gid="evidence")
     axes.axvline(3, color=MUTED, linewidth=1, linestyle="--")
-    said = [cause_in_words(row) for _, row in best.iterrows()]
+    said = [_cause_in_words(row) for _, row in best.iterrows()]
     axes.set_yticks(at, [f"{s} (named)" if n else s for s, n in zip(said, named, strict=True)])
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
@@ -55,11 +55,11 @@ def _draw_separability(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     axes = canvas.subplots()
     rows, columns = np.tril_indices(n, -1)
     sigmas = apart.to_numpy()[rows, columns]
-    steps = np.searchsorted(APART_STEPS, sigmas, "right")
+    steps = np.searchsorted(_APART_STEPS, sigmas, "right")
     size = min(0.13, 3.4 / n) * 72  # of a square, in points
-    for step, shade in enumerate(APART_SHADES):
+    for step, shade in enumerate(_APART_SHADES):
         here = steps == step
-        low, high = [0, *APART_STEPS][step], [*APART_STEPS, None][step]
+        low, high = [0, *_APART_STEPS][step], [*_APART_STEPS, None][step]
         said = f"{low:g} to {high:g} σ" if high else f"above {low:g} σ"
         key = f"apart-{step}"
         axes.scatter(
@@ -79,7 +79,7 @@ def _draw_separability(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     axes.grid(visible=False)
     axes.legend(loc="upper right", title="Apart by")
     tips = {}
-    for step in range(len(APART_SHADES)):
+    for step in range(len(_APART_SHADES)):
         here = np.flatnonzero(steps == step)
         tips[f"apart-{step}"] = [
             f"{names[rows[i]]} or {names[columns[i]]}: {plain(sigmas[i], 2)} σ" for i in here
@@ -112,7 +112,7 @@ def _draw_gain(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     return tips
 
 
-def cause_in_words(suspect: Any) -> str:
+def _cause_in_words(suspect: Any) -> str:
     """A row of table DIAGNOSIS in words."""
     where = str(suspect["where"])
     return words.from_label(f"{suspect['name']}:{where}" if where else str(suspect["name"]))
@@ -148,7 +148,7 @@ def _write_evidence(result: Result, tables: Tables) -> Figure | None:
         return None
     first = best.iloc[0]
     said = (
-        f"By itself {cause_in_words(first)} has the most evidence, "
+        f"By itself {_cause_in_words(first)} has the most evidence, "
         f"{plain(first['log_evidence'], 2)}; {int((best['log_evidence'] > 3).sum())} of "
         f"{len(tables['diagnosis'])} suspects lie above 3."
     )

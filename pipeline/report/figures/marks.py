@@ -17,7 +17,7 @@ Tips = dict[str, list[str]]
 """By id of an artist, the words of each of its marks in drawing order."""
 
 MARKERS = ("o", "s", "^", "D", "v", "P")
-LEGEND_ROW = 1.1 * 8 * LINE
+_LEGEND_ROW = 1.1 * 8 * LINE
 """Height of a row of a legend [pt]."""
 
 
@@ -43,14 +43,14 @@ def legend_above(axes: Axes, columns: int) -> None:
         markerscale=1.6,
         handletextpad=0.4,
     )
-    Margins.of(axes.get_figure(root=True)).keep_above(axes, -(-len(at) // columns) * LEGEND_ROW)
+    Margins.of(axes.get_figure(root=True)).keep_above(axes, -(-len(at) // columns) * _LEGEND_ROW)
 
 
 def legend_below(canvas: Canvas) -> None:
     """One legend for all plots of a figure, at its lower edge."""
     handles, labels = canvas.axes[0].get_legend_handles_labels()
     canvas.legend(handles, labels, loc="lower center", ncols=len(labels), handlelength=1.6)
-    Margins.of(canvas).keep_below(LEGEND_ROW + 6)
+    Margins.of(canvas).keep_below(_LEGEND_ROW + 6)
 
 
 def title(axes: Axes, name: str) -> None:

@@ -17,7 +17,7 @@ from pipeline.report import words
 from pipeline.report.figures.marks import MARKERS, Tips, legend_above, legend_below, title
 from pipeline.report.svg import BLUE, GREEN, INK, MUTED, RED, SERIES, Drawing, drawn
 
-AROUND_M = 1.0
+_AROUND_M = 1.0
 """Room around robot and anchor in the pictures."""
 
 
@@ -46,7 +46,7 @@ def _view(
 ) -> None:
     h, v = plane
     all_points = np.vstack([arm, tool, anchor])
-    low, high = all_points.min(axis=0) - AROUND_M / 2, all_points.max(axis=0) + AROUND_M / 2
+    low, high = all_points.min(axis=0) - _AROUND_M / 2, all_points.max(axis=0) + _AROUND_M / 2
     if problem.robot.prismatic[0]:
         rail = [problem.lower[0], problem.upper[0]]
         axes.plot(rail, [0, 0], color=MUTED, linewidth=4, alpha=0.5, label="rail")

@@ -28,9 +28,9 @@ def _draw_prediction(canvas: Canvas, result: Result, tables: Tables) -> Tips:
         at, key = 100 * np.quantile(mu, steps), f"mu-{index}"
         if at[4] <= 0:  # no stiffness had a value to draw about, and zero has no logarithm
             continue
-        name = f"{SETS.get(where, where)}, {DRAWS.get(draw_from, draw_from)}"
+        name = f"{_SETS.get(where, where)}, {_DRAWS.get(draw_from, draw_from)}"
         style = "-" if draw_from == "covariance" else "--"
-        colour = SERIES[list(SETS).index(where) if where in SETS else 2]
+        colour = SERIES[list(_SETS).index(where) if where in _SETS else 2]
         axes.plot(at, 100 * steps, style, color=colour, linewidth=1.6, label=name)
         axes.scatter(at[4:-1:4], 100 * steps[4:-1:4], s=9, color=colour, linewidths=0, gid=key)
         tips[key] = [
@@ -47,10 +47,10 @@ def _draw_prediction(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     return tips
 
 
-SETS = {"test_pose": "around the test pose", "global": "over the workspace"}
+_SETS = {"test_pose": "around the test pose", "global": "over the workspace"}
 
 
-DRAWS = {"covariance": "full covariance", "independent": "independent"}
+_DRAWS = {"covariance": "full covariance", "independent": "independent"}
 
 
 def _write_prediction(result: Result, tables: Tables) -> Figure | None:
@@ -58,7 +58,7 @@ def _write_prediction(result: Result, tables: Tables) -> Figure | None:
         return None
     errors = prediction_error(tables["validation"])
     said = " ".join(
-        f"{SETS.get(where, where).capitalize()} half of the poses are predicted within "
+        f"{_SETS.get(where, where).capitalize()} half of the poses are predicted within "
         f"{percent(np.median(mu))} and 95 % within {percent(np.quantile(mu, 0.95))}."
         for (where, draw), mu in errors.items()
         if draw == "covariance"

@@ -22,7 +22,7 @@ from pipeline.report.svg import BLUE, MUTED, RED
 
 def _draw_stiffness(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     """Every joint with its 95 % interval, in percent of nominal."""
-    joints = comparable(result)
+    joints = _comparable(result)
     canvas.set_size_inches(5.6, 0.9 + 0.28 * len(joints))
     axes = canvas.subplots()
     at = np.arange(len(joints))
@@ -129,7 +129,7 @@ def _unit(results: Sequence[Result], name: str, letter: str) -> str:
     return prefixed(str(units[0] or ""), letter)
 
 
-def comparable(result: Result) -> list[Mapping[str, Any]]:
+def _comparable(result: Result) -> list[Mapping[str, Any]]:
     """Stiffnesses that have a value, an uncertainty and a nominal value to be shown beside."""
     return [
         joint
@@ -150,7 +150,7 @@ def _circles(result: Result) -> str:
 
 
 def _write_stiffness(result: Result, tables: Tables) -> Figure | None:
-    joints = comparable(result)
+    joints = _comparable(result)
     if not joints:
         return None
     endless = [str(j["name"]) for j in joints if not all(map(known, j.get("ci95") or [None]))]

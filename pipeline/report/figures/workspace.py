@@ -26,15 +26,15 @@ from pipeline.report.svg import GRID, INK, RED, SHADES
 
 def _draw_workspace(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     """The map of the answer's values."""
-    return _map(canvas, tables["workspace"], levels_of(tables))
+    return _map(canvas, tables["workspace"], _levels_of(tables))
 
 
 def _draw_workspace_joint_springs(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     """The map with joint springs alone, data as given."""
-    return _map(canvas, tables["workspace_joint_springs"], levels_of(tables))
+    return _map(canvas, tables["workspace_joint_springs"], _levels_of(tables))
 
 
-def levels_of(tables: Tables) -> Array:
+def _levels_of(tables: Tables) -> Array:
     """The steps of both maps, so that equal shades mean equal deflection [µm/N]."""
     names = [name for name in ("workspace", "workspace_joint_springs") if has(tables, name)]
     size = np.concatenate([1e6 * tables[n]["worst_m_per_n"].to_numpy(float) for n in names])

@@ -7,12 +7,12 @@ from pipeline.report.record import Column, Entry, Section, Table, Text, entry, t
 from pipeline.report.sections._tree import at, items
 from pipeline.report.summaries import Result
 
-LEFT_OUT = (
+_LEFT_OUT = (
     " and is left out of c = B x; where the noise is stated or found in repeats, the "
     "uncertainties hold it."
 )
 
-METHOD = (
+_METHOD = (
     "Loaded minus unloaded reflector positions c, Eq. (20), are explained by one linear spring per "
     "joint, c = B x with the compliances x, Eqs. (6), (7), (19). The compliances come from "
     "generalised least squares with the full covariance of c: tracker noise per reading, the zero "
@@ -25,7 +25,7 @@ METHOD = (
 def method(result: Result) -> Section:
     """How the stiffnesses were made, and from what."""
     equilibrium = at(result, "model", "equilibrium")
-    said = METHOD
+    said = _METHOD
     if equilibrium == "deformed":
         said += " The force acts on the deflected robot (second order in the load)."
     elif equilibrium == "undeformed":
@@ -35,7 +35,7 @@ def method(result: Result) -> Section:
     second = at(result, "fit", "second_order_rms_mm")
     if known(second):
         said += f" The second order in the load amounts to {plain(second, 2)} mm rms"
-        said += "." if equilibrium == "deformed" else LEFT_OUT
+        said += "." if equilibrium == "deformed" else _LEFT_OUT
     blocks = [Text(said), _assumptions(result), _inputs(result), _versions(result)]
     return Section(
         "method",

@@ -14,7 +14,7 @@ from pipeline.report.record import Column, Entry, Section, Table, Text, entry, t
 from pipeline.report.sections._tree import items, section_of
 from pipeline.report.summaries import Result, Tables, has, registration_by_target
 
-MOST_ROWS = 400
+_MOST_ROWS = 400
 """Rows of rejected readings shown; the rest is counted and stands in the tables."""
 
 
@@ -157,7 +157,7 @@ def rejected(result: Result, tables: Tables) -> Section:
         return Section("rejected", title, (Text("No row of the raw files was rejected."),))
     rows = [
         (text_entry(r.get("file")), _line(r.get("line")), text_entry(r.get("reason")))
-        for r in given[:MOST_ROWS]
+        for r in given[:_MOST_ROWS]
     ]
     columns = (Column("File", code=True), Column("Line", numeric=True), Column("Reason"))
     more = len(given) - len(rows)
