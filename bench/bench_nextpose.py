@@ -28,6 +28,7 @@ from bench.league.table import rivalled, share, wrong
 from pipeline.base.arrays import Array
 from pipeline.diagnosis.isolability import twins
 from pipeline.diagnosis.nextpose import APART
+from pipeline.diagnosis.verdict import Finding
 from pipeline.machine.poses import default_anchors, draw_poses, feasible, rounded
 from pipeline.machine.robot import Robot, load
 
@@ -51,13 +52,13 @@ class Answer:
         score: Its score.
         pair: The two that stay closest with the first proposed pose; empty without one.
         sigmas: Between these, now and with that pose.
-        why: The sentence beside the verdict.
+        reasons: What the verdict follows from.
     """
 
     score: Score
     pair: tuple[str, ...]
     sigmas: tuple[float, float]
-    why: str
+    reasons: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -137,9 +138,9 @@ def _reason(game: Game, at: int = 1) -> str:
     one = game.answers[min(at, len(game.answers) - 1)]
     if one.score.verdict != "ambiguous":
         return f"{one.score.verdict}, the right name" if one.score.right else one.score.verdict
-    if "left-out" in one.why:
+    if Finding.GAIN_UNCERTAIN in one.reasons:
         return "the gain at left-out poses is not certain"
-    if "no name for" in one.why:
+    if Finding.OUTSIDE_CATALOGUE_POSSIBLE in one.reasons:
         return "something without a name"
     known = twins(load("kr500_rail"))
     if not rivalled(one.score) and any(known.of(name) for name in one.score.named):
@@ -202,13 +203,13 @@ def games_of(job: tuple[int, int]) -> list[Game]:
 
 
 def _answer(asked: Asked, robot: Robot) -> Answer:
-    said: dict[str, Any] = asked.answer["diagnosis"] if asked.answer else {"why": "refused"}
+    said: dict[str, Any] = asked.answer["diagnosis"] if asked.answer else {}
     first = next(iter(said.get("next_poses", [])), None)
     return Answer(
         score(asked.truth, asked.answer, twins(robot)),
         tuple(first["separates"]) if first else (),
         (first["sigmas_before"], first["sigmas_after"]) if first else (0.0, 0.0),
-        said["why"],
+        tuple(said.get("reasons", ())),
     )
 
 

@@ -16,10 +16,9 @@ import pandas as pd
 from pipeline import tables
 from pipeline.answer import archive
 from pipeline.answer.answer import answer as answer_of
-from pipeline.answer.diagnosis import bad_data_sentence, beside_mistakes
 from pipeline.answer.findings import Findings, Told
 from pipeline.answer.recommended import (
-    Facts,
+    Basis,
     Values,
     Which,
     decide,
@@ -39,6 +38,7 @@ from pipeline.diagnosis.diagnose import diagnose
 from pipeline.diagnosis.drift import drift
 from pipeline.diagnosis.facts import Diagnosis
 from pipeline.diagnosis.tables import apart_table, clues_table, examined_table
+from pipeline.diagnosis.verdict import verdict
 from pipeline.faults.conventions import conventions
 from pipeline.faults.screen import acquit, screen
 from pipeline.machine.effects import catalogue
@@ -167,15 +167,14 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
         right = step(fit)(screened.case, bring(screened.case)) if screened.findings else given
         diagnosis = _diagnosed(right, where, step)
 
-    mistakes = screened.findings
-    rest, why = beside_mistakes(right.estimate, diagnosis)
-    verdict = "bad_data" if mistakes else rest
-    row = decide(Facts.of(mistakes, rest, diagnosis))
+    facts = replace(diagnosis.facts, mistakes=screened.findings)
+    word = verdict(facts)
+    row = decide(Basis.of(facts, diagnosis))
     values = recommend(row, given, right, diagnosis)
-    told = _told(values.model(name, verdict, row), values, where, step)
-    if row.model != Which.JOINT_SPRINGS or mistakes:
+    told = _told(values.model(name, word, row), values, where, step)
+    if row.model != Which.JOINT_SPRINGS or facts.mistakes:
         springs = joint_springs(given)
-        paper = _told(springs.model(name, verdict, row), springs, where, step)
+        paper = _told(springs.model(name, word, row), springs, where, step)
     else:
         paper = told
     found = Findings(
@@ -183,10 +182,8 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
         raw=raw,
         given=given,
         right=right,
-        mistakes=mistakes,
         diagnosis=diagnosis,
-        verdict=verdict,
-        why=f"{bad_data_sentence(mistakes)} With that corrected: {why}" if mistakes else why,
+        facts=facts,
         row=row,
         told=told,
         springs=paper,

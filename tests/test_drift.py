@@ -96,7 +96,7 @@ def test_the_answer_names_it_and_blames_no_reflector():
     assert (cause["name"], cause["location"]) == ("tracker_drift", "metrology")
     assert said["diagnosis"]["verdict"] == "ambiguous"
     assert "knocked" in said["diagnosis"]["why"]
-    assert "moved as one" in said["diagnosis"]["why"]
+    assert "moved together" in said["diagnosis"]["why"]
     assert [p["name"] for p in cause["parameters"]] == ["v_x", "v_y", "v_z"]
     assert not any(spot["name"] == "tracker_drift" for spot in said["diagnosis"]["blind_spots"])
     assert not any("is off by" in finding for finding in said["findings"])

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.diagnosis.diagnose import case_of, diagnose
+from pipeline.diagnosis.verdict import verdict
 from pipeline.machine.cell import paper_cell, sensitivity
 from pipeline.reduction.pose_of_interest import place_of_interest
 from pipeline.run import reduce, tool
@@ -58,7 +59,7 @@ def test_what_else_could_stand_there_is_said(found):
     assert first.effect.label == "joint_tilt:3"
     assert "link_bending" in {r.effect.name for r in first.rivals}
     assert "load_point_offset" in said
-    assert found.verdict in ("ambiguous", "explained")
+    assert verdict(found.facts) in ("ambiguous", "explained")
 
 
 def test_noise_that_nobody_stated_is_what_the_causes_leave(found):

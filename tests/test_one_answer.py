@@ -256,7 +256,7 @@ def test_the_first_screen_says_which_model_and_what_it_changes(told):
     }
 
     assert first.startswith(answer["recommended"]["why"])
-    assert "rail_roll" in first
+    assert "roll of the carriage" in first
     far = sorted((name for name in off if off[name] > 3), key=lambda name: -share[name])[:3]
     assert re.findall(r"(k_\w+) moves", moved) == far != []
     assert "mm with joint springs alone" in pose

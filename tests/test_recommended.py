@@ -4,7 +4,7 @@ from itertools import product
 
 import pytest
 
-from pipeline.answer.recommended import TABLE, Data, Facts, Reason, Which, decide
+from pipeline.answer.recommended import TABLE, Basis, Data, Reason, Which, decide
 
 SPRINGS, EXTENDED, AVERAGED = Which.JOINT_SPRINGS, Which.EXTENDED, Which.AVERAGED
 GIVEN, CORRECTED = Data.AS_GIVEN, Data.CORRECTED
@@ -34,14 +34,14 @@ def test_the_values_are_those_of_the_model_that_holds(
     mistakes, verdict, modelled, rivals, model, data, reason
 ):
     """Model, data and reason follow from mistakes, verdict and what was identified."""
-    row = decide(Facts(mistakes, verdict, modelled, rivals))
+    row = decide(Basis(mistakes, verdict, modelled, rivals))
 
     assert (row.model, row.data, row.reason) == (model, data, reason)
 
 
 def test_what_changes_no_model_only_weighs_the_springs_anew():
     """Where the robot stands was put right, nothing stands beside the springs."""
-    row = decide(Facts(False, "explained", modelled=True, rivals=False, beside=False))
+    row = decide(Basis(False, "explained", modelled=True, rivals=False, beside=False))
 
     assert (row.model, row.data, row.reason) == (EXTENDED, GIVEN, Reason.WEIGHED_ANEW)
 
@@ -50,7 +50,7 @@ def test_every_campaign_has_a_row_and_every_row_a_campaign():
     """Whatever the facts, one row decides; and no row stands in the table for nothing."""
     verdicts = ("adequate", "explained", "ambiguous", "unexplained")
     decided = {
-        decide(Facts(mistakes, verdict, modelled, modelled and rivals, beside)).reason
+        decide(Basis(mistakes, verdict, modelled, modelled and rivals, beside)).reason
         for mistakes, verdict, modelled, rivals, beside in product(
             (False, True), verdicts, (False, True), (False, True), (False, True)
         )

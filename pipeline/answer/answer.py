@@ -19,6 +19,7 @@ from pipeline.answer.prediction import deflection_entries, validation_entry
 from pipeline.answer.recommended import Values
 from pipeline.answer.sentences import sentences
 from pipeline.answer.stiffness import budget_entries, stiffness_entries
+from pipeline.answer.words import because
 from pipeline.base import files
 from pipeline.machine.effects import Observation, catalogue
 from pipeline.reduction.pose_of_interest import Where
@@ -46,7 +47,7 @@ def answer(found: Findings) -> dict[str, Any]:
             "model": row.model,
             "data": row.data,
             "reason": row.reason,
-            "why": row.why,
+            "why": because(row.reason),
             "hypotheses": _hypothesis_entries(found.told.values),
         },
         **values,

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline.answer.recommended import Data, Reason, Which
+from pipeline.diagnosis.verdict import Finding
 
 Where = int | str | None
 Verdict = Literal["adequate", "explained", "ambiguous", "unexplained", "bad_data"]
@@ -287,6 +288,10 @@ class Diagnosis(Fact):
 
     verdict: Verdict
     why: str
+    reasons: list[str] = Field(
+        description="what the verdict follows from, at most one for each of data, base reflectors, "
+        "unloaded reflectors and displacements: " + ", ".join(Finding)
+    )
     causes: list[Cause]
     alone: list[Alone] = Field(description="what the likeliest causes do each as the only one")
     unloaded_off_mm: list[float | None] = Field(

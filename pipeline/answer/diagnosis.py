@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from pipeline.answer.findings import Findings
-from pipeline.answer.fit import fits
 from pipeline.answer.numbers import left_out_mm
+from pipeline.answer.words import why
 from pipeline.diagnosis import facts as verdicts
-from pipeline.faults.finding import Finding
+from pipeline.diagnosis.verdict import findings
 from pipeline.system.estimate import left_out
 from pipeline.system.system import Estimate
 from pipeline.system.variance import NAMES, Components, at_most
@@ -25,21 +25,8 @@ def diagnosis_entry(found: Findings) -> dict[str, Any]:
     named = {cause["name"] for cause in said["causes"]}
     noisy = [cause for cause in _noise_causes(found.right.noise) if cause["name"] not in named]
     said["causes"] = [*_data_causes(found), *said["causes"], *noisy]
-    return said | {"verdict": found.verdict, "why": found.why}
-
-
-def beside_mistakes(right: Estimate, diagnosis: verdicts.Diagnosis) -> tuple[str, str]:
-    """Verdict on the data without mistakes, and why: what no certificate covers is a misfit."""
-    if diagnosis.verdict == "adequate" and right.p_value is None and not fits(right):
-        return "unexplained", "No known cause explains the misfit."
-    return diagnosis.verdict, diagnosis.why
-
-
-def bad_data_sentence(mistakes: tuple[Finding, ...]) -> str:
-    """What is wrong with the data, and what was done about it."""
-    first, *more = mistakes
-    others = f", and {len(more)} more mistakes were found" if more else ""
-    return f"The data hold a mistake: {first.evidence}{others}. Your files are unchanged."
+    reasons = [row.finding.value for row in findings(found.facts)]
+    return {"verdict": str(found.verdict), "why": why(found.facts), "reasons": reasons, **said}
 
 
 def _data_causes(found: Findings) -> list[dict[str, Any]]:

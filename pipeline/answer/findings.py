@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import pandas as pd
 
 from pipeline.answer.recommended import Row, Values
-from pipeline.diagnosis.facts import Diagnosis
-from pipeline.faults.finding import Finding
+from pipeline.diagnosis.facts import Diagnosis, Facts
+from pipeline.diagnosis.verdict import Verdict, verdict
+from pipeline.faults.finding import Finding as Mistake
 from pipeline.prediction import model as handover
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.store.campaign import Raw
@@ -40,10 +41,8 @@ class Findings:
         raw: What its folder holds.
         given: The joint springs from the data as given.
         right: The joint springs from the data with every mistake put right; the same without any.
-        mistakes: What is wrong with the data.
         diagnosis: What the model misses, beside the mistakes.
-        verdict: Of the campaign.
-        why: One sentence for it.
+        facts: What the verdict follows from, mistakes included.
         row: Which values the answer stands for, and why.
         told: These values.
         springs: The paper's model on the data as given.
@@ -56,15 +55,23 @@ class Findings:
     raw: Raw
     given: Fitted
     right: Fitted
-    mistakes: tuple[Finding, ...]
     diagnosis: Diagnosis
-    verdict: str
-    why: str
+    facts: Facts
     row: Row
     told: Told
     springs: Told
     extended: Values | None
     where: Where
+
+    @property
+    def mistakes(self) -> tuple[Mistake, ...]:
+        """What is wrong with the data."""
+        return self.facts.mistakes
+
+    @property
+    def verdict(self) -> Verdict:
+        """Of the campaign."""
+        return verdict(self.facts)
 
     @property
     def estimate(self) -> Estimate:

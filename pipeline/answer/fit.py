@@ -10,31 +10,8 @@ from pipeline.answer.numbers import rms_mm
 from pipeline.machine.cell import Cell
 from pipeline.reduction.measured import Measured
 from pipeline.system.assemble import second_order
+from pipeline.system.estimate import fits
 from pipeline.system.system import Estimate
-
-SURE = 0.01
-"""A misfit that chance produces less often than this is a misfit."""
-
-_TRACKER_MEASURES_M = 1e-4
-"""A laser tracker measures displacements in a hall to this or better (MPE of the AT500 class)."""
-
-
-def fits(estimate: Estimate) -> bool:
-    """Whether chance alone may have made the misfit; without stated noise, a tracker's noise."""
-    if estimate.p_value is None:
-        return estimate.residual_std_m < _TRACKER_MEASURES_M
-    return estimate.p_value >= SURE
-
-
-def larger_scatter(estimate: Estimate) -> str:
-    """Clause of a model that misses nothing, where readings scatter more than their noise."""
-    if estimate.p_value is None or estimate.p_value >= SURE:
-        return ""
-    factor = float(np.sqrt(estimate.chi2 / estimate.dof))
-    return (
-        f", but for scatter {factor:.2f} times as large as the noise that is used "
-        f"(p = {estimate.p_value:.0e}): take every uncertainty that many times larger"
-    )
 
 
 def fit_entry(cell: Cell, data: Measured, estimate: Estimate) -> dict[str, Any]:

@@ -10,11 +10,11 @@ import numpy as np
 import pandas as pd
 from scipy import special
 
-from pipeline.answer.fit import SURE
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.reduction.register import Registration
 from pipeline.reduction.settings import Settings
 from pipeline.store.campaign import Raw
+from pipeline.system.estimate import MISFIT_P
 
 
 def measured_on(settings: Settings, readings: pd.DataFrame | None) -> str | None:
@@ -69,7 +69,7 @@ def registration_findings(registration: Registration, drifts: bool) -> list[str]
         drifts: A drift of the tracker is named: no single reflector is to blame.
     """
     told = registration_entry(registration)
-    if told is None or told["p_value"] is None or told["p_value"] >= SURE:
+    if told is None or told["p_value"] is None or told["p_value"] >= MISFIT_P:
         return []
     if drifts:
         return [

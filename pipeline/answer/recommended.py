@@ -7,14 +7,15 @@ found.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sized
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
 
 from pipeline.base.arrays import Array, Parameter
 from pipeline.diagnosis.average import Hypothesis, Springs, springs
-from pipeline.diagnosis.facts import Diagnosis
+from pipeline.diagnosis.facts import Diagnosis, Facts
+from pipeline.diagnosis.verdict import Verdict, verdict
 from pipeline.prediction import model as handover
 from pipeline.system.estimate import left_out
 from pipeline.system.fit import Fitted
@@ -55,7 +56,7 @@ class Reason(StrEnum):
 
 
 @dataclass(frozen=True)
-class Facts:
+class Basis:
     """All that the decision depends on.
 
     Attributes:
@@ -68,7 +69,7 @@ class Facts:
     """
 
     mistakes: bool
-    verdict: str
+    verdict: Verdict
     modelled: bool
     rivals: bool
     beside: bool = True
@@ -76,14 +77,15 @@ class Facts:
     @property
     def causes(self) -> bool:
         """Causes hold that change the springs."""
-        return self.verdict in ("explained", "ambiguous") and self.modelled
+        return self.verdict in (Verdict.EXPLAINED, Verdict.AMBIGUOUS) and self.modelled
 
     @classmethod
-    def of(cls, mistakes: Sized, verdict: str, diagnosis: Diagnosis) -> Facts:
-        """Those of a campaign."""
+    def of(cls, facts: Facts, diagnosis: Diagnosis) -> Basis:
+        """Those of a campaign, mistakes included."""
         found = diagnosis.hypotheses
         beside = bool(found and found[0].effects)
-        return cls(len(mistakes) > 0, verdict, len(found) > 0, len(found) > 1, beside)
+        rest = verdict(replace(facts, mistakes=()))
+        return cls(bool(facts.mistakes), rest, len(found) > 0, len(found) > 1, beside)
 
 
 @dataclass(frozen=True)
@@ -95,14 +97,12 @@ class Row:
         holds: When it applies.
         model: Whose values.
         data: From which data.
-        why: The same in a sentence.
     """
 
     reason: Reason
-    holds: Callable[[Facts], bool]
+    holds: Callable[[Basis], bool]
     model: Which
     data: Data
-    why: str
 
     @property
     def holds_for_its_readings(self) -> bool:
@@ -116,103 +116,52 @@ TABLE: tuple[Row, ...] = (
         lambda f: f.mistakes and f.causes and f.rivals,
         Which.AVERAGED,
         Data.CORRECTED,
-        "All values are from the corrected data, averaged by probability over the models that "
-        "may hold.",
     ),
     Row(
-        Reason.MISTAKE_AND_CAUSE,
-        lambda f: f.mistakes and f.causes,
-        Which.EXTENDED,
-        Data.CORRECTED,
-        "All values are from the corrected data and include what was identified beside the "
-        "joint springs.",
+        Reason.MISTAKE_AND_CAUSE, lambda f: f.mistakes and f.causes, Which.EXTENDED, Data.CORRECTED
     ),
     Row(
         Reason.MISTAKE_AND_UNEXPLAINED,
-        lambda f: f.mistakes and f.verdict == "unexplained",
+        lambda f: f.mistakes and f.verdict == Verdict.UNEXPLAINED,
         Which.JOINT_SPRINGS,
         Data.CORRECTED,
-        "All values are from the corrected data, which the joint springs do not explain, and "
-        "nothing known does: do not rely on the stated uncertainties.",
     ),
     Row(
         Reason.MISTAKE_SPRINGS_UNTOUCHED,
-        lambda f: f.mistakes and f.verdict != "adequate",
+        lambda f: f.mistakes and f.verdict != Verdict.ADEQUATE,
         Which.JOINT_SPRINGS,
         Data.CORRECTED,
-        "All values are from the corrected data; what else was identified does not change the "
-        "joint springs.",
     ),
-    Row(
-        Reason.MISTAKE,
-        lambda f: f.mistakes,
-        Which.JOINT_SPRINGS,
-        Data.CORRECTED,
-        "All values are from the corrected data.",
-    ),
-    Row(
-        Reason.WEIGHED_ANEW,
-        lambda f: f.causes and not f.beside,
-        Which.EXTENDED,
-        Data.AS_GIVEN,
-        "The model is that of the joint springs; the values include what was identified of where "
-        "the robot stands or how much the scale scatters.",
-    ),
+    Row(Reason.MISTAKE, lambda f: f.mistakes, Which.JOINT_SPRINGS, Data.CORRECTED),
+    Row(Reason.WEIGHED_ANEW, lambda f: f.causes and not f.beside, Which.EXTENDED, Data.AS_GIVEN),
     Row(
         Reason.CAUSE_AND_RIVALS,
-        lambda f: f.causes and f.rivals and f.verdict == "explained",
+        lambda f: f.causes and f.rivals and f.verdict == Verdict.EXPLAINED,
         Which.AVERAGED,
         Data.AS_GIVEN,
-        "Joint springs alone do not explain the readings; the values below include the "
-        "identified cause, averaged by probability over the laws it may have and over what else "
-        "may be true.",
     ),
     Row(
         Reason.CAUSE_IDENTIFIED,
-        lambda f: f.causes and f.verdict == "explained",
+        lambda f: f.causes and f.verdict == Verdict.EXPLAINED,
         Which.EXTENDED,
         Data.AS_GIVEN,
-        "Joint springs alone do not explain the readings; the values below include the "
-        "identified cause.",
     ),
-    Row(
-        Reason.RIVALS,
-        lambda f: f.causes and f.rivals,
-        Which.AVERAGED,
-        Data.AS_GIVEN,
-        "Joint springs alone do not explain the readings, and more than one cause may be true: "
-        "the values are averaged over them by probability, and each interval covers every cause "
-        "with a probability above 5 %.",
-    ),
-    Row(
-        Reason.CAUSE_DOUBTFUL,
-        lambda f: f.causes,
-        Which.EXTENDED,
-        Data.AS_GIVEN,
-        "Joint springs alone do not explain the readings; the values below include the "
-        "likeliest cause.",
-    ),
+    Row(Reason.RIVALS, lambda f: f.causes and f.rivals, Which.AVERAGED, Data.AS_GIVEN),
+    Row(Reason.CAUSE_DOUBTFUL, lambda f: f.causes, Which.EXTENDED, Data.AS_GIVEN),
     Row(
         Reason.SPRINGS_UNTOUCHED,
-        lambda f: f.verdict in ("explained", "ambiguous"),
+        lambda f: f.verdict in (Verdict.EXPLAINED, Verdict.AMBIGUOUS),
         Which.JOINT_SPRINGS,
         Data.AS_GIVEN,
-        "What was identified does not change the joint springs.",
     ),
     Row(
         Reason.UNEXPLAINED,
-        lambda f: f.verdict == "unexplained",
+        lambda f: f.verdict == Verdict.UNEXPLAINED,
         Which.JOINT_SPRINGS,
         Data.AS_GIVEN,
-        "Joint springs do not explain the readings, and nothing known does: do not rely on the "
-        "stated uncertainties.",
     ),
     Row(
-        Reason.ADEQUATE,
-        lambda f: f.verdict == "adequate",
-        Which.JOINT_SPRINGS,
-        Data.AS_GIVEN,
-        "Joint springs explain the readings.",
+        Reason.ADEQUATE, lambda f: f.verdict == Verdict.ADEQUATE, Which.JOINT_SPRINGS, Data.AS_GIVEN
     ),
 )
 """First match wins."""
@@ -223,7 +172,7 @@ def row_of(reason: str) -> Row:
     return next(row for row in TABLE if row.reason == reason)
 
 
-def decide(facts: Facts) -> Row:
+def decide(facts: Basis) -> Row:
     """The row of `TABLE` that holds."""
     return next(row for row in TABLE if row.holds(facts))
 

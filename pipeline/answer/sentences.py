@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 
 from pipeline.answer.findings import Findings
-from pipeline.answer.fit import fits, larger_scatter
 from pipeline.answer.numbers import left_out_mm
 from pipeline.answer.recommended import Which
+from pipeline.answer.words import because, why
 from pipeline.base.quantities import common_prefix, plain, prefixed, with_std
+from pipeline.system.estimate import fits
+from pipeline.system.system import Estimate
 
 _FAR = 3.0
 """A stiffness that moves by more standard uncertainties than this between two models is told."""
@@ -47,27 +49,38 @@ def _other(found: Findings) -> str:
 
 def _verdict(found: Findings) -> str:
     """What holds, and which model the values are from."""
-    why, row = found.why, found.row
+    said, values = why(found.facts), because(found.row.reason)
     estimate = found.told.values.fitted.estimate
     if found.mistakes:
-        return f"{why} {row.why}"
-    if not fits(estimate) and estimate.p_value is None and row.model == Which.JOINT_SPRINGS:
+        return f"{said} {values}"
+    if not fits(estimate) and estimate.p_value is None and found.row.model == Which.JOINT_SPRINGS:
         left = 1e3 * estimate.residual_std_m
         return (
             f"The joint stiffness model does not fit as well as a tracker measures: {left:.3f} mm "
-            f"remain. {why}"
+            f"remain. {said}"
         )
     if found.verdict == "unexplained":
         return (
             "The joint stiffness model does not explain the measured deflections: do not rely on "
-            f"the stated uncertainties. {why}"
+            f"the stated uncertainties. {said}"
         )
     if found.verdict == "adequate":
         return (
             "The joint stiffness model explains the measured deflections"
-            f"{larger_scatter(estimate)}."
+            f"{_larger_scatter(estimate)}."
         )
-    return f"{row.why} {why}"
+    return f"{values} {said}"
+
+
+def _larger_scatter(estimate: Estimate) -> str:
+    """Clause of a model that misses nothing, where readings scatter more than their noise."""
+    if estimate.p_value is None or fits(estimate):
+        return ""
+    factor = float(np.sqrt(estimate.chi2 / estimate.dof))
+    return (
+        f", but for scatter {factor:.2f} times as large as the noise that is used "
+        f"(p = {estimate.p_value:.0e}): take every uncertainty that many times larger"
+    )
 
 
 def _moved(mine: Sequence[_Json], springs: Sequence[_Json]) -> Iterable[str]:

@@ -15,7 +15,7 @@ from pipeline.diagnosis.amplitude import amplitudes
 from pipeline.diagnosis.average import LEAST, Hypothesis, weighed
 from pipeline.diagnosis.blindspots import blind_spots
 from pipeline.diagnosis.drift import Drift
-from pipeline.diagnosis.facts import Amplitude, Cause, Diagnosis, Named
+from pipeline.diagnosis.facts import Amplitude, Cause, Diagnosis, Facts, Named
 from pipeline.diagnosis.identify import NAMELESS, Case, Found, by_label, remainder, search
 from pipeline.diagnosis.improvement import Gain, alone, gain, rms
 from pipeline.diagnosis.isolability import Twins, twins
@@ -24,7 +24,6 @@ from pipeline.diagnosis.suspect_statistics import clues, misfits
 from pipeline.diagnosis.undecided import next_poses
 from pipeline.diagnosis.unloaded_fit import student
 from pipeline.diagnosis.unloaded_geometry import Standing, as_stiff, corrected, standing
-from pipeline.diagnosis.verdict import judge, with_drift
 from pipeline.machine.cell import Cell, predict
 from pipeline.machine.effects import Effect, Noise, Pulls, catalogue
 from pipeline.machine.effects.nameless import nameless
@@ -32,7 +31,7 @@ from pipeline.reduction.measured import Measured
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.system.assemble import TRACKED, assemble
 from pipeline.system.elimination import coefficients, eliminate
-from pipeline.system.estimate import identifiable, solve
+from pipeline.system.estimate import fits, identifiable, solve
 from pipeline.system.linearised import Model, Sight
 from pipeline.system.noise import SURE, Scatter, scatter
 from pipeline.system.system import Estimate, System
@@ -81,12 +80,20 @@ def diagnose(
     worth = _gain(case, found, rng)
     considered = _causes(case, found, worth, where, known)
     helps = worth is None or worth.reduction > 0
-    causes = (considered if helps else ()) + _noise_causes(whole, spread)
+    scatters = _noise_causes(whole, spread)
+    causes = (considered if helps else ()) + scatters
     stands = () if stood.useless else _standing_causes(stood)
-    verdict, why = judge(case, spread, found, worth, causes, stood, stands)
     drifts = _drift_causes(drift, causes)
-    if drift and drifts:
-        verdict, why = with_drift(verdict, why, drift)
+    facts = replace(
+        _facts(case, found, spread),
+        causes=considered,
+        gain=worth,
+        scatter=scatters,
+        beyond_a_tracker=estimate.p_value is None and not fits(estimate),
+        unloaded=stood,
+        moved=stands,
+        drift=drift if drifts else None,
+    )
     elsewhere = {**stood.visible, **({drift.effect.label: drift.visible} if drift else {})}
     hypotheses = _hypotheses(case, found, bool(stood.effects) and not stood.useless, helps)
     single = [(r.suspect, r.probability) for r in found.single[:_SHOWN]]
@@ -97,8 +104,7 @@ def diagnose(
     told |= {rival.effect.label for cause in causes for rival in cause.rivals}
     before = worth.before if worth else _left_by_springs(found.first)
     return Diagnosis(
-        verdict=verdict,
-        why=why,
+        facts=facts,
         causes=stands + drifts + causes,
         alone=tuple(one for one in singly if one.reduction > 0),
         blind_spots=tuple(spot for spot in spots if spot.effect.label not in told),
@@ -120,6 +126,28 @@ def diagnose(
         noise_floor_m=rms(found.first.spread),
         stood_off_m=(stood.miss_m, stood.left_m),
     )
+
+
+def _facts(case: Case, found: Found, spread: Scatter) -> Facts:
+    """What the displacements say, but for the causes themselves."""
+    outside = found.stranger
+    return Facts(
+        detected=found.detected,
+        explains=found.explains,
+        outside=Named(found.wide.suspects[outside.suspect], outside.probability)
+        if outside
+        else None,
+        remainder=found.rough,
+        loose_p=found.first.soft_p,
+        scale_ratio=case.force_noise,
+        tracker_ratio=case.noise,
+        beyond_certificate=_beyond_certificate(spread, case.data.noise_stated),
+    )
+
+
+def _beyond_certificate(spread: Scatter, stated: bool) -> bool:
+    """With one reflector nothing tells scatter from misfit but the certificate."""
+    return stated and spread.known_from == "residuals" and spread.tracker_p < SURE
 
 
 def _searched(

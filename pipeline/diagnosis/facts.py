@@ -10,8 +10,11 @@ import numpy as np
 from pipeline.base.arrays import Array, Locked, Parameter
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.diagnosis.blindspots import BlindSpot
+from pipeline.diagnosis.drift import Drift
 from pipeline.diagnosis.improvement import Alone, Gain
 from pipeline.diagnosis.nextpose import Proposal
+from pipeline.diagnosis.unloaded_geometry import NOTHING, Standing
+from pipeline.faults.finding import Finding as Mistake
 from pipeline.machine.effects import Effect
 from pipeline.machine.robot import Robot
 from pipeline.system.noise import Scatter
@@ -109,12 +112,53 @@ class Misfit:
 
 
 @dataclass(frozen=True, eq=False)
+class Facts:
+    """All that the verdict depends on, with what its sentences state.
+
+    Attributes:
+        detected: The joint springs alone do not explain the displacements.
+        explains: The causes leave nothing but scatter.
+        causes: What the displacements call for, whether or not it predicts better.
+        gain: What these are worth at poses that were left out.
+        outside: The likeliest that is nothing of the catalogue, in the place of a cause.
+        remainder: What is left with the causes over what the readings scatter; None if unknown.
+        loose_p: Chance that the reflectors only seem to move against each other under load.
+        scale_ratio: Scatter of the scale found over stated, relative to the tracker's, where only
+            this makes the remainder scatter; else 1.
+        tracker_ratio: Scatter of the tracker found over stated.
+        scatter: Causes of scatter.
+        beyond_certificate: The residuals are larger than any certificate may be wrong.
+        beyond_a_tracker: No noise is stated, and the residuals are larger than a tracker's.
+        unloaded: What the unloaded reflectors say.
+        moved: Causes that these call for.
+        drift: What the base reflectors say, where they call for a drift.
+        mistakes: Mistakes in the data, corrected for all the rest.
+    """
+
+    detected: bool = False
+    explains: bool = False
+    causes: tuple[Cause, ...] = ()
+    gain: Gain | None = None
+    outside: Named | None = None
+    remainder: float | None = None
+    loose_p: float = 1.0
+    scale_ratio: float = 1.0
+    tracker_ratio: float = 1.0
+    scatter: tuple[Cause, ...] = ()
+    beyond_certificate: bool = False
+    beyond_a_tracker: bool = False
+    unloaded: Standing = NOTHING
+    moved: tuple[Cause, ...] = ()
+    drift: Drift | None = None
+    mistakes: tuple[Mistake, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
 class Diagnosis(Locked):
     """What the model gets wrong.
 
     Attributes:
-        verdict: adequate | explained | ambiguous | unexplained | bad_data.
-        why: One sentence for it.
+        facts: What the verdict follows from.
         causes: The named causes.
         alone: What the likeliest causes do each by itself.
         blind_spots: What would have gone unnoticed.
@@ -139,8 +183,7 @@ class Diagnosis(Locked):
             with the named causes; NaN where that is not known.
     """
 
-    verdict: str
-    why: str
+    facts: Facts
     causes: tuple[Cause, ...]
     alone: tuple[Alone, ...]
     blind_spots: tuple[BlindSpot, ...]
@@ -177,8 +220,6 @@ class Diagnosis(Locked):
 def entry(diagnosis: Diagnosis, robot: Robot) -> dict[str, Any]:
     """`diagnosis` of result.json."""
     return {
-        "verdict": diagnosis.verdict,
-        "why": diagnosis.why,
         "causes": [_cause(cause) for cause in diagnosis.causes],
         "alone": [_alone(one) for one in diagnosis.alone],
         "unloaded_off_mm": [_finite(1e3 * off) for off in diagnosis.stood_off_m],

@@ -72,7 +72,7 @@ class Standing(Locked):
         return self.fit.effects if self.fit else ()
 
 
-_NOTHING = Standing(np.nan, np.nan, {})
+NOTHING = Standing(np.nan, np.nan, {})
 
 
 def standing(
@@ -90,7 +90,7 @@ def standing(
     suspects = tuple(effect for effect in effects if effect.shows_unloaded)
     zeros = unloaded(cell, data, scale)
     if zeros is None or not suspects:
-        return _NOTHING
+        return NOTHING
     fits, exact = Fits(zeros), Fits(zeros.exact)
     miss = exact.left(())
     visible = _visible(zeros, suspects)

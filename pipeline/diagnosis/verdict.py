@@ -1,221 +1,178 @@
-"""The verdict: one word, and the sentence that says why."""
+"""The verdict: one table of findings; the most severe of those that hold decides.
+
+Each subject (data, base reflectors, unloaded reflectors, displacements) contributes at most one
+finding, that of its first row whose condition holds. Sentences are made elsewhere, from findings.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
 from itertools import combinations
 
-import numpy as np
-
-from pipeline.diagnosis.drift import Drift
-from pipeline.diagnosis.facts import Cause
-from pipeline.diagnosis.identify import ROUGH, Case, Found
-from pipeline.diagnosis.improvement import Gain
-from pipeline.diagnosis.unloaded_geometry import Standing
-from pipeline.machine.effects.tracker_drift import HOUR_S
-from pipeline.system.noise import SURE, Scatter
+from pipeline.diagnosis.facts import Cause, Facts
 from pipeline.system.whitened import SOFT, same_element
 
 CERTAIN = 0.95
-"""A cause less probable than this among its rivals is not named singly."""
-
-_NOTICED = 1.15
-"""What is left over the scatter of the readings, from which it is more than chance, and said."""
+"""A cause less probable than this among its rivals is not identified alone [1]: the odds of 19 to 1
+that a 95 % interval gives."""
 
 _UNKNOWN = 0.5
-"""What has no name stands where a cause was sought if it is likelier than this."""
+"""Something outside the catalogue stands for a cause that is less likely than it [1]."""
 
 
-def judge(
-    case: Case,
-    spread: Scatter,
-    found: Found,
-    worth: Gain | None,
-    causes: tuple[Cause, ...],
-    stood: Standing,
-    stands: tuple[Cause, ...],
-) -> tuple[str, str]:
-    """Verdict and sentence.
+class Verdict(StrEnum):
+    """What a campaign comes to, the most severe last."""
 
-    Args:
-        case: What was asked.
-        spread: Scatter of the readings.
-        found: What the displacements say.
-        worth: What its causes are worth at left-out poses.
-        causes: Its causes, and those of scatter.
-        stood: What the unloaded reflectors say.
-        stands: Its causes.
+    ADEQUATE = "adequate"
+    EXPLAINED = "explained"
+    AMBIGUOUS = "ambiguous"
+    UNEXPLAINED = "unexplained"
+    BAD_DATA = "bad_data"
+
+    @property
+    def severity(self) -> int:
+        """0 to 4."""
+        return list(Verdict).index(self)
+
+
+class Finding(StrEnum):
+    """What was found; each name stands in one row of `TABLE`."""
+
+    MISTAKE = "mistake"
+    TRACKER_MOVED = "tracker_moved"
+    TRACKER_MOVED_OR_KNOCKED = "tracker_moved_or_knocked"
+    STANDS_ELSEWHERE = "stands_elsewhere"
+    STANDS_ELSEWHERE_OR_RIVAL = "stands_elsewhere_or_rival"
+    REFLECTORS_LOOSE = "reflectors_loose"
+    NO_CAUSE_FITS = "no_cause_fits"
+    PREDICTS_WORSE = "predicts_worse"
+    REMAINDER = "remainder"
+    OUTSIDE_CATALOGUE = "outside_catalogue"
+    GAIN_UNCERTAIN = "gain_uncertain"
+    TWO_LAWS = "two_laws"
+    RIVALS = "rivals"
+    OUTSIDE_CATALOGUE_POSSIBLE = "outside_catalogue_possible"
+    SCALE_SCATTERS = "scale_scatters"
+    BEYOND_CERTIFICATE = "beyond_certificate"
+    OFF_THE_TABLE = "off_the_table"
+    BEYOND_A_TRACKER = "beyond_a_tracker"
+    CAUSE_IDENTIFIED = "cause_identified"
+    SCATTER = "scatter"
+    NOTHING = "nothing"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of the table.
+
+    Attributes:
+        finding: Its name.
+        verdict: What it makes of the campaign, unless something worse was found.
+        holds: When it applies.
     """
-    verdict, why = _of_displacements(found, causes, worth)
-    if verdict == "explained" and found.accepted and case.force_noise > 1:
-        verdict = "ambiguous"
-        why = (
-            "What the causes leave is scatter only if the scale scatters "
-            f"{case.force_noise * case.noise:.0f} times as much as stated."
-        )
-    if found.first.soft_p < SOFT:
-        verdict = "unexplained"
-        why = "The reflectors move against each other under load: a loose nest or a soft effector."
-    if verdict == "adequate" and _too_much(spread, case.data.noise_stated):
-        verdict, why = "unexplained", "The residuals are larger than any certificate may be wrong."
-    if stood.useless and verdict in ("adequate", "explained"):
-        return "unexplained", _stands_off(stood)
-    return _with_standing(verdict, why, stands, stood) if stands else (verdict, why)
+
+    finding: Finding
+    verdict: Verdict
+    holds: Callable[[Facts], bool]
 
 
-def _of_displacements(
-    found: Found, causes: tuple[Cause, ...], worth: Gain | None
-) -> tuple[str, str]:
-    """One word and one sentence."""
-    if not found.detected:
-        if causes:
-            said = ", ".join(cause.effect.name for cause in causes)
-            return "explained", f"The readings scatter more than stated ({said}); else nothing."
-        return "adequate", "The joint springs explain what was measured."
-    if not found.accepted:
-        return "unexplained", "Something is missing from the model, and no known cause explains it."
-    if worth is not None and worth.reduction <= 0:
-        return "unexplained", _useless(found, worth)
-    named = [cause.effect.label for cause in causes[: len(found.accepted)]]
-    names, s = " and ".join(named), "s" if len(named) == 1 else ""
-    stranger = found.stranger
-    unnamed = stranger.probability if stranger else 0.0
-    looks = found.wide.suspects[stranger.suspect].signature if stranger else ""
-    if not found.explains:
-        return "unexplained", _left_over(
-            found, worth, names, s, looks if unnamed > _UNKNOWN else ""
-        )
-    if unnamed > _UNKNOWN:
-        return (
-            "unexplained",
-            f"{names} come{s} nearest, but something that the catalogue has no name for explains "
-            f"more: it looks like {looks}.",
-        )
-    if worth is not None and worth.ci95[0] <= 0:
-        does = "does" if s else "do"
-        return (
-            "ambiguous",
-            f"{names} fit{s}, but {does} not predict left-out poses better for certain.",
-        )
-    twice = _two_laws(found, causes)
-    if twice:
-        return (
-            "ambiguous",
-            f"Joint {twice} turns by a law of its own: {names} describe it only together.",
-        )
-    doubtful = [c for c in causes if c.twins or c.probability < CERTAIN]
-    if doubtful:
-        sure = [c.effect.label for c in causes[: len(found.accepted)] if c not in doubtful]
-        certain = f"{_and(sure)} {'is' if len(sure) == 1 else 'are'} certain. " if sure else ""
-        told = "; ".join(_or(c) for c in doubtful)
-        return "ambiguous", f"{certain}The data do not decide between {told}."
-    if unnamed > 1 - CERTAIN:
-        return (
-            "ambiguous",
-            f"The data cannot tell {names} from something that the catalogue has no name for, "
-            f"which looks like {looks}.",
-        )
-    return (
-        "explained",
-        f"The model with {names} fits the readings to within their scatter."
-        if found.rough is None or found.rough < _NOTICED
-        else f"With {names} in the model {found.rough:.1f} times the scatter of the readings is "
-        "left: as much as the laws of the causes may be others.",
-    )
+def _outside(facts: Facts) -> float:
+    return facts.outside.probability if facts.outside else 0.0
 
 
-def _and(names: Sequence[str]) -> str:
-    return " and ".join(names)
+def outside_likelier(facts: Facts) -> bool:
+    """Whether something outside the catalogue is likelier than a cause in its place."""
+    return _outside(facts) > _UNKNOWN
 
 
-def _or(cause: Cause) -> str:
-    """A cause and what it could be instead, with their probabilities."""
-    mine = f"{cause.effect.label} ({100 * cause.probability:.0f} %)"
-    others = [f"{r.effect.label} ({100 * r.probability:.0f} %)" for r in cause.rivals[:3]]
-    return " and ".join([mine, *(others or [*cause.twins, "what is like it"][:1])])
+def _worse(facts: Facts) -> bool:
+    return facts.gain is not None and facts.gain.reduction <= 0
 
 
-def _useless(found: Found, worth: Gain) -> str:
-    """Sentence of causes that fit the readings and predict other poses worse."""
-    names = " and ".join(found.seen.suspects[i].label for i in found.accepted)
-    nearest = "which comes nearest" if len(found.accepted) == 1 else "which together come nearest"
-    return (
-        "Something is missing from the model, and no known cause explains it: adding "
-        f"{names}, {nearest}, makes predictions worse (cross-validation error "
-        f"{1e3 * worth.rms_before_m:.3g} mm without, {1e3 * worth.rms_after_m:.3g} mm with)."
-    )
+def _gain_uncertain(facts: Facts) -> bool:
+    return facts.gain is not None and facts.gain.ci95[0] <= 0
 
 
-def _left_over(found: Found, worth: Gain | None, names: str, s: str, looks: str) -> str:
-    """Sentence of causes that do not explain the data; `s` is the ending of their verb."""
-    much = found.rough is not None and found.rough > _NOTICED
-    left = (
-        f"what is left is {found.rough:.1f} times the scatter of the readings"
-        if much
-        else "something remains"
-    )
-    if looks:
-        return (
-            f"{names} come{s} nearest, but {left}, and something that the catalogue has no name "
-            f"for explains more: it looks like {looks}."
-        )
-    if worth is None or worth.ci95[0] <= 0:
-        return f"{names} come{s} nearest, but {left}: neither place nor law is certain."
-    if found.rough is not None and found.rough > ROUGH:
-        return f"{names} explain{s} most, but {left}: the place is likely, the law is another."
-    return f"Beside {names} something remains that no known cause explains."
+def certain(cause: Cause) -> bool:
+    """Whether a cause is identified rather than one of several that fit alike."""
+    return not cause.twins and cause.probability >= CERTAIN
 
 
-def _two_laws(found: Found, causes: Sequence[Cause]) -> int | str | None:
+def two_laws(facts: Facts) -> int | str | None:
     """The joint whose gear needs two laws of the catalogue at once: it has a third one."""
-    effects = [cause.effect for cause in causes[: len(found.accepted)]]
-    for one, other in combinations(effects, 2):
+    for one, other in combinations([cause.effect for cause in facts.causes], 2):
         if same_element(one, other):
             return one.where
     return None
 
 
-def _too_much(spread: Scatter, stated: bool) -> bool:
-    """With one reflector nothing tells scatter from misfit but the certificate."""
-    return stated and spread.known_from == "residuals" and spread.tracker_p < SURE
+_DATA = (Row(Finding.MISTAKE, Verdict.BAD_DATA, lambda f: bool(f.mistakes)),)
+
+_BASE = (
+    Row(
+        Finding.TRACKER_MOVED_OR_KNOCKED,
+        Verdict.AMBIGUOUS,
+        lambda f: f.drift is not None and f.drift.undecided,
+    ),
+    Row(Finding.TRACKER_MOVED, Verdict.EXPLAINED, lambda f: f.drift is not None),
+)
+
+_UNLOADED = (
+    Row(
+        Finding.STANDS_ELSEWHERE_OR_RIVAL,
+        Verdict.AMBIGUOUS,
+        lambda f: any(one.probability < CERTAIN for one in f.moved),
+    ),
+    Row(Finding.STANDS_ELSEWHERE, Verdict.EXPLAINED, lambda f: bool(f.moved)),
+)
+
+_DISPLACEMENTS = (
+    Row(Finding.REFLECTORS_LOOSE, Verdict.UNEXPLAINED, lambda f: f.loose_p < SOFT),
+    Row(Finding.NO_CAUSE_FITS, Verdict.UNEXPLAINED, lambda f: f.detected and not f.causes),
+    Row(Finding.PREDICTS_WORSE, Verdict.UNEXPLAINED, lambda f: f.detected and _worse(f)),
+    Row(Finding.REMAINDER, Verdict.UNEXPLAINED, lambda f: f.detected and not f.explains),
+    Row(
+        Finding.OUTSIDE_CATALOGUE,
+        Verdict.UNEXPLAINED,
+        lambda f: f.detected and outside_likelier(f),
+    ),
+    Row(Finding.GAIN_UNCERTAIN, Verdict.AMBIGUOUS, lambda f: f.detected and _gain_uncertain(f)),
+    Row(Finding.TWO_LAWS, Verdict.AMBIGUOUS, lambda f: two_laws(f) is not None),
+    Row(Finding.RIVALS, Verdict.AMBIGUOUS, lambda f: not all(map(certain, f.causes))),
+    Row(
+        Finding.OUTSIDE_CATALOGUE_POSSIBLE,
+        Verdict.AMBIGUOUS,
+        lambda f: f.detected and _outside(f) > 1 - CERTAIN,
+    ),
+    Row(Finding.SCALE_SCATTERS, Verdict.AMBIGUOUS, lambda f: bool(f.causes) and f.scale_ratio > 1),
+    Row(
+        Finding.BEYOND_CERTIFICATE,
+        Verdict.UNEXPLAINED,
+        lambda f: not f.detected and not f.scatter and f.beyond_certificate,
+    ),
+    Row(Finding.OFF_THE_TABLE, Verdict.UNEXPLAINED, lambda f: f.unloaded.useless),
+    Row(Finding.CAUSE_IDENTIFIED, Verdict.EXPLAINED, lambda f: f.detected),
+    Row(Finding.SCATTER, Verdict.EXPLAINED, lambda f: bool(f.scatter)),
+    Row(
+        Finding.BEYOND_A_TRACKER,
+        Verdict.UNEXPLAINED,
+        lambda f: f.beyond_a_tracker and not f.moved and f.drift is None,
+    ),
+    Row(Finding.NOTHING, Verdict.ADEQUATE, lambda _: True),
+)
+
+TABLE = (_DATA, _BASE, _UNLOADED, _DISPLACEMENTS)
+"""Rows by subject, in the order in which their sentences are read."""
 
 
-def _stands_off(stood: Standing) -> str:
-    """Sentence of unloaded reflectors that no known cause predicts."""
-    names = " and ".join(effect.label for effect in stood.effects)
-    return (
-        f"The unloaded reflectors stand {1e3 * stood.miss_m:.2g} mm off where the robot's table "
-        f"puts them, and {names}, nearest to it, would make the prediction of other poses worse."
-    )
+def findings(facts: Facts) -> tuple[Row, ...]:
+    """The first row of each subject that holds; of the displacements there always is one."""
+    first = (next((row for row in rows if row.holds(facts)), None) for rows in TABLE)
+    return tuple(row for row in first if row is not None)
 
 
-def _with_standing(
-    verdict: str, why: str, stands: tuple[Cause, ...], stood: Standing
-) -> tuple[str, str]:
-    """Verdict and sentence of the displacements, with what the unloaded reflectors say."""
-    names = " and ".join(cause.effect.label for cause in stands)
-    said = (
-        f"The unloaded reflectors stand {1e3 * stood.miss_m:.2g} mm off where the robot's table "
-        f"puts them (base and tool fitted), and {1e3 * stood.left_m:.2g} mm with {names}."
-    )
-    sure = all(cause.probability >= CERTAIN for cause in stands)
-    if verdict == "adequate":
-        return ("explained" if sure else "ambiguous"), said
-    return (verdict if sure or verdict != "explained" else "ambiguous"), f"{said} {why}"
-
-
-def with_drift(verdict: str, why: str, drift: Drift) -> tuple[str, str]:
-    """Verdict and sentence, with what the base reflectors say of the tracker."""
-    turn = 1e6 * float(np.linalg.norm(drift.turn))
-    unit = "urad/h" if drift.effect.parameters[0].unit == "m/s" else "urad"
-    said = (
-        f"The base reflectors moved as one by {1e3 * drift.moved_m:.2g} mm in {drift.hours:.2g} h: "
-        f"{drift.effect.label}, turning by "
-        f"{turn * (HOUR_S if unit == 'urad/h' else 1.0):.2g} {unit}."
-    )
-    if drift.undecided:
-        said += " As they were read, a tracker that was knocked once would look the same."
-    told = "ambiguous" if drift.undecided else "explained"
-    if verdict == "adequate":
-        return told, said
-    return (told if verdict == "explained" else verdict), f"{said} {why}"
+def verdict(facts: Facts) -> Verdict:
+    """The most severe."""
+    return max((row.verdict for row in findings(facts)), key=lambda one: one.severity)

@@ -19,8 +19,22 @@ from pipeline.system.whiten import Whitener, whitener
 DARK = 1e-8
 """A mix of parameters that moves the data this much less than the strongest one is undetermined."""
 
+MISFIT_P = 0.01
+"""A misfit that chance produces less often than this is a misfit [1]."""
+
+_TRACKER_M = 1e-4
+"""A laser tracker measures displacements in a hall to this or better (MPE of the AT500 class)
+[m]."""
+
 _NO_NOISE_M = 1e-12
 """Residuals below this are rounding [m]."""
+
+
+def fits(estimate: Estimate) -> bool:
+    """Whether chance alone may have made the misfit; without stated noise, a tracker's noise."""
+    if estimate.p_value is None:
+        return estimate.residual_std_m < _TRACKER_M
+    return estimate.p_value >= MISFIT_P
 
 
 def solve(system: System, start: Array, white: Whitener | None = None) -> Estimate:

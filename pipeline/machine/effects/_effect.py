@@ -104,6 +104,16 @@ class Loaded(Locked):
     targets: Strings
 
 
+def in_place(where: int | str | None) -> str:
+    """` in joint 3`, ` in the forearm`, ` at P2`, or nothing."""
+    if where is None:
+        return ""
+    if isinstance(where, int):
+        return f" in joint {where}"
+    parts = {"upper_arm": " in the upper arm", "forearm": " in the forearm"}
+    return parts.get(where, f" at {where}")
+
+
 @dataclass(frozen=True, kw_only=True)
 class Effect:
     """What every effect says of itself.
@@ -150,6 +160,11 @@ class Effect:
     def label(self) -> str:
         """`rail_roll`, or `joint_tilt:2` where it has a place."""
         return self.name if self.where is None else f"{self.name}:{self.where}"
+
+    @property
+    def called(self) -> str:
+        """`tilt of the bearing in joint 2`: in words, as it stands in any sentence."""
+        return self.noun + in_place(self.where)
 
     @property
     def location(self) -> str:

@@ -1,0 +1,273 @@
+"""Sentences about a result: what each finding and each reason says, in the English of the field.
+
+Facts come as types (`Facts`, `Finding`, `Reason`); no sentence made here is ever read by the code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from pipeline.answer.recommended import Reason
+from pipeline.diagnosis.average import LIKELY
+from pipeline.diagnosis.drift import Drift
+from pipeline.diagnosis.facts import Cause, Facts
+from pipeline.diagnosis.identify import ROUGH
+from pipeline.diagnosis.verdict import Finding, certain, findings, outside_likelier, two_laws
+from pipeline.machine.effects.tracker_drift import HOUR_S
+
+_NOTICED = 1.15
+"""What is left over the scatter of the readings, from which it is more than chance, and stated [1]:
+a chi-squared a third above its expectation."""
+
+_RIVALS = 3
+"""So many rivals of one cause are listed in a sentence."""
+
+
+def why(facts: Facts) -> str:
+    """What the verdict rests on: every finding in a sentence, but for "nothing" beside others."""
+    found: list[Finding] = [row.finding for row in findings(facts)]
+    others: list[Finding] = [one for one in found if one not in (Finding.NOTHING, Finding.MISTAKE)]
+    told = " ".join(capital(_FINDINGS[one](facts)) for one in others or [Finding.NOTHING])
+    return f"{_mistake(facts)} With that corrected: {told}" if facts.mistakes else told
+
+
+def capital(text: str) -> str:
+    """The text with its first letter as a capital."""
+    return text[:1].upper() + text[1:]
+
+
+def because(reason: Reason) -> str:
+    """Why the answer stands for these values."""
+    return _REASONS[reason]
+
+
+def _mistake(facts: Facts) -> str:
+    first, *more = facts.mistakes
+    others = f", and {len(more)} more mistakes were found" if more else ""
+    return f"The data hold a mistake: {first.evidence}{others}. Your files are unchanged."
+
+
+def _identified(facts: Facts) -> str:
+    names, left = _names(facts.causes), facts.remainder
+    if left is None or left < _NOTICED:
+        return f"The model with {names} fits the readings to within their scatter."
+    return (
+        f"With {names} in the model {left:.1f} times the scatter of the readings is left: as much "
+        "as the laws of the causes may be others."
+    )
+
+
+def _scatter(facts: Facts) -> str:
+    more = ", ".join(cause.effect.noun for cause in facts.scatter)
+    return f"The readings scatter more than stated ({more}); else nothing."
+
+
+def _predicts_worse(facts: Facts) -> str:
+    assert facts.gain is not None
+    nearest = "which comes nearest" if len(facts.causes) == 1 else "which together come nearest"
+    return (
+        "Something is missing from the model, and no known cause explains it: adding "
+        f"{_names(facts.causes)}, {nearest}, makes predictions worse (cross-validation error "
+        f"{1e3 * facts.gain.rms_before_m:.3g} mm without, {1e3 * facts.gain.rms_after_m:.3g} mm "
+        "with)."
+    )
+
+
+def _remainder(facts: Facts) -> str:
+    """Causes that come nearest and do not explain the data."""
+    names, s = _names(facts.causes), _ending(facts)
+    left = facts.remainder or 1.0
+    much = f"what is left is {left:.1f} times the scatter of the readings"
+    rest = much if left > _NOTICED else "something remains"
+    if outside_likelier(facts):
+        return f"{names} come{s} nearest, but {rest}, and {_looks_like(facts)}"
+    if facts.gain is None or facts.gain.ci95[0] <= 0:
+        return f"{names} come{s} nearest, but {rest}: neither place nor law is certain."
+    if left > ROUGH:
+        return f"{names} explain{s} most, but {rest}: the place is likely, the law is another."
+    return f"Beside {names} something remains that no known cause explains."
+
+
+def _outside(facts: Facts) -> str:
+    return f"{_names(facts.causes)} come{_ending(facts)} nearest, but {_looks_like(facts)}"
+
+
+def _looks_like(facts: Facts) -> str:
+    assert facts.outside is not None
+    return (
+        "something that the catalogue has no name for explains more: it looks like "
+        f"{facts.outside.effect.signature}."
+    )
+
+
+def _outside_possible(facts: Facts) -> str:
+    assert facts.outside is not None
+    return (
+        f"The data cannot tell {_names(facts.causes)} from something that the catalogue has no "
+        f"name for, which looks like {facts.outside.effect.signature}."
+    )
+
+
+def _gain_uncertain(facts: Facts) -> str:
+    s = _ending(facts)
+    return (
+        f"{_names(facts.causes)} fit{s}, but {'does' if s else 'do'} not predict left-out poses "
+        "better for certain."
+    )
+
+
+def _two_laws(facts: Facts) -> str:
+    return (
+        f"Joint {two_laws(facts)} turns by a law of its own: {_names(facts.causes)} describe it "
+        "only together."
+    )
+
+
+def _rivals(facts: Facts) -> str:
+    sure = [cause for cause in facts.causes if certain(cause)]
+    first = f"{_names(sure)} {'is' if len(sure) == 1 else 'are'} certain. " if sure else ""
+    open_ = "; ".join(_or(cause) for cause in facts.causes if not certain(cause))
+    return f"{first}The data do not decide between {open_}."
+
+
+def _or(cause: Cause) -> str:
+    """A cause and what it could be instead, with their probabilities."""
+    mine = f"{cause.effect.called} ({100 * cause.probability:.0f} %)"
+    others = [f"{r.effect.called} ({100 * r.probability:.0f} %)" for r in cause.rivals[:_RIVALS]]
+    return " and ".join([mine, *(others or ["what no pull tells from it"])])
+
+
+def _scale_scatters(facts: Facts) -> str:
+    return (
+        "What the causes leave is scatter only if the scale scatters "
+        f"{facts.scale_ratio * facts.tracker_ratio:.0f} times as much as stated."
+    )
+
+
+def _off_the_table(facts: Facts) -> str:
+    names = " and ".join(effect.called for effect in facts.unloaded.effects)
+    return (
+        f"The unloaded reflectors stand {1e3 * facts.unloaded.miss_m:.2g} mm off where the robot's "
+        f"table puts them, and {names}, nearest to it, would make the prediction of other poses "
+        "worse."
+    )
+
+
+def _stands_elsewhere(facts: Facts) -> str:
+    return (
+        f"The unloaded reflectors stand {1e3 * facts.unloaded.miss_m:.2g} mm off where the robot's "
+        f"table puts them (base and tool fitted), and {1e3 * facts.unloaded.left_m:.2g} mm with "
+        f"{_names(facts.moved)}."
+    )
+
+
+def _tracker_moved(facts: Facts) -> str:
+    assert facts.drift is not None
+    return (
+        f"The base reflectors moved together by {1e3 * facts.drift.moved_m:.2g} mm in "
+        f"{facts.drift.hours:.2g} h: {facts.drift.effect.called}, turning by {_turn(facts.drift)}."
+    )
+
+
+def _turn(drift: Drift) -> str:
+    turn = 1e6 * float(np.linalg.norm(drift.turn))
+    steady = drift.effect.parameters[0].unit == "m/s"
+    return f"{turn * HOUR_S:.2g} urad/h" if steady else f"{turn:.2g} urad"
+
+
+def _tracker_knocked(facts: Facts) -> str:
+    return (
+        f"{_tracker_moved(facts)} As they were read, a tracker that was knocked once would look "
+        "the same."
+    )
+
+
+def _names(causes: Sequence[Cause]) -> str:
+    *first, last = [cause.effect.called for cause in causes]
+    return f"{', '.join(first)} and {last}" if first else last
+
+
+def _ending(facts: Facts) -> str:
+    """Of the verb whose subject the causes are."""
+    return "s" if len(facts.causes) == 1 else ""
+
+
+_FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
+    Finding.MISTAKE: _mistake,
+    Finding.TRACKER_MOVED: _tracker_moved,
+    Finding.TRACKER_MOVED_OR_KNOCKED: _tracker_knocked,
+    Finding.STANDS_ELSEWHERE: _stands_elsewhere,
+    Finding.STANDS_ELSEWHERE_OR_RIVAL: _stands_elsewhere,
+    Finding.REFLECTORS_LOOSE: lambda _: (
+        "The reflectors move against each other under load: a loose nest or a soft effector."
+    ),
+    Finding.NO_CAUSE_FITS: lambda _: (
+        "Something is missing from the model, and no known cause explains it."
+    ),
+    Finding.PREDICTS_WORSE: _predicts_worse,
+    Finding.REMAINDER: _remainder,
+    Finding.OUTSIDE_CATALOGUE: _outside,
+    Finding.GAIN_UNCERTAIN: _gain_uncertain,
+    Finding.TWO_LAWS: _two_laws,
+    Finding.RIVALS: _rivals,
+    Finding.OUTSIDE_CATALOGUE_POSSIBLE: _outside_possible,
+    Finding.SCALE_SCATTERS: _scale_scatters,
+    Finding.BEYOND_CERTIFICATE: lambda _: (
+        "The residuals are larger than any certificate may be wrong."
+    ),
+    Finding.OFF_THE_TABLE: _off_the_table,
+    Finding.BEYOND_A_TRACKER: lambda _: "No known cause explains the misfit.",
+    Finding.CAUSE_IDENTIFIED: _identified,
+    Finding.SCATTER: _scatter,
+    Finding.NOTHING: lambda _: "The joint springs explain what was measured.",
+}
+
+_REASONS: Mapping[Reason, str] = {
+    Reason.MISTAKE_AND_RIVALS: (
+        "All values are from the corrected data, averaged by probability over the models that "
+        "may hold."
+    ),
+    Reason.MISTAKE_AND_CAUSE: (
+        "All values are from the corrected data and include what was identified beside the "
+        "joint springs."
+    ),
+    Reason.MISTAKE_AND_UNEXPLAINED: (
+        "All values are from the corrected data, which the joint springs do not explain, and "
+        "nothing known does: do not rely on the stated uncertainties."
+    ),
+    Reason.MISTAKE_SPRINGS_UNTOUCHED: (
+        "All values are from the corrected data; what else was identified does not change the "
+        "joint springs."
+    ),
+    Reason.MISTAKE: "All values are from the corrected data.",
+    Reason.WEIGHED_ANEW: (
+        "The model is that of the joint springs; the values include what was identified of where "
+        "the robot stands or how much the scale scatters."
+    ),
+    Reason.CAUSE_AND_RIVALS: (
+        "Joint springs alone do not explain the readings; the values below include the "
+        "identified cause, averaged by probability over the laws it may have and over what else "
+        "may be true."
+    ),
+    Reason.CAUSE_IDENTIFIED: (
+        "Joint springs alone do not explain the readings; the values below include the "
+        "identified cause."
+    ),
+    Reason.RIVALS: (
+        "Joint springs alone do not explain the readings, and more than one cause may be true: "
+        "the values are averaged over them by probability, and each interval covers every cause "
+        f"with a probability above {100 * LIKELY:.0f} %."
+    ),
+    Reason.CAUSE_DOUBTFUL: (
+        "Joint springs alone do not explain the readings; the values below include the "
+        "likeliest cause."
+    ),
+    Reason.SPRINGS_UNTOUCHED: "What was identified does not change the joint springs.",
+    Reason.UNEXPLAINED: (
+        "Joint springs do not explain the readings, and nothing known does: do not rely on the "
+        "stated uncertainties."
+    ),
+    Reason.ADEQUATE: "Joint springs explain the readings.",
+}

@@ -1,0 +1,138 @@
+"""The verdict: a test for every row of its table, and what stands between subjects."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from pipeline.answer.words import why
+from pipeline.diagnosis.facts import Amplitude, Cause, Facts, Named
+from pipeline.diagnosis.improvement import Gain
+from pipeline.diagnosis.unloaded_geometry import NOTHING
+from pipeline.diagnosis.verdict import TABLE, Finding, Verdict, findings, verdict
+from pipeline.machine.effects import catalogue
+from pipeline.machine.robot import load
+
+EFFECTS = {(effect.label, effect.form): effect for effect in catalogue(load("kr500_rail"))}
+
+
+def effect(label):
+    """The first form of an effect."""
+    return next(one for (name, _), one in EFFECTS.items() if name == label)
+
+
+def cause(label, probability=0.99, **more):
+    """A cause as the diagnosis leaves it."""
+    one = effect(label)
+    size = tuple(Amplitude.symmetric(p, p.typical, p.typical / 9) for p in one.parameters)
+    return Cause(one, probability, size, 1e-9, **more)
+
+
+def gain(reduction, low):
+    """What causes are worth at left-out poses: errors of 1 mm before."""
+    before = np.full(6, 1e-3)
+    return Gain(before, before * (1 - reduction), reduction, (low, 0.9), ())
+
+
+def drift(undecided):
+    """What the base reflectors say of a tracker that turned."""
+    return SimpleNamespace(
+        effect=effect("tracker_drift"), undecided=undecided, turn=np.array([0, 0, 1e-8]),
+        moved_m=4e-4, hours=2.0,
+    )  # fmt: skip
+
+
+ROLL = (cause("rail_roll"),)
+FOUND = Facts(detected=True, explains=True, causes=ROLL, gain=gain(0.5, 0.3), remainder=1.0)
+STRANGE = Named(effect("rail_pitch"), 0.6)
+MISTAKE = SimpleNamespace(evidence="the reading a/P1 is 9 mm off")
+MISPLACED = replace(NOTHING, miss_m=2e-3, left_m=1e-4)
+USELESS = replace(MISPLACED, gain=gain(-0.1, -0.3))
+TILTS = (cause("joint_tilt:5", 0.6, rivals=(Named(effect("joint_tilt:6"), 0.4),)),)
+GEAR = (cause("joint_hardening:3"), cause("joint_lost_motion:3"))
+
+ROWS = {
+    Finding.MISTAKE: (Facts(mistakes=(MISTAKE,)), Verdict.BAD_DATA),
+    Finding.TRACKER_MOVED: (Facts(drift=drift(undecided=False)), Verdict.EXPLAINED),
+    Finding.TRACKER_MOVED_OR_KNOCKED: (Facts(drift=drift(undecided=True)), Verdict.AMBIGUOUS),
+    Finding.STANDS_ELSEWHERE: (
+        Facts(unloaded=MISPLACED, moved=(cause("joint_offset:3"),)),
+        Verdict.EXPLAINED,
+    ),
+    Finding.STANDS_ELSEWHERE_OR_RIVAL: (
+        Facts(unloaded=MISPLACED, moved=(cause("joint_offset:3", 0.9),)),
+        Verdict.AMBIGUOUS,
+    ),
+    Finding.REFLECTORS_LOOSE: (replace(FOUND, loose_p=1e-6), Verdict.UNEXPLAINED),
+    Finding.NO_CAUSE_FITS: (Facts(detected=True), Verdict.UNEXPLAINED),
+    Finding.PREDICTS_WORSE: (replace(FOUND, gain=gain(-0.1, -0.5)), Verdict.UNEXPLAINED),
+    Finding.REMAINDER: (replace(FOUND, explains=False, remainder=2.0), Verdict.UNEXPLAINED),
+    Finding.OUTSIDE_CATALOGUE: (replace(FOUND, outside=STRANGE), Verdict.UNEXPLAINED),
+    Finding.GAIN_UNCERTAIN: (replace(FOUND, gain=gain(0.1, -0.1)), Verdict.AMBIGUOUS),
+    Finding.TWO_LAWS: (replace(FOUND, causes=GEAR), Verdict.AMBIGUOUS),
+    Finding.RIVALS: (replace(FOUND, causes=TILTS), Verdict.AMBIGUOUS),
+    Finding.OUTSIDE_CATALOGUE_POSSIBLE: (
+        replace(FOUND, outside=replace(STRANGE, probability=0.1)),
+        Verdict.AMBIGUOUS,
+    ),
+    Finding.SCALE_SCATTERS: (replace(FOUND, scale_ratio=4.0), Verdict.AMBIGUOUS),
+    Finding.BEYOND_CERTIFICATE: (Facts(beyond_certificate=True), Verdict.UNEXPLAINED),
+    Finding.OFF_THE_TABLE: (replace(FOUND, unloaded=USELESS), Verdict.UNEXPLAINED),
+    Finding.CAUSE_IDENTIFIED: (FOUND, Verdict.EXPLAINED),
+    Finding.SCATTER: (Facts(scatter=(cause("tracker_noise"),)), Verdict.EXPLAINED),
+    Finding.BEYOND_A_TRACKER: (Facts(beyond_a_tracker=True), Verdict.UNEXPLAINED),
+    Finding.NOTHING: (Facts(), Verdict.ADEQUATE),
+}
+
+
+@pytest.mark.parametrize("finding", ROWS)
+def test_each_row_gives_its_verdict_and_a_sentence(finding):
+    """What is found decides, alone; it is said in a sentence that begins and ends as one does."""
+    facts, expected = ROWS[finding]
+
+    assert finding in [row.finding for row in findings(facts)]
+    assert verdict(facts) is expected
+    said = why(facts)
+    assert said[0].isupper()
+    assert said.endswith(".")
+    assert "_" not in said, "a machine's name in a sentence"
+
+
+def test_every_finding_stands_in_one_row():
+    """No finding without a row, none with two, none without a test."""
+    names = [row.finding for rows in TABLE for row in rows]
+
+    assert sorted(names) == sorted(Finding)
+    assert set(ROWS) == set(Finding)
+
+
+def test_the_most_severe_finding_decides_and_all_are_told():
+    """A tracker that moved is told beside a cause with rivals, which keeps the campaign open."""
+    both = replace(ROWS[Finding.RIVALS][0], drift=drift(undecided=False))
+
+    assert verdict(both) is Verdict.AMBIGUOUS
+    assert why(both).index("base reflectors moved") < why(both).index("do not decide between")
+    assert verdict(replace(both, mistakes=(MISTAKE,))) is Verdict.BAD_DATA
+    assert why(replace(both, mistakes=(MISTAKE,))).startswith("The data hold a mistake")
+
+
+def test_nothing_is_told_of_displacements_that_hold_nothing():
+    """Beside a drift, displacements that springs explain are no news."""
+    assert "joint springs explain" not in why(Facts(drift=drift(undecided=False)))
+    assert "joint springs explain" in why(Facts())
+
+
+@pytest.mark.parametrize(
+    ("facts", "finding"),
+    [
+        (replace(FOUND, outside=STRANGE, gain=gain(-0.1, -0.5)), Finding.PREDICTS_WORSE),
+        (replace(FOUND, causes=TILTS, scale_ratio=4.0), Finding.RIVALS),
+        (replace(FOUND, causes=TILTS, unloaded=USELESS), Finding.RIVALS),
+        (Facts(beyond_certificate=True, unloaded=USELESS), Finding.BEYOND_CERTIFICATE),
+        (Facts(scatter=(cause("tracker_noise"),), beyond_certificate=True), Finding.SCATTER),
+    ],
+)
+def test_of_two_findings_on_the_displacements_the_first_is_told(facts, finding):
+    """The order of the rows is the order of what matters."""
+    assert findings(facts)[-1].finding is finding
