@@ -9,7 +9,7 @@ import scipy.sparse
 
 from pipeline.answer.stiffness import stiffness_entries
 from pipeline.diagnosis.average import LEAST, LIKELY, Hypothesis, dependences, springs, weighed
-from pipeline.diagnosis.diagnose import _likely
+from pipeline.diagnosis.hypotheses import _likely
 from pipeline.diagnosis.identify import Rival, Stranger
 from pipeline.machine.effects import baseline, catalogue
 from pipeline.machine.robot import load

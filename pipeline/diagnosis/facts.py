@@ -131,7 +131,8 @@ class Facts:
         beyond_a_tracker: No noise is stated, and the residuals are larger than a tracker's.
         unloaded: What the unloaded reflectors say.
         moved: Causes that these call for.
-        drift: What the base reflectors say, where they call for a drift.
+        base: What the base reflectors say of the tracker, where they say anything.
+        drift: The same where they call for a drift.
         mistakes: Mistakes in the data, corrected for all the rest.
     """
 
@@ -149,8 +150,14 @@ class Facts:
     beyond_a_tracker: bool = False
     unloaded: Standing = NOTHING
     moved: tuple[Cause, ...] = ()
+    base: Drift | None = None
     drift: Drift | None = None
     mistakes: tuple[Mistake, ...] = ()
+
+    @property
+    def helps(self) -> bool:
+        """The causes predict left-out poses better than the joint springs alone do."""
+        return self.gain is None or self.gain.reduction > 0
 
 
 @dataclass(frozen=True, eq=False)

@@ -67,6 +67,11 @@ class Standing(Locked):
         return self.gain is not None and self.gain.reduction <= 0
 
     @property
+    def believed(self) -> bool:
+        """Causes were found, and the robot stands where they put it."""
+        return bool(self.effects) and not self.useless
+
+    @property
     def effects(self) -> tuple[Effect, ...]:
         """The causes."""
         return self.fit.effects if self.fit else ()

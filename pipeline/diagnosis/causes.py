@@ -1,0 +1,115 @@
+"""Causes with sizes and probabilities: from displacements, reflectors, and scatter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pipeline.base.arrays import Array
+from pipeline.diagnosis.amplitude import amplitudes
+from pipeline.diagnosis.drift import Drift
+from pipeline.diagnosis.facts import Amplitude, Cause, Named
+from pipeline.diagnosis.identify import NAMELESS, Case, Found
+from pipeline.diagnosis.improvement import Gain
+from pipeline.diagnosis.isolability import Twins
+from pipeline.diagnosis.unloaded_fit import student
+from pipeline.diagnosis.unloaded_geometry import Standing
+from pipeline.machine.cell import predict
+from pipeline.machine.effects import Effect, Noise, Pulls
+from pipeline.reduction.pose_of_interest import Where
+from pipeline.system.noise import SURE, Scatter
+from pipeline.system.variance import at_most
+
+
+def of_displacements(
+    case: Case, found: Found, worth: Gain | None, where: Where, known: Twins
+) -> tuple[Cause, ...]:
+    """Those that the search accepted, with what they are worth at left-out poses."""
+    if not found.accepted:
+        return ()
+    change, sizes, out = _change(found, where), amplitudes(case, found.plain), []
+    for place, suspect in enumerate(found.accepted):
+        effect = case.suspects[suspect]
+        standing = [Named(case.suspects[r.suspect], r.probability) for r in found.rivals[place]]
+        odds = {one.effect.label: one for one in standing}
+        mine = odds.pop(effect.label, None)
+        out.append(
+            Cause(
+                effect=effect,
+                probability=mine.probability if mine else 0.0,
+                amplitudes=sizes[place],
+                p_value=found.p_values[place],
+                rivals=tuple(odds.values()),
+                unnamed=_unnamed(found, place),
+                twins=known.of(effect.label),
+                gain=worth,
+                test_pose_change_m=change,
+            )
+        )
+    return tuple(out)
+
+
+def _change(found: Found, where: Where) -> float:
+    """How much the deflection predicted at the test pose moves, mean over targets [m]."""
+    pulls = Pulls.at(where.q, where.force, branch=1.0)
+    first, last = found.first.model, found.view.model
+    old = predict(first.cell, pulls, first.values).displacement
+    new = predict(last.cell, pulls, last.values).displacement
+    return float(np.mean(np.linalg.norm(new - old, axis=-1)))
+
+
+def _unnamed(found: Found, place: int) -> Named | None:
+    if not found.strange:
+        return None
+    one = found.strange[place]
+    return Named(found.wide.suspects[one.suspect], one.probability)
+
+
+def of_unloaded(stood: Standing) -> tuple[Cause, ...]:
+    """Causes that the unloaded reflectors call for."""
+    if stood.fit is None or stood.useless:
+        return ()
+    quantile, out = student(stood.fit), []
+    for k, effect in enumerate(stood.effects):
+        sizes = _sizes(effect, *stood.fit.size(k), quantile)
+        odds = {one.label: probability for one, probability in stood.rivals[k]}
+        rivals = tuple(Named(one, odds[one.label]) for one, _ in stood.rivals[k] if one != effect)
+        p_value = stood.p_values[k]
+        out.append(Cause(effect, odds[effect.label], sizes, p_value, rivals, gain=stood.gain))
+    return tuple(out)
+
+
+def _sizes(
+    effect: Effect, value: Array, std: Array, quantile: float = 1.96
+) -> tuple[Amplitude, ...]:
+    parts = zip(effect.parameters, value, std, strict=True)
+    return tuple(Amplitude.symmetric(p, float(v), float(s), quantile) for p, v, s in parts)
+
+
+def of_base(drift: Drift | None, causes: Sequence[Cause]) -> tuple[Cause, ...]:
+    """The drift that the base reflectors show, unless the displacements have told it already."""
+    if drift is None or not drift.named or drift.effect.name in {c.effect.name for c in causes}:
+        return ()
+    sizes = _sizes(drift.effect, drift.velocity, drift.std)
+    odds = at_most(drift.p_value) / (1 + NAMELESS * drift.undecided)
+    return (Cause(drift.effect, odds, sizes, drift.p_value),)
+
+
+def of_scatter(whole: tuple[Effect, ...], spread: Scatter) -> tuple[Cause, ...]:
+    """Causes of scatter: the readings scatter more than a certificate may be wrong."""
+    sizes = {
+        "tracker_noise": (spread.tracker - 1, spread.tracker_std, spread.tracker_p),
+        "force_noise": (
+            spread.force * spread.tracker - 1,
+            spread.force_std * spread.tracker,
+            spread.force_p,
+        ),
+    }
+    out = []
+    for effect in whole:
+        value, std, p = sizes.get(effect.name, (0.0, 0.0, 1.0))
+        if isinstance(effect, Noise) and p < SURE and spread.known_from == "rigidity":
+            size = Amplitude.symmetric(effect.parameters[0], value, std)
+            out.append(Cause(effect, at_most(p), (size,), p))
+    return tuple(out)

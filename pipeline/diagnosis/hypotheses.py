@@ -1,0 +1,169 @@
+"""What may be true: the accepted causes, and others in their places, each with its own springs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+import scipy.sparse
+
+from pipeline.base.arrays import Array
+from pipeline.diagnosis.average import LEAST, Hypothesis, weighed
+from pipeline.diagnosis.identify import Case, Found, remainder
+from pipeline.machine.cell import predict
+from pipeline.machine.effects import Effect
+from pipeline.system.assemble import TRACKED, assemble
+from pipeline.system.estimate import identifiable, solve
+from pipeline.system.linearised import Model, Sight
+from pipeline.system.system import Estimate, System
+from pipeline.system.whitened import with_laws
+
+
+def hypotheses(case: Case, found: Found, moved: bool, helps: bool) -> tuple[Hypothesis, ...]:
+    """The accepted causes, and every set with likely rivals in their places; none without causes.
+
+    Args:
+        case: The case.
+        found: The causes that the displacements called for.
+        moved: The robot stands elsewhere than its log says, which the case already knows.
+        helps: The causes predict left-out poses better than the joint springs alone do.
+
+    A scale that scatters more than stated calls for the same springs weighed anew.
+    """
+    if not (found.accepted and helps):
+        if not moved and case.force_noise == 1:
+            return ()
+        return (_hypothesis(case, found.first.model, found.first.seen, 1.0),)
+    first, *others = _likely(case, found)
+    own = _hypothesis(case, found.view.model, found.seen, first.weight)
+    return weighed([own, *(_other(case, found, one) for one in others)])
+
+
+@dataclass(frozen=True)
+class _Set:
+    """Causes that may be at work together.
+
+    Attributes:
+        suspects: Their indices; those behind the case's own have no name.
+        weight: Their probability.
+        instead: Which accepted causes are not among them, and what stands for each.
+    """
+
+    suspects: tuple[int, ...]
+    weight: float
+    instead: tuple[tuple[int, int], ...] = ()
+
+
+def _likely(case: Case, found: Found) -> list[_Set]:
+    """Sets of causes with their probability: the accepted ones, then others, likeliest first.
+
+    What stands in one place is independent of what stands in another; something outside the
+    catalogue stands for one or several of the accepted causes at once.
+    """
+    strangers = {one.places: one for one in found.strange if one.probability > 0}
+    known = math.prod(1.0 - one.probability for one in strangers.values())
+    every = sum(one.probability for one in strangers.values())
+    sets = list(_of_catalogue(case, found, known))
+    for places, one in strangers.items():
+        kept = tuple(a for place, a in enumerate(found.accepted) if place not in places)
+        instead = tuple((found.accepted[place], one.suspect) for place in places)
+        weight = (1.0 - known) * one.probability / every
+        sets.append(_Set((*kept, one.suspect), weight, instead))
+    own = next((one for one in sets if one.suspects == found.accepted), _Set(found.accepted, 0.0))
+    others = [one for one in sets if one.suspects != found.accepted and one.weight > LEAST]
+    return [own, *sorted(others, key=lambda one: -one.weight)]
+
+
+def _of_catalogue(case: Case, found: Found, known: float) -> Iterator[_Set]:
+    """Sets of the catalogue's causes in all their forms, `known` the probability of any of them."""
+    label = [suspect.label for suspect in case.suspects]
+    for rivals in product(*found.rivals):
+        odds = known * math.prod(rival.probability for rival in rivals)
+        twice = len({rival.label for rival in rivals}) < len(rivals)  # one cause, two places
+        for forms in () if twice or odds <= LEAST else product(*(r.forms for r in rivals)):
+            chosen = tuple(suspect for suspect, _ in forms)
+            pairs = zip(found.accepted, chosen, strict=True)
+            instead = tuple((a, b) for a, b in pairs if label[a] != label[b])
+            yield _Set(chosen, odds * math.prod(share for _, share in forms), instead)
+
+
+def _other(case: Case, found: Found, one: _Set) -> Hypothesis:
+    """Other causes in the places of the accepted ones, estimated together with the springs."""
+    known = len(case.suspects)
+    if max(one.suspects) >= known:
+        case = replace(case, suspects=case.suspects + case.nameless)
+    start = found.view.model.values[: case.cell.robot.n]
+    seen = case.fitted(one.suspects, start, found.seen)
+    instead = tuple(
+        (case.suspects[mine].called, _called(case.suspects[other], other < known))
+        for mine, other in one.instead
+    )
+    return _hypothesis(case, seen.model, seen, one.weight, instead)
+
+
+def _called(effect: Effect, has_a_name: bool) -> str:
+    return effect.called if has_a_name else f"something outside the catalogue like {effect.called}"
+
+
+def _hypothesis(
+    case: Case,
+    model: Model,
+    seen: Sight,
+    weight: float,
+    instead: tuple[tuple[str, str], ...] = (),
+) -> Hypothesis:
+    """Springs and causes estimated, with uncertainties times what is left over the scatter.
+
+    A model that leaves more than the readings scatter is wrong somewhere: its uncertainties are
+    multiplied by that ratio, as Birge does (Physical Review 40 (1932) 207).
+    """
+    effects = tuple(case.suspects[i] for i in model.accepted)
+    system, estimate = _solved(case, model, seen)
+    ratio = max(remainder(case.look(seen)) or 1.0, 1.0) if effects else 1.0
+    cov = estimate.cov * ratio**2
+    known = identifiable(
+        np.array([p.typical for p in estimate.parameters]), estimate.value, np.sqrt(np.diag(cov))
+    )
+    estimate = replace(estimate, cov=cov, identifiable=estimate.identifiable & known)
+    return Hypothesis(weight, effects, model.cell, system, estimate, instead, ratio)
+
+
+def _solved(case: Case, model: Model, seen: Sight) -> tuple[System, Estimate]:
+    """Springs and causes as one linear system about the model's values, and its solution.
+
+    Args:
+        case: The case.
+        model: Where it is linearised.
+        seen: The campaign seen from there, for how far the laws of the causes may be others.
+    """
+    flat = replace(model.cell, equilibrium="undeformed")
+    system = assemble(flat, case.data, model.values)
+    bent = predict(model.cell, case.data.pulls, model.values).displacement
+    bent = bent - predict(flat, case.data.pulls, model.values).displacement
+    c = system.c - bent[case.data.pull, case.data.target].ravel()
+    G = scipy.sparse.csr_array(system.errors.G @ scipy.sparse.diags_array(_scales(case, system)))
+    errors = replace(system.errors, G=G)
+    if model.accepted:
+        errors = with_laws(seen, errors, case.laws(model.accepted))
+    system = replace(system, c=c, errors=errors)
+    estimate = solve(system, model.values)
+    if not case.data.noise_stated and not case.look(seen).tells_scatter and estimate.dof:
+        # the noise was that of the residuals without the causes
+        G = scipy.sparse.csr_array(errors.G * np.sqrt(estimate.chi2 / estimate.dof))
+        system = replace(system, errors=replace(errors, G=G))
+        estimate = solve(system, model.values)
+    return system, estimate
+
+
+def _scales(case: Case, system: System) -> Array:
+    """Scatter found over stated, for each column of G: that of the tracker and of the scale.
+
+    What is stated holds unless it is certainly larger.
+    """
+    source = system.errors.source
+    scale = case.force_noise * case.noise if case.force_noise != 1 else 1.0
+    tracked = np.isin(source.astype(str), TRACKED)
+    return np.where(tracked, case.certain_noise, np.where(source == "force_reading", scale, 1.0))
