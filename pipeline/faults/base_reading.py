@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import stats
 
-from pipeline.base import covariance
+from pipeline.base import covariance, linear
 from pipeline.faults.finding import Finding
 from pipeline.faults.reading import FAMILY, bad_reading, smallest
 from pipeline.reduction.register import XYZ, Registration
@@ -22,17 +22,16 @@ def base_outlier(registration: Registration, scale: float) -> list[Finding]:
     if chi2 is None or registration.dof < 6:
         return []
     C = registration.R @ covariance.matrices(table) @ registration.R.T
-    V = np.linalg.inv(C * scale**2)
+    V = linear.inverse(C * scale**2)
     lever = table[XYZ].to_numpy() - registration.centre
     X = np.zeros((len(table), 3, 6))
     X[:, :, :3] = np.swapaxes(np.cross(np.eye(3)[None], lever[:, None, :]), 1, 2)
     X[:, :, 3:] = np.eye(3)
-    cov = np.linalg.inv(np.einsum("mia,mij,mjb->ab", X, V, X))
+    cov = linear.inverse(np.einsum("mia,mij,mjb->ab", X, V, X))
     r = table[["dx_m", "dy_m", "dz_m"]].to_numpy()
     N = V - V @ X @ cov @ np.swapaxes(X, 1, 2) @ V
     g = np.einsum("mij,mj->mi", V, r)
-    shift = np.einsum("mij,mj->mi", np.linalg.pinv(N, rcond=1e-9, hermitian=True), g)
-    drop = np.sum(shift * g, axis=1)
+    drop, shift = linear.drop(N, g)
     best = int(np.argmax(drop))
     rest, dof = chi2 / scale**2 - drop[best], registration.dof - 3
     p = len(drop) * float(stats.chi2.sf(drop[best], 3))

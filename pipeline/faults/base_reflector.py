@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from scipy import stats
 
-from pipeline.base import covariance
+from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError
 from pipeline.faults.finding import Finding
@@ -65,8 +65,8 @@ def _freed(case: Case, registration: Registration, name: str) -> tuple[float, Ar
         return None
     rows = case.readings.loc[registration.table.index[registration.table["target"] == name]]
     at = rows[XYZ].to_numpy(float) @ lost.R.T + lost.t
-    V = np.linalg.inv(lost.R @ covariance.matrices(rows) @ lost.R.T)
-    mean = np.linalg.solve(V.sum(axis=0), np.einsum("mij,mj->i", V, at))
+    V = linear.inverse(lost.R @ covariance.matrices(rows) @ lost.R.T)
+    mean = linear.solve(V.sum(axis=0), np.einsum("mij,mj->i", V, at))
     own = float(np.einsum("mi,mij,mj->", at - mean, V, at - mean))
     return float(lost.chi2 or 0.0) + own, mean - np.array(case.settings.base_frame[name])
 

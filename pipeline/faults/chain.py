@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from pipeline.base import covariance
+from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
 from pipeline.faults.finding import Finding
 from pipeline.faults.reading import FAMILY
@@ -167,14 +167,9 @@ def _differs(plain: Array, richer: Array, y: Array) -> bool:
 
 
 def _rest(X: Array, y: Array) -> tuple[float, int]:
-    Q = _basis(X)
+    Q = linear.orthonormal(X)
     left = y - Q @ (Q.T @ y)
     return float(left @ left), Q.shape[1]
-
-
-def _basis(X: Array) -> Array:
-    U, s, _ = np.linalg.svd(X, full_matrices=False)
-    return U[:, s > 1e-9 * s.max(initial=1e-300)]
 
 
 def _deleted(X: Array, y: Array, least: float) -> tuple[Array, Array, int]:
@@ -182,7 +177,7 @@ def _deleted(X: Array, y: Array, least: float) -> tuple[Array, Array, int]:
 
     A certificate may be modest, chance no outlier: the variance is `least` at least.
     """
-    Q = _basis(X)
+    Q = linear.orthonormal(X)
     free = 1 - np.sum(Q**2, axis=1)
     left = y - Q @ (Q.T @ y)
     dof = len(y) - Q.shape[1] - 1
@@ -230,7 +225,7 @@ def _turns(chain: _Chain, course: Array) -> tuple[Ints, Array, Array, Array, Arr
         if len(rows) < 4:
             continue
         x = course[rows] / np.abs(course[rows]).max()
-        Q = _basis(np.column_stack([np.ones(len(rows)), x]))
+        Q = linear.orthonormal(np.column_stack([np.ones(len(rows)), x]))
         free = np.maximum(1 - np.sum(Q**2, axis=1), 1e-6)
         left = u[rows] - Q @ (Q.T @ u[rows])
         drop = np.sum(left**2, axis=1) / free
@@ -270,7 +265,7 @@ def _end(chain: _Chain, pull: int) -> tuple[int, float] | None:
 
 def _unlike(X: Array, at: Array, others: Bools, pull: int) -> float:
     """How far a reading is from the straight course of the others [m]."""
-    course = np.linalg.lstsq(X[others], at[others], rcond=None)[0]
+    course = linear.least_squares(X[others], at[others])
     return float(np.linalg.norm(at[pull] - X[pull] @ course))
 
 

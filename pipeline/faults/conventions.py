@@ -17,6 +17,7 @@ import pandas as pd
 
 from pipeline.base import covariance
 from pipeline.base.arrays import Array, Ints, Strings
+from pipeline.base.linear import rigid
 from pipeline.faults.finding import Finding
 from pipeline.machine import instrument
 from pipeline.machine.instrument import InstrumentNoise
@@ -173,14 +174,6 @@ def _moved_onto(seen: Array, expected: Array) -> Array:
     """The expected points after the rigid motion that brings them nearest to those seen."""
     R, t = rigid(expected, seen)
     return expected @ R.T + t
-
-
-def rigid(a: Array, b: Array) -> tuple[Array, Array]:
-    """Rotation and shift that bring points a onto points b with the least squares, (n, 3) each."""
-    U, _, Vt = np.linalg.svd((a - a.mean(axis=0)).T @ (b - b.mean(axis=0)))
-    flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))])
-    R = (U @ flip @ Vt).T
-    return R, b.mean(axis=0) - R @ a.mean(axis=0)
 
 
 # --- what may have gone wrong ---------------------------------------------------------------------

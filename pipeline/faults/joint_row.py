@@ -17,8 +17,10 @@ import pandas as pd
 from scipy import optimize, stats
 from scipy.spatial.transform import Rotation
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.faults.conventions import rigid, unloaded
+from pipeline.base.linear import rigid
+from pipeline.faults.conventions import unloaded
 from pipeline.faults.finding import Finding
 from pipeline.faults.reading import FAMILY
 from pipeline.machine.robot import configure
@@ -141,18 +143,16 @@ def _laid(read: _Stand, out: Sequence[int]) -> _Laid:
     off = np.zeros((targets, 3))
     for _ in range(6):
         at, X, away = _linear(read, R, t, off)
-        step = np.linalg.lstsq(X[used].reshape(-1, X.shape[2]), away[used].ravel(), rcond=1e-9)[0]
+        step = linear.least_squares(X[used].reshape(-1, X.shape[2]), away[used].ravel())
         turn, centre = Rotation.from_rotvec(step[:3]).as_matrix(), at[read.zero].mean(axis=0)
         R, t = turn @ R, turn @ (t - centre) + centre + step[3:6]
         off = off + step[6:].reshape(-1, 3)
         if np.abs(step).max() < 1e-9:
             break
     _, X, away = _linear(read, R, t, off)
-    U, s, Vt = np.linalg.svd(X[used].reshape(-1, X.shape[2]), full_matrices=False)
-    rank = int(np.sum(s > 1e-9 * s[0]))
-    W = Vt[:rank].T / s[:rank]
+    W, rank = linear.pseudoinverse(X[used].reshape(-1, X.shape[2]))
     left = away[used].ravel()
-    left = left - U[:, :rank] @ (U[:, :rank].T @ left)
+    left = left - X[used].reshape(-1, X.shape[2]) @ (W @ left)
     rest, dof = float(left @ left), len(left) - rank
     stands, usual = np.zeros(len(read.poses)), np.zeros(len(read.poses))
     for k in range(len(read.poses)):
@@ -161,7 +161,7 @@ def _laid(read: _Stand, out: Sequence[int]) -> _Laid:
         on = k not in out
         e = away[here].ravel()
         S = np.eye(len(e)) + (-1.0 if on else 1.0) * H @ H.T
-        drop = max(float(e @ np.linalg.pinv(S, rcond=1e-6, hermitian=True) @ e), 0.0)
+        drop = max(float(linear.drop(S, e)[0]), 0.0)
         stands[k] = np.sqrt(drop / len(e))
         less, more = (drop, len(e)) if on else (0.0, 0)
         usual[k] = np.sqrt(max(rest - less, 0.0) / max(dof - more, 1))

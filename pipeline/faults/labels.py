@@ -10,7 +10,8 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base.arrays import Array
-from pipeline.faults.conventions import FEWEST_POSES, pairs, rigid, unloaded
+from pipeline.base.linear import rigid
+from pipeline.faults.conventions import FEWEST_POSES, pairs, unloaded
 from pipeline.faults.finding import Finding
 from pipeline.machine.robot import configure
 from pipeline.reduction.case import Case

@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.faults.finding import Finding
 from pipeline.machine import instrument
@@ -162,11 +163,9 @@ def _of_whole_pull(stack: Stack, white: Whitener, shifts: Shifts, k: int) -> flo
     D = white.by_pose(stack.modes * here[:, None])
     rows = np.flatnonzero(stack.pose == shifts.pose[k])  # other poses feel nothing
     D, Q = D[rows], shifts.Q[rows]
-    size = np.linalg.norm(D, axis=0)
-    D = D / np.where(size > 0, size, 1.0)
     N = D.T @ D - (Q.T @ D).T @ (Q.T @ D)
     g = D.T @ shifts.residual[rows]
-    return float(g @ np.linalg.pinv(N, rcond=1e-9, hermitian=True) @ g)
+    return float(linear.drop(N, g)[0])
 
 
 def _confirmed(freer: Shifts, k: int, shift: Array, variance: float, seen: bool = False) -> bool:
@@ -227,7 +226,7 @@ def _springs(system: System, stack: Stack, white: Whitener) -> Array:
     """Orthonormal columns of joint springs and common errors, whitened, shape (R, k)."""
     B = np.zeros((len(stack.c), system.B.shape[1]))
     B[: len(system.B)] = system.B * [p.typical for p in system.parameters]
-    return _basis(np.hstack([white.by_pose(B), white.common]))
+    return linear.orthonormal(np.hstack([white.by_pose(B), white.common]))
 
 
 def _poses_free(stack: Stack, data: Measured) -> Array:
@@ -253,15 +252,9 @@ def _local(stack: Stack, white: Whitener, columns: Array) -> Array:
     out = np.zeros_like(modes)
     for pose in np.unique(stack.pose):
         rows = np.flatnonzero(stack.pose == pose)
-        Q = _basis(modes[rows])
+        Q = linear.orthonormal(modes[rows])
         out[np.ix_(rows, np.arange(Q.shape[1]))] = Q
     return out
-
-
-def _basis(X: Array) -> Array:
-    norm = np.linalg.norm(X, axis=0)
-    U, s, _ = np.linalg.svd(X[:, norm > 0] / norm[norm > 0], full_matrices=False)
-    return U[:, s > 1e-9 * s.max(initial=1e-300)]
 
 
 def _shifts(
@@ -287,10 +280,8 @@ def _shifts(
         QD = np.einsum("ak,ani->kni", Q[rows], D)
         N = np.einsum("ani,anj->nij", D, D) - np.einsum("kni,knj->nij", QD, QD)
         g = np.einsum("ani,a->ni", D, residual[rows])
-        shift = np.einsum("nij,nj->ni", np.linalg.pinv(N, rcond=1e-9, hermitian=True), g)
-        found.append(
-            (np.full(len(target), pose), target, pull, nth, np.sum(shift * g, 1), shift, N)
-        )
+        drop, shift = linear.drop(N, g)
+        found.append((np.full(len(target), pose), target, pull, nth, drop, shift, N))
     names = ("pose", "target", "pull", "nth", "drop", "shift", "normal")
     parts = (np.concatenate(part) for part in zip(*found, strict=True))
     known: dict[str, Any] = dict(zip(names, parts, strict=True))

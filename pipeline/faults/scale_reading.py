@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 from scipy import stats
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.faults.finding import Finding
 from pipeline.faults.reading import FAMILY
@@ -23,7 +24,7 @@ from pipeline.reduction.forces import reading_std
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.settings import Scale
 from pipeline.system.assemble import assemble, by_force
-from pipeline.system.estimate import DARK, identify, least_squares
+from pipeline.system.estimate import identify, least_squares
 from pipeline.system.system import Estimate, System
 from pipeline.system.whiten import Whitener, whitener
 
@@ -120,9 +121,7 @@ def _freed(
 ) -> _Freed:
     columns = np.zeros((len(system.rows), len(data.pulls)))
     columns[np.arange(len(columns)), system.rows.pull] = by_force(cell, data, estimate.value)
-    typical = np.array([p.typical for p in system.parameters])
-    U, s, _ = np.linalg.svd(white(system.B) * typical, full_matrices=False)
-    Q = U[:, s > DARK * s[0]]
+    Q = linear.orthonormal(white(system.B))
     D, residual = white(columns), white(estimate.residual)
     residual = residual - Q @ (Q.T @ residual)
     whole = np.sum(D**2, axis=0)
@@ -178,7 +177,7 @@ def _left(white: Whitener, freed: _Freed, here: Bools) -> float:
     D = white(own)
     N = D.T @ D - (freed.Q.T @ D).T @ (freed.Q.T @ D)
     g = D.T @ freed.residual
-    return float(g @ np.linalg.pinv(N, rcond=1e-9, hermitian=True) @ g)
+    return float(linear.drop(N, g)[0])
 
 
 def _finding(
