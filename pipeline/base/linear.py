@@ -1,15 +1,19 @@
 """Linear algebra with one rank rule: what everything that solves, ranks or weighs stands on.
 
-Columns are brought to unit length before anything is called rounding, so that no unit of a
-parameter decides what the data determine. A direction counts when it is longer than `ROUNDING`
-times the longest. Products N = X'X hold the squares of lengths: there the limit is `PRODUCTS`.
+Columns come in units in which they compare (each parameter in its typical size, rows in standard
+uncertainties). A column that is shorter than `ROUNDING` times the longest is nothing: a joint that
+no pull loads moves the targets by rounding. All others are brought to unit length, so that no unit
+decides what the data determine, and a direction counts where it is longer than `ROUNDING` times
+the longest. Products N = X'X hold the squares of lengths: there the limit is `PRODUCTS`.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from pipeline.base.arrays import Array, Ints
+from pipeline.base.arrays import Array, Bools, Ints, Locked
 
 ROUNDING = 1e-9
 """Length of a mix of unit columns, over the longest, that is rounding [1]: doubles carry 1e-16,
@@ -18,27 +22,55 @@ derivatives by differences 1e-10."""
 PRODUCTS = 1e-11
 """The same in products of unit columns [1]: sums of some thousand squares carry 1e-13."""
 
+LEFT = 1e-7
+"""Squared part of a column that is left of it when it is a mix of others [1]: products carry eleven
+digits, and a base of some tens of columns uses up four."""
+
+_PART = 1e-8
+"""Squared part of a parameter in directions that nothing determines, from which it is one of
+them [1]."""
+
 _TINY = 1e-300
 
 
+@dataclass(frozen=True, eq=False)
+class Inverse(Locked):
+    """The pseudoinverse of columns X, (M, k), in which undetermined parameters are zero.
+
+    Attributes:
+        X: X+, shape (k, M): x = X+ y is the shortest least-squares solution in unit columns, so
+            that columns that nothing tells apart share what is theirs equally.
+        rank: Number of directions that the rows determine.
+        lost: Parameters with a part in directions that nothing determines, shape (k,).
+    """
+
+    X: Array
+    rank: int
+    lost: Bools
+
+    @property
+    def cov(self) -> Array:
+        """Covariance (X'X)+ of the solution, infinite variance where lost, shape (k, k)."""
+        cov = self.X @ self.X.T
+        cov[self.lost, self.lost] = np.inf
+        return np.asarray(cov)
+
+
 def lengths(X: Array) -> Array:
-    """Length of each column, at least the smallest that can be divided by, shape (k,)."""
-    return np.maximum(np.linalg.norm(X, axis=0), _TINY)
+    """Length of each column, infinite for one that is nothing, shape (k,)."""
+    norm = np.linalg.norm(X, axis=0)
+    return np.where(norm > ROUNDING * norm.max(initial=_TINY), norm, np.inf)
 
 
 def orthonormal(X: Array, least: float = ROUNDING) -> Array:
     """Orthonormal columns Q, (M, r), that span the columns of X, (M, k).
 
     Args:
-        X: Columns of any length; those of length zero span nothing.
+        X: Columns.
         least: Part of the longest mix of unit columns below which a mix is rounding.
     """
-    norm = np.linalg.norm(X, axis=0)
-    X = X[:, norm > 0] / norm[norm > 0]
-    if not X.size:
-        return np.zeros((len(X), 0))
-    U, s, _ = np.linalg.svd(X, full_matrices=False)
-    return np.asarray(U[:, s > least * s[0]])
+    U, s, _ = np.linalg.svd(X / lengths(X), full_matrices=False)
+    return np.asarray(U[:, s > least * s.max(initial=_TINY)])
 
 
 def span(X: Array, least: float) -> Array:
@@ -47,31 +79,45 @@ def span(X: Array, least: float) -> Array:
     return np.asarray(U[:, s > least])
 
 
+def spans(X: Array) -> Array:
+    """The same for many blocks at once, (p, s, k): columns that are rounding are zero."""
+    U, s, _ = np.linalg.svd(X, full_matrices=False)
+    return np.asarray(U * (s > LEFT * s[:, :1])[:, None, :])
+
+
 def complement(X: Array) -> Array:
     """Orthonormal columns, (M, M - r), that no mix of the columns of X, (M, k), reaches."""
     U, s, _ = np.linalg.svd(X, full_matrices=True)
     return np.asarray(U[:, int(np.sum(s > ROUNDING * s.max(initial=_TINY))) :])
 
 
-def pseudoinverse(X: Array) -> tuple[Array, int]:
-    """X+ with x = X+ y the shortest least-squares solution in unit columns, (k, M), and the rank.
-
-    Columns that nothing tells apart share what is theirs equally.
-    """
+def pseudoinverse(X: Array) -> Inverse:
+    """X+ with its rank, by singular values of unit columns."""
     size = lengths(X)
     U, s, Vt = np.linalg.svd(X / size, full_matrices=False)
     kept = s > ROUNDING * s.max(initial=_TINY)
-    return (Vt[kept].T / s[kept]) @ U[:, kept].T / size[:, None], int(kept.sum())
+    found = (Vt[kept].T / s[kept]) @ U[:, kept].T / size[:, None]
+    return Inverse(found, int(kept.sum()), 1 - np.sum(Vt[kept] ** 2, axis=0) > _PART)
+
+
+def log_volume(X: Array, rank: int) -> float:
+    """Ln of the volume that `rank` columns of X span: half of ln det X'X where all do."""
+    return float(np.sum(np.log(np.linalg.svd(X, compute_uv=False)[:rank])))
 
 
 def least_squares(X: Array, y: Array) -> Array:
     """The x, (k,) or (k, j), for which |y - X x| is smallest; see `pseudoinverse`."""
-    return np.asarray(pseudoinverse(X)[0] @ y)
+    return np.asarray(pseudoinverse(X).X @ y)
 
 
 def unit(N: Array) -> tuple[Array, Array]:
-    """Products of columns brought to unit length, (..., k, k), and their lengths, (..., k)."""
-    size = np.sqrt(np.maximum(np.einsum("...ii->...i", N), _TINY))
+    """Products of columns brought to unit length, (..., k, k), and their lengths, (..., k).
+
+    A column that is nothing has infinite length, and products of zero.
+    """
+    square = np.einsum("...ii->...i", N)
+    least = ROUNDING**2 * np.max(square, axis=-1, keepdims=True, initial=_TINY)
+    size = np.sqrt(np.where(square > least, square, np.inf))
     return N / (size[..., :, None] * size[..., None, :]), size
 
 
@@ -89,6 +135,35 @@ def inverse(N: Array, least: float = PRODUCTS) -> Array:
     scaled, size = unit(N)
     found = np.linalg.pinv(scaled, rcond=least, hermitian=True)
     return np.asarray(found / (size[..., :, None] * size[..., None, :]))
+
+
+def covariance(N: Array) -> Array:
+    """The same with infinite variances where some direction in which a column lies is rounding."""
+    scaled, size = unit(N)
+    values, vectors = directions(scaled)
+    dark = values <= PRODUCTS * values.max(initial=_TINY)
+    half = vectors[:, ~dark] / np.sqrt(values[~dark]) / size[:, None]
+    cov = half @ half.T
+    lost = np.sum(vectors[:, dark] ** 2, axis=1) > _PART
+    cov[lost, lost] = np.inf
+    return np.asarray(cov)
+
+
+def left(G: Array, whole: Array, least: float = LEFT) -> tuple[Array, Ints]:
+    """Inverse of what is left of columns beside a base, (..., k, k), and its rank, (...).
+
+    Args:
+        G: Products of what is left, shape (..., k, k).
+        whole: Squared lengths of the columns before the base was taken out, shape (..., k).
+        least: Squared part of a whole column that is none: what the base explains to seven digits
+            is the base.
+    """
+    size = np.sqrt(np.maximum(whole, _TINY))
+    outer = size[..., :, None] * size[..., None, :]
+    values, vectors = directions(G / outer)
+    kept = values > least
+    root = vectors * np.where(kept, np.maximum(values, least) ** -0.5, 0.0)[..., None, :]
+    return np.asarray(root @ np.swapaxes(root, -1, -2) / outer), kept.sum(axis=-1)
 
 
 def drop(N: Array, g: Array) -> tuple[Array, Array]:
@@ -143,7 +218,7 @@ def extent(points: Array) -> Array:
     return np.asarray(np.linalg.svd(points - points.mean(axis=0), compute_uv=False))
 
 
-def numbered(key: Array) -> tuple[Ints, Ints, Ints]:
+def numbered(key: Array | Ints) -> tuple[Ints, Ints, Ints]:
     """Index of each row's block, place of each row in its block, and rows per block."""
     _, index = np.unique(key, return_inverse=True)
     count = np.bincount(index)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import stats
 
+from pipeline.base import linear
 from pipeline.base.arrays import Parameter
 from pipeline.diagnosis.facts import Amplitude
 from pipeline.diagnosis.identify import Case, of_model
@@ -18,15 +19,10 @@ def amplitudes(case: Case, view: View) -> list[tuple[Amplitude, ...]]:
     """Sizes of the accepted causes, springs estimated along; scatter as the residual has it."""
     base = view.base
     value = coefficients(view.M, base)
-    N = view.M[np.ix_(base, base)]
-    size = np.sqrt(np.diag(N))
-    values, vectors = np.linalg.eigh(N / np.outer(size, size))
-    seen = values > 1e-11
-    half = vectors[:, seen] / np.sqrt(values[seen]) / size[:, None]
     dof = view.rows_left - (len(base) - view.first)
     rest = float(eliminate(view.M, base)[-1, -1])
-    std = np.sqrt(np.sum(half**2, axis=1) * max(rest / dof, 0.0))
-    std[(np.abs(vectors[:, ~seen]) > 1e-4).any(axis=1)] = np.inf
+    variance = np.diag(linear.covariance(view.M[np.ix_(base, base)]))
+    std = np.sqrt(np.where(np.isinf(variance), np.inf, variance * max(rest / dof, 0.0)))
     quantile = float(stats.t.ppf(0.975, dof))
     out = []
     for suspect in view.model.accepted:

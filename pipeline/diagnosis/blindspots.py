@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
 from pipeline.diagnosis.isolability import Twins
 from pipeline.machine.effects import Effect, Wrench
 from pipeline.system.elimination import eliminate
-from pipeline.system.evidence import clean
 from pipeline.system.whitened import View
 
 _POWER = 0.8
@@ -45,10 +45,9 @@ def smallest_visible(view: View, base: Ints, p: float) -> Array:
         if np.isin(columns, base).any():
             out[i] = np.nan
             continue
-        whole = view.M[columns, columns]
-        G, _, rank = clean(S[np.ix_(columns, columns)][None], S[columns, -1][None], whole[None])
-        k = int(rank[0])
-        strength = np.trace(G[0]) / len(columns)
+        G = S[np.ix_(columns, columns)]
+        k = int(linear.left(G, view.M[columns, columns])[1])
+        strength = np.trace(G) / len(columns)
         if k and strength > 0:
             out[i] = np.sqrt(needed(k, p) / strength)
     return out

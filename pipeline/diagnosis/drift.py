@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from pipeline.base import covariance
+from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.diagnosis.blindspots import needed
 from pipeline.machine.effects import Effect, Observation
@@ -87,14 +87,14 @@ class _Base(Locked):
     def fit(self, amount: Array) -> tuple[Array, Array, float]:
         """The motion, its covariance, and what is left of chi-square."""
         X = np.hstack([self.fixed, self.columns(amount)])
-        inverse = np.linalg.pinv(X, rcond=1e-12)
+        inverse = linear.pseudoinverse(X).X
         x = inverse @ self.y
         left = self.y - X @ x
         return x[-6:], (inverse @ inverse.T)[-6:, -6:], float(left @ left)
 
     def beside(self, vector: Array) -> float:
         """Square of what the coordinates of the reflectors leave of a vector."""
-        left = vector - self.fixed @ np.linalg.lstsq(self.fixed, vector, rcond=None)[0]
+        left = vector - self.fixed @ linear.least_squares(self.fixed, vector)
         return float(left @ left)
 
 
@@ -160,7 +160,7 @@ def _base(registration: Registration, table: pd.DataFrame, at: Array, scale: flo
     C = covariance.matrices(table)
     C = C if np.isfinite(C).all() else np.broadcast_to(np.eye(3), C.shape)
     R = registration.R
-    white = np.linalg.inv(np.linalg.cholesky(R @ C @ R.T * scale**2))
+    white = linear.whitening(R @ C @ R.T * scale**2)
     points = table[XYZ].to_numpy(float)
     number = pd.factorize(table["target"])[0]
     which = np.eye(number.max() + 1)[number]

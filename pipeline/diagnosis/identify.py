@@ -9,6 +9,7 @@ from itertools import combinations
 import numpy as np
 from scipy import special
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.machine.cell import Cell
 from pipeline.machine.effects import Effect
@@ -356,12 +357,10 @@ def _possible(case: Case, view: View, suspect: int) -> bool:
     columns = view.columns([suspect])
     base = np.concatenate([view.base, columns[~np.isin(columns, view.base)]])
     N = view.M[np.ix_(base, base)]
-    size = np.sqrt(np.maximum(np.diag(N), 1e-100))
-    inverse = np.linalg.pinv(N / np.outer(size, size), rcond=1e-9, hermitian=True)
+    inverse = linear.inverse(N)
     at = np.searchsorted(base, columns, sorter=np.argsort(base))
     at = np.argsort(base)[at]
-    value = (inverse @ (view.M[base, -1] / size) / size)[at]
-    std = (np.sqrt(np.diag(inverse)) / size)[at]
+    value, std = (inverse @ view.M[base, -1])[at], np.sqrt(np.diag(inverse))[at]
     typical = view.typical[columns]
     effect = case.suspects[suspect]
     most = case.refuted.get(effect.label, np.inf)

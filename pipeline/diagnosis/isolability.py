@@ -9,6 +9,7 @@ from itertools import combinations
 
 import numpy as np
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array
 from pipeline.machine.cell import Cell, Tool, paper_cell, sensitivity
 from pipeline.machine.effects import Effect, Pulls, catalogue
@@ -92,7 +93,7 @@ def _matrix(cell: Cell, pulls: Pulls, x: Array, effects: Sequence[Effect]) -> Ar
 
 
 def _compare(effects: Sequence[Effect], B: Array, signature: dict[int, Array]) -> Twins:
-    Q = np.linalg.qr(B)[0]
+    Q = linear.orthonormal(B)
     own, unmoved, hidden = {}, [], []
     for i, Z in signature.items():
         left = Z - Q @ (Q.T @ Z)
@@ -102,7 +103,7 @@ def _compare(effects: Sequence[Effect], B: Array, signature: dict[int, Array]) -
         elif np.linalg.norm(left) < _SAME * np.linalg.norm(Z):
             hidden.append(effects[i].label)
         else:
-            own[i] = _span(left, _SAME * float(np.linalg.norm(Z)))
+            own[i] = linear.span(left, _SAME * float(np.linalg.norm(Z)))
     pairs = [
         (effects[a].label, effects[b].label)
         for a, b in combinations(own, 2)
@@ -113,12 +114,6 @@ def _compare(effects: Sequence[Effect], B: Array, signature: dict[int, Array]) -
 
 def _once(names: list[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(names))
-
-
-def _span(columns: Array, least: float) -> Array:
-    """Orthonormal basis of what columns span beyond `least`, shape (rows, rank)."""
-    U, s, _ = np.linalg.svd(columns, full_matrices=False)
-    return U[:, s > least]
 
 
 def _same_span(a: Array, b: Array) -> bool:

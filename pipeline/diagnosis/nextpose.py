@@ -14,6 +14,7 @@ from itertools import combinations
 
 import numpy as np
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.diagnosis.identify import Case
 from pipeline.machine.cell import sensitivity
@@ -293,11 +294,8 @@ class _Contest(Locked):
         """Variance of what the measured poses predict at each candidate, with the named, (m,)."""
         named = [self.at[one.who[0]] for one in self.questions]
         base = np.unique(np.concatenate([self._taken(one) for one in self.questions] + named))
-        N = self.M[np.ix_(base, base)]
-        size = np.sqrt(np.maximum(np.diag(N), 1e-300))
-        inverse = np.linalg.pinv(N / np.outer(size, size), rcond=1e-11, hermitian=True)
-        part = more[:, base[:, None], base] / np.outer(size, size)
-        return np.einsum("ij,mji->m", inverse, part)
+        inverse = linear.inverse(self.M[np.ix_(base, base)])
+        return np.einsum("ij,mji->m", inverse, more[:, base[:, None], base])
 
     def products(self, view: View, among: Candidates) -> Array:
         """What each candidate would add to M, scattering as the fullest pose did: (m, W, W)."""
@@ -332,4 +330,4 @@ def _left(S: Array, true: Ints, size: Array, other: Ints) -> Array:
 def _fitted(S: Array, own: Ints, h: Array) -> Array:
     """Sizes of some columns that fit h best, held to those that the evidence holds possible."""
     G = S[..., own[:, None], own] + np.eye(len(own)) / WIDTHS.max() ** 2
-    return np.asarray(np.linalg.solve(G, h[..., None])[..., 0])
+    return linear.solve(G, h)

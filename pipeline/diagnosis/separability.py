@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array
 from pipeline.diagnosis.isolability import Twins
 from pipeline.diagnosis.nextpose import APART
@@ -36,9 +37,7 @@ def separation(view: View, suspects: Sequence[int]) -> Array:
     G = S[at[:, :, None, None], at[None, None, :, :]]
     G = G * there[:, :, None, None] * there[None, None, :, :]
     whole = np.where(there, np.maximum(view.M[at, at], 1e-100), 1.0)
-    own = np.einsum("aiaj->aij", G) / np.sqrt(whole[:, :, None] * whole[:, None, :])
-    inverse = np.linalg.pinv(own, rcond=1e-7, hermitian=True)
-    inverse = inverse / np.sqrt(whole[:, :, None] * whole[:, None, :])
+    inverse, _ = linear.left(np.einsum("aiaj->aij", G), whole)
     h = G.sum(axis=1)
     alone = np.einsum("aai->a", h)
     shared = np.einsum("abi,bij,abj->ab", h, inverse, h)

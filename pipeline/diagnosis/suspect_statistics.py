@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from scipy import special
 
+from pipeline.base import linear
 from pipeline.diagnosis.blindspots import smallest_visible
 from pipeline.diagnosis.facts import Clue, Misfit
 from pipeline.diagnosis.identify import Found, by_label
 from pipeline.system.elimination import eliminate
-from pipeline.system.evidence import ROUNDING, clean
+from pipeline.system.evidence import ROUNDING
 from pipeline.system.whitened import View
 
 
@@ -48,15 +49,12 @@ def misfits(view: View) -> tuple[Misfit, ...]:
     out = []
     for place, members in places.items():
         columns = view.columns(members)
-        G, h, rank = clean(
-            S[np.ix_(columns, columns)][None], S[columns, -1][None], view.M[columns, columns][None]
-        )
-        k = int(rank[0])
+        left, rank = linear.left(S[np.ix_(columns, columns)], view.M[columns, columns])
+        k = int(rank)
         if not k or dof - k < 5:
             continue
-        T = float(h[0] @ np.linalg.pinv(G[0], rcond=1e-9, hermitian=True) @ h[0])
-        T = min(max(T, 0.0), rest)
-        left = max((rest - T) / (dof - k), ROUNDING)
-        p = float(special.fdtrc(k, dof - k, (T / k) / left))
+        T = min(max(float(S[columns, -1] @ left @ S[columns, -1]), 0.0), rest)
+        variance = max((rest - T) / (dof - k), ROUNDING)
+        p = float(special.fdtrc(k, dof - k, (T / k) / variance))
         out.append(Misfit(place, T / rest, p))
     return tuple(sorted(out, key=lambda m: m.p_value))

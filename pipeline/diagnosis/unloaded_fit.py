@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special, stats
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.diagnosis.improvement import rms
 from pipeline.machine.cell import Cell, predict
@@ -70,7 +71,7 @@ class Unloaded(Locked):
     def short(self, fit: Fit) -> Array:
         """What a fit, of these or other poses, lacks of where they stand [m], shape (z, 3)."""
         along = (self.known[: 3 * len(self.at)] @ fit.known).reshape(-1, 3, 1)
-        moved = np.linalg.solve(self.white, along)[..., 0]
+        moved = linear.solve(self.white, along)[..., 0]
         return np.asarray(self.at - self.stands(fit.effects, fit.values) - moved)
 
     def without(self, pose: int) -> Unloaded:
@@ -194,7 +195,7 @@ def unloaded(cell: Cell, data: Measured, scale: float) -> Unloaded | None:
         pose=pose,
         target=data.target[first],
         at=data.unloaded[first],
-        white=np.linalg.inv(np.linalg.cholesky(cov)),
+        white=linear.whitening(cov),
         known=np.zeros((3 * len(first), 0)),
         free=3,
     )
@@ -218,8 +219,7 @@ def _along(zeros: Unloaded, data: Measured) -> Array:
         tool[np.arange(z), :, 3 * zeros.target + axis] = slope
     columns.append(tool * _TOOL_M)
     turned = np.stack([np.cross(axis, here) for axis in np.eye(3)], axis=2)
-    values, vectors = np.linalg.eigh(data.rotation_cov)
-    columns.append(turned @ (vectors * np.sqrt(np.maximum(values, 0.0))))
+    columns.append(turned @ linear.factor(data.rotation_cov))
     if data.joint_std.any():
         columns.append(_by_joint(zeros, here) * data.joint_std)
     K = np.concatenate(columns, axis=2)
@@ -278,10 +278,7 @@ def _on_line(zeros: Unloaded, effects: Sequence[Effect], line: Line) -> Fit:
     typical, n = _typical(effects), zeros.known.shape[1]
     X = np.hstack([zeros.known, zeros.whitened(line.J)])
     y = zeros.whitened(zeros.at - line.stands)
-    size = np.maximum(np.linalg.norm(X, axis=0), 1e-300)
-    U, s, Vt = np.linalg.svd(X / size, full_matrices=False)
-    kept = s > 1e-8 * s[0]
-    inverse = (Vt[kept].T / s[kept]) @ U[:, kept].T / size[:, None]
+    inverse = linear.pseudoinverse(X).X
     step = inverse @ y
     left = y - X @ step
     chi2 = float(left @ left)

@@ -150,7 +150,8 @@ def _laid(read: _Stand, out: Sequence[int]) -> _Laid:
         if np.abs(step).max() < 1e-9:
             break
     _, X, away = _linear(read, R, t, off)
-    W, rank = linear.pseudoinverse(X[used].reshape(-1, X.shape[2]))
+    inverse = linear.pseudoinverse(X[used].reshape(-1, X.shape[2]))
+    W, rank = inverse.X, inverse.rank
     left = away[used].ravel()
     left = left - X[used].reshape(-1, X.shape[2]) @ (W @ left)
     rest, dof = float(left @ left), len(left) - rank

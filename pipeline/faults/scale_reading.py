@@ -121,7 +121,8 @@ def _freed(
 ) -> _Freed:
     columns = np.zeros((len(system.rows), len(data.pulls)))
     columns[np.arange(len(columns)), system.rows.pull] = by_force(cell, data, estimate.value)
-    Q = linear.orthonormal(white(system.B))
+    typical = np.array([p.typical for p in system.parameters])
+    Q = linear.orthonormal(white(system.B) * typical)
     D, residual = white(columns), white(estimate.residual)
     residual = residual - Q @ (Q.T @ residual)
     whole = np.sum(D**2, axis=0)

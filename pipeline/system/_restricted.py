@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.system.system import System
 
@@ -34,19 +35,10 @@ class Blocks(Locked):
 
     @classmethod
     def of(cls, system: System, X: Array, groups: Sequence[Sequence[str]]) -> Blocks:
-        _, index = np.unique(system.rows.pose, return_inverse=True)
-        count = np.bincount(index, minlength=1)
-        order = np.argsort(index, kind="stable")
-        place = np.empty(len(index), dtype=np.int64)
-        place[order] = np.arange(len(index)) - np.repeat(np.cumsum(count) - count, count)
+        index, place, count = linear.numbered(system.rows.pose)
         p, s = len(count), int(count.max())
         unit = float(np.sqrt(np.mean(system.c**2))) or 1.0
-        U, size, _ = np.linalg.svd(X / unit, full_matrices=False)
-        norms = np.linalg.norm(X / unit, axis=0)
-        if X.shape[1]:
-            scaled = (X / unit)[:, norms > 0] / norms[norms > 0]
-            U, size, _ = np.linalg.svd(scaled, full_matrices=False)
-        Q = U[:, size > 1e-10 * size.max(initial=1e-300)]
+        Q = linear.orthonormal(X)
         y, wide = np.zeros((p, s)), np.zeros((p, s, Q.shape[1]))
         y[index, place], wide[index, place] = system.c / unit, Q
         source = system.errors.source.astype(str)
@@ -77,14 +69,14 @@ class Blocks(Locked):
             L = np.linalg.cholesky(V)
         except np.linalg.LinAlgError:
             return np.full(len(self.y), np.inf), 0.0
-        both = np.linalg.solve(L, np.concatenate([self.X, self.y[..., None]], axis=2))
+        both = linear.solve(L, np.concatenate([self.X, self.y[..., None]], axis=2))
         X, y = both[..., :-1], both[..., -1]
         own = 2 * np.log(np.einsum("pii->pi", L)).sum(axis=1) + (y**2).sum(axis=1)
         if not X.shape[2]:
             return own, 0.0
         N = np.einsum("psi,psj->ij", X, X)
         g = np.einsum("psi,ps->i", X, y)
-        return own, float(np.linalg.slogdet(N)[1] - g @ np.linalg.solve(N, g))
+        return own, float(linear.log_det(N) - g @ linear.solve(N, g))
 
     def of_scales(self, told: Bools) -> _Loss:
         """The loss as a function of some log scales; the other components stay as stated."""
@@ -110,7 +102,7 @@ def maximum(blocks: Blocks, told: Bools) -> tuple[Array, Array, Array]:
     loss, start = blocks.of_scales(told), np.full(int(told.sum()), blocks.rough)
     x = _lowest(loss, start)
     _, H, scores = _derivatives(loss, x)
-    values, vectors = np.linalg.eigh(H)
+    values, vectors = linear.directions(H)
     if values.min() <= 0:
         weak = (vectors[:, values <= 1e-3] ** 2).sum(axis=1) > 0.1
         cov = (vectors / np.maximum(values, 1e-3)) @ vectors.T
@@ -137,7 +129,7 @@ def _lowest(loss: _Loss, start: Array) -> Array:
         if not len(x):
             break
         gradient, H, _ = _derivatives(loss, x)
-        values, vectors = np.linalg.eigh(H)
+        values, vectors = linear.directions(H)
         move = vectors @ (vectors.T @ gradient / np.maximum(np.abs(values), 0.5))
         move = np.clip(move, -0.7, 0.7)
         x = np.clip(x - move, start - 4.0, start + 4.0)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Locked, Strings
-from pipeline.system.estimate import DARK
 from pipeline.system.system import Estimate, System
 from pipeline.system.whiten import Whitener, whitener
 
@@ -51,7 +51,7 @@ def budget(system: System, estimate: Estimate, white: Whitener | None = None) ->
     """
     white = white or whitener(system.errors, system.rows.pose)
     typical = np.array([p.typical for p in system.parameters])
-    K = typical[:, None] * np.linalg.pinv(white(system.B) * typical, rcond=DARK)
+    K = typical[:, None] * linear.pseudoinverse(white(system.B) * typical).X
     moved = (system.errors.G.T @ white.back(K.T)).T
     names = np.array(list(dict.fromkeys(system.errors.source.tolist())), dtype=object)
     parts = [moved[:, system.errors.source == name] for name in names]

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import scipy.sparse
 
-from pipeline.base import covariance
+from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.machine.cell import Cell
 from pipeline.machine.robot import configure
@@ -251,9 +251,7 @@ def _contrasts(group: Ints, modes: Array) -> scipy.sparse.csc_array:
     ends = np.flatnonzero(np.diff(group[order])) + 1
     blocks, at = [], []
     for rows in np.split(order, ends):
-        U, s, _ = np.linalg.svd(modes[rows], full_matrices=True)
-        rank = int((s > 1e-9 * max(s[0], 1e-300)).sum()) if s[0] > 0 else 0
-        blocks.append(U[:, rank:])
+        blocks.append(linear.complement(modes[rows]))
         at.append(rows)
     K = scipy.sparse.block_diag(blocks, format="csr")
     back = np.empty(len(group), dtype=np.int64)

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
-from pipeline.system.elimination import NULL, eliminate
+from pipeline.system.elimination import eliminate
 from pipeline.system.evidence import ROUNDING, Scores
 from pipeline.system.whitened import View, by_pose_drop
 
@@ -64,13 +65,12 @@ def _bases(view: View, S: Array) -> list[Array]:
     whole = np.maximum(np.diag(view.M)[view.first : view.first + K], 1e-300)
     size = np.sqrt(whole)
     G = S[view.first : view.first + K, view.first : view.first + K] / np.outer(size, size)
-    values, vectors = np.linalg.eigh(G)
-    kept = values > NULL
+    values, vectors = linear.directions(G)
+    kept = values > linear.LEFT
     coordinates = (np.sqrt(values[kept]) * vectors[:, kept]).T
     bases = []
     for suspect in range(len(view.suspects)):
-        U, s, _ = np.linalg.svd(coordinates[:, view.owner == suspect], full_matrices=False)
-        U = U[:, s**2 > NULL]
+        U = linear.span(coordinates[:, view.owner == suspect], float(np.sqrt(linear.LEFT)))
         if U.shape[1]:
             bases.append(U)
     return bases

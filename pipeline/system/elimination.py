@@ -4,13 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
-
-_CUT = 1e-11
-"""Relative size of an eigenvalue of products of scaled columns that is rounding."""
-
-NULL = 1e-7
-"""What is left of a column relative to the whole column when it is a mix of others."""
 
 
 def coefficients(M: Array, base: Ints) -> Array:
@@ -18,10 +13,8 @@ def coefficients(M: Array, base: Ints) -> Array:
 
     Mixes of columns that cannot be told apart share the work equally.
     """
-    scaled, size = _scaled(M, base)
-    inverse = np.linalg.pinv(scaled, rcond=_CUT, hermitian=True)
-    found = np.einsum("...ij,...j->...i", inverse, M[..., base, -1] / size) / size
-    return np.asarray(found)
+    inverse = linear.inverse(M[..., base[:, None], base])
+    return np.asarray(np.einsum("...ij,...j->...i", inverse, M[..., base, -1]))
 
 
 def eliminate(M: Array, base: Ints) -> Array:
@@ -34,17 +27,10 @@ def eliminate(M: Array, base: Ints) -> Array:
     Returns:
         Shape (..., W, W); rows and columns of the base are zero but for rounding.
     """
-    scaled, size = _scaled(M, base)
-    values, vectors = np.linalg.eigh(scaled)
-    kept = values > _CUT
+    scaled, size = linear.unit(M[..., base[:, None], base])
+    values, vectors = linear.directions(scaled)
+    kept = values > linear.PRODUCTS
     inverse = np.where(kept, 1 / np.where(kept, values, 1), 0)
     side = M[..., base, :] / size[..., :, None]
     half = np.swapaxes(vectors, -1, -2) @ side
     return np.asarray(M - np.swapaxes(half, -1, -2) @ (inverse[..., :, None] * half))
-
-
-def _scaled(M: Array, base: Ints) -> tuple[Array, Array]:
-    """Products of the base's columns, each of length one, shape (..., b, b); their lengths."""
-    N = M[..., base[:, None], base]
-    size = np.sqrt(np.maximum(np.einsum("...ii->...i", N), 1e-300))
-    return N / (size[..., :, None] * size[..., None, :]), size

@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse
 from scipy import special  # scipy.stats takes a second to import
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools
 from pipeline.machine.cell import Cell
 from pipeline.reduction.measured import Measured
@@ -16,15 +17,15 @@ from pipeline.system.assemble import TRACKED, assemble
 from pipeline.system.system import Errors, Estimate, System
 from pipeline.system.whiten import Whitener, whitener
 
-DARK = 1e-8
-"""A mix of parameters that moves the data this much less than the strongest one is undetermined."""
-
 MISFIT_P = 0.01
 """A misfit that chance produces less often than this is a misfit [1]."""
 
 _TRACKER_M = 1e-4
 """A laser tracker measures displacements in a hall to this or better (MPE of the AT500 class)
 [m]."""
+
+_ROUNDED = 1e-6
+"""Part of a row below which it is rounding [1]."""
 
 _NO_NOISE_M = 1e-12
 """Residuals below this are rounding [m]."""
@@ -98,15 +99,10 @@ def least_squares(
     Returns:
         Values (k,), covariance (k, k) with infinite variances where undetermined, chi2, rank.
     """
-    U, s, Vt = np.linalg.svd(A * typical, full_matrices=False)
-    seen = s > DARK * s[0]
-    value = start + typical * (Vt[seen].T @ (U[:, seen].T @ (y - A @ start) / s[seen]))
-    half = typical[:, None] * Vt[seen].T / s[seen]
-    cov = half @ half.T
-    lost = 1 - np.sum(Vt[seen] ** 2, axis=0) > 1e-8  # its part in mixes that nothing determines
-    cov[lost, lost] = np.inf
+    inverse = linear.pseudoinverse(A * typical)
+    value = start + typical * (inverse.X @ (y - A @ start))
     rest = y - A @ value
-    return value, cov, float(rest @ rest), int(seen.sum())
+    return value, inverse.cov * np.outer(typical, typical), float(rest @ rest), inverse.rank
 
 
 def identify(cell: Cell, data: Measured, start: Array) -> tuple[System, Estimate]:
@@ -142,8 +138,8 @@ def tracker_noise(system: System) -> float:
         white = whitener(errors, system.rows.pose)
         A, y = white(system.B), white(system.c)
         _, _, chi2, rank = least_squares(A, y, typical, np.zeros(len(typical)))
-        seen = np.linalg.svd(A * typical, compute_uv=False)[:rank]
-        return white.log_det + 2 * float(np.sum(np.log(seen))) + chi2, chi2, len(y) - rank
+        volume = linear.log_volume(A * typical, rank)
+        return white.log_det + 2 * volume + chi2, chi2, len(y) - rank
 
     def scaled(log_s: float) -> Errors:
         factor = np.where(tracked, np.exp(log_s), 1.0)
@@ -211,11 +207,19 @@ def left_out(system: System, white: Whitener | None = None) -> Array:
     np.add.at(N, white.pose, A[:, :, None] * A[:, None, :])
     np.add.at(g, white.pose, A * y[:, None])
     prior = np.diag([0.0] * k + [1.0] * r)
-    w, V = np.linalg.eigh(N.sum(axis=0) + prior - N)
-    seen = w > DARK**1.5 * w[:, -1:]
-    along = np.einsum("pij,pi->pj", V, g.sum(axis=0) - g) / np.where(seen, w, np.inf)
+    scaled, size = linear.unit(N.sum(axis=0) + prior - N)
+    w, V = linear.directions(scaled)
+    seen = w > linear.PRODUCTS * w[:, -1:]
+    along = np.einsum("pij,pi->pj", V, (g.sum(axis=0) - g) / size) / np.where(seen, w, np.inf)
     x = np.einsum("pij,pj->pi", V, along)
     rows = np.hstack([system.B * typical, np.zeros((len(y), r))])
-    needs = np.abs(np.einsum("mi,mij->mj", rows, V[white.pose])) * ~seen[white.pose]
-    left = system.c - np.einsum("mi,mi->m", rows, x[white.pose])
-    return np.where(needs.max(axis=1) > 1e-6 * np.linalg.norm(rows, axis=1), np.nan, left)
+    unit = rows / size[white.pose]
+    dark = np.einsum("mi,mij->mj", unit, V[white.pose]) * ~seen[white.pose]
+    left = system.c - np.einsum("mi,mi->m", unit, x[white.pose])
+    lost = _needs(dark, unit) | _needs(rows * np.isinf(size)[white.pose], rows)
+    return np.where(lost, np.nan, left)
+
+
+def _needs(part: Array, rows: Array) -> Bools:
+    """Rows of which a part that nothing determines is more than rounding."""
+    return np.asarray(np.abs(part).max(axis=1) > _ROUNDED * np.linalg.norm(rows, axis=1))

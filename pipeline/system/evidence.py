@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
-from pipeline.system.elimination import NULL, eliminate
+from pipeline.system.elimination import eliminate
 from pipeline.system.whitened import View
 
 WIDTHS = np.array([0.4, 1.0, 2.5, 6.0])
@@ -69,30 +70,26 @@ def scores(view: View, base: Ints, dof: int, M: Array | None = None) -> Scores:
         columns = first[members][:, None] + np.arange(k)
         G = S[columns[:, :, None], columns[:, None, :]]
         h = S[columns, -1]
-        G, h, rank[members] = clean(G, h, whole[columns, columns])
-        T[members] = _drop(G, h)
+        left, rank[members] = linear.left(G, whole[columns, columns])
+        T[members] = np.einsum("ni,nij,nj->n", h, left, h)
+        G, h = _clean(G, h, whole[columns, columns])
         log_evidence[members] = _evidence(G, h, rest, dof, *_bounds(view, members))
     return Scores(T, rank, log_evidence, rest, dof)
 
 
-def clean(G: Array, h: Array, full: Array) -> tuple[Array, Array, Ints]:
-    """G and h without directions that are rounding, and how many directions are left.
+def _clean(G: Array, h: Array, full: Array) -> tuple[Array, Array]:
+    """G and h without directions that are rounding.
 
     Directions are judged in units of the whole columns: what the base explains to seven digits
     is the base.
     """
     size = np.sqrt(np.maximum(full, 1e-100))
-    values, vectors = np.linalg.eigh(G / (size[:, :, None] * size[:, None, :]))
-    kept = values > NULL
+    values, vectors = linear.directions(G / (size[:, :, None] * size[:, None, :]))
+    kept = values > linear.LEFT
     seen = vectors * kept[:, None, :]
     along = np.einsum("nij,ni->nj", seen, h / size)
     G = np.einsum("nij,nj,nkj->nik", seen, values, seen) * size[:, :, None] * size[:, None, :]
-    return G, np.einsum("nij,nj->ni", seen, along) * size, kept.sum(axis=1)
-
-
-def _drop(G: Array, h: Array) -> Array:
-    inverse = np.linalg.pinv(G, rcond=1e-9, hermitian=True)
-    return np.asarray(np.einsum("ni,nij,nj->n", h, inverse, h))
+    return G, np.einsum("nij,nj->ni", seen, along) * size
 
 
 def _evidence(G: Array, h: Array, rest: float, dof: int, lower: Array, upper: Array) -> Array:
@@ -103,10 +100,10 @@ def _evidence(G: Array, h: Array, rest: float, dof: int, lower: Array, upper: Ar
     """
     k = G.shape[-1]
     width = WIDTHS[:, None, None]
-    inverse = np.linalg.inv(G + np.eye(k) / width[..., None] ** 2)  # (widths, n, k, k)
+    inverse = linear.inverse(G + np.eye(k) / width[..., None] ** 2)  # (widths, n, k, k)
     mean = np.einsum("wnij,nj->wni", inverse, h)
     q = np.minimum(np.einsum("nj,wnj->wn", h, mean), rest * (1 - 1e-12))
-    _, logdet = np.linalg.slogdet(np.eye(k) + width[..., None] ** 2 * G)
+    logdet = linear.log_det(np.eye(k) + width[..., None] ** 2 * G)
     scatter = np.sqrt(((rest - q) / max(dof, 1))[..., None] * np.einsum("wnii->wni", inverse))
     inside = _log_share(lower, upper, mean, scatter) - _log_share(lower, upper, 0.0, width)
     out = -0.5 * logdet - 0.5 * dof * np.log1p(-q / rest) + inside.sum(axis=-1)

@@ -13,6 +13,7 @@ import numpy as np
 import scipy.sparse
 from scipy import optimize, stats
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array
 from pipeline.system.system import Errors
 from pipeline.system.whiten import whitener
@@ -83,7 +84,7 @@ def _all_suspects_out(view: View) -> tuple[int, float, str]:
     """Residual of the springs alone: with one reflector nothing better is known."""
     base = view.base
     X = view.A[:, base]
-    residual = view.A[:, -1] - X @ np.linalg.lstsq(X, view.A[:, -1], rcond=1e-12)[0]
+    residual = view.A[:, -1] - X @ linear.least_squares(X, view.A[:, -1])
     return view.rows_left, float(residual @ residual), "residuals"
 
 

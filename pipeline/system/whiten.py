@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.system.system import Errors
 
@@ -69,18 +70,14 @@ def whitener(errors: Errors, pose: Ints) -> Whitener:
         errors: The errors of the rows.
         pose: Pose number of each row, shape (M,); rows of a pose need not be neighbours.
     """
-    _, index = np.unique(pose, return_inverse=True)
-    count = np.bincount(index)
-    order = np.argsort(index, kind="stable")
-    place = np.empty(len(index), dtype=np.int64)
-    place[order] = np.arange(len(index)) - np.repeat(np.cumsum(count) - count, count)
+    index, place, count = linear.numbered(pose)
     own = errors.G[:, ~errors.common]
     V = (own @ own.T).tocoo()
     blocks = np.zeros((len(count), count.max(), count.max()))
     blocks[:] = np.eye(count.max())
     blocks[index, place, place] = 0.0
     blocks[index[V.row], place[V.row], place[V.col]] = V.data
-    inverse = np.linalg.inv(np.linalg.cholesky(blocks)).astype(np.float64)
+    inverse = linear.whitening(blocks)
     inner = Whitener(
         index, place, inverse, np.zeros((len(pose), 0)), np.zeros((len(pose), 0)), np.zeros(0)
     )

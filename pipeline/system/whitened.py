@@ -15,10 +15,11 @@ import numpy as np
 import scipy.sparse
 from scipy import special
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.machine.cell import load
 from pipeline.machine.effects import Effect
-from pipeline.system.elimination import NULL, coefficients
+from pipeline.system.elimination import coefficients
 from pipeline.system.linearised import Model, Sight, accepted_columns, owners
 from pipeline.system.system import Errors, Rows
 from pipeline.system.whiten import Whitener, whitener
@@ -284,10 +285,9 @@ def _scatter(seen: Sight, white: Whitener) -> tuple[float, int, float]:
 
     mine = bent(white.by_pose(seen.y)[:, None])[:, 0]
     loose = bent(white.by_pose(_loose(seen)))
-    U, size, _ = np.linalg.svd(loose, full_matrices=False)
-    kept = size > 1e-6 * max(size[0], 1e-300)
-    square, k = float(mine @ mine), int(kept.sum())
-    along = float(np.sum((U[:, kept].T @ mine) ** 2))
+    U = linear.orthonormal(loose, 1e-6)
+    square, k = float(mine @ mine), U.shape[1]
+    along = float(np.sum((U.T @ mine) ** 2))
     left = dof - k
     if k == 0 or left < 10:
         return square, dof, 1.0
@@ -312,8 +312,7 @@ def _orthonormal(white: Whitener, columns: Array) -> Array:
     p, s = white.inverse.shape[:2]
     padded = np.zeros((p, s, columns.shape[1]))
     padded[white.pose, white.place] = columns
-    U, size, _ = np.linalg.svd(padded, full_matrices=False)
-    U = U * (size > NULL * size[:, :1])[:, None, :]
+    U = linear.spans(padded)
     out = np.zeros_like(columns)
     out[:, : U.shape[2]] = U[white.pose, white.place]
     return out
