@@ -15,7 +15,12 @@ from pipeline.system.whitened import View
 
 
 def amplitudes(case: Case, view: View) -> list[tuple[Amplitude, ...]]:
-    """Sizes of the accepted causes, springs estimated along; scatter as the residual has it."""
+    """Sizes of the accepted causes, springs estimated along; scatter as the residual has it.
+
+    z = N^+ g in typical sizes, N = X'X and g = X'y over the whitened columns of the base;
+    u(z_k) = s sqrt((N^+)_kk), s^2 = rest / dof, infinite where N does not determine z_k, and the
+    95 % interval is z +- t(0.975, dof) u(z); `_profile` gives that of causes that are not elastic.
+    """
     base = view.base
     value = coefficients(view.M, base)
     N = view.M[np.ix_(base, base)]
@@ -49,8 +54,10 @@ def _profile(
 ) -> tuple[float, float]:
     """95 % interval where chi-square, everything else refitted, has risen by 3.84.
 
-    Elastic causes are linear in their parameters and have none of this; force and geometry bend
-    it. One step of the secant rule from 1.96 standard uncertainties is enough for what they bend.
+    With S(z) the smallest sum of squares at z, each end is z +- 1.96 u sqrt(3.84 / D), where
+    D = (S(z +- 1.96 u) - S(z)) / s^2, 1 at least: one step of the secant rule towards the profile
+    likelihood's interval (Venzon and Moolgavkar, Applied Statistics 37, 1988), enough for what
+    force and geometry bend. Elastic causes are linear in their parameters and need none of this.
     """
     out = []
     for side in (-1.96, 1.96):

@@ -49,7 +49,7 @@ class Hypothesis:
         estimate: Its solution.
         instead: Each identified cause whose place another one has taken: (cause, rival), labels.
         ratio: What it leaves over the scatter of the readings, 1 at least; its uncertainties hold
-            this factor.
+            this factor (Birge, Physical Review 40 (1932) 207).
     """
 
     weight: float
@@ -135,7 +135,7 @@ def _determined(one: Hypothesis) -> Bools:
 
 
 def average(weights: ArrayLike, values: Array, covs: Array) -> tuple[Array, Array]:
-    """Mean and covariance of a mixture.
+    """Mean and covariance of a mixture, the equations at the top of this file.
 
     Args:
         weights: Of the components, sum one, shape (h,).
@@ -164,8 +164,12 @@ def average(weights: ArrayLike, values: Array, covs: Array) -> tuple[Array, Arra
 def springs(hypotheses: Sequence[Hypothesis]) -> Springs:
     """The compliances over all hypotheses.
 
-    The 95 % interval is that of the mixture, widened until it holds the interval of every
-    hypothesis above `LIKELY`: whichever of them is true.
+    The 95 % interval is that of the mixture, from its quantiles at 2.5 and 97.5 %,
+
+        sum_h w_h Phi((x - x_h) / s_h) = p,    s_h = t_h u(x_h) / 1.96,
+
+    t_h the quantile of hypothesis h, widened until it holds x_h +- t_h u(x_h) of every hypothesis
+    above `LIKELY`: whichever of them is true.
     """
     n = _springs(hypotheses[0])
     weights = np.array([one.weight for one in hypotheses])

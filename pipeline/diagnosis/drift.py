@@ -103,6 +103,12 @@ def drift(
 ) -> Drift | None:
     """Ask the base reflectors whether the tracker moved.
 
+    y_k = p_t(k) + a(t_k) (v + w x (p_k - p_0)) + e_k,    e_k ~ N(0, scale^2 R C_k R'),
+
+    read in F_b [m]; p_t free for each reflector t, a a law of `LAWS`, v and w velocity and turn
+    about p_0. With chi2 the sum of squares left, s^2 = max(`TOLERATED`^2, chi2 / dof) and
+    p = P[chi2(6) > (chi2 without v and w - chi2) / s^2].
+
     Args:
         registration: The base readings in F_b with their times.
         scale: Scatter of the tracker over its stated one; where none is stated, [m].

@@ -1,9 +1,11 @@
 """Which pose would tell who it was: the one that leaves the least chance of a wrong name.
 
-For two causes with odds p and q between which further readings put d sigmas, the chance of naming
-the wrong one is at most sqrt(p q) exp(-d^2 / 8) (Bhattacharyya). Summed over all pairs that are
-open, this is what a pose should make small. Among poses that make it small enough, the one that the
-measured poses predict best is proposed: it rests least on a model that may be wrong.
+For two causes with odds p and q between which further readings put d standard deviations, the
+chance of naming the wrong one is at most sqrt(p q) exp(-d^2 / 8) (Bhattacharyya's bound for two
+normals with one covariance: Kailath, IEEE Trans. Communication Technology 15, 1967). Summed over
+all pairs that are open, with the d^2 that a pose adds, this is what a pose should make small.
+Among poses that make it small enough, the one that the measured poses predict best is proposed: it
+rests least on a model that may be wrong.
 """
 
 from __future__ import annotations
@@ -273,8 +275,9 @@ class _Contest(Locked):
     def apart(self, M: Array) -> Array:
         """Sigmas between the two of each pair, for products M of shape (..., W, W): (..., pairs).
 
-        What each, at its fitted size, leaves when the other is fitted, both held to the sizes that
-        the evidence holds possible; the smaller of both directions.
+        d^2 = z' S_aa z - h' (S_bb + I / w^2)^-1 h,  h = S_ba z,  S the products M without what is
+        estimated anyway, w the widest prior: what a, at its fitted size z, leaves when b is fitted,
+        both held to the sizes that the evidence holds possible; the smaller of both directions.
         """
         left = [eliminate(M, self._taken(one)) for one in self.questions]
         out = []
@@ -290,7 +293,11 @@ class _Contest(Locked):
         return np.stack(out, axis=-1)
 
     def leverage(self, more: Array) -> Array:
-        """Variance of what the measured poses predict at each candidate, with the named, (m,)."""
+        """Variance of what the measured poses predict at each candidate, with the named, (m,).
+
+        trace(N^-1 X' X): N the products of the columns of springs and named causes in the measured
+        poses, X the same whitened columns in the candidate.
+        """
         named = [self.at[one.who[0]] for one in self.questions]
         base = np.unique(np.concatenate([self._taken(one) for one in self.questions] + named))
         N = self.M[np.ix_(base, base)]
@@ -330,6 +337,6 @@ def _left(S: Array, true: Ints, size: Array, other: Ints) -> Array:
 
 
 def _fitted(S: Array, own: Ints, h: Array) -> Array:
-    """Sizes of some columns that fit h best, held to those that the evidence holds possible."""
+    """Sizes (G + I / w^2)^-1 h of some columns, held to those that the evidence holds possible."""
     G = S[..., own[:, None], own] + np.eye(len(own)) / WIDTHS.max() ** 2
     return np.asarray(np.linalg.solve(G, h[..., None])[..., 0])

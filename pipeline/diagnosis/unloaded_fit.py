@@ -242,7 +242,12 @@ def _only(pulls: Pulls, which: Bools | Ints) -> Pulls:
 
 
 def fitted(zeros: Unloaded, effects: Sequence[Effect], rounds: int = 4) -> Fit:
-    """Estimate causes and what goes along, linearised anew each round.
+    """Estimate causes and what goes along, linearised anew each round (Gauss-Newton).
+
+    sum_i |W_i (at_i - stands_i(z) - K_i k)|^2 + |k_prior|^2 is smallest, W_i' W_i = cov(at_i)^-1, K
+    what goes along in units of its prior: the base's place (free), tool points (5 mm), its
+    rotation and joint zeros as stated. cov(z) is the block of (X' X)^-1, times chi2 / dof where
+    this exceeds 1 (Birge, Physical Review 40 (1932) 207). Positions in m, F_b.
 
     Args:
         zeros: Where the reflectors stand.

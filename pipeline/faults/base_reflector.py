@@ -27,6 +27,9 @@ loss leaves a misfit more improbable than FAMILY is none."""
 def base_target(case: Case, registration: Registration, scale: float) -> list[Finding]:
     """The target of [base_frame] that the others contradict, if the loss of no other helps.
 
+    T = (chi2 - chi2_j) / scale^2 with chi2_j that of the registration with the nominal place of
+    target j free; p = n P[chi2(3) > T] for the largest T of n targets (Bonferroni).
+
     Args:
         case: The campaign.
         registration: Where the tracker stands.
@@ -56,6 +59,9 @@ def base_target(case: Case, registration: Registration, scale: float) -> list[Fi
 
 def _freed(case: Case, registration: Registration, name: str) -> tuple[float, Array] | None:
     """Weighted sum of squares with the nominal place of a target free, and its shift [m], F_b.
+
+    The registration without the target, plus sum_i (p_i - p)' V_i (p_i - p) of its own readings in
+    F_b about their weighted mean p = (sum V_i)^-1 sum V_i p_i, V_i = (R C_i R')^-1; shift p - p_0.
 
     None where the others do not tell how the tracker stands, as on one line.
     """

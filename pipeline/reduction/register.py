@@ -48,8 +48,12 @@ class Registration(Locked):
 def register(settings: Settings, readings: pd.DataFrame) -> Registration:
     """Fit the tracker's place to the nominal base reflectors by weighted least squares.
 
-    Rigid motion, Gauss-Newton from the unweighted closed form (Kabsch); every reading weighs
-    with its own 3x3 covariance. Without [base_frame] the readings are in F_b already.
+    sum_i r_i' (R C_i R')^-1 r_i is smallest, r_i = n_i - (R p_i + t) [m] in F_b: n_i the nominal
+    place, p_i the reading and C_i its covariance [m^2] in the tracker's frame. Gauss-Newton from
+    the unweighted closed form (Kabsch, Acta Cryst. A32, 1976; Umeyama, IEEE Trans. PAMI 13, 1991).
+    cov = (D' W D)^-1, times chi2 / dof where the noise is not stated or the misfit is improbable
+    (p < `_MISFIT`; Birge, Physical Review 40, 1932). Without [base_frame] the readings are in F_b
+    already.
 
     Args:
         settings: The campaign; `base_frame` has the nominal coordinates [m].
@@ -164,7 +168,11 @@ def _kabsch(points: Array, nominal: Array) -> tuple[Array, Array]:
 def _gauss_newton(
     R: Array, t: Array, points: Array, nominal: Array, C: Array
 ) -> tuple[Array, Array, float, Array]:
-    """One step (rotation, shift at the centre), covariance of it, chi2, centre."""
+    """One step (rotation, shift at the centre), covariance of it, chi2, centre.
+
+    (w, s) = N^-1 sum_i D_i' W_i r_i with N = sum_i D_i' W_i D_i, W_i = (R C_i R')^-1 and
+    D_i (w, s) = w x (R p_i + t - p) + s, p the centre of the placed readings; w [rad], s [m], F_b.
+    """
     placed = points @ R.T + t
     centre = placed.mean(axis=0)
     lever = placed - centre

@@ -39,6 +39,11 @@ def threshold(
 ) -> Threshold:
     """Calibrate the smallest p of all suspects on draws of pure scatter.
 
+    p_min = min_j P[F(k_j, dof - k_j) > F_j], F_j = (T_j / k_j) / ((rest - T_j) / (dof - k_j)),
+    T_j = |U_j' e|^2, e ~ N(0, I), U_j what suspect j adds to the base. With q the 2 % quantile of
+    p_min, m = ln(1 - 0.02) / ln(1 - q) independent tests would do the same, so that each may use
+    p = 1 - (1 - alpha)^(1/m), alpha = `_FALSE_ALARM` (Sidak, J. Am. Stat. Assoc. 62, 1967).
+
     Only the part of the scatter in the span of base and suspects needs drawing; the rest is one
     chi-square. Student-free: the F tests do not depend on the size of the scatter. The tail is
     taken from the number of independent tests at 2 %, where 3000 draws know it to 13 %.
@@ -96,6 +101,10 @@ class Lack:
 
 def lack_of_fit(view: View, base: Ints, score: Scores) -> Lack:
     """Test the base against free motions; the scatter comes from the effector's own rigidity.
+
+    F = (drop / k) / (scatter / nu), with k and nu degrees of freedom: the lack of fit against the
+    pure error. drop is the part of the base's residual that free motions explain: those of each
+    pose in proportion to the force, or (rest - scatter, dof - nu) those of each pull.
 
     Without three reflectors nothing is left to take the scatter from, and nothing is found.
     """

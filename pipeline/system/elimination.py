@@ -16,6 +16,9 @@ NULL = 1e-7
 def coefficients(M: Array, base: Ints) -> Array:
     """Least-squares coefficients of the last column by the base, shape (..., b).
 
+    b = N^+ g with N = M[base, base], g = M[base, last]; the pseudo-inverse is taken of N scaled to
+    a unit diagonal.
+
     Mixes of columns that cannot be told apart share the work equally.
     """
     scaled, size = _scaled(M, base)
@@ -26,6 +29,9 @@ def coefficients(M: Array, base: Ints) -> Array:
 
 def eliminate(M: Array, base: Ints) -> Array:
     """Products of all columns after the base is taken out of them: the Schur complement.
+
+    S = M - M[:, base] M[base, base]^+ M[base, :]. With M = A'A that is A' P A, where P projects
+    onto what is orthogonal to the base's columns of A; S[last, last] is the sum of squares left.
 
     Args:
         M: Products, shape (..., W, W).

@@ -82,6 +82,9 @@ def sight(
 ) -> Sight:
     """Linearise springs and suspects at a model.
 
+    y = delta - d(x0) + B x0 [m], d the model's displacements and B their derivative at its values
+    x0, so that y = B x + Z z + G e to first order; rows in F_b, three to a displacement.
+
     Args:
         model: The model.
         data: The measurements.

@@ -63,6 +63,11 @@ class Scatter:
 def scatter(view: View, errors: Errors, stated: bool) -> Scatter:
     """Estimate both scales; needs no model of the arm, as every suspect may be at work.
 
+    s^2 = Q / nu,    u(s) = s / sqrt(2 nu),    p = P[chi2(nu) > Q / `TOLERATED`^2],
+
+    Q the sum of squares, in stated variances, of what no rigid motion of the effector explains, nu
+    its degrees of freedom; with too few reflectors those of the joint springs' residuals.
+
     Args:
         view: The campaign from the joint springs alone, with nothing scaled.
         errors: Its errors as stated.
@@ -90,6 +95,10 @@ def _all_suspects_out(view: View) -> tuple[int, float, str]:
 def _force(view: View, errors: Errors) -> tuple[float, float, float]:
     """The scale's share by restricted maximum likelihood, springs and all suspects estimated.
 
+    L is minus twice the log likelihood of `_restricted`, t the log scale: u(t) = sqrt(2 / L''), and
+    p = P[chi2(1) > L(0) - min L] / 2, as t is at the bound under the null (Self and Liang, J. Am.
+    Stat. Assoc. 82, 1987).
+
     Returns:
         Factor on its stated scatter, relative to the tracker's, its standard uncertainty and its
         p-value; 1, 0 and 1 unless the data say otherwise.
@@ -112,7 +121,12 @@ def _force(view: View, errors: Errors) -> tuple[float, float, float]:
 
 
 def _restricted(view: View, errors: Errors) -> Callable[[float], float]:
-    """Minus twice the restricted log likelihood by the log scale of the force readings.
+    """Minus twice the restricted log likelihood by the log scale t of the force readings.
+
+    L(t) = log|V_t| + log|X' V_t^-1 X| + nu log(y' P_t y), up to a constant: y is c, X springs,
+    suspects and common errors, V_t = G G' without the latter and with the columns of the force
+    readings times exp(t), y' P_t y the weighted sum of squares that X leaves, nu = M - rank X; the
+    scale of V_t as a whole is profiled out (Patterson and Thompson, Biometrika 58, 1971).
 
     The fixed effects are thinned to independent ones once: were their rank counted anew at every
     scale, a direction near the limit would come and go and pass for evidence.

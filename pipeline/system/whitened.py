@@ -44,7 +44,8 @@ class View(Locked):
         raw: Columns [springs | suspects | c] before whitening [m], c linearised at the model,
             shape (M, k + K + 1).
         A: [springs | common | suspects | c] in typical sizes, whitened by pose, with one row per
-            common error below (its prior), shape (M + r, W).
+            common error below (its prior), shape (M + r, W). Least squares on these rows weighs
+            with the whole V: common errors a ~ N(0, I) are columns with a prior row of their own.
         pose: Index of the pose of each row of A, -1 for priors, shape (M + r,).
         M: A'A, shape (W, W).
         springs: Number of spring columns.
@@ -183,6 +184,8 @@ def with_laws(seen: Sight, errors: Errors, doubt: Sequence[tuple[int, float]]) -
 def _kin(seen: Sight, accepted: int, fraction: float) -> Array:
     """Other laws of the same gear, each moving a fraction of what the accepted one moves, (M, j).
 
+    Column k is fraction |Z_a z_a| / |Z_k| Z_k [m], Z_a z_a what the accepted one moves.
+
     How a law bends is known to that fraction only, and all pulls bend together.
     """
     effect = seen.suspects[accepted]
@@ -263,6 +266,9 @@ def _view(seen: Sight, more: Array, white: Whitener, noise: float, spread: Array
 def _scatter(seen: Sight, white: Whitener) -> tuple[float, int, float]:
     """Sum of squares of y that no rigid motion of the effector in any pull explains, and its dof.
 
+    |y - Q Q' y|^2 with M - rank Q degrees of freedom, y whitened, Q the whitened rigid motions,
+    six to a pull. Third, the p of an F test of what moves single reflectors by the load.
+
     The effector is stiff: whatever happens to arm, rail, force or tracker, its reflectors keep
     their distances. What changes them is the scatter of the readings alone; or, in proportion to
     the load, a loose nest or a soft effector, and then that is no scatter.
@@ -335,7 +341,11 @@ def _place_in_pose(rows: Rows) -> Ints:
 
 
 def by_pose_drop(view: View, base: Ints) -> tuple[float, int]:
-    """Sum of squares that a free stiffness of each pose takes out of the base's residual; dof."""
+    """Sum of squares that a free stiffness of each pose takes out of the base's residual; dof.
+
+    sum_p |F_p' r_p|^2 with r = y - A_base b whitened and F_p the six columns of `free` in pose p;
+    their ranks together minus springs and accepted causes are its degrees of freedom.
+    """
     residual = view.A[:, -1] - view.A[:, base] @ coefficients(view.M, base)
     mine = view.pose >= 0
     along = _per_pose(view.pose[mine], view.free[mine] * residual[mine, None])
