@@ -1,4 +1,4 @@
-"""How large the named causes are, with intervals that follow the bend of the model."""
+"""Sizes of the identified causes, with intervals that follow the model's nonlinearity."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pipeline.system.whitened import View
 
 
 def amplitudes(case: Case, view: View) -> list[tuple[Amplitude, ...]]:
-    """Sizes of the accepted causes, springs estimated along; scatter as the residual has it.
+    """Sizes of the accepted causes, springs estimated as well; scatter from the residuals.
 
     z = N^+ g in typical sizes, N = X'X and g = X'y over the whitened columns of the base;
     u(z_k) = s sqrt((N^+)_kk), s^2 = rest / dof, infinite where N does not determine z_k, and the
@@ -69,8 +69,8 @@ def _profile(
 def _rise(view: View, suspect: int, parameter: Parameter, at: float) -> float:
     """Rise of chi-square when one parameter is held, the others refitted.
 
-    The others follow the linear model; what bends shows in the prediction at these values, and
-    they follow once more.
+    The others follow the linear model; the nonlinear part is in the prediction at these values,
+    and they are refitted to it once more.
     """
     names = [p.name for p in view.suspects[suspect].parameters]
     fixed = int(view.columns([suspect])[names.index(parameter.name)])

@@ -92,7 +92,7 @@ class Dependence:
     Attributes:
         spring: Index of the joint.
         cause: Label of the identified cause.
-        rival: Label of what could stand in its place.
+        rival: Label of what could replace it.
         lost: With the rival nothing determines the spring.
     """
 
@@ -211,7 +211,7 @@ def _quantile(p: float, weights: Array, values: Array, std: Array) -> Array:
 
 
 def dependences(hypotheses: Sequence[Hypothesis]) -> tuple[Dependence, ...]:
-    """Springs that another hypothesis moves, or that one of them loses, with what stands where."""
+    """Springs that another hypothesis moves or leaves undetermined, and the causes in question."""
     first, *others = hypotheses
     n = _springs(first)
     own, value = first.estimate.std[:n], first.estimate.value[:n]

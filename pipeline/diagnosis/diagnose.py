@@ -58,7 +58,7 @@ def diagnose(
         where: The test pose, for the change of the predicted deflection.
         rng: Source of all draws (threshold, bootstrap, candidate poses).
         effects: The catalogue to search; that of the robot when not given.
-        drift: What the base reflectors say of the tracker, where they say anything.
+        drift: What the base reflectors show of the tracker, where they show anything.
     """
     whole = catalogue(cell.robot) if effects is None else effects
     known = twins(cell.robot)
@@ -163,10 +163,10 @@ def _beyond_certificate(spread: Scatter, stated: bool) -> bool:
 def _searched(
     case: Case, spread: Scatter, start: Array, rng: np.random.Generator
 ) -> tuple[Case, Scatter, Found]:
-    """Seek causes with the scale as good as stated; with a worse one only if that leaves nothing.
+    """Search with the scale's stated scatter; with a larger one only if that finds no cause.
 
-    A cause that nobody has named yet looks like a scatter of the scale, pull by pull: only what
-    no cause takes may be scatter.
+    A cause not yet identified looks like scatter of the scale, pull by pull: only what no cause
+    explains may be scatter.
     """
     stated = replace(case, force_noise=1.0)
     found = search(stated, start, rng)
@@ -184,7 +184,7 @@ def case_of(
     whole: tuple[Effect, ...] | None = None,
     known: Twins | None = None,
 ) -> tuple[Case, Scatter]:
-    """What is asked about, at the scatter and the equilibrium that the data show.
+    """The suspects, at the scatter and the equilibrium that the data show.
 
     Args:
         cell: The paper's model.

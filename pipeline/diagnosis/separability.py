@@ -13,7 +13,7 @@ from pipeline.system.elimination import eliminate
 from pipeline.system.whitened import View
 
 DETECTED = 5.0
-"""Sigmas from which a cause is found for nearly certain."""
+"""Sigmas from which detection of a cause is nearly certain."""
 
 
 def separation(view: View, suspects: Sequence[int]) -> Array:
@@ -29,7 +29,7 @@ def separation(view: View, suspects: Sequence[int]) -> Array:
     Geodetic Networks, 1968).
 
     Args:
-        view: The view.
+        view: The campaign, whitened.
         suspects: Indices of n suspects.
     """
     S = eliminate(view.M, view.base)
@@ -54,7 +54,7 @@ def separation(view: View, suspects: Sequence[int]) -> Array:
 
 
 def identifiable(view: View, known: Twins) -> dict[str, float]:
-    """Smallest multiple of its typical size at which each cause is found and told from all others.
+    """Multiple of its typical size from which each cause is detected and separated from all others.
 
     APART / min(min_b d_ab, d_aa APART / DETECTED), d of `separation`: for its least visible form a
     against every form b of the others, twins left out; infinite where no size would do.

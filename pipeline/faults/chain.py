@@ -1,9 +1,9 @@
 """Bad readings of the two reflectors on the chain, by their distance and by their direction.
 
-Both are asked by a deleted residual: a pull is judged by what the others leave it, Student's t (F
-for the two coordinates of a direction), for the largest of all pulls. A chain may stretch with
-the force and hang otherwise in every pose; a direction may turn with the force, as the load point
-gives way, or with its inverse, as a sagging chain does.
+Both use deleted residuals: a pull is tested against the fit to the others, by Student's t (F for
+the two coordinates of a direction), for the largest of all pulls. A chain may stretch with
+the force and be hung differently in every pose; its direction may change with the force, as the
+load point yields, or with its inverse, as a chain sags.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ _TESTS = 2
 """Distance and direction share the probability of a false alarm."""
 
 _FEWEST = 8
-"""Pulls below this do not say how much a chain scatters."""
+"""Fewer pulls do not determine the scatter of a chain."""
 
 _HUNG = 0.05
-"""Lengths that differ between poses this improbably: the chain was hung otherwise."""
+"""Lengths that differ between poses below this p: the chain was hung differently."""
 
 _MATTERS_RAD = 5e-4
 """A direction off by less turns no force by more than the readings of a scale scatter."""
 
 _SHORT_M = 1.5e-4
-"""A distance off by less is not worth being named."""
+"""A distance off by less is not reported."""
 
 _APART = 5.0
 """A direction stands out this much also against the other pulls of its own pose."""
@@ -262,7 +262,7 @@ def _turns(chain: _Chain, course: Array) -> tuple[Ints, Array, Array, Array, Arr
 def _end(chain: _Chain, pull: int) -> tuple[int, float] | None:
     """Which end is not where the other pulls of the pose put it, and by how much [m].
 
-    None where nobody can tell.
+    None where that is open.
     """
     same = (chain.pose == chain.pose[pull]) & np.isfinite(chain.force)
     others = same & (np.arange(len(same)) != pull)

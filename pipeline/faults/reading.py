@@ -40,13 +40,13 @@ of readings of the poses, of readings of the base, of whole base reflectors, of 
 the scale."""
 
 _SMALLEST_M = 8e-5
-"""A reading off by less than this is not worth being named."""
+"""A reading off by less than this is not reported."""
 
 _FITS = 1e-3
 """A model whose misfit is this probable fits."""
 
 _DOMINANT = 2.0
-"""Beside a model that does not fit, an outlier must stand out this much more."""
+"""If the model does not fit, an outlier must stand out this much more."""
 
 _TOO_FEW = 16.0
 """A sum of squares below this confirms nothing and refutes nothing."""
@@ -334,7 +334,7 @@ def _columns(
 def bad_reading(
     row: pd.Series, others: str, size: float, sigmas: float, p: float, beside_model: bool = False
 ) -> Finding:
-    """What is said of a single reading that contradicts others.
+    """The finding of a single reading that contradicts others.
 
     Args:
         row: The reading.

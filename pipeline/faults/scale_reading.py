@@ -34,14 +34,13 @@ from pipeline.system.system import Estimate, System
 from pipeline.system.whiten import Whitener, whitener
 
 _MATTERS = 0.03
-"""A reading off by a smaller part of the force is none that somebody mistyped."""
+"""A reading off by a smaller part of the force was not mistyped."""
 
 _STATED = 6.0
 """Nor is one off by less than this many stated standard uncertainties of the scale."""
 
 FEWEST, MOST = 8, 1000
-"""Fewer pulls do not tell which of them is the one; more are no campaign by hand, and each is a
-column."""
+"""Fewer pulls do not single one out; more are no campaign by hand, and each is a column."""
 
 _DOMINATES = 4.0
 """A mistyped reading stands out this much more than any other once it is right: what a force law
@@ -150,7 +149,7 @@ def _fitting(cell: Cell, data: Measured, values: Array, pull: int, scale: Scale)
 
     Gauss-Newton: the force f of the pull and the parameters x by c = B x + (dc/df) df, weighted.
     Steps downwards are taken in 1/force: where ten times the force has made the springs ten times
-    too stiff, what the pull moved is straight in that.
+    too stiff, what the pull moved is linear in that.
     """
     force = float(np.linalg.norm(data.pulls.force[pull]))
     for _ in range(_ROUNDS):

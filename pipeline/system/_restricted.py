@@ -106,7 +106,7 @@ _STEP = 3e-3
 
 
 def maximum(blocks: Blocks, told: Bools) -> tuple[Array, Array, Array]:
-    """The log scales that are told, their standard uncertainties and their p-values.
+    """The log scales that the data determine, their standard uncertainties and p-values.
 
     With L the loss, H its Hessian and g_p the gradient of pose p's part, u(t)^2 is the larger of
     2 H^-1 and the sandwich H^-1 (sum_p g_p g_p') H^-1 (White, Econometrica 50, 1982), diagonals

@@ -14,8 +14,8 @@ from pipeline.system.whitened import View, by_pose_drop
 
 _FALSE_ALARM = 0.002
 """For all suspects together. With the two tests of lack of fit, the five of bad readings and the
-tracker's drift 7.5 of 1000 clean campaigns are accused: 1 % holds also where 1000 are counted.
-Scatter above the stated is asked about besides, and is no fault of the model."""
+tracker's drift 7.5 of 1000 clean campaigns raise a false alarm: 1 % holds also where 1000 are
+counted. Scatter above the stated is tested separately, and is no fault of the model."""
 
 _LACK_OF_FIT = 0.001
 """For each of the two tests of lack of fit."""
@@ -45,8 +45,8 @@ def threshold(
     p = 1 - (1 - alpha)^(1/m), alpha = `_FALSE_ALARM` (Sidak, J. Am. Stat. Assoc. 62, 1967).
 
     Only the part of the scatter in the span of base and suspects needs drawing; the rest is one
-    chi-square. Student-free: the F tests do not depend on the size of the scatter. The tail is
-    taken from the number of independent tests at 2 %, where 3000 draws know it to 13 %.
+    chi-square. The F tests do not depend on the size of the scatter. The tail is
+    taken from the number of independent tests at 2 %, where 3000 draws give it to 13 %.
     """
     S = eliminate(view.M, base)
     bases = _bases(view, S)
@@ -106,7 +106,7 @@ def lack_of_fit(view: View, base: Ints, score: Scores) -> Lack:
     pure error. drop is the part of the base's residual that free motions explain: those of each
     pose in proportion to the force, or (rest - scatter, dof - nu) those of each pull.
 
-    Without three reflectors nothing is left to take the scatter from, and nothing is found.
+    Without three reflectors the scatter is unknown, and nothing is found.
     """
     if not view.tells_scatter:
         return Lack(1.0, 1.0)

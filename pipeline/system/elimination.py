@@ -1,4 +1,4 @@
-"""Sums of squares after some columns are estimated: the algebra of every question."""
+"""Sums of squares after some columns are estimated: the algebra of every test."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def coefficients(M: Array, base: Ints) -> Array:
     b = N^+ g with N = M[base, base], g = M[base, last]; the pseudo-inverse is taken of N scaled to
     a unit diagonal.
 
-    Mixes of columns that cannot be told apart share the work equally.
+    Columns that cannot be separated share the coefficient equally.
     """
     scaled, size = _scaled(M, base)
     inverse = np.linalg.pinv(scaled, rcond=_CUT, hermitian=True)

@@ -27,12 +27,12 @@ WIDTHS = np.array([0.4, 1.0, 2.5, 6.0])
 
 
 ROUNDING = 1e-4
-"""Mean square in units of the noise below which exact data leave rounding, which accuses nobody."""
+"""Mean square in units of the noise below which residuals are rounding and no evidence."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scores(Locked):
-    """Every suspect beside one base.
+    """Statistics of every suspect added to one base.
 
     Attributes:
         T: Drop of the sum of squares when the suspect joins, h' G^+ h, shape (n,). Over the
@@ -63,10 +63,10 @@ class Scores(Locked):
 
 
 def scores(view: View, base: Ints, dof: int, M: Array | None = None) -> Scores:
-    """Score every suspect beside a base.
+    """Score every suspect added to a base.
 
     Args:
-        view: The view.
+        view: The campaign, whitened.
         base: Columns of the base.
         dof: Rows minus parameters of the base.
         M: Products to use instead of the whole campaign's.

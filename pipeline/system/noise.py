@@ -1,7 +1,7 @@
-"""How much the readings really scatter.
+"""The actual scatter of the readings.
 
-The tracker's share comes from the effector's own rigidity, the scale's from readings that are off
-as a whole.
+The tracker's comes from the rigidity of the effector, the scale's from displacements of a pull that
+are off in one proportion.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pipeline.system.whiten import whitener
 from pipeline.system.whitened import View
 
 TOLERATED = 1.3
-"""A certificate that is wrong by less than this is not worth a word."""
+"""A certificate that is wrong by less than this factor is not reported."""
 
 SURE = 0.001
 """How unlikely scatter must be before it is called larger than stated."""
@@ -93,7 +93,7 @@ def _all_suspects_out(view: View) -> tuple[int, float, str]:
 
 
 def _force(view: View, errors: Errors) -> tuple[float, float, float]:
-    """The scale's share by restricted maximum likelihood, springs and all suspects estimated.
+    """The scale's scatter by restricted maximum likelihood, springs and all suspects estimated.
 
     L is minus twice the log likelihood of `_restricted`, t the log scale: u(t) = sqrt(2 / L''), and
     p = P[chi2(1) > L(0) - min L] / 2, as t is at the bound under the null (Self and Liang, J. Am.

@@ -44,11 +44,11 @@ _SURELY = 0.003
 
 
 _UNTOLD = 0.5
-"""A relative standard uncertainty of a scale above this: the data cannot tell it."""
+"""Above this relative standard uncertainty the data do not determine a scale."""
 
 
 _FEWEST = 12
-"""Contrasts below this say too little about a component."""
+"""Fewer contrasts determine no component."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +150,7 @@ def rescaled(data: Measured, found: Components) -> Measured:
     """The same measurements with the noise that was found wherever it is larger than stated.
 
     A tracker noisier than stated also placed the base frame worse, unless the scatter of the base
-    reflectors themselves has said already how well that is placed.
+    reflectors themselves already states how well that is placed.
     """
     factor = np.where(found.larger | ~np.array([found.stated, True]), found.scale, 1.0)
     tracker, force = factor.tolist()

@@ -1,8 +1,8 @@
-"""One campaign seen from one model: rows whitened, every suspect's columns beside the springs'.
+"""One campaign whitened at one model: every suspect's columns next to those of the springs.
 
-All questions (is something missing, what, how much, what would another pose tell) are then sums of
-squares. They are asked of one matrix of products, columns [springs | common errors | suspects | c],
-and of its part from each pose.
+All questions (is something missing, what, how much, what would another pose add) are then sums of
+squares, computed from one matrix of products, columns [springs | common errors | suspects | c], and
+from its part of each pose.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from pipeline.system.whiten import Whitener, whitener
 
 _LOOSE = 0.05
 """How far a law may be off in one pull alone, as a fraction of what it moves; the rest of its
-tolerance bends all pulls together."""
+tolerance applies to all pulls together."""
 
 SOFT = 1e-4
 """How unlikely it must be that the reflectors only seem to move against each other."""
@@ -33,11 +33,11 @@ SOFT = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class View(Locked):
-    """A campaign from the point of view of one model.
+    """A campaign linearised at one model and whitened.
 
     Attributes:
         model: The model; columns are derivatives there.
-        suspects: All causes that are asked about, accepted ones included.
+        suspects: All causes that are tested, accepted ones included.
         owner: Index of the suspect of each suspect column, shape (K,).
         typical: Typical size of each column's parameter: springs, common (1), suspects.
         rows: What each row of the campaign is.
@@ -52,8 +52,8 @@ class View(Locked):
         common: Number of columns of common errors.
         spread: Standard uncertainty of each row of c [m], shape (M,).
         noise: Standard uncertainties are this many times the stated ones.
-        seen: What was weighed.
-        white: What weighed it.
+        seen: The linearised campaign.
+        white: Its whitener.
     """
 
     model: Model
@@ -88,14 +88,14 @@ class View(Locked):
 
     @property
     def tells_scatter(self) -> bool:
-        """Whether the rigid effector tells how much the readings scatter."""
+        """Whether the rigid effector determines the scatter of the readings."""
         return self.scatter_dof >= 10
 
     @property
     def soft_p(self) -> float:
         """Probability of what the reflectors move against each other in proportion to the load.
 
-        If that were scatter; 1 where nothing is left over for the question.
+        If that were scatter; 1 where no degrees of freedom are left for the test.
         """
         return self._scatter[2]
 
@@ -142,7 +142,7 @@ class View(Locked):
 def look(
     seen: Sight, noise: float, force_noise: float = 1.0, doubt: Sequence[tuple[int, float]] = ()
 ) -> View:
-    """Weigh what is seen.
+    """Whiten a linearised campaign.
 
     Args:
         seen: The campaign linearised at a model.
@@ -160,7 +160,7 @@ def look(
 
 
 def with_laws(seen: Sight, errors: Errors, doubt: Sequence[tuple[int, float]]) -> Errors:
-    """Errors of c with what is not known of the laws of accepted causes, source `law`.
+    """Errors of c including the uncertainty of the laws of accepted causes, source `law`.
 
     Args:
         seen: The campaign linearised at a model.
@@ -186,7 +186,7 @@ def _kin(seen: Sight, accepted: int, fraction: float) -> Array:
 
     Column k is fraction |Z_a z_a| / |Z_k| Z_k [m], Z_a z_a what the accepted one moves.
 
-    How a law bends is known to that fraction only, and all pulls bend together.
+    The shape of a law is known to that fraction only, and all pulls deviate together.
     """
     effect = seen.suspects[accepted]
     owner = owners(seen.suspects)
