@@ -19,7 +19,7 @@ from pipeline.system.system import Estimate
 
 @dataclass(frozen=True, eq=False)
 class Told:
-    """One model of the campaign with what is said of it.
+    """One model of the campaign with what is stated of it.
 
     Attributes:
         values: Its values.

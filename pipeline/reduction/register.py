@@ -1,4 +1,4 @@
-"""Stage 2. Readings of base reflectors in, the tracker's place in F_b and placed readings out."""
+"""Stage 2. Readings of base reflectors in, the tracker's pose in F_b and placed readings out."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from pipeline.reduction.settings import Settings
 XYZ = ["x_m", "y_m", "z_m"]
 
 _MISFIT = 1e-4
-"""Base reflectors that agree worse than chance would have it in this part of all campaigns."""
+"""Below this p the base reflectors disagree by more than their stated uncertainties."""
 
 
 @dataclass(frozen=True, eq=False)
 class Registration(Locked):
-    """Where the tracker stands: p_b = R p_t + t.
+    """The tracker's pose in F_b: p_b = R p_t + t.
 
     Attributes:
         R: Rotation from the tracker's frame into F_b, shape (3, 3).
@@ -46,7 +46,7 @@ class Registration(Locked):
 
 
 def register(settings: Settings, readings: pd.DataFrame) -> Registration:
-    """Fit the tracker's place to the nominal base reflectors by weighted least squares.
+    """Fit the tracker's pose to the nominal base reflectors by weighted least squares.
 
     sum_i r_i' (R C_i R')^-1 r_i is smallest, r_i = n_i - (R p_i + t) [m] in F_b: n_i the nominal
     place, p_i the reading and C_i its covariance [m^2] in the tracker's frame. Gauss-Newton from
@@ -119,7 +119,7 @@ def _seconds(times: pd.Series[pd.Timestamp], start: pd.Timestamp) -> Array:
 
 
 def _uncertain(readings: pd.DataFrame) -> None:
-    """No instrument reads without error: a reading that says so would outweigh all others."""
+    """No instrument reads without error: zero uncertainty would outweigh all other readings."""
     without = covariance.singular(covariance.numbers(readings)) if len(readings) else np.zeros(0)
     if without.any():
         first = readings.iloc[int(np.argmax(without))]
