@@ -1,4 +1,4 @@
-"""Linear algebra with one rank rule: what everything that solves, ranks or weighs stands on.
+"""Linear algebra with one rank rule, for everything that solves, ranks or weights.
 
 Columns are brought to unit length before anything is called rounding, so that no unit of a
 parameter decides what the data determine. A direction counts when it is longer than `ROUNDING`
@@ -56,7 +56,7 @@ def complement(X: Array) -> Array:
 def pseudoinverse(X: Array) -> tuple[Array, int]:
     """X+ with x = X+ y the shortest least-squares solution in unit columns, (k, M), and the rank.
 
-    Columns that nothing tells apart share what is theirs equally.
+    Columns that cannot be separated share the coefficient equally.
     """
     size = lengths(X)
     U, s, Vt = np.linalg.svd(X / size, full_matrices=False)

@@ -120,18 +120,18 @@ class Facts:
         explains: The causes leave nothing but scatter.
         causes: What the displacements call for, whether or not it predicts better.
         gain: What these are worth at poses that were left out.
-        outside: The likeliest that is nothing of the catalogue, in the place of a cause.
+        outside: The likeliest outside the catalogue, in the place of a cause.
         remainder: What is left with the causes over what the readings scatter; None if unknown.
         loose_p: Chance that the reflectors only seem to move against each other under load.
         scale_ratio: Scatter of the scale found over stated, relative to the tracker's, where only
             this makes the remainder scatter; else 1.
         tracker_ratio: Scatter of the tracker found over stated.
         scatter: Causes of scatter.
-        beyond_certificate: The residuals are larger than any certificate may be wrong.
+        beyond_certificate: The residuals are larger than any error of a certificate.
         beyond_a_tracker: No noise is stated, and the residuals are larger than a tracker's.
-        unloaded: What the unloaded reflectors say.
+        unloaded: What the unloaded positions show.
         moved: Causes that these call for.
-        base: What the base reflectors say of the tracker, where they say anything.
+        base: What the base reflectors show of the tracker, where they show anything.
         drift: The same where they call for a drift.
         mistakes: Mistakes in the data, corrected for all the rest.
     """
@@ -166,7 +166,7 @@ class Diagnosis(Locked):
 
     Attributes:
         facts: What the verdict follows from.
-        causes: The named causes.
+        causes: The identified causes.
         alone: What the likeliest causes do each by itself.
         blind_spots: What would have gone unnoticed.
         next_poses: What to measure next.
