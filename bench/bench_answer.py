@@ -1,7 +1,7 @@
 """Do the stated intervals hold the truth under every verdict, and does no cause look like wear?
 
 The stiffnesses at the top of result.json are those of the model that the verdict recommends; those
-of the joint springs alone, on the data as given, stand beside them. Machines, causes and campaigns
+of the joint springs alone, on the data as given, are given as well. Machines, causes and campaigns
 are the league's, so what is true is known.
 
 - Coverage: campaigns with one cause, with none and with a blunder in the raw files, counted by the
@@ -241,7 +241,7 @@ def _edited(raw: Files, file: str, edit: Callable[[Cells], None]) -> dict[str, b
 
 
 def _tracker_in(raw: Files, rng: np.random.Generator, unit_m: float) -> dict[str, bytes]:
-    """The tracker's columns are said to be millimetres and hold another unit."""
+    """The tracker's columns are labelled millimetres and hold another unit."""
 
     def edit(cells: Cells) -> None:
         for row in cells:
@@ -388,12 +388,12 @@ def _covered_rows(what: str, games: Sequence[Json], which: str) -> Iterator[Row]
 
 
 def _has(entry: Json) -> bool:
-    """Whether a joint is told, with two limits or one."""
+    """Whether a joint has an interval, with two limits or one."""
     return entry["identifiable"] and entry["ci95"] != [None, None]
 
 
 def _held(game: Json, which: str) -> list[bool]:
-    """Of each joint that is told, whether the interval holds the truth; no limit is infinite.
+    """Of each joint with an interval, whether the interval holds the truth; no limit is infinite.
 
     A strut beside the shoulder's gear adds a stiffness of its own, constant in part, which no pull
     tells from the gear's: what is true of that joint then is a matter of words.

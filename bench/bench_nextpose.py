@@ -127,7 +127,7 @@ def certain(one: Score) -> bool:
 
 
 def settled(one: Score) -> bool:
-    """The right name under `explained`; of twins, as much as can be said."""
+    """The right name under `explained`; of twins, as far as that is possible."""
     paired = any(" = " in said.label and said.true for said in one.stated)
     paid = one.gain is not None and one.gain[1] > 0
     return one.right and (one.verdict == "explained" or (paired and paid and certain(one)))

@@ -2,7 +2,7 @@
 
 A cause counts where the plan tells it at its typical size from every rival, 4.6 standard
 uncertainties away; its forms count once, and so do twins, which no pull at the tip can part. The
-count of causes that have no twin stands beside it.
+count of causes without a twin is given as well.
 """
 
 from collections.abc import Iterable

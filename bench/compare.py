@@ -314,7 +314,7 @@ def flat(content: Any, path: Place = ()) -> Iterator[tuple[Place, Leaf]]:
 def differences(
     before: Mapping[Place, Leaf], after: Mapping[Place, Leaf], tolerance: Tolerance
 ) -> list[Difference]:
-    """Where two flat answers differ; what is missing as a whole is told once."""
+    """Where two flat answers differ; what is missing as a whole is listed once."""
     found = []
     for path in dict.fromkeys((*before, *after)):
         one, other = before.get(path, ABSENT), after.get(path, ABSENT)

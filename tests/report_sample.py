@@ -241,7 +241,7 @@ def _suspects() -> pd.DataFrame:
 
 
 def _examined(rows: pd.DataFrame) -> pd.DataFrame:
-    """The carriage rolls where it stands far out: the named cause takes a slope away."""
+    """The carriage rolls where it stands far out: the identified cause takes a slope away."""
     rail = rows["zero_y_m"].to_numpy(float)
     return rows.assign(
         r1_m=rail,

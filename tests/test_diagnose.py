@@ -166,7 +166,7 @@ def test_a_cause_that_makes_predictions_worse_is_not_listed():
 
 
 def test_two_laws_of_a_gear_that_a_plan_hardly_tells_ask_for_a_pull():
-    """Where no torque falls below a gear's knee, lost motion and a knee are one: both are said."""
+    """Where no torque falls below a gear's knee, lost motion and a knee are one: both are given."""
     found, *_ = examined(22, "joint_lost_motion:4=2x")
 
     assert verdict(found.facts) == "ambiguous"

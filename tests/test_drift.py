@@ -1,4 +1,4 @@
-"""Base reflectors that move as one while time goes by: the tracker drifts."""
+"""Base reflectors that share one rigid motion in time: the tracker drifts."""
 
 from dataclasses import replace
 from functools import cache
@@ -119,7 +119,7 @@ def test_chance_is_no_drift():
 
 
 def test_one_reading_off_is_no_drift():
-    """A reflector of the last round is 0.5 mm off: the drift beside it is not believed."""
+    """A reflector of the last round is 0.5 mm off: the drift beside it is not accepted."""
     readings = drifted({"base_end": 6.0})
     row = readings.index[readings["group"] == "base_end"][0]
     assert asked(readings).named

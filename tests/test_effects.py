@@ -117,7 +117,7 @@ def test_zero_means_absent(bench, effect):
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=IDS)
 def test_columns_are_the_derivative_of_the_simulator(bench, effect):
-    """What accuses an effect is the derivative of what simulates it (five-point formula)."""
+    """The column that tests for an effect is the derivative of what simulates it (five points)."""
     cell, pulls, x = bench
     whole = cell.with_effects(effect)
     Z = forward.sensitivity(cell, pulls, x, [effect])

@@ -72,7 +72,7 @@ def test_noise_that_nobody_stated_is_what_the_causes_leave(found):
 
 
 def by_hand(fanuc, effect):
-    """Part of the left-out rms that one elastic cause takes, by plain least squares."""
+    """Part of the cross-validation rms that one elastic cause takes, by plain least squares."""
     cell, data, system, estimate = fanuc
     Z = sensitivity(cell, data.pulls, estimate.value, [effect])[data.pull, data.target]
     wide = np.column_stack([system.B, Z.reshape(len(system.B), -1)])

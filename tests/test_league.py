@@ -151,7 +151,7 @@ def test_what_nobody_knows_is_not_given_a_name(name):
 
 @pytest.mark.parametrize("name", ["joint_tilt_6", "tool_flex"])
 def test_twins_stay_undecided(name):
-    """A twin is found, and both are said."""
+    """A twin is found, and both are stated."""
     one = judged(42, **{name: 2.5})
 
     assert one.right
@@ -390,7 +390,7 @@ PAIR = Twins((), (("tool_flex", "joint_tilt:7"),), ())
 
 
 def test_a_secret_that_is_not_seen_is_neither_right_nor_wrong():
-    """A clean bill for a guilty machine counts as nothing found; a refusal likewise."""
+    """`adequate` for a machine with a hidden cause counts as nothing found; a refusal likewise."""
     for one in (score(truth("rail_roll"), answer("adequate"), PAIR), REFUSED):
         assert not one.right
         assert not one.in_list
@@ -490,7 +490,7 @@ def test_misses_and_wrong_names_are_counted_as_such():
 
 
 def test_a_gain_that_is_nothing_needs_no_interval():
-    """A machine whose secret hardly moves the left-out error is not asked for a gain."""
+    """No gain is asked of a machine whose hidden cause hardly moves the cross-validation error."""
     table = counted(game("single", WON, missed=0.04), game("single", WON, missed=0.01))
 
     assert "(0 of 1;" in table["gain interval above zero where the true gain is above 5 %"]
@@ -581,7 +581,7 @@ def test_what_a_person_wrote_on_the_page_stays():
 
 
 def test_the_picture_of_names_is_in_the_order_of_the_catalogue():
-    """Strangers come last; rows add up to one, whatever was said."""
+    """Strangers come last; rows add up to one, whatever was stated."""
     tilt = replace(WON, named=("joint_tilt:3",))
     hidden, said, cells = confusion_matrix(
         [

@@ -1,4 +1,4 @@
-"""Whoever asks, terminal, page, PDF or a program, is told the values of one and the same model."""
+"""Whoever asks, terminal, page, PDF or a program, gets the values of one and the same model."""
 
 import html
 import io
@@ -88,7 +88,7 @@ def stated(answer):
 
 
 def test_each_campaign_stands_for_the_model_that_holds(told):
-    """Model and data are those of the decision, and the paper's model stands beside them."""
+    """Model and data are those of the decision, and the paper's model is given as well."""
     answers = {name: find(told[0], name).result() for name in CAMPAIGNS}
     said = {
         name: (a["recommended"]["model"], a["recommended"]["data"]) for name, a in answers.items()

@@ -85,7 +85,7 @@ def test_a_robot_that_stands_off_its_table_has_no_wrong_row(off_table, clean):
     ids=["theta6", "r1", "repeated"],
 )
 def test_a_wrong_row_of_the_joint_log_is_named(off_table, change, pose):
-    """Nothing but the row is accused, also in a robot that stands off its table."""
+    """Nothing but the row is flagged, also in a robot that is off its table."""
     found = findings(logged(off_table, change))
 
     assert [(f.name, f.where) for f in found] == [("outlier", f"joints.csv pose{pose:02d}")]

@@ -275,7 +275,7 @@ def test_too_few_pulls_are_refused_in_one_sentence(size, says, tmp_path):
 
 
 def test_two_poses_cannot_predict_each_other(tmp_path):
-    """Then there is no left-out error, and no number stands for it."""
+    """Then there is no cross-validation error, and no number is given for it."""
     answer = run(write(tmp_path, simulate(few(2, 1, 3)).files))
 
     assert answer["validation"]["held_out_rms_mm"] is None

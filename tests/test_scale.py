@@ -73,7 +73,7 @@ def test_a_mistyped_reading_is_named_and_left_out(change, changes):
 
 
 def test_it_is_named_beside_a_fault_of_the_model():
-    """Twice the force in one line, while the rail has backlash that nobody told about."""
+    """Twice the force in one line, while the rail has backlash that nobody reported."""
     said = screened(mistyped(campaign("rail_backlash").files, times(2)))
 
     assert [f.where for f in said.findings] == ["loads.csv pose04 rep1"]

@@ -92,7 +92,7 @@ def test_physics_is_no_bad_data(effect):
 
 
 def test_an_outlier_is_seen_beside_a_fault_of_the_model():
-    """A beam break of 1 mm while the rail has backlash that nobody told about."""
+    """A beam break of 1 mm while the rail has backlash that nobody reported."""
     made = campaign("outlier=1e-3", "rail_backlash")
 
     found = findings(made.files)

@@ -20,7 +20,7 @@ from pipeline.store import campaign
 
 @cache
 def clean():
-    """The raw files of a campaign of an innocent robot whose tool is off by 0.2 mm."""
+    """The raw files of a robot without hidden causes whose tool is off by 0.2 mm."""
     plan = Plan(poses={"count": 12}, pulls={"steps_n": [1500, 3000]}, hidden={"tool_sd_m": 2e-4})
     return simulate(plan, np.random.default_rng(31)).files
 
@@ -44,7 +44,7 @@ def logged(**off_deg):
 
 
 def test_a_wrong_joint_zero_is_named_with_its_size():
-    """The log of joint 3 says 0.1 degrees too much; the displacements would not have told."""
+    """The log of joint 3 says 0.1 degrees too much; the displacements would not show it."""
     found = said(logged(theta3_deg=0.1))
 
     assert found["verdict"] == "explained"

@@ -145,7 +145,7 @@ def seal(secrets: dict[str, float], seed: int, raw: Path, sealed: Path, name: st
         secrets: Labels with their sizes in typical ones.
         seed: Of the game.
         raw: Folder data/raw of a project.
-        sealed: Folder for the truth; the pipeline is never told of it.
+        sealed: Folder for the truth; the pipeline never gets it.
         name: Of the campaign.
     """
     robot, rng = load("kr500_rail"), np.random.default_rng(seed)

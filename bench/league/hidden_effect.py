@@ -101,11 +101,11 @@ def straight(c: float) -> Law:
 
 
 NOMINAL = 1 / np.array([8.0e7, 3.8e6, 6.6e6, 3.9e6, 5.6e5, 6.6e5, 4.7e5])
-"""Nominal compliances of the KR500, Table III; typical sizes are told in them."""
+"""Nominal compliances of the KR500, Table III; typical sizes are stated in them."""
 
 
 def setup(robot: Robot, stiffness: Array) -> Setup:
-    """An innocent machine with these joint stiffnesses."""
+    """A machine without hidden causes, with these joint stiffnesses."""
     springs = [
         Spring(f"j{j}", j, (0, 0, 1), bool(robot.prismatic[j - 1]), straight(1 / float(k)))
         for j, k in enumerate(stiffness, 1)

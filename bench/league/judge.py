@@ -14,7 +14,7 @@ SCATTER = ("tracker_noise", "force_noise")
 """Causes that say how much the readings scatter, not what moves them."""
 
 LISTED = 0.01
-"""A rival less probable than this is not said to be one."""
+"""A rival less probable than this is not counted as one."""
 
 
 @dataclass(frozen=True)
@@ -67,8 +67,8 @@ class Score:
         misplaced: Something was named in a part of the cell that hides nothing.
         stated: The causes held possible, with their probabilities.
         sizes: Amplitudes of causes that are named and true.
-        gain: Reduction of the left-out error with its 95 % interval.
-        left_out_mm: Left-out error of the joint springs.
+        gain: Reduction of the cross-validation error with its 95 % interval.
+        left_out_mm: Cross-validation error of the joint springs.
         remainder: What is left with the causes over the scatter found, root mean square.
         apart: Sigmas that the proposed poses promise between the pair they separate worst; None
             where nothing is proposed.

@@ -131,7 +131,7 @@ class Played:
         sizes: In typical sizes; empty where the plan shows a secret at no sensible size, and the
             game was not played.
         power: Predicted probability that the first secret is detected.
-        missed_mm: Left-out error of the joint springs where nothing scatters, of singles.
+        missed_mm: Cross-validation error of the joint springs without scatter, of singles.
         scores: Of the campaign, then with one proposed pose more each time.
         seconds: Of a processor, from files to the first answer.
         diagnosing: Part of them that the diagnosis took.
@@ -313,7 +313,7 @@ def followed(
 def missed_mm(
     fixture: Fixture, plan: Plan, sizes: tuple[float, ...], league: League, robot: Robot
 ) -> float:
-    """Left-out error of the joint springs on the same machine, measured without scatter [mm]."""
+    """Cross-validation error of the joint springs on the same machine without scatter [mm]."""
     secrets = [(SECRETS[name], size) for name, size in zip(fixture.secrets, sizes, strict=True)]
     calm, still = replace(plan, scatter=0.0), replace(league.rules, scale_n=0.0)
     files = play(robot, calm, secrets, np.random.default_rng(fixture.seed), still).files
@@ -375,7 +375,7 @@ class Yardstick:
     """Sizes that one plan can see, by the linear theory, in typical sizes.
 
     Attributes:
-        named: Smallest at which a cause is found and told from every other.
+        named: Smallest at which a cause is detected and separated from every other.
         seen: Size that is detected with 80 % power, by the cause's best form.
         count: Parameters of that form.
         p: Threshold of one cause's test.
@@ -408,7 +408,7 @@ def yardstick(plan: tuple[int, ...], rules: Rules) -> Yardstick:
 
 
 def shown_by(plan: Plan, rules: Rules, rng: np.random.Generator) -> Yardstick:
-    """Measure an innocent machine by a plan, and see what would have shown.
+    """Measure a machine without hidden causes by a plan, and see what would have shown.
 
     Args:
         plan: Where and with what.

@@ -149,7 +149,7 @@ def wrong(score: Score) -> bool:
 
 
 def true_gain(game: Played) -> float:
-    """By which fraction the left-out error would fall if nothing of the machine were missed."""
+    """Fraction by which the cross-validation error would fall if the model missed nothing."""
     whole = game.score.left_out_mm
     if not whole:
         return 0.0
@@ -300,7 +300,7 @@ def _line(name: str, shares: Array) -> str:
 
 
 def confusion(games: Sequence[Played]) -> list[str]:
-    """One line per secret: what was said of it, the most frequent first."""
+    """One line per hidden cause: what was stated of it, the most frequent first."""
     said: dict[str, Counter[str]] = {}
     for g in games:
         if g.kind in ("single", "strange", "clean") and g.scores:

@@ -17,7 +17,7 @@ from pipeline.system.variance import NAMES, Components, at_most
 
 
 def diagnosis_entry(found: Findings) -> dict[str, Any]:
-    """`diagnosis`: mistakes in the data first, then what the diagnosis says of the corrected data.
+    """`diagnosis`: mistakes in the data first, then the diagnosis of the corrected data.
 
     Scatter that the repeats have found already joins the causes.
     """
@@ -65,7 +65,7 @@ def _data_causes(found: Findings) -> list[dict[str, Any]]:
 
 
 def noise_entry(found: Components, estimate: Estimate) -> dict[str, Any]:
-    """The noise found in the data beside the stated one."""
+    """The noise found in the data relative to the stated one."""
     return {
         "from": estimate.noise_from,
         "contrasts": found.dof,

@@ -19,7 +19,7 @@ from pipeline.system.system import Estimate
 
 @dataclass(frozen=True, eq=False)
 class Told:
-    """One model of the campaign with what is said of it.
+    """One model of the campaign with what is stated of it.
 
     Attributes:
         values: Its values.
@@ -41,10 +41,10 @@ class Findings:
         raw: What its folder holds.
         given: The joint springs from the data as given.
         right: The joint springs from the data with every mistake put right; the same without any.
-        diagnosis: What the model misses, beside the mistakes.
+        diagnosis: What the model misses, mistakes apart.
         facts: What the verdict follows from, mistakes included.
-        row: Which values the answer stands for, and why.
-        told: These values.
+        row: Which values the answer gives, and why.
+        told: Those values.
         springs: The paper's model on the data as given.
         extended: The identified causes' own fit, on the data that the answer rests on; None
             without causes.

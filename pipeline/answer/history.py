@@ -1,4 +1,4 @@
-"""One campaign beside another, and all campaigns of a robot over time; pure, from their results."""
+"""Two campaigns compared, and all campaigns of a robot over time; pure, from their results."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def robots(results: Sequence[Result]) -> dict[str, list[Result]]:
 
 
 def trusted(result: Result) -> bool:
-    """Whether a campaign's stiffnesses, with their uncertainties, may tell a change."""
+    """Whether a campaign's stiffnesses, with their uncertainties, may show a change."""
     reason = (result.get("recommended") or {}).get("reason")
     if reason is None:  # of a version that had joint springs only
         return (result.get("diagnosis") or {}).get("verdict") == "adequate"
@@ -93,9 +93,9 @@ def trusted(result: Result) -> bool:
 
 
 def previous(result: Result, results: Iterable[Result]) -> Result | None:
-    """The last campaign of the same robot that was measured earlier; None if nothing tells.
+    """The last campaign of the same robot that was measured earlier; None if there is none.
 
-    One that does not explain its own readings tells nothing.
+    A campaign whose model does not explain its readings does not count.
     """
     now = result.get("measured")
     earlier = [

@@ -31,7 +31,7 @@ def measured_on(settings: Settings, readings: pd.DataFrame | None) -> str | None
 
 
 def rejected_entries(rejected: pd.DataFrame) -> list[dict[str, Any]]:
-    """What was left out, where it stands and why."""
+    """What was left out, where and why."""
     return [
         {
             "file": row["file"],
@@ -87,7 +87,7 @@ def registration_findings(registration: Registration, drifts: bool) -> list[str]
 
 
 def assumptions(raw: Raw, where: Where) -> list[str]:
-    """What the numbers rest on beside the data."""
+    """What the numbers rest on apart from the data."""
     out = list(raw.robot.assumptions)
     if not where.stated:
         out.append("campaign.toml has no [test_pose]: the strongest pull of the campaign stands in")

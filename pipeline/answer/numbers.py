@@ -13,7 +13,7 @@ def rms_mm(values: Array) -> float:
 
 
 def left_out_mm(left_out_m: Array) -> float | None:
-    """The same of left-out residuals [m], those that the other poses can tell; None without any."""
+    """The same of cross-validation residuals [m] that other poses determine; None without any."""
     known = left_out_m[np.isfinite(left_out_m)]
     return rms_mm(known) if len(known) else None
 

@@ -1,4 +1,4 @@
-"""Which values the answer stands for: decided once, read by everything downstream.
+"""Which values the answer gives: decided once, read by everything downstream.
 
 The first row of `TABLE` whose condition holds decides. Its model is that of the diagnosis where
 this identifies causes, else the joint springs; its data are those without the mistakes that were
@@ -64,8 +64,8 @@ class Basis:
         verdict: Of the diagnosis of the data without it.
         modelled: Something that the diagnosis identified changes the springs.
         rivals: Another hypothesis than the identified one counts, too.
-        beside: A cause stands beside the springs in the model; without one, where the robot stands
-            or how much the scale scatters was put right.
+        beside: A cause is in the model beside the springs; without one, the unloaded geometry or
+            the scatter of the scale was corrected.
     """
 
     mistakes: bool
@@ -234,7 +234,7 @@ def identified(fitted: Fitted, diagnosis: Diagnosis) -> Values | None:
 
 
 def recommend(row: Row, given: Fitted, right: Fitted, diagnosis: Diagnosis) -> Values:
-    """The values that the answer stands for.
+    """The values that the answer gives.
 
     Args:
         row: What decides.
@@ -249,6 +249,6 @@ def recommend(row: Row, given: Fitted, right: Fitted, diagnosis: Diagnosis) -> V
 
 
 def _left_out(diagnosis: Diagnosis) -> Array:
-    """Left-out residuals with the causes, chosen anew in each fold where these were tested."""
+    """Cross-validation residuals with the causes, chosen in each fold where these were tested."""
     tested = any(cause.gain and cause.gain.of == "displacements" for cause in diagnosis.causes)
     return diagnosis.left_out_after_m if tested else left_out(diagnosis.hypotheses[0].system)

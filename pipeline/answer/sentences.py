@@ -1,4 +1,4 @@
-"""The first screen: what the verdict is, whose values stand there, why, and what that changes."""
+"""The first screen: the verdict, which model the values are of, why, and what that changes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pipeline.system.estimate import fits
 from pipeline.system.system import Estimate
 
 _FAR = 3.0
-"""A stiffness that moves by more standard uncertainties than this between two models is told."""
+"""A stiffness that differs by more standard uncertainties between two models is mentioned."""
 
 _TOLD = 3
 """So many of them, those that move most."""
@@ -84,7 +84,7 @@ def _larger_scatter(estimate: Estimate) -> str:
 
 
 def _moved(mine: Sequence[_Json], springs: Sequence[_Json]) -> Iterable[str]:
-    """Stiffnesses that move by far more than either model says that they may be off."""
+    """Stiffnesses that move by far more than either model's uncertainty."""
     off = []
     for a, b in zip(mine, springs, strict=True):
         if a["value"] and b["value"] and b["compliance_std"]:
@@ -124,7 +124,7 @@ def _deflection(mine: Sequence[_Json], springs: Sequence[_Json], found: Findings
 
 
 def _instead(found: Findings) -> str:
-    """How the values beside the answer's were made."""
+    """How the other values beside the answer's were computed."""
     alone = [] if found.row.model == Which.JOINT_SPRINGS else ["with joint springs alone"]
     return ", ".join([*alone, *(["from the data as given"] if found.mistakes else [])])
 

@@ -71,7 +71,7 @@ def _budget(found: Springs, parts: Mapping[str, Array], k: int) -> list[dict[str
 def _depends(
     joint: Joint, found: Springs, finding: str | None, on: Sequence[Dependence]
 ) -> dict[str, Any]:
-    """What to say of a spring that depends on which of two causes is true."""
+    """The sentence on a spring that depends on which of two causes is true."""
     if not on:
         return {}
     name = f"k_{joint.name}"

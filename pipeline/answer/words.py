@@ -18,7 +18,7 @@ from pipeline.diagnosis.verdict import Finding, certain, findings, outside_likel
 from pipeline.machine.effects.tracker_drift import HOUR_S
 
 _NOTICED = 1.15
-"""What is left over the scatter of the readings, from which it is more than chance, and stated [1]:
+"""Remainder ratio above which what is left is more than chance, and stated [1]:
 a chi-squared a third above its expectation."""
 
 _RIVALS = 3

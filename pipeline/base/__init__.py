@@ -1,1 +1,1 @@
-"""What every other package stands on: arrays, errors, files, covariances."""
+"""What every other package uses: arrays, errors, files, covariances."""

@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 PAIRS = ("xx", "xy", "xz", "yy", "yz", "zz")
 ROW, COLUMN = np.triu_indices(3)
-"""Where each of the six numbers of a covariance stands in its 3x3 matrix."""
+"""Place of each of the six numbers of a covariance in its 3x3 matrix."""
 PLACES = tuple(zip(ROW.tolist(), COLUMN.tolist(), strict=True))
 
 

@@ -1,4 +1,4 @@
-"""Linear algebra with one rank rule: what everything that solves, ranks or weighs stands on.
+"""Linear algebra with one rank rule, for everything that solves, ranks or weights.
 
 Columns come in units in which they compare (each parameter in its typical size, rows in standard
 uncertainties). A column that is shorter than `ROUNDING` times the longest is nothing: a joint that

@@ -11,6 +11,6 @@ NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
 class Strict(BaseModel):
-    """A table that tells about words it does not know instead of overlooking them."""
+    """A table that reports unknown words instead of overlooking them."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)

@@ -14,7 +14,7 @@ MUCH = 100_000
 
 
 def both(first: Callable[[], S], second: Callable[[], T], much: bool) -> tuple[S, T]:
-    """What two pieces of work give, beside each other where there is much to do.
+    """What two pieces of work give, in parallel where there is much to do.
 
     Where both fail, the first is heard.
     """

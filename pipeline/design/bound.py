@@ -109,7 +109,7 @@ def bounds(
     known: Array | None = None,
     steps: int = 3000,
 ) -> Iterator[Certificate]:
-    """Alternate between the best weights of some poses and the pose that they lack most.
+    """Alternate between the best weights of some poses and the pose that would add most.
 
     A bound becomes the best one only after a second, harder search for the worst direction.
 

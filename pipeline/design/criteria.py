@@ -1,6 +1,8 @@
 """What makes a plan good, as one number to be small and its slope in the information.
 
-Every criterion is written through an information function g(M): concave, and g(s M) = s g(M).
+Every criterion is written through an information function g(M) (Pukelsheim, Optimal Design of
+Experiments, 1993): concave, and g(s M) = s g(M). M (n, n) is the inverse of the covariance of the
+compliances, these in units of their scale.
 The figure of a plan is g(M)^(-1/2). For the paper's criterion that is Eq. (8) under the root that
 Table II shows: sigma sqrt(trace(A_0 M^-1 A_0')).
 """
@@ -55,6 +57,8 @@ class Criterion:
 def prediction(sensitivities: Array, weights: Array, name: str = "test_pose") -> Criterion:
     """Root mean square error of the predicted deflection, Eq. (8) under the root.
 
+    sqrt(trace(C M^-1)) [m] with C = sum_p w_p A_p' A_p / sum_p w_p, shape (n, n).
+
     Args:
         sensitivities: A_0 at each place that matters, by scaled compliances [m], (p, 3, n).
         weights: How much each place matters, shape (p,).
@@ -67,19 +71,22 @@ def prediction(sensitivities: Array, weights: Array, name: str = "test_pose") ->
 
 
 def determinant(n: int) -> Criterion:
-    """D: geometric mean of the semi-axes of the confidence ellipsoid of relative compliances."""
+    """D: geometric mean of the semi-axes of the confidence ellipsoid, det(M)^(-1 / 2n).
+
+    Of relative compliances and for one standard deviation.
+    """
     meaning = "geometric mean of the relative uncertainties' ellipsoid"
     return Criterion("D", "1", meaning, lambda M: _determinant(n, M))
 
 
 def average(n: int) -> Criterion:
-    """A: root mean square of the relative standard uncertainties."""
+    """A: root mean square of the relative standard uncertainties, sqrt(trace(M^-1) / n)."""
     C = np.eye(n) / n
     return Criterion("A", "1", "rms relative uncertainty", lambda M: _trace(C, M))
 
 
 def extreme(n: int) -> Criterion:
-    """E: relative uncertainty of the worst determined mix of compliances."""
+    """E: relative uncertainty of the worst determined mix of compliances, lambda_min(M)^(-1/2)."""
     meaning = "relative uncertainty of the worst mix"
     return Criterion("E", "1", meaning, _smallest, lambda M: _power_mean(n, M))
 
@@ -101,7 +108,7 @@ def relative_std(M: Array) -> Array:
 
 
 def _trace(C: Array, M: Array) -> tuple[Array, Array]:
-    """Inverse trace, g = 1 / trace(C M^-1)."""
+    """Inverse trace, g = 1 / trace(C M^-1), S = M^-1 C M^-1 / trace(C M^-1)."""
     Q = inverse(M)
     spread = np.einsum("ij,kji->k", C, Q)
     spread = np.where(spread > 0, spread, np.nan)
@@ -109,13 +116,13 @@ def _trace(C: Array, M: Array) -> tuple[Array, Array]:
 
 
 def _determinant(n: int, M: Array) -> tuple[Array, Array]:
-    """Root of the determinant, g = det(M)^(1/n)."""
+    """Root of the determinant, g = det(M)^(1/n), S = M^-1 / n."""
     sign, log = np.linalg.slogdet(M)
     return np.where(sign > 0, log, np.nan) / n, inverse(M) / n
 
 
 def _smallest(M: Array) -> tuple[Array, Array]:
-    """Smallest eigenvalue; where it is not simple, one of its slopes."""
+    """Smallest eigenvalue, g = lambda, S = v v' / lambda; not simple: one of its slopes."""
     values, vectors = np.linalg.eigh(M)
     least, v = values[:, 0], vectors[:, :, 0]
     least = np.where(least > 0, least, np.nan)

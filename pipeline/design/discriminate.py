@@ -1,4 +1,4 @@
-"""What a plan can see: which causes it would notice and tell from every rival, from which size on.
+"""What a plan can detect: which causes it would notice and separate from every rival, by size.
 
 The columns of a cause are its derivative in the forward model, whitened by the plan's own scatter.
 A cause is noticed when what the joint springs cannot explain of it stands out of the scatter, and
@@ -30,14 +30,14 @@ _NULL = 1e-7
 
 @dataclass(frozen=True)
 class Sight:
-    """What a plan sees of one cause, twins taken as one.
+    """What a plan shows of one cause, twins counted as one.
 
     Attributes:
         name: Label of the cause, or of its twins joined by " = ".
         detected_from: Size from which it is noticed in 80 % of the cases, in typical sizes; inf
             when no size is. Of its main mathematical form, the first in the catalogue.
-        named_from: Size from which it is told from every rival in whatever form, in typical sizes.
-        rival: The cause it is hardest to tell from, empty when nothing hides it.
+        named_from: Size from which it is separated from every rival in any form, in typical sizes.
+        rival: The cause it is hardest to separate from, empty when nothing hides it.
         needs: What would settle it.
     """
 
@@ -50,7 +50,7 @@ class Sight:
 
 @dataclass(frozen=True, eq=False)
 class Lens(Locked):
-    """The causes a plan is asked about, with everything that does not depend on its poses.
+    """The causes a plan is tested for, with everything that does not depend on its poses.
 
     Attributes:
         problem: The problem.
@@ -61,7 +61,7 @@ class Lens(Locked):
         group: Number of the cause of each suspect; forms and twins share one.
         main: Suspects that are the main form of their cause, the first in the catalogue.
         names: Name of each group.
-        twins: What tip loading can never tell.
+        twins: What tip loading can never separate.
     """
 
     problem: Problem

@@ -1,4 +1,4 @@
-"""How much one pose tells about the compliances, and how that changes with pose and anchor.
+"""The information of one pose about the compliances, and how that changes with pose and anchor.
 
 Frames, Jacobians and torques are those of the forward model. Only their derivative is written
 here, as one backward pass over many poses at once. Arrays of this file have the poses on the last

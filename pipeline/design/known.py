@@ -1,4 +1,4 @@
-"""What an existing campaign already tells, so that further poses can be planned on top of it."""
+"""The information of an existing campaign, so that further poses can be planned on top of it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def information_of(cell: Cell, data: Measured, scale: Array) -> Array:
 
     Args:
         cell: The paper's cell of its robot and tool.
-        data: Its measurements; where they state no noise, the residuals say how large it is.
+        data: Its measurements; where they state no noise, the residuals determine it.
         scale: Compliance that counts as one, shape (n,).
     """
     system, estimate = identify(cell, data, scale)

@@ -1,8 +1,8 @@
 """Give up some of the criterion for the power to diagnose: exchange poses, loads and approaches.
 
-The pure optimum repeats few poses under the greatest load. Causes are told apart by other poses,
+The pure optimum repeats few poses under the greatest load. Causes are separated by other poses,
 loads, branches and approaches. The exchange starts from the pure optimum and takes those swaps
-that tell more causes apart while the figure stays within what is allowed.
+that separate more causes while the figure stays within what is allowed.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ class Mixed(Locked):
         visits: Its poses.
         figure: The criterion, in its unit.
         relative_std: Standard uncertainty of each compliance over its nominal size, shape (n,).
-        named_from: Size from which each cause is told from every rival, in typical sizes, (g,).
+        named_from: Size from which each cause is separated from every rival, typical sizes, (g,).
     """
 
     visits: Visits

@@ -1,4 +1,4 @@
-"""How large the named causes are, with intervals that follow the bend of the model."""
+"""Sizes of the identified causes, with intervals that follow the model's nonlinearity."""
 
 from __future__ import annotations
 
@@ -16,7 +16,12 @@ from pipeline.system.whitened import View
 
 
 def amplitudes(case: Case, view: View) -> list[tuple[Amplitude, ...]]:
-    """Sizes of the accepted causes, springs estimated along; scatter as the residual has it."""
+    """Sizes of the accepted causes, springs estimated as well; scatter from the residuals.
+
+    z = N^+ g in typical sizes, N = X'X and g = X'y over the whitened columns of the base;
+    u(z_k) = s sqrt((N^+)_kk), s^2 = rest / dof, infinite where N does not determine z_k, and the
+    95 % interval is z +- t(0.975, dof) u(z); `_profile` gives that of causes that are not elastic.
+    """
     base = view.base
     value = coefficients(view.M, base)
     dof = view.rows_left - (len(base) - view.first)
@@ -45,8 +50,10 @@ def _profile(
 ) -> tuple[float, float]:
     """95 % interval where chi-square, everything else refitted, has risen by 3.84.
 
-    Elastic causes are linear in their parameters and have none of this; force and geometry bend
-    it. One step of the secant rule from 1.96 standard uncertainties is enough for what they bend.
+    With S(z) the smallest sum of squares at z, each end is z +- 1.96 u sqrt(3.84 / D), where
+    D = (S(z +- 1.96 u) - S(z)) / s^2, 1 at least: one step of the secant rule towards the profile
+    likelihood's interval (Venzon and Moolgavkar, Applied Statistics 37, 1988), enough for what
+    force and geometry bend. Elastic causes are linear in their parameters and need none of this.
     """
     out = []
     for side in (-1.96, 1.96):
@@ -58,8 +65,8 @@ def _profile(
 def _rise(view: View, suspect: int, parameter: Parameter, at: float) -> float:
     """Rise of chi-square when one parameter is held, the others refitted.
 
-    The others follow the linear model; what bends shows in the prediction at these values, and
-    they follow once more.
+    The others follow the linear model; the nonlinear part is in the prediction at these values,
+    and they are refitted to it once more.
     """
     names = [p.name for p in view.suspects[suspect].parameters]
     fixed = int(view.columns([suspect])[names.index(parameter.name)])

@@ -49,7 +49,7 @@ class Hypothesis:
         estimate: Its solution.
         instead: Each identified cause whose place another one has taken: (cause, rival), labels.
         ratio: What it leaves over the scatter of the readings, 1 at least; its uncertainties hold
-            this factor.
+            this factor (Birge, Physical Review 40 (1932) 207).
     """
 
     weight: float
@@ -92,7 +92,7 @@ class Dependence:
     Attributes:
         spring: Index of the joint.
         cause: Label of the identified cause.
-        rival: Label of what could stand in its place.
+        rival: Label of what could replace it.
         lost: With the rival nothing determines the spring.
     """
 
@@ -135,7 +135,7 @@ def _determined(one: Hypothesis) -> Bools:
 
 
 def average(weights: ArrayLike, values: Array, covs: Array) -> tuple[Array, Array]:
-    """Mean and covariance of a mixture.
+    """Mean and covariance of a mixture, the equations at the top of this file.
 
     Args:
         weights: Of the components, sum one, shape (h,).
@@ -164,8 +164,12 @@ def average(weights: ArrayLike, values: Array, covs: Array) -> tuple[Array, Arra
 def springs(hypotheses: Sequence[Hypothesis]) -> Springs:
     """The compliances over all hypotheses.
 
-    The 95 % interval is that of the mixture, widened until it holds the interval of every
-    hypothesis above `LIKELY`: whichever of them is true.
+    The 95 % interval is that of the mixture, from its quantiles at 2.5 and 97.5 %,
+
+        sum_h w_h Phi((x - x_h) / s_h) = p,    s_h = t_h u(x_h) / 1.96,
+
+    t_h the quantile of hypothesis h, widened until it holds x_h +- t_h u(x_h) of every hypothesis
+    above `LIKELY`: whichever of them is true.
     """
     n = _springs(hypotheses[0])
     weights = np.array([one.weight for one in hypotheses])
@@ -207,7 +211,7 @@ def _quantile(p: float, weights: Array, values: Array, std: Array) -> Array:
 
 
 def dependences(hypotheses: Sequence[Hypothesis]) -> tuple[Dependence, ...]:
-    """Springs that another hypothesis moves, or that one of them loses, with what stands where."""
+    """Springs that another hypothesis moves or leaves undetermined, and the causes in question."""
     first, *others = hypotheses
     n = _springs(first)
     own, value = first.estimate.std[:n], first.estimate.value[:n]

@@ -73,7 +73,7 @@ def blind_spots(
         view: The campaign from the final model.
         base: Columns of that model.
         p: Threshold of a suspect's F test.
-        twins: What tip loading never tells.
+        twins: What tip loading never separates.
         elsewhere: Multiples of the typical size that show outside the displacements, by label.
     """
     times = smallest_visible(view, base, p)

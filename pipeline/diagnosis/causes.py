@@ -25,7 +25,7 @@ from pipeline.system.variance import at_most
 def of_displacements(
     case: Case, found: Found, worth: Gain | None, where: Where, known: Twins
 ) -> tuple[Cause, ...]:
-    """Those that the search accepted, with what they are worth at left-out poses."""
+    """Those that the search accepted, with their cross-validation gain."""
     if not found.accepted:
         return ()
     change, sizes, out = _change(found, where), amplitudes(case, found.plain), []
@@ -67,7 +67,7 @@ def _unnamed(found: Found, place: int) -> Named | None:
 
 
 def of_unloaded(stood: Standing) -> tuple[Cause, ...]:
-    """Causes that the unloaded reflectors call for."""
+    """Causes that the unloaded positions call for."""
     if stood.fit is None or stood.useless:
         return ()
     quantile, out = student(stood.fit), []
@@ -88,7 +88,7 @@ def _sizes(
 
 
 def of_base(drift: Drift | None, causes: Sequence[Cause]) -> tuple[Cause, ...]:
-    """The drift that the base reflectors show, unless the displacements have told it already."""
+    """The drift that the base reflectors show, unless the displacements have shown it already."""
     if drift is None or not drift.named or drift.effect.name in {c.effect.name for c in causes}:
         return ()
     sizes = _sizes(drift.effect, drift.velocity, drift.std)
@@ -97,7 +97,7 @@ def of_base(drift: Drift | None, causes: Sequence[Cause]) -> tuple[Cause, ...]:
 
 
 def of_scatter(whole: tuple[Effect, ...], spread: Scatter) -> tuple[Cause, ...]:
-    """Causes of scatter: the readings scatter more than a certificate may be wrong."""
+    """Causes of scatter: readings scatter more than the stated noise by a wide margin."""
     sizes = {
         "tracker_noise": (spread.tracker - 1, spread.tracker_std, spread.tracker_p),
         "force_noise": (

@@ -58,7 +58,7 @@ def diagnose(
         where: The test pose, for the change of the predicted deflection.
         rng: Source of all draws (threshold, bootstrap, candidate poses).
         effects: The catalogue to search; that of the robot when not given.
-        drift: What the base reflectors say of the tracker, where they say anything.
+        drift: What the base reflectors show of the tracker, where they show anything.
     """
     whole = catalogue(cell.robot) if effects is None else effects
     known = twins(cell.robot)
@@ -110,7 +110,7 @@ def diagnose(
 
 
 def _alone(found: Found, worth: Gain | None, rng: np.random.Generator) -> tuple[Alone, ...]:
-    """What the likeliest causes do each by itself, those that do any good."""
+    """What each of the likeliest causes does by itself, where it improves predictions."""
     single = [(r.suspect, r.probability) for r in found.single[:_SHOWN]]
     every = alone(found.first, single, rng) if worth else ()
     return tuple(one for one in every if one.reduction > 0)
@@ -119,7 +119,7 @@ def _alone(found: Found, worth: Gain | None, rng: np.random.Generator) -> tuple[
 def _blind_spots(
     whole: tuple[Effect, ...], found: Found, facts: Facts, known: Twins
 ) -> tuple[BlindSpot, ...]:
-    """What would have gone unnoticed, but for what is told already."""
+    """What would have gone unnoticed, except for what is stated already."""
     visible = dict(facts.unloaded.visible)
     if facts.base is not None:
         visible[facts.base.effect.label] = facts.base.visible
@@ -132,14 +132,14 @@ def _blind_spots(
 
 
 def _left_out(found: Found, worth: Gain | None, helps: bool) -> dict[str, Array]:
-    """Left-out residuals of the joint springs and of the extended model."""
+    """Cross-validation residuals of the joint springs and of the extended model."""
     before = worth.before if worth else _left_by_springs(found.first)
     after = worth.after if worth and helps else before
     return {"left_out_before_m": before, "left_out_after_m": after}
 
 
 def _facts(case: Case, found: Found, spread: Scatter) -> Facts:
-    """What the displacements say, but for the causes themselves."""
+    """What the displacements show, except for the causes themselves."""
     outside = found.stranger
     return Facts(
         detected=found.detected,
@@ -156,17 +156,17 @@ def _facts(case: Case, found: Found, spread: Scatter) -> Facts:
 
 
 def _beyond_certificate(spread: Scatter, stated: bool) -> bool:
-    """With one reflector nothing tells scatter from misfit but the certificate."""
+    """With one reflector only the certificate separates scatter from misfit."""
     return stated and spread.known_from == "residuals" and spread.tracker_p < SURE
 
 
 def _searched(
     case: Case, spread: Scatter, start: Array, rng: np.random.Generator
 ) -> tuple[Case, Scatter, Found]:
-    """Seek causes with the scale as good as stated; with a worse one only if that leaves nothing.
+    """Search with the scale's stated scatter; with a larger one only if that finds no cause.
 
-    A cause that nobody has named yet looks like a scatter of the scale, pull by pull: only what
-    no cause takes may be scatter.
+    A cause not yet identified looks like scatter of the scale, pull by pull: only what no cause
+    explains may be scatter.
     """
     stated = replace(case, force_noise=1.0)
     found = search(stated, start, rng)
@@ -184,7 +184,7 @@ def case_of(
     whole: tuple[Effect, ...] | None = None,
     known: Twins | None = None,
 ) -> tuple[Case, Scatter]:
-    """What is asked about, at the scatter and the equilibrium that the data show.
+    """The suspects, at the scatter and the equilibrium that the data show.
 
     Args:
         cell: The paper's model.

@@ -1,7 +1,7 @@
-"""Base reflectors read again and again: whether all of them move as one while time goes by.
+"""Base reflectors read repeatedly: whether all of them share one rigid motion in time.
 
-They stand on the floor; where their readings turn and shift as one rigid body between two times,
-the tracker moved. Their coordinates are free, so a wrong nominal one accuses nobody.
+They are fixed to the floor; where their readings rotate and shift as one rigid body between two
+times, the tracker moved. Their coordinates are free, so a wrong nominal one raises no alarm.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _FITS = 1e-3
 """Where a rigid motion leaves something this improbable, a reflector moved or was read badly."""
 
 _DECIDES = 9.2
-"""Drop of chi-square at which one course of the motion is told from another: odds of 100."""
+"""Drop of chi-square that separates one course of the motion from another: odds of 100."""
 
 _LEVER_M = 10.0
 """Turns are estimated in shifts at this distance, for the conditioning."""
@@ -33,18 +33,18 @@ _LEVER_M = 10.0
 
 @dataclass(frozen=True, eq=False)
 class Drift(Locked):
-    """What the base reflectors say of the tracker.
+    """What the base reflectors show of the tracker.
 
     Attributes:
-        effect: The law that fits best, `needs` saying what would tell it from others.
-        velocity: Its parameters amid the effector's readings: [m/s], or [m] for a tracker that
-            settles, shape (3,).
+        effect: The law that fits best, `needs` saying what would separate it from others.
+        velocity: Its parameters at the centre of the effector's readings: [m/s], or [m] for a
+            tracker that settles, shape (3,).
         std: Their standard uncertainties, shape (3,).
-        turn: Rotation that goes with them [rad/s] or [rad], F_b, shape (3,).
+        turn: The rotation about that centre [rad/s] or [rad], F_b, shape (3,).
         turn_std: Its standard uncertainties, shape (3,).
         moved_m: How far the base reflectors moved from the first to the last reading, rms [m].
         hours: Time between them [h].
-        p_value: Of so much rigid motion by chance.
+        p_value: Probability of so much rigid motion by chance.
         named: Whether it is called a drift.
         undecided: Whether a tracker that was knocked once would look the same.
         visible: Multiple of the typical size that would be named in 80 % of the cases.
@@ -101,17 +101,23 @@ class _Base(Locked):
 def drift(
     registration: Registration, scale: float, unloaded: Array, effects: Sequence[Effect]
 ) -> Drift | None:
-    """Ask the base reflectors whether the tracker moved.
+    """Test the base reflectors for a motion of the tracker.
+
+    y_k = p_t(k) + a(t_k) (v + w x (p_k - p_0)) + e_k,    e_k ~ N(0, scale^2 R C_k R'),
+
+    read in F_b [m]; p_t free for each reflector t, a a law of `LAWS`, v and w velocity and turn
+    about p_0. With chi2 the sum of squares left, s^2 = max(`TOLERATED`^2, chi2 / dof) and
+    p = P[chi2(6) > (chi2 without v and w - chi2) / s^2].
 
     Args:
         registration: The base readings in F_b with their times.
         scale: Scatter of the tracker over its stated one; where none is stated, [m].
         unloaded: Where the effector was read [m], F_b, NaN unknown, shape (d, 3): the velocity is
-            stated amid them, else amid the base reflectors.
+            stated at their centre, else at that of the base reflectors.
         effects: The catalogue.
 
     Returns:
-        None where no time, too few reflectors, or one round of readings say nothing.
+        None without times, with too few reflectors, or with one round of readings.
     """
     forms = [e for e in effects if isinstance(e, Observation) and e.form in LAWS]
     table = registration.table[registration.table["time"].notna()]
@@ -167,7 +173,7 @@ def _base(registration: Registration, table: pd.DataFrame, at: Array, scale: flo
     fixed = np.einsum("kij,kt->kitj", white, which).reshape(3 * len(table), -1)
     turns = np.stack([np.cross(axis, points - at) for axis in np.eye(3)], axis=2) / _LEVER_M
     rigid = np.concatenate([np.tile(np.eye(3), (len(table), 1, 1)), turns], axis=2)
-    off = table[["dx_m", "dy_m", "dz_m"]].to_numpy(float)  # small numbers: digits for the fit
+    off = table[["dx_m", "dy_m", "dz_m"]].to_numpy(float)  # small numbers keep digits for the fit
     return _Base(white, fixed, (white @ off[..., None]).ravel(), rigid)
 
 

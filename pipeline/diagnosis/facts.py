@@ -23,7 +23,7 @@ from pipeline.system.system import Estimate
 
 @dataclass(frozen=True)
 class Amplitude:
-    """One parameter of a named cause.
+    """One parameter of an identified cause.
 
     Attributes:
         parameter: Name, unit, typical size and bounds.
@@ -65,9 +65,9 @@ class Cause(Locked):
         rivals: The others, likeliest first.
         unnamed: What has no name and would stand there instead, and how likely something without
             a name does; None where nothing was asked.
-        twins: Labels of rivals that no pose tells from it.
-        gain: Left-out error without and with all named causes; None for causes of scatter and for a
-            drift that the base reflectors show.
+        twins: Labels of rivals that no pose separates from it.
+        gain: Cross-validation error without and with all identified causes; None for causes of
+            scatter and for a drift that the base reflectors show.
         test_pose_change_m: By how much the predicted deflection at the test pose changes [m]; None
             where that is not known.
     """
@@ -85,7 +85,7 @@ class Cause(Locked):
 
 @dataclass(frozen=True)
 class Clue:
-    """What the data say of one suspect beside the joint springs alone, for the evidence bars.
+    """Statistics of one suspect added to the joint springs alone, for the evidence bars.
 
     Attributes:
         effect: The suspect, in its best form.
@@ -120,18 +120,18 @@ class Facts:
         explains: The causes leave nothing but scatter.
         causes: What the displacements call for, whether or not it predicts better.
         gain: What these are worth at poses that were left out.
-        outside: The likeliest that is nothing of the catalogue, in the place of a cause.
+        outside: The likeliest outside the catalogue, in the place of a cause.
         remainder: What is left with the causes over what the readings scatter; None if unknown.
         loose_p: Chance that the reflectors only seem to move against each other under load.
         scale_ratio: Scatter of the scale found over stated, relative to the tracker's, where only
             this makes the remainder scatter; else 1.
         tracker_ratio: Scatter of the tracker found over stated.
         scatter: Causes of scatter.
-        beyond_certificate: The residuals are larger than any certificate may be wrong.
+        beyond_certificate: The residuals are larger than any error of a certificate.
         beyond_a_tracker: No noise is stated, and the residuals are larger than a tracker's.
-        unloaded: What the unloaded reflectors say.
+        unloaded: What the unloaded positions show.
         moved: Causes that these call for.
-        base: What the base reflectors say of the tracker, where they say anything.
+        base: What the base reflectors show of the tracker, where they show anything.
         drift: The same where they call for a drift.
         mistakes: Mistakes in the data, corrected for all the rest.
     """
@@ -166,16 +166,16 @@ class Diagnosis(Locked):
 
     Attributes:
         facts: What the verdict follows from.
-        causes: The named causes.
+        causes: The identified causes.
         alone: What the likeliest causes do each by itself.
         blind_spots: What would have gone unnoticed.
         next_poses: What to measure next.
         refused: Labels that fit best only at a physically impossible size.
-        clues: Every suspect.
+        clues: Statistics of every suspect.
         threshold: p below which one suspect is a detection.
         lack_of_fit: p of the tests of lack of fit with the joint springs alone.
         remainder: The same with the causes, and the smallest p of a further suspect.
-        rough: What is left with the causes over what the readings scatter; None if unknown.
+        rough: Remainder ratio: what is left with the causes over the scatter; None if unknown.
         misfits: Where in the cell the misfit sits, the largest share first.
         scatter: Scatter found over scatter stated.
         equilibrium: `deformed` where the second order in the load fits better.
@@ -183,11 +183,11 @@ class Diagnosis(Locked):
         apart_labels: Labels of its rows.
         hypotheses: Springs estimated together with the identified causes, then with each likely
             set of causes in their place; empty where nothing changes the springs.
-        left_out_before_m: Left-out residuals of the joint springs [m], shape (M,).
+        left_out_before_m: Cross-validation residuals of the joint springs [m], shape (M,).
         left_out_after_m: Of the extended model [m], shape (M,); the same without causes.
         noise_floor_m: Root mean square that the scatter of the readings alone makes.
-        stood_off_m: How far the unloaded reflectors stand from the table, rms [m], and the same
-            with the named causes; NaN where that is not known.
+        stood_off_m: How far the unloaded reflectors are from the table, rms [m], and the same
+            with the identified causes; NaN where that is not known.
     """
 
     facts: Facts
@@ -219,7 +219,7 @@ class Diagnosis(Locked):
 
     @property
     def modelled(self) -> tuple[Effect, ...]:
-        """The named causes that are estimated together with the springs."""
+        """The identified causes that are estimated together with the springs."""
         known = {p.name for p in self.estimate.parameters} if self.estimate else set()
         return tuple(c.effect for c in self.causes if c.effect.parameters[0].name in known)
 

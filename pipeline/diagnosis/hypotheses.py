@@ -28,10 +28,10 @@ def hypotheses(case: Case, found: Found, moved: bool, helps: bool) -> tuple[Hypo
     Args:
         case: The case.
         found: The causes that the displacements called for.
-        moved: The robot stands elsewhere than its log says, which the case already knows.
+        moved: The robot is not where its log says; the case already includes that.
         helps: The causes predict left-out poses better than the joint springs alone do.
 
-    A scale that scatters more than stated calls for the same springs weighed anew.
+    A scale that scatters more than stated requires the same springs with new weights.
     """
     if not (found.accepted and helps):
         if not moved and case.force_noise == 1:
@@ -49,7 +49,7 @@ class _Set:
     Attributes:
         suspects: Their indices; those behind the case's own have no name.
         weight: Their probability.
-        instead: Which accepted causes are not among them, and what stands for each.
+        instead: Which accepted causes are not among them, and what replaces each.
     """
 
     suspects: tuple[int, ...]
@@ -60,8 +60,8 @@ class _Set:
 def _likely(case: Case, found: Found) -> list[_Set]:
     """Sets of causes with their probability: the accepted ones, then others, likeliest first.
 
-    What stands in one place is independent of what stands in another; something outside the
-    catalogue stands for one or several of the accepted causes at once.
+    What acts in one place is independent of what acts in another; something outside the
+    catalogue may replace one or several of the accepted causes at once.
     """
     strangers = {one.places: one for one in found.strange if one.probability > 0}
     known = math.prod(1.0 - one.probability for one in strangers.values())
@@ -137,7 +137,7 @@ def _solved(case: Case, model: Model, seen: Sight) -> tuple[System, Estimate]:
     Args:
         case: The case.
         model: Where it is linearised.
-        seen: The campaign seen from there, for how far the laws of the causes may be others.
+        seen: The campaign seen from there, for how far the laws of the causes may differ.
     """
     flat = replace(model.cell, equilibrium="undeformed")
     system = assemble(flat, case.data, model.values)

@@ -31,7 +31,7 @@ _BETTER = 0.1
 and twins, which differ by rounding, stay."""
 
 ROUGH = 1.6
-"""A model that leaves this many times the scatter has the wrong law, wherever it sits."""
+"""A model that leaves this many times the scatter has a wrong law somewhere."""
 
 NAMELESS = 0.25
 """Odds of one thing without a name against one cause of the catalogue, before the data speak: about
@@ -73,7 +73,7 @@ class Case:
         return sight(model, self.data, self.suspects, near)
 
     def look(self, seen: Sight, doubt: Sequence[int] = ()) -> View:
-        """What is seen, weighed by the scatter found; the laws of `doubt` hold only roughly."""
+        """The linearised campaign, whitened; the laws of `doubt` hold to their tolerance only."""
         return look(seen, self.noise, self.force_noise, self.laws(doubt))
 
     def laws(self, doubt: Sequence[int]) -> list[tuple[int, float]]:
@@ -95,7 +95,7 @@ class Case:
 
         Args:
             accepted: Indices of the causes.
-            start: Values to begin with; causes that it lacks begin at zero.
+            start: Values to begin with; causes that are missing there begin at zero.
             near: The campaign linearised close by, for its errors.
             rounds: At most.
         """
@@ -111,7 +111,7 @@ class Case:
         return model
 
     def model(self, accepted: tuple[int, ...], start: Array) -> Model:
-        """A model with accepted causes; those that `start` lacks begin at zero."""
+        """A model with accepted causes; those missing in `start` begin at zero."""
         springs = len(self.cell.parameters)
         cell = self.cell.with_effects(*(self.suspects[i] for i in accepted))
         values = np.zeros(len(cell.parameters))
@@ -134,7 +134,7 @@ def _solved(view: View, base: Ints) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Rival:
-    """One cause that could stand where an accepted one stands.
+    """One cause that could replace an accepted one.
 
     Attributes:
         label: Name and place.
@@ -151,7 +151,7 @@ class Rival:
 
 @dataclass(frozen=True, eq=False)
 class Stranger:
-    """What could stand where an accepted cause stands, and is nothing that the catalogue knows.
+    """What could replace an accepted cause and is not in the catalogue.
 
     Attributes:
         probability: That it is nothing of the catalogue.
@@ -170,10 +170,10 @@ class Found(Locked):
 
     Attributes:
         seen: The campaign linearised at the joint springs and all accepted causes.
-        plain: The same, weighed.
-        wide: The same, beside what competes without a name.
-        view: The same, with the laws of the accepted causes taken as rough.
-        first: The campaign seen from the joint springs alone.
+        plain: The same, whitened.
+        wide: The same, with what competes without a name.
+        view: The same, with the laws of the accepted causes uncertain by their tolerance.
+        first: The campaign whitened at the joint springs alone.
         single: Causes that could be the only one, likeliest first.
         scores: Suspects beside the joint springs alone.
         threshold: Calibrated for them.
@@ -183,7 +183,7 @@ class Found(Locked):
         accepted: Indices of the accepted suspects.
         p_values: Of each accepted cause when it joined, beside all others.
         rivals: For each accepted cause, itself and those that could stand there, likeliest first.
-        strange: For each accepted cause, how likely nothing of the catalogue stands there; empty
+        strange: For each accepted cause, the probability that it is outside the catalogue; empty
             where nothing competes.
         refused: Labels of causes that would need a physically impossible size.
     """
@@ -217,7 +217,7 @@ class Found(Locked):
 
     @property
     def rough(self) -> float | None:
-        """What is left with the causes over what the readings scatter; None where nobody knows."""
+        """What is left with the causes over what the readings scatter; None where unknown."""
         return remainder(self.plain)
 
     @property
@@ -242,7 +242,7 @@ def remainder(view: View) -> float | None:
 
 
 def search(case: Case, start: Array, rng: np.random.Generator) -> Found:
-    """Add the likeliest cause, exchange and drop, until nothing is left or three stand."""
+    """Add the likeliest cause, exchange and drop, until nothing is left or three are in."""
     seen = case.fitted((), start)
     first = case.look(seen)
     score = scores(first, first.base, _dof(first, first.base))
@@ -275,12 +275,12 @@ def search(case: Case, start: Array, rng: np.random.Generator) -> Found:
 
 @dataclass(frozen=True, eq=False)
 class _Stand:
-    """Some causes accepted, and what is said of the others beside them.
+    """Some causes accepted, and the statistics of the others beside them.
 
     Attributes:
         seen: The campaign linearised there.
-        plain: The same, weighed.
-        view: The same, with the laws of the accepted causes taken as rough.
+        plain: The same, whitened.
+        view: The same, with the laws of the accepted causes uncertain by their tolerance.
         now: Suspects beside them, in `view`.
         lack: Lack of fit in `view`.
         p: F tests of the suspects in `plain`, shape (n,).
@@ -312,7 +312,7 @@ def _grow(case: Case, end: _Stand, limit: Threshold, refused: dict[str, None]) -
         start = _solved(end.view, end.view.base)
         better = _exchange(case, case.fitted(accepted, start, end.seen))
         if tuple(sorted(better.model.accepted)) in tried:
-            break  # what was added went again at once: there is no third way
+            break  # what was added was dropped at once: no further move
         tried.add(tuple(sorted(better.model.accepted)))
         end = _stand(case, better, better.model.accepted)
     return end
@@ -333,8 +333,8 @@ def by_label(suspects: Sequence[Effect]) -> dict[str, list[int]]:
 def _add(case: Case, view: View, now: Scores, found: Bools, refused: dict[str, None]) -> int | None:
     """The likeliest further cause of a possible size.
 
-    It must be found beyond the scatter, and be worth its name even if the laws of those that
-    are accepted already hold only roughly.
+    It must be detected beyond the scatter, and keep its evidence when the laws of the accepted
+    ones hold to their tolerance only.
     """
     taken = {case.suspects[i].label for i in view.model.accepted}
     for i in np.argsort(-now.log_evidence):
@@ -417,7 +417,7 @@ def _rivals(case: Case, view: View) -> tuple[tuple[tuple[Rival, ...], ...], tupl
 
 
 def _odds(case: Case, now: Scores, rest: Sequence[int], least: float = 1e-3) -> tuple[Rival, ...]:
-    """Probabilities of all causes that could stand in one place, forms taken together."""
+    """Probabilities of all causes possible in one place, forms taken together."""
     taken = {case.suspects[i].label for i in rest}
     labels, logs, best, shares = [], [], [], []
     for label, forms in by_label(case.suspects).items():
@@ -452,7 +452,7 @@ def _strange(case: Case, wide: View) -> tuple[Stranger, ...]:
 
 
 def _instead(case: Case, wide: View, gone: Sequence[int]) -> Stranger:
-    """How likely one thing without a name stands instead of the causes in some places."""
+    """Probability of one thing without a name instead of the causes in some places."""
     accepted = wide.model.accepted
     rest = tuple(a for place, a in enumerate(accepted) if place not in gone)
     known = len(case.suspects)

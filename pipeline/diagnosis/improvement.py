@@ -1,4 +1,4 @@
-"""What naming the causes is worth: poses left out, and the causes chosen again without them."""
+"""Cross-validation gain of the causes: poses left out, causes chosen again without them."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _DRAWS = 2000
 
 @dataclass(frozen=True, eq=False)
 class Gain(Locked):
-    """Left-out error without and with the causes.
+    """Cross-validation error without and with the causes.
 
     Attributes:
-        before: Left-out residuals without the causes [m], shape (M,).
-        after: Left-out residuals with the causes chosen in each fold [m], shape (M,).
-        reduction: By which fraction the rms falls.
+        before: Cross-validation residuals without the causes [m], shape (M,).
+        after: The same with the causes chosen in each fold [m], shape (M,).
+        reduction: Fraction by which the rms falls.
         ci95: Its interval by bootstrap over poses.
         chosen: Labels chosen when each pose was left out.
         of: What is predicted, `displacements` or `unloaded positions`.
@@ -50,12 +50,12 @@ class Gain(Locked):
 
 @dataclass(frozen=True)
 class Alone:
-    """What one cause does by itself, named or not.
+    """What one cause does by itself, identified or not.
 
     Attributes:
         effect: The cause, in its best form.
         probability: Given that exactly one cause of the catalogue is at work.
-        reduction: By which fraction the left-out rms falls.
+        reduction: Fraction by which the cross-validation rms falls.
         ci95: Its interval by bootstrap over poses.
     """
 
@@ -68,7 +68,7 @@ class Alone:
 def alone(
     first: View, likely: Sequence[tuple[int, float]], rng: np.random.Generator
 ) -> tuple[Alone, ...]:
-    """Left-out error with each of some causes by itself, estimated anew without each pose.
+    """Cross-validation error with each of some causes by itself, estimated without each pose.
 
     Args:
         first: The campaign from the joint springs alone.
@@ -98,6 +98,8 @@ def rms(values: Array) -> float:
 def gain(case: Case, first: View, extended: View, limit: float, rng: np.random.Generator) -> Gain:
     """Leave out one pose with all its pulls at a time; estimate and choose without it.
 
+    Cross-validation with the choice inside each fold (Stone, J. Roy. Stat. Soc. B 36, 1974).
+
     Args:
         case: The case.
         first: The campaign from the joint springs alone.
@@ -123,7 +125,7 @@ def gain(case: Case, first: View, extended: View, limit: float, rng: np.random.G
 
 
 def _predicted_short(view: View, M: Array, base: Ints, rows: Array) -> Array:
-    """What the prediction lacks of c [m] in the rows that were left out."""
+    """Measured minus predicted c [m] in the rows that were left out."""
     value = coefficients(M, base) * view.typical[base]
     keep = (base < view.springs) | (base >= view.first)
     raw = np.where(base < view.springs, base, base - view.common)[keep]
@@ -152,7 +154,12 @@ def _choose(
 def interval(
     before: Array, after: Array, pose: Ints, rng: np.random.Generator
 ) -> tuple[float, tuple[float, float]]:
-    """Reduction of the rms and its 95 % interval, poses drawn with replacement."""
+    """Reduction of the rms and its 95 % interval, poses drawn with replacement.
+
+    1 - sqrt(sum_p A_p / sum_p B_p), B_p and A_p the sums of squared residuals [m^2] of pose p
+    before and after; the interval has the 2.5 and 97.5 % quantiles of `_DRAWS` bootstrap samples
+    of the poses (Efron, Annals of Statistics 7, 1979).
+    """
     poses = pose.max() + 1
     squares = np.stack([np.bincount(pose, r**2, poses) for r in (before, after)])
     drawn = rng.integers(poses, size=(_DRAWS, poses))

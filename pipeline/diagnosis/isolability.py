@@ -24,7 +24,7 @@ _NOTHING_M = 1e-12
 
 @dataclass(frozen=True)
 class Twins:
-    """What tip loading can never tell, whatever the poses.
+    """What tip loading can never separate, whatever the poses.
 
     Attributes:
         of_stiffness: Effects whose every signature is one of the joint springs.

@@ -1,9 +1,11 @@
-"""Which pose would tell who it was: the one that leaves the least chance of a wrong name.
+"""Which pose would separate the causes: the one with the least chance of a wrong name.
 
-For two causes with odds p and q between which further readings put d sigmas, the chance of naming
-the wrong one is at most sqrt(p q) exp(-d^2 / 8) (Bhattacharyya). Summed over all pairs that are
-open, this is what a pose should make small. Among poses that make it small enough, the one that the
-measured poses predict best is proposed: it rests least on a model that may be wrong.
+For two causes with odds p and q between which further readings put d standard deviations, the
+chance of naming the wrong one is at most sqrt(p q) exp(-d^2 / 8) (Bhattacharyya's bound for two
+normals with one covariance: Kailath, IEEE Trans. Communication Technology 15, 1967). Summed over
+all pairs that are open, with the d^2 that a pose adds, this is what a pose should make small.
+Among poses that make it small enough, the one that the measured poses predict best is proposed: it
+rests least on a model that may be wrong.
 """
 
 from __future__ import annotations
@@ -37,15 +39,15 @@ _LIGHT = 0.25
 """Weak pulls, of the largest: proposed as well where the campaign's steps are all large."""
 
 _SPRINGS = "joint_springs"
-"""What a cause is told from when nothing else could stand in its place."""
+"""What a cause is compared with when nothing else could replace it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """Who stands in one place.
+    """Which cause acts in one place.
 
     Attributes:
-        who: Suspects that could, the named one first; None for the joint springs alone.
+        who: Suspects that could, the identified one first; None for the joint springs alone.
         odds: How likely each is.
         rest: Accepted causes that are not in question.
     """
@@ -135,9 +137,9 @@ def _fullest(pose: Ints) -> Ints:
 def propose(
     view: View, questions: Sequence[Question], among: Candidates, most: int = 4
 ) -> list[Proposal]:
-    """Poses that tell best who it was, one after the other until all pairs are apart.
+    """Poses that separate the causes best, one after the other until all pairs are apart.
 
-    Pairs that no series of poses tells apart are left out.
+    Pairs that no series of poses separates are left out.
 
     Args:
         view: The campaign from the model with all accepted causes.
@@ -201,7 +203,7 @@ def _series(
 
 @dataclass(frozen=True, eq=False)
 class _Contest(Locked):
-    """All who could stand somewhere, beside springs: only their columns.
+    """All causes in question beside the springs: only their columns.
 
     Attributes:
         questions: What is open.
@@ -209,9 +211,9 @@ class _Contest(Locked):
         at: Columns of M of each of them.
         columns: Columns of the view that M is made of.
         M: Products of these columns.
-        pairs: Question, and two who could stand there.
+        pairs: Question, and two causes that are possible there.
         weight: Square root of the product of their odds, shape (pairs,).
-        size: What each who could stand there would be, fitted without the others, by question.
+        size: The fitted size of each possible cause without the others, by question.
     """
 
     questions: tuple[Question, ...]
@@ -267,15 +269,16 @@ class _Contest(Locked):
         return one, other
 
     def _taken(self, question: Question) -> Ints:
-        """Columns that are estimated whoever it was."""
+        """Columns that are estimated whichever cause it is."""
         first = len(self.M) - sum(len(columns) for columns in self.at.values())
         return np.concatenate([np.arange(first), *(self.at[i] for i in question.rest)])
 
     def apart(self, M: Array) -> Array:
         """Sigmas between the two of each pair, for products M of shape (..., W, W): (..., pairs).
 
-        What each, at its fitted size, leaves when the other is fitted, both held to the sizes that
-        the evidence holds possible; the smaller of both directions.
+        d^2 = z' S_aa z - h' (S_bb + I / w^2)^-1 h,  h = S_ba z,  S the products M without what is
+        estimated anyway, w the widest prior: what a, at its fitted size z, leaves when b is fitted,
+        both held to the sizes that the evidence holds possible; the smaller of both directions.
         """
         left = [eliminate(M, self._taken(one)) for one in self.questions]
         out = []
@@ -291,7 +294,11 @@ class _Contest(Locked):
         return np.stack(out, axis=-1)
 
     def leverage(self, more: Array) -> Array:
-        """Variance of what the measured poses predict at each candidate, with the named, (m,)."""
+        """Variance of the prediction at each candidate, identified causes included, shape (m,).
+
+        trace(N^-1 X' X): N the products of the columns of springs and identified causes in the
+        measured poses, X the same whitened columns in the candidate.
+        """
         named = [self.at[one.who[0]] for one in self.questions]
         base = np.unique(np.concatenate([self._taken(one) for one in self.questions] + named))
         inverse = linear.inverse(self.M[np.ix_(base, base)])
@@ -328,6 +335,6 @@ def _left(S: Array, true: Ints, size: Array, other: Ints) -> Array:
 
 
 def _fitted(S: Array, own: Ints, h: Array) -> Array:
-    """Sizes of some columns that fit h best, held to those that the evidence holds possible."""
+    """Sizes (G + I / w^2)^-1 h of some columns, held to those that the evidence holds possible."""
     G = S[..., own[:, None], own] + np.eye(len(own)) / WIDTHS.max() ** 2
     return linear.solve(G, h)

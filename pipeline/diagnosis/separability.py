@@ -14,17 +14,23 @@ from pipeline.system.elimination import eliminate
 from pipeline.system.whitened import View
 
 DETECTED = 5.0
-"""Sigmas from which a cause is found for nearly certain."""
+"""Sigmas from which detection of a cause is nearly certain."""
 
 
 def separation(view: View, suspects: Sequence[int]) -> Array:
     """Sigmas between suspects at typical size, shape (n, n).
 
     Entry (a, b) is what a typical a leaves when springs and b are fitted; (a, a) when only the
-    springs are.
+    springs are:
+
+        d_ab^2 = 1' S_aa 1 - h' S_bb^+ h,    h = S_ba 1,    d_aa^2 = 1' S_aa 1,
+
+    S the products of whitened columns with the base taken out, parameters in typical sizes: the
+    root of the noncentrality of the test of a beside b (Baarda, A Testing Procedure for Use in
+    Geodetic Networks, 1968).
 
     Args:
-        view: The view.
+        view: The campaign, whitened.
         suspects: Indices of n suspects.
     """
     S = eliminate(view.M, view.base)
@@ -47,9 +53,10 @@ def separation(view: View, suspects: Sequence[int]) -> Array:
 
 
 def identifiable(view: View, known: Twins) -> dict[str, float]:
-    """Smallest multiple of its typical size at which each cause is found and told from all others.
+    """Multiple of its typical size from which each cause is detected and separated from all others.
 
-    Every form of a cause against every form of the others, twins apart; infinite where none is.
+    APART / min(min_b d_ab, d_aa APART / DETECTED), d of `separation`: for its least visible form a
+    against every form b of the others, twins left out; infinite where no size would do.
     """
     apart = separation(view, range(len(view.suspects)))
     labels = [effect.label for effect in view.suspects]

@@ -1,4 +1,4 @@
-"""What points where before anything is named: evidence of every suspect, misfit of every place."""
+"""Before anything is identified: evidence of every suspect, misfit of every place."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pipeline.system.whitened import View
 
 
 def clues(found: Found) -> tuple[Clue, ...]:
-    """Each suspect beside the joint springs alone, in its likeliest form."""
+    """Each suspect added to the joint springs alone, in its likeliest form."""
     view, now = found.first, found.scores
     S = eliminate(view.M, view.base)
     seen = smallest_visible(view, view.base, found.threshold.p)

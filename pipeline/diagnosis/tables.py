@@ -1,4 +1,4 @@
-"""Tables behind the pictures of a diagnosis."""
+"""Tables behind the figures of a diagnosis."""
 
 from __future__ import annotations
 

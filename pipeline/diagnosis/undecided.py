@@ -15,10 +15,10 @@ from pipeline.diagnosis.nextpose import Candidates, Proposal, Question, candidat
 from pipeline.diagnosis.verdict import CERTAIN
 
 _LEAST = 0.02
-"""Rivals less probable than this are not asked about."""
+"""Rivals less probable than this are ignored."""
 
 _MOST = 4
-"""So many rivals of one cause, the likeliest, are asked about."""
+"""At most so many rivals of one cause, the likeliest, are considered."""
 
 
 def next_poses(
@@ -43,10 +43,10 @@ def next_poses(
 def _open(
     found: Found, causes: Sequence[Cause], worth: Gain | None, known: Twins
 ) -> list[Question]:
-    """For each accepted cause that is not certain, what it must still be told from.
+    """For each accepted cause that is not certain, what it must still be separated from.
 
     Twins count as one: no pull helps, a sensor does (`needs` of the causes). Where every name is
-    certain and only its worth is not, the joint springs alone are what it must be told from.
+    certain and only its worth is not, it must be separated from the joint springs alone.
     """
     out = []
     for place, mine in enumerate(found.accepted):

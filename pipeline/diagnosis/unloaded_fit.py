@@ -1,4 +1,4 @@
-"""Where the unloaded reflectors stand, and how causes are estimated from it."""
+"""Unloaded positions of the reflectors, and how causes are estimated from them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _STEP = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Unloaded(Locked):
-    """What the tracker says of the unloaded reflectors.
+    """Unloaded positions as the tracker read them.
 
     Attributes:
         cell: The robot and its tool, nothing that yields.
@@ -51,7 +51,7 @@ class Unloaded(Locked):
 
     @property
     def exact(self) -> Unloaded:
-        """The same with the joints taken to stand where the log says: how far off is the table?"""
+        """The same with the joints exactly where the log says: how far off is the table?"""
         rows, columns = (n - self.joints for n in self.known.shape)
         return replace(self, known=self.known[:rows, :columns], joints=0)
 
@@ -69,7 +69,7 @@ class Unloaded(Locked):
         return padded.reshape(len(padded), *rows.shape[2:])
 
     def short(self, fit: Fit) -> Array:
-        """What a fit, of these or other poses, lacks of where they stand [m], shape (z, 3)."""
+        """Positions minus those of a fit, to these or other poses [m], shape (z, 3)."""
         along = (self.known[: 3 * len(self.at)] @ fit.known).reshape(-1, 3, 1)
         moved = linear.solve(self.white, along)[..., 0]
         return np.asarray(self.at - self.stands(fit.effects, fit.values) - moved)
@@ -110,7 +110,7 @@ class Line(Locked):
 
 @dataclass(frozen=True, eq=False)
 class Fit(Locked):
-    """Some causes, estimated from where the reflectors stand.
+    """Some causes, estimated from the unloaded positions.
 
     Attributes:
         effects: The causes.
@@ -143,7 +143,7 @@ class Fit(Locked):
 
 
 class Fits:
-    """Fits of sets of causes to where the reflectors stand, each made once.
+    """Fits of sets of causes to the unloaded positions, each made once.
 
     Attributes:
         zeros: Where they stand.
@@ -164,7 +164,7 @@ class Fits:
         return self._made[key]
 
     def left(self, effects: tuple[Effect, ...]) -> float:
-        """What causes leave of where the reflectors stand, rms over coordinates [m]."""
+        """What causes leave of the unloaded positions, rms over coordinates [m]."""
         return rms(self.zeros.short(self(effects)))
 
     def without(self, pose: int) -> Fits:
@@ -174,7 +174,7 @@ class Fits:
 
 
 def unloaded(cell: Cell, data: Measured, scale: float) -> Unloaded | None:
-    """Where the unloaded reflectors stand; None where too few poses were read unloaded.
+    """The unloaded positions; None where too few poses were read unloaded.
 
     Args:
         cell: The paper's model.
@@ -242,7 +242,12 @@ def _only(pulls: Pulls, which: Bools | Ints) -> Pulls:
 
 
 def fitted(zeros: Unloaded, effects: Sequence[Effect], rounds: int = 4) -> Fit:
-    """Estimate causes and what goes along, linearised anew each round.
+    """Estimate causes and nuisance parameters, linearised anew each round (Gauss-Newton).
+
+    sum_i |W_i (at_i - stands_i(z) - K_i k)|^2 + |k_prior|^2 is smallest, W_i' W_i = cov(at_i)^-1, k
+    the nuisance parameters in units of their priors: the base's place (free), tool points (5 mm),
+    the base's rotation and joint zeros as stated. cov(z) is the block of (X' X)^-1, times chi2/dof
+    where that exceeds 1 (Birge, Physical Review 40 (1932) 207). Positions in m, F_b.
 
     Args:
         zeros: Where the reflectors stand.
@@ -274,7 +279,7 @@ def _line(zeros: Unloaded, effects: Sequence[Effect], values: Array) -> Line:
 
 
 def _on_line(zeros: Unloaded, effects: Sequence[Effect], line: Line) -> Fit:
-    """Estimate causes and what goes along, to first order."""
+    """Estimate causes and nuisance parameters, to first order."""
     typical, n = _typical(effects), zeros.known.shape[1]
     X = np.hstack([zeros.known, zeros.whitened(line.J)])
     y = zeros.whitened(zeros.at - line.stands)

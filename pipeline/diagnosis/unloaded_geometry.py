@@ -1,10 +1,9 @@
-"""Where the unloaded reflectors stand: joint zeros, base frame and weight show there, in mm.
+"""Unloaded geometry: joint zeros, base frame and weight show in unloaded positions, in mm.
 
-Robots stand half a millimetre to three off their table, for many reasons at once, and a wrong
-joint zero can look like any of them. So a cause is believed only where it, or two or three
-together, bring the reflectors to where they stand to within the scatter of the readings, or where
-one alone takes nearly all and leaves no more than any robot has. A robot whose geometry is off
-elsewhere is not accused.
+Robots deviate from their table by half a millimetre to three, for many reasons at once, and a
+wrong joint zero can look like any of them. So a cause is accepted only where it, or two or three
+together, explain the positions to within the scatter of the readings, or where one alone explains
+nearly all and leaves no more than any robot has. Other errors of the geometry raise no false alarm.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from pipeline.reduction.measured import Measured
 from pipeline.system.system import Estimate
 
 _LEAST_M = 3e-4
-"""Reflectors that stand less than this off, rms, stand as well as any robot does."""
+"""Deviations from the table below this, rms, are those of any robot."""
 
 _BELIEVED = 1e-3
 """Causes that leave more than chance does at this p are not the ones..."""
@@ -40,17 +39,17 @@ _MOST = 3
 
 @dataclass(frozen=True, eq=False)
 class Standing(Locked):
-    """What the unloaded reflectors say.
+    """What the unloaded positions show.
 
     Attributes:
-        miss_m: How far they stand from the table, tool and base estimated along, rms [m]; NaN
+        miss_m: Their deviation from the table, tool and base estimated as well, rms [m]; NaN
             where too few were read.
         left_m: The same with the causes.
-        fit: The causes, None where none is believed.
+        fit: The causes, None where none is accepted.
         p_values: Of the misfit without each cause.
         rivals: For each cause, others that would do as well with their probabilities.
         gain: What the causes are worth at poses that were left out.
-        visible: From which multiple of its typical size each cause would be asked about, by label.
+        visible: Multiple of its typical size from which each cause would be tested, by label.
     """
 
     miss_m: float
@@ -83,7 +82,7 @@ NOTHING = Standing(np.nan, np.nan, {})
 def standing(
     cell: Cell, data: Measured, scale: float, effects: Sequence[Effect], rng: np.random.Generator
 ) -> Standing:
-    """Ask the unloaded reflectors for causes that displacements hardly show.
+    """Find causes in the unloaded positions that displacements hardly show.
 
     Args:
         cell: The paper's model.
@@ -120,7 +119,7 @@ def standing(
 
 
 def as_stiff(cell: Cell, estimate: Estimate) -> Cell:
-    """The cell of a robot that is as stiff as it was found: so much it sags under its weight."""
+    """The cell with the stiffnesses that were identified, which set the sag under gravity."""
     known = estimate.identifiable & (estimate.value > 0)
     joints = tuple(
         replace(joint, stiffness=float(1 / x)) if told else joint
@@ -130,7 +129,7 @@ def as_stiff(cell: Cell, estimate: Estimate) -> Cell:
 
 
 def corrected(cell: Cell, data: Measured, found: Standing) -> Measured:
-    """The measurements of a robot that stands where it was found to stand."""
+    """The measurements, with the robot where it was found to be."""
     if found.fit is None:
         return data
     fit = found.fit
@@ -165,15 +164,15 @@ def _search(fits: Fits, exact: Fits, suspects: tuple[Effect, ...]) -> Fit | None
 
 
 def _nearly_all(exact: Fits, fit: Fit) -> bool:
-    """Whether causes take nearly all of the misfit and leave what any robot has."""
+    """Whether causes explain nearly all of the misfit and leave what any robot has."""
     left = exact.left(fit.effects)
     return left < _LEAST_M and left <= _NEARLY_ALL * exact.left(())
 
 
 def _visible(zeros: Unloaded, suspects: tuple[Effect, ...]) -> dict[str, float]:
-    """Multiples of the typical size from which a cause is asked about.
+    """Multiples of the typical size from which a cause is tested.
 
-    The reflectors then stand LEAST_M off, by more than scatter and stated errors make likely.
+    The deviation then is LEAST_M, and more than scatter and stated errors make likely.
     """
     here, out = zeros.stands((), np.zeros(0)), {}
     for suspect in suspects:

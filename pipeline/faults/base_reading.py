@@ -12,7 +12,7 @@ from pipeline.reduction.register import XYZ, Registration
 
 
 def base_outlier(registration: Registration, scale: float) -> list[Finding]:
-    """The base reading that contradicts the other base reflectors, if its loss puts them right.
+    """The base reading that contradicts the other base reflectors, if removing it makes them agree.
 
     Args:
         registration: Where the tracker stands.

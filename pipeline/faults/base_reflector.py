@@ -1,4 +1,4 @@
-"""A base reflector that stands off in every round: its nominal place is wrong, or it was moved."""
+"""A base reflector that is off in every round: its nominal place is wrong, or it was moved."""
 
 from __future__ import annotations
 
@@ -17,15 +17,18 @@ from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ, Registration, register
 
 _FEWEST = 4
-"""Reflectors below which the others cannot agree against one."""
+"""With fewer reflectors the others cannot outvote one."""
 
 _AGREE = 0.01
-"""The others agree, to what chance leaves in all but this part of campaigns; a rival target whose
-loss leaves a misfit more improbable than FAMILY is none."""
+"""The others agree if their misfit is more probable than this; a target whose removal leaves a
+misfit less probable than FAMILY is no rival."""
 
 
 def base_target(case: Case, registration: Registration, scale: float) -> list[Finding]:
-    """The target of [base_frame] that the others contradict, if the loss of no other helps.
+    """The target of [base_frame] that the others contradict, if no other removal explains it.
+
+    T = (chi2 - chi2_j) / scale^2 with chi2_j that of the registration with the nominal place of
+    target j free; p = n P[chi2(3) > T] for the largest T of n targets (Bonferroni).
 
     Args:
         case: The campaign.
@@ -57,7 +60,10 @@ def base_target(case: Case, registration: Registration, scale: float) -> list[Fi
 def _freed(case: Case, registration: Registration, name: str) -> tuple[float, Array] | None:
     """Weighted sum of squares with the nominal place of a target free, and its shift [m], F_b.
 
-    None where the others do not tell how the tracker stands, as on one line.
+    The registration without the target, plus sum_i (p_i - p)' V_i (p_i - p) of its own readings in
+    F_b about their weighted mean p = (sum V_i)^-1 sum V_i p_i, V_i = (R C_i R')^-1; shift p - p_0.
+
+    None where the others do not determine the registration, as on one line.
     """
     try:
         lost = register(_without_target(case, name).settings, case.readings)

@@ -1,9 +1,9 @@
 """Bad readings of the two reflectors on the chain, by their distance and by their direction.
 
-Both are asked by a deleted residual: a pull is judged by what the others leave it, Student's t (F
-for the two coordinates of a direction), for the largest of all pulls. A chain may stretch with
-the force and hang otherwise in every pose; a direction may turn with the force, as the load point
-gives way, or with its inverse, as a sagging chain does.
+Both use deleted residuals: a pull is tested against the fit to the others, by Student's t (F for
+the two coordinates of a direction), for the largest of all pulls. A chain may stretch with
+the force and be hung differently in every pose; its direction may change with the force, as the
+load point yields, or with its inverse, as a chain sags.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ _TESTS = 2
 """Distance and direction share the probability of a false alarm."""
 
 _FEWEST = 8
-"""Pulls below this do not say how much a chain scatters."""
+"""Fewer pulls do not determine the scatter of a chain."""
 
 _HUNG = 0.05
-"""Lengths that differ between poses this improbably: the chain was hung otherwise."""
+"""Lengths that differ between poses below this p: the chain was hung differently."""
 
 _MATTERS_RAD = 5e-4
 """A direction off by less turns no force by more than the readings of a scale scatter."""
 
 _SHORT_M = 1.5e-4
-"""A distance off by less is not worth being named."""
+"""A distance off by less is not reported."""
 
 _APART = 5.0
 """A direction stands out this much also against the other pulls of its own pose."""
@@ -128,7 +128,12 @@ def _length(chain: _Chain) -> Array:
 
 
 def _distance(chain: _Chain) -> _Off | None:
-    """By the distance of the ends, the same in all pulls but for what the chain stretches."""
+    """By the distance of the ends, the same in all pulls but for what the chain stretches.
+
+    (|Pl2 - Pl1| - median) / u = (a + b f) / u + e, f the force over the largest, u [m] the standard
+    uncertainty; one a for all pulls or, where an F test calls for it, one to a pose. The p-value of
+    t is two-sided and multiplied by the number of pulls.
+    """
     y = _length(chain)
     y = (y - np.median(y)) / chain.std
     force = np.nan_to_num(chain.force / np.nanmax(np.abs(chain.force), initial=1.0))
@@ -175,7 +180,10 @@ def _rest(X: Array, y: Array) -> tuple[float, int]:
 def _deleted(X: Array, y: Array, least: float) -> tuple[Array, Array, int]:
     """Deleted residuals over their standard deviation, their sizes, and degrees of freedom.
 
-    A certificate may be modest, chance no outlier: the variance is `least` at least.
+    t_i = r_i / (s_(i) sqrt(1 - h_i)), size r_i / (1 - h_i), h_i = (Q Q')_ii the leverage, and
+    s_(i)^2 = (r' r - r_i^2 / (1 - h_i)) / (m - k - 1): externally studentised residuals (Cook and
+    Weisberg, Residuals and Influence in Regression, 1982), absolute values. A certificate may be
+    modest, chance no outlier: the variance is `least` at least.
     """
     Q = linear.orthonormal(X)
     free = 1 - np.sum(Q**2, axis=1)
@@ -209,6 +217,10 @@ def _direction(chain: _Chain) -> _Off | None:
 
 def _turns(chain: _Chain, course: Array) -> tuple[Ints, Array, Array, Array, Array]:
     """Deleted residuals of directions beside a straight course in each pose.
+
+    u = a_p + b_p x + e for the unit vectors u of pose p in the tracker's frame, x the course over
+    its largest. drop_i = |r_i|^2 / (1 - h_i), F = (drop_i / 2) / ((sum_p |r_p|^2 - drop_i) / dof)
+    with 2 and dof = 2 sum_p (m_p - 2) - 2 degrees of freedom: two coordinates to a direction.
 
     Args:
         chain: The chain.
@@ -250,7 +262,7 @@ def _turns(chain: _Chain, course: Array) -> tuple[Ints, Array, Array, Array, Arr
 def _end(chain: _Chain, pull: int) -> tuple[int, float] | None:
     """Which end is not where the other pulls of the pose put it, and by how much [m].
 
-    None where nobody can tell.
+    None where that is open.
     """
     same = (chain.pose == chain.pose[pull]) & np.isfinite(chain.force)
     others = same & (np.arange(len(same)) != pull)

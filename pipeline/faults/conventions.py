@@ -1,6 +1,6 @@
-"""Mistakes that hold for a whole campaign, by where the unloaded reflectors stand.
+"""Mistakes that hold for a whole campaign, from the unloaded positions of the reflectors.
 
-Robots stand within millimetres of their table. The unloaded reflectors, moved rigidly onto where
+Robots agree with their table within millimetres. The unloaded reflectors, moved rigidly onto where
 the table puts them (so that a poor base frame plays no part), miss by far more when a unit, the
 handedness of the tracker's frame, the joint convention or a sign of the table is wrong.
 """
@@ -27,7 +27,7 @@ from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 
 _GROSS_M = 0.03
-"""No robot in use stands this far off its own table."""
+"""No robot in use is this far off its own table."""
 
 _GROSS_ANCHORED_M = 0.3
 """Nor this far from it in a base frame, however poor its reflectors."""
@@ -65,7 +65,7 @@ class Hypothesis:
         says: What was mistaken for what.
         correct: What puts it right.
         table: Whether it is a matter of the robot's table (as the sense of a joint is) or the base
-            frame's; two such at once are not asked about.
+            frame's; two such at once are not tested.
     """
 
     name: str
@@ -78,9 +78,9 @@ class Hypothesis:
 def conventions(case: Case) -> list[Finding]:
     """The unit, sign or convention that is wrong; at most two of them at once.
 
-    Nothing is found where the reflectors stand where they should, where too few poses were
-    measured, or where no single mistake and no pair of them explains where they stand. What moves
-    the whole robot rigidly shows only against the base reflectors, which are asked second.
+    Nothing is found where the reflectors are where they should be, where too few poses were
+    measured, or where no single mistake and no pair of them explains their positions. What moves
+    the whole robot rigidly shows only against the base reflectors, which are tested second.
     """
     for how, gross in ((miss, _GROSS_M), (anchored_miss, _GROSS_ANCHORED_M)):
         before = how(case)
@@ -125,9 +125,9 @@ def _finding(h: Hypothesis, before: float, after: float) -> Finding:
 
 
 def miss(case: Case) -> float | None:
-    """How far the unloaded reflectors stand from the robot's table [m], median over states.
+    """Distance of the unloaded reflectors from the robot's table [m], median over states.
 
-    None where too few poses were read to say.
+    None where too few poses were read.
     """
     zeros = unloaded(case)
     if zeros["pose"].nunique() < FEWEST_POSES:
@@ -180,7 +180,7 @@ def _moved_onto(seen: Array, expected: Array) -> Array:
 
 
 def hypotheses(case: Case) -> Iterator[Hypothesis]:
-    """Every mistake that is asked about."""
+    """Every mistake that is tested."""
     for factor, (unit, says) in _UNITS.items():
         yield Hypothesis("unit_mixup", unit, f"in the tracker export {says}", scaled(factor))
     yield from _angles(case.robot)
@@ -296,7 +296,7 @@ def scaled(factor: float) -> Callable[[Case], Case]:
 
 
 def _mirrored(case: Case) -> Case:
-    """The tracker's y turned round."""
+    """The tracker's y reversed."""
     rows, flip = case.readings, np.diag([1.0, -1.0, 1.0])
     C = flip @ covariance.matrices(rows) @ flip
     return replace(

@@ -1,4 +1,4 @@
-"""What is said of a mistake in the data."""
+"""The record of a mistake in the data."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ class Finding:
         unit: `mm`, `sigma`, `1`.
         size: How large the mistake is, where it has a size.
         size_unit: Unit of `size`.
-        p_value: Probability of such evidence by chance, None where chance has no part in it.
-        beside_model: The evidence is what the joint springs leave, so that a richer model may take
-            it away.
+        p_value: Probability of such evidence by chance, None where chance plays no part.
+        beside_model: The evidence is a residual of the joint springs, which a richer model may
+            explain.
         correct: The corrected campaign.
     """
 

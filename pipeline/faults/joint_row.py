@@ -1,9 +1,9 @@
 """Rows of the joint log that are not those of their pose.
 
-The unloaded reflectors of all poses are laid onto the robot's table at the logged joints, the
-base frame and the points of the effector estimated along: how far robots stand off their table
-stays, and is alike in all poses. One pose in which they stand off far beyond all others has a
-row that is wrong, copied or another pose's. Where most poses stand off, something else is wrong.
+The unloaded reflectors of all poses are fitted to the robot's table at the logged joints, base
+frame and tool points estimated as well: what remains is the deviation of robots from their table,
+similar in all poses. One pose that deviates far more than all others has a row that is wrong,
+duplicated or another pose's. Where most poses deviate, something else is wrong.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _LEAST_M = 1e-3
 """... and no less than this."""
 
 _FEWEST_GOOD = 5
-"""Poses that must agree before another is held against them."""
+"""Poses that must agree before another is tested against them."""
 
 PART, MOST = 4, 12
 """At most one of so many poses has a wrong row, and no more than so many have."""
@@ -42,7 +42,7 @@ PART, MOST = 4, 12
 
 @dataclass(frozen=True, eq=False)
 class _Stand(Locked):
-    """Readings of measured targets beside the table.
+    """Readings of measured targets and where the table puts them.
 
     Attributes:
         seen: Readings in the tracker's frame [m], shape (n, 3).
@@ -67,7 +67,7 @@ class _Stand(Locked):
 
 @dataclass(frozen=True, eq=False)
 class _Laid(Locked):
-    """The table laid onto the readings of some poses.
+    """The table fitted to the readings of some poses.
 
     Attributes:
         R: Rotation from F_b into the tracker's frame, shape (3, 3).
@@ -136,7 +136,7 @@ def _read(case: Case) -> _Stand:
 
 
 def _laid(read: _Stand, out: Sequence[int]) -> _Laid:
-    """The table laid onto the unloaded readings of all poses but some (Gauss-Newton)."""
+    """The table fitted to the unloaded readings of all poses but some (Gauss-Newton)."""
     used = read.zero & ~np.isin(read.pose, out)
     targets = int(read.target.max()) + 1
     R, t = rigid(read.table[used], read.seen[used])
@@ -183,7 +183,7 @@ def _linear(read: _Stand, R: Array, t: Array, off: Array) -> tuple[Array, Array,
 
 
 def _knocked(case: Case, read: _Stand, wrong: Sequence[int]) -> bool:
-    """Whether the tracker may have been moved before these poses: the base reflectors say so too.
+    """Whether the tracker may have been moved before these poses: the base reflectors show it.
 
     Only where they are the last that were read.
     """
@@ -197,7 +197,7 @@ def _knocked(case: Case, read: _Stand, wrong: Sequence[int]) -> bool:
 
 
 def _whole(read: _Stand, laid: _Laid, k: int) -> bool:
-    """Whether the effector as a whole stands elsewhere, in every state of the pose.
+    """Whether the effector as a whole is elsewhere, in every state of the pose.
 
     One reading that is off is no wrong row, nor are two names exchanged.
     """
@@ -214,7 +214,7 @@ def _whole(read: _Stand, laid: _Laid, k: int) -> bool:
 
 
 def _moved(seen: Array, due: Array, size: float, usual: float) -> bool:
-    """Whether points stand rigidly elsewhere than they should, under their own names."""
+    """Whether points, under their own names, are displaced rigidly."""
     far = np.sort(np.linalg.norm(seen - due, axis=1))
     if len(far) < 2 or far[-2] < far[-1] / 3 or far[-1] < size / 2:
         return False

@@ -1,8 +1,16 @@
 """Single readings that contradict all others: Baarda's w-test, reading by reading.
 
-A reading is shifted by an unknown vector; how much the sum of squares drops is the test. It is
-asked beside the joint springs; where these do not fit either way, beside a free stiffness of every
-pose, so that whatever the robot does in proportion to the pull does not pass for a bad reading.
+A reading is shifted by an unknown vector v [m] in F_b; how much the sum of squares drops is the
+test (Baarda, A Testing Procedure for Use in Geodetic Networks, 1968, for three coordinates):
+
+    N = D' P D,    g = D' P y,    v = N^+ g,    T = g' N^+ g,    cov(v) = s^2 N^+,
+
+D the three whitened columns of a reading, y the whitened rows and P the projection orthogonal to
+the model's. T / 3 s^2 has 3 degrees of freedom, its p-value is multiplied by the number of
+readings (Bonferroni). Where the model fits, s^2 = (y' P y - T) / (dof - 3), no less than 1 if a
+noise is stated. The model is that of the joint springs; where these do not fit either way, a free
+stiffness of every pose, so that whatever the robot does in proportion to the pull does not pass for
+a bad reading.
 """
 
 from __future__ import annotations
@@ -32,13 +40,13 @@ of readings of the poses, of readings of the base, of whole base reflectors, of 
 the scale."""
 
 _SMALLEST_M = 8e-5
-"""A reading off by less than this is not worth being named."""
+"""A reading off by less than this is not reported."""
 
 _FITS = 1e-3
 """A model whose misfit is this probable fits."""
 
 _DOMINANT = 2.0
-"""Beside a model that does not fit, an outlier must stand out this much more."""
+"""If the model does not fit, an outlier must stand out this much more."""
 
 _TOO_FEW = 16.0
 """A sum of squares below this confirms nothing and refutes nothing."""
@@ -155,7 +163,8 @@ def _prepared(
 def _of_whole_pull(stack: Stack, white: Whitener, shifts: Shifts, k: int) -> float:
     """Drop of the sum of squares when the effector as a whole moves in the pull of a reading.
 
-    A bad reading leaves at most its own to such a motion, a fault of the model more.
+    g' N^+ g with D the six whitened rigid motions of the pull, N = D' P D and g = D' P y. A bad
+    reading leaves at most its own drop to such a motion, a fault of the model more.
     """
     here = stack.pull == shifts.pull[k]
     if shifts.pull[k] < 0:
@@ -172,6 +181,7 @@ def _confirmed(freer: Shifts, k: int, shift: Array, variance: float, seen: bool 
     """Whether a freer model leaves of the shift what it would leave of a true one.
 
     A weak fault of the model can look like a bad reading; beside free poses or pulls it vanishes.
+    A true shift v drops T = v' N v there, N of the freer model; `_CONFIRMS` of it must be found.
 
     Args:
         freer: Every reading's shift beside the freer model.
@@ -191,7 +201,9 @@ def noise_scale(
 ) -> tuple[float, int]:
     """Scatter of the effector's triangle over the stated one, a few bad readings left out.
 
-    Never below one: a certificate may be too modest, but chance must not make outliers.
+    s = median|w| / 0.6745 of the whitened contrasts w, then five times s^2 = mean(w^2) / 0.9733
+    over |w| < 3 s: 0.9733 is the variance of a standard normal cut at 3. Never below one: a
+    certificate may be too modest, but chance must not make outliers.
 
     Returns:
         The factor, and how many contrasts it rests on.
@@ -322,7 +334,7 @@ def _columns(
 def bad_reading(
     row: pd.Series, others: str, size: float, sigmas: float, p: float, beside_model: bool = False
 ) -> Finding:
-    """What is said of a single reading that contradicts others.
+    """The finding of a single reading that contradicts others.
 
     Args:
         row: The reading.

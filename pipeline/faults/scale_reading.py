@@ -1,9 +1,14 @@
 """A reading of the scale that contradicts all others: a digit too many, another row's unit.
 
 A pull's reading is set free beside the model and beside all other pulls; how far it then is from
-what stands in the log, in standard deviations, is the test. The drop of the sum of squares names
-the suspect, one column to a pull. A suspect is convicted at the reading that fits best, for one of
-ten times the force spoils the estimate, and with it every column and every standard deviation.
+the log, in standard deviations, is the test. With d_i = V^-1/2 dc/df_i, the whitened column of
+pull i [1/N], r the whitened residuals and P the projection orthogonal to the model's columns,
+
+    N_i = d_i' P d_i,    T_i = (d_i' P r)^2 / N_i,    u(f_i) = N_i^-1/2 [N],
+
+T_i the drop of the sum of squares, the square of Baarda's w (1968). The pull of the largest T is
+flagged, and tested again at the reading that fits best: a reading of ten times the force spoils the
+estimate, and with it every column and every standard deviation.
 """
 
 from __future__ import annotations
@@ -29,14 +34,13 @@ from pipeline.system.system import Estimate, System
 from pipeline.system.whiten import Whitener, whitener
 
 _MATTERS = 0.03
-"""A reading off by a smaller part of the force is none that somebody mistyped."""
+"""A reading off by a smaller part of the force was not mistyped."""
 
 _STATED = 6.0
 """Nor is one off by less than this many stated standard uncertainties of the scale."""
 
 FEWEST, MOST = 8, 1000
-"""Fewer pulls do not tell which of them is the one; more are no campaign by hand, and each is a
-column."""
+"""Fewer pulls do not single one out; more are no campaign by hand, and each is a column."""
 
 _DOMINATES = 4.0
 """A mistyped reading stands out this much more than any other once it is right: what a force law
@@ -133,7 +137,10 @@ def _freed(
 
 
 def _chance(drop: float, rest: float, dof: int, stated: bool) -> float:
-    """Probability of a drop by one column; a certificate may be modest, chance no outlier."""
+    """Probability of a drop by one column; a certificate may be modest, chance no outlier.
+
+    P[F(1, dof) > drop / s^2], s^2 = rest / dof and no less than 1 where a noise is stated.
+    """
     variance = max(rest / max(dof, 1), 1.0 if stated else 1e-30)
     return float(stats.f.sf(drop / variance, 1, max(dof, 1)))
 
@@ -141,8 +148,9 @@ def _chance(drop: float, rest: float, dof: int, stated: bool) -> float:
 def _fitting(cell: Cell, data: Measured, values: Array, pull: int, scale: Scale) -> float | None:
     """What the scale should have read in a pull, all others as they are [N]; None if nothing fits.
 
+    Gauss-Newton: the force f of the pull and the parameters x by c = B x + (dc/df) df, weighted.
     Steps downwards are taken in 1/force: where ten times the force has made the springs ten times
-    too stiff, what the pull moved is straight in that.
+    too stiff, what the pull moved is linear in that.
     """
     force = float(np.linalg.norm(data.pulls.force[pull]))
     for _ in range(_ROUNDS):
@@ -171,7 +179,10 @@ def _reading(data: Measured, pull: int, force: float, scale: Scale) -> Measured:
 
 
 def _left(white: Whitener, freed: _Freed, here: Bools) -> float:
-    """Drop of the sum of squares when a pull is left out as a whole."""
+    """Drop of the sum of squares when a pull is left out as a whole.
+
+    g' N^+ g with N = D' P D, g = D' P r, D one whitened column to each of its rows.
+    """
     mine = np.flatnonzero(here)
     own = np.zeros((len(here), len(mine)))
     own[mine, np.arange(len(mine))] = 1.0

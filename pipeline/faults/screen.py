@@ -22,7 +22,7 @@ from pipeline.system.estimate import identify
 from pipeline.system.system import Estimate, System
 
 _MOST = 12
-"""More bad readings than this are no bad readings: the campaign is what is wrong."""
+"""With more bad readings than this, the campaign as a whole is wrong."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,10 +65,10 @@ def screen(case: Case, reduced: Reduced) -> Screened:
 def acquit(
     given: Case, screened: Screened, causes: tuple[Effect, ...], extended: Estimate | None
 ) -> Screened:
-    """Judge bad readings once more, beside the causes that were named without them.
+    """Screen again with the causes: test flagged readings beside the extended model.
 
-    What contradicts the joint springs alone may follow from a cause: a reading that agrees with
-    the extended model was never bad, and comes back.
+    The causes were identified without these readings. What contradicts the joint springs alone may
+    follow from a cause: a reading that agrees with the extended model is used again.
 
     Args:
         given: The campaign as given.
@@ -77,13 +77,13 @@ def acquit(
         extended: Joint springs and causes, estimated together; None where there are none.
 
     Returns:
-        `screened` itself where every bad reading stays bad.
+        `screened` itself where every flagged reading stays flagged.
     """
     kept = [finding for finding in screened.findings if not finding.beside_model]
     richer = given.cell.with_effects(*causes).parameters
     if len(kept) == len(screened.findings) or not causes or extended is None:
         return screened
-    if richer != extended.parameters:  # where the robot stands was put right, which no cell can say
+    if richer != extended.parameters:  # unloaded geometry was corrected, which no cell can hold
         return screened
     case = given
     for finding in kept:
@@ -112,7 +112,7 @@ def _put_right(case: Case, found: list[Finding], findings: list[Finding]) -> Cas
 def _asked(
     case: Case, reduced: Reduced, system: System, estimate: Estimate
 ) -> Iterator[list[Finding]]:
-    """What is found, the cheapest and grossest questions first."""
+    """What is found, the cheapest tests and the grossest mistakes first."""
     if case.settings.displacements is None:
         yield scale_outlier(case, case.cell, reduced.data, system, estimate)
     yield reversed_pull(case, estimate)

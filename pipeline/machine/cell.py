@@ -1,6 +1,6 @@
 """The one forward model: a cell with effects in it, and what the tracker would read.
 
-Simulator, B of Eq. (19), score tests, extended model and pose design all ask this file.
+Simulator, B of Eq. (19), score tests, extended model and pose design all use this file.
 """
 
 from __future__ import annotations

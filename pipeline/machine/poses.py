@@ -98,7 +98,7 @@ def _candidates(robot: Robot, anchor: Array, rng: np.random.Generator) -> Array:
 
 
 def feasible(robot: Robot, q: Array, tool: Array, anchor: Array) -> Bools:
-    """Which poses stand clear of the floor with a sensible, free chain to their anchor.
+    """Which poses are clear of the floor with a sensible, free chain to their anchor.
 
     Args:
         robot: The robot.

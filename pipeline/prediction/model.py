@@ -1,4 +1,4 @@
-"""The identified model as a file for others: load it, ask what a force does, correct a path."""
+"""The identified model as a file for others: load it, predict deflections, correct a path."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from pipeline.machine.robot.mdh import parse as parse_robot
 
 @dataclass(frozen=True, eq=False)
 class Deflection(Locked):
-    """How a point of the tool gives way.
+    """How a point of the tool deflects.
 
     Attributes:
         displacement: Loaded minus unloaded [m], F_b, shape (m, 3).
@@ -93,7 +93,7 @@ class Model(Locked):
 
     Attributes:
         campaign: The campaign it comes from.
-        verdict: What the diagnosis said of it, as in result.json.
+        verdict: That of the diagnosis, as in result.json.
         recommended: Why these values: model, data and reason, as in result.json.
         hypotheses: What may be true, weights sum to one; one only where nothing is open.
         stated: Joints whose stiffness result.json states, shape (n,); all where not given.
@@ -460,7 +460,7 @@ def _joint(root: ET.Element, name: str, parent: str, child: str, at: Array) -> E
 
 
 def _limits(element: ET.Element, lower: float, upper: float) -> None:
-    """URDF wants finite limits of everything, effort and velocity too, which a robot file lacks."""
+    """URDF wants finite limits, of effort and velocity too, which a robot file does not have."""
     ends = {"lower": max(lower, -_FAR), "upper": min(upper, _FAR), "effort": _FAR, "velocity": _FAR}
     ET.SubElement(element, "limit", {name: repr(float(end)) for name, end in ends.items()})
 

@@ -23,10 +23,13 @@ def validate(
 ) -> pd.DataFrame:
     """Relative deflection errors mu of Eq. (22) around the test pose and in the workspace.
 
-    Every pose has a draw of its own, once from the full covariance of the compliances and once
-    as in Eq. (23), each stiffness by itself. Parameters that are not identifiable stay put. Where
-    several hypotheses may be true, the prediction is their average, and each pose draws one of
-    them by its weight. Of the causes, those that yield under load take part.
+    mu_t = |A_t (x_drawn - x)| / |A_t x|, Eq. (22), A_t (3, k) [m per unit of x] at target t, F_b.
+    Every pose has a draw of its own, once x_drawn ~ N(x, cov(x)) and once as in Eq. (23),
+    x_i = 1 / k_i with k_i ~ N(1 / x_i, u(x_i)^2 / x_i^4), each stiffness by itself (Monte Carlo as
+    in JCGM 101:2008). Parameters that are not identifiable stay put. Where several hypotheses may
+    be true, the prediction is their average, and each pose draws one of them by its weight; mu then
+    holds how far that one is from the average. Of the causes, those that yield under load take
+    part.
 
     Args:
         hypotheses: What may be true, weights sum to one.

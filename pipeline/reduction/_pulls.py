@@ -49,7 +49,7 @@ class _States(Locked):
 
 
 def complete(shots: Shots, settings: Settings, loads: Log, joints: Log) -> Complete:
-    """Leave out what lacks its counterpart, and only that."""
+    """Leave out what has no counterpart, and only that."""
     states = _states(shots, len(settings.measured), loads, joints)
     why = _why_not(shots, settings, states, loads.file, joints.file)
     dropped = np.zeros(len(shots.pose), dtype=bool)
@@ -145,7 +145,7 @@ def _without_zero(shots: Shots, states: _States) -> Bools:
 
 
 def _absent(shots: Shots, settings: Settings, states: _States, dropped: Bools) -> list[Rejection]:
-    """Measured targets that a usable pull lacks: nothing is left out, but something is missing."""
+    """Measured targets missing in a usable pull: nothing is left out, but they are reported."""
     t = len(settings.measured)
     lacking = shots.loaded & ~dropped & states.present.any(axis=1)
     lacking &= ~states.present[:, :t].all(axis=1)

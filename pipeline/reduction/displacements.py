@@ -15,7 +15,7 @@ from pipeline.reduction.settings import Settings
 def displacements(settings: Settings, placed: pd.DataFrame) -> pd.DataFrame:
     """Subtract from every loaded reading the mean of its pose's unloaded readings.
 
-    Zeros before and after the pulls weigh alike, so that a drift linear in time cancels at
+    Zeros before and after the pulls have equal weight, so that a drift linear in time cancels at
     mid-time; the zero's covariance is that of the mean.
 
     Args:

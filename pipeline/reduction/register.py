@@ -1,4 +1,4 @@
-"""Stage 2. Readings of base reflectors in, the tracker's place in F_b and placed readings out."""
+"""Stage 2. Readings of base reflectors in, the tracker's pose in F_b and placed readings out."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from pipeline.reduction.settings import Settings
 XYZ = ["x_m", "y_m", "z_m"]
 
 _MISFIT = 1e-4
-"""Base reflectors that agree worse than chance would have it in this part of all campaigns."""
+"""Below this p the base reflectors disagree by more than their stated uncertainties."""
 
 
 @dataclass(frozen=True, eq=False)
 class Registration(Locked):
-    """Where the tracker stands: p_b = R p_t + t.
+    """The tracker's pose in F_b: p_b = R p_t + t.
 
     Attributes:
         R: Rotation from the tracker's frame into F_b, shape (3, 3).
@@ -46,10 +46,14 @@ class Registration(Locked):
 
 
 def register(settings: Settings, readings: pd.DataFrame) -> Registration:
-    """Fit the tracker's place to the nominal base reflectors by weighted least squares.
+    """Fit the tracker's pose to the nominal base reflectors by weighted least squares.
 
-    Rigid motion, Gauss-Newton from the unweighted closed form (Kabsch); every reading weighs
-    with its own 3x3 covariance. Without [base_frame] the readings are in F_b already.
+    sum_i r_i' (R C_i R')^-1 r_i is smallest, r_i = n_i - (R p_i + t) [m] in F_b: n_i the nominal
+    place, p_i the reading and C_i its covariance [m^2] in the tracker's frame. Gauss-Newton from
+    the unweighted closed form (Kabsch, Acta Cryst. A32, 1976; Umeyama, IEEE Trans. PAMI 13, 1991).
+    cov = (D' W D)^-1, times chi2 / dof where the noise is not stated or the misfit is improbable
+    (p < `_MISFIT`; Birge, Physical Review 40, 1932). Without [base_frame] the readings are in F_b
+    already.
 
     Args:
         settings: The campaign; `base_frame` has the nominal coordinates [m].
@@ -115,7 +119,7 @@ def _seconds(times: pd.Series[pd.Timestamp], start: pd.Timestamp) -> Array:
 
 
 def _uncertain(readings: pd.DataFrame) -> None:
-    """No instrument reads without error: a reading that says so would outweigh all others."""
+    """No instrument reads without error: zero uncertainty would outweigh all other readings."""
     without = covariance.singular(covariance.numbers(readings)) if len(readings) else np.zeros(0)
     if without.any():
         first = readings.iloc[int(np.argmax(without))]
@@ -164,7 +168,11 @@ def _kabsch(points: Array, nominal: Array) -> tuple[Array, Array]:
 def _gauss_newton(
     R: Array, t: Array, points: Array, nominal: Array, C: Array
 ) -> tuple[Array, Array, float, Array]:
-    """One step (rotation, shift at the centre), covariance of it, chi2, centre."""
+    """One step (rotation, shift at the centre), covariance of it, chi2, centre.
+
+    (w, s) = N^-1 sum_i D_i' W_i r_i with N = sum_i D_i' W_i D_i, W_i = (R C_i R')^-1 and
+    D_i (w, s) = w x (R p_i + t - p) + s, p the centre of the placed readings; w [rad], s [m], F_b.
+    """
     placed = points @ R.T + t
     centre = placed.mean(axis=0)
     lever = placed - centre

@@ -80,7 +80,7 @@ def courses(tables: Tables) -> tuple[pd.DataFrame, list[Course]]:
     The torque is that of the joint in which the suspect with the most evidence sits.
 
     Returns:
-        Rows with `mm` (joint springs) and `mm_extended` (named causes), and what to hold them
+        Rows with `mm` (joint springs) and `mm_extended` (identified causes), and what to hold them
         against.
     """
     rows = tables["examined"].assign(
@@ -147,7 +147,7 @@ def places(tables: Tables) -> pd.DataFrame:
 
 
 def gain(examined: pd.DataFrame) -> pd.DataFrame:
-    """Rms error of each pose left out [mm]: pose, before (joint springs), after (named causes)."""
+    """Rms error of each pose left out [mm]: pose, before (springs alone), after (with causes)."""
     mm = examined.assign(
         before=MM * examined["left_out_m"], after=MM * examined["left_out_extended_m"]
     )

@@ -134,7 +134,7 @@ def _known(where: str, names: Sequence[str]) -> str:
 def _unit_mixup(
     notes: Notebook, where: str, size: Array, rng: np.random.Generator
 ) -> tuple[Notebook, str]:
-    """Numbers in one unit stand under the name of another."""
+    """Numbers in one unit are labelled with another."""
     where = where or str(rng.choice(UNITS))
     if where in ("inch", "m"):
         factor = 1e-3 / (INCH_M if where == "inch" else 1.0)

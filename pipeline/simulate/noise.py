@@ -34,7 +34,7 @@ def tracker_errors(
 
 
 def stated_covariance(model: float | InstrumentNoise | Literal["paper"], at: Array) -> Array:
-    """What the instrument's software says of readings (n, 3), six numbers [m^2] each, (n, 6)."""
+    """Covariances that the instrument's software states for readings (n, 3) [m^2], (n, 6)."""
     if isinstance(model, InstrumentNoise):
         return instrument.beam_covariance(at, model)
     six = (

@@ -95,7 +95,7 @@ class Campaign:
         return in_memory(content, self.folder)
 
     def _named(self, settings: Settings) -> list[str]:
-        """Names of the files that campaign.toml asks for, relative to the folder."""
+        """Names of the files that campaign.toml names, relative to the folder."""
         if settings.displacements is not None:
             return [
                 settings.displacements.file,
@@ -260,7 +260,7 @@ class Campaign:
         return self.result()
 
     def current(self) -> bool:
-        """Whether its last run still stands, so that no engine needs to start.
+        """Whether its last run is still valid, so that no engine needs to start.
 
         Raises:
             InputError: It cannot be read, and trying again will not help.

@@ -1,1 +1,1 @@
-"""c = B x + G e: its rows, its errors, its solution, and what else may be in it."""
+"""c = B x + G e: its rows, its errors, its solution, and further effects in it."""

@@ -62,7 +62,11 @@ class Blocks(Locked):
         return float(0.5 * np.log(np.sum(self.y**2) / stated))
 
     def loss(self, log_scale: Array) -> tuple[Array, float]:
-        """Minus twice the restricted log likelihood: part of each pose, shape (p,), and of X."""
+        """Minus twice the restricted log likelihood: part of each pose, shape (p,), and of X.
+
+        sum_p (log|V_p| + y_p' V_p^-1 y_p)  and  log|N| - g' N^-1 g,  N = sum_p X_p' V_p^-1 X_p,
+        g = sum_p X_p' V_p^-1 y_p,  V_p = sum_k exp(2 t_k) parts_kp + rest_p, t the log scales.
+        """
         weights = np.append(np.exp(2 * log_scale), 1.0)
         V = np.einsum("k,kpij->pij", weights, self.parts)
         try:
@@ -94,10 +98,13 @@ _STEP = 3e-3
 
 
 def maximum(blocks: Blocks, told: Bools) -> tuple[Array, Array, Array]:
-    """The log scales that are told, their standard uncertainties and their p-values.
+    """The log scales that the data determine, their standard uncertainties and p-values.
 
-    The p-value is of the likelihood ratio against the component as stated. A curvature says
-    nothing of it: a component may stand out clearly at a scale at which it would be invisible.
+    With L the loss, H its Hessian and g_p the gradient of pose p's part, u(t)^2 is the larger of
+    2 H^-1 and the sandwich H^-1 (sum_p g_p g_p') H^-1 (White, Econometrica 50, 1982), diagonals
+    taken. p = P[chi2(1) > (L(t_k = 0) - min L) / f] / 2, f >= 1 their ratio, or 1 minus that where
+    t_k < 0: the likelihood ratio against the component as stated. A curvature says nothing of it:
+    a component may stand out clearly at a scale at which it would be invisible.
     """
     loss, start = blocks.of_scales(told), np.full(int(told.sum()), blocks.rough)
     x = _lowest(loss, start)

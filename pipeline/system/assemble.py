@@ -26,8 +26,9 @@ _SMALL_M = 1e-5
 def assemble(cell: Cell, data: Measured, values: Array) -> System:
     """The linear system about `values`, with every source of error as a factor of its covariance.
 
-    c is corrected so that c = B x holds for a model that is not linear; for the paper's model
-    nothing is corrected. Rows are sorted by pose, repeat, target and axis.
+    B = dd/dx at x0 = `values` and c = delta + (B x0 - d(x0)) [m], d the model's displacements, so
+    that c = B x holds to first order for a model that is not linear; for the paper's model nothing
+    is corrected. Rows are sorted by pose, repeat, target and axis.
 
     Args:
         cell: The model.
@@ -62,6 +63,10 @@ def _rows(data: Measured) -> Rows:
 
 def errors(cell: Cell, data: Measured, values: Array) -> Errors:
     """G of c = B x + G e: tracker, shared zero, force (reading, direction, gain), frame, geometry.
+
+    Column j is (dc/dv_j) u(v_j) for an independent input v_j, or (dc/dv) L with L L' = cov(v), so
+    that G G' is the law of propagation J cov(v) J' (GUM, JCGM 100:2008, and JCGM 102:2011). A force
+    f enters through the model, dc/df = -dd/df; a turn w of the frame as w x delta - dd/df (w x f).
 
     All in metres, but what is in proportion to a noise of the tracker that nobody stated. Last,
     where it counts, what c = B x leaves out: the geometry of the deflected robot, once.

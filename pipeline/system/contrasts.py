@@ -55,6 +55,9 @@ class Zeros(Locked):
 def repeated_zeros(settings: Settings, placed: pd.DataFrame) -> Zeros:
     """Every further unloaded reading minus the mean of those before it.
 
+    delta_n = p_n - (p_0 + ... + p_(n-1)) / n [m], cov C_n + (C_0 + ... + C_(n-1)) / n^2 [m^2], F_b:
+    Helmert contrasts.
+
     These differences are independent of each other and of the mean, the zero of the pose.
 
     Args:
@@ -84,6 +87,9 @@ def repeated_zeros(settings: Settings, placed: pd.DataFrame) -> Zeros:
 
 def pure_error(system: System, residual: Array, data: Measured, zeros: Zeros, cell: Cell) -> System:
     """Contrasts of the campaign that no model of the robot can make, as a system without x.
+
+    K' (f c) with K' modes = 0 and K' K = I within each group of rows, f = `to_first`: error
+    contrasts, whose factors are K' f G.
 
     Left out of each group of equal pulls is one free rigid motion of the effector, out of each
     repeated zero another; with fewer than three targets, zeros are taken to stand still instead.

@@ -15,8 +15,8 @@ from pipeline.system.whitened import View, by_pose_drop
 
 _FALSE_ALARM = 0.002
 """For all suspects together. With the two tests of lack of fit, the five of bad readings and the
-tracker's drift 7.5 of 1000 clean campaigns are accused: 1 % holds also where 1000 are counted.
-Scatter above the stated is asked about besides, and is no fault of the model."""
+tracker's drift 7.5 of 1000 clean campaigns raise a false alarm: 1 % holds also where 1000 are
+counted. Scatter above the stated is tested separately, and is no fault of the model."""
 
 _LACK_OF_FIT = 0.001
 """For each of the two tests of lack of fit."""
@@ -40,9 +40,14 @@ def threshold(
 ) -> Threshold:
     """Calibrate the smallest p of all suspects on draws of pure scatter.
 
+    p_min = min_j P[F(k_j, dof - k_j) > F_j], F_j = (T_j / k_j) / ((rest - T_j) / (dof - k_j)),
+    T_j = |U_j' e|^2, e ~ N(0, I), U_j what suspect j adds to the base. With q the 2 % quantile of
+    p_min, m = ln(1 - 0.02) / ln(1 - q) independent tests would do the same, so that each may use
+    p = 1 - (1 - alpha)^(1/m), alpha = `_FALSE_ALARM` (Sidak, J. Am. Stat. Assoc. 62, 1967).
+
     Only the part of the scatter in the span of base and suspects needs drawing; the rest is one
-    chi-square. Student-free: the F tests do not depend on the size of the scatter. The tail is
-    taken from the number of independent tests at 2 %, where 3000 draws know it to 13 %.
+    chi-square. The F tests do not depend on the size of the scatter. The tail is
+    taken from the number of independent tests at 2 %, where 3000 draws give it to 13 %.
     """
     S = eliminate(view.M, base)
     bases = _bases(view, S)
@@ -97,7 +102,11 @@ class Lack:
 def lack_of_fit(view: View, base: Ints, score: Scores) -> Lack:
     """Test the base against free motions; the scatter comes from the effector's own rigidity.
 
-    Without three reflectors nothing is left to take the scatter from, and nothing is found.
+    F = (drop / k) / (scatter / nu), with k and nu degrees of freedom: the lack of fit against the
+    pure error. drop is the part of the base's residual that free motions explain: those of each
+    pose in proportion to the force, or (rest - scatter, dof - nu) those of each pull.
+
+    Without three reflectors the scatter is unknown, and nothing is found.
     """
     if not view.tells_scatter:
         return Lack(1.0, 1.0)

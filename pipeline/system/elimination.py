@@ -1,4 +1,4 @@
-"""Sums of squares after some columns are estimated: the algebra of every question."""
+"""Sums of squares after some columns are estimated: the algebra of every test."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ from pipeline.base.arrays import Array, Ints
 def coefficients(M: Array, base: Ints) -> Array:
     """Least-squares coefficients of the last column by the base, shape (..., b).
 
-    Mixes of columns that cannot be told apart share the work equally.
+    b = N^+ g with N = M[base, base], g = M[base, last]; the pseudo-inverse is taken of N scaled to
+    a unit diagonal.
+
+    Columns that cannot be separated share the coefficient equally.
     """
     inverse = linear.inverse(M[..., base[:, None], base])
     return np.asarray(np.einsum("...ij,...j->...i", inverse, M[..., base, -1]))
@@ -19,6 +22,9 @@ def coefficients(M: Array, base: Ints) -> Array:
 
 def eliminate(M: Array, base: Ints) -> Array:
     """Products of all columns after the base is taken out of them: the Schur complement.
+
+    S = M - M[:, base] M[base, base]^+ M[base, :]. With M = A'A that is A' P A, where P projects
+    onto what is orthogonal to the base's columns of A; S[last, last] is the sum of squares left.
 
     Args:
         M: Products, shape (..., W, W).

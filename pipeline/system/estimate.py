@@ -41,6 +41,11 @@ def fits(estimate: Estimate) -> bool:
 def solve(system: System, start: Array, white: Whitener | None = None) -> Estimate:
     """Generalised least squares with columns in their typical size.
 
+    x = (B' V^-1 B)^-1 B' V^-1 c,    cov(x) = s^2 (B' V^-1 B)^-1,    chi2 = r' V^-1 r,  r = c - B x,
+
+    with s^2 = chi2 / (M - rank) where V is still relative, else 1 (Aitken, Proc. Roy. Soc.
+    Edinburgh 55, 1935). V is that of c, shape (M, M), all in F_b.
+
     The singular values then read "how many standard uncertainties this mix of parameters moves
     the data at typical size", and a column of rounding noise stays what it is. Mixes that move
     nothing keep `start`, and the parameters in them have infinite uncertainty.
@@ -78,8 +83,8 @@ def solve(system: System, start: Array, white: Whitener | None = None) -> Estima
 def identifiable(typical: Array, value: Array, std: Array) -> Bools:
     """Parameters known to better than half their size, the typical or the estimated one, (k,).
 
-    Where the uncertainty is several typical sizes, an estimate as large is likely scatter: it must
-    be known to a quarter.
+    2 u(x) < max(typical, |x|), or max(typical, |x| / 2) where u(x) > 3 typical: an estimate as
+    large as that is likely scatter, and must be known to a quarter.
     """
     size = np.abs(value) / np.where(std > 3 * typical, 2, 1)
     return np.asarray(2 * std < np.maximum(typical, size), dtype=bool)
@@ -89,6 +94,9 @@ def least_squares(
     A: Array, y: Array, typical: Array, start: Array
 ) -> tuple[Array, Array, float, int]:
     """Least squares on whitened rows, columns in their typical size.
+
+    A D = U S W' with D = diag(typical); over singular values above `DARK` times the largest,
+    x = start + D W S^-1 U' (y - A start) and cov(x) = D W S^-2 W' D.
 
     Args:
         A: Whitened B, shape (M, k).
@@ -124,8 +132,9 @@ def identify(cell: Cell, data: Measured, start: Array) -> tuple[System, Estimate
 def tracker_noise(system: System) -> float:
     """Standard uncertainty per axis of a reading [m] for which V = s^2 V_tracker + V_rest fits.
 
-    Restricted likelihood of the residuals: log|V| + log|B' V^-1 B| + r' V^-1 r is smallest. With
-    nothing but the tracker's errors that is s^2 = r' V_tracker^-1 r / (M - k).
+    Restricted likelihood of the residuals: log|V| + log|B' V^-1 B| + r' V^-1 r is smallest
+    (Patterson and Thompson, Biometrika 58 (1971) 545). With nothing but the tracker's errors that
+    is s^2 = r' V_tracker^-1 r / (M - k).
 
     Args:
         system: A system whose noise of the tracker is still relative.
@@ -192,7 +201,11 @@ def _iterate(
 def left_out(system: System, white: Whitener | None = None) -> Array:
     """Residuals of each pose when that pose with all its pulls is left out of the estimate.
 
-    Errors common to all poses are estimated beside x from the poses that stay.
+    r_p = c_p - B_p x_p (Stone, J. Roy. Stat. Soc. B 36, 1974), x_p from the poses o that stay:
+
+        (x_p, a_p) = (sum_o A_o' A_o + diag(0, I))^-1 sum_o A_o' y_o,    A = V_own^-1/2 [B, G_c],
+
+    V_own without the errors common to all poses, which are estimated as a with a unit prior.
 
     Returns:
         Unweighted residuals [m], shape (M,); NaN where the rest does not determine x.

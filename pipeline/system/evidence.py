@@ -1,4 +1,15 @@
-"""How strongly the data speak for each suspect: F tests, and evidence with physical priors."""
+"""How strongly the data speak for each suspect: F tests, and evidence with physical priors.
+
+Model j adds the columns Z_j of suspect j to the base X of springs, common errors and accepted
+causes, all rows whitened, parameters z in their typical sizes:
+
+    y = X b + Z_j z + s e,    e ~ N(0, I),    y = whitened c.
+
+What the base leaves is G = Z_j' P Z_j, h = Z_j' P y and rest = y' P y, P the projection orthogonal
+to X. The evidence integrates the parameters out,
+
+    ln p(y | M_j) = ln of the integral of p(y | b, z, s) p(b) p(z | s) p(s) over b, z and s.
+"""
 
 from __future__ import annotations
 
@@ -17,15 +28,16 @@ WIDTHS = np.array([0.4, 1.0, 2.5, 6.0])
 
 
 ROUNDING = 1e-4
-"""Mean square in units of the noise below which exact data leave rounding, which accuses nobody."""
+"""Mean square in units of the noise below which residuals are rounding and no evidence."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scores(Locked):
-    """Every suspect beside one base.
+    """Statistics of every suspect added to one base.
 
     Attributes:
-        T: Drop of the sum of squares when the suspect joins, shape (n,).
+        T: Drop of the sum of squares when the suspect joins, h' G^+ h, shape (n,). Over the
+            variance it is also Rao's score statistic (Rao, Proc. Cambridge Phil. Soc. 44, 1948).
         rank: Number of parameters that the data can tell from the base, shape (n,).
         log_evidence: Natural log of the evidence for it, over the base alone, shape (n,).
         rest: Sum of squares of the base alone.
@@ -40,7 +52,10 @@ class Scores(Locked):
 
     @property
     def p(self) -> Array:
-        """Probability of a drop this large by chance, F test, shape (n,)."""
+        """Probability of a drop this large by chance, shape (n,).
+
+        F = (T / rank) / ((rest - T) / (dof - rank)), with rank and dof - rank degrees of freedom.
+        """
         left = np.maximum(self.rest - self.T, 1e-300)
         dof = np.maximum(self.dof - self.rank, 1)
         rank = np.maximum(self.rank, 1)
@@ -49,10 +64,10 @@ class Scores(Locked):
 
 
 def scores(view: View, base: Ints, dof: int, M: Array | None = None) -> Scores:
-    """Score every suspect beside a base.
+    """Score every suspect added to a base.
 
     Args:
-        view: The view.
+        view: The campaign, whitened.
         base: Columns of the base.
         dof: Rows minus parameters of the base.
         M: Products to use instead of the whole campaign's.
@@ -93,10 +108,17 @@ def _clean(G: Array, h: Array, full: Array) -> tuple[Array, Array]:
 
 
 def _evidence(G: Array, h: Array, rest: float, dof: int, lower: Array, upper: Array) -> Array:
-    """Log evidence with normal priors of several widths, scatter estimated along (Student).
+    """Log of p(y | M_j) / p(y | base), shape (n,).
 
-    Priors end at the physical bounds: what is gained is the posterior's share between them over
-    the prior's.
+    Priors: p(b) flat, p(s) ~ 1/s, z | s ~ N(0, s^2 w^2 I) between the physical bounds, averaged
+    over w in `WIDTHS`. The ratio is
+
+        mean over w of |I + w^2 G|^(-1/2) (1 - q / rest)^(-dof / 2) prod_i (post_i / prior_i),
+        q = h' (G + I / w^2)^-1 h.
+
+    The integral is exact but for the bounds: post_i and prior_i are the parts of the normal
+    marginals of z_i between them, s put at its estimate after and at 1 before the data. MacKay,
+    Neural Computation 4 (1992) 415; unknown s: Zellner, Bayesian Inference in Econometrics (1971).
     """
     k = G.shape[-1]
     width = WIDTHS[:, None, None]

@@ -1,4 +1,4 @@
-"""One campaign linearised at one model, in metres, before anything is weighed."""
+"""One campaign linearised at one model, in metres, before anything is weighted."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pipeline.system.system import Errors, Rows
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """What is believed: a cell with accepted causes, and the values of all its parameters.
+    """The current model: a cell with accepted causes, and the values of all its parameters.
 
     Attributes:
         cell: Joint springs, then the accepted effects.
@@ -34,12 +34,12 @@ class Model:
 
 @dataclass(frozen=True, eq=False)
 class Sight(Locked):
-    """What a model says of every row before anything is weighted, in metres.
+    """A campaign linearised at a model, before anything is weighted, in metres.
 
     Attributes:
         model: The model.
         data: The measurements.
-        suspects: Causes that are asked about.
+        suspects: Causes that are tested.
         rows: What each row is.
         errors: Where c may be wrong, as stated.
         B: Columns of the springs, shape (M, k).
@@ -59,7 +59,7 @@ class Sight(Locked):
     motions: Array
 
     def beside(self, more: tuple[Effect, ...]) -> Sight:
-        """The same with further effects asked about, behind the suspects."""
+        """The same with further effects tested, behind the suspects."""
         flat = replace(self.model.cell, equilibrium="undeformed")
         at = (self.data.pull, self.data.target)
         columns = sensitivity(flat, self.data.pulls, self.model.values, more)[at]
@@ -82,12 +82,15 @@ def sight(
 ) -> Sight:
     """Linearise springs and suspects at a model.
 
+    y = delta - d(x0) + B x0 [m], d the model's displacements and B their derivative at its values
+    x0, so that y = B x + Z z + G e to first order; rows in F_b, three to a displacement.
+
     Args:
         model: The model.
         data: The measurements.
-        suspects: Causes to ask about.
-        near: The campaign linearised at a model so near that errors are the same to their few
-            digits; they are computed anew where it is not given.
+        suspects: Causes to test.
+        near: The campaign linearised at a model so close that its errors can be used again; they
+            are computed anew where it is not given.
     """
     flat = replace(model.cell, equilibrium="undeformed")
     at = (data.pull, data.target)

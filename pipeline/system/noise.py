@@ -1,7 +1,7 @@
-"""How much the readings really scatter.
+"""The actual scatter of the readings.
 
-The tracker's share comes from the effector's own rigidity, the scale's from readings that are off
-as a whole.
+The tracker's comes from the rigidity of the effector, the scale's from displacements of a pull that
+are off in one proportion.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pipeline.system.whiten import whitener
 from pipeline.system.whitened import View
 
 TOLERATED = 1.3
-"""A certificate that is wrong by less than this is not worth a word."""
+"""A certificate that is wrong by less than this factor is not reported."""
 
 SURE = 0.001
 """How unlikely scatter must be before it is called larger than stated."""
@@ -64,6 +64,11 @@ class Scatter:
 def scatter(view: View, errors: Errors, stated: bool) -> Scatter:
     """Estimate both scales; needs no model of the arm, as every suspect may be at work.
 
+    s^2 = Q / nu,    u(s) = s / sqrt(2 nu),    p = P[chi2(nu) > Q / `TOLERATED`^2],
+
+    Q the sum of squares, in stated variances, of what no rigid motion of the effector explains, nu
+    its degrees of freedom; with too few reflectors those of the joint springs' residuals.
+
     Args:
         view: The campaign from the joint springs alone, with nothing scaled.
         errors: Its errors as stated.
@@ -89,7 +94,11 @@ def _all_suspects_out(view: View) -> tuple[int, float, str]:
 
 
 def _force(view: View, errors: Errors) -> tuple[float, float, float]:
-    """The scale's share by restricted maximum likelihood, springs and all suspects estimated.
+    """The scale's scatter by restricted maximum likelihood, springs and all suspects estimated.
+
+    L is minus twice the log likelihood of `_restricted`, t the log scale: u(t) = sqrt(2 / L''), and
+    p = P[chi2(1) > L(0) - min L] / 2, as t is at the bound under the null (Self and Liang, J. Am.
+    Stat. Assoc. 82, 1987).
 
     Returns:
         Factor on its stated scatter, relative to the tracker's, its standard uncertainty and its
@@ -113,7 +122,12 @@ def _force(view: View, errors: Errors) -> tuple[float, float, float]:
 
 
 def _restricted(view: View, errors: Errors) -> Callable[[float], float]:
-    """Minus twice the restricted log likelihood by the log scale of the force readings.
+    """Minus twice the restricted log likelihood by the log scale t of the force readings.
+
+    L(t) = log|V_t| + log|X' V_t^-1 X| + nu log(y' P_t y), up to a constant: y is c, X springs,
+    suspects and common errors, V_t = G G' without the latter and with the columns of the force
+    readings times exp(t), y' P_t y the weighted sum of squares that X leaves, nu = M - rank X; the
+    scale of V_t as a whole is profiled out (Patterson and Thompson, Biometrika 58, 1971).
 
     The fixed effects are thinned to independent ones once: were their rank counted anew at every
     scale, a direction near the limit would come and go and pass for evidence.

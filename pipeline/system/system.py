@@ -53,6 +53,9 @@ class Errors:
 class System(Locked):
     """The linear system c = B x + G e, Eqs. (19), (20), in F_b, SI.
 
+    Shapes: c (M,), B (M, k), x (k,), G (M, E), e (E,). E[e] = 0 and E[e e'] = I, so the covariance
+    of c is V = G G' [m^2], shape (M, M).
+
     Attributes:
         parameters: Name and unit of each entry of x.
         rows: What each row is.

@@ -1,6 +1,10 @@
 """Stage 6b. How large the noise is, from the data: variance components by restricted likelihood.
 
-V = sum over components of scale^2 G_s G_s' + the rest as stated.
+V = sum_s scale_s^2 G_s G_s' + the rest as stated, shape (M, M) [m^2]; the scales minimise
+
+    log|V| + log|X' V^-1 X| + y' V^-1 (y - X b),    b = (X' V^-1 X)^-1 X' V^-1 y,
+
+y the contrasts and X the fixed effects (Patterson and Thompson, Biometrika 58 (1971) 545).
 """
 
 from __future__ import annotations
@@ -40,11 +44,11 @@ _SURELY = 0.003
 
 
 _UNTOLD = 0.5
-"""A relative standard uncertainty of a scale above this: the data cannot tell it."""
+"""Above this relative standard uncertainty the data do not determine a scale."""
 
 
 _FEWEST = 12
-"""Contrasts below this say too little about a component."""
+"""Fewer contrasts determine no component."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +150,7 @@ def rescaled(data: Measured, found: Components) -> Measured:
     """The same measurements with the noise that was found wherever it is larger than stated.
 
     A tracker noisier than stated also placed the base frame worse, unless the scatter of the base
-    reflectors themselves has said already how well that is placed.
+    reflectors themselves already states how well that is placed.
     """
     factor = np.where(found.larger | ~np.array([found.stated, True]), found.scale, 1.0)
     tracker, force = factor.tolist()
@@ -164,7 +168,9 @@ def resting_on(estimate: Estimate, found: Components) -> Estimate:
     """The estimate whose noise is itself estimated: Student's quantile, and the test of misfit.
 
     The noise was made to fit the contrasts, so they cannot speak for the model: what chi2 holds
-    beside them is compared with them (F test of the lack of fit).
+    beside them is compared with them, F = (chi2 - chi2_contrasts) / (dof - dof_contrasts), with
+    dof - dof_contrasts and nu degrees of freedom. nu = (u(scale) / scale)^-2 / 2 is that of
+    Student's t, too (GUM, JCGM 100:2008, Eq. (G.3)); of several scales the least certain counts.
     """
     dof = 0.5 / float(np.max(found.std[found.replaced])) ** 2
     lack, lack_dof = max(estimate.chi2 - found.chi2, 0.0), estimate.dof - found.chi2_dof
@@ -180,7 +186,8 @@ def at_most(p: float) -> float:
     """The largest probability that a p-value leaves to what contradicts the null, at even odds.
 
     No alternative makes the null less likely than -e p ln p against one (Sellke, Bayarri and
-    Berger 2001); so 0.95 where p is 0.003, and a half where p says nothing.
+    Berger, American Statistician 55, 2001), so P = 1 / (1 - e p ln p) for p < 1/e: 0.95 where p is
+    0.003, and a half where p says nothing.
     """
     if p >= np.exp(-1):
         return 0.5

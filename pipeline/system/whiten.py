@@ -16,7 +16,10 @@ class Whitener(Locked):
     """Turns rows of a system into rows with unit covariance, V^-1/2.
 
     V is block-diagonal by pose plus the few errors common to all poses; the blocks are factored
-    together (padded to the largest), the common ones by (I + A A')^-1/2 of rank r.
+    together (padded to the largest), the common ones by (I + A A')^-1/2 of rank r:
+
+        V = L (I + A A') L',  L L' the blocks,  A = L^-1 G_common = U S W',
+        V^-1/2 = (I - U diag(1 - 1 / sqrt(1 + S^2)) U') L^-1.
 
     Attributes:
         pose: Index of each row's pose 0..p-1, shape (M,).
@@ -36,7 +39,7 @@ class Whitener(Locked):
 
     @property
     def log_det(self) -> float:
-        """log|V|, the padding adds nothing."""
+        """log|V| = 2 sum log diag L + sum log(1 + S^2); the padding adds nothing."""
         own = float(np.sum(np.log(np.einsum("pss->ps", self.inverse))))
         return -2 * own - 2 * float(np.sum(np.log1p(-self.shrink)))
 

@@ -1,8 +1,8 @@
-"""One campaign seen from one model: rows whitened, every suspect's columns beside the springs'.
+"""One campaign whitened at one model: every suspect's columns next to those of the springs.
 
-All questions (is something missing, what, how much, what would another pose tell) are then sums of
-squares. They are asked of one matrix of products, columns [springs | common errors | suspects | c],
-and of its part from each pose.
+All questions (is something missing, what, how much, what would another pose add) are then sums of
+squares, computed from one matrix of products, columns [springs | common errors | suspects | c], and
+from its part of each pose.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from pipeline.system.whiten import Whitener, whitener
 
 _LOOSE = 0.05
 """How far a law may be off in one pull alone, as a fraction of what it moves; the rest of its
-tolerance bends all pulls together."""
+tolerance applies to all pulls together."""
 
 SOFT = 1e-4
 """How unlikely it must be that the reflectors only seem to move against each other."""
@@ -34,26 +34,27 @@ SOFT = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class View(Locked):
-    """A campaign from the point of view of one model.
+    """A campaign linearised at one model and whitened.
 
     Attributes:
         model: The model; columns are derivatives there.
-        suspects: All causes that are asked about, accepted ones included.
+        suspects: All causes that are tested, accepted ones included.
         owner: Index of the suspect of each suspect column, shape (K,).
         typical: Typical size of each column's parameter: springs, common (1), suspects.
         rows: What each row of the campaign is.
         raw: Columns [springs | suspects | c] before whitening [m], c linearised at the model,
             shape (M, k + K + 1).
         A: [springs | common | suspects | c] in typical sizes, whitened by pose, with one row per
-            common error below (its prior), shape (M + r, W).
+            common error below (its prior), shape (M + r, W). Least squares on these rows weighs
+            with the whole V: common errors a ~ N(0, I) are columns with a prior row of their own.
         pose: Index of the pose of each row of A, -1 for priors, shape (M + r,).
         M: A'A, shape (W, W).
         springs: Number of spring columns.
         common: Number of columns of common errors.
         spread: Standard uncertainty of each row of c [m], shape (M,).
         noise: Standard uncertainties are this many times the stated ones.
-        seen: What was weighed.
-        white: What weighed it.
+        seen: The linearised campaign.
+        white: Its whitener.
     """
 
     model: Model
@@ -88,14 +89,14 @@ class View(Locked):
 
     @property
     def tells_scatter(self) -> bool:
-        """Whether the rigid effector tells how much the readings scatter."""
+        """Whether the rigid effector determines the scatter of the readings."""
         return self.scatter_dof >= 10
 
     @property
     def soft_p(self) -> float:
         """Probability of what the reflectors move against each other in proportion to the load.
 
-        If that were scatter; 1 where nothing is left over for the question.
+        If that were scatter; 1 where no degrees of freedom are left for the test.
         """
         return self._scatter[2]
 
@@ -142,7 +143,7 @@ class View(Locked):
 def look(
     seen: Sight, noise: float, force_noise: float = 1.0, doubt: Sequence[tuple[int, float]] = ()
 ) -> View:
-    """Weigh what is seen.
+    """Whiten a linearised campaign.
 
     Args:
         seen: The campaign linearised at a model.
@@ -160,7 +161,7 @@ def look(
 
 
 def with_laws(seen: Sight, errors: Errors, doubt: Sequence[tuple[int, float]]) -> Errors:
-    """Errors of c with what is not known of the laws of accepted causes, source `law`.
+    """Errors of c including the uncertainty of the laws of accepted causes, source `law`.
 
     Args:
         seen: The campaign linearised at a model.
@@ -184,7 +185,9 @@ def with_laws(seen: Sight, errors: Errors, doubt: Sequence[tuple[int, float]]) -
 def _kin(seen: Sight, accepted: int, fraction: float) -> Array:
     """Other laws of the same gear, each moving a fraction of what the accepted one moves, (M, j).
 
-    How a law bends is known to that fraction only, and all pulls bend together.
+    Column k is fraction |Z_a z_a| / |Z_k| Z_k [m], Z_a z_a what the accepted one moves.
+
+    The shape of a law is known to that fraction only, and all pulls deviate together.
     """
     effect = seen.suspects[accepted]
     owner = owners(seen.suspects)
@@ -264,6 +267,9 @@ def _view(seen: Sight, more: Array, white: Whitener, noise: float, spread: Array
 def _scatter(seen: Sight, white: Whitener) -> tuple[float, int, float]:
     """Sum of squares of y that no rigid motion of the effector in any pull explains, and its dof.
 
+    |y - Q Q' y|^2 with M - rank Q degrees of freedom, y whitened, Q the whitened rigid motions,
+    six to a pull. Third, the p of an F test of what moves single reflectors by the load.
+
     The effector is stiff: whatever happens to arm, rail, force or tracker, its reflectors keep
     their distances. What changes them is the scatter of the readings alone; or, in proportion to
     the load, a loose nest or a soft effector, and then that is no scatter.
@@ -334,7 +340,11 @@ def _place_in_pose(rows: Rows) -> Ints:
 
 
 def by_pose_drop(view: View, base: Ints) -> tuple[float, int]:
-    """Sum of squares that a free stiffness of each pose takes out of the base's residual; dof."""
+    """Sum of squares that a free stiffness of each pose takes out of the base's residual; dof.
+
+    sum_p |F_p' r_p|^2 with r = y - A_base b whitened and F_p the six columns of `free` in pose p;
+    their ranks together minus springs and accepted causes are its degrees of freedom.
+    """
     residual = view.A[:, -1] - view.A[:, base] @ coefficients(view.M, base)
     mine = view.pose >= 0
     along = _per_pose(view.pose[mine], view.free[mine] * residual[mine, None])

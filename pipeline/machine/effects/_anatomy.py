@@ -54,7 +54,7 @@ def carriage(loaded: Loaded) -> Array:
 
 
 def clamp(robot: Robot, joint: int) -> str:
-    """What else turns about the axis of the last joint, for `needs`; empty for the others."""
+    """What else turns about the axis of the last joint, for `needs`; empty for other joints."""
     if joint != turning(robot)[-1]:
         return ""
     return "; reflectors on the flange, as an effector that turns in its clamp looks the same"

@@ -1,7 +1,7 @@
 """The shape of an effect: what can act on a cell, at one of five places, written once.
 
 From the one definition come the simulator's data, the columns of B (derivative at the fitted
-baseline), the score that accuses the effect, the extended model and the smallest size a plan sees.
+baseline), the score that tests for it, the extended model and the smallest size a plan sees.
 """
 
 from __future__ import annotations
@@ -116,9 +116,9 @@ def in_place(where: int | str | None) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Effect:
-    """What every effect says of itself.
+    """What every effect states of itself.
 
-    One cause may stand in the catalogue in several mathematical forms (a dead zone, a rounded
+    One cause may be in the catalogue in several mathematical forms (a dead zone, a rounded
     step): they share name and place, and the diagnosis names the cause, not the form.
 
     Attributes:
@@ -128,7 +128,7 @@ class Effect:
         place: Where in the cell it acts: rail, joint, link, tool, shoulder, wrist, force, metrology
             or noise.
         parameters: Its unknowns; zero of all of them means that the effect is absent.
-        signature: What an engineer sees when it is there, and what tells it from its neighbours.
+        signature: What an engineer sees when it is there, and what separates it from similar ones.
         needs: The measurement or sensor that would settle it.
         source: Where formula and typical size come from.
         form: Which of several mathematical forms of this cause it is; empty for the only one.
@@ -249,7 +249,7 @@ class Observation(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class Noise(Effect):
-    """Readings scatter otherwise than stated.
+    """Readings scatter differently from what is stated.
 
     Attributes:
         source_scaled: The sources of error (`tracker`, `force_reading`) whose standard

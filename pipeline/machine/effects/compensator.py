@@ -1,4 +1,4 @@
-"""The gravity compensator stiffens the shoulder depending on where it stands.
+"""The gravity compensator stiffens the shoulder, by an amount that depends on its angle.
 
 The compliance of the shoulder joint is c + c_cos cos(theta) + c_sin sin(theta): the first harmonic
 of a spring or gas strut beside the gear; or with the second one, which a strut near its dead

@@ -1,4 +1,4 @@
-"""A joint's zero is off: the robot stands elsewhere than its log says, q_j + d_j."""
+"""A joint's zero is off: the true joint value is q_j + d_j, not that of the log."""
 
 import numpy as np
 

@@ -1,7 +1,7 @@
-"""The bearing of a joint tilts: it gives way about the two axes across its own, Eq. (3) knows none.
+"""The bearing of a joint tilts: it yields about the two axes across its own, missing in Eq. (3).
 
 c_tilt_x and c_tilt_y turn about x_j and y_j of the joint's frame, behind its own motion, through
-where the bearing sits on the joint's axis. A table of frames does not say that: it puts the frame
+the seat of the bearing on the joint's axis. A table of frames does not give it: it puts the frame
 of the first turning joint at the height of the shoulder, and its bearing may sit there, or in the
 base at the other end of the link's offset, or between.
 """
@@ -18,10 +18,10 @@ _SEAT = {"at its origin": 0.0, "amid its offset": 0.5, "at the foot of its axis"
 """Where the bearing sits, from O_j to the foot of the perpendicular from O_j-1 on the axis."""
 
 _SHORT_M = 0.3
-"""A bearing is as wide as an offset below this, so it makes little odds where it sits."""
+"""A bearing is as wide as an offset below this, so its seat makes little difference."""
 
 _BETWEEN = 0.1
-"""A bearing a quarter of the offset from where a form has it has levers so much longer."""
+"""A bearing a quarter of the offset away from its seat in a form has levers longer by this."""
 
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:

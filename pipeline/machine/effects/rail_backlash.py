@@ -4,9 +4,9 @@ Where the carriage came to rest within the play decides how far it can go:
 
     travel along the rail = b (tanh(f_y / f_0) - rest) / 2,
 
-with rest = +1 at the end of the play that a positive pull runs into, -1 at the other one. So it
-is where nothing holds the carriage but the flanks. Where friction holds it, a pull across the rail
-leaves it there, and only one that it can give way to takes it over:
+with rest = +1 at the end of the play that a positive pull runs into, -1 at the other one. That
+holds where only the flanks hold the carriage. Where friction holds it, a pull across the rail
+leaves it there, and only a pull along the free play moves it across:
 
     travel along the rail = -rest b tanh(max(-rest f_y, 0) / f_r).
 """
@@ -43,7 +43,7 @@ _FORMS: dict[str, tuple[float, Callable[[Array, Array], Array]]] = {
     "held by the brake until pulled over": (1.0, _against_friction),
 }
 """Where the carriage rests after coming along +y, and how it leaves: friction stops it with the
-pushing flank in contact, a braking drive with the other one; centred when nothing says which."""
+pushing flank in contact, a braking drive with the other one; centred when that is unknown."""
 
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:

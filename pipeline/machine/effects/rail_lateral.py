@@ -1,4 +1,4 @@
-"""The carriage gives way sideways, across the rail: a spring missing from Eq. (3)."""
+"""The carriage yields sideways, across the rail: a spring missing from Eq. (3)."""
 
 from pipeline.base.arrays import Array, Parameter
 from pipeline.machine.effects._anatomy import rail, rail_axes

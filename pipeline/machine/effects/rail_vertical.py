@@ -1,4 +1,4 @@
-"""The carriage gives way up and down: a spring missing from Eq. (3)."""
+"""The carriage yields vertically: a spring missing from Eq. (3)."""
 
 from pipeline.base.arrays import Array, Parameter
 from pipeline.machine.effects._anatomy import rail, rail_axes

@@ -1,4 +1,4 @@
-"""The robots that a wrong sign or a wrong DH convention in a table would stand for."""
+"""The robots that a wrong sign or a wrong DH convention in a table would describe."""
 
 from __future__ import annotations
 

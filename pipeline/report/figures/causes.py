@@ -88,7 +88,7 @@ def _draw_separability(canvas: Canvas, result: Result, tables: Tables) -> Tips:
 
 
 def _draw_gain(canvas: Canvas, result: Result, tables: Tables) -> Tips:
-    """Error at every pose left out, without and with the named causes."""
+    """Error at every pose left out, without and with the identified causes."""
     poses = gain(tables["examined"]).dropna()
     axes = canvas.subplots()
     at = np.arange(len(poses))
