@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.answer.words import why
-from pipeline.diagnosis.facts import Amplitude, Cause, Facts, Named
-from pipeline.diagnosis.improvement import Gain
-from pipeline.diagnosis.unloaded_geometry import NOTHING
+from pipeline.diagnosis.facts import NOTHING, Amplitude, Cause, Facts, Gain, Named
 from pipeline.diagnosis.verdict import TABLE, Finding, Verdict, findings, verdict
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load

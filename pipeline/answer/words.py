@@ -11,9 +11,7 @@ import numpy as np
 
 from pipeline.answer.recommended import Reason
 from pipeline.diagnosis.average import LIKELY
-from pipeline.diagnosis.drift import Drift
-from pipeline.diagnosis.facts import Cause, Facts
-from pipeline.diagnosis.identify import ROUGH
+from pipeline.diagnosis.facts import ROUGH, Cause, Drift, Facts
 from pipeline.diagnosis.verdict import Finding, certain, findings, outside_likelier, two_laws
 from pipeline.machine.effects.tracker_drift import HOUR_S
 

@@ -33,6 +33,11 @@ them [1]."""
 _TINY = 1e-300
 
 
+def rms(values: Array) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
 @dataclass(frozen=True, eq=False)
 class Inverse(Locked):
     """The pseudoinverse of columns X, (M, k), in which undetermined parameters are zero.

@@ -3,37 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from scipy import special
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
+from pipeline.diagnosis.facts import BlindSpot
 from pipeline.diagnosis.isolability import Twins
 from pipeline.machine.effects import Effect, Wrench
 from pipeline.system.elimination import eliminate
 from pipeline.system.whitened import View
 
 _POWER = 0.8
-
-
-@dataclass(frozen=True)
-class BlindSpot:
-    """One cause that would have gone unnoticed at its typical size.
-
-    Attributes:
-        effect: The cause.
-        why: What hides it.
-        smallest_visible: Size of its first parameter that is found in 80 % of the cases, SI; None
-            when no size is.
-        times: The same over the typical size.
-    """
-
-    effect: Effect
-    why: str
-    smallest_visible: float | None
-    times: float
 
 
 def smallest_visible(view: View, base: Ints, p: float) -> Array:

@@ -8,17 +8,15 @@ import numpy as np
 
 from pipeline.base.arrays import Array
 from pipeline.diagnosis.amplitude import amplitudes
-from pipeline.diagnosis.drift import Drift
-from pipeline.diagnosis.facts import Amplitude, Cause, Named
+from pipeline.diagnosis.facts import Amplitude, Cause, Drift, Gain, Named, Standing
 from pipeline.diagnosis.identify import NAMELESS, Case, Found
-from pipeline.diagnosis.improvement import Gain
 from pipeline.diagnosis.isolability import Twins
 from pipeline.diagnosis.unloaded_fit import student
-from pipeline.diagnosis.unloaded_geometry import Standing
 from pipeline.machine.cell import predict
 from pipeline.machine.effects import Effect, Noise, Pulls
 from pipeline.reduction.pose_of_interest import Where
-from pipeline.system.noise import SURE, Scatter
+from pipeline.system.noise import SURE
+from pipeline.system.system import Scatter
 from pipeline.system.variance import at_most
 
 

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.base.arrays import Array
-from pipeline.diagnosis.blindspots import BlindSpot, blind_spots
+from pipeline.base.linear import rms
+from pipeline.diagnosis.blindspots import blind_spots
 from pipeline.diagnosis.causes import of_base, of_displacements, of_scatter, of_unloaded
-from pipeline.diagnosis.drift import Drift
-from pipeline.diagnosis.facts import Diagnosis, Facts, Named
+from pipeline.diagnosis.facts import Alone, BlindSpot, Diagnosis, Drift, Facts, Gain, Named
 from pipeline.diagnosis.hypotheses import hypotheses
 from pipeline.diagnosis.identify import Case, Found, by_label, search
-from pipeline.diagnosis.improvement import Alone, Gain, alone, gain, rms
+from pipeline.diagnosis.improvement import alone, gain
 from pipeline.diagnosis.isolability import Twins, twins
 from pipeline.diagnosis.separability import separation
 from pipeline.diagnosis.suspect_statistics import clues, misfits
@@ -27,8 +27,8 @@ from pipeline.reduction.pose_of_interest import Where
 from pipeline.system.elimination import coefficients, eliminate
 from pipeline.system.estimate import fits
 from pipeline.system.linearised import Sight
-from pipeline.system.noise import SURE, Scatter, scatter
-from pipeline.system.system import Estimate
+from pipeline.system.noise import SURE, scatter
+from pipeline.system.system import Estimate, Scatter
 from pipeline.system.whitened import View
 
 _EQUILIBRIA = ("deformed", "undeformed")

@@ -16,6 +16,7 @@ from scipy import stats
 from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.diagnosis.blindspots import needed
+from pipeline.diagnosis.facts import Drift
 from pipeline.machine.effects import Effect, Observation
 from pipeline.machine.effects.tracker_drift import HOUR_S, LAWS
 from pipeline.reduction.register import XYZ, Registration
@@ -29,38 +30,6 @@ _DECIDES = 9.2
 
 _LEVER_M = 10.0
 """Turns are estimated in shifts at this distance, for the conditioning."""
-
-
-@dataclass(frozen=True, eq=False)
-class Drift(Locked):
-    """What the base reflectors show of the tracker.
-
-    Attributes:
-        effect: The law that fits best, `needs` saying what would separate it from others.
-        velocity: Its parameters at the centre of the effector's readings: [m/s], or [m] for a
-            tracker that settles, shape (3,).
-        std: Their standard uncertainties, shape (3,).
-        turn: The rotation about that centre [rad/s] or [rad], F_b, shape (3,).
-        turn_std: Its standard uncertainties, shape (3,).
-        moved_m: How far the base reflectors moved from the first to the last reading, rms [m].
-        hours: Time between them [h].
-        p_value: Probability of so much rigid motion by chance.
-        named: Whether it is called a drift.
-        undecided: Whether a tracker that was knocked once would look the same.
-        visible: Multiple of the typical size that would be named in 80 % of the cases.
-    """
-
-    effect: Observation
-    velocity: Array
-    std: Array
-    turn: Array
-    turn_std: Array
-    moved_m: float
-    hours: float
-    p_value: float
-    named: bool
-    undecided: bool
-    visible: float
 
 
 @dataclass(frozen=True, eq=False)

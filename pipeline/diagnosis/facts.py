@@ -2,23 +2,241 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy import special
 
-from pipeline.base.arrays import Array, Locked, Parameter
+from pipeline.base.arrays import Array, Bools, Locked, Parameter
+from pipeline.base.linear import rms
 from pipeline.diagnosis.average import Hypothesis
-from pipeline.diagnosis.blindspots import BlindSpot
-from pipeline.diagnosis.drift import Drift
-from pipeline.diagnosis.improvement import Alone, Gain
-from pipeline.diagnosis.nextpose import Proposal
-from pipeline.diagnosis.unloaded_geometry import NOTHING, Standing
 from pipeline.faults.finding import Finding as Mistake
-from pipeline.machine.effects import Effect
+from pipeline.machine.effects import Effect, Observation
 from pipeline.machine.robot import Robot
-from pipeline.system.noise import Scatter
-from pipeline.system.system import Estimate
+from pipeline.system.system import Estimate, Scatter
+
+ROUGH = 1.6
+"""A model that leaves this many times the scatter has a wrong law somewhere."""
+
+
+@dataclass(frozen=True, eq=False)
+class Gain(Locked):
+    """Cross-validation error without and with the causes.
+
+    Attributes:
+        before: Cross-validation residuals without the causes [m], shape (M,).
+        after: The same with the causes chosen in each fold [m], shape (M,).
+        reduction: Fraction by which the rms falls.
+        ci95: Its interval by bootstrap over poses.
+        chosen: Labels chosen when each pose was left out.
+        of: What is predicted, `displacements` or `unloaded positions`.
+    """
+
+    before: Array
+    after: Array
+    reduction: float
+    ci95: tuple[float, float]
+    chosen: tuple[tuple[str, ...], ...]
+    of: str = "displacements"
+
+    @property
+    def rms_before_m(self) -> float:
+        """Root mean square over coordinates [m]."""
+        return rms(self.before)
+
+    @property
+    def rms_after_m(self) -> float:
+        """Root mean square over coordinates [m]."""
+        return rms(self.after)
+
+
+@dataclass(frozen=True)
+class Alone:
+    """What one cause does by itself, identified or not.
+
+    Attributes:
+        effect: The cause, in its best form.
+        probability: Given that exactly one cause of the catalogue is at work.
+        reduction: Fraction by which the cross-validation rms falls.
+        ci95: Its interval by bootstrap over poses.
+    """
+
+    effect: Effect
+    probability: float
+    reduction: float
+    ci95: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class BlindSpot:
+    """One cause that would have gone unnoticed at its typical size.
+
+    Attributes:
+        effect: The cause.
+        why: What hides it.
+        smallest_visible: Size of its first parameter that is found in 80 % of the cases, SI; None
+            when no size is.
+        times: The same over the typical size.
+    """
+
+    effect: Effect
+    why: str
+    smallest_visible: float | None
+    times: float
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal(Locked):
+    """One pose that would help, pulled in the usual load steps.
+
+    Attributes:
+        separates: Labels of the two causes that stay closest, or of a cause and `_SPRINGS`.
+        q: Joint values [m] or [rad], shape (n,).
+        anchor: Where to attach the chain [m], F_b, shape (3,).
+        force_n: The largest of the load steps [N].
+        approach: How the carriage comes, 1 with rising rail position, -1 with falling.
+        before: Sigmas between the two now.
+        after: Sigmas expected with the poses up to this one.
+        poses: How many poses are proposed up to here.
+    """
+
+    separates: tuple[str, str]
+    q: Array
+    anchor: Array
+    force_n: float
+    approach: float
+    before: float
+    after: float
+    poses: int
+
+
+@dataclass(frozen=True, eq=False)
+class Drift(Locked):
+    """What the base reflectors show of the tracker.
+
+    Attributes:
+        effect: The law that fits best, `needs` saying what would separate it from others.
+        velocity: Its parameters at the centre of the effector's readings: [m/s], or [m] for a
+            tracker that settles, shape (3,).
+        std: Their standard uncertainties, shape (3,).
+        turn: The rotation about that centre [rad/s] or [rad], F_b, shape (3,).
+        turn_std: Its standard uncertainties, shape (3,).
+        moved_m: How far the base reflectors moved from the first to the last reading, rms [m].
+        hours: Time between them [h].
+        p_value: Probability of so much rigid motion by chance.
+        named: Whether it is called a drift.
+        undecided: Whether a tracker that was knocked once would look the same.
+        visible: Multiple of the typical size that would be named in 80 % of the cases.
+    """
+
+    effect: Observation
+    velocity: Array
+    std: Array
+    turn: Array
+    turn_std: Array
+    moved_m: float
+    hours: float
+    p_value: float
+    named: bool
+    undecided: bool
+    visible: float
+
+
+@dataclass(frozen=True, eq=False)
+class Line(Locked):
+    """Where some causes put the reflectors, to first order about some values.
+
+    Attributes:
+        about: The values, shape (k,).
+        stands: Where the reflectors then are [m], shape (z, 3).
+        J: How they move with the parameters in typical sizes, shape (z, 3, k).
+    """
+
+    about: Array
+    stands: Array
+    J: Array
+
+    def only(self, kept: Bools) -> Line:
+        """The same for some of the zeros."""
+        return replace(self, stands=self.stands[kept], J=self.J[kept])
+
+
+@dataclass(frozen=True, eq=False)
+class Fit(Locked):
+    """Some causes, estimated from the unloaded positions.
+
+    Attributes:
+        effects: The causes.
+        values: Their parameters, shape (k,).
+        cov: Covariance of them, shape (k, k); larger where more than scatter is left.
+        known: What is estimated along, shape (n,).
+        chi2: Weighted sum of squares of what is left.
+        dof: Its degrees of freedom.
+        line: Where it was linearised last.
+    """
+
+    effects: tuple[Effect, ...]
+    values: Array
+    cov: Array
+    known: Array
+    chi2: float
+    dof: int
+    line: Line
+
+    @property
+    def p(self) -> float:
+        """Probability that chance leaves as much."""
+        return float(special.chdtrc(self.dof, self.chi2)) if self.dof > 0 else 1.0
+
+    def size(self, number: int) -> tuple[Array, Array]:
+        """Parameters of one cause and their standard uncertainties."""
+        ends = np.cumsum([len(effect.parameters) for effect in self.effects])
+        mine = slice(ends[number] - len(self.effects[number].parameters), ends[number])
+        return self.values[mine], np.sqrt(np.diag(self.cov))[mine]
+
+
+@dataclass(frozen=True, eq=False)
+class Standing(Locked):
+    """What the unloaded positions show.
+
+    Attributes:
+        miss_m: Their deviation from the table, tool and base estimated as well, rms [m]; NaN
+            where too few were read.
+        left_m: The same with the causes.
+        fit: The causes, None where none is accepted.
+        p_values: Of the misfit without each cause.
+        rivals: For each cause, others that would do as well with their probabilities.
+        gain: What the causes are worth at poses that were left out.
+        visible: Multiple of its typical size from which each cause would be tested, by label.
+    """
+
+    miss_m: float
+    left_m: float
+    visible: Mapping[str, float]
+    fit: Fit | None = None
+    p_values: tuple[float, ...] = ()
+    rivals: tuple[tuple[tuple[Effect, float], ...], ...] = ()
+    gain: Gain | None = None
+
+    @property
+    def useless(self) -> bool:
+        """The causes predict where the robot stands in left-out poses no better than none."""
+        return self.gain is not None and self.gain.reduction <= 0
+
+    @property
+    def believed(self) -> bool:
+        """Causes were found, and the robot stands where they put it."""
+        return bool(self.effects) and not self.useless
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The causes."""
+        return self.fit.effects if self.fit else ()
+
+
+NOTHING = Standing(np.nan, np.nan, {})
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from scipy import special
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.diagnosis.facts import ROUGH
 from pipeline.machine.cell import Cell
 from pipeline.machine.effects import Effect
 from pipeline.reduction.measured import Measured
@@ -29,9 +30,6 @@ WORTH = 3.0
 _BETTER = 0.1
 """A cause takes another's place when its log evidence is larger by this: the likelier one leads,
 and twins, which differ by rounding, stay."""
-
-ROUGH = 1.6
-"""A model that leaves this many times the scatter has a wrong law somewhere."""
 
 NAMELESS = 0.25
 """Odds of one thing without a name against one cause of the catalogue, before the data speak: about

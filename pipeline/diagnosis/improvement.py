@@ -3,66 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.base.arrays import Array, Ints, Locked
+from pipeline.base.arrays import Array, Ints
+from pipeline.diagnosis.facts import Alone, Gain
 from pipeline.diagnosis.identify import WORTH, Case, by_label
-from pipeline.machine.effects import Effect
 from pipeline.system.elimination import coefficients
 from pipeline.system.evidence import scores
 from pipeline.system.whitened import View
 
 _DRAWS = 2000
-
-
-@dataclass(frozen=True, eq=False)
-class Gain(Locked):
-    """Cross-validation error without and with the causes.
-
-    Attributes:
-        before: Cross-validation residuals without the causes [m], shape (M,).
-        after: The same with the causes chosen in each fold [m], shape (M,).
-        reduction: Fraction by which the rms falls.
-        ci95: Its interval by bootstrap over poses.
-        chosen: Labels chosen when each pose was left out.
-        of: What is predicted, `displacements` or `unloaded positions`.
-    """
-
-    before: Array
-    after: Array
-    reduction: float
-    ci95: tuple[float, float]
-    chosen: tuple[tuple[str, ...], ...]
-    of: str = "displacements"
-
-    @property
-    def rms_before_m(self) -> float:
-        """Root mean square over coordinates [m]."""
-        return rms(self.before)
-
-    @property
-    def rms_after_m(self) -> float:
-        """Root mean square over coordinates [m]."""
-        return rms(self.after)
-
-
-@dataclass(frozen=True)
-class Alone:
-    """What one cause does by itself, identified or not.
-
-    Attributes:
-        effect: The cause, in its best form.
-        probability: Given that exactly one cause of the catalogue is at work.
-        reduction: Fraction by which the cross-validation rms falls.
-        ci95: Its interval by bootstrap over poses.
-    """
-
-    effect: Effect
-    probability: float
-    reduction: float
-    ci95: tuple[float, float]
 
 
 def alone(
@@ -88,11 +39,6 @@ def alone(
     for (suspect, probability), mine in zip(likely, after, strict=True):
         out.append(Alone(first.suspects[suspect], probability, *interval(before, mine, pose, rng)))
     return tuple(out)
-
-
-def rms(values: Array) -> float:
-    """Root mean square."""
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def gain(case: Case, first: View, extended: View, limit: float, rng: np.random.Generator) -> Gain:

@@ -18,6 +18,7 @@ import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
+from pipeline.diagnosis.facts import Proposal
 from pipeline.diagnosis.identify import Case
 from pipeline.machine.cell import sensitivity
 from pipeline.machine.effects import Effect, Pulls
@@ -55,31 +56,6 @@ class Question:
     who: tuple[int | None, ...]
     odds: tuple[float, ...]
     rest: tuple[int, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Proposal(Locked):
-    """One pose that would help, pulled in the usual load steps.
-
-    Attributes:
-        separates: Labels of the two causes that stay closest, or of a cause and `_SPRINGS`.
-        q: Joint values [m] or [rad], shape (n,).
-        anchor: Where to attach the chain [m], F_b, shape (3,).
-        force_n: The largest of the load steps [N].
-        approach: How the carriage comes, 1 with rising rail position, -1 with falling.
-        before: Sigmas between the two now.
-        after: Sigmas expected with the poses up to this one.
-        poses: How many poses are proposed up to here.
-    """
-
-    separates: tuple[str, str]
-    q: Array
-    anchor: Array
-    force_n: float
-    approach: float
-    before: float
-    after: float
-    poses: int
 
 
 @dataclass(frozen=True, eq=False)

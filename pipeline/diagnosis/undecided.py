@@ -7,11 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from pipeline.base.errors import InputError
-from pipeline.diagnosis.facts import Cause
+from pipeline.diagnosis.facts import Cause, Gain, Proposal
 from pipeline.diagnosis.identify import Case, Found
-from pipeline.diagnosis.improvement import Gain
 from pipeline.diagnosis.isolability import Twins
-from pipeline.diagnosis.nextpose import Candidates, Proposal, Question, candidates, propose
+from pipeline.diagnosis.nextpose import Candidates, Question, candidates, propose
 from pipeline.diagnosis.verdict import CERTAIN
 
 _LEAST = 0.02

@@ -6,11 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import special, stats
+from scipy import stats
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.diagnosis.improvement import rms
+from pipeline.base.linear import rms
+from pipeline.diagnosis.facts import Fit, Line
 from pipeline.machine.cell import Cell, predict
 from pipeline.machine.effects import Effect, Pulls
 from pipeline.reduction.measured import Measured
@@ -87,59 +88,6 @@ class Unloaded(Locked):
             white=self.white[kept],
             known=self.known[rows],
         )
-
-
-@dataclass(frozen=True, eq=False)
-class Line(Locked):
-    """Where some causes put the reflectors, to first order about some values.
-
-    Attributes:
-        about: The values, shape (k,).
-        stands: Where the reflectors then are [m], shape (z, 3).
-        J: How they move with the parameters in typical sizes, shape (z, 3, k).
-    """
-
-    about: Array
-    stands: Array
-    J: Array
-
-    def only(self, kept: Bools) -> Line:
-        """The same for some of the zeros."""
-        return replace(self, stands=self.stands[kept], J=self.J[kept])
-
-
-@dataclass(frozen=True, eq=False)
-class Fit(Locked):
-    """Some causes, estimated from the unloaded positions.
-
-    Attributes:
-        effects: The causes.
-        values: Their parameters, shape (k,).
-        cov: Covariance of them, shape (k, k); larger where more than scatter is left.
-        known: What is estimated along, shape (n,).
-        chi2: Weighted sum of squares of what is left.
-        dof: Its degrees of freedom.
-        line: Where it was linearised last.
-    """
-
-    effects: tuple[Effect, ...]
-    values: Array
-    cov: Array
-    known: Array
-    chi2: float
-    dof: int
-    line: Line
-
-    @property
-    def p(self) -> float:
-        """Probability that chance leaves as much."""
-        return float(special.chdtrc(self.dof, self.chi2)) if self.dof > 0 else 1.0
-
-    def size(self, number: int) -> tuple[Array, Array]:
-        """Parameters of one cause and their standard uncertainties."""
-        ends = np.cumsum([len(effect.parameters) for effect in self.effects])
-        mine = slice(ends[number] - len(self.effects[number].parameters), ends[number])
-        return self.values[mine], np.sqrt(np.diag(self.cov))[mine]
 
 
 class Fits:

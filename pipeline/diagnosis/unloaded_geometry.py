@@ -8,15 +8,15 @@ nearly all and leaves no more than any robot has. Other errors of the geometry r
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy import special, stats
 
-from pipeline.base.arrays import Locked
-from pipeline.diagnosis.improvement import Gain, interval
-from pipeline.diagnosis.unloaded_fit import Fit, Fits, Unloaded, fitted, unloaded
+from pipeline.diagnosis.facts import NOTHING, Fit, Gain, Standing
+from pipeline.diagnosis.improvement import interval
+from pipeline.diagnosis.unloaded_fit import Fits, Unloaded, fitted, unloaded
 from pipeline.machine.cell import Cell, load
 from pipeline.machine.effects import Effect, Geometry, Observation
 from pipeline.reduction.measured import Measured
@@ -35,48 +35,6 @@ _NEEDED = 1e-6
 """Each must make the misfit this improbable where it is missing."""
 
 _MOST = 3
-
-
-@dataclass(frozen=True, eq=False)
-class Standing(Locked):
-    """What the unloaded positions show.
-
-    Attributes:
-        miss_m: Their deviation from the table, tool and base estimated as well, rms [m]; NaN
-            where too few were read.
-        left_m: The same with the causes.
-        fit: The causes, None where none is accepted.
-        p_values: Of the misfit without each cause.
-        rivals: For each cause, others that would do as well with their probabilities.
-        gain: What the causes are worth at poses that were left out.
-        visible: Multiple of its typical size from which each cause would be tested, by label.
-    """
-
-    miss_m: float
-    left_m: float
-    visible: Mapping[str, float]
-    fit: Fit | None = None
-    p_values: tuple[float, ...] = ()
-    rivals: tuple[tuple[tuple[Effect, float], ...], ...] = ()
-    gain: Gain | None = None
-
-    @property
-    def useless(self) -> bool:
-        """The causes predict where the robot stands in left-out poses no better than none."""
-        return self.gain is not None and self.gain.reduction <= 0
-
-    @property
-    def believed(self) -> bool:
-        """Causes were found, and the robot stands where they put it."""
-        return bool(self.effects) and not self.useless
-
-    @property
-    def effects(self) -> tuple[Effect, ...]:
-        """The causes."""
-        return self.fit.effects if self.fit else ()
-
-
-NOTHING = Standing(np.nan, np.nan, {})
 
 
 def standing(

@@ -12,7 +12,8 @@ from enum import StrEnum
 from itertools import combinations
 
 from pipeline.diagnosis.facts import Cause, Facts
-from pipeline.system.whitened import SOFT, same_element
+from pipeline.machine.effects import same_element
+from pipeline.system.system import SOFT
 
 CERTAIN = 0.95
 """A cause less probable than this among its rivals is not identified alone [1]: the odds of 19 to 1

@@ -95,8 +95,8 @@ def least_squares(
 ) -> tuple[Array, Array, float, int]:
     """Least squares on whitened rows, columns in their typical size.
 
-    A D = U S W' with D = diag(typical); over singular values above `DARK` times the largest,
-    x = start + D W S^-1 U' (y - A start) and cov(x) = D W S^-2 W' D.
+    x = start + D (A D)+ (y - A start) and cov(x) = D (D A'A D)+ D with D = diag(typical) and the
+    pseudoinverse of `linear`.
 
     Args:
         A: Whitened B, shape (M, k).

@@ -7,7 +7,7 @@ are off in one proportion.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse
@@ -15,7 +15,7 @@ from scipy import optimize, stats
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array
-from pipeline.system.system import Errors
+from pipeline.system.system import Errors, Scatter
 from pipeline.system.whiten import whitener
 from pipeline.system.whitened import View
 
@@ -36,29 +36,6 @@ _TRIED = (1.0, 1.4, 2.0, 3.0, 5.0, 8.0, 13.0)
 
 _BEND = 0.1
 """Differences of log scale for the curvature at the best one."""
-
-
-@dataclass(frozen=True)
-class Scatter:
-    """Scatter found over scatter stated.
-
-    Attributes:
-        tracker: Of the tracker's readings.
-        tracker_std: Its standard uncertainty.
-        tracker_p: Probability of so much if it were `TOLERATED` at most.
-        force: Of the scale's readings, relative to the tracker's; 1 unless the data say otherwise.
-        force_std: Its standard uncertainty; 0 where it is not looked at.
-        force_p: Probability of so much more by chance.
-        known_from: `rigidity` of the effector, or `residuals`.
-    """
-
-    tracker: float
-    tracker_std: float
-    tracker_p: float
-    force: float
-    force_std: float
-    force_p: float
-    known_from: str
 
 
 def scatter(view: View, errors: Errors, stated: bool) -> Scatter:

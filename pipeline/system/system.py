@@ -9,6 +9,9 @@ import scipy.sparse
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Parameter, Strings
 
+SOFT = 1e-4
+"""How unlikely it must be that the reflectors only seem to move against each other."""
+
 
 @dataclass(frozen=True, eq=False)
 class Rows(Locked):
@@ -117,3 +120,26 @@ class Estimate(Locked):
     def std(self) -> Array:
         """Standard uncertainty of `value`, shape (k,)."""
         return np.sqrt(np.diag(self.cov))
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Scatter found over scatter stated.
+
+    Attributes:
+        tracker: Of the tracker's readings.
+        tracker_std: Its standard uncertainty.
+        tracker_p: Probability of so much if it were `TOLERATED` at most.
+        force: Of the scale's readings, relative to the tracker's; 1 unless the data say otherwise.
+        force_std: Its standard uncertainty; 0 where it is not looked at.
+        force_p: Probability of so much more by chance.
+        known_from: `rigidity` of the effector, or `residuals`.
+    """
+
+    tracker: float
+    tracker_std: float
+    tracker_p: float
+    force: float
+    force_std: float
+    force_p: float
+    known_from: str

@@ -18,18 +18,15 @@ from scipy import special
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.machine.cell import load
-from pipeline.machine.effects import Effect
+from pipeline.machine.effects import Effect, same_element
 from pipeline.system.elimination import coefficients
 from pipeline.system.linearised import Model, Sight, accepted_columns, owners
-from pipeline.system.system import Errors, Rows
+from pipeline.system.system import SOFT, Errors, Rows
 from pipeline.system.whiten import Whitener, whitener
 
 _LOOSE = 0.05
 """How far a law may be off in one pull alone, as a fraction of what it moves; the rest of its
 tolerance applies to all pulls together."""
-
-SOFT = 1e-4
-"""How unlikely it must be that the reflectors only seem to move against each other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,11 +201,6 @@ def _kin(seen: Sight, accepted: int, fraction: float) -> Array:
     size = np.linalg.norm(columns, axis=0)
     scale = fraction * np.linalg.norm(moved) / np.where(size > 0, size, np.inf)
     return np.asarray(columns * scale)
-
-
-def same_element(one: Effect, other: Effect) -> bool:
-    """True when both are laws of one thing of the machine, such as how one gear turns."""
-    return bool(one.element) and (one.element, one.where) == (other.element, other.where)
 
 
 def _widened(seen: Sight, doubt: Sequence[tuple[int, float]], force_noise: float) -> Errors:

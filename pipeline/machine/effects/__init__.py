@@ -43,6 +43,7 @@ from pipeline.machine.effects._effect import (
     Pulls,
     Reflectors,
     Wrench,
+    same_element,
 )
 from pipeline.machine.robot import Robot
 
@@ -101,4 +102,5 @@ __all__ = [
     "Wrench",
     "baseline",
     "catalogue",
+    "same_element",
 ]

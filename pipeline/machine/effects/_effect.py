@@ -174,6 +174,11 @@ class Effect:
         return f"joint {self.where}" if self.place == "joint" else str(self.where)
 
 
+def same_element(one: Effect, other: Effect) -> bool:
+    """True when both are laws of one thing of the machine, such as how one gear turns."""
+    return bool(one.element) and (one.element, one.where) == (other.element, other.where)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Elastic(Effect):
     """Virtual joints that yield under load: parameter k moves virtual joint k.
