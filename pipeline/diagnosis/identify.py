@@ -427,7 +427,8 @@ def _odds(case: Case, now: Scores, rest: Sequence[int], least: float = 1e-3) -> 
         share = special.softmax(now.log_evidence[forms])
         shares.append(tuple(zip(forms, share.tolist(), strict=True)))
     probability = special.softmax(np.array(logs))
-    order = [i for i in np.argsort(-probability, kind="stable") if probability[i] >= least]
+    ranked = np.argsort(-np.round(probability, 9), kind="stable")  # twins in the catalogue's order
+    order = [i for i in ranked if probability[i] >= least]
     return tuple(Rival(labels[i], best[i], float(probability[i]), shares[i]) for i in order)
 
 
