@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.app import preferences, server
+from pipeline.app import preferences, service
 from pipeline.app.storage import Store
 from pipeline.base.errors import InputError
 from pipeline.store import campaign as campaigns
@@ -135,12 +135,12 @@ def _storage(root: Path) -> Iterator[Finding]:
 def _service(root: Path) -> Iterator[Finding]:
     api = os.environ.get("PREFECT_API_URL")
     if api:
-        good = server.answers(api)
+        good = service.answers(api)
         said = (
             f"{api} {'answers' if good else 'does not answer; start it or unset PREFECT_API_URL'}"
         )
         yield Finding("Prefect server", good, said)
         return
-    urls = server.serving(root)
+    urls = service.serving(root)
     said = f"runs at {urls['page']}" if urls else "not running; `pipeline serve` starts it"
     yield Finding("service", True, said, needed=False)

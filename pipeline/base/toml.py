@@ -34,6 +34,12 @@ def merged(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
     return out
 
 
+def given(changes: Mapping[str, Any]) -> dict[str, Any]:
+    """What was said of some changes: no entry that is None, no table without entries."""
+    inner = {k: given(v) if isinstance(v, Mapping) else v for k, v in changes.items()}
+    return {key: value for key, value in inner.items() if value is not None and value != {}}
+
+
 def dumps(content: Mapping[str, Any]) -> str:
     """TOML of a record with tables, and lists of tables, one level deep; deeper ones are inline."""
     top = [f"{_key(k)} = {_value(v)}" for k, v in content.items() if not _tables(v)]

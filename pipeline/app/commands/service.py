@@ -44,10 +44,11 @@ def watch(
     root: Root = Path(),
 ) -> None:
     """Run new campaigns by themselves, without Prefect."""
+    from pipeline.app import processes
     from pipeline.app import watch as watching
 
     wanted = _preferred(root, interval_s=interval)
-    watching.stop_on_sigterm()
+    processes.stop_on_sigterm()
     where = root / "data" / "raw"
     typer.secho(f"Looking at {where} {_every(wanted)}; Ctrl-C stops.", err=True)
     for outcome in watching.watch(root, wanted):
