@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -57,62 +57,86 @@ def compared(root: Path, first: str, second: str) -> tuple[Report, dict[str, Any
     """
     if first == second:
         raise UsageError(f"{first} is compared with itself: name another campaign or model")
-    sides = [_side(root, name) for name in (first, second)]
-    (a, entries_a, cov_a), (b, entries_b, cov_b) = sides
-    whole = [one for one in (a, b) if one.name in (first, second)]
-    loose = [one.name for one in whole if not trusted(one.result())]
-    independent = a.name != b.name and not loose
-    covariances = (cov_a, cov_b) if independent else None
+    a, b = _side(root, first), _side(root, second)
+    loose = [one.asked for one in (a, b) if one.whole and not trusted(one.campaign.result())]
+    independent = a.campaign.name != b.campaign.name and not loose
+    covariances = (a.cov, b.cov) if independent else None
     why = NOT_EXPLAINED.format(" and ".join(loose)) if loose else SAME_READINGS
-    models = (_model(a, first), _model(b, second))
-    report = comparison((first, second), entries_a, entries_b, covariances, why, models)
-    found = changes(entries_a, entries_b, independent)
-    same = [j["name"] for j in entries_a] == [j["name"] for j in entries_b]
-    chi2, dof = together(entries_a, entries_b, cov_a, cov_b) if independent and same else (None, 0)
+    models = (a.model, b.model)
+    report = comparison((first, second), a.entries, b.entries, covariances, why, models)
+    found = changes(a.entries, b.entries, independent)
     content = {
         "before": first,
         "after": second,
         "stiffness": [asdict(change) for change in found],
-        "chi2": chi2,
-        "dof": dof,
-        "p_value": None if chi2 is None else chance(chi2, dof),
+        **_together(a, b, independent),
     }
     return report, content
 
 
-def _model(campaign: Campaign, name: str) -> str:
-    """Which model's values were asked for, in words; nothing where the name says it."""
-    return words.values_of(campaign.result()) if name == campaign.name else ""
+@dataclass(frozen=True, eq=False)
+class _Side:
+    """One of the two.
+
+    Attributes:
+        asked: As it was typed.
+        campaign: Its campaign.
+        entries: The stiffness entries of the model that was asked for.
+        cov: Covariance of their compliances, shape (n, n); NaN where it is not known.
+    """
+
+    asked: str
+    campaign: Campaign
+    entries: list[dict[str, Any]]
+    cov: Array
+
+    @property
+    def whole(self) -> bool:
+        """The campaign was asked for, not one of its models."""
+        return self.asked == self.campaign.name
+
+    @property
+    def model(self) -> str:
+        """Which model's values were asked for, in words; nothing where the name says it."""
+        return words.values_of(self.campaign.result()) if self.whole else ""
 
 
-def _side(root: Path, name: str) -> tuple[Campaign, list[dict[str, Any]], Array]:
-    """A campaign, the stiffness entries of one model and their covariance."""
+def _together(a: _Side, b: _Side, independent: bool) -> dict[str, Any]:
+    """The test of all joints at once, where the two can be tested."""
+    if not independent or [j["name"] for j in a.entries] != [j["name"] for j in b.entries]:
+        return {"chi2": None, "dof": 0, "p_value": None}
+    chi2, dof = together(a.entries, b.entries, a.cov, b.cov)
+    return {"chi2": chi2, "dof": dof, "p_value": None if chi2 is None else chance(chi2, dof)}
+
+
+def _side(root: Path, name: str) -> _Side:
     campaign, model = _campaign_and_model(root, name)
     result = campaign.result()
     if model == "extended":
         if not result.get("extended"):
             raise UsageError(f"{campaign.name} has no richer model than its joint springs")
         entries = result["extended"]["stiffness"]
-        std = [j["compliance_std"] for j in entries]
-        return campaign, entries, np.diag([np.nan if s is None else s**2 for s in std])
+        std = np.array([j["compliance_std"] for j in entries], dtype=float)  # None becomes NaN
+        return _Side(name, campaign, entries, np.diag(std**2))
     if "joint_springs" not in result:
         raise UsageError(f"{campaign.name} is of an older version: run `pipeline run` first")
     entries = (result if model == "recommended" else result["joint_springs"])["stiffness"]
+    return _Side(name, campaign, entries, _covariance(campaign, model, entries))
+
+
+def _covariance(campaign: Campaign, model: str, entries: list[dict[str, Any]]) -> Array:
     names = [f"c_{j['name'].removeprefix('k_')}" for j in entries]
     kept = campaign.processed / f"{_COVARIANCES[model]}.parquet"
     if not kept.is_file():
         raise UsageError(f"{campaign.name} has no covariance: run `pipeline run {campaign.name}`")
-    cov = pd.read_parquet(kept).set_index("parameter").loc[names, names]
-    return campaign, entries, cov.to_numpy(float)
+    return pd.read_parquet(kept).set_index("parameter").loc[names, names].to_numpy(float)
 
 
 def _campaign_and_model(root: Path, name: str) -> tuple[Campaign, str]:
     known = {campaign.name: campaign for campaign in finished(root)}
     head, _, model = name.rpartition(":")
-    if name in known:
-        return known[name], "recommended"
-    if head in known:
-        if model not in _MODELS:
-            raise UsageError(f'there is no model "{model}": use {", ".join(_MODELS)}')
-        return known[head], model
-    return find(root, name), "recommended"
+    if name in known or head not in known:
+        return known.get(name) or find(root, name), "recommended"
+    if model not in _MODELS:
+        raise UsageError(f'there is no model "{model}": use {", ".join(_MODELS)}')
+    return known[head], model

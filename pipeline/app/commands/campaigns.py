@@ -33,22 +33,30 @@ def init(
     if name is None:
         name = str(typer.prompt(f"Name of the campaign ({blank.NAME})", err=True))
     folder = blank.vacant(root, name)
-    if plan is not None:
+    if plan is None:
+        _blank(root, name, robot, ask)
+    elif robot is None:
         from pipeline.app.commands.simulate import prepare
 
-        if robot is not None:
-            raise UsageError("the plan names its robot: leave out --robot, or --plan")
         prepare(folder, plan)
         typer.echo(folder)
-        return
+    else:
+        raise UsageError("the plan names its robot: leave out --robot, or --plan")
+
+
+def _blank(root: Path, name: str, robot: str | None, ask: bool) -> None:
+    """A folder to be filled in by hand, with what is known or asked."""
+    from pipeline.app import blank
+
     if robot is None and ask:
         robot = typer.prompt(f"Robot ({blank.robots()}, or a file)", "kr500_rail", err=True)
-    blank.known(root, name, robot or "kr500_rail")
-    known = {
+    robot = robot or "kr500_rail"
+    blank.known(root, name, robot)
+    sizes = {
         key: _size(f"{what} [{unit}]", default) if ask else default
         for key, (what, unit, default) in blank.ASKED.items()
     }
-    typer.echo(blank.init(root, name, robot or "kr500_rail", **known))
+    typer.echo(blank.init(root, name, robot, **sizes))
     at_work(
         f"Fill in campaign.toml, copy the files it names beside it, then: pipeline check {name}"
     )
