@@ -35,7 +35,7 @@ _HERE = "127.0.0.1"
 """Only this machine sees the pages."""
 
 _PATIENCE_S = 120.0
-"""How long Prefect's server may take to start [s]; on a busy machine it needs a minute."""
+"""How long Prefect's server may take to start [s]; on a busy machine it can need a minute."""
 
 
 def serve(root: Path, preferences: Preferences, started: Callable[[dict[str, str]], None]) -> None:

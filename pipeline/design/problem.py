@@ -21,6 +21,7 @@ from pipeline.machine.instrument import PAPER_SHARE, PAPER_SIGMA_M, InstrumentNo
 from pipeline.machine.robot import Robot, configure
 
 _G_N_PER_KG = 9.81
+"""Weight of a kilogram [N], in as many digits as a payload has."""
 
 
 @dataclass(frozen=True, eq=False)

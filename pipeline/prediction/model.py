@@ -459,13 +459,14 @@ def _joint(root: ET.Element, name: str, parent: str, child: str, at: Array) -> E
     return element
 
 
+_FAR = 1e6
+"""Stands for infinity in a URDF [m], [rad], [N], [N m], [m/s] or [rad/s]."""
+
+
 def _limits(element: ET.Element, lower: float, upper: float) -> None:
     """URDF wants finite limits of everything, effort and velocity too, which a robot file lacks."""
     ends = {"lower": max(lower, -_FAR), "upper": min(upper, _FAR), "effort": _FAR, "velocity": _FAR}
     ET.SubElement(element, "limit", {name: repr(float(end)) for name, end in ends.items()})
-
-
-_FAR = 1e6
 
 
 def _elasticity(element: ET.Element, handed: Model, j: int) -> None:

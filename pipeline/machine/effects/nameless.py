@@ -30,13 +30,13 @@ from pipeline.machine.effects import (
 )
 from pipeline.machine.effects._anatomy import compliance, joint_screw, rail, turning
 from pipeline.machine.effects._effect import Effect, Elastic, Loaded, linear
+from pipeline.machine.effects.tracker_drift import HOUR_S
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.configuration import translation_along
 
 _BEARING = 5e-9
 """Typical compliance of a bearing along an axis [m/N], that of loaded guide rollers."""
 
-_HOUR_S = 3600.0
 _MOMENT_NM = 3000.0
 """A moment on the guides of a rail that counts as large."""
 
@@ -150,7 +150,7 @@ def _angle(robot: Robot, joint: int) -> Effect:
 
 def _warming(robot: Robot, joint: int) -> Effect:
     def response(loaded: Loaded, torque: Array) -> Array:
-        hours = np.nan_to_num(loaded.pulls.time) / _HOUR_S
+        hours = np.nan_to_num(loaded.pulls.time) / HOUR_S
         return torque * hours[:, None]
 
     size = (0.05 * compliance(robot, joint),)

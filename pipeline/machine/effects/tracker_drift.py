@@ -13,6 +13,7 @@ from pipeline.machine.effects._effect import Loaded, Observation
 from pipeline.machine.robot import Robot
 
 HOUR_S = 3600.0
+"""Seconds in an hour: trackers warm up in about one, and drifts are told per hour."""
 
 _Law = Callable[[Array], Array]
 
