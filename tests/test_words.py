@@ -15,7 +15,6 @@ from test_cli import ENVIRONMENT, HERE, on_a_terminal
 
 from pipeline.app import compare, service
 from pipeline.app.cli import _exit_code
-from pipeline.app.preferences import Preferences
 from pipeline.base.errors import CannotWrite, UsageError
 from pipeline.report import overview
 
@@ -239,7 +238,7 @@ def test_a_project_is_served_once(tmp_path, monkeypatch):
     assert service.serving(tmp_path) is None
     monkeypatch.setattr(service, "answers", lambda api: api.endswith(":9/api"))
     with pytest.raises(UsageError, match=r"is served already: see http://127.0.0.1:9\."):
-        service.serve(tmp_path, Preferences(), print)
+        service.up(tmp_path, 4200).__enter__()
 
 
 def test_a_server_that_cannot_keep_its_log_blames_the_disk(tmp_path):

@@ -18,11 +18,10 @@ import threading
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from pipeline.app.preferences import Preferences
 from pipeline.app.processes import PARENT, REPORTS_URL, sheltered
 from pipeline.base import files
 from pipeline.base.errors import UsageError
@@ -38,19 +37,21 @@ _PATIENCE_S = 120.0
 """How long Prefect's server may take to start [s]; on a busy machine it can need a minute."""
 
 
-def serve(root: Path, preferences: Preferences, started: Callable[[dict[str, str]], None]) -> None:
-    """Start Prefect's server and the reports' on this machine, and scan data/raw until stopped.
+@contextlib.contextmanager
+def up(root: Path, port: int) -> Iterator[dict[str, str]]:
+    """Prefect's server and the reports' on this machine, for as long as the block runs.
 
     Args:
         root: The project's root.
-        preferences: How often to scan, and where Prefect's page is.
-        started: Called with the addresses when all is up.
+        port: Of Prefect's page; the reports get the next.
+
+    Yields:
+        The addresses: `page`, `api`, `reports`.
 
     Raises:
         UsageError: The port is taken, or Prefect's server does not start.
-        KeyboardInterrupt: It was stopped by Ctrl-C.
+        KeyboardInterrupt: After the block; Prefect's runner swallows it and comes back.
     """
-    port = preferences.service.port
     already = serving(root)
     if already is not None:
         raise UsageError(f"{root.resolve()} is served already: see {already['page']}")
@@ -68,15 +69,12 @@ def serve(root: Path, preferences: Preferences, started: Callable[[dict[str, str
         _reports(root, port + 1),
         _recorded(root, urls),
     ):
-        from pipeline.app.flow import serve as serve_flow
-
-        started(urls)
-        serve_flow(root.resolve(), preferences)
-    raise KeyboardInterrupt  # Prefect's runner swallows it and comes back
+        yield urls
+    raise KeyboardInterrupt
 
 
-def deploy(root: Path, pool: str, preferences: Preferences) -> str:
-    """Put the scan of data/raw on the Prefect server of PREFECT_API_URL; how to start a worker.
+def join(root: Path) -> None:
+    """Make the Prefect server of PREFECT_API_URL the one that is spoken to.
 
     Raises:
         UsageError: PREFECT_API_URL is not set, or nobody answers there.
@@ -92,10 +90,6 @@ def deploy(root: Path, pool: str, preferences: Preferences) -> str:
             f"no Prefect server answers at {api}: start it, or correct PREFECT_API_URL"
         )
     settle(root)
-    from pipeline.app.flow import deploy as deploy_flow
-
-    deploy_flow(root.resolve(), pool, preferences)
-    return f"prefect worker start --pool {pool}"
 
 
 def settle(root: Path) -> None:

@@ -16,7 +16,7 @@ from pipeline.design.limits import Limits
 from pipeline.design.scatter import Beam, Scatter
 from pipeline.design.spec import ProblemFile, Range
 from pipeline.machine.cell import Tool, jacobian, paper_cell
-from pipeline.machine.effects import Pulls
+from pipeline.machine.effect import Pulls
 from pipeline.machine.instrument import PAPER_SHARE, PAPER_SIGMA_M, InstrumentNoise
 from pipeline.machine.robot import Robot, configure
 

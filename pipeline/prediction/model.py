@@ -19,7 +19,8 @@ from pipeline.base.errors import InputError
 from pipeline.diagnosis.average import average
 from pipeline.machine.cell import Cell, Prediction, Tool, jacobian, paper_cell
 from pipeline.machine.cell import predict as forward
-from pipeline.machine.effects import Effect, Noise, Observation, Pulls, Wrench, catalogue
+from pipeline.machine.effect import Effect, Noise, Observation, Pulls, Wrench
+from pipeline.machine.effects import catalogue
 from pipeline.machine.effects.nameless import nameless
 from pipeline.machine.robot import Joint, Robot
 from pipeline.machine.robot.mdh import parse as parse_robot

@@ -11,7 +11,7 @@ import pandas as pd
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.machine.cell import Cell, columns, load
-from pipeline.machine.effects import Elastic, Pulls
+from pipeline.machine.effect import Elastic, Pulls
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.system.system import Estimate
 

@@ -16,7 +16,7 @@ from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.base.errors import InputError
 from pipeline.machine import cell as forward
 from pipeline.machine.cell import Cell, Tool
-from pipeline.machine.effects import Noise, Observation, Pulls
+from pipeline.machine.effect import Noise, Observation, Pulls
 from pipeline.machine.poses import (
     default_anchors,
     draw_poses,

@@ -17,7 +17,7 @@ from scipy import special
 
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.machine.cell import load
-from pipeline.machine.effects import Effect
+from pipeline.machine.effect import Effect
 from pipeline.system.elimination import NULL, coefficients
 from pipeline.system.linearised import Model, Sight, accepted_columns, owners
 from pipeline.system.system import Errors, Rows

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effect import Compound, Elastic, Geometry, Loaded, Pulls
 from pipeline.machine.effects._anatomy import arm, turning
-from pipeline.machine.effects._effect import Compound, Elastic, Geometry, Loaded, Pulls
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.configuration import torque
 

@@ -21,6 +21,7 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effect import Effect, Elastic, Loaded, linear
 from pipeline.machine.effects import (
     joint_lost_motion,
     rail_lateral,
@@ -29,7 +30,6 @@ from pipeline.machine.effects import (
     rail_vertical,
 )
 from pipeline.machine.effects._anatomy import compliance, joint_screw, rail, turning
-from pipeline.machine.effects._effect import Effect, Elastic, Loaded, linear
 from pipeline.machine.effects.tracker_drift import HOUR_S
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.configuration import translation_along

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
-from pipeline.machine.effects._effect import Loaded, Observation
+from pipeline.machine.effect import Loaded, Observation
 from pipeline.machine.robot import Robot
 
 HOUR_S = 3600.0
