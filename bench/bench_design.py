@@ -22,7 +22,7 @@ from pymoo.optimize import minimize
 from pymoo.termination import get_termination
 
 from bench.timing import seconds
-from pipeline.app import planning
+from pipeline.app.commands.design import problem_of
 from pipeline.base.arrays import Array
 from pipeline.design import search
 from pipeline.design.criteria import relative_std
@@ -86,7 +86,7 @@ def _designed(seed: int, *more: str) -> dict[str, object]:
 
 def _weakest(plan: dict[str, object]) -> float:
     """Largest relative standard uncertainty, from the printed poses alone."""
-    problem = planning.find("paper_reference", {})
+    problem = problem_of("paper_reference", {})
     q = np.array(plan["poses"])
     q = np.where(problem.robot.prismatic, q, np.deg2rad(q))
     M = information(problem.experiment, station(problem.experiment, q, np.array(plan["anchor"])))
@@ -94,7 +94,7 @@ def _weakest(plan: dict[str, object]) -> float:
 
 
 def _race() -> Iterable[tuple[str, float, str]]:
-    problem = planning.find("paper_reference", {})
+    problem = problem_of("paper_reference", {})
     ours = [_ours(problem, seed) for seed in RACES]
     theirs = {p: [_theirs(problem, p, seed) for seed in RACES] for p in POPULATIONS}
     _draw(ours, theirs)
@@ -224,7 +224,7 @@ def _draw(ours: list[Trace], theirs: dict[int, list[Trace]]) -> None:
 
 def _kinematics() -> Iterable[tuple[str, float, str]]:
     """A, information and the criterion's slope by joints, all poses at once and one by one."""
-    problem = planning.find("paper_reference", {})
+    problem = problem_of("paper_reference", {})
     experiment, n = problem.experiment, problem.robot.n
     rng = np.random.default_rng(1)
     q = rng.uniform(problem.lower, problem.upper, (POSES, n))

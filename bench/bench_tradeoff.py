@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from pipeline.app import planning
+from pipeline.app.commands.design import problem_of
 from pipeline.design.discriminate import lens
 from pipeline.design.measurement import of_plan, seen_by
 from pipeline.design.problem import Problem
@@ -33,7 +33,7 @@ Counts = tuple[int, int]
 def run() -> Iterable[tuple[str, float, str]]:
     """The shipped problem from several seeds, then the price of naming, then more readings."""
     for seed in SEEDS:
-        problem = planning.find("diagnosis_reference", {})
+        problem = problem_of("diagnosis_reference", {})
         *_, last = propose(problem, seed)
         named, alone = _counted(problem, [sight.named_from for sight in last.sights()])
         ratio = last.figure / last.plan.figure
@@ -52,7 +52,7 @@ def run() -> Iterable[tuple[str, float, str]]:
             "plan": {"poses": readings, "readings": readings},
             "diagnosis": {"poses": readings - 1},
         }
-        sized = planning.find("diagnosis_reference", changes)
+        sized = problem_of("diagnosis_reference", changes)
         more.append(_traded(sized, _optimum(sized), 1.25))
         comment = f"{more[-1][1]} without twins; {readings - 1} poses"
         yield f"  {readings} readings, epsilon up to 1.25 times", more[-1][0], comment

@@ -11,7 +11,8 @@ from pipeline.answer.stiffness import stiffness_entries
 from pipeline.diagnosis.average import LEAST, LIKELY, Hypothesis, dependences, springs, weighed
 from pipeline.diagnosis.hypotheses import _likely
 from pipeline.diagnosis.identify import Rival, Stranger
-from pipeline.machine.effects import baseline, catalogue
+from pipeline.machine.cell import baseline
+from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
 from pipeline.system.estimate import identifiable, solve
 from pipeline.system.system import Errors, Estimate, Rows, System

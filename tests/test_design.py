@@ -8,7 +8,8 @@ import pinocchio as pin
 import pytest
 from scipy import linalg, optimize
 
-from pipeline.app import cli, planning
+from pipeline.app import cli
+from pipeline.app.commands.design import problem_of
 from pipeline.base.errors import InputError
 from pipeline.design import criteria, search, spec
 from pipeline.design.bound import Worst, bounds, certify
@@ -16,6 +17,7 @@ from pipeline.design.curves import by_anchor, by_size
 from pipeline.design.descent import descend
 from pipeline.design.information import Experiment, information, station, value_and_slope
 from pipeline.design.limits import Limits, kept, penalty, slacks
+from pipeline.design.made import make
 from pipeline.design.propose import propose
 from pipeline.design.scatter import Beam, Scatter
 from pipeline.design.search import Effort, evaluate, objective
@@ -82,11 +84,11 @@ def differences(function, x, h=1e-6):
 
 @pytest.fixture(scope="module")
 def reference():
-    return planning.find("paper_reference", {})
+    return problem_of("paper_reference", {})
 
 
 def published(reference, **changes):
-    made = planning.find("paper_reference", changes)
+    made = problem_of("paper_reference", changes)
     return evaluate(made, radians(reference.robot, PUBLISHED)[None], ANCHOR[None])[0]
 
 
@@ -429,7 +431,7 @@ def test_three_poses_beat_the_paper_threefold_and_certified(reference, proposal)
 def test_a_plan_that_breaks_a_limit_does_not_count(proposal, limits):
     """Joint limits, identifiability, floor and chain each turn a good plan into none."""
     plan = proposal.plan
-    made = planning.find("paper_reference", {"limits": limits})
+    made = problem_of("paper_reference", {"limits": limits})
 
     assert plan.kept
     assert not evaluate(made, plan.q[None], plan.anchor[None])[0].kept
@@ -452,7 +454,7 @@ def test_a_plan_is_there_after_a_first_quick_round(reference):
 @pytest.mark.xdist_group("design")
 def test_no_random_plan_is_below_the_bound(reference, proposal):
     """Plans that descend from elsewhere, without the limit on single compliances, stay above."""
-    free = planning.find("paper_reference", {"limits": {"max_relative_std": 100.0}})
+    free = problem_of("paper_reference", {"limits": {"max_relative_std": 100.0}})
     start = np.random.default_rng(99).uniform(size=(60, 22))
     found = descend(objective(free, 50.0), start, rounds=150)
     plans = evaluate(free, *search.Box(free, 3).opened(found.x))
@@ -493,7 +495,7 @@ def test_the_same_seed_gives_the_same_plan(reference):
 def test_what_cannot_be_is_refused_in_one_sentence(changes, words):
     """Reason and way out, exit 5."""
     with pytest.raises(InputError, match=words) as refusal:
-        list(propose(planning.find("paper_reference", changes), 1, QUICK))
+        list(propose(problem_of("paper_reference", changes), 1, QUICK))
 
     assert refusal.value.exit_code == 5
     assert refusal.value.way_out
@@ -505,7 +507,7 @@ def test_what_cannot_be_is_refused_in_one_sentence(changes, words):
 )
 def test_other_criteria_are_certified_too(kind):
     """Each criterion finds a plan near its own bound."""
-    made = planning.find("paper_reference", {"criterion": {"kind": kind}, "plan": {"poses": 4}})
+    made = problem_of("paper_reference", {"criterion": {"kind": kind}, "plan": {"poses": 4}})
     *_, last = propose(made, seed=2, effort=QUICK)
 
     assert 0.9 < last.efficiency <= 1
@@ -521,7 +523,7 @@ def test_all_limits_together_are_kept():
         "pull_within_deg": 100,
         "joints": {"theta5": [-180, 180], "theta7": [-180, 180]},
     }
-    made = planning.find("paper_reference", {"limits": limits})
+    made = problem_of("paper_reference", {"limits": limits})
     *_, last = propose(made, seed=3, effort=QUICK)
     at = station(made.experiment, last.plan.q, last.plan.anchor)
 
@@ -547,7 +549,6 @@ def test_more_readings_and_a_freer_anchor_never_hurt(reference, proposal):
 
 def test_the_command_prints_the_promised_keys(capsys, monkeypatch):
     """One JSON object with the keys that others read, consistent with itself."""
-    monkeypatch.setattr(planning, "Effort", lambda rounds: QUICK)
     code = cli._exit_code(["design", "paper_reference", "--json", "--rounds", "1", "--seed", "7"])
     printed = json.loads(capsys.readouterr().out)
 
@@ -561,9 +562,8 @@ def test_the_command_prints_the_promised_keys(capsys, monkeypatch):
     assert printed["efficiency"] == pytest.approx(printed["bound_mm"] / printed["epsilon_mm"])
 
 
-def test_an_interrupted_search_gives_its_best(monkeypatch):
+def test_an_interrupted_search_gives_its_best():
     """Ctrl-C after the first round: the plan is there, its certificate is not."""
-    monkeypatch.setattr(planning, "Effort", lambda rounds: QUICK)
     said = []
 
     def stop(words):
@@ -571,7 +571,7 @@ def test_an_interrupted_search_gives_its_best(monkeypatch):
         if len(said) == 1:
             raise KeyboardInterrupt
 
-    made = planning.run("paper_reference", {}, 1, 1, stop)
+    made = make(problem_of("paper_reference", {}), 1, QUICK, stop)
 
     assert made.interrupted
     assert made.content()["bound_mm"] is None
@@ -584,15 +584,15 @@ def test_a_problem_file_and_its_mistakes(tmp_path):
     """A user's own file is found by path; wrong words and files are named."""
     path = tmp_path / "mine.toml"
     path.write_text(spec.shipped("paper_reference").replace("poses = 3 ", "poses = 4 "))
-    assert planning.find(str(path), {}).poses == 4
+    assert problem_of(str(path), {}).poses == 4
     path.write_text("poses = ")
     with pytest.raises(InputError, match=r"mine.toml: not valid TOML"):
-        planning.find(str(path), {})
+        problem_of(str(path), {})
     path.write_text(spec.shipped("paper_reference") + "colour = 1\n")
     with pytest.raises(InputError, match="colour"):
-        planning.find(str(path), {})
+        problem_of(str(path), {})
     with pytest.raises(InputError, match="no design problem"):
-        planning.find("nowhere", {})
+        problem_of("nowhere", {})
 
 
 @pytest.mark.xdist_group("design")

@@ -10,7 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.diagnosis.isolability import rich_pulls, rich_tool, twins
 from pipeline.machine import cell as forward
-from pipeline.machine.effects import Compound, Elastic, Geometry, Noise, baseline, catalogue
+from pipeline.machine.cell import baseline
+from pipeline.machine.effect import Compound, Elastic, Geometry, Noise
+from pipeline.machine.effects import catalogue
 from pipeline.machine.effects.joint_hysteresis import slid
 from pipeline.machine.effects.nameless import nameless
 from pipeline.machine.robot import load, model

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pipeline.app import correction
+from pipeline.app.commands.compensate import write
 from pipeline.base.errors import InputError
 from pipeline.machine.cell import paper_cell
 from pipeline.machine.effects import catalogue
@@ -125,8 +125,8 @@ def path_rows(path, rows):
 
 def test_compensate_writes_the_offsets_that_the_demo_path_needs(demo, path, true, tmp_path):
     """From the command's file: millimetres of deflection fall to within the stated 95 %."""
-    written = correction.compensate(demo, "kr500_demo", DEMO_PATH, output=tmp_path / "offsets.csv")
-    table = np.genfromtxt(written.path, delimiter=",", names=True)
+    written, _ = write(demo, "kr500_demo", DEMO_PATH, output=tmp_path / "offsets.csv")
+    table = np.genfromtxt(written, delimiter=",", names=True)
     joints = np.column_stack(
         [table["d_r1_m"], *(np.deg2rad(table[f"d_theta{j}_deg"]) for j in range(2, 8))]
     )

@@ -16,7 +16,7 @@ import pytest
 from bench.league.hidden import SECRETS
 from bench.league.play import Rules, drawn, play
 from pipeline.answer.history import previous, trends
-from pipeline.app import pages
+from pipeline.app.compare import compared
 from pipeline.base.quantities import plain
 from pipeline.machine.robot import load
 from pipeline.machine.robot.model import model as pin_model
@@ -150,7 +150,7 @@ def test_trend_and_comparison_take_it(campaign):
     """The change against another campaign is the answer's; who explains nothing raises no alarm."""
     found, answer, root = campaign
     other = find(root, OTHER).result()
-    _, content = pages.compare(root, found.name, OTHER)
+    _, content = compared(root, found.name, OTHER)
     over_time = {t.name: t for t in trends([answer, other])}
 
     for change in content["stiffness"]:

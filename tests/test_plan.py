@@ -7,13 +7,15 @@ import tomllib
 import numpy as np
 import pytest
 
-from pipeline.app import cli, planning
+from pipeline.app import cli
+from pipeline.app.commands.design import added_to, write
 from pipeline.base.errors import InputError, UsageError
 from pipeline.design import problem
 from pipeline.design import spec as specs
 from pipeline.design.discriminate import APART, lens, rows, sights
 from pipeline.design.information import information, station
 from pipeline.design.known import information_of
+from pipeline.design.made import Made
 from pipeline.design.measurement import Measurement, of_plan, seen_by
 from pipeline.design.planfile import plan_content
 from pipeline.design.propose import Proposal, aim_of
@@ -318,7 +320,7 @@ def test_each_pose_says_where_to_drive_and_how_to_pull(proposal):
 @pytest.fixture(scope="module")
 def written(proposal, tmp_path_factory):
     root = tmp_path_factory.mktemp("project")
-    made = planning.write(root, planning.Made(proposal, 1.0, False), seed=1)
+    made = write(root, Made(proposal, 1.0, False), seed=1)
     return root, made
 
 
@@ -344,7 +346,7 @@ def test_a_plan_written_by_hand_is_not_overwritten(proposal, tmp_path):
     path.parent.mkdir(parents=True)
     path.write_text("# my own\n")
     with pytest.raises(UsageError, match="by hand"):
-        planning.write(tmp_path, planning.Made(proposal, 1.0, False), seed=1)
+        write(tmp_path, Made(proposal, 1.0, False), seed=1)
 
     assert path.read_text() == "# my own\n"
 
@@ -392,7 +394,7 @@ def test_further_poses_build_on_what_is_known(written, realistic):
         limits={"max_relative_std": 9.0},
         diagnosis=None,
     )
-    further, known = planning.added_to(base, find(root, "old"))
+    further, known = added_to(base, find(root, "old"))
     from pipeline.design.propose import propose
     from pipeline.design.search import Effort
 

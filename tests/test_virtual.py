@@ -1,36 +1,40 @@
 """`pipeline simulate` on disk: whole folders, sealed truth, nothing overwritten by accident."""
 
 import json
+import os
 
 import pytest
 
-from pipeline.app import cli, virtual
+from pipeline.app import cli
+from pipeline.app.commands.simulate import write
+from pipeline.base import files
 from pipeline.base.errors import CannotWrite, InputError, UsageError
+from pipeline.machine.robot import load
 
 FEW = {"name": "few", "poses": {"count": 2}}
 
 
 def test_a_campaign_appears_whole_and_its_truth_elsewhere(tmp_path):
     """The raw folder holds four files, the truth lies beside the tables, nothing else is left."""
-    written = virtual.write(tmp_path, None, FEW)
+    folder, sealed = write(tmp_path, None, FEW)
 
-    assert sorted(p.name for p in written.folder.iterdir()) == [
+    assert sorted(p.name for p in folder.iterdir()) == [
         "campaign.toml", "joints.csv", "loads.csv", "tracker.csv",
     ]  # fmt: skip
-    assert written.truth == tmp_path / "data" / "processed" / "few.truth.json"
-    assert json.loads(written.truth.read_text())["campaign"] == "few"
+    assert sealed == tmp_path / "data" / "processed" / "few.truth.json"
+    assert json.loads(sealed.read_text())["campaign"] == "few"
     assert sorted(p.name for p in (tmp_path / "data").iterdir()) == ["processed", "raw"]
 
 
 def test_a_campaign_is_not_overwritten_by_accident(tmp_path):
     """A second campaign of the same name is refused, and replaced as a whole with --force."""
-    folder = virtual.write(tmp_path, None, FEW).folder
+    folder, _ = write(tmp_path, None, FEW)
     (folder / "note.txt").write_text("measured by hand")
     before = (folder / "tracker.csv").read_bytes()
     with pytest.raises(UsageError, match="there already"):
-        virtual.write(tmp_path, None, FEW | {"seed": 2})
+        write(tmp_path, None, FEW | {"seed": 2})
     assert (folder / "tracker.csv").read_bytes() == before
-    virtual.write(tmp_path, None, FEW | {"seed": 2}, force=True)
+    write(tmp_path, None, FEW | {"seed": 2}, force=True)
 
     assert (folder / "tracker.csv").read_bytes() != before
     assert not (folder / "note.txt").exists()
@@ -38,18 +42,18 @@ def test_a_campaign_is_not_overwritten_by_accident(tmp_path):
 
 def test_an_interrupted_replacement_leaves_the_old_campaign(tmp_path, monkeypatch):
     """A disk that fails half-way through leaves the folder as it was."""
-    folder = virtual.write(tmp_path, None, FEW).folder
+    folder, _ = write(tmp_path, None, FEW)
     before = {p.name: p.read_bytes() for p in folder.iterdir()}
-    real = virtual.files.write
+    real = files.write
 
     def failing(path, data):
         if path.name == "loads.csv":
             raise OSError(28, "no space left on device")
         real(path, data)
 
-    monkeypatch.setattr(virtual.files, "write", failing)
+    monkeypatch.setattr(files, "write", failing)
     with pytest.raises(CannotWrite, match="no space"):
-        virtual.write(tmp_path, None, FEW | {"seed": 2}, force=True)
+        write(tmp_path, None, FEW | {"seed": 2}, force=True)
 
     assert {p.name: p.read_bytes() for p in folder.iterdir()} == before
     assert sorted(p.name for p in (tmp_path / "data").iterdir()) == ["processed", "raw"]
@@ -57,18 +61,18 @@ def test_an_interrupted_replacement_leaves_the_old_campaign(tmp_path, monkeypatc
 
 def test_a_replacement_that_cannot_take_its_place_gives_it_back(tmp_path, monkeypatch):
     """When the new folder cannot be moved in, the old one stands there again."""
-    folder = virtual.write(tmp_path, None, FEW).folder
+    folder, _ = write(tmp_path, None, FEW)
     before = {p.name: p.read_bytes() for p in folder.iterdir()}
-    real = virtual.os.rename
+    real = os.rename
 
     def refusing(old, new):
         if old.name == "new":
             raise OSError(13, "permission denied")
         real(old, new)
 
-    monkeypatch.setattr(virtual.os, "rename", refusing)
+    monkeypatch.setattr(os, "rename", refusing)
     with pytest.raises(CannotWrite, match="permission"):
-        virtual.write(tmp_path, None, FEW | {"seed": 2}, force=True)
+        write(tmp_path, None, FEW | {"seed": 2}, force=True)
 
     assert {p.name: p.read_bytes() for p in folder.iterdir()} == before
 
@@ -76,7 +80,7 @@ def test_a_replacement_that_cannot_take_its_place_gives_it_back(tmp_path, monkey
 def test_the_truth_is_kept_away_from_raw_files(tmp_path):
     """A truth file under data/raw is refused before anything is written."""
     with pytest.raises(UsageError, match="keep the truth away"):
-        virtual.write(tmp_path, None, FEW, truth=tmp_path / "data" / "raw" / "few" / "truth.json")
+        write(tmp_path, None, FEW, truth=tmp_path / "data" / "raw" / "few" / "truth.json")
 
     assert not (tmp_path / "data").exists()
 
@@ -101,13 +105,13 @@ def test_the_command_line_says_more_than_the_plan(tmp_path, capsys):
 def test_exact_readings_are_the_plan_without_its_noise(tmp_path):
     """--exact writes every digit and lets nothing scatter, whatever noise is stated."""
     changes = FEW | {"scale": {"gain_sigma": 0.01}}
-    written = virtual.write(tmp_path, None, changes, noise="instrument", exact=True)
-    truth = json.loads(written.truth.read_text())
+    folder, sealed = write(tmp_path, None, changes, noise="instrument", exact=True)
+    truth = json.loads(sealed.read_text())
 
-    assert "range_m" in (written.folder / "campaign.toml").read_text()
+    assert "range_m" in (folder / "campaign.toml").read_text()
     assert truth["tracker"]["noise_scale"] == truth["scale"]["noise_scale"] == 0.0
     for pull, line in zip(
-        truth["pulls"], (written.folder / "loads.csv").read_text().splitlines()[1:], strict=True
+        truth["pulls"], (folder / "loads.csv").read_text().splitlines()[1:], strict=True
     ):
         shown = float(line.split(",")[2])
         assert sum(f * f for f in pull["force_n"]) ** 0.5 == pytest.approx(shown, rel=1e-14)
@@ -127,7 +131,7 @@ def test_exact_readings_are_the_plan_without_its_noise(tmp_path):
 def test_a_slip_is_answered_with_what_is_possible(tmp_path, changes, noise, said):
     """A wrong word names the right ones, and nothing is written."""
     with pytest.raises((UsageError, InputError), match=said):
-        virtual.write(tmp_path, None, FEW | changes, noise)
+        write(tmp_path, None, FEW | changes, noise)
 
     assert not (tmp_path / "data").exists()
 
@@ -135,11 +139,11 @@ def test_a_slip_is_answered_with_what_is_possible(tmp_path, changes, noise, said
 def test_a_users_robot_travels_with_its_campaign(tmp_path):
     """A robot file given by path is copied into the raw folder that refers to it."""
     own = tmp_path / "own.toml"
-    text = virtual.load_robot("kr500_rail").text.replace('name = "kr500_rail"', 'name = "own"')
+    text = load("kr500_rail").text.replace('name = "kr500_rail"', 'name = "own"')
     own.write_text(text)
     plan = tmp_path / "plan.toml"
     plan.write_text('name = "few"\nrobot = "own.toml"\nposes.count = 2\n')
-    folder = virtual.write(tmp_path, plan, {}).folder
+    folder, _ = write(tmp_path, plan, {})
 
     assert (folder / "robot.toml").read_text() == text
     assert 'robot = "robot.toml"' in (folder / "campaign.toml").read_text()

@@ -13,9 +13,8 @@ import pytest
 import report_sample
 from test_cli import ENVIRONMENT, HERE, on_a_terminal
 
-from pipeline.app import answers, server, service
+from pipeline.app import compare, service
 from pipeline.app.cli import _exit_code
-from pipeline.app.preferences import Preferences
 from pipeline.base.errors import CannotWrite, UsageError
 from pipeline.report import overview
 
@@ -141,7 +140,7 @@ def test_init_refuses_a_robot_before_it_asks_further(tmp_path):
 
 CTRL_C = """
 import signal, subprocess, sys
-from pipeline.app.server import sheltered
+from pipeline.app.processes import sheltered
 
 child = "import sys, time; print('up', flush=True); sys.stdin.read(); print('whole', flush=True)"
 try:
@@ -179,7 +178,7 @@ def test_ctrl_c_is_kept_from_the_processes_that_prefect_starts():
 def test_an_end_that_prefect_calls_good_stays_an_interruption():
     """Its runner exits with 0 when it is told to stop; whoever pressed Ctrl-C gets 130."""
     script = (
-        "import signal, sys, time; from pipeline.app.server import sheltered\n"
+        "import signal, sys, time; from pipeline.app.processes import sheltered\n"
         "with sheltered(signal.SIGTERM):\n"
         "    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))\n"
         "    print('up', flush=True); time.sleep(30)\n"
@@ -236,10 +235,10 @@ def test_a_project_is_served_once(tmp_path, monkeypatch):
     note.parent.mkdir()
     note.write_text('{"page": "http://127.0.0.1:9", "api": "http://127.0.0.1:9/api"}')
 
-    assert server.serving(tmp_path) is None
-    monkeypatch.setattr(server, "answers", lambda api: api.endswith(":9/api"))
+    assert service.serving(tmp_path) is None
+    monkeypatch.setattr(service, "answers", lambda api: api.endswith(":9/api"))
     with pytest.raises(UsageError, match=r"is served already: see http://127.0.0.1:9\."):
-        service.serve(tmp_path, Preferences(), print)
+        service.up(tmp_path, 4200).__enter__()
 
 
 def test_a_server_that_cannot_keep_its_log_blames_the_disk(tmp_path):
@@ -247,7 +246,7 @@ def test_a_server_that_cannot_keep_its_log_blames_the_disk(tmp_path):
     (tmp_path / ".prefect").write_text("")
 
     said = "is no folder, move it out of the way"
-    with pytest.raises(CannotWrite, match=said), server.running(tmp_path, 4200):
+    with pytest.raises(CannotWrite, match=said), service.running(tmp_path, 4200):
         pass
 
 
@@ -255,9 +254,9 @@ def test_a_comparison_is_told_where_its_page_cannot_be_kept(tmp_path, monkeypatc
     """The answer comes, then the trouble with the disk, exit code 3."""
     joints = SAMPLE["stiffness"]
     said = overview.comparison(("a", "a:extended"), joints, joints, None)
-    monkeypatch.setattr(answers.pages, "compare", lambda *_: (said, {"stiffness": []}))
+    monkeypatch.setattr(compare, "compared", lambda *_: (said, {"stiffness": []}))
     (tmp_path / "reports").write_text("in the way")
-    outcome, path = answers.compare(tmp_path, "a", "a:extended")
+    outcome, path = compare.compare(tmp_path, "a", "a:extended")
 
     assert (outcome.exit_code, path) == (3, None)
     assert "k_theta2" in outcome.text

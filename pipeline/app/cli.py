@@ -10,13 +10,17 @@ from typing import Any
 import typer
 from typer.exceptions import Abort, TyperException
 
-from pipeline.app.commands import campaigns, planning, service
+from pipeline.app.commands import campaigns, compensate, design, simulate
+
+# --help lists the commands in the order of these imports
+# isort: split
+from pipeline.app.commands import service
 from pipeline.app.commands._shared import app as everything
 from pipeline.app.commands._shared import fitted
 from pipeline.base.errors import CannotWrite, Interrupted, PipelineError, UsageError, ended
 from pipeline.base.files import FULL
 
-__all__ = ["campaigns", "main", "planning", "service"]
+__all__ = ["campaigns", "compensate", "design", "main", "service", "simulate"]
 
 
 def main(
@@ -47,45 +51,45 @@ def _exit_code(
     arguments: list[str] | None, app: typer.Typer = everything, name: str = "pipeline"
 ) -> int:
     try:
-        words = sys.argv[1:] if arguments is None else arguments
-        if app is everything:
-            words = words or ["--help"]
-        code: Any = app(args=words, standalone_mode=False, prog_name=name)
-        if code == Interrupted.exit_code:  # Typer's word for a KeyboardInterrupt
-            raise KeyboardInterrupt
-        return code if isinstance(code, int) else 0
-    except PipelineError as problem:
-        return _say(str(problem), problem.exit_code)
-    except (Abort, KeyboardInterrupt):
-        return _say(
-            "Interrupted; run it again to go on, nothing half-written counts.",
-            Interrupted.exit_code,
-        )
-    except TyperException as problem:
-        context = getattr(problem, "ctx", None)
-        command = context.command_path if context else name
-        return _say(
-            f"{ended(problem.format_message())} Try `{command} --help`.", UsageError.exit_code
-        )
+        return _carried_out(arguments, app, name)
     except SystemExit as end:
         if isinstance(end.__context__, BrokenPipeError):  # nobody reads on: `pipeline ... | head`
             return 0
         raise
-    except OSError as problem:
-        if problem.errno not in FULL:
-            return _crash(problem)
-        return _say(
-            f"The answer cannot be written ({problem.strerror}); free some space and run it again.",
-            CannotWrite.exit_code,
-        )
-    except Exception as problem:  # the last net: a sentence for the engineer, the rest in a file
-        return _crash(problem)
+    except (Exception, KeyboardInterrupt) as problem:
+        return _say(*_told(problem, name))
 
 
-def _crash(problem: Exception) -> int:
-    from pipeline.app.outcome import record_crash
+def _carried_out(arguments: list[str] | None, app: typer.Typer, name: str) -> int:
+    words = sys.argv[1:] if arguments is None else arguments
+    if app is everything:
+        words = words or ["--help"]
+    code: Any = app(args=words, standalone_mode=False, prog_name=name)
+    if code == Interrupted.exit_code:  # Typer's word for a KeyboardInterrupt
+        raise KeyboardInterrupt
+    return code if isinstance(code, int) else 0
 
-    return _say(record_crash(problem), 1)
+
+def _told(problem: Exception | KeyboardInterrupt, name: str) -> tuple[str, int]:
+    """What went wrong in one sentence, and the exit code for it."""
+    match problem:
+        case PipelineError():
+            return str(problem), problem.exit_code
+        case Abort() | KeyboardInterrupt():
+            sentence = "Interrupted; run it again to go on, nothing half-written counts."
+            return sentence, Interrupted.exit_code
+        case TyperException():
+            context = getattr(problem, "ctx", None)
+            command = context.command_path if context else name
+            sentence = f"{ended(problem.format_message())} Try `{command} --help`."
+            return sentence, UsageError.exit_code
+        case OSError() if problem.errno in FULL:
+            why = f"The answer cannot be written ({problem.strerror})"
+            return f"{why}; free some space and run it again.", CannotWrite.exit_code
+        case _:  # the last net: a sentence for the engineer, the rest in a file
+            from pipeline.app.outcome import record_crash
+
+            return record_crash(problem), 1
 
 
 def _say(sentence: str, code: int) -> int:

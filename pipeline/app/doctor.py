@@ -10,13 +10,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.app import preferences, server
+from pipeline.app import preferences, service
 from pipeline.app.storage import Store
 from pipeline.base.errors import InputError
 from pipeline.store import campaign as campaigns
 
-_PYTHONS = ((3, 11), (3, 15))
+_PYTHONS = ((3, 11), (3, 14))
+"""Oldest and newest Python that it runs on; the Makefile looks for the same."""
 _ROOM_BYTES = 2**30
+"""A gibibyte: more than tables and reports of many campaigns take."""
 
 
 @dataclass(frozen=True)
@@ -51,10 +53,15 @@ def examine(root: Path) -> Iterator[Finding]:
 
 def _python() -> Finding:
     low, high = _PYTHONS
-    here = ".".join(str(part) for part in sys.version_info[:3])
-    good = low <= sys.version_info[:2] < high
-    way_out = "" if good else "; build the environment with Python 3.11 to 3.14: make PYTHON=..."
+    here = _dotted(sys.version_info[:3])
+    good = low <= sys.version_info[:2] <= high
+    known = f"Python {_dotted(low)} to {_dotted(high)}"
+    way_out = "" if good else f"; build the environment with {known}: make PYTHON=..."
     return Finding("Python", good, f"{here}{way_out}")
+
+
+def _dotted(version: tuple[int, ...]) -> str:
+    return ".".join(str(part) for part in version)
 
 
 def _libraries() -> Iterator[Finding]:
@@ -135,12 +142,12 @@ def _storage(root: Path) -> Iterator[Finding]:
 def _service(root: Path) -> Iterator[Finding]:
     api = os.environ.get("PREFECT_API_URL")
     if api:
-        good = server.answers(api)
+        good = service.answers(api)
         said = (
             f"{api} {'answers' if good else 'does not answer; start it or unset PREFECT_API_URL'}"
         )
         yield Finding("Prefect server", good, said)
         return
-    urls = server.serving(root)
+    urls = service.serving(root)
     said = f"runs at {urls['page']}" if urls else "not running; `pipeline serve` starts it"
     yield Finding("service", True, said, needed=False)

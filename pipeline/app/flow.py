@@ -1,6 +1,6 @@
 """The stages of run.py as a Prefect flow: one task per stage, artifacts at the end.
 
-The only file that imports Prefect, which takes seconds; `server.settle` comes before it, because
+The only file that imports Prefect, which takes seconds; `service.settle` comes before it, because
 Prefect reads its settings when it is imported.
 """
 
@@ -37,7 +37,7 @@ from prefect.types.entrypoint import EntrypointType
 from pipeline.app import watch
 from pipeline.app.outcome import Outcome, stiffness_rows
 from pipeline.app.preferences import Preferences, load
-from pipeline.app.server import PARENT, REPORTS_URL, follow
+from pipeline.app.processes import PARENT, REPORTS_URL, follow
 from pipeline.base.errors import InputError
 from pipeline.run import run
 from pipeline.store.campaign import Campaign, find

@@ -9,11 +9,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pipeline.app import preferences, server, sync
+from pipeline.app import preferences, service, sync
 from pipeline.app.outcome import EARLIER, Outcome, dated, failed, guarded, outcome, sentences
+from pipeline.app.processes import sheltered
 from pipeline.app.progress import Progress
 from pipeline.base import files
-from pipeline.base.errors import InputError, PipelineError
+from pipeline.base.errors import InputError, PipelineError, UsageError
 from pipeline.store import campaign as campaigns
 from pipeline.store.campaign import Campaign
 
@@ -75,13 +76,13 @@ def _through_prefect(campaign: Campaign, force: bool = False, tell: _Tell = str)
     """Bring a campaign up to date as a Prefect flow, unless nothing is to be done."""
     if not force and campaign.current():
         return campaign.result()
-    home = campaign.root / server.HOME
+    home = campaign.root / service.HOME
     with files.writing(home):
         home.mkdir(parents=True, exist_ok=True)
-    server.settle(campaign.root)
+    service.settle(campaign.root)
     from pipeline.app.flow import identify, telling  # importing Prefect takes two seconds
 
-    with telling(tell), server.sheltered(signal.SIGUSR1):
+    with telling(tell), sheltered(signal.SIGUSR1):
         answer: dict[str, Any] = identify(str(campaign.root), str(campaign.folder), force)
     return answer
 
@@ -182,3 +183,40 @@ def _status(campaign: Campaign) -> Outcome:
     return Outcome(
         campaign.name, content, f"{campaign.name:24} {state:8} {verdict or '':12} {shown}".rstrip()
     )
+
+
+def report(root: Path, name: str | None, form: str) -> Path:
+    """A report brought up to date: its page, PDF or numbers; without a name the page over all.
+
+    Raises:
+        UsageError: There is no finished campaign, or only campaigns have this form.
+    """
+    from pipeline.app import pages
+    from pipeline.run import run
+
+    if name is None:
+        if form != "html":
+            raise UsageError(f"the page over all campaigns has no form {form}: name a campaign")
+        page = pages.refresh(root)
+        if page is None:
+            raise UsageError("no campaign is finished: run `pipeline run` first")
+        return page
+
+    campaign = campaigns.find(root, name)
+    run(campaign)
+    pages.refresh(root)
+    names = {"html": "index.html", "pdf": "report.pdf", "json": "result.json"}
+    return campaign.reports / names[form]
+
+
+def report_text(root: Path, name: str) -> str:
+    """A campaign's report as plain text."""
+    from pipeline.answer import archive
+    from pipeline.answer.history import previous
+    from pipeline.report.model import compose
+    from pipeline.report.text import as_text
+
+    report(root, name, "html")
+    campaign = campaigns.find(root, name)
+    before = previous(campaign.result(), [c.result() for c in archive.finished(root)])
+    return as_text(compose(campaign.result(), archive.shown(campaign), previous=before))

@@ -103,8 +103,7 @@ def _take(raw: Path, store: Store, campaign: str, marks: _Marks, note: Note) -> 
     Raises:
         InputError: It cannot be read, or there is something else in its place.
     """
-    now = time.time()
-    copied = note.copied
+    now, copied = time.time(), note.copied
     new = {
         name: store.read(name)
         for name, mark in marks.items()
@@ -118,16 +117,20 @@ def _take(raw: Path, store: Store, campaign: str, marks: _Marks, note: Note) -> 
                 "move it or its folder away, or rename the campaign there",
             )
     for name in sorted(new, key=lambda name: name.endswith("/campaign.toml")):  # which makes it one
-        data = new[name]
-        if not (raw / name).is_file() or (raw / name).read_bytes() != data:
-            files.write(raw / name, data)
+        _put_here(raw / name, new[name])
         size, put = marks[name]
         settled = now - put > _FRESH_S
-        copied[name] = [size, put if settled else None, files.sha256(data)]
+        copied[name] = [size, put if settled else None, files.sha256(new[name])]
     for name in gone:
         with files.writing(raw / name):
             (raw / name).unlink(missing_ok=True)
         del copied[name]
+
+
+def _put_here(path: Path, data: bytes) -> None:
+    """Write a copy, unless it is here; a new time would be a new campaign."""
+    if not path.is_file() or path.read_bytes() != data:
+        files.write(path, data)
 
 
 def _ours_to_change(path: Path, copied: list[Any] | None, data: bytes | None) -> bool:

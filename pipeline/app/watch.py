@@ -7,8 +7,6 @@ campaign that cannot be read makes a run happen twice.
 from __future__ import annotations
 
 import json
-import signal
-import sys
 import time
 import urllib.error
 import urllib.request
@@ -175,11 +173,6 @@ def _posted(address: str, content: dict[str, str | None]) -> bool:
             return True
     except (urllib.error.URLError, OSError):
         return False
-
-
-def stop_on_sigterm() -> None:
-    """End as an ordinary exit on SIGTERM, so that everything is put away."""
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
 
 
 def watch(root: Path, preferences: Preferences) -> Iterator[Outcome]:

@@ -6,8 +6,9 @@ import contextlib
 import errno
 import hashlib
 import os
+import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from pipeline.base.errors import CannotWrite
@@ -67,6 +68,36 @@ def _write(path: Path, data: bytes) -> None:
     except BaseException:
         with contextlib.suppress(FileNotFoundError):
             os.unlink(temporary)
+        raise
+
+
+def place(folder: Path, content: Mapping[str, bytes]) -> None:
+    """Put a whole folder in its place in one step; an old one of that name goes.
+
+    Raises:
+        CannotWrite: The disk refuses; the old folder is still there.
+    """
+    with writing(folder):
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        # not beside the folder, where a half-written one would count
+        temporary = Path(tempfile.mkdtemp(dir=folder.parent.parent, prefix=f".{folder.name}."))
+        try:
+            for name, data in content.items():
+                write(temporary / "new" / name, data)
+            _replace(folder, temporary)
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _replace(folder: Path, temporary: Path) -> None:
+    replaced = folder.exists()
+    if replaced:
+        os.rename(folder, temporary / "old")
+    try:
+        os.rename(temporary / "new", folder)
+    except OSError:
+        if replaced:
+            os.rename(temporary / "old", folder)
         raise
 
 

@@ -79,15 +79,21 @@ def interval(bounds: Iterable[float | None] | None, std: float | None) -> str:
     """`76.9 to 83.1` in the digits of the uncertainty, or `above 76.9` without an upper limit."""
     low, high = [*(bounds or []), None, None][:2]
     place = _place_of(std) if known(std) and std > 0 else None
-    shown = [
-        (plain(b) if place is None else _at_place(b, place)) if known(b) else None
-        for b in (low, high)
-    ]
-    if None not in shown:
-        return f"{shown[0]} to {shown[1]}"
-    if shown[0] is None and shown[1] is None:
-        return MISSING
-    return f"below {shown[1]}" if shown[0] is None else f"above {shown[0]}"
+    below, above = _limit(low, place), _limit(high, place)
+    match below, above:
+        case None, None:
+            return MISSING
+        case None, _:
+            return f"below {above}"
+        case _, None:
+            return f"above {below}"
+    return f"{below} to {above}"
+
+
+def _limit(bound: float | None, place: int | None) -> str | None:
+    if not known(bound):
+        return None
+    return plain(bound) if place is None else _at_place(bound, place)
 
 
 def plain(value: float | None, significant: int = 3) -> str:

@@ -1,11 +1,15 @@
-"""TOML text to records and back; one record over another."""
+"""TOML text to records and back; one record over another.
+
+Written by hand, because people read and edit these files: the library for it, tomli-w, gives every
+number of a list a line of its own, five lines for a point of the tool.
+"""
 
 from __future__ import annotations
 
 import json
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pipeline.base.errors import InputError
@@ -32,6 +36,12 @@ def merged(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
         both = isinstance(value, Mapping) and isinstance(out.get(key), Mapping)
         out[key] = merged(out[key], value) if both else value
     return out
+
+
+def given(changes: Mapping[str, Any]) -> dict[str, Any]:
+    """What was said of some changes: no entry that is None, no table without entries."""
+    inner = {k: given(v) if isinstance(v, Mapping) else v for k, v in changes.items()}
+    return {key: value for key, value in inner.items() if value is not None and value != {}}
 
 
 def dumps(content: Mapping[str, Any]) -> str:
@@ -64,13 +74,18 @@ def _value(value: Any) -> str:
     if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{_key(k)} = {_value(v)}" for k, v in value.items()) + " }"
     if isinstance(value, list | tuple):
-        long = bool(value) and isinstance(value[0], list | tuple | Mapping)
-        between = ",\n    " if long else ", "
-        inner = between.join(_value(v) for v in value)
-        return f"[\n    {inner},\n]" if long else f"[{inner}]"
+        return _list(value)
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)  # inf, -inf and nan are words of TOML
     return quoted(value) if isinstance(value, str) else json.dumps(value)
+
+
+def _list(values: Sequence[Any]) -> str:
+    """Plain values on one line, rows of a matrix on one line each."""
+    inner = [_value(value) for value in values]
+    if values and isinstance(values[0], list | tuple | Mapping):
+        return "[\n    " + ",\n    ".join(inner) + ",\n]"
+    return f"[{', '.join(inner)}]"
 
 
 def quoted(text: str) -> str:

@@ -20,7 +20,8 @@ from pipeline.diagnosis.blindspots import needed
 from pipeline.diagnosis.isolability import Twins, twins
 from pipeline.diagnosis.nextpose import APART
 from pipeline.machine.cell import Cell, paper_cell, sensitivity
-from pipeline.machine.effects import Effect, Noise, catalogue
+from pipeline.machine.effect import Effect, Noise
+from pipeline.machine.effects import catalogue
 
 _P_EACH = 0.01 / 25
 """False alarms of one cause: 1 % for all, which count as some 25 independent tests."""

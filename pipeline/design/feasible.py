@@ -14,7 +14,8 @@ from pipeline.design.limits import Limits, penalty, slacks
 from pipeline.design.problem import Problem
 from pipeline.design.space import Box
 
-TRIED, FOLLOWED = 2000, 64
+_TRIED, _FOLLOWED = 2000, 64
+"""Random poses, and how many of them, the nearest to the limits, are led inside."""
 
 
 def check_reachable(problem: Problem, rng: np.random.Generator) -> None:
@@ -27,7 +28,7 @@ def check_reachable(problem: Problem, rng: np.random.Generator) -> None:
     Raises:
         InputError: Names the limit that excludes every pose and by how much.
     """
-    start = rng.uniform(size=(TRIED, Box(problem, 1).size))
+    start = rng.uniform(size=(_TRIED, Box(problem, 1).size))
     if _shortfall(problem, problem.limits, start) <= 0:
         return
     for alone in _one_by_one(problem.limits):
@@ -58,7 +59,7 @@ def _shortfall(problem: Problem, limits: Limits, start: Array) -> float:
     room = worst(start)
     if room.max() >= 0:
         return 0.0
-    near = start[np.argsort(-room)[:FOLLOWED]]
+    near = start[np.argsort(-room)[:_FOLLOWED]]
     return max(0.0, -float(worst(descend(function, near, rounds=200).x).max()))
 
 

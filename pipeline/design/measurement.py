@@ -36,6 +36,11 @@ class Measurement(Locked):
         """All poses have the same load steps."""
         return len({tuple(steps) for steps in self.steps}) == 1
 
+    @property
+    def hardest_n(self) -> float:
+        """The largest force of all load steps [N]."""
+        return max(float(np.abs(steps).max()) for steps in self.steps)
+
 
 def of_plan(problem: Problem, plan: Plan) -> Measurement:
     """The measurement of a plan: every pose with all steps, approached across its pull."""

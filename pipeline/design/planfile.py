@@ -7,34 +7,36 @@ from typing import Any
 import numpy as np
 
 from pipeline.base import toml
+from pipeline.design.made import figures, printed
 from pipeline.design.propose import Proposal
 from pipeline.machine.instrument import InstrumentNoise
 
+MADE_BY = "# Made by `pipeline design"
+"""How a plan begins that a new design may replace."""
+
 _HEADER = """\
-# Made by `pipeline design {problem}`: {figure}.
+{made_by} {name}`: {figure}.
 # Rehearse it:        pipeline simulate {file}
 # Prepare its folder: pipeline init {name} --plan {file}
 """
 
 
-def plan_text(proposal: Proposal, file: str, figure: str) -> str:
+def plan_text(proposal: Proposal, file: str) -> str:
     """The plan as TOML, joint values in m and degrees.
 
     Args:
         proposal: What was designed.
         file: Where the plan will be, for the commands in its header.
-        figure: The criterion in words.
     """
-    spec = proposal.problem.spec
-    header = _HEADER.format(problem=spec.name, figure=figure, file=file, name=spec.name)
+    name = proposal.problem.spec.name
+    header = _HEADER.format(made_by=MADE_BY, name=name, figure=figures(proposal), file=file)
     return header + toml.dumps(plan_content(proposal))
 
 
 def plan_content(proposal: Proposal) -> dict[str, Any]:
     """The entries of the plan; what the problem does not say keeps the simulator's default."""
     spec, measurement = proposal.problem.spec, proposal.measurement
-    slides = proposal.problem.robot.prismatic
-    q = np.where(slides, measurement.q, np.rad2deg(measurement.q)).round(6)
+    q = printed(proposal.problem, measurement.q)
     content: dict[str, Any] = {
         "name": spec.name,
         "robot": spec.robot,

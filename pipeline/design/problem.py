@@ -16,11 +16,12 @@ from pipeline.design.limits import Limits
 from pipeline.design.scatter import Beam, Scatter
 from pipeline.design.spec import ProblemFile, Range
 from pipeline.machine.cell import Tool, jacobian, paper_cell
-from pipeline.machine.effects import Pulls
+from pipeline.machine.effect import Pulls
 from pipeline.machine.instrument import PAPER_SHARE, PAPER_SIGMA_M, InstrumentNoise
 from pipeline.machine.robot import Robot, configure
 
 _G_N_PER_KG = 9.81
+"""Weight of a kilogram [N], in as many digits as a payload has."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array
 from pipeline.design.information import Experiment, station
-from pipeline.machine.effects import Pulls
+from pipeline.machine.effect import Pulls
 
 READING_S, TIGHTEN_S, POSE_S = 8.0, 60.0, 120.0
 """One reading, tightening or slackening the chain, driving to the next pose."""

@@ -427,7 +427,7 @@ def _odds(case: Case, now: Scores, rest: Sequence[int], least: float = 1e-3) -> 
         share = special.softmax(now.log_evidence[forms])
         shares.append(tuple(zip(forms, share.tolist(), strict=True)))
     probability = special.softmax(np.array(logs))
-    ranked = np.argsort(-np.round(probability, 9), kind="stable")  # twins in the catalogue's order
+    ranked = np.argsort(-np.round(logs, 6), kind="stable")  # twins in the catalogue's order
     order = [i for i in ranked if probability[i] >= least]
     return tuple(Rival(labels[i], best[i], float(probability[i]), shares[i]) for i in order)
 

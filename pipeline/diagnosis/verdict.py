@@ -12,7 +12,7 @@ from enum import StrEnum
 from itertools import combinations
 
 from pipeline.diagnosis.facts import Cause, Facts
-from pipeline.machine.effects import same_element
+from pipeline.machine.effect import same_element
 from pipeline.system.system import SOFT
 
 CERTAIN = 0.95

@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 
 from pipeline.base.arrays import Array, Ints, Locked, Parameter, Strings
-from pipeline.machine.effects import (
+from pipeline.machine.effect import (
     Effect,
     Elastic,
     Geometry,
@@ -22,8 +22,8 @@ from pipeline.machine.effects import (
     Pulls,
     Reflectors,
     Wrench,
+    linear,
 )
-from pipeline.machine.effects import baseline as baseline_effects
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.configuration import cross, torque, velocity
 
@@ -97,9 +97,33 @@ class Prediction(Locked):
     load_point: Array
 
 
+def baseline(robot: Robot) -> tuple[Elastic, ...]:
+    """One linear spring per joint, Eqs. (3), (5): one effect with the parameters x of Eq. (6)."""
+    return (
+        Elastic(
+            name="joint_compliance",
+            noun="stiffness of the joint",
+            place="joint",
+            where=None,
+            parameters=tuple(
+                Parameter(
+                    f"c_{joint.name}", joint.compliance_unit, 1 / joint.typical_stiffness, 0.0
+                )
+                for joint in robot.joints
+            ),
+            signature="every joint gives way about its own axis in proportion to its torque",
+            needs="poses whose pull turns every joint",
+            source="Eqs. (3) to (7)",
+            carrier=tuple(range(1, robot.n + 1)),
+            twists=lambda loaded: loaded.configuration.twists,
+            response=linear,
+        ),
+    )
+
+
 def paper_cell(robot: Robot, tool: Tool) -> Cell:
     """The paper's model of a robot: its joint springs and nothing else."""
-    return Cell(robot, tool, baseline_effects(robot))
+    return Cell(robot, tool, baseline(robot))
 
 
 def load(cell: Cell, pulls: Pulls, values: Array) -> Loaded:

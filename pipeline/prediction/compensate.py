@@ -57,6 +57,15 @@ class Compensation(Locked):
     left: Array
     std: Array
 
+    @property
+    def summary(self) -> str:
+        """How far the tip is off before and after, in one sentence."""
+        return (
+            f"{len(self.left)} points: the load moves the tip by up to "
+            f"{1e3 * self.deflection.max():.3f} mm; with the offsets the model leaves "
+            f"{1e3 * self.left.max():.4f} mm, known to ±{2e3 * self.std.max():.3f} mm (95 %)."
+        )
+
 
 def read(name: str, data: bytes, robot: Robot) -> Path:
     """A path: pose, the columns of joints.csv, and fx_n, fy_n, fz_n in F_b.

@@ -19,7 +19,8 @@ from pipeline.base.errors import InputError
 from pipeline.diagnosis.average import average
 from pipeline.machine.cell import Cell, Prediction, Tool, jacobian, paper_cell
 from pipeline.machine.cell import predict as forward
-from pipeline.machine.effects import Effect, Noise, Observation, Pulls, Wrench, catalogue
+from pipeline.machine.effect import Effect, Noise, Observation, Pulls, Wrench
+from pipeline.machine.effects import catalogue
 from pipeline.machine.effects.nameless import nameless
 from pipeline.machine.robot import Joint, Robot
 from pipeline.machine.robot.mdh import parse as parse_robot
@@ -459,13 +460,14 @@ def _joint(root: ET.Element, name: str, parent: str, child: str, at: Array) -> E
     return element
 
 
+_FAR = 1e6
+"""Stands for infinity in a URDF [m], [rad], [N], [N m], [m/s] or [rad/s]."""
+
+
 def _limits(element: ET.Element, lower: float, upper: float) -> None:
     """URDF wants finite limits, of effort and velocity too, which a robot file does not have."""
     ends = {"lower": max(lower, -_FAR), "upper": min(upper, _FAR), "effort": _FAR, "velocity": _FAR}
     ET.SubElement(element, "limit", {name: repr(float(end)) for name, end in ends.items()})
-
-
-_FAR = 1e6
 
 
 def _elasticity(element: ET.Element, handed: Model, j: int) -> None:

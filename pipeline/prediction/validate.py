@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
-from pipeline.base.arrays import Array, Bools
+from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.machine.cell import Cell, columns, load
-from pipeline.machine.effects import Elastic, Pulls
+from pipeline.machine.effect import Elastic, Pulls
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.system.system import Estimate
 
@@ -45,30 +46,59 @@ def validate(
         "test_pose": _around(cell, test, rng, poses),
         "global": rng.uniform(*_limits(cell), (poses, cell.robot.n)),
     }
-    elastic = [_elastic(one.cell) for one in hypotheses]
-    values = [one.estimate.value[mine] for one, mine in zip(hypotheses, elastic, strict=True)]
     drawn = {
         "covariance": [_full(one.estimate, rng, poses) for one in hypotheses],
         "independent": [_each(one.estimate, cell.robot.n, rng, poses) for one in hypotheses],
     }
-    weights = np.array([one.weight for one in hypotheses])
-    several = len(weights) > 1
-    true = rng.choice(len(weights), poses, p=weights) if several else np.zeros(poses, np.int64)
+    true = _true(hypotheses, rng, poses)
     out = []
     for name, q in sets.items():
         force = np.broadcast_to(test.force, (poses, 3))
-        A = [deflections(one.cell, q, force) for one in hypotheses]
-        each = [a @ x for a, x in zip(A, values, strict=True)]
-        mean = sum(w * moved for w, moved in zip(weights, each, strict=True))
+        predictions = [_Prediction.of(one, q, force) for one in hypotheses]
+        mean = sum(one.weight * one.mean for one in predictions)
         for kind, draws in drawn.items():
-            moved = [
-                np.einsum("mtik,mk->mti", a, x[:, mine] - value) + nominal - mean
-                for a, x, mine, value, nominal in zip(A, draws, elastic, values, each, strict=True)
-            ]
-            wrong = np.stack(moved)[true, np.arange(poses)]
+            moved = [one.of_draw(x) for one, x in zip(predictions, draws, strict=True)]
+            wrong = np.stack(moved)[true, np.arange(poses)] - mean
             mu = np.linalg.norm(wrong, axis=2) / np.linalg.norm(mean, axis=2)
             out.append(_table(name, kind, mu, list(cell.tool.targets)))
     return pd.concat(out, ignore_index=True)
+
+
+def _true(hypotheses: Sequence[Hypothesis], rng: np.random.Generator, poses: int) -> Ints:
+    """Which hypothesis is true at each pose, shape (m,); one alone draws nothing."""
+    weights = [one.weight for one in hypotheses]
+    several = len(weights) > 1
+    return rng.choice(len(weights), poses, p=weights) if several else np.zeros(poses, np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class _Prediction(Locked):
+    """What one hypothesis says of the deflections at some poses.
+
+    Attributes:
+        weight: Its probability.
+        A: Of Eq. (7), shape (m, t, 3, k), for what yields under load.
+        mine: Which of its parameters that are.
+        value: Their estimate, shape (k,).
+        mean: The deflections [m], shape (m, t, 3).
+    """
+
+    weight: float
+    A: Array
+    mine: Bools
+    value: Array
+    mean: Array
+
+    @staticmethod
+    def of(one: Hypothesis, q: Array, force: Array) -> _Prediction:
+        """At joint values q (m, n) under force (m, 3)."""
+        A, mine = deflections(one.cell, q, force), _elastic(one.cell)
+        value = one.estimate.value[mine]
+        return _Prediction(one.weight, A, mine, value, A @ value)
+
+    def of_draw(self, x: Array) -> Array:
+        """Deflections with a draw of all parameters of its own at each pose, shape (m, t, 3)."""
+        return np.einsum("mtik,mk->mti", self.A, x[:, self.mine] - self.value) + self.mean
 
 
 def _elastic(cell: Cell) -> Bools:

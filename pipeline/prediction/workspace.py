@@ -10,7 +10,7 @@ import pandas as pd
 
 from pipeline.base.arrays import Array, Bools
 from pipeline.machine.cell import Cell, Tool, jacobian, predict
-from pipeline.machine.effects import Pulls
+from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.prediction.model import Hypothesis
 from pipeline.reduction.pose_of_interest import Where

@@ -10,7 +10,7 @@ import pandas as pd
 from pipeline import tables
 from pipeline.base import covariance
 from pipeline.base.arrays import Array, Ints, Locked, Strings
-from pipeline.machine.effects import Pulls
+from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import Robot
 
 _FORCE = ["fx_n", "fy_n", "fz_n"]

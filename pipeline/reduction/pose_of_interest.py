@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.base.arrays import Array
-from pipeline.machine.effects import Pulls
+from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import Robot
 from pipeline.reduction.settings import TestPose
 

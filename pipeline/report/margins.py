@@ -1,12 +1,13 @@
 """Room around the plots of a figure for what is written there, measured once.
 
-Matplotlib's constrained layout draws every label several times to find this room, a
-third of a report's time. Here each label is measured by its letters alone.
+Matplotlib's constrained layout gives the same pictures, but it measures every label several times:
+all figures of a report then take 1.45 times as long to draw, twice as long without the coarser
+ticks. Here each label is measured once, by its letters alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis, XAxis
 from matplotlib.figure import Figure as Canvas
+from matplotlib.gridspec import GridSpecBase
 from matplotlib.layout_engine import LayoutEngine
 from matplotlib.text import Text
 from matplotlib.textpath import text_to_path
@@ -22,6 +24,7 @@ from matplotlib.ticker import AutoLocator
 _POINTS = 72.0
 """To the inch; all lengths here are points."""
 _EDGE = 4.0
+"""Between what is written and the edge of the figure."""
 _GAP = 6.0
 """Between plots side by side or one above the other."""
 _MOST_ROOM = 0.75
@@ -31,6 +34,9 @@ LINE = 1.25
 _TICK_PAD = 3.5
 """Matplotlib's own, from a plot to the labels of its ticks."""
 _LABEL_PAD = 4.5
+"""Between the labels of the ticks and the label of their axis."""
+_PLOT_SHARE = 0.7
+"""Of a column, about what its plot gets; only labels that reach beyond the ends need it."""
 _STEPS = 6
 """At most so many steps on an axis that chooses its own: enough to read, and each costs time."""
 
@@ -68,24 +74,13 @@ class Margins(LayoutEngine):
         width, height = _POINTS * fig.get_size_inches()
         cells = {a: spec for a in fig.axes if (spec := a.get_subplotspec()) is not None}
         grid = next(iter(cells.values())).get_gridspec()
-        for axes in cells:
-            _coarsen(axes.xaxis, grid.ncols)
-            _coarsen(axes.yaxis, grid.nrows)
-        rooms = {axes: _room(axes, 0.7 * width / grid.ncols) for axes in cells}
+        rooms = _rooms(cells, grid, width)
         in_column = [[a for a in cells if cells[a].colspan.start == k] for k in range(grid.ncols)]
         in_row = [[a for a in cells if cells[a].rowspan.start == k] for k in range(grid.nrows)]
-        columns = _spans(
-            width,
-            [max(rooms[a].left for a in line) for line in in_column],
-            [max(rooms[a].right for a in line) for line in in_column],
-            grid.get_width_ratios(),
-        )
-        rows = _spans(
-            height - self._below,
-            [max(rooms[a].top + self._above.get(a, 0.0) for a in line) for line in in_row],
-            [max(rooms[a].bottom for a in line) for line in in_row],
-            grid.get_height_ratios(),
-        )
+        beside = [[(rooms[a].left, rooms[a].right) for a in line] for line in in_column]
+        above = [[(self._top(a), rooms[a].bottom) for a in line] for line in in_row]
+        columns = _spans(width, beside, grid.get_width_ratios())
+        rows = _spans(height - self._below, above, grid.get_height_ratios())
         for axes, cell in cells.items():
             (left, wide), (top, high) = columns[cell.colspan.start], rows[cell.rowspan.start]
             bottom = height - top - high
@@ -97,6 +92,9 @@ class Margins(LayoutEngine):
             middle = _middle(axes.yaxis, bottom, high, height)
             axes.yaxis.set_label_coords(1 + aside if _on_right(axes) else -aside, middle)
 
+    def _top(self, axes: Axes) -> float:
+        return _EDGE + self._above.get(axes, 0.0)
+
 
 @dataclass(frozen=True)
 class _Room:
@@ -105,9 +103,16 @@ class _Room:
     left: float
     right: float
     bottom: float
-    top: float
     x_ticks: float
     y_ticks: float
+
+
+def _rooms(cells: Iterable[Axes], grid: GridSpecBase, width: float) -> dict[Axes, _Room]:
+    """What each plot needs, once all of them have the steps that they keep."""
+    for axes in cells:
+        _coarsen(axes.xaxis, grid.ncols)
+        _coarsen(axes.yaxis, grid.nrows)
+    return {axes: _room(axes, _PLOT_SHARE * width / grid.ncols) for axes in cells}
 
 
 def _room(axes: Axes, wide: float) -> _Room:
@@ -116,7 +121,7 @@ def _room(axes: Axes, wide: float) -> _Room:
     side = _EDGE + y_ticks + _label(axes.yaxis)
     left, right = (_EDGE, side) if _on_right(axes) else (side, _EDGE)
     bottom = _EDGE + x_ticks + _label(axes.xaxis)
-    return _Room(max(left, low), max(right, high), bottom, _EDGE, x_ticks, y_ticks)
+    return _Room(max(left, low), max(right, high), bottom, x_ticks, y_ticks)
 
 
 def _coarsen(axis: Axis, plots: int) -> None:
@@ -130,14 +135,14 @@ def _on_right(axes: Axes) -> bool:
 
 
 def _spans(
-    whole: float, before: Sequence[float], after: Sequence[float], ratios: Any
+    whole: float, around: Sequence[Sequence[tuple[float, float]]], ratios: Any
 ) -> list[tuple[float, float]]:
-    """Start and length of every column or row [pt]."""
-    first, last = np.asarray(before), np.asarray(after)
+    """Start and length of every column or row, from what its plots need before and after [pt]."""
+    first, last = np.array([np.max(line, axis=0) for line in around]).T
     share = min(1.0, _MOST_ROOM * whole / (first + last + _GAP).sum())
-    around = share * (first + last + _GAP)
-    length = (whole + share * _GAP - around.sum()) * np.asarray(ratios) / np.sum(ratios)
-    start = share * first + np.concatenate([[0.0], np.cumsum(around + length)[:-1]])
+    taken = share * (first + last + _GAP)
+    length = (whole + share * _GAP - taken.sum()) * np.asarray(ratios) / np.sum(ratios)
+    start = share * first + np.concatenate([[0.0], np.cumsum(taken + length)[:-1]])
     return list(zip(start.tolist(), length.tolist(), strict=True))
 
 

@@ -2,7 +2,7 @@
 
 from pipeline.simulate.campaign import RawCampaign, prepared, raw_files, readings, simulate, truth
 from pipeline.simulate.hidden import Planted, plant
-from pipeline.simulate.plan import Plan, parse, revised
+from pipeline.simulate.plan import Plan, parse, revised, with_noise
 from pipeline.simulate.scene import Draws, Scene, build, draw
 
 __all__ = [
@@ -21,4 +21,5 @@ __all__ = [
     "revised",
     "simulate",
     "truth",
+    "with_noise",
 ]

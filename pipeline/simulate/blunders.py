@@ -19,6 +19,8 @@ from pipeline.readers import Readings
 from pipeline.simulate._words import amounts, parts
 
 KGF_N, LBF_N, INCH_M = 9.80665, 4.4482216152605, 0.0254
+"""Newtons in a kilogram-force and a pound-force, metres in an inch; all exact by definition."""
+
 _SISTER = {"kr500_rail": "kr500_rail_kuka", "kr500_rail_kuka": "kr500_rail"}
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import itertools
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import timedelta
 from typing import Any
@@ -21,6 +22,9 @@ from pipeline.simulate.hidden import Planted, blunders
 from pipeline.simulate.noise import stated_covariance
 from pipeline.simulate.plan import Plan
 from pipeline.simulate.scene import Draws, Scene, build, draw
+
+CHAIN = ["Pl1", "Pl2"]
+"""Reflectors on the chain, which show where it pulls."""
 
 
 @dataclass(frozen=True)
@@ -156,30 +160,8 @@ def _assignment(readings: Readings) -> bytes:
 
 def readings(scene: Scene, draws: Draws, which: int = 0) -> Readings:
     """All readings of one drawn campaign in the order in which they were taken."""
-    plan, m = scene.plan, len(scene.pulls)
-    base, zeros = list(plan.base_frame), draws.zero.shape[2]
-    after = np.bincount(scene.pose_of) + 1
-    wide = max(2, len(str(len(scene.anchor))))
-    names = [f"pose{p + 1:0{wide}d}_rep" for p in range(len(scene.anchor))]
-    group = [
-        *(name for name in ("base_start", "base_end") for _ in base),
-        *(
-            f"{name}{(0, last)[z]}_unloaded"
-            for name, last in zip(names, after, strict=True)
-            for z in range(zeros)
-            for _ in plan.targets
-        ),
-        *(
-            f"{names[p]}{repeat}_loaded"
-            for p, repeat in zip(scene.pose_of, scene.pulls.repeat, strict=True)
-            for _ in range(len(plan.targets) + 2)
-        ),
-    ]
-    target = [
-        *base * 2,
-        *plan.targets * (len(scene.anchor) * zeros),
-        *[*plan.targets, "Pl1", "Pl2"] * m,
-    ]
+    plan = scene.plan
+    named = [*_base_names(plan), *_unloaded_names(scene), *_loaded_names(scene)]
     loaded = np.concatenate([draws.loaded[which], draws.chain[which]], axis=1)
     xyz = np.concatenate([a.reshape(-1, 3) for a in (draws.base[which], draws.zero[which], loaded)])
     times = (scene.schedule.base, scene.schedule.zero, scene.schedule.loaded)
@@ -187,12 +169,37 @@ def readings(scene: Scene, draws: Draws, which: int = 0) -> Readings:
     order = np.argsort(time, kind="stable")
     stated = stated_covariance(plan.tracker.model, xyz[order]) if plan.tracker.stated else None
     return Readings(
-        group=[group[i] for i in order],
-        target=[target[i] for i in order],
+        group=[named[i][0] for i in order],
+        target=[named[i][1] for i in order],
         position=xyz[order],
         time=[plan.clock.start + timedelta(seconds=float(t)) for t in time[order]],
         covariance=stated,
     )
+
+
+def _base_names(plan: Plan) -> Iterator[tuple[str, str]]:
+    """Group and target of every base reading; as below, in the order of the draws."""
+    return itertools.product(("base_start", "base_end"), plan.base_frame)
+
+
+def _unloaded_names(scene: Scene) -> Iterator[tuple[str, str]]:
+    """Before the pulls the group has the number 0, after them one more than the last pull."""
+    after = np.bincount(scene.pose_of) + 1
+    for pose, last in zip(_pose_names(scene), after, strict=True):
+        for number in (0, last)[: scene.schedule.zero.shape[1]]:
+            yield from ((f"{pose}{number}_unloaded", target) for target in scene.plan.targets)
+
+
+def _loaded_names(scene: Scene) -> Iterator[tuple[str, str]]:
+    names = _pose_names(scene)
+    for pose, repeat in zip(scene.pose_of, scene.pulls.repeat, strict=True):
+        targets = [*scene.plan.targets, *CHAIN]
+        yield from ((f"{names[pose]}{repeat}_loaded", target) for target in targets)
+
+
+def _pose_names(scene: Scene) -> list[str]:
+    wide = max(2, len(str(len(scene.anchor))))
+    return [f"pose{number:0{wide}d}_rep" for number in range(1, len(scene.anchor) + 1)]
 
 
 def _loads(scene: Scene, reading_n: Array) -> bytes:
@@ -227,7 +234,7 @@ def _campaign_toml(plan: Plan, robot: str) -> bytes:
         "name": plan.name,
         "robot": robot if robot in SHIPPED else "robot.toml",
         "tracker": tracker,
-        "naming": {"measured": plan.targets, "chain": ["Pl1", "Pl2"]},
+        "naming": {"measured": plan.targets, "chain": CHAIN},
         "base_frame": plan.base_frame,
         "scale": {
             "file": "loads.csv",

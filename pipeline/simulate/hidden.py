@@ -8,7 +8,8 @@ from difflib import get_close_matches
 
 from pipeline.base.arrays import Array, Locked
 from pipeline.base.errors import UsageError
-from pipeline.machine.effects import Effect, catalogue
+from pipeline.machine.effect import Effect
+from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import Robot
 from pipeline.simulate._words import amounts, parts
 from pipeline.simulate.blunders import BLUNDERS, Committed, commit

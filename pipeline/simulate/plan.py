@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
-from pipeline.base.errors import InputError, first_wrong
+from pipeline.base.errors import InputError, UsageError, first_wrong
 from pipeline.base.strict import NotNegative, Positive, Strict
 from pipeline.base.toml import loads, merged
 from pipeline.machine.instrument import InstrumentNoise
@@ -255,6 +255,32 @@ def parse(text: str, file: str = "plan.toml") -> Plan:
         InputError: Not TOML, an unknown word or a value out of range; names the place.
     """
     return _validated(loads(text, file), file)
+
+
+_INSTRUMENT = {
+    "range_m": 8e-6,
+    "range_per_m": 0.3e-6,
+    "transverse_m": 7.5e-6,
+    "transverse_per_m": 3e-6,
+}
+"""Half the MPE of an AT500-class tracker, the usual size of its standard uncertainty."""
+
+
+def with_noise(plan: Plan, word: str) -> Plan:
+    """The plan with the tracker's noise as typed: `paper`, `instrument`, or m per axis.
+
+    Raises:
+        UsageError: It is none of these.
+        InputError: The number is out of range.
+    """
+    named = {"paper": "paper", "instrument": _INSTRUMENT}
+    try:
+        sigma_m = None if word in named else float(word)
+    except ValueError as problem:
+        raise UsageError(
+            f'"{word}" is no noise: write paper, instrument, or metres per axis like 3e-5'
+        ) from problem
+    return revised(plan, {"tracker": {"noise": named.get(word), "sigma_m": sigma_m}})
 
 
 def revised(plan: Plan, changes: dict[str, Any]) -> Plan:

@@ -10,12 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.base.errors import InputError
 from pipeline.machine import cell as forward
 from pipeline.machine.cell import Cell, Tool
-from pipeline.machine.effects import Noise, Observation, Pulls
+from pipeline.machine.effect import Noise, Observation, Pulls
 from pipeline.machine.poses import (
     default_anchors,
     draw_poses,
@@ -300,12 +301,8 @@ def _schedule(plan: Plan, count: Ints) -> Schedule:
 
 def _axes(plan: Plan) -> Array:
     """Axes of the tracker's frame in F_b: yaw about z, then pitch about y, then roll about x."""
-    at = np.deg2rad([plan.tracker.yaw_deg, plan.tracker.pitch_deg, plan.tracker.roll_deg])
-    (cy, cp, cr), (sy, sp, sr) = np.cos(at), np.sin(at)
-    yaw = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
-    pitch = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-    roll = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-    return yaw @ pitch @ roll
+    at = [plan.tracker.yaw_deg, plan.tracker.pitch_deg, plan.tracker.roll_deg]
+    return Rotation.from_euler("ZYX", at, degrees=True).as_matrix()
 
 
 def _aimed(pulls: Pulls, size: Array, load_point: Array, anchor: Array) -> Pulls:

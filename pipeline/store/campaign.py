@@ -37,6 +37,7 @@ _LIBRARIES = ("numpy", "scipy", "pandas", "pyarrow", "pin", "prefect", "matplotl
 MANIFEST = "manifest.json"
 _REJECTION = "rejection.json"
 LARGEST_FILE = 4 * 2**30
+"""Bytes; files are read whole into memory."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.machine.cell import Cell, jacobian, load, predict, sensitivity
-from pipeline.machine.effects import Effect, Loaded
+from pipeline.machine.effect import Effect, Loaded
 from pipeline.machine.robot.configuration import rotation_about, velocity
 from pipeline.reduction.measured import Measured
 from pipeline.system.assemble import assemble

@@ -18,7 +18,7 @@ from scipy import special
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.machine.cell import load
-from pipeline.machine.effects import Effect, same_element
+from pipeline.machine.effect import Effect, same_element
 from pipeline.system.elimination import coefficients
 from pipeline.system.linearised import Model, Sight, accepted_columns, owners
 from pipeline.system.system import SOFT, Errors, Rows

@@ -32,22 +32,31 @@ def init(
         raise UsageError("the campaign has no name: write `pipeline init NAME`")
     if name is None:
         name = str(typer.prompt(f"Name of the campaign ({blank.NAME})", err=True))
-    blank.vacant(root, name)
-    if plan is not None:
-        from pipeline.app import virtual
+    folder = blank.vacant(root, name)
+    if plan is None:
+        _blank(root, name, robot, ask)
+    elif robot is None:
+        from pipeline.app.commands.simulate import prepare
 
-        if robot is not None:
-            raise UsageError("the plan names its robot: leave out --robot, or --plan")
-        typer.echo(virtual.prepare(root, name, plan))
-        return
+        prepare(folder, plan)
+        typer.echo(folder)
+    else:
+        raise UsageError("the plan names its robot: leave out --robot, or --plan")
+
+
+def _blank(root: Path, name: str, robot: str | None, ask: bool) -> None:
+    """A folder to be filled in by hand, with what is known or asked."""
+    from pipeline.app import blank
+
     if robot is None and ask:
         robot = typer.prompt(f"Robot ({blank.robots()}, or a file)", "kr500_rail", err=True)
-    blank.known(root, name, robot or "kr500_rail")
-    known = {
+    robot = robot or "kr500_rail"
+    blank.known(root, name, robot)
+    sizes = {
         key: _size(f"{what} [{unit}]", default) if ask else default
         for key, (what, unit, default) in blank.ASKED.items()
     }
-    typer.echo(blank.init(root, name, robot or "kr500_rail", **known))
+    typer.echo(blank.init(root, name, robot, **sizes))
     at_work(
         f"Fill in campaign.toml, copy the files it names beside it, then: pipeline check {name}"
     )
@@ -151,16 +160,16 @@ def report(
     root: Root = Path(),
 ) -> None:
     """Bring a campaign's report up to date and say where it is; with --format text, print it."""
-    from pipeline.app import answers
+    from pipeline.app import shell
 
     if form not in ("html", "pdf", "json", "text"):
         raise UsageError(f'there is no format "{form}": use html, pdf, json or text')
     if form == "text":
         if campaign is None:
             raise UsageError("name the campaign whose report you want as text")
-        typer.echo(answers.report_text(root, campaign), nl=False)
+        typer.echo(shell.report_text(root, campaign), nl=False)
         return
-    path = answers.report(root, campaign, form)
+    path = shell.report(root, campaign, form)
     typer.echo(path)
     if opened:
         open_it(path)
@@ -180,37 +189,12 @@ def compare(
     root: Root = Path(),
 ) -> None:
     """Say how the stiffnesses of two campaigns, or of two models of one, differ."""
-    from pipeline.app import answers
+    from pipeline.app import compare as comparing
 
-    outcome, path = answers.compare(root, first, second)
+    outcome, path = comparing.compare(root, first, second)
     show(outcome, as_json)
     if path is None:
         raise typer.Exit(outcome.exit_code)
     typer.secho(path, err=True)
     if opened:
         open_it(path)
-
-
-@app.command(short_help="Write offsets that cancel the deflection along a path.")
-def compensate(
-    campaign: Named,
-    path: Annotated[
-        Path,
-        typer.Argument(metavar="PATH", help="CSV: pose, joint values, fx_n, fy_n, fz_n per row."),
-    ],
-    tip: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option(help="Tool tip in the flange frame [m]; else the campaign's load point."),
-    ] = None,
-    output: Annotated[
-        Path | None, typer.Option(help="Where to; PATH-compensation.csv beside the path.")
-    ] = None,
-    root: Root = Path(),
-) -> None:
-    """Write offsets that cancel the deflection along a path."""
-    from pipeline.app import correction
-
-    written = correction.compensate(root, campaign, path, tip, output)
-    typer.echo(written.path)
-    for line in written.remarks:
-        typer.secho(line, err=True)

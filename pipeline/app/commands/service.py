@@ -28,13 +28,13 @@ def serve(
 
     wanted = _preferred(root, interval_s=interval, cron=cron, port=port)
     every = f"at {wanted.service.cron}" if wanted.service.cron else _every(wanted)
+    with service.up(root, wanted.service.port) as urls:
+        from pipeline.app import flow  # after Prefect's settings are made
 
-    def started(urls: dict[str, str]) -> None:
         typer.echo(f"{urls['page']}  Prefect's page: runs, results, logs")
         typer.echo(f"{urls['reports']}  the reports")
         typer.secho(f"Looking at {root / 'data' / 'raw'} {every}; Ctrl-C stops.", err=True)
-
-    service.serve(root, wanted, started)
+        flow.serve(root.resolve(), wanted)
 
 
 @app.command(short_help="Run new campaigns by themselves, without Prefect.")
@@ -44,10 +44,11 @@ def watch(
     root: Root = Path(),
 ) -> None:
     """Run new campaigns by themselves, without Prefect."""
+    from pipeline.app import processes
     from pipeline.app import watch as watching
 
     wanted = _preferred(root, interval_s=interval)
-    watching.stop_on_sigterm()
+    processes.stop_on_sigterm()
     where = root / "data" / "raw"
     typer.secho(f"Looking at {where} {_every(wanted)}; Ctrl-C stops.", err=True)
     for outcome in watching.watch(root, wanted):
@@ -65,7 +66,11 @@ def deploy(
     from pipeline.app import service
 
     wanted = _preferred(root, interval_s=interval, cron=cron)
-    typer.echo(service.deploy(root, pool, wanted))
+    service.join(root)
+    from pipeline.app import flow  # after Prefect's settings are made
+
+    flow.deploy(root.resolve(), pool, wanted)
+    typer.echo(f"prefect worker start --pool {pool}")
 
 
 @app.command(short_help="Say what is missing on this machine, and how to get it.")

@@ -2,6 +2,18 @@
 
 from collections.abc import Callable
 
+from pipeline.machine.effect import (
+    Compound,
+    Effect,
+    Elastic,
+    Geometry,
+    Loaded,
+    Noise,
+    Observation,
+    Pulls,
+    Reflectors,
+    Wrench,
+)
 from pipeline.machine.effects import (
     base_rotation,
     chain_offset,
@@ -9,7 +21,6 @@ from pipeline.machine.effects import (
     compensator,
     force_noise,
     gravity_sag,
-    joint_compliance,
     joint_hardening,
     joint_hysteresis,
     joint_lost_motion,
@@ -31,19 +42,6 @@ from pipeline.machine.effects import (
     tracker_drift,
     tracker_noise,
     wrist_coupling,
-)
-from pipeline.machine.effects._effect import (
-    Compound,
-    Effect,
-    Elastic,
-    Geometry,
-    Loaded,
-    Noise,
-    Observation,
-    Pulls,
-    Reflectors,
-    Wrench,
-    same_element,
 )
 from pipeline.machine.robot import Robot
 
@@ -79,11 +77,6 @@ CATALOGUE: tuple[Callable[[Robot], tuple[Effect, ...]], ...] = (
 """What the paper's model does not know; each entry gives an effect for every place it can act."""
 
 
-def baseline(robot: Robot) -> tuple[Effect, ...]:
-    """The effects of the paper's model: its joint springs."""
-    return joint_compliance.effects(robot)
-
-
 def catalogue(robot: Robot) -> tuple[Effect, ...]:
     """Every effect that may be missing from the model of this robot."""
     return tuple(effect for entry in CATALOGUE for effect in entry(robot))
@@ -100,7 +93,5 @@ __all__ = [
     "Pulls",
     "Reflectors",
     "Wrench",
-    "baseline",
     "catalogue",
-    "same_element",
 ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.base.arrays import Array
-from pipeline.machine.effects._effect import Loaded
+from pipeline.machine.effect import Loaded
 from pipeline.machine.robot import Robot
 
 _RATED_TWIST_RAD = 1e-3

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
-from pipeline.machine.effects._effect import Compound, Loaded, Observation, Wrench
+from pipeline.machine.effect import Compound, Loaded, Observation, Wrench
 from pipeline.machine.robot import Robot
 
 _PARAMETERS = tuple(Parameter(f"e_{axis}", "rad", 2e-3, -0.1, 0.1) for axis in "xyz")

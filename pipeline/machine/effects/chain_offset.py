@@ -7,8 +7,8 @@ distance between the two; only the part across the pull matters.
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effect import Loaded, Wrench
 from pipeline.machine.effects._anatomy import direction
-from pipeline.machine.effects._effect import Loaded, Wrench
 from pipeline.machine.robot import Robot
 
 

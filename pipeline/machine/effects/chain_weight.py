@@ -10,8 +10,8 @@ from functools import partial
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effect import Loaded, Wrench
 from pipeline.machine.effects._anatomy import direction
-from pipeline.machine.effects._effect import Loaded, Wrench
 from pipeline.machine.robot import Robot
 
 _SIDE = {"scale at the robot": 1.0, "scale amid the chain": 0.0, "scale at the anchor": -1.0}

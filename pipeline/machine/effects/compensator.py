@@ -8,8 +8,8 @@ centre has.
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effect import Elastic, Loaded
 from pipeline.machine.effects._anatomy import arm, compliance, joint_screw
-from pipeline.machine.effects._effect import Elastic, Loaded
 from pipeline.machine.robot import Robot
 
 _HARMONICS = {"one harmonic": (1,), "two harmonics": (1, 2)}

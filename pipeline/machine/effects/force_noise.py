@@ -1,7 +1,7 @@
 """The scale scatters more than stated: its standard uncertainty times 1 + s."""
 
 from pipeline.base.arrays import Parameter
-from pipeline.machine.effects._effect import Noise
+from pipeline.machine.effect import Noise
 from pipeline.machine.robot import Robot
 
 

@@ -4,17 +4,19 @@ Before the pull joint j stands off by c_j tau_g,j; under the pull the torque of 
 the deflection, which adds c_j sum_k G_jk c_k tau_k with G = d tau_g / dq.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effect import Compound, Elastic, Geometry, Loaded, Pulls
 from pipeline.machine.effects._anatomy import arm, turning
-from pipeline.machine.effects._effect import Compound, Elastic, Geometry, Loaded, Pulls
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.configuration import torque
 
 _WEIGHT_OF_1_KG = np.array([0.0, 0.0, -9.80665])
+"""Of a kilogram at the standard acceleration of gravity [N], F_b."""
 
 
 def effects(robot: Robot) -> tuple[Compound, ...]:
@@ -24,66 +26,103 @@ def effects(robot: Robot) -> tuple[Compound, ...]:
         return ()
     shoulder, elbow, wrist = joints
     first = turning(robot)[0]
-    ends = ((shoulder, elbow), (elbow, wrist))
-    chains = tuple(tuple(range(first, near + 1)) for near, _ in ends)
-    said: dict[str, Any] = {
-        "name": "gravity_sag",
-        "noun": "sag under the arm's own weight",
-        "place": "metrology",
-        "shows_unloaded": True,
-        "where": None,
-        "parameters": (
-            Parameter("m_upper_arm", "kg", 500.0, 0.0, 2000.0),
-            Parameter("m_forearm", "kg", 400.0, 0.0, 2000.0),
-        ),
-        "signature": "the unloaded reflectors hang millimetres lower the further the arm reaches; "
-        "the displacements hardly show it",
-        "needs": "the unloaded absolute positions, in F_b, with the tool's coordinates known",
-        "source": "stiffness of a loaded chain, K_C = d tau_g / dq; masses of the links are "
-        "estimates",
-    }
+    upper = _Link(robot, shoulder, elbow, tuple(range(first, shoulder + 1)))
+    masses = _Masses((upper, _Link(robot, elbow, wrist, tuple(range(first, elbow + 1)))))
+    elastic = Elastic(
+        **_SAID,
+        carrier=tuple(joint for link in masses.links for joint in link.chain),
+        twists=masses.twists,
+        response=masses.response,
+        shared=tuple(k for k, link in enumerate(masses.links) for _ in link.chain),
+    )
+    return (Compound(**_SAID, acts=(Geometry(**_SAID, geometry=masses.geometry), elastic)),)
 
-    def middle(configuration: Configuration, link: int) -> Array:
-        near, far = ends[link]
-        return np.asarray((configuration.frame(near)[1] + configuration.frame(far)[1]) / 2)
 
-    def geometry(robot: Robot, pulls: Pulls, values: Array) -> Array:
+_SAID: dict[str, Any] = {
+    "name": "gravity_sag",
+    "noun": "sag under the arm's own weight",
+    "place": "metrology",
+    "shows_unloaded": True,
+    "where": None,
+    "parameters": (
+        Parameter("m_upper_arm", "kg", 500.0, 0.0, 2000.0),
+        Parameter("m_forearm", "kg", 400.0, 0.0, 2000.0),
+    ),
+    "signature": "the unloaded reflectors hang millimetres lower the further the arm reaches; "
+    "the displacements hardly show it",
+    "needs": "the unloaded absolute positions, in F_b, with the tool's coordinates known",
+    "source": "stiffness of a loaded chain, K_C = d tau_g / dq; masses of the links are estimates",
+}
+
+
+@dataclass(frozen=True)
+class _Link:
+    """A point mass in the middle of a link.
+
+    Attributes:
+        robot: The robot it is part of.
+        near: Joint at which the link begins, counted from 1.
+        far: Joint at which it ends.
+        chain: Joints that carry it.
+    """
+
+    robot: Robot
+    near: int
+    far: int
+    chain: tuple[int, ...]
+
+    @property
+    def at(self) -> list[int]:
+        """Where the joints of the chain stand in an array."""
+        return [joint - 1 for joint in self.chain]
+
+    @property
+    def c(self) -> Array:
+        """Nominal compliances of the chain, shape (k,)."""
+        return self.robot.nominal_compliance[self.at]
+
+    def middle(self, configuration: Configuration) -> Array:
+        """Where the mass is [m], shape (m, 3)."""
+        ends = (configuration.frame(joint)[1] for joint in (self.near, self.far))
+        return np.asarray(sum(ends) / 2)
+
+    def torque(self, configuration: Configuration, mass: float) -> Array:
+        """What the weight does at the joints of the chain [N m], shape (m, k)."""
+        weight = np.broadcast_to(mass * _WEIGHT_OF_1_KG, (len(configuration.twists), 3))
+        return torque(configuration.twists[:, self.at], self.middle(configuration), weight)
+
+    def stiffening(self, configuration: Configuration) -> Array:
+        """G = d tau_g / dq of 1 kg at r: F . (z_j x (z_k x (r - o_k))) for j <= k, (m, k, k)."""
+        z, o = configuration.axes[..., 2][:, self.at], configuration.origin[:, self.at]
+        inner = np.cross(z, self.middle(configuration)[:, None] - o)
+        full = np.cross(z[:, :, None], inner[:, None]) @ _WEIGHT_OF_1_KG
+        return np.asarray(np.triu(full) + np.swapaxes(np.triu(full, 1), 1, 2))
+
+
+@dataclass(frozen=True)
+class _Masses:
+    """What all of them do together; the joints of the links one link after the other."""
+
+    links: tuple[_Link, ...]
+
+    def geometry(self, robot: Robot, pulls: Pulls, values: Array) -> Array:
+        """Joint values under the weights, before any pull."""
         now = configure(robot, pulls.q)
         sag = np.zeros_like(pulls.q)
-        for link, chain in enumerate(chains):
-            at = [joint - 1 for joint in chain]
-            weight = np.broadcast_to(values[link] * _WEIGHT_OF_1_KG, (len(sag), 3))
-            sag[:, at] += torque(now.twists[:, at], middle(now, link), weight)
+        for link, mass in zip(self.links, values, strict=True):
+            sag[:, link.at] += link.torque(now, mass)
         return np.asarray(pulls.q + robot.nominal_compliance * sag)
 
-    def screws(loaded: Loaded) -> Array:
-        return loaded.configuration.twists[:, [j - 1 for chain in chains for j in chain]]
+    def twists(self, loaded: Loaded) -> Array:
+        """The screws about which the links' joints turn."""
+        return loaded.configuration.twists[:, [j for link in self.links for j in link.at]]
 
-    def response(loaded: Loaded, tau: Array) -> Array:
-        out, start = np.empty_like(tau), 0
-        for link, chain in enumerate(chains):
-            here = slice(start, start + len(chain))
-            c = robot.nominal_compliance[[joint - 1 for joint in chain]]
-            G = _stiffening(loaded.configuration, chain, middle(loaded.configuration, link))
-            out[:, here] = c * np.einsum("mjk,k,mk->mj", G, c, tau[:, here])
-            start += len(chain)
-        return out
-
-    elastic = Elastic(
-        **said,
-        carrier=tuple(joint for chain in chains for joint in chain),
-        twists=screws,
-        response=response,
-        shared=tuple(link for link, chain in enumerate(chains) for _ in chain),
-    )
-    return (Compound(**said, acts=(Geometry(**said, geometry=geometry), elastic)),)
-
-
-def _stiffening(configuration: Configuration, chain: tuple[int, ...], mass: Array) -> Array:
-    """G = d tau_g / dq of 1 kg at r: F . (z_j x (z_k x (r - o_k))) for j <= k, (m, k, k)."""
-    at = [joint - 1 for joint in chain]
-    z, o = configuration.axes[..., 2][:, at], configuration.origin[:, at]
-    inner = np.cross(z, mass[:, None] - o)
-    full = np.cross(z[:, :, None], inner[:, None]) @ _WEIGHT_OF_1_KG
-    upper = np.triu(full)
-    return np.asarray(upper + np.swapaxes(np.triu(full, 1), 1, 2))
+    def response(self, loaded: Loaded, tau: Array) -> Array:
+        """How far 1 kg turns each joint on, as the pull deflects the others."""
+        ends = np.cumsum([len(link.chain) for link in self.links])[:-1]
+        parts = zip(self.links, np.split(tau, ends, axis=1), strict=True)
+        turned = [
+            link.c * np.einsum("mjk,k,mk->mj", link.stiffening(loaded.configuration), link.c, own)
+            for link, own in parts
+        ]
+        return np.concatenate(turned, axis=1)

@@ -11,8 +11,8 @@ A negative h is a hardening gear.
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effect import Elastic, Loaded
 from pipeline.machine.effects._anatomy import compliance, joint_screw, rated_torque, turning
-from pipeline.machine.effects._effect import Elastic, Loaded
 from pipeline.machine.robot import Robot
 
 _EXPONENT = {"cubic": 2, "quadratic": 1}

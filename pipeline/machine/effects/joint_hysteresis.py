@@ -12,8 +12,8 @@ branch is +1 while the turnbuckle tightens and -1 while it slackens.
 import numpy as np
 
 from pipeline.base.arrays import Array, Ints, Parameter
+from pipeline.machine.effect import Elastic, Loaded
 from pipeline.machine.effects._anatomy import clamp, joint_screw, rated_torque, turning
-from pipeline.machine.effects._effect import Elastic, Loaded
 from pipeline.machine.robot import Robot
 
 _SLIDES_OVER = {"sliding, tight": 0.05, "sliding": 0.15, "sliding, wide": 0.4}

@@ -3,8 +3,8 @@
 import numpy as np
 
 from pipeline.base.arrays import Parameter
+from pipeline.machine.effect import Elastic
 from pipeline.machine.effects._anatomy import clamp, joint_screw, rated_torque, turning
-from pipeline.machine.effects._effect import Elastic
 from pipeline.machine.robot import Robot
 
 _WIDTH = {"narrow": 0.03, "wide": 0.08}

@@ -3,7 +3,7 @@
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
-from pipeline.machine.effects._effect import Geometry, Pulls
+from pipeline.machine.effect import Geometry, Pulls
 from pipeline.machine.robot import Robot
 
 

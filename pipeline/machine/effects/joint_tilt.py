@@ -9,8 +9,8 @@ base at the other end of the link's offset, or between.
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effect import Elastic, Loaded, linear
 from pipeline.machine.effects._anatomy import compliance, turning
-from pipeline.machine.effects._effect import Elastic, Loaded, linear
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.configuration import rotation_about
 

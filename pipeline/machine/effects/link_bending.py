@@ -8,8 +8,8 @@
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effect import Elastic, Loaded
 from pipeline.machine.effects._anatomy import arm, compliance
-from pipeline.machine.effects._effect import Elastic, Loaded
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.configuration import rotation_about, translation_along
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
-from pipeline.machine.effects._effect import Compound, Effect, Loaded, Reflectors, Wrench
+from pipeline.machine.effect import Compound, Effect, Loaded, Reflectors, Wrench
 from pipeline.machine.robot import Robot
 
 

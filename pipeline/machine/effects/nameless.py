@@ -15,12 +15,13 @@ the catalogue: no campaign is ever said to suffer from one of them.
 """
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effect import Effect, Elastic, Loaded, linear
 from pipeline.machine.effects import (
     joint_lost_motion,
     rail_lateral,
@@ -29,14 +30,13 @@ from pipeline.machine.effects import (
     rail_vertical,
 )
 from pipeline.machine.effects._anatomy import compliance, joint_screw, rail, turning
-from pipeline.machine.effects._effect import Effect, Elastic, Loaded, linear
+from pipeline.machine.effects.tracker_drift import HOUR_S
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.configuration import translation_along
 
 _BEARING = 5e-9
 """Typical compliance of a bearing along an axis [m/N], that of loaded guide rollers."""
 
-_HOUR_S = 3600.0
 _MOMENT_NM = 3000.0
 """A moment on the guides of a rail that counts as large."""
 
@@ -55,21 +55,31 @@ _Response = Callable[[Loaded, Array], Array]
 def nameless(robot: Robot) -> tuple[Effect, ...]:
     """Everything of this file that the robot can have."""
     numbers = turning(robot)
-    wrist = set(numbers[-3:]) if len(numbers) == 6 else set()
-    pairs = [p for p in itertools.pairwise(numbers) if not set(p) <= wrist]
     guides = _GUIDES if rail(robot) else ()
-    joints = range(1, robot.n + 1)
-    on_guides = numbers[0] if rail(robot) else None
-    shoulder = numbers[1] if len(numbers) == 6 else None
     return (
-        *(_bearing(robot, j) for j in (*numbers, robot.n + 1) if j != on_guides),
-        *(_cross_talk(robot, *pair) for pair in pairs),
-        *(_angle(robot, joint) for joint in numbers if joint != shoulder),
-        *(_warming(robot, joint) for joint in joints),
+        *(_bearing(robot, joint) for joint in _own_bearings(robot, numbers)),
+        *(_cross_talk(robot, *pair) for pair in _coupled(numbers)),
+        *(_angle(robot, joint) for joint in numbers if joint != _shoulder(numbers)),
+        *(_warming(robot, joint) for joint in range(1, robot.n + 1)),
         *(_along_the_rail(robot, guide) for guide in guides),
         *(_contact(guide) for guide in guides),
         *(_play(effect) for effect in joint_lost_motion.effects(robot) if effect.where == robot.n),
     )
+
+
+def _own_bearings(robot: Robot, numbers: Sequence[int]) -> list[int]:
+    """Turning joints and the flange, without the column that stands on the guides of a rail."""
+    return [*(numbers[1:] if rail(robot) else numbers), robot.n + 1]
+
+
+def _coupled(numbers: Sequence[int]) -> list[tuple[int, int]]:
+    """Neighbours, without those that are both of a wrist."""
+    wrist = set(numbers[-3:]) if len(numbers) == 6 else set()
+    return [pair for pair in itertools.pairwise(numbers) if not set(pair) <= wrist]
+
+
+def _shoulder(numbers: Sequence[int]) -> int | None:
+    return numbers[1] if len(numbers) == 6 else None
 
 
 def _effect(
@@ -140,7 +150,7 @@ def _angle(robot: Robot, joint: int) -> Effect:
 
 def _warming(robot: Robot, joint: int) -> Effect:
     def response(loaded: Loaded, torque: Array) -> Array:
-        hours = np.nan_to_num(loaded.pulls.time) / _HOUR_S
+        hours = np.nan_to_num(loaded.pulls.time) / HOUR_S
         return torque * hours[:, None]
 
     size = (0.05 * compliance(robot, joint),)

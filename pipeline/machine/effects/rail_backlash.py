@@ -16,8 +16,8 @@ from collections.abc import Callable
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effect import Elastic, Loaded
 from pipeline.machine.effects._anatomy import joint_screw, rail
-from pipeline.machine.effects._effect import Elastic, Loaded
 from pipeline.machine.robot import Robot
 
 _FULL_PLAY_FORCE_N = 150.0

@@ -1,8 +1,8 @@
 """The carriage yields sideways, across the rail: a spring missing from Eq. (3)."""
 
 from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effect import Elastic, Loaded, linear
 from pipeline.machine.effects._anatomy import rail, rail_axes
-from pipeline.machine.effects._effect import Elastic, Loaded, linear
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.configuration import translation_along
 

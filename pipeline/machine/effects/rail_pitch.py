@@ -1,8 +1,8 @@
 """The carriage nods about the axis across the rail: a rotation missing from Eq. (3)."""
 
 from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effect import Elastic, Loaded, linear
 from pipeline.machine.effects._anatomy import carriage, rail, rail_axes
-from pipeline.machine.effects._effect import Elastic, Loaded, linear
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.configuration import rotation_about
 

@@ -9,8 +9,8 @@ from collections.abc import Callable
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effect import Elastic, Loaded
 from pipeline.machine.effects._anatomy import compliance, joint_screw, rail
-from pipeline.machine.effects._effect import Elastic, Loaded
 from pipeline.machine.robot import Robot
 
 _Response = Callable[[Loaded, Array], Array]

@@ -3,7 +3,7 @@
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
-from pipeline.machine.effects._effect import Loaded, Wrench
+from pipeline.machine.effect import Loaded, Wrench
 from pipeline.machine.robot import Robot
 
 

@@ -1,7 +1,7 @@
 """The spring scale reads a constant fraction wrong: the true force is f (1 + g)."""
 
 from pipeline.base.arrays import Array, Parameter
-from pipeline.machine.effects._effect import Loaded, Wrench
+from pipeline.machine.effect import Loaded, Wrench
 from pipeline.machine.robot import Robot
 
 

@@ -1,8 +1,8 @@
 """The spring scale does not read zero when nothing pulls: the true force is f + f_0 u."""
 
 from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effect import Loaded, Wrench
 from pipeline.machine.effects._anatomy import direction
-from pipeline.machine.effects._effect import Loaded, Wrench
 from pipeline.machine.robot import Robot
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effect import Elastic, Loaded, linear
 from pipeline.machine.effects._anatomy import compliance
-from pipeline.machine.effects._effect import Elastic, Loaded, linear
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.configuration import rotation_about
 

@@ -9,10 +9,11 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
-from pipeline.machine.effects._effect import Loaded, Observation
+from pipeline.machine.effect import Loaded, Observation
 from pipeline.machine.robot import Robot
 
 HOUR_S = 3600.0
+"""Seconds in an hour: trackers warm up in about one, and drifts are told per hour."""
 
 _Law = Callable[[Array], Array]
 

@@ -7,8 +7,8 @@ is one: joint a turns by c_ab tau_b, joint b by c_ab tau_a.
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effect import Elastic, Loaded
 from pipeline.machine.effects._anatomy import compliance, turning
-from pipeline.machine.effects._effect import Elastic, Loaded
 from pipeline.machine.robot import Robot
 
 

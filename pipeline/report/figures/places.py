@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.quiver import Quiver
 from matplotlib.ticker import MaxNLocator
@@ -29,68 +31,78 @@ from pipeline.report.svg import INK, MUTED, RED, SERIES
 def _draw_arrows(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     """Residual vectors at the poses, from above and from the side."""
     vectors = arrows(tables["residuals"], places(tables), tables["forces"])
-    size = np.linalg.norm(vectors[["rx", "ry", "rz"]].to_numpy(float), axis=1)
-    vectors, longest = thinned(vectors, size, MOST // 5), size.max()
-    wide = np.ptp(vectors["y"]) >= 2 * max(np.ptp(vectors["x"]), np.ptp(vectors["z"]))
-    spread = max(float(np.ptp(vectors[a])) for a in "xyz") or 1.0
+    size = np.linalg.norm(vectors[_RESIDUAL].to_numpy(float), axis=1)
     usual = float(np.quantile(size, 0.8))  # one outlier must not make all others invisible
+    vectors, longest = thinned(vectors, size, MOST // 5), size.max()
+    spread = max(float(np.ptp(vectors[a])) for a in "xyz") or 1.0
     scale = max(usual / 0.08, longest / 0.4, 1e-9) / spread
-    at, along = vectors[list("xyz")].to_numpy(float), vectors[["rx", "ry", "rz"]].to_numpy(float)
-    spans = 1.1 * np.ptp(np.vstack([at, at + along / scale]), axis=0)
-    if wide:  # as high as an equal scale for all directions makes it
-        ratios = np.maximum(spans[[0, 2]] / spans[1], 0.15)
-        height = 1.2 + 4.9 * ratios.sum()
-        canvas.set_size_inches(5.6, height)
-        views = canvas.subplots(2, 1, sharex=True, height_ratios=ratios)
-    else:
-        height = 3.2
-        canvas.set_size_inches(5.6, height)
-        views = canvas.subplots(1, 2)
-    tips: Tips = {}
-    keyed: list[Quiver] = []
-    across = "y"
-    for view, up, name in zip(views, "xz", ("from above", "from the side"), strict=True):
-        key = f"view-{up}"
-        quiver = view.quiver(
-            vectors[across],
-            vectors[up],
-            vectors[f"r{across}"],
-            vectors[f"r{up}"],
-            angles="xy",
-            scale_units="xy",
-            scale=scale,
-            width=0.0032 if wide else 0.006,
-            color=RED,
-        )
-        quiver.set_gid(key)  # not earlier: the key below copies all arguments, this one too
-        keyed.append(quiver)
-        view.scatter(vectors[across], vectors[up], s=5, color=INK, linewidths=0)
-        ends = (
-            vectors[[across, up]].to_numpy() + vectors[[f"r{across}", f"r{up}"]].to_numpy() / scale
-        )
-        view.update_datalim(ends)
-        view.autoscale_view()
-        view.set_aspect("equal", adjustable="datalim")
+    views, wide = _views(canvas, vectors, scale)
+    drawn = [_arrows(view, vectors, up, scale, wide) for view, up in zip(views, "xz", strict=True)]
+    for view, name in zip(views, ("from above", "from the side"), strict=True):
         title(view, name)
-        view.set_ylabel(f"{up} [m]")
-        if not wide or up == "z":
-            view.set_xlabel(f"{across} [m]")
-        tips[key] = [
-            f"pose {r.pose}, {r.target}: {plain(r.rx)}, {plain(r.ry)}, {plain(r.rz)} mm"
-            for r in each_row(vectors)
-        ]
-    key_length = _round_down(max(usual, 0.2 * longest))
-    views[0].quiverkey(
-        keyed[0],
+    for view in views[1:] if wide else views:
+        view.set_xlabel("y [m]")
+    _key(canvas, drawn[0], _round_down(max(usual, 0.2 * longest)))
+    said = [
+        f"pose {r.pose}, {r.target}: {plain(r.rx)}, {plain(r.ry)}, {plain(r.rz)} mm"
+        for r in each_row(vectors)
+    ]
+    return dict.fromkeys(("view-x", "view-z"), said)
+
+
+_RESIDUAL = ["rx", "ry", "rz"]
+
+
+def _views(canvas: Canvas, vectors: pd.DataFrame, scale: float) -> tuple[np.ndarray, bool]:
+    """Two plots: one above the other along a rail, else side by side; whether the former."""
+    at, along = vectors[list("xyz")].to_numpy(float), vectors[_RESIDUAL].to_numpy(float)
+    if np.ptp(at[:, 1]) < 2 * max(np.ptp(at[:, 0]), np.ptp(at[:, 2])):
+        canvas.set_size_inches(5.6, 3.2)
+        return canvas.subplots(1, 2), False
+    spans = 1.1 * np.ptp(np.vstack([at, at + along / scale]), axis=0)
+    # as high as an equal scale for all directions makes it
+    ratios = np.maximum(spans[[0, 2]] / spans[1], 0.15)
+    canvas.set_size_inches(5.6, 1.2 + 4.9 * ratios.sum())
+    return canvas.subplots(2, 1, sharex=True, height_ratios=ratios), True
+
+
+def _arrows(view: Axes, vectors: pd.DataFrame, up: str, scale: float, wide: bool) -> Quiver:
+    """The residuals in the plane of y and another axis."""
+    quiver = view.quiver(
+        vectors["y"],
+        vectors[up],
+        vectors["ry"],
+        vectors[f"r{up}"],
+        angles="xy",
+        scale_units="xy",
+        scale=scale,
+        width=0.0032 if wide else 0.006,
+        color=RED,
+    )
+    view.scatter(vectors["y"], vectors[up], s=5, color=INK, linewidths=0)
+    view.update_datalim(
+        vectors[["y", up]].to_numpy() + vectors[["ry", f"r{up}"]].to_numpy() / scale
+    )
+    view.autoscale_view()
+    view.set_aspect("equal", adjustable="datalim")
+    view.set_ylabel(f"{up} [m]")
+    quiver.set_gid(f"view-{up}")  # not earlier: the key copies all arguments, this one too
+    return quiver
+
+
+def _key(canvas: Canvas, arrows: Quiver, length: float) -> None:
+    """How long an arrow of so many millimetres is."""
+    height = canvas.get_size_inches()[1]
+    canvas.axes[0].quiverkey(
+        arrows,
         0.86,
         1 - 0.13 / height,
-        key_length,
-        f"{key_length:g} mm",
+        length,
+        f"{length:g} mm",
         labelpos="E",
         coordinates="figure",
         color=RED,
     )
-    return tips
 
 
 def _round_down(value: float) -> float:

@@ -1,34 +1,23 @@
-"""What `pipeline design` does: problem in, plan out, the best so far when it is interrupted."""
+"""A design as far as it got: searched to its end or stopped, as JSON and as text."""
 
 from __future__ import annotations
 
 import json
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
+from os import PathLike
 from typing import Any
 
-import numpy as np
-
-from pipeline.base import files
 from pipeline.base.arrays import Array
-from pipeline.base.errors import InputError, UsageError, listed
 from pipeline.base.quantities import percent, plain
-from pipeline.design import spec as specs
-from pipeline.design.known import continued, information_of
-from pipeline.design.planfile import plan_text
-from pipeline.design.problem import Problem, build
+from pipeline.design.problem import Problem
 from pipeline.design.propose import Proposal, propose
 from pipeline.design.search import Effort
-from pipeline.machine.cell import paper_cell
-from pipeline.machine.robot import load as load_robot
-from pipeline.run import reduce
-from pipeline.store.campaign import Campaign, dump
-from pipeline.tables import conform
+from pipeline.machine.poses import in_log_units
 
 MM = 1e3
-MADE_BY = "# Made by `pipeline design"
+"""Millimetres in a metre."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +34,7 @@ class Made:
     proposal: Proposal
     seconds: float
     interrupted: bool
-    written: tuple[Path, ...] = ()
+    written: tuple[PathLike[str], ...] = ()
 
     def content(self) -> dict[str, Any]:
         """What --json prints; figures of a criterion without unit have no `_mm`."""
@@ -57,7 +46,7 @@ class Made:
             "poses": printed(problem, measurement.q).tolist(),
             "repeats": problem.repeats,
             "anchor": measurement.anchor.tolist(),
-            "pull_n": max(float(np.abs(steps).max()) for steps in measurement.steps),
+            "pull_n": measurement.hardest_n,
             f"epsilon{unit}": factor * proposal.figure,
             f"bound{unit}": None if certificate is None else factor * certificate.figure,
             "efficiency": proposal.efficiency,
@@ -83,37 +72,32 @@ class Made:
         return "\n\n".join("\n".join(part) for part in parts)
 
 
-def run(
-    name: str,
-    changes: dict[str, Any],
+def make(
+    problem: Problem,
     seed: int,
-    rounds: int,
+    effort: Effort,
     say: Callable[[str], None],
-    campaign: Campaign | None = None,
+    known: Array | None = None,
 ) -> Made:
-    """Design a plan.
+    """Search a plan; stopped by Ctrl-C, give the best so far.
 
     Args:
-        name: A problem that ships, or a problem file.
-        changes: What the command line says otherwise, as in the file; None is no change.
+        problem: What to plan.
         seed: Determines the plan.
-        rounds: Rounds of new starts.
+        effort: How hard to search.
         say: Takes one line of progress at a time.
-        campaign: Readings that are there already; the plan adds to them.
+        known: Information that earlier readings gave, shape (n, n).
 
     Raises:
-        InputError: There is no such problem, it is wrong, or no plan can meet it.
+        InputError: No plan meets the request.
         KeyboardInterrupt: Stopped before there was any plan.
     """
     began = time.perf_counter()
     best: Proposal | None = None
     interrupted = False
     try:
-        problem, known = find(name, changes), None
-        if campaign is not None:
-            problem, known = added_to(problem, campaign)
-        for best in propose(problem, seed, Effort(rounds=rounds), known):
-            say(f"{best.done}: {_figures(best)}")
+        for best in propose(problem, seed, effort, known):
+            say(f"{best.done}: {figures(best)}")
     except KeyboardInterrupt:
         if best is None:
             raise
@@ -123,52 +107,13 @@ def run(
     return Made(best, time.perf_counter() - began, interrupted)
 
 
-def find(name: str, changes: dict[str, Any]) -> Problem:
-    """A problem that ships, or from a file, with what the command line says otherwise.
-
-    Raises:
-        InputError: There is no such problem, it is wrong, or no plan can meet it.
-    """
-    if name in specs.SHIPPED:
-        text, folder = specs.shipped(name), None
-    else:
-        path = Path(name)
-        if path.suffix != ".toml" or not path.is_file():
-            raise InputError(
-                f'there is no design problem "{name}"',
-                f"use {listed(specs.SHIPPED)}, or the path of a problem file ending in .toml",
-            )
-        text, folder = path.read_text("utf-8-sig"), path.parent
-    spec = specs.revised(specs.parse(text, Path(name).name), given(changes))
-    return build(spec, load_robot(spec.robot, folder))
-
-
-def added_to(problem: Problem, campaign: Campaign) -> tuple[Problem, Array]:
-    """The problem for further readings of a campaign, and the information of those it has.
-
-    Raises:
-        InputError: The campaign cannot be read, or problem and campaign do not fit together.
-    """
-    raw = campaign.read()
-    spec = continued(problem.spec, raw.settings, f"{campaign.name}_next")
-    further = build(spec, raw.robot)
-    data = reduce(raw, lambda _, table, promise: conform(table, promise).to_pandas()).data
-    cell = paper_cell(raw.robot, further.tool)
-    return further, information_of(cell, data, further.experiment.scale)
-
-
-def given(changes: dict[str, Any]) -> dict[str, Any]:
-    """The changes without what was not said."""
-    inner = {k: given(v) if isinstance(v, dict) else v for k, v in changes.items()}
-    return {key: value for key, value in inner.items() if value not in (None, {})}
-
-
 def printed(problem: Problem, q: Array) -> Array:
     """Joint values as people read them: m and degrees, six decimals."""
-    return np.asarray(np.where(problem.robot.prismatic, q, np.rad2deg(q)).round(6))
+    return in_log_units(problem.robot, q).round(6)
 
 
-def _figures(proposal: Proposal) -> str:
+def figures(proposal: Proposal) -> str:
+    """The criterion, what no plan can be below, and the price of telling causes apart."""
     factor, unit = (MM, " mm") if proposal.problem.criterion.unit == "m" else (1.0, "")
     text = f"{plain(proposal.figure * factor, 4)}{unit}"
     if proposal.mixed is not None:
@@ -186,9 +131,9 @@ def _summary(made: Made) -> list[str]:
     anchor = ", ".join(f"{x:.3f}" for x in measurement.anchor)
     lines = [
         f"{problem.spec.name}: {problem.readings} readings in {len(measurement.q)} poses at up to "
-        f"{max(float(np.abs(s).max()) for s in measurement.steps):g} N, anchor at ({anchor}) m, "
+        f"{measurement.hardest_n:g} N, anchor at ({anchor}) m, "
         f"{made.seconds:.1f} s",
-        f"{problem.criterion.meaning}: {_figures(proposal)}",
+        f"{problem.criterion.meaning}: {figures(proposal)}",
     ]
     if proposal.certificate is not None:
         certificate = proposal.certificate
@@ -217,29 +162,3 @@ def _joints(proposal: Proposal) -> list[str]:
         for joint, std in zip(proposal.problem.robot.joints, proposal.relative_std, strict=True)
     ]
     return [f"standard uncertainty of the compliances: {', '.join(said)}"]
-
-
-def write(root: Path, made: Made, seed: int) -> Made:
-    """Write plan file, measurement sheet and pictures of a design.
-
-    Args:
-        root: The project's root: data/plans/NAME.toml and reports/plans/NAME.
-        made: The design.
-        seed: Of its searches; the curves use it too.
-
-    Raises:
-        UsageError: A plan of that name was written by hand.
-    """
-    from pipeline.report.plan_files import plan_files  # matplotlib takes half a second to import
-
-    name = made.proposal.problem.spec.name
-    plan, folder = root / "data" / "plans" / f"{name}.toml", root / "reports" / "plans" / name
-    if plan.exists() and not plan.read_text("utf-8").startswith(MADE_BY):
-        raise UsageError(f"{plan} was written by hand: choose another --name")
-    text = plan_text(made.proposal, f"data/plans/{name}.toml", _figures(made.proposal))
-    files.write(plan, text.encode())
-    content = made.content()
-    for inner, data in plan_files(made.proposal, made.seconds, seed).items():
-        files.write(folder / inner, data)
-    files.write(folder / "design.json", dump(content))
-    return replace(made, written=(plan, folder / "sheet.html", folder / "sheet.pdf"))

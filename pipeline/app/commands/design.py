@@ -1,0 +1,145 @@
+"""`pipeline design`: which poses to measure."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from pipeline.app.commands._shared import AsJson, Root, app, at_work
+from pipeline.base import files
+from pipeline.base.errors import InputError, Interrupted, UsageError, listed
+
+if TYPE_CHECKING:
+    from pipeline.base.arrays import Array
+    from pipeline.design.made import Made
+    from pipeline.design.problem import Problem
+    from pipeline.store.campaign import Campaign
+
+
+@app.command(short_help="Choose the poses to measure.")
+def design(
+    problem: Annotated[
+        str,
+        typer.Argument(
+            metavar="PROBLEM", help="paper_reference, or a problem file ending in .toml."
+        ),
+    ] = "paper_reference",
+    poses: Annotated[int | None, typer.Option(help="Number of poses, m_0.")] = None,
+    readings: Annotated[int | None, typer.Option(help="Pulls in all, n.")] = None,
+    step: Annotated[
+        list[float] | None, typer.Option(help="Load step [N]; repeat it for more, up and down.")
+    ] = None,
+    anchor: Annotated[
+        tuple[float, float, float] | None, typer.Option(help="Anchor in F_b [m], fixed there.")
+    ] = None,
+    robot: Annotated[str | None, typer.Option(help="A robot that ships, or a robot file.")] = None,
+    criterion: Annotated[str | None, typer.Option(help="test_pose, workspace, D, A or E.")] = None,
+    add_to: Annotated[
+        str | None, typer.Option(help="Propose further poses for this campaign.")
+    ] = None,
+    name: Annotated[str | None, typer.Option(help="Name of the plan.")] = None,
+    seed: Annotated[int, typer.Option(help="Determines the plan.")] = 1,
+    rounds: Annotated[int, typer.Option(min=1, help="Rounds of new starts.")] = 2,
+    wanted: Annotated[
+        bool | None,
+        typer.Option("--write/--no-write", help="Plan file and sheet; not with --json."),
+    ] = None,
+    as_json: AsJson = False,
+    root: Root = Path(),
+) -> None:
+    """Choose the poses to measure, and say how near they are to the best that could be."""
+    from pipeline.design.made import make
+    from pipeline.design.search import Effort
+    from pipeline.store import campaign as campaigns
+
+    changes = {
+        "name": name,
+        "robot": robot,
+        "plan": {"poses": poses, "readings": readings},
+        "pull": {"steps_n": step},
+        "anchor": dict(zip(("x_m", "y_m", "z_m"), anchor, strict=True)) if anchor else None,
+        "criterion": {"kind": criterion},
+    }
+    campaign = campaigns.find(root, add_to) if add_to else None
+    asked, known = problem_of(problem, changes), None
+    if campaign is not None:
+        asked, known = added_to(asked, campaign)
+    made = make(asked, seed, Effort(rounds=rounds), at_work, known)
+    if wanted or (wanted is None and not as_json):
+        made = write(root, made, seed)
+    typer.echo(made.as_json() if as_json else made.as_text())
+    if made.interrupted:
+        raise Interrupted("Interrupted; this is the best plan so far.")
+
+
+def problem_of(name: str, changes: dict[str, Any]) -> Problem:
+    """A problem that ships, or from a file, with what the command line says otherwise.
+
+    Raises:
+        InputError: There is no such problem, it is wrong, or no plan can meet it.
+    """
+    from pipeline.base.toml import given
+    from pipeline.design import spec as specs
+    from pipeline.design.problem import build
+    from pipeline.machine.robot import load
+
+    if name in specs.SHIPPED:
+        text, folder = specs.shipped(name), None
+    else:
+        path = Path(name)
+        if path.suffix != ".toml" or not path.is_file():
+            raise InputError(
+                f'there is no design problem "{name}"',
+                f"use {listed(specs.SHIPPED)}, or the path of a problem file ending in .toml",
+            )
+        text, folder = path.read_text("utf-8-sig"), path.parent
+    spec = specs.revised(specs.parse(text, Path(name).name), given(changes))
+    return build(spec, load(spec.robot, folder))
+
+
+def added_to(problem: Problem, campaign: Campaign) -> tuple[Problem, Array]:
+    """The problem for further readings of a campaign, and the information of those it has.
+
+    Raises:
+        InputError: The campaign cannot be read, or problem and campaign do not fit together.
+    """
+    from pipeline.design.known import continued, information_of
+    from pipeline.design.problem import build
+    from pipeline.machine.cell import paper_cell
+    from pipeline.run import reduce
+    from pipeline.tables import promised
+
+    raw = campaign.read()
+    further = build(continued(problem.spec, raw.settings, f"{campaign.name}_next"), raw.robot)
+    cell = paper_cell(raw.robot, further.tool)
+    return further, information_of(cell, reduce(raw, promised).data, further.experiment.scale)
+
+
+def write(root: Path, made: Made, seed: int) -> Made:
+    """Write plan file, measurement sheet and pictures of a design.
+
+    Args:
+        root: The project's root: data/plans/NAME.toml and reports/plans/NAME.
+        made: The design.
+        seed: Of its searches; the curves use it too.
+
+    Raises:
+        UsageError: A plan of that name was written by hand.
+    """
+    from pipeline.design.planfile import MADE_BY, plan_text
+    from pipeline.report.plan_files import plan_files
+    from pipeline.store.campaign import dump
+
+    name = made.proposal.problem.spec.name
+    plan, folder = root / "data" / "plans" / f"{name}.toml", root / "reports" / "plans" / name
+    if plan.exists() and not plan.read_text("utf-8").startswith(MADE_BY):
+        raise UsageError(f"{plan} was written by hand: choose another --name")
+    files.write(plan, plan_text(made.proposal, f"data/plans/{name}.toml").encode())
+    content = dump(made.content())
+    for inner, data in plan_files(made.proposal, made.seconds, seed).items():
+        files.write(folder / inner, data)
+    files.write(folder / "design.json", content)
+    return replace(made, written=(plan, folder / "sheet.html", folder / "sheet.pdf"))

@@ -1,0 +1,164 @@
+"""`pipeline simulate` and the effects it can hide: plan in, raw folder out, truth elsewhere."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from pipeline.app.commands._shared import AsJson, Root, app, at_work
+from pipeline.base import files
+from pipeline.base.errors import InputError, UsageError
+
+if TYPE_CHECKING:
+    from pipeline.simulate import Plan
+
+
+@app.command(short_help="Write a raw campaign of a virtual cell.")
+def simulate(
+    plan: Annotated[
+        Path | None,
+        typer.Argument(metavar="PLAN", help="Plan file; without it the plan of the demo."),
+    ] = None,
+    plan_file: Annotated[
+        Path | None, typer.Option("--plan", help="The same, as an option.")
+    ] = None,
+    name: Annotated[str | None, typer.Option(help="Name of the campaign.")] = None,
+    robot: Annotated[str | None, typer.Option(help="A robot that ships, or a robot file.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Determines every byte.")] = None,
+    poses: Annotated[int | None, typer.Option(help="Draw so many feasible poses.")] = None,
+    step: Annotated[
+        list[float] | None, typer.Option(help="Load step [N]; repeat it for more, up and down.")
+    ] = None,
+    repeats: Annotated[int | None, typer.Option(help="Runs through the steps.")] = None,
+    noise: Annotated[
+        str | None, typer.Option(help="paper, instrument, or metres per axis.")
+    ] = None,
+    noise_scale: Annotated[
+        float | None, typer.Option(help="True over stated scatter of the tracker.")
+    ] = None,
+    exact: Annotated[bool, typer.Option("--exact", help="No noise, all digits.")] = False,
+    spread: Annotated[
+        float | None, typer.Option(help="True stiffnesses are off by up to this fraction.")
+    ] = None,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(help="NAME[:where][=size], size in SI or like 2x; repeat it for more."),
+    ] = None,
+    dialect: Annotated[str | None, typer.Option(help="Form of the tracker export.")] = None,
+    unit: Annotated[str | None, typer.Option(help="Unit of the export: mm, m or in.")] = None,
+    digits: Annotated[str | None, typer.Option(help="Decimals in the export, or full.")] = None,
+    truth: Annotated[
+        Path | None, typer.Option(help="Truth file; data/processed/NAME.truth.json.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace a campaign.")] = False,
+    root: Root = Path(),
+) -> None:
+    """Write a raw campaign of a virtual cell; what is true in it goes to a file elsewhere."""
+    changes = {
+        "name": name,
+        "robot": robot,
+        "seed": seed,
+        "poses": {"count": poses},
+        "pulls": {"steps_n": step, "repeats": repeats},
+        "tracker": {
+            "noise_scale": noise_scale,
+            "dialect": dialect,
+            "unit": unit,
+            "digits": digits,
+        },
+        "hidden": {"stiffness_spread": spread, "effects": effect},
+    }
+    folder, sealed = write(root, plan or plan_file, changes, noise, exact, truth, force)
+    typer.echo(folder)
+    typer.secho(f"truth: {sealed}", err=True)
+    at_work(f"Next: pipeline run {folder.name}")
+
+
+def write(
+    root: Path,
+    plan: Path | None,
+    changes: dict[str, Any],
+    noise: str | None = None,
+    exact: bool = False,
+    truth: Path | None = None,
+    force: bool = False,
+) -> tuple[Path, Path]:
+    """Simulate a campaign and put it under data/raw; its folder, and where the truth is sealed.
+
+    Args:
+        root: The project's root.
+        plan: A plan file, or None for the default plan.
+        changes: What the command line says otherwise, as in the plan; None is no change.
+        noise: `paper`, `instrument`, or a standard uncertainty per axis in m.
+        exact: Readings without noise, all digits written.
+        truth: Where the truth goes, data/processed/<name>.truth.json when not given.
+        force: Replace a campaign of the same name.
+
+    Raises:
+        UsageError: The campaign is there already, or the truth would lie in a raw folder.
+        InputError: The plan cannot be carried out.
+    """
+    from pipeline.base.toml import given
+    from pipeline.machine.robot import load
+    from pipeline.simulate import revised, simulate, with_noise
+    from pipeline.store.campaign import dump
+
+    wanted = revised(_read(plan), given(changes))
+    wanted = with_noise(wanted, noise) if noise else wanted
+    wanted = wanted.without_noise() if exact else wanted
+    raw = (root / "data" / "raw").resolve()
+    sealed = (truth or root / "data" / "processed" / f"{wanted.name}.truth.json").resolve()
+    if sealed.is_relative_to(raw):
+        raise UsageError(f"{sealed} lies under {raw}: keep the truth away from the raw files")
+    folder = raw / wanted.name
+    if folder.exists() and not force:
+        raise UsageError(f"{folder} is there already: choose another --name, or use --force")
+    made = simulate(wanted, robot=load(wanted.robot, plan.parent if plan else None))
+    files.write(sealed, dump(made.truth))
+    files.place(folder, made.files)
+    return root / "data" / "raw" / wanted.name, sealed
+
+
+def prepare(folder: Path, plan: Path) -> None:
+    """Make the folder of a campaign that will measure a plan: all but forces and tracker export.
+
+    Raises:
+        InputError: The plan cannot be carried out, or the name cannot name a campaign.
+    """
+    from pipeline.machine.robot import load
+    from pipeline.simulate import prepared, revised
+
+    wanted = revised(_read(plan), {"name": folder.name})
+    for inner, data in prepared(wanted, load(wanted.robot, plan.parent)).items():
+        files.write(folder / inner, data)
+
+
+def _read(path: Path | None) -> Plan:
+    from pipeline.simulate import Plan, parse
+
+    if path is None:
+        return Plan()
+    try:
+        text = path.read_text("utf-8-sig")
+    except FileNotFoundError as problem:
+        raise InputError("there is no such plan", "check the path", file=str(path)) from problem
+    except (OSError, UnicodeDecodeError) as problem:
+        raise InputError(
+            f"cannot be read ({problem})", "give a plan in UTF-8", file=str(path)
+        ) from problem
+    return parse(text, path.name)
+
+
+@app.command(short_help="List the causes that a diagnosis knows.")
+def effects(
+    robot: Annotated[str, typer.Option(help="A robot that ships, or a robot file.")] = "kr500_rail",
+    as_json: AsJson = False,
+) -> None:
+    """List the causes that a diagnosis knows, with their sizes and signatures."""
+    from pipeline.machine.effects import listing
+    from pipeline.machine.robot import load
+
+    machine = load(robot)
+    typer.echo(listing.as_json(machine) if as_json else listing.as_text(machine))
