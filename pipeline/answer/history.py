@@ -11,6 +11,7 @@ import numpy as np
 from scipy import special
 
 from pipeline.answer.recommended import TABLE
+from pipeline.base import linear
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import known
 
@@ -171,7 +172,7 @@ def together(
     cov = (np.asarray(cov_before) + np.asarray(cov_after))[np.ix_(use, use)]
     scale = np.sqrt(np.diag(cov))
     scaled = difference / scale
-    return float(scaled @ np.linalg.solve(cov / np.outer(scale, scale), scaled)), len(use)
+    return float(scaled @ linear.solve(cov / np.outer(scale, scale), scaled)), len(use)
 
 
 def chance(chi2: float, dof: int) -> float | None:

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 import pandas as pd
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError
 from pipeline.base.threads import MUCH, spread
@@ -103,8 +104,7 @@ def singular(six: Sequence[Array]) -> Bools:
 
 def factors(matrices: Array) -> Array:
     """L with L L' = C for positive semidefinite C, shape (m, 3, 3); rank may be less than 3."""
-    values, vectors = np.linalg.eigh(matrices)
-    return vectors * np.sqrt(np.clip(values, 0.0, None))[:, None, :]
+    return linear.factor(matrices)
 
 
 def known(six: Sequence[Array]) -> Bools:

@@ -105,6 +105,11 @@ def pseudoinverse(X: Array) -> Inverse:
     return Inverse(found, int(kept.sum()), 1 - np.sum(Vt[kept] ** 2, axis=0) > _PART)
 
 
+def shortest(X: Array, least: float = ROUNDING) -> Array:
+    """X+ of matrices (..., m, k) in the units they come in: where length has a meaning."""
+    return np.asarray(np.linalg.pinv(X, rcond=least))
+
+
 def log_volume(X: Array, rank: int) -> float:
     """Ln of the volume that `rank` columns of X span: half of ln det X'X where all do."""
     return float(np.sum(np.log(np.linalg.svd(X, compute_uv=False)[:rank])))
@@ -140,6 +145,16 @@ def inverse(N: Array, least: float = PRODUCTS) -> Array:
     scaled, size = unit(N)
     found = np.linalg.pinv(scaled, rcond=least, hermitian=True)
     return np.asarray(found / (size[..., :, None] * size[..., None, :]))
+
+
+def regular_inverse(N: Array) -> Array:
+    """Inverse of matrices (n, k, k), the fastest; NaN for one that is singular."""
+    try:
+        return np.asarray(np.linalg.inv(N))
+    except np.linalg.LinAlgError:
+        singular = np.linalg.matrix_rank(N, hermitian=True) < N.shape[-1]
+        safe = np.where(singular[:, None, None], np.eye(N.shape[-1]), N)
+        return np.where(singular[:, None, None], np.nan, np.linalg.inv(safe))
 
 
 def covariance(N: Array) -> Array:
@@ -216,6 +231,12 @@ def rigid(a: Array, b: Array) -> tuple[Array, Array]:
     flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))])
     R = (U @ flip @ Vt).T
     return R, b.mean(axis=0) - R @ a.mean(axis=0)
+
+
+def principal(X: Array) -> tuple[Array, Array, Array]:
+    """U, s, V' of matrices (..., m, k): the directions that a map stretches most, and how much."""
+    U, s, Vt = np.linalg.svd(X)
+    return np.asarray(U), np.asarray(s), np.asarray(Vt)
 
 
 def extent(points: Array) -> Array:

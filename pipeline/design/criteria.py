@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array
 
 _Score = Callable[[Array], tuple[Array, Array]]
@@ -93,12 +94,7 @@ def extreme(n: int) -> Criterion:
 
 def inverse(M: Array) -> Array:
     """Inverse of information matrices (k, n, n); NaN where a matrix is singular."""
-    try:
-        return np.asarray(np.linalg.inv(M))
-    except np.linalg.LinAlgError:
-        singular = np.linalg.matrix_rank(M, hermitian=True) < M.shape[-1]
-        safe = np.where(singular[:, None, None], np.eye(M.shape[-1]), M)
-        return np.where(singular[:, None, None], np.nan, np.linalg.inv(safe))
+    return linear.regular_inverse(M)
 
 
 def relative_std(M: Array) -> Array:
@@ -117,13 +113,12 @@ def _trace(C: Array, M: Array) -> tuple[Array, Array]:
 
 def _determinant(n: int, M: Array) -> tuple[Array, Array]:
     """Root of the determinant, g = det(M)^(1/n), S = M^-1 / n."""
-    sign, log = np.linalg.slogdet(M)
-    return np.where(sign > 0, log, np.nan) / n, inverse(M) / n
+    return linear.log_det(M) / n, inverse(M) / n
 
 
 def _smallest(M: Array) -> tuple[Array, Array]:
     """Smallest eigenvalue, g = lambda, S = v v' / lambda; not simple: one of its slopes."""
-    values, vectors = np.linalg.eigh(M)
+    values, vectors = linear.directions(M)
     least, v = values[:, 0], vectors[:, :, 0]
     least = np.where(least > 0, least, np.nan)
     return np.log(least), v[:, :, None] * v[:, None] / least[:, None, None]
@@ -131,7 +126,7 @@ def _smallest(M: Array) -> tuple[Array, Array]:
 
 def _power_mean(n: int, M: Array, power: int = 24) -> tuple[Array, Array]:
     """Power mean, g = (trace(M^-p) / n)^(-1/p), which tends to the smallest eigenvalue."""
-    values, vectors = np.linalg.eigh(M)
+    values, vectors = linear.directions(M)
     least = np.where(values[:, :1] > 0, values[:, :1], np.nan)
     share = (least / values) ** power
     total = share.sum(axis=1, keepdims=True)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.design.information import Experiment, station
 from pipeline.design.problem import Problem, with_steps
@@ -139,8 +140,7 @@ def rows(
     B = sensitivity(cell, pulls, x, cell.effects) * x
     Z = sensitivity(cell, pulls, x, view.suspects) * view.typical
     X = np.concatenate([B, Z], axis=-1).reshape(len(q), -1, view.springs + len(view.owner))
-    L = np.linalg.cholesky(_covariance(made, q, anchor))
-    return np.asarray(np.linalg.solve(L, X))
+    return np.asarray(linear.whitening(_covariance(made, q, anchor)) @ X)
 
 
 def _covariance(experiment: Experiment, q: Array, anchor: Array) -> Array:
@@ -229,10 +229,9 @@ def _separations(view: Lens, M: Array) -> tuple[Array, Array, Ints]:
 
 def _eliminated(M: Array, first: int) -> Array:
     """Products of what is left of the other columns when the first ones are fitted."""
-    scale = np.sqrt(np.maximum(np.einsum("kii->ki", M[:, :first, :first]), 1e-300))
-    N = M[:, :first, :first] / scale[:, :, None] / scale[:, None]
+    N, scale = linear.unit(M[:, :first, :first])
     C = M[:, :first, first:] / scale[:, :, None]
-    return np.asarray(M[:, first:, first:] - np.swapaxes(C, 1, 2) @ np.linalg.solve(N, C))
+    return np.asarray(M[:, first:, first:] - np.swapaxes(C, 1, 2) @ linear.solve(N, C))
 
 
 def _taken(S: Array, owner: Ints, n: int) -> Array:
@@ -242,7 +241,7 @@ def _taken(S: Array, owner: Ints, n: int) -> Array:
     for k in np.unique(count):
         members = np.flatnonzero(count == k)
         columns = np.searchsorted(owner, members)[:, None] + np.arange(k)
-        values, vectors = np.linalg.eigh(S[:, columns[:, :, None], columns[:, None]])
+        values, vectors = linear.directions(S[:, columns[:, :, None], columns[:, None]])
         root = np.where(values > _NULL, np.maximum(values, _NULL) ** -0.5, 0.0)
         half = (vectors * root[..., None, :]).swapaxes(-1, -2)
         out[:, members] = ((half @ S[:, columns]) ** 2).sum(axis=2)

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Locked
 from pipeline.base.covariance import symmetric
 from pipeline.machine.instrument import InstrumentNoise, beam_covariance
@@ -148,7 +149,7 @@ class Scatter(Locked):
         assert C is not None  # one of the two is given
         if np.array_equal(C, C[0, 0] * np.eye(3)):
             return A / C[0, 0]
-        return np.einsum("ij,tnjm->tnim", np.linalg.inv(C), A)
+        return np.einsum("ij,tnjm->tnim", linear.inverse(C), A)
 
     def inform(self, N: Array) -> Array:
         """Information of the pulls of a pose from N = A' T^-1 A, shapes (m, n, n)."""

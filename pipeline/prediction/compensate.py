@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.errors import InputError
 from pipeline.machine.robot import Robot, configure
@@ -130,7 +131,7 @@ def _least(robot: Robot, q: Array, points: Array, missed: Array) -> Array:
     J = velocity(configuration.twists, configuration.points(points))
     J = np.swapaxes(J, 2, 3).reshape(len(q), -1, robot.n)
     soft = np.sqrt(robot.nominal_compliance)
-    inverse = np.linalg.pinv(J * soft, rcond=_SINGULAR)
+    inverse = linear.shortest(J * soft, _SINGULAR)
     return np.asarray(soft * np.einsum("mjk,mk->mj", inverse, missed.reshape(len(q), -1)))
 
 
@@ -171,4 +172,4 @@ def _axes(robot: Robot, path: Path, joints: Array) -> tuple[list[str], Bools, Ar
     if not path.controller:
         return [joint.name for joint in robot.joints], robot.prismatic, joints
     slides = robot.prismatic.astype(float) @ np.abs(robot.controller_matrix) > 0
-    return list(robot.controller), slides, joints @ np.linalg.pinv(robot.controller_matrix).T
+    return list(robot.controller), slides, joints @ linear.shortest(robot.controller_matrix).T

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.machine.cell import Cell, columns, load
@@ -131,8 +132,7 @@ def _full(estimate: Estimate, rng: np.random.Generator, poses: int) -> Array:
     known = estimate.identifiable
     x = np.tile(estimate.value, (poses, 1))
     std = estimate.std[known]  # compliances differ by powers of ten: factor the correlations
-    values, vectors = np.linalg.eigh(estimate.cov[np.ix_(known, known)] / np.outer(std, std))
-    half = std[:, None] * vectors * np.sqrt(np.clip(values, 0, None))
+    half = std[:, None] * linear.factor(estimate.cov[np.ix_(known, known)] / np.outer(std, std))
     x[:, known] += rng.standard_normal((poses, known.sum())) @ half.T
     return x
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools
 from pipeline.machine.cell import Cell, Tool, jacobian, predict
 from pipeline.machine.effect import Pulls
@@ -120,8 +121,8 @@ def _softest(hypotheses: Sequence[Hypothesis], q: Array) -> tuple[Array, Array, 
         predict(cell, pulls, one.value).displacement.reshape(m, 3, 3) / _FORCE_N
         for cell, one in zip(cells, hypotheses, strict=True)
     ]
-    moved = sum(one.weight * here for one, here in zip(hypotheses, each, strict=True))
-    pulled, size, turned = np.linalg.svd(moved)
+    moved = np.sum([one.weight * here for one, here in zip(hypotheses, each, strict=True)], axis=0)
+    pulled, size, turned = linear.principal(moved)
     variance = np.zeros(m)
     for one, cell, here in zip(hypotheses, cells, each, strict=True):
         known = np.isfinite(one.std)

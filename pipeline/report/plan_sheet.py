@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import percent, plain
 from pipeline.design.curves import ByAnchor, BySize
@@ -184,7 +185,7 @@ def _way(approach: float) -> str:
 def _turned(robot: Robot, q: Array) -> Array:
     """Joint values (m, n) [m] or [deg] as the controller shows them."""
     offset = np.where(robot.prismatic, robot.controller_offset, np.rad2deg(robot.controller_offset))
-    return np.asarray(np.linalg.solve(robot.controller_matrix, (q - offset).T).T)
+    return linear.solve(robot.controller_matrix, (q - offset).T).T
 
 
 def _axes(problem: Problem, q: Array) -> Table:

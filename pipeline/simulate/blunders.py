@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Locked, Parameter
 from pipeline.base.errors import UsageError, listed
 from pipeline.machine.robot import Robot
@@ -207,5 +208,5 @@ def controller_axes(robot: Robot, q: Array) -> Array:
     """
     if robot.controller_matrix.shape[1] != robot.n:
         return np.empty((len(q), 0))
-    axes = np.linalg.solve(robot.controller_matrix, (q - robot.controller_offset).T).T
+    axes = linear.solve(robot.controller_matrix, (q - robot.controller_offset).T).T
     return np.where(robot.prismatic, axes, np.rad2deg(axes))
