@@ -1,4 +1,4 @@
-"""Lines and their cells, as both ways of reading rows see them."""
+"""Lines and their cells."""
 
 from __future__ import annotations
 
