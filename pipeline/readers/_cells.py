@@ -35,6 +35,11 @@ def cells_or_none(line: str, delimiter: str) -> list[str] | None:
         return None
 
 
+def is_number(cell: str) -> bool:
+    """Whether a cell holds a number, with whatever decimal mark."""
+    return NUMBER.fullmatch(cell.replace(",", ".", 1)) is not None
+
+
 def shown(cell: str, most: int = 40) -> str:
     """A cell for a message: control characters out, not longer than a glance."""
     plain = "".join(c if c.isprintable() else "?" for c in cell)

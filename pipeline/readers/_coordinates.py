@@ -13,7 +13,12 @@ from pipeline.base.errors import InputError
 _UNITS = ("mm", "m", "in")
 _METRES = {"mm": 1e-3, "m": 1.0, "in": 0.0254, "um": 1e-6}
 _ANGLES = {"deg": np.pi / 180.0, "rad": 1.0, "gon": np.pi / 200.0}
-_KINDS = ("cartesian", "spherical", "cylindrical")
+AXES = {
+    "cartesian": ("x", "y", "z"),
+    "spherical": ("range", "azimuth", "vertical"),
+    "cylindrical": ("range", "azimuth", "z"),
+}
+"""What the three numbers are, by kind of coordinates."""
 
 
 @dataclass(frozen=True)

@@ -36,13 +36,13 @@ class Cut(Locked):
     """Rows with as many cells as they should have.
 
     Attributes:
-        columns: Cells by name of their field, as text, blanks around them included; a joined
-            cell is in parts.
+        columns: Cells of each field that is looked at, names as dictionaries, others as text;
+            blanks around them are still there.
         line: Line of each row, shape (n,).
         rejected: Line and reason of the other rows.
     """
 
-    columns: dict[str, pa.Array]
+    columns: list[pa.Array]
     line: Ints
     rejected: tuple[tuple[int, str], ...] = ()
 
@@ -66,7 +66,7 @@ def _special(text: Text, layout: Layout) -> Bools:
     return special
 
 
-def _at_once(text: Text, layout: Layout, special: Bools) -> dict[str, pa.Array] | None:
+def _at_once(text: Text, layout: Layout, special: Bools) -> list[pa.Array] | None:
     """The columns, or None where a row has more or less cells than it should."""
     try:
         table = _read(_body(text, layout.first, special), layout)
@@ -77,10 +77,9 @@ def _at_once(text: Text, layout: Layout, special: Bools) -> dict[str, pa.Array] 
         parts = pc.split_pattern(columns.pop(0), _JOINT)
         if not np.all(pc.list_value_length(parts).to_numpy() == layout.joined):
             return None
-        places = [k for k, f in enumerate(layout.fields[: layout.joined]) if f.kind != "any"]
+        places = [k for k, f in enumerate(layout.fields[: layout.joined]) if f.kind in _TYPES]
         columns = [*(pc.list_element(parts, k).dictionary_encode() for k in places), *columns]
-    names = [field.name for field in layout.fields if field.kind != "any"]
-    return dict(zip(names, columns, strict=True))
+    return columns
 
 
 def _read(body: pa.Buffer, layout: Layout) -> pa.Table:
@@ -128,11 +127,11 @@ def _each(text: Text, layout: Layout, line: Ints) -> Cut:
         except Bad as reason:
             rejected.append((number, str(reason)))
     cells = zip(*found, strict=True) if found else [()] * len(layout.fields)
-    columns = {
-        field.name: pa.array(column, pa.string()).cast(_TYPES[field.kind])
+    columns = [
+        pa.array(column, pa.string()).cast(_TYPES[field.kind])
         for field, column in zip(layout.fields, cells, strict=True)
-        if field.kind != "any"
-    }
+        if field.kind in _TYPES
+    ]
     return Cut(columns, np.array(kept, dtype=np.int64), tuple(rejected))
 
 

@@ -10,6 +10,7 @@ import re
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
 
@@ -58,8 +59,8 @@ def rows(text: Text, layout: Layout) -> Rows:
     found = cut(text, layout)
     fields = [field for field in layout.fields if field.kind != "any"]
     much = len(found.line) > MUCH
-    cells = spread(lambda field: _trimmed(found.columns[field.name]), fields, much)
-    layout = replace(layout, decimal=layout.decimal or _decimal(text, layout, cells, found.line))
+    cells = spread(_trimmed, found.columns, much)
+    layout = replace(layout, decimal=layout.decimal or _decimal(text, fields, cells, found.line))
     columns = spread(lambda k: _parsed(fields[k], cells[k], layout), range(len(fields)), much)
     good = np.logical_and.reduce([column.good for column in columns])
     _zones_alike(columns, good, text.name)
@@ -87,9 +88,14 @@ def _trimmed(cells: pa.Array) -> pa.Array:
         trimmed = _trimmed(cells.dictionary)
         same = trimmed.equals(cells.dictionary)
         return cells if same else trimmed.take(cells.indices).dictionary_encode()
-    letters = np.frombuffer(cells.buffers()[2] or b"", dtype=np.uint8)
+    letters = _letters(cells)
     bare = letters.min(initial=_LAST) > ord(" ") and letters.max(initial=0) <= _LAST
     return cells if bare else pc.utf8_trim_whitespace(cells)
+
+
+def _letters(cells: pa.StringArray) -> npt.NDArray[np.uint8]:
+    """All letters of a column as they stand in memory, shape (letters,)."""
+    return np.frombuffer(cells.buffers()[2] or b"", dtype=np.uint8)
 
 
 def _zones_alike(columns: list[_Column], good: Bools, file: str) -> None:
@@ -105,31 +111,33 @@ def _zones_alike(columns: list[_Column], good: Bools, file: str) -> None:
             )
 
 
-def _decimal(text: Text, layout: Layout, cells: list[pa.Array], line: Ints) -> str:
+def _decimal(text: Text, fields: list[Field], cells: list[pa.Array], line: Ints) -> str:
     """The decimal mark of a file: the one that most of its numbers have.
 
     Raises:
         InputError: Every comma could as well stand between thousands.
     """
-    if b'"' not in text.data and (layout.delimiter == "," or b"," not in text.data):
+    numeric = [c for c, field in zip(cells, fields, strict=True) if field.kind == "number"]
+    if not any((_letters(column) == ord(",")).any() for column in numeric):
         return "."
-    kinds = [field.kind for field in layout.fields if field.kind != "any"]
-    numeric = [column for column, kind in zip(cells, kinds, strict=True) if kind == "number"]
     grouped, comma, point = (
-        np.column_stack([pc.match_substring_regex(column, what) for column in numeric])
-        for what in (_GROUPED, ",", r"\.")
+        np.column_stack([pc.match_substring_regex(column, mark) for column in numeric])
+        for mark in (_GROUPED, ",", r"\.")
     )
     commas, points = np.sum(comma & ~point & ~grouped), np.sum(point & ~comma)
     if grouped.any() and not commas and not points:
         row, k = np.argwhere(grouped)[0]
-        cell = numeric[k][int(row)].as_py()
-        raise InputError(
-            f'"{cell}" may be {cell.replace(",", ".", 1)} or {cell.replace(",", "")}',
-            'say which with decimal = "," or decimal = "." in [tracker] of campaign.toml',
-            file=text.name,
-            line=int(line[row]),
-        )
+        raise _doubtful(text, int(line[row]), numeric[k][int(row)].as_py())
     return "," if commas > points else "."
+
+
+def _doubtful(text: Text, line: int, cell: str) -> InputError:
+    return InputError(
+        f'"{cell}" may be {cell.replace(",", ".", 1)} or {cell.replace(",", "")}',
+        'say which with decimal = "," or decimal = "." in [tracker] of campaign.toml',
+        file=text.name,
+        line=line,
+    )
 
 
 # --- what cells say -------------------------------------------------------------------------------

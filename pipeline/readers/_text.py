@@ -17,6 +17,8 @@ T = TypeVar("T")
 
 _MAX_BYTES = 2_000_000_000
 _MAX_LINE_BYTES = 10_000
+SAMPLE_LINES = 60
+"""How many lines tell what a file is; headers are shorter."""
 CHUNK = 1 << 20
 """Bytes looked at in one go: temporary arrays of this size stay in the cache."""
 
@@ -61,6 +63,14 @@ class Text(Locked):
         last = len(self) if most is None else min(len(self), first + most - 1)
         for number in range(first, last + 1):
             yield number, self.line(number)
+
+    def first(self) -> tuple[int, str]:
+        """Number and content of the first line that is not blank."""
+        return next((number, line) for number, line in self.lines() if line.strip())
+
+    def sample(self) -> list[str]:
+        """The lines by which its dialect and header are known."""
+        return [line for _, line in self.lines(1, SAMPLE_LINES)]
 
     def ended(self) -> bool:
         """Whether the last line has its line end."""

@@ -51,7 +51,7 @@ def form_of(cell: str) -> str | None:
     return None
 
 
-def moment(cell: str, form: str) -> datetime | None:
+def _moment(cell: str, form: str) -> datetime | None:
     """The time in a cell, with its zone if it has one, or None when the cell is of another form."""
     bare = cell.strip().lstrip(APOSTROPHE)
     if form in _FORMS and form_of(bare) != form:  # strptime takes 16:38:2 for a time
@@ -79,7 +79,7 @@ def moments(cells: pa.StringArray, form: str) -> tuple[pa.TimestampArray, Bools 
         return _at_once(bare if form == ISO else _as_iso(bare, form)), None
     except pa.ArrowInvalid:
         different = cells.dictionary_encode()
-    found = [moment(cell, form) for cell in different.dictionary.to_pylist()]
+    found = [_moment(cell, form) for cell in different.dictionary.to_pylist()]
     values = pa.array([None if m is None else without_zone(m) for m in found], MOMENT)
     zoned = np.array([m is not None and m.tzinfo is not None for m in found], dtype=bool)
     return values.take(different.indices), zoned[np.asarray(different.indices)]

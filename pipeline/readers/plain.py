@@ -10,9 +10,7 @@ from collections.abc import Sequence
 
 from pipeline.base.errors import InputError, listed
 from pipeline.readers import _named, _tables
-from pipeline.readers._cells import text_of
-from pipeline.readers._coordinates import Meaning, raw
-from pipeline.readers._reader import Export, Hints, Reader, Readings
+from pipeline.readers._reader import Export, Hints, Reader, Readings, written
 from pipeline.readers._text import Text
 
 _NEEDED = ("group", "target", "x", "y", "z")
@@ -32,7 +30,7 @@ def read(text: Text, hints: Hints) -> Export:
     Raises:
         InputError: A column or the unit is missing.
     """
-    line, first = next((n, line) for n, line in text.lines() if line.strip())
+    line, first = text.first()
     header = _named.header(first, line)
     lacking = [role for role in _NEEDED if not header.has(role)]
     if lacking:
@@ -48,12 +46,9 @@ def read(text: Text, hints: Hints) -> Export:
 
 def write(readings: Readings, unit: str, digits: int | None) -> bytes:
     """A plain CSV with times to the second."""
-    numbers = text_of(raw(readings.position, Meaning(unit)), digits)
     rows = [
         f"{group},{target},{','.join(xyz)},{time:%Y-%m-%dT%H:%M:%S}\n"
-        for group, target, xyz, time in zip(
-            readings.group, readings.target, numbers, readings.time, strict=True
-        )
+        for group, target, xyz, time in written(readings, unit, digits)
     ]
     return "".join([f"group,target,x_{unit},y_{unit},z_{unit},time\n", *rows]).encode()
 
