@@ -31,8 +31,13 @@ is a scatter too, of one number for three axes: it is used only when campaign.to
 
 
 _FARTHEST_M = 1e7
-"""No tracker reads so far, whatever unit was mistaken for whatever other."""
-_TOO_FAR = "the coordinates are farther than 10 000 km; measure it again or remove the row"
+"""No tracker reads so far [m], whatever unit was mistaken for whatever other."""
+_TOO_FAR = (
+    f"the coordinates are farther than {_FARTHEST_M / 1e3:_.0f} km; ".replace("_", " ")
+    + "measure it again or remove the row"
+)
+USUAL_FACTORS = {STANDARD: 1.0, EXPANDED: 2.0}
+"""k of uncertainties where campaign.toml does not say; 2 is 95 % (GUM 6.3.3, Leica's U(95))."""
 
 
 @dataclass(frozen=True)

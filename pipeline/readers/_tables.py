@@ -21,6 +21,7 @@ from pipeline.readers._named import Header, Named, find, in_context, named, one_
 from pipeline.readers._reader import (
     EXPANDED,
     STANDARD,
+    USUAL_FACTORS,
     Export,
     Found,
     Hints,
@@ -40,6 +41,8 @@ _LOST_IF_MISSPELT = {
     "time": "time", "timestamp": "time", "delete": "delete", "deleted": "delete",
     "group": "group", "point group": "group",
 }  # fmt: skip
+_ALIKE = 0.75
+"""Share of letters alike (difflib's ratio) from which a title is a slip of the pen."""
 _NAMES = ("group", "target", "reflector", "delete")
 
 
@@ -188,7 +191,7 @@ def _nearly(header: Header, file: str) -> None:
     for column in header.columns:
         if column.role or not column.title:
             continue
-        near = get_close_matches(column.title.lower(), _LOST_IF_MISSPELT, n=1, cutoff=0.75)
+        near = get_close_matches(column.title.lower(), _LOST_IF_MISSPELT, n=1, cutoff=_ALIKE)
         if near and not header.has(_LOST_IF_MISSPELT[near[0]]):
             raise InputError(
                 f'column "{shown(column.title)}" is not known, but looks like "{near[0]}"',
@@ -324,12 +327,12 @@ def _covariances(
 ) -> dict[str, Array]:
     """Covariances by kind, in the units of the coordinates; NaN where a cell is empty."""
     out = {}
-    for prefix, kind, usual in (("u95", EXPANDED, 2.0), ("std", STANDARD, 1.0)):
+    for prefix, kind in (("u95", EXPANDED), ("std", STANDARD)):
         roles = [f"{prefix} {axis}" for axis in "xyz"]
         if _all_or_none(header, roles, file):
             own = one_unit(header, roles, file)
             std = [uncertainties(table.floats(role), own, unit) for role in roles]
-            out[kind] = diagonal(std, hints.coverage_factor or usual)
+            out[kind] = diagonal(std, hints.coverage_factor or USUAL_FACTORS[kind])
     if _all_or_none(header, COVARIANCE, file):
         out[STANDARD] = np.column_stack([table.floats(role) for role in COVARIANCE])
     return out

@@ -49,6 +49,8 @@ def _names(start: str) -> list[str]:
 
 
 _STATISTICS = {name for start in _KINDS.values() for name in _names(start)}
+_RELATIVE, _ABSOLUTE = 1e-3, 1e-7
+"""How well a total agrees with its parts [1] and [unit of the file]: six digits are printed."""
 _COMPLETE = (0, 8, 14)
 """How many of them there are: none, those without covariances, all."""
 
@@ -139,7 +141,7 @@ def _lengths_only(table: Rows, titles: Sequence[str]) -> bool:
     if not {"dStd1", "dStd2", "dStd3", "dStdTotal"} <= set(titles) or not len(table.line):
         return False
     s1, s2, s3, total = (np.asarray(table.columns[f"dStd{k}"]) for k in ("1", "2", "3", "Total"))
-    return bool(np.allclose(np.sqrt(s1**2 + s2**2 + s3**2), total, rtol=1e-3, atol=1e-7))
+    return bool(np.allclose(np.sqrt(s1**2 + s2**2 + s3**2), total, rtol=_RELATIVE, atol=_ABSOLUTE))
 
 
 def write(readings: Readings, unit: str, digits: int | None) -> bytes:

@@ -13,12 +13,17 @@ import numpy as np
 from pipeline.readers import _named, _tables, plain
 from pipeline.readers._cells import text_of
 from pipeline.readers._coordinates import Meaning, raw
-from pipeline.readers._reader import Export, Hints, Reader, Readings, written
+from pipeline.readers._reader import (
+    EXPANDED,
+    USUAL_FACTORS,
+    Export,
+    Hints,
+    Reader,
+    Readings,
+    written,
+)
 from pipeline.readers._text import Text
 from pipeline.readers.tracker_pilot import six_dof
-
-_COVERAGE = 2.0
-"""k of U(95), by which a standard uncertainty is multiplied."""
 
 
 def recognise(lines: Sequence[str]) -> bool:
@@ -35,7 +40,7 @@ def read(text: Text, hints: Hints) -> Export:
 def write(readings: Readings, unit: str, digits: int | None) -> bytes:
     """A T-Mac export; orientations are zero, U(95) is twice the root of the diagonal."""
     six = np.zeros((len(readings.group), 6)) if readings.covariance is None else readings.covariance
-    U95 = text_of(raw(_COVERAGE * np.sqrt(six[:, [0, 3, 5]]), Meaning(unit)), None)
+    U95 = text_of(raw(USUAL_FACTORS[EXPANDED] * np.sqrt(six[:, [0, 3, 5]]), Meaning(unit)), None)
     axes = [f"{axis} [{unit}]" for axis in "XYZ"]
     titles = ["Point Group", "Point Name", "Time", *axes, "Rx [deg]", "Ry [deg]", "Rz [deg]"]
     lines = [";".join([*titles, *(f"U(95) {axis}" for axis in axes), "Delete", ""])]

@@ -24,8 +24,15 @@ _Rejection = tuple[str, int | None, str]
 """File, line and reason of what was left out."""
 
 FORCE = {"n": 1.0, "kn": 1e3, "kgf": 9.80665, "lbf": 4.4482216152605}
+"""Units of force [N]; those of weight with standard gravity (CGPM 1901)."""
 _LENGTH = {"m": 1.0, "mm": 1e-3}
+"""Units of length [m]."""
 _ANGLE = {"deg": np.pi / 180.0, "rad": 1.0}
+"""Units of angles [rad]."""
+BEYOND = 2**31
+"""Poses and pulls are numbered below it: tables hold them in 32 bits."""
+LIMIT_SLACK = 1e-9
+"""How far a joint may seem beyond its limit [m] or [rad]: degrees are rounded when converted."""
 _LARGEST = 1e8
 """Of lengths, angles and forces [SI], whatever unit was mistaken for whatever other."""
 _BRANCHES = ("up", "down")
@@ -155,13 +162,12 @@ def within_limits(log: Log, q: Array, robot: Robot) -> None:
     Raises:
         InputError: One of them does not.
     """
-    slack = 1e-9
-    outside = (q < robot.lower - slack) | (q > robot.upper + slack)
+    outside = (q < robot.lower - LIMIT_SLACK) | (q > robot.upper + LIMIT_SLACK)
     if not outside.any():
         return
     row, j = (int(k) for k in np.argwhere(outside)[0])
     joint, value = robot.joints[j], q[row, j]
-    unit, scale = ("m", 1.0) if joint.prismatic else ("deg", 180.0 / np.pi)
+    unit, scale = ("m", 1.0) if joint.prismatic else ("deg", np.rad2deg(1.0))
     raise InputError(
         f"joint {joint.name} is at {value * scale:.6g} {unit}, outside its limits "
         f"{joint.lower * scale:.6g} to {joint.upper * scale:.6g} {unit}",
@@ -255,7 +261,7 @@ def _whole_numbers(log: Log) -> Log:
     for name in ("pose", "repeat"):
         if name in log.number:
             values = log.number[name]
-            whole = (values >= 0) & (values == np.round(values)) & (values < 2**31)
+            whole = (values >= 0) & (values == np.round(values)) & (values < BEYOND)
             log = log.only(whole, f"{name} is not a whole number; correct or remove the row")
     return log
 

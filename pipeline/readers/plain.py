@@ -14,6 +14,8 @@ from pipeline.readers._reader import Export, Hints, Reader, Readings, written
 from pipeline.readers._text import Text
 
 _NEEDED = ("group", "target", "x", "y", "z")
+_ENOUGH = 3
+"""Of these columns tell the dialect; what is missing is asked for then."""
 
 
 def recognise(lines: Sequence[str]) -> bool:
@@ -21,7 +23,7 @@ def recognise(lines: Sequence[str]) -> bool:
     header = _named.header(next((line for line in lines if line.strip()), ""), 1)
     exact = {column.title.lower() for column in header.columns}
     there = sum(header.has(role) for role in _NEEDED)
-    return there >= 3 and bool({"group", "target"} & exact)
+    return there >= _ENOUGH and bool({"group", "target"} & exact)
 
 
 def read(text: Text, hints: Hints) -> Export:

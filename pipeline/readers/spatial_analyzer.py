@@ -26,6 +26,7 @@ from pipeline.readers._reader import (
     EXPANDED,
     RMS,
     STANDARD,
+    USUAL_FACTORS,
     Export,
     Found,
     Hints,
@@ -248,10 +249,10 @@ def _covariance(table: Rows, shape: _Shape, hints: Hints, unit: str, file: str) 
         own = _named.one_unit(header, roles, file)
         return [uncertainties(np.asarray(table.columns[role]), own, unit) for role in roles]
 
-    for prefix, kind, usual in (("std", STANDARD, 1.0), ("u95", EXPANDED, 2.0)):
+    for prefix, kind in (("std", STANDARD), ("u95", EXPANDED)):
         axes = [f"{prefix} {axis}" for axis in "xyz"]
         if header.has(*axes):
-            out[kind] = diagonal(said(axes), hints.coverage_factor or usual)
+            out[kind] = diagonal(said(axes), hints.coverage_factor or USUAL_FACTORS[kind])
     if header.has("rms"):
         out[RMS] = diagonal([said(["rms"])[0] / np.sqrt(3.0)] * 3)
     return out
