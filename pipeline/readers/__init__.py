@@ -18,9 +18,6 @@ READERS: dict[str, Reader] = {
     "xyz": xyz.READER,
 }
 
-SAMPLE_LINES = 60
-"""How many lines a reader looks at to recognise its dialect; headers are shorter."""
-
 __all__ = [
     "READERS",
     "Columns",
@@ -41,7 +38,7 @@ def recognise(file: Text) -> Reader:
     Raises:
         InputError: No dialect fits, or more than one.
     """
-    sample = [line for _, line in file.lines(1, SAMPLE_LINES)]
+    sample = file.sample()
     fitting = [reader for reader in READERS.values() if reader.recognise(sample)]
     if len(fitting) == 1:
         return fitting[0]

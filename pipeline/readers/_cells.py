@@ -1,4 +1,4 @@
-"""Lines and their cells, as both ways of reading rows see them."""
+"""Lines and their cells."""
 
 from __future__ import annotations
 
@@ -10,6 +10,14 @@ from pipeline.readers._layout import Layout
 from pipeline.readers._text import Text
 
 NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+
+
+_GLANCE = 40
+"""Letters of a cell in a message."""
+_FEW_ROWS = 5
+"""Rows that are too few to say that all are written alike."""
+_LOOKED_AT = 50
+"""Rows before the last that say how long its last cell should be."""
 
 
 class Bad(Exception):
@@ -35,7 +43,12 @@ def cells_or_none(line: str, delimiter: str) -> list[str] | None:
         return None
 
 
-def shown(cell: str, most: int = 40) -> str:
+def is_number(cell: str) -> bool:
+    """Whether a cell holds a number, with whatever decimal mark."""
+    return NUMBER.fullmatch(cell.replace(",", ".", 1)) is not None
+
+
+def shown(cell: str, most: int = _GLANCE) -> str:
     """A cell for a message: control characters out, not longer than a glance."""
     plain = "".join(c if c.isprintable() else "?" for c in cell)
     return plain if len(plain) <= most else plain[: most - 1] + "…"
@@ -60,12 +73,14 @@ def cut_off(text: Text, layout: Layout, line: Ints) -> bool:
     Told where the last line lacks its end and its last cell, a number or a time, is shorter than
     every one before, all of which are written alike.
     """
-    if text.ended() or line[-1] != len(text) or len(line) < 6:
+    if text.ended() or line[-1] != len(text) or len(line) <= _FEW_ROWS:
         return False
     kind = layout.fields[-1].kind
     if kind not in ("number", "time"):
         return False
-    before = {_precision(text.line(int(number)), layout, kind) for number in line[-51:-1]}
+    before = {
+        _precision(text.line(int(number)), layout, kind) for number in line[-_LOOKED_AT - 1 : -1]
+    }
     here = _precision(text.line(len(text)), layout, kind)
     return len(before) == 1 and here < before.pop()
 

@@ -11,9 +11,18 @@ from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError
 
 _UNITS = ("mm", "m", "in")
-_METRES = {"mm": 1e-3, "m": 1.0, "in": 0.0254, "um": 1e-6}
+_INCH = 0.0254
+"""An inch [m], by definition."""
+_METRES = {"mm": 1e-3, "m": 1.0, "in": _INCH, "um": 1e-6}
+"""Units of length [m]."""
 _ANGLES = {"deg": np.pi / 180.0, "rad": 1.0, "gon": np.pi / 200.0}
-_KINDS = ("cartesian", "spherical", "cylindrical")
+"""Units of angles [rad]."""
+AXES = {
+    "cartesian": ("x", "y", "z"),
+    "spherical": ("range", "azimuth", "vertical"),
+    "cylindrical": ("range", "azimuth", "z"),
+}
+"""What the three numbers are, by kind of coordinates."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +47,7 @@ def metres(values: Array, unit: str) -> Array:
     """Lengths in metres; mm are divided by 1000, which rounds once, 0.001 would round twice."""
     if unit in ("mm", "um"):
         return values / (1000.0 if unit == "mm" else 1e6)
-    return values * 0.0254 if unit == "in" else values
+    return values * _INCH if unit == "in" else values
 
 
 def uncertainties(values: Array, stated: str | None, unit: str) -> Array:
@@ -52,7 +61,7 @@ def _in_unit(values: Array, unit: str) -> Array:
     """Lengths in metres in another unit."""
     if unit == "mm":
         return values * 1000.0
-    return values / 0.0254 if unit == "in" else values
+    return values / _INCH if unit == "in" else values
 
 
 def cartesian(numbers: Sequence[Array], meaning: Meaning) -> Array:
@@ -197,7 +206,7 @@ def settled_vertical(
         InputError: Nobody says and the angles leave it open.
     """
     if stated is None and said is None and len(values):
-        degrees = values * _ANGLES[angle] * 180.0 / np.pi
+        degrees = np.rad2deg(values * _ANGLES[angle])
         if degrees.min() < 0 and degrees.max() <= 90:
             return "elevation"
         if degrees.min() >= 0 and 90 < degrees.max() <= 180:

@@ -1,21 +1,227 @@
-"""Delimited rows into typed columns: at once while all is well, one by one where it is not.
+"""Delimited rows into typed columns: each column as a whole, and why a cell is none of its kind.
 
-Both ways give the same values for the same text; the slow one exists to name line and reason.
+Why a row is left out is asked of the same columns that the others are taken from: none is lost
+without a reason, and none has a reason that does not hold.
 """
 
 from __future__ import annotations
 
-from pipeline.readers._at_once import at_once
-from pipeline.readers._layout import Layout, Rows
-from pipeline.readers._one_by_one import one_by_one
+import re
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from pipeline.base.arrays import Bools, Ints, Locked
+from pipeline.base.errors import InputError
+from pipeline.base.threads import MUCH, spread
+from pipeline.readers import _time
+from pipeline.readers._cells import NUMBER, cut_off, shown
+from pipeline.readers._cut import cut
+from pipeline.readers._layout import Field, Layout, Rows
 from pipeline.readers._text import Text
+
+_GROUPED = r"^[+-]?[0-9]{1,3}(,[0-9]{3})+$"
+"""Commas that may stand between thousands, or one for a decimal point."""
+_LAST = ord("~")
+"""The last letter of ASCII; blanks of other scripts come behind it."""
+_NO_NUMBERS = ("nan", "inf", "infinity", "na", "n/a", "null", "none", "1.#qnan")
+"""What programs write where they have no number."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Column(Locked):
+    """One column of all rows.
+
+    Attributes:
+        field: Which.
+        cells: What is written, without blanks around it: text, or a dictionary of names.
+        values: What that says, null where it says nothing.
+        good: Rows that may stay, shape (n,).
+        zoned: Times with a zone, shape (n,); None where there is none.
+    """
+
+    field: Field
+    cells: pa.Array
+    values: pa.Array
+    good: Bools
+    zoned: Bools | None = None
 
 
 def rows(text: Text, layout: Layout) -> Rows:
     """Read all rows from line `layout.first` on.
 
     Raises:
-        InputError: The decimal mark cannot be told.
+        InputError: The decimal mark cannot be told, or only some times have a zone.
     """
-    found = at_once(text, layout)
-    return one_by_one(text, layout) if found is None else found
+    found = cut(text, layout)
+    fields = [field for field in layout.fields if field.kind != "any"]
+    much = len(found.line) > MUCH
+    cells = spread(_trimmed, found.columns, much)
+    layout = replace(layout, decimal=layout.decimal or _decimal(text, fields, cells, found.line))
+    columns = spread(lambda k: _parsed(fields[k], cells[k], layout), range(len(fields)), much)
+    good = np.logical_and.reduce([column.good for column in columns])
+    _zones_alike(columns, good, text.name)
+    rejected = [*found.rejected, *_why_not(columns, found.line, good, layout)]
+    line = found.line[good]
+    if len(line) and cut_off(text, layout, line):
+        good[np.flatnonzero(good)[-1]] = False
+        rejected.append((int(line[-1]), "the file ends inside this line; export it again"))
+    return _kept(columns, found.line[good], good, sorted(rejected))
+
+
+def _kept(columns: list[_Column], line: Ints, good: Bools, rejected: list[tuple[int, str]]) -> Rows:
+    """The good rows, numbered among all."""
+    values = {c.field.name: c.values for c in columns if c.field.kind != "blank"}
+    if not good.all():
+        values = {name: column.filter(pa.array(good)) for name, column in values.items()}
+    others = np.array([number for number, _ in rejected], dtype=np.int64)
+    order = np.arange(1, len(line) + 1) + np.searchsorted(others, line)
+    return Rows(values, line, order, tuple(rejected))
+
+
+def _trimmed(cells: pa.Array) -> pa.Array:
+    """The cells without blanks around them."""
+    if pa.types.is_dictionary(cells.type):
+        trimmed = _trimmed(cells.dictionary)
+        same = trimmed.equals(cells.dictionary)
+        return cells if same else trimmed.take(cells.indices).dictionary_encode()
+    letters = _letters(cells)
+    bare = letters.min(initial=_LAST) > ord(" ") and letters.max(initial=0) <= _LAST
+    return cells if bare else pc.utf8_trim_whitespace(cells)
+
+
+def _letters(cells: pa.StringArray) -> npt.NDArray[np.uint8]:
+    """All letters of a column as they stand in memory, shape (letters,)."""
+    return np.frombuffer(cells.buffers()[2] or b"", dtype=np.uint8)
+
+
+def _zones_alike(columns: list[_Column], good: Bools, file: str) -> None:
+    for column in columns:
+        if column.zoned is None:
+            continue
+        zoned = column.zoned[good & np.asarray(column.values.is_valid())]
+        if zoned.any() and not zoned.all():
+            raise InputError(
+                "some times have a zone and some have none",
+                "export all times in the same form",
+                file=file,
+            )
+
+
+def _decimal(text: Text, fields: list[Field], cells: list[pa.Array], line: Ints) -> str:
+    """The decimal mark of a file: the one that most of its numbers have.
+
+    Raises:
+        InputError: Every comma could as well stand between thousands.
+    """
+    numeric = [c for c, field in zip(cells, fields, strict=True) if field.kind == "number"]
+    if not any((_letters(column) == ord(",")).any() for column in numeric):
+        return "."
+    grouped, comma, point = (
+        np.column_stack([pc.match_substring_regex(column, mark) for column in numeric])
+        for mark in (_GROUPED, ",", r"\.")
+    )
+    commas, points = np.sum(comma & ~point & ~grouped), np.sum(point & ~comma)
+    if grouped.any() and not commas and not points:
+        row, k = np.argwhere(grouped)[0]
+        raise _doubtful(text, int(line[row]), numeric[k][int(row)].as_py())
+    return "," if commas > points else "."
+
+
+def _doubtful(text: Text, line: int, cell: str) -> InputError:
+    return InputError(
+        f'"{cell}" may be {cell.replace(",", ".", 1)} or {cell.replace(",", "")}',
+        'say which with decimal = "," or decimal = "." in [tracker] of campaign.toml',
+        file=text.name,
+        line=line,
+    )
+
+
+# --- what cells say -------------------------------------------------------------------------------
+
+
+def _parsed(field: Field, cells: pa.Array, layout: Layout) -> _Column:
+    """What the cells of a column say, and which of them may stay."""
+    values, zoned = cells, None
+    if field.kind == "number":
+        values = _numbers(cells, layout.decimal or ".")
+    elif field.kind == "time":
+        values, zoned = _time.moments(cells, layout.moment)
+    good = _filled(cells) if values is cells else np.asarray(values.is_valid())
+    if field.kind == "blank":
+        good = ~good
+    elif not field.needed and not good.all():
+        good = good | ~_filled(cells)
+    return _Column(field, cells, values, good, zoned)
+
+
+def _filled(cells: pa.Array) -> Bools:
+    if pa.types.is_dictionary(cells.type):
+        return _filled(cells.dictionary)[np.asarray(cells.indices)]
+    return np.asarray(pc.binary_length(cells)) > 0
+
+
+def _numbers(cells: pa.Array, mark: str) -> pa.DoubleArray:
+    """Numbers with one decimal mark, null where there is none."""
+    values = _cast(cells, mark)
+    finite = np.isfinite(values.to_numpy(zero_copy_only=False))
+    return values if finite.all() else pc.if_else(pa.array(finite), values, None)
+
+
+def _cast(cells: pa.Array, mark: str) -> pa.DoubleArray:
+    """The same, but infinite where too large and NaN or infinite where none."""
+    if mark == ".":
+        try:
+            return cells.cast(pa.float64())
+        except pa.ArrowInvalid:
+            pass  # some cell is no number: see which
+    fits = pc.match_substring_regex(cells, f"^(?:{_number(mark)})$")
+    return pc.replace_substring(pc.if_else(fits, cells, "nan"), mark, ".").cast(pa.float64())
+
+
+def _number(mark: str) -> str:
+    return NUMBER.pattern.replace(r"\.", re.escape(mark))
+
+
+# --- why they may not stay ------------------------------------------------------------------------
+
+
+def _why_not(
+    columns: list[_Column], line: Ints, good: Bools, layout: Layout
+) -> list[tuple[int, str]]:
+    """Line and reason of the rows that may not stay, each for its first cell that is to blame."""
+    out = []
+    for row in np.flatnonzero(~good).tolist():
+        column = next(column for column in columns if not column.good[row])
+        out.append((int(line[row]), _why(column.cells[row].as_py(), column.field, layout)))
+    return out
+
+
+def _why(cell: str, field: Field, layout: Layout) -> str:
+    if field.kind == "blank":
+        return f'has "{shown(cell)}" behind the last column; remove it'
+    if not cell:
+        return f"has nothing in column {field.said}; fill it in or remove the row"
+    why = _why_no_number if field.kind == "number" else _why_no_time
+    return f'{field.said} is "{shown(cell)}"{why(cell, layout)}'
+
+
+def _why_no_number(cell: str, layout: Layout) -> str:
+    mark = layout.decimal or "."
+    if re.fullmatch(_number(mark), cell):
+        return ", too large for a number; correct or remove the row"
+    if cell.lower().lstrip("+-") in _NO_NUMBERS:
+        return ", not a number; measure it again or remove the row"
+    foreign = "." if mark == "," else ","
+    if foreign in cell and re.fullmatch(r"[+-]?[0-9.,]+(?:[eE][+-]?[0-9]+)?", cell):
+        return f': this file has the decimal mark "{mark}"; write all numbers the same way'
+    return ", not a number; correct or remove the row"
+
+
+def _why_no_time(cell: str, layout: Layout) -> str:
+    known = _time.form_of(cell) not in (None, layout.moment)
+    other = "in another form than the first one" if known else "not a time"
+    return f", {other}; correct or remove the row"

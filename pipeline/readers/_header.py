@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 
 from pipeline.base.errors import InputError, listed
@@ -36,10 +35,5 @@ def suffixed(
     found: Sequence[str], stem: str, units: Sequence[str]
 ) -> tuple[str, str | None] | None:
     """The column of a quantity and the unit in its name: `x_mm`, `mm`; None where it has none."""
-    for name in found:
-        match = re.fullmatch(
-            rf"{re.escape(stem.lower())}(?:_({'|'.join(map(re.escape, units))}))?", name
-        )
-        if match:
-            return name, match[1]
-    return None
+    of_unit = {f"{stem}_{unit}".lower(): unit for unit in units} | {stem.lower(): None}
+    return next(((name, of_unit[name]) for name in found if name in of_unit), None)

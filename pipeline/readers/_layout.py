@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
 import pyarrow as pa
 
-from pipeline.base.arrays import Ints, Locked
+from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.readers import _time
 
 DELIMITERS = (",", ";", "\t", "|")
@@ -75,3 +76,7 @@ class Rows(Locked):
     line: Ints
     order: Ints
     rejected: tuple[tuple[int, str], ...]
+
+    def floats(self, name: str) -> Array:
+        """A column of numbers, NaN where a cell is empty, shape (n,)."""
+        return np.array(self.columns[name].fill_null(np.nan), dtype=float)

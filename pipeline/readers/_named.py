@@ -38,7 +38,10 @@ _FILLING = {
     "actual",
     "measured",
 }
-_STANDARD_WORDS = {"std", "stddev", "sigma", "uncertainty", "sd", "unc"}
+_STANDARD_WORDS = {
+    *("std", "stddev", "sigma", "uncertainty", "sd", "unc"),
+    *("u", "1", "dev", "standard", "deviation"),
+}
 _TIMES = ({"time"}, {"timestamp"}, {"date", "time"}, {"datetime"}, {"date"}, {"time", "stamp"})
 _NAMES = {
     "collection": "collection", "group": "group", "group name": "group", "groupname": "group",
@@ -116,22 +119,23 @@ def _role(words: Sequence[str]) -> str:
     bag = set(words)
     if bag in _TIMES:
         return "time"
-    if " ".join(words) in _NAMES:
-        return _NAMES[" ".join(words)]
     fused = re.fullmatch(r"(u|s|std|sigma)(x|y|z)(95)?", "".join(words))
     if fused:
         return f"{'u95' if fused[3] else 'std'} {fused[2]}"
-    axes = [_AXES[word] for word in words if word in _AXES]
+    return _NAMES.get(" ".join(words)) or _of_axis(words)
+
+
+def _of_axis(words: Sequence[str]) -> str:
+    """The role of a column that has to do with one axis: its coordinate or its uncertainty."""
+    axes = [word for word in words if word in _AXES]
     if len(axes) != 1:
         return ""
-    others = bag - {word for word in words if word in _AXES} - _FILLING
+    axis, others = _AXES[axes[0]], {*words} - {*axes} - _FILLING
     if not others:
-        return axes[0]
+        return axis
     if others <= _EXPANDED_WORDS and others & {"95", "expanded"}:
-        return f"u95 {axes[0]}"
-    if others <= _STANDARD_WORDS | {"u", "1", "dev", "standard", "deviation"}:
-        return f"std {axes[0]}"
-    return ""
+        return f"u95 {axis}"
+    return f"std {axis}" if others <= _STANDARD_WORDS else ""
 
 
 def header(line: str, number: int, delimiter: str | None = None) -> Header:

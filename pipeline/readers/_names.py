@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -27,15 +28,16 @@ def split(export: Export, pattern: str | None) -> Export:
     matches = [compiled.fullmatch(name) for name in export.target.dictionary.to_pylist()]
     if not any(matches) or (pattern is None and not all(matches)):
         return export
-    at = np.asarray(export.target.indices)
-    fits = np.array([match is not None for match in matches], dtype=bool)[at]
-    groups, targets = (
-        pa.array([match[part] if match else "" for match in matches]).take(pa.array(at))
-        for part in ("group", "target")
-    )
-    split_up = replace(export, group=groups.dictionary_encode(), target=targets.dictionary_encode())
+    at = export.target.indices
+    group, target = (_part(matches, name).take(at) for name in ("group", "target"))
+    split_up = replace(export, group=group.dictionary_encode(), target=target.dictionary_encode())
+    fits = np.array(list(map(bool, matches)), dtype=bool)[np.asarray(at)]
     return kept(
         split_up,
         fits,
         "the name has no group and target by names in [tracker]; correct the name or names",
     )
+
+
+def _part(matches: Sequence[re.Match[str] | None], name: str) -> pa.StringArray:
+    return pa.array([match[name] if match else "" for match in matches], pa.string())

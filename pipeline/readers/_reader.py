@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 
@@ -11,7 +11,15 @@ import pyarrow as pa
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.errors import InputError
-from pipeline.readers._coordinates import Meaning, cartesian, covariance, settled
+from pipeline.readers._cells import text_of
+from pipeline.readers._coordinates import (
+    Meaning,
+    cartesian,
+    covariance,
+    raw,
+    settled,
+    settled_vertical,
+)
 from pipeline.readers._layout import Rows
 from pipeline.readers._text import Text
 
@@ -23,8 +31,13 @@ is a scatter too, of one number for three axes: it is used only when campaign.to
 
 
 _FARTHEST_M = 1e7
-"""No tracker reads so far, whatever unit was mistaken for whatever other."""
-_TOO_FAR = "the coordinates are farther than 10 000 km; measure it again or remove the row"
+"""No tracker reads so far [m], whatever unit was mistaken for whatever other."""
+_TOO_FAR = (
+    f"the coordinates are farther than {_FARTHEST_M / 1e3:_.0f} km; ".replace("_", " ")
+    + "measure it again or remove the row"
+)
+USUAL_FACTORS = {STANDARD: 1.0, EXPANDED: 2.0}
+"""k of uncertainties where campaign.toml does not say; 2 is 95 % (GUM 6.3.3, Leica's U(95))."""
 
 
 @dataclass(frozen=True)
@@ -270,6 +283,43 @@ def settled_unit(stated: str | None, hints: Hints, file: str, line: int | None =
         InputError: Nobody says, or the two contradict each other.
     """
     return settled(stated, hints.unit, "unit of length", 'unit = "mm" (or "m", "in")', file, line)
+
+
+def settled_angles(
+    meaning: Meaning,
+    stated: tuple[str | None, str | None],
+    third: Array,
+    hints: Hints,
+    file: str,
+    line: int | None,
+) -> Meaning:
+    """The same with unit and zero of angles, where coordinates of its kind have some.
+
+    Args:
+        meaning: Unit and kind of coordinates.
+        stated: Unit of angles and zero of the vertical one by the export, None where it does not.
+        third: The third column of numbers, which may say where vertical angles begin.
+        hints: What campaign.toml says.
+
+    Raises:
+        InputError: Nobody says, or the two contradict each other.
+    """
+    if meaning.kind == "cartesian":
+        return meaning
+    example = 'angle = "deg" (or "rad", "gon")'
+    angle = settled(stated[0], hints.angle, "unit of angles", example, file, line)
+    if meaning.kind == "cylindrical":
+        return replace(meaning, angle=angle)
+    vertical = settled_vertical(stated[1], hints.vertical, third, angle, file, line)
+    return replace(meaning, angle=angle, vertical=vertical)
+
+
+def written(
+    readings: Readings, unit: str, digits: int | None
+) -> Iterator[tuple[str, str, list[str], datetime]]:
+    """Group, target, Cartesian coordinates as text and time of each reading, for the writers."""
+    numbers = text_of(raw(readings.position, Meaning(unit)), digits)
+    return zip(readings.group, readings.target, numbers, readings.time, strict=True)
 
 
 def diagonal(std: Sequence[Array], factor: float = 1.0) -> Array:

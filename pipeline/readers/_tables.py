@@ -2,46 +2,55 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError, listed
 from pipeline.readers import _time
 from pipeline.readers._cells import cells_or_none, shown
-from pipeline.readers._coordinates import Meaning, settled, settled_vertical, uncertainties
+from pipeline.readers._coordinates import AXES, Meaning, uncertainties
 from pipeline.readers._delimited import rows
 from pipeline.readers._layout import Field, Kind, Layout, Rows
-from pipeline.readers._named import Header, Named, in_context, named, one_unit
+from pipeline.readers._named import Header, Named, find, in_context, named, one_unit
 from pipeline.readers._reader import (
     EXPANDED,
     STANDARD,
+    USUAL_FACTORS,
     Export,
     Found,
     Hints,
     diagonal,
     export,
+    settled_angles,
     settled_unit,
 )
 from pipeline.readers._text import Text
 
 _VERTICALS = ("vertical", "zenith", "elevation")
-_AXES = {
-    "cartesian": ("x", "y", "z"),
-    "spherical": ("range", "azimuth", "vertical"),
-    "cylindrical": ("range", "azimuth", "z"),
-}
 COVARIANCE = ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")
+_SEARCHED = 1000
+"""How many rows are searched for the first one with a time; without any it is ISO 8601."""
 _NOT_DELETED = ("", "-", "0", "no", "false", "n")
 _LOST_IF_MISSPELT = {
     "time": "time", "timestamp": "time", "delete": "delete", "deleted": "delete",
     "group": "group", "point group": "group",
 }  # fmt: skip
+_ALIKE = 0.75
+"""Share of letters alike (difflib's ratio) from which a title is a slip of the pen."""
 _NAMES = ("group", "target", "reflector", "delete")
+
+
+def below_header(text: Text, hints: Hints, dialect: str) -> Export:
+    """Readings of a table whose header was found when its dialect was recognised."""
+    header = find(text.sample())
+    assert header is not None
+    return read(text, hints, header, dialect)
 
 
 def read(
@@ -128,22 +137,14 @@ def _again(
 
 def _dated(table: Rows, form: str) -> Rows:
     """Times of the day put together with their dates; rows without a time that can be read go."""
-    days, clocks = (table.columns[role].to_pylist() for role in ("date", "time"))
-    moments = [
-        _time.moment(f"{day} {clock.lstrip(_time.APOSTROPHE)}", form)
-        for day, clock in zip(days, clocks, strict=True)
-    ]
-    empty = [not day and not clock for day, clock in zip(days, clocks, strict=True)]
-    keep = np.array([bool(m) or e for m, e in zip(moments, empty, strict=True)], dtype=bool)
-    lost = tuple(
-        (
-            int(line),
-            "date and time are no time in the form of the others; correct or remove the row",
-        )
-        for line in table.line[~keep]
-    )
-    times = [_time.without_zone(m) if m else None for m in moments]
-    columns = {**table.columns, "time": pa.array(times, _time.MOMENT)}
+    days, clocks = (table.columns[role].cast(pa.string()) for role in ("date", "time"))
+    clocks = pc.utf8_ltrim(clocks, characters=_time.APOSTROPHE)
+    cells = pc.utf8_trim_whitespace(pc.binary_join_element_wise(days, clocks, " "))
+    times, _ = _time.moments(cells, form)
+    keep = np.asarray(pc.or_(times.is_valid(), pc.equal(cells, "")))
+    reason = "date and time are no time in the form of the others; correct or remove the row"
+    lost = tuple((int(line), reason) for line in table.line[~keep])
+    columns = {**table.columns, "time": times}
     return Rows(
         {name: column.filter(pa.array(keep)) for name, column in columns.items()},
         table.line[keep],
@@ -190,7 +191,7 @@ def _nearly(header: Header, file: str) -> None:
     for column in header.columns:
         if column.role or not column.title:
             continue
-        near = get_close_matches(column.title.lower(), _LOST_IF_MISSPELT, n=1, cutoff=0.75)
+        near = get_close_matches(column.title.lower(), _LOST_IF_MISSPELT, n=1, cutoff=_ALIKE)
         if near and not header.has(_LOST_IF_MISSPELT[near[0]]):
             raise InputError(
                 f'column "{shown(column.title)}" is not known, but looks like "{near[0]}"',
@@ -206,14 +207,14 @@ def _kind(header: Header, hints: Hints, file: str) -> tuple[str, tuple[str, str,
     Raises:
         InputError: The columns are not those of any kind.
     """
-    for kind, wanted in _AXES.items():
+    for kind, wanted in AXES.items():
         axes = [_present(header, role) for role in wanted]
         if None not in axes:
             x, y, z = (str(axis) for axis in axes)
             if kind == "cartesian":
                 kind = hints.coordinates or kind
             return kind, (x, y, z)
-    lacking = next((role for role in _AXES["cartesian"] if not header.has(role)), "x")
+    lacking = next((role for role in AXES["cartesian"] if not header.has(role)), "x")
     raise InputError(
         f"there is no column {lacking}_mm among {listed(c.title for c in header.columns)}",
         "add it to the header and to every row",
@@ -249,19 +250,27 @@ def _used(column: Named, axes: Sequence[str]) -> bool:
 
 def _form(text: Text, header: Header, comment: str | None) -> str:
     """How the times are written, told from the first row that has one."""
-    place = header.where("time")
-    for _, line in text.lines(header.line + 1, most=1000):
-        if not line.strip() or (comment and line.lstrip().startswith(comment)):
-            continue
-        cells = cells_or_none(line, header.delimiter)
-        if cells and place is None:
-            _no_times_elsewhere(cells, header, text.name)
-            return _time.ISO
-        if cells and place is not None and place < len(cells) and cells[place]:
-            date = header.where("date")
-            day = f"{cells[date]} " if date is not None and date < len(cells) else ""
-            return _time.form_of(day + cells[place].lstrip(_time.APOSTROPHE)) or _time.ISO
-    return _time.ISO
+    rows = _sample(text, header, comment)
+    if not header.has("time"):
+        _no_times_elsewhere(next(rows, []), header, text.name)
+        return _time.ISO
+    first = next(filter(None, (_moment(cells, header) for cells in rows)), "")
+    return _time.form_of(first) or _time.ISO
+
+
+def _sample(text: Text, header: Header, comment: str | None) -> Iterator[list[str]]:
+    """Cells of the rows below the header, as many as it may take to find one with a time."""
+    for _, line in text.lines(header.line + 1, most=_SEARCHED):
+        remark = comment and line.lstrip().startswith(comment)
+        if line.strip() and not remark and (cells := cells_or_none(line, header.delimiter)):
+            yield cells
+
+
+def _moment(cells: Sequence[str], header: Header) -> str:
+    """Date and time of a row as it has them, or nothing where the time is not filled in."""
+    places = (header.where(role) for role in ("date", "time"))
+    day, clock = ("" if k is None else "".join(cells[k : k + 1]) for k in places)
+    return f"{day} {clock.lstrip(_time.APOSTROPHE)}".strip() if clock else ""
 
 
 def _no_times_elsewhere(cells: Sequence[str], header: Header, file: str) -> None:
@@ -295,17 +304,9 @@ def _meaning(
     angular = {"cartesian": [], "spherical": list(axes[1:]), "cylindrical": [axes[1]]}[kind]
     lengths = [axis for axis in axes if axis not in angular]
     unit = settled_unit(one_unit(header, lengths, file), hints, file, line)
-    if kind == "cartesian":
-        return Meaning(unit)
-    example = 'angle = "deg" (or "rad", "gon")'
-    stated = one_unit(header, angular, file)
-    angle = settled(stated, hints.angle, "unit of angles", example, file, line)
-    if kind == "cylindrical":
-        return Meaning(unit, kind, angle)
-    said = axes[2] if axes[2] in _VERTICALS[1:] else None
+    stated = one_unit(header, angular, file), axes[2] if axes[2] in _VERTICALS[1:] else None
     third = np.asarray(table.columns[axes[2]])
-    vertical = settled_vertical(said, hints.vertical, third, angle, file, line)
-    return replace(Meaning(unit, kind, angle), vertical=vertical)
+    return settled_angles(Meaning(unit, kind), stated, third, hints, file, line)
 
 
 def _all_or_none(header: Header, roles: Sequence[str], file: str) -> bool:
@@ -326,16 +327,12 @@ def _covariances(
 ) -> dict[str, Array]:
     """Covariances by kind, in the units of the coordinates; NaN where a cell is empty."""
     out = {}
-    for prefix, kind, usual in (("u95", EXPANDED, 2.0), ("std", STANDARD, 1.0)):
+    for prefix, kind in (("u95", EXPANDED), ("std", STANDARD)):
         roles = [f"{prefix} {axis}" for axis in "xyz"]
         if _all_or_none(header, roles, file):
             own = one_unit(header, roles, file)
-            std = [uncertainties(_floats(table.columns[role]), own, unit) for role in roles]
-            out[kind] = diagonal(std, hints.coverage_factor or usual)
+            std = [uncertainties(table.floats(role), own, unit) for role in roles]
+            out[kind] = diagonal(std, hints.coverage_factor or USUAL_FACTORS[kind])
     if _all_or_none(header, COVARIANCE, file):
-        out[STANDARD] = np.column_stack([_floats(table.columns[role]) for role in COVARIANCE])
+        out[STANDARD] = np.column_stack([table.floats(role) for role in COVARIANCE])
     return out
-
-
-def _floats(column: pa.Array) -> Array:
-    return np.array(column.cast(pa.float64()).fill_null(np.nan), dtype=float)

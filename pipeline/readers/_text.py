@@ -16,7 +16,13 @@ from pipeline.base.threads import spread
 T = TypeVar("T")
 
 _MAX_BYTES = 2_000_000_000
+"""Bytes of a file at most: 25 million readings, and Arrow's offsets fit into 32 bits."""
 _MAX_LINE_BYTES = 10_000
+"""Bytes of a line at most; fifty columns of twenty digits are a tenth of it."""
+_MANY_PIECES = 8
+"""Pieces from which on a second thread costs less than it saves."""
+SAMPLE_LINES = 60
+"""How many lines tell what a file is; headers are shorter."""
 CHUNK = 1 << 20
 """Bytes looked at in one go: temporary arrays of this size stay in the cache."""
 
@@ -61,6 +67,14 @@ class Text(Locked):
         last = len(self) if most is None else min(len(self), first + most - 1)
         for number in range(first, last + 1):
             yield number, self.line(number)
+
+    def first(self) -> tuple[int, str]:
+        """Number and content of the first line that is not blank."""
+        return next((number, line) for number, line in self.lines() if line.strip())
+
+    def sample(self) -> list[str]:
+        """The lines by which its dialect and header are known."""
+        return [line for _, line in self.lines(1, SAMPLE_LINES)]
 
     def ended(self) -> bool:
         """Whether the last line has its line end."""
@@ -150,7 +164,7 @@ def _lone_return(data: bytes, starts: Ints) -> bool:
 def in_pieces(work: Callable[[int], T], size: int) -> list[T]:
     """Work done on every `CHUNK` of `size` bytes."""
     begins = range(0, size, CHUNK)
-    return spread(work, begins, much=len(begins) >= 8)
+    return spread(work, begins, much=len(begins) >= _MANY_PIECES)
 
 
 def _short_lines(name: str, starts: Ints) -> None:

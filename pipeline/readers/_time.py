@@ -5,8 +5,11 @@ from __future__ import annotations
 import re
 from datetime import UTC, datetime, timedelta
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+
+from pipeline.base.arrays import Bools
 
 MOMENT = pa.timestamp("us")
 ISO = "ISO 8601"
@@ -25,6 +28,17 @@ _FORMS = {
 }
 """SpatialAnalyzer writes month/day/year, Leica's programs day.month.year; slashes are American."""
 
+_PLACES = {
+    "%Y": slice(4), "%y": slice(2, 4), "%m": slice(5, 7), "%d": slice(8, 10),
+    "%H": slice(11, 13), "%M": slice(14, 16), "%S": slice(17, 19),
+}  # fmt: skip
+_EARLIEST = b"1900-01-01T00:00:00"
+"""What `strptime` takes for parts that a form does not have; the others have their places in it."""
+_SIXTY_NINE = b"69"
+"""The first year of two digits that `strptime` takes for one of the last century."""
+_HOUR = 3_600_000_000
+"""An hour [us]."""
+
 _FRACTION = re.compile(r"(?<=:[0-9]{2})[.,]([0-9]{1,6})(?= |$)")
 
 
@@ -37,15 +51,7 @@ def form_of(cell: str) -> str | None:
     return None
 
 
-def template(form: str) -> str:
-    """A time of this form with zeros for digits, or nothing where its width may vary."""
-    digits = {"%Y": "0000"} | dict.fromkeys(("%y", "%m", "%d", "%H", "%M", "%S"), "00")
-    for mark, zeros in digits.items():
-        form = form.replace(mark, zeros)
-    return "" if "%" in form or form == ISO else form
-
-
-def moment(cell: str, form: str) -> datetime | None:
+def _moment(cell: str, form: str) -> datetime | None:
     """The time in a cell, with its zone if it has one, or None when the cell is of another form."""
     bare = cell.strip().lstrip(APOSTROPHE)
     if form in _FORMS and form_of(bare) != form:  # strptime takes 16:38:2 for a time
@@ -66,19 +72,63 @@ def without_zone(found: datetime) -> datetime:
     return found if found.tzinfo is None else found.astimezone(UTC).replace(tzinfo=None)
 
 
-def moments(cells: pa.Array, form: str) -> pa.TimestampArray:
-    """All cells at once, of a `strptime` form.
+def moments(cells: pa.StringArray, form: str) -> tuple[pa.TimestampArray, Bools | None]:
+    """All cells as times without zone, null for none; and which had a zone, where some may."""
+    try:
+        bare = _bare(cells)
+        return _at_once(bare if form == ISO else _as_iso(bare, form)), None
+    except pa.ArrowInvalid:
+        different = cells.dictionary_encode()
+    found = [_moment(cell, form) for cell in different.dictionary.to_pylist()]
+    values = pa.array([None if m is None else without_zone(m) for m in found], MOMENT)
+    zoned = np.array([m is not None and m.tzinfo is not None for m in found], dtype=bool)
+    return values.take(different.indices), zoned[np.asarray(different.indices)]
+
+
+def _bare(cells: pa.StringArray) -> pa.StringArray:
+    if not any(cell.startswith(APOSTROPHE) for cell in cells[:1].to_pylist()):
+        return cells
+    return pc.utf8_ltrim(cells, characters=APOSTROPHE)
+
+
+def _at_once(cells: pa.StringArray) -> pa.TimestampArray:
+    """Cells in ISO 8601, all with a zone or all without, or empty.
 
     Raises:
-        pa.ArrowInvalid: A cell needs a closer look.
+        pa.ArrowInvalid: One is of another form, or no time.
     """
-    bare = (
-        pc.utf8_ltrim(cells, characters=APOSTROPHE)
-        if pc.starts_with(cells[:1], APOSTROPHE)[0].as_py()
-        else cells
-    )
-    length = pc.min_max(pc.binary_length(bare)).as_py()
-    # where widths differ the careful way decides
-    if length["min"] != length["max"]:
-        raise pa.ArrowInvalid("times of different width")
-    return pc.strptime(bare, format=form, unit="us")
+    if pc.min(pc.binary_length(cells)).as_py() == 0:
+        cells = pc.if_else(pc.equal(cells, ""), None, cells)
+    try:
+        found = cells.cast(MOMENT)
+        ticks = found.cast(pa.int64()).fill_null(1).to_numpy()
+        cells = cells.filter(pa.array(ticks % _HOUR == 0))
+    except pa.ArrowInvalid:
+        found = cells.cast(pa.timestamp("us", "UTC")).cast(MOMENT)
+    # Arrow takes 2026-11-03 and 2026-11-03T08 for times, too
+    if not np.asarray(pc.match_substring_regex(cells.drop_null(), f"^(?:{_FORMS[ISO]})$")).all():
+        raise pa.ArrowInvalid("a date without a time")
+    return found
+
+
+def _as_iso(cells: pa.StringArray, form: str) -> pa.StringArray:
+    """Cells whose parts stand in the same places, as in 11/03/26 08:00:00, as ISO 8601.
+
+    Raises:
+        pa.ArrowInvalid: One has other places or marks, or the form leaves them open.
+    """
+    parts = re.findall("%.|.", form)
+    ends = np.cumsum([len(_EARLIEST[_PLACES.get(part, slice(1))]) for part in parts])
+    written = cells.cast(pa.binary(int(ends[-1]))).buffers()[1]
+    sheet = np.frombuffer(written, dtype=np.uint8).reshape(len(cells), ends[-1])
+    out = np.tile(np.frombuffer(_EARLIEST, dtype=np.uint8), (len(cells), 1))
+    for part, cut in zip(parts, np.split(sheet, ends[:-1], axis=1), strict=True):
+        if part in _PLACES:
+            out[:, _PLACES[part]] = cut
+        elif part.startswith("%") or (cut != ord(part)).any():
+            raise pa.ArrowInvalid("parts in no fixed places")
+    if "%y" in parts:
+        year = out[:, 2:4].copy().view(">u2")[:, 0]
+        out[year < int.from_bytes(_SIXTY_NINE), :2] = list(b"20")
+    begins = np.arange(len(out) + 1, dtype=np.int32) * len(_EARLIEST)
+    return pa.StringArray.from_buffers(len(out), pa.py_buffer(begins), pa.py_buffer(out))

@@ -81,21 +81,24 @@ def _groups(log: Log, name: str) -> list[str]:
             file=name,
             line=1,
         )
-    out = []
-    rows = zip(log.number["pose"], log.number["repeat"], log.word["state"], log.line, strict=True)
-    for pose, repeat, state, line in rows:
-        if np.isnan(pose) and np.isnan(repeat) and not state:
-            out.append(BASE)
-        elif np.isfinite(pose) and np.isfinite(repeat) and state in ("loaded", "unloaded"):
-            out.append(f"pose{int(pose):02d}_rep{int(repeat)}_{state}")
-        else:
-            raise InputError(
-                "pose, repeat and state are not all given, or state is neither loaded nor unloaded",
-                "fill in all three, or leave all three empty for a base reflector",
-                file=name,
-                line=int(line),
-            )
-    return out
+    columns = log.number["pose"], log.number["repeat"], log.word["state"]
+    groups = [_group(*row) for row in zip(*columns, strict=True)]
+    if None in groups:
+        raise InputError(
+            "pose, repeat and state are not all given, or state is neither loaded nor unloaded",
+            "fill in all three, or leave all three empty for a base reflector",
+            file=name,
+            line=int(log.line[groups.index(None)]),
+        )
+    return [str(group) for group in groups]
+
+
+def _group(pose: float, repeat: float, state: str) -> str | None:
+    """The group of a state, or of base reflectors; None where something is missing."""
+    given = np.isfinite([pose, repeat])
+    if state in ("loaded", "unloaded") and given.all():
+        return f"pose{int(pose):02d}_rep{int(repeat)}_{state}"
+    return None if state or given.any() else BASE
 
 
 def _assigned(export: Export, names: _Names, name: str) -> Export:

@@ -13,7 +13,7 @@ import numpy as np
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError, listed
 from pipeline.readers._cells import text_of
-from pipeline.readers._coordinates import Meaning, raw, settled, settled_vertical
+from pipeline.readers._coordinates import Meaning, raw, settled
 from pipeline.readers._delimited import rows
 from pipeline.readers._layout import Field, Layout, Rows
 from pipeline.readers._reader import (
@@ -25,6 +25,7 @@ from pipeline.readers._reader import (
     Reader,
     Readings,
     export,
+    settled_angles,
     settled_unit,
 )
 from pipeline.readers._text import Text
@@ -48,6 +49,8 @@ def _names(start: str) -> list[str]:
 
 
 _STATISTICS = {name for start in _KINDS.values() for name in _names(start)}
+_RELATIVE, _ABSOLUTE = 1e-3, 1e-7
+"""How well a total agrees with its parts [1] and [unit of the file]: six digits are printed."""
 _COMPLETE = (0, 8, 14)
 """How many of them there are: none, those without covariances, all."""
 
@@ -67,36 +70,38 @@ def read(text: Text, hints: Hints) -> Export:
     Raises:
         InputError: The unit is not stated in campaign.toml, or the coordinates are not clear.
     """
-    first, header = next((n, line) for n, line in text.lines() if line.strip())
+    first, header = text.first()
     titles = _titles(header)
+    _check(titles, text.name, first)
+    table = rows(text, Layout(_fields(titles), ",", first + 1, hints.decimal))
+    covariances = {kind: _six(table, titles, start) for kind, start in _KINDS.items()}
+    found = Found(
+        dialect=READER.name,
+        rows=table,
+        meaning=_meaning(table, titles, hints, text.name, first),
+        axes=_VALUES,
+        covariance={kind: C for kind, C in covariances.items() if C is not None},
+        unused=tuple(title for title in titles if title in (*_POINTING, *_WEATHER)),
+    )
+    return export(text, hints, found)
+
+
+def _check(titles: Sequence[str], file: str, line: int) -> None:
+    """The columns are those of the structure, whole and each once."""
     known = {*_VALUES, *_STATISTICS, *_POINTING, *_WEATHER, ""}
     strange = [title for title in titles if title not in known]
     if strange or len({*titles} & _STATISTICS) not in _COMPLETE:
         raise InputError(
             f"the columns are not those of SingleMeasResultT or 2T ({listed(strange or titles)})",
             "export it again, or describe the table in [tracker.mapping] of campaign.toml",
-            file=text.name,
-            line=first,
+            file=file,
+            line=line,
         )
     twice = [title for title in titles if title and titles.count(title) > 1]
     if twice:
         raise InputError(
-            f"there are two columns {twice[0]}", "remove one of them", file=text.name, line=first
+            f"there are two columns {twice[0]}", "remove one of them", file=file, line=line
         )
-    table = rows(text, Layout(_fields(titles), ",", first + 1, hints.decimal))
-    found = Found(
-        dialect=READER.name,
-        rows=table,
-        meaning=_meaning(table, titles, hints, text.name, first),
-        axes=_VALUES,
-        covariance={
-            kind: C
-            for kind, start in _KINDS.items()
-            if (C := _six(table, titles, start)) is not None
-        },
-        unused=tuple(title for title in titles if title in (*_POINTING, *_WEATHER)),
-    )
-    return export(text, hints, found)
 
 
 def _fields(titles: Sequence[str]) -> tuple[Field, ...]:
@@ -127,17 +132,8 @@ def _meaning(table: Rows, titles: Sequence[str], hints: Hints, file: str, line: 
     stated = "cartesian" if _lengths_only(table, titles) else None
     example = 'coordinates = "cartesian" (or "spherical", "cylindrical")'
     kind = hints.coordinates or settled(stated, None, "coordinate system", example, file, line)
-    if kind == "cartesian":
-        return Meaning(unit)
-    angle = settled(
-        None, hints.angle, "unit of angles", 'angle = "deg" (or "rad", "gon")', file, line
-    )
-    if kind == "cylindrical":
-        return Meaning(unit, kind, angle)
     third = np.asarray(table.columns[_VALUES[2]])
-    return Meaning(
-        unit, kind, angle, settled_vertical(None, hints.vertical, third, angle, file, line)
-    )
+    return settled_angles(Meaning(unit, kind), (None, None), third, hints, file, line)
 
 
 def _lengths_only(table: Rows, titles: Sequence[str]) -> bool:
@@ -145,7 +141,7 @@ def _lengths_only(table: Rows, titles: Sequence[str]) -> bool:
     if not {"dStd1", "dStd2", "dStd3", "dStdTotal"} <= set(titles) or not len(table.line):
         return False
     s1, s2, s3, total = (np.asarray(table.columns[f"dStd{k}"]) for k in ("1", "2", "3", "Total"))
-    return bool(np.allclose(np.sqrt(s1**2 + s2**2 + s3**2), total, rtol=1e-3, atol=1e-7))
+    return bool(np.allclose(np.sqrt(s1**2 + s2**2 + s3**2), total, rtol=_RELATIVE, atol=_ABSOLUTE))
 
 
 def write(readings: Readings, unit: str, digits: int | None) -> bytes:

@@ -11,6 +11,9 @@ import pyarrow.compute as pc
 from pipeline import tables
 from pipeline.readers import Hints, read
 
+_MOST_TARGETS = 50
+"""Names that are listed; more of them nobody reads."""
+
 
 @dataclass(frozen=True)
 class Inspection:
@@ -135,7 +138,7 @@ def as_csv(name: str, data: bytes, hints: Hints | None = None) -> bytes:
     return tables.as_csv(pa.table(columns))
 
 
-def _targets(names: Any, most: int = 50) -> list[str]:
+def _targets(names: Any, most: int = _MOST_TARGETS) -> list[str]:
     """Names of the targets, not more than one can read."""
     found = sorted(name for name in pc.unique(names.cast("string")).to_pylist())
     return found if len(found) <= most else [*found[:most], f"and {len(found) - most} more"]

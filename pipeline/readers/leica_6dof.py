@@ -13,7 +13,15 @@ import numpy as np
 from pipeline.readers import _named, _tables, plain
 from pipeline.readers._cells import text_of
 from pipeline.readers._coordinates import Meaning, raw
-from pipeline.readers._reader import Export, Hints, Reader, Readings
+from pipeline.readers._reader import (
+    EXPANDED,
+    USUAL_FACTORS,
+    Export,
+    Hints,
+    Reader,
+    Readings,
+    written,
+)
 from pipeline.readers._text import Text
 from pipeline.readers.tracker_pilot import six_dof
 
@@ -26,25 +34,19 @@ def recognise(lines: Sequence[str]) -> bool:
 
 def read(text: Text, hints: Hints) -> Export:
     """Readings of a T-Mac export; those marked as deleted are left out."""
-    header = _named.find([line for _, line in text.lines(1, 60)])
-    assert header is not None  # recognised before
-    return _tables.read(text, hints, header, READER.name)
+    return _tables.below_header(text, hints, READER.name)
 
 
 def write(readings: Readings, unit: str, digits: int | None) -> bytes:
     """A T-Mac export; orientations are zero, U(95) is twice the root of the diagonal."""
-    meaning = Meaning(unit)
-    numbers = text_of(raw(readings.position, meaning), digits)
-    six = np.zeros((len(numbers), 6)) if readings.covariance is None else readings.covariance
-    U95 = text_of(raw(2.0 * np.sqrt(six[:, [0, 3, 5]]), meaning), None)
+    six = np.zeros((len(readings.group), 6)) if readings.covariance is None else readings.covariance
+    U95 = text_of(raw(USUAL_FACTORS[EXPANDED] * np.sqrt(six[:, [0, 3, 5]]), Meaning(unit)), None)
     axes = [f"{axis} [{unit}]" for axis in "XYZ"]
     titles = ["Point Group", "Point Name", "Time", *axes, "Rx [deg]", "Ry [deg]", "Rz [deg]"]
     lines = [";".join([*titles, *(f"U(95) {axis}" for axis in axes), "Delete", ""])]
     lines += [
         f"{group};{target};'{time:%d.%m.%Y %H:%M:%S};{';'.join(xyz)};0;0;0;{';'.join(u)};0;"
-        for group, target, xyz, u, time in zip(
-            readings.group, readings.target, numbers, U95, readings.time, strict=True
-        )
+        for (group, target, xyz, time), u in zip(written(readings, unit, digits), U95, strict=True)
     ]
     return "\r\n".join([*lines, ""]).encode("cp1252")
 

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
@@ -17,15 +17,22 @@ from pipeline.base.errors import InputError, listed
 from pipeline.machine.robot import Robot
 from pipeline.readers import _header
 from pipeline.readers._delimited import rows
-from pipeline.readers._layout import Field, Kind, Layout
+from pipeline.readers._layout import Field, Kind, Layout, Rows
 from pipeline.readers._text import text
 
 _Rejection = tuple[str, int | None, str]
 """File, line and reason of what was left out."""
 
 FORCE = {"n": 1.0, "kn": 1e3, "kgf": 9.80665, "lbf": 4.4482216152605}
+"""Units of force [N]; those of weight with standard gravity (CGPM 1901)."""
 _LENGTH = {"m": 1.0, "mm": 1e-3}
+"""Units of length [m]."""
 _ANGLE = {"deg": np.pi / 180.0, "rad": 1.0}
+"""Units of angles [rad]."""
+BEYOND = 2**31
+"""Poses and pulls are numbered below it: tables hold them in 32 bits."""
+LIMIT_SLACK = 1e-9
+"""How far a joint may seem beyond its limit [m] or [rad]: degrees are rounded when converted."""
 _LARGEST = 1e8
 """Of lengths, angles and forces [SI], whatever unit was mistaken for whatever other."""
 _BRANCHES = ("up", "down")
@@ -112,31 +119,41 @@ def joints(name: str, data: bytes, robot: Robot) -> tuple[Log, Array]:
     Raises:
         InputError: A joint is missing; the file cannot be read.
     """
-    approach = Quantity("approach", {}, needed=False)
-    header = set(columns(name, data))
-    own = [Quantity(j.name, _LENGTH if j.prismatic else _ANGLE) for j in robot.joints]
-    axes = [Quantity(axis, _LENGTH if slides else _ANGLE) for axis, slides in _controller(robot)]
+    header = columns(name, data)
+    own, axes = _own(robot), _controller(robot)
     from_controller = bool(axes) and not _has(header, own) and _has(header, axes)
     wanted = axes if from_controller else own
+    approach = Quantity("approach", {}, needed=False)
     log = _whole_numbers(table(name, data, [POSE, *wanted, approach]))
-    if "approach" in log.number:
-        known = np.isin(log.number["approach"], [1, -1, 0]) | np.isnan(log.number["approach"])
-        log = log.only(known, "approach is neither 1 nor -1; correct it or leave it empty")
-    log = once(log, ["pose"])
+    log = once(_known_approach(log), ["pose"])
     q = np.column_stack([log.number[quantity.stem] for quantity in wanted])
     if from_controller:
         q = q @ robot.controller_matrix.T + robot.controller_offset
     return log, q
 
 
-def _controller(robot: Robot) -> list[tuple[str, bool]]:
-    """The controller's axes, and whether each slides."""
+def _own(robot: Robot) -> list[Quantity]:
+    """The robot's joints."""
+    return [Quantity(j.name, _LENGTH if j.prismatic else _ANGLE) for j in robot.joints]
+
+
+def _controller(robot: Robot) -> list[Quantity]:
+    """The controller's axes; those that move a sliding joint are lengths."""
     slides = robot.prismatic.astype(float) @ np.abs(robot.controller_matrix) > 0
-    return list(zip(robot.controller, (bool(s) for s in slides), strict=True))
+    axes = zip(robot.controller, slides, strict=True)
+    return [Quantity(axis, _LENGTH if slide else _ANGLE) for axis, slide in axes]
 
 
-def _has(header: set[str], wanted: Sequence[Quantity]) -> bool:
-    return all(_header.suffixed(sorted(header), q.stem, list(q.units)) for q in wanted)
+def _has(header: Sequence[str], wanted: Sequence[Quantity]) -> bool:
+    return all(_header.suffixed(header, q.stem, list(q.units)) for q in wanted)
+
+
+def _known_approach(log: Log) -> Log:
+    if "approach" not in log.number:
+        return log
+    approach = log.number["approach"]
+    known = np.isin(approach, [1, -1, 0]) | np.isnan(approach)
+    return log.only(known, "approach is neither 1 nor -1; correct it or leave it empty")
 
 
 def within_limits(log: Log, q: Array, robot: Robot) -> None:
@@ -145,13 +162,12 @@ def within_limits(log: Log, q: Array, robot: Robot) -> None:
     Raises:
         InputError: One of them does not.
     """
-    slack = 1e-9
-    outside = (q < robot.lower - slack) | (q > robot.upper + slack)
+    outside = (q < robot.lower - LIMIT_SLACK) | (q > robot.upper + LIMIT_SLACK)
     if not outside.any():
         return
     row, j = (int(k) for k in np.argwhere(outside)[0])
     joint, value = robot.joints[j], q[row, j]
-    unit, scale = ("m", 1.0) if joint.prismatic else ("deg", 180.0 / np.pi)
+    unit, scale = ("m", 1.0) if joint.prismatic else ("deg", np.rad2deg(1.0))
     raise InputError(
         f"joint {joint.name} is at {value * scale:.6g} {unit}, outside its limits "
         f"{joint.lower * scale:.6g} to {joint.upper * scale:.6g} {unit}",
@@ -184,70 +200,60 @@ def table(name: str, data: bytes, wanted: Sequence[Quantity]) -> Log:
         InputError: Empty, a needed column is missing, or it has no unit.
     """
     file = text(name, data)
-    first, header = next((n, line) for n, line in file.lines() if line.strip())
+    first, header = file.first()
     delimiter = _header.delimiter_of(header)
-    found = _header.names(header, delimiter)
-    _header.unique(found, name, first)
-    where = {q.stem: _column(found, q, name, first) for q in wanted}
-    kinds = {column[0]: (q.kind, q.needed) for q in wanted if (column := where[q.stem])}
-    fields = tuple(
-        Field(column, *kinds[column])
-        if column in kinds
-        else Field(column, "any" if column else "blank", False)
-        for column in found
-    )
-    read = rows(file, Layout(fields, delimiter, first + 1))
-    number, word = {}, {}
-    for q in wanted:
-        column = where[q.stem]
-        if column and q.kind == "number":
-            values = _floats(read.columns[column[0]])
-            number[q.stem] = values * q.units[column[1]] if column[1] else values
-        elif column:
-            names = read.columns[column[0]].cast(pa.string())
-            word[q.stem] = names.to_numpy(zero_copy_only=False)
-    rejected = tuple((name, line, reason) for line, reason in read.rejected)
-    log = Log(name, number, word, read.line, rejected)
-    for q in wanted:
-        if q.units and q.stem in number:
-            possible = ~(np.abs(log.number[q.stem]) > _LARGEST)
-            reason = f"{q.stem} is larger than any instrument shows; correct or remove the row"
-            log = log.only(possible, reason)
+    titles = _header.names(header, delimiter)
+    _header.unique(titles, name, first)
+    there = [(q, *column) for q in wanted if (column := _column(titles, q, name, first))]
+    known = {title: Field(title, q.kind, q.needed) for q, title, _ in there}
+    other = {title: Field(title, "any" if title else "blank", False) for title in titles}
+    fields = tuple((other | known)[title] for title in titles)
+    log = _log(name, rows(file, Layout(fields, delimiter, first + 1)), there)
+    return _possible(log, [q.stem for q in wanted if q.units])
+
+
+def _log(file: str, read: Rows, columns: Sequence[tuple[Quantity, str, float]]) -> Log:
+    """A table in SI; of each quantity the title of its column, and the factor."""
+    number = {q.stem: read.floats(title) * si for q, title, si in columns if q.kind == "number"}
+    words = {q.stem: read.columns[title] for q, title, _ in columns if q.kind == "name"}
+    word = {k: w.cast(pa.string()).to_numpy(zero_copy_only=False) for k, w in words.items()}
+    rejected = tuple((file, line, reason) for line, reason in read.rejected)
+    return Log(file, number, word, read.line, rejected)
+
+
+def _possible(log: Log, names: Sequence[str]) -> Log:
+    """Only rows with values that an instrument may show."""
+    for name in [name for name in names if name in log.number]:
+        reason = f"{name} is larger than any instrument shows; correct or remove the row"
+        log = log.only(~(np.abs(log.number[name]) > _LARGEST), reason)
     return log
-
-
-def _floats(column: pa.Array) -> Array:
-    return np.array(column.cast(pa.float64()).fill_null(np.nan), dtype=float)
 
 
 def columns(name: str, data: bytes) -> list[str]:
     """Names of the columns in the header of a delimited table."""
-    header = next(line for _, line in text(name, data).lines() if line.strip())
+    _, header = text(name, data).first()
     return _header.names(header, _header.delimiter_of(header))
 
 
-def _column(
-    found: Sequence[str], q: Quantity, file: str, line: int
-) -> tuple[str, str | None] | None:
-    column = _header.suffixed(found, q.stem, list(q.units)) if q.units else None
-    if column is None and not q.units and q.stem in found:
-        column = q.stem, None
-    if column is None and q.needed:
-        example = f"{q.stem}_{next(iter(q.units))}" if q.units else q.stem
+def _column(titles: Sequence[str], q: Quantity, file: str, line: int) -> tuple[str, float] | None:
+    """The column of a quantity and its factor to SI, or None where it has none and needs none."""
+    found = _header.suffixed(titles, q.stem, list(q.units))
+    examples = [f"{q.stem}_{unit}" for unit in q.units] or [q.stem]
+    if found is None and q.needed:
         raise InputError(
-            f"there is no column {example} among {listed(found)}",
+            f"there is no column {examples[0]} among {listed(titles)}",
             "add it to the header and to every row",
             file=file,
             line=line,
         )
-    if column and q.units and column[1] is None:
+    if found and q.units and found[1] is None:
         raise InputError(
-            f"column {column[0]} does not say its unit",
-            f"call it {listed(f'{q.stem}_{unit}' for unit in q.units)}".replace(", ", " or "),
+            f"column {found[0]} does not say its unit",
+            f"call it {' or '.join(examples)}",
             file=file,
             line=line,
         )
-    return column
+    return (found[0], q.units[found[1]] if found[1] else 1.0) if found else None
 
 
 def _whole_numbers(log: Log) -> Log:
@@ -255,45 +261,25 @@ def _whole_numbers(log: Log) -> Log:
     for name in ("pose", "repeat"):
         if name in log.number:
             values = log.number[name]
-            whole = (values >= 0) & (values == np.round(values)) & (values < 2**31)
+            whole = (values >= 0) & (values == np.round(values)) & (values < BEYOND)
             log = log.only(whole, f"{name} is not a whole number; correct or remove the row")
     return log
 
 
 def once(log: Log, key: Sequence[str]) -> Log:
     """Rows whose key comes once: equal ones are kept once, contradicting ones not at all."""
-    columns = {**log.number, **log.word}
-    twice = repeated([np.asarray(columns[name]) for name in key])
-    rows_of: dict[tuple[object, ...], list[int]] = {}
-    for k in np.flatnonzero(twice).tolist():
-        rows_of.setdefault(tuple(columns[name][k] for name in key), []).append(k)
-    good = np.ones(len(log.line), dtype=bool)
-    reasons = [""] * len(log.line)
-    for first, *more in rows_of.values():
-        same = [first, *more]
-        content = [[str(values[k]) for values in columns.values()] for k in same]
-        agree = all(row == content[0] for row in content)
-        lines = listed(str(log.line[k]) for k in same)
-        for k in more if agree else same:
-            good[k] = False
-            reasons[k] = (
-                f"repeats line {log.line[first]}; remove it"
-                if agree
-                else f"lines {lines} contradict each other; keep the right one"
-            )
+    rows = pd.DataFrame({**log.number, **log.word})
+    twice = rows[rows.duplicated(list(key), keep=False)]
+    good = np.ones(len(rows), dtype=bool)
+    reasons = [""] * len(rows)
+    for _, same in twice.groupby(list(key), sort=False):
+        agree = len(same.drop_duplicates()) == 1
+        line = log.line[same.index]
+        reason = (
+            f"repeats line {line[0]}; remove it"
+            if agree
+            else f"lines {listed(map(str, line))} contradict each other; keep the right one"
+        )
+        for k in same.index[agree:]:
+            good[k], reasons[k] = False, reason
     return log.only(good, reasons)
-
-
-def _coded(column: Any) -> Ints:
-    """A number for every different value, shape (n,)."""
-    codes = pa.array(column).dictionary_encode().indices
-    return np.asarray(codes.fill_null(-1), dtype=np.int64) + 1
-
-
-def repeated(columns: Sequence[Any]) -> Bools:
-    """Rows that are there more than once, shape (n,)."""
-    label = np.zeros(len(columns[0]), dtype=np.int64)
-    for column in columns:
-        numbers = _coded(column)
-        label = _coded(label * (numbers.max(initial=0) + 1) + numbers)
-    return np.asarray(np.bincount(label, minlength=1)[label] > 1) if len(label) else label > 0

@@ -10,12 +10,12 @@ from collections.abc import Sequence
 
 from pipeline.base.errors import InputError, listed
 from pipeline.readers import _named, _tables
-from pipeline.readers._cells import text_of
-from pipeline.readers._coordinates import Meaning, raw
-from pipeline.readers._reader import Export, Hints, Reader, Readings
+from pipeline.readers._reader import Export, Hints, Reader, Readings, written
 from pipeline.readers._text import Text
 
 _NEEDED = ("group", "target", "x", "y", "z")
+_ENOUGH = 3
+"""Of these columns tell the dialect; what is missing is asked for then."""
 
 
 def recognise(lines: Sequence[str]) -> bool:
@@ -23,7 +23,7 @@ def recognise(lines: Sequence[str]) -> bool:
     header = _named.header(next((line for line in lines if line.strip()), ""), 1)
     exact = {column.title.lower() for column in header.columns}
     there = sum(header.has(role) for role in _NEEDED)
-    return there >= 3 and bool({"group", "target"} & exact)
+    return there >= _ENOUGH and bool({"group", "target"} & exact)
 
 
 def read(text: Text, hints: Hints) -> Export:
@@ -32,7 +32,7 @@ def read(text: Text, hints: Hints) -> Export:
     Raises:
         InputError: A column or the unit is missing.
     """
-    line, first = next((n, line) for n, line in text.lines() if line.strip())
+    line, first = text.first()
     header = _named.header(first, line)
     lacking = [role for role in _NEEDED if not header.has(role)]
     if lacking:
@@ -48,12 +48,9 @@ def read(text: Text, hints: Hints) -> Export:
 
 def write(readings: Readings, unit: str, digits: int | None) -> bytes:
     """A plain CSV with times to the second."""
-    numbers = text_of(raw(readings.position, Meaning(unit)), digits)
     rows = [
         f"{group},{target},{','.join(xyz)},{time:%Y-%m-%dT%H:%M:%S}\n"
-        for group, target, xyz, time in zip(
-            readings.group, readings.target, numbers, readings.time, strict=True
-        )
+        for group, target, xyz, time in written(readings, unit, digits)
     ]
     return "".join([f"group,target,x_{unit},y_{unit},z_{unit},time\n", *rows]).encode()
 

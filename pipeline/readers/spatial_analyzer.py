@@ -17,8 +17,8 @@ import numpy as np
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError
 from pipeline.readers import _named, _time, plain
-from pipeline.readers._cells import NUMBER, cells_or_none, text_of
-from pipeline.readers._coordinates import Meaning, raw, settled, settled_vertical, uncertainties
+from pipeline.readers._cells import cells_or_none, is_number
+from pipeline.readers._coordinates import AXES, Meaning, settled, uncertainties
 from pipeline.readers._delimited import rows
 from pipeline.readers._layout import DELIMITERS, Field, Kind, Layout, Rows
 from pipeline.readers._named import ANGLE_WORDS, UNIT_WORDS, Header, Named
@@ -26,6 +26,7 @@ from pipeline.readers._reader import (
     EXPANDED,
     RMS,
     STANDARD,
+    USUAL_FACTORS,
     Export,
     Found,
     Hints,
@@ -33,18 +34,15 @@ from pipeline.readers._reader import (
     Readings,
     diagonal,
     export,
+    settled_angles,
     settled_unit,
+    written,
 )
-from pipeline.readers._text import Text
+from pipeline.readers._text import SAMPLE_LINES, Text
 
 _COMMENT = "//"
-_SAMPLE = 60
+_NUMBERS = tuple(Field(place, "number") for place in ("1", "2", "3"))
 _PARTS = ("collection", "group", "target")
-_COORDINATES = {
-    "cartesian": ("x", "y", "z"),
-    "spherical": ("range", "azimuth", "vertical"),
-    "cylindrical": ("range", "azimuth", "z"),
-}
 KIND_WORDS = {"cartesian": "cartesian", "spherical": "spherical", "polar": "spherical"}
 KIND_WORDS |= {"cylindrical": "cylindrical"}
 _SHORT_UNIT = re.compile(r"\bunits?\s*[:=]?\s*(mm|m|in)\b|[\[(](mm|m|in)[\])]", re.IGNORECASE)
@@ -88,10 +86,10 @@ def read(text: Text, hints: Hints) -> Export:
     """
     first = next(n for n, line in text.lines() if _is_row(line))
     comments = [line for _, line in text.lines(1, first - 1) if line.strip()]
-    sample = [line for _, line in text.lines(first, _SAMPLE) if _is_row(line)]
+    sample = [line for _, line in text.lines(first, SAMPLE_LINES) if _is_row(line)]
     shape = _shape(sample, comments)
     assert shape is not None  # recognised before
-    fields = (*_name_fields(shape.names), *_number_fields(), *_rest_fields(shape))
+    fields = (*_name_fields(shape.names), *_NUMBERS, *_rest_fields(shape))
     layout = Layout(
         fields, shape.delimiter, first, hints.decimal, _COMMENT, shape.form, shape.compound
     )
@@ -125,14 +123,18 @@ def _shape(sample: Sequence[str], comments: Sequence[str]) -> _Shape | None:
         titles = _titles(comments, len(cells), delimiter)
         compound = cells[0].count("::") + 1 if "::" in cells[0] else 0
         count = 1 if compound else _names(cells, titles)
-        numbers = cells[count : count + 3]
-        alike = [other for other in cut if len(other) == len(cells)]
-        fits = 1 <= count <= 3 and len(numbers) == 3 and all(map(_is_number, numbers))
-        if fits and compound <= 3 and 2 * len(alike) >= len(sample):
+        alike = [row[count + 3 :] for row in cut if len(row) == len(cells)]
+        if _fits(cells, compound, count) and 2 * len(alike) >= len(sample):
             names = _PARTS[-(compound or count) :]
-            rest, form = _rest([row[count + 3 :] for row in alike], titles[count + 3 :])
-            return _Shape(delimiter, compound, names, rest, form)
+            return _Shape(delimiter, compound, names, *_rest(alike, titles[count + 3 :]))
     return None
+
+
+def _fits(cells: Sequence[str], compound: int, count: int) -> bool:
+    """Whether one to three names stand before three numbers."""
+    numbers = cells[count : count + 3]
+    named = 1 <= (compound or count) <= len(_PARTS)
+    return named and len(numbers) == 3 and all(map(is_number, numbers))
 
 
 def _rest(cells: Sequence[Sequence[str]], titles: Sequence[Named]) -> tuple[tuple[Named, ...], str]:
@@ -149,15 +151,11 @@ def _rest(cells: Sequence[Sequence[str]], titles: Sequence[Named]) -> tuple[tupl
     return tuple(out), form
 
 
-def _is_number(cell: str) -> bool:
-    return NUMBER.fullmatch(cell.replace(",", ".", 1)) is not None
-
-
 def _names(cells: Sequence[str], titles: Sequence[Named]) -> int:
     """How many leading columns are names."""
     if titles:
         return next((k for k, n in enumerate(titles) if n.role in ("x", "range")), 0)
-    return next((k for k, cell in enumerate(cells) if _is_number(cell)), 0)
+    return next((k for k, cell in enumerate(cells) if is_number(cell)), 0)
 
 
 def _titles(comments: Sequence[str], count: int, delimiter: str) -> list[Named]:
@@ -172,10 +170,6 @@ def _titles(comments: Sequence[str], count: int, delimiter: str) -> list[Named]:
 
 def _name_fields(names: Sequence[str]) -> list[Field]:
     return [Field(n, "any" if n == "collection" else "name", n != "collection") for n in names]
-
-
-def _number_fields() -> list[Field]:
-    return [Field(axis, "number") for axis in ("1", "2", "3")]
 
 
 def _rest_fields(shape: _Shape) -> list[Field]:
@@ -206,17 +200,10 @@ def _meaning(comments: Sequence[str], hints: Hints, table: Rows, file: str, line
         return Meaning(unit)
     words = {word for comment in head for word in re.findall(r"[a-z°]+", comment.lower())}
     angles = _only({ANGLE_WORDS[word] for word in words if word in ANGLE_WORDS}, "angles", file)
-    angle = settled(
-        angles, hints.angle, "unit of angles", 'angle = "deg" (or "rad", "gon")', file, line
-    )
-    meaning = Meaning(unit, kind, angle)
-    if kind == "cylindrical":
-        return meaning
-    said = _only({v for v in ("zenith", "elevation") if v in words}, "vertical angles", file)
+    zeros = words & {"zenith", "elevation"} if kind == "spherical" else set()
+    said = _only(zeros, "vertical angles", file)
     third = np.asarray(table.columns["3"])
-    return replace(
-        meaning, vertical=settled_vertical(said, hints.vertical, third, angle, file, line)
-    )
+    return settled_angles(Meaning(unit, kind), (angles, said), third, hints, file, line)
 
 
 def _only(found: set[str], what: str, file: str) -> str | None:
@@ -249,7 +236,7 @@ def _kinds(comments: Sequence[str]) -> set[str]:
             roles = {
                 "vertical" if c.role in ("zenith", "elevation") else c.role for c in cut.columns
             }
-            found |= {kind for kind, axes in _COORDINATES.items() if set(axes) <= roles}
+            found |= {kind for kind, axes in AXES.items() if set(axes) <= roles}
     return found
 
 
@@ -262,10 +249,10 @@ def _covariance(table: Rows, shape: _Shape, hints: Hints, unit: str, file: str) 
         own = _named.one_unit(header, roles, file)
         return [uncertainties(np.asarray(table.columns[role]), own, unit) for role in roles]
 
-    for prefix, kind, usual in (("std", STANDARD, 1.0), ("u95", EXPANDED, 2.0)):
+    for prefix, kind in (("std", STANDARD), ("u95", EXPANDED)):
         axes = [f"{prefix} {axis}" for axis in "xyz"]
         if header.has(*axes):
-            out[kind] = diagonal(said(axes), hints.coverage_factor or usual)
+            out[kind] = diagonal(said(axes), hints.coverage_factor or USUAL_FACTORS[kind])
     if header.has("rms"):
         out[RMS] = diagonal([said(["rms"])[0] / np.sqrt(3.0)] * 3)
     return out
@@ -279,12 +266,9 @@ def write(readings: Readings, unit: str, digits: int | None) -> bytes:
         f"// Cartesian, Units: {words[unit]}",
         "// Collection::Group::Target, X, Y, Z, Timestamp",
     ]
-    numbers = text_of(raw(readings.position, Meaning(unit)), digits)
     lines = [
         f"A::{group}::{target}, {', '.join(xyz)}, {time:%m/%d/%y %H:%M:%S}"
-        for group, target, xyz, time in zip(
-            readings.group, readings.target, numbers, readings.time, strict=True
-        )
+        for group, target, xyz, time in written(readings, unit, digits)
     ]
     return "\r\n".join([*head, *lines, ""]).encode()
 

@@ -8,10 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pipeline.readers import _named, _tables, plain
-from pipeline.readers._cells import text_of
-from pipeline.readers._coordinates import Meaning, raw
 from pipeline.readers._named import Header
-from pipeline.readers._reader import Export, Hints, Reader, Readings
+from pipeline.readers._reader import Export, Hints, Reader, Readings, written
 from pipeline.readers._text import Text
 
 _TURNED = {"rx", "ry", "rz", "q0", "q1", "q2", "q3", "qw", "qx", "qy", "qz", "roll", "pitch", "yaw"}
@@ -35,20 +33,15 @@ def recognise(lines: Sequence[str]) -> bool:
 
 def read(text: Text, hints: Hints) -> Export:
     """Readings of a Tracker Pilot export."""
-    header = _named.find([line for _, line in text.lines(1, 60)])
-    assert header is not None  # recognised before
-    return _tables.read(text, hints, header, READER.name)
+    return _tables.below_header(text, hints, READER.name)
 
 
 def write(readings: Readings, unit: str, digits: int | None) -> bytes:
     """A Tracker Pilot export with group and point names, times to the second."""
-    numbers = text_of(raw(readings.position, Meaning(unit)), digits)
     lines = [f"Point Group;Point Name;X [{unit}];Y [{unit}];Z [{unit}];Timestamp"]
     lines += [
         f"{group};{target};{';'.join(xyz)};{time:%d.%m.%Y %H:%M:%S}"
-        for group, target, xyz, time in zip(
-            readings.group, readings.target, numbers, readings.time, strict=True
-        )
+        for group, target, xyz, time in written(readings, unit, digits)
     ]
     return "\r\n".join([*lines, ""]).encode("cp1252")
 

@@ -5,11 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pipeline.readers import _named
-from pipeline.readers._cells import NUMBER, cells_or_none, text_of
-from pipeline.readers._coordinates import Meaning, raw, settled
+from pipeline.readers._cells import cells_or_none, is_number
+from pipeline.readers._coordinates import Meaning, settled
 from pipeline.readers._delimited import rows
 from pipeline.readers._layout import Field, Layout
-from pipeline.readers._reader import Export, Found, Hints, Reader, Readings, export, settled_unit
+from pipeline.readers._reader import (
+    Export,
+    Found,
+    Hints,
+    Reader,
+    Readings,
+    export,
+    settled_unit,
+    written,
+)
 from pipeline.readers._text import Text
 
 _NAMES = {3: (), 4: ("target",), 5: ("group", "target")}
@@ -18,21 +27,20 @@ _AXES = ("x", "y", "z")
 
 def recognise(lines: Sequence[str]) -> bool:
     """Every row has up to two names and three numbers between semicolons."""
-    rows = [line for line in lines if line.strip()]
-    if any("::" in row or row.lstrip().startswith("//") for row in rows) or _named.find(rows):
-        return False
-    found = [_cells(row) for row in rows]
-    fitting = [cells for cells in found if len(cells) in _NAMES and all(map(_number, cells[-3:]))]
-    return bool(fitting) and len(_cells(rows[0])) in _NAMES and len(fitting) > len(rows) / 2
+    rows = [_cells(line) for line in lines if line.strip()]
+    fitting = [len(row) in _NAMES and all(map(is_number, row[-3:])) for row in rows]
+    most = 2 * sum(fitting) > len(rows) and len(rows[0]) in _NAMES
+    return most and not any(map(_elsewhere, lines)) and not _named.find(lines)
+
+
+def _elsewhere(line: str) -> bool:
+    """Whether only SpatialAnalyzer writes such a line."""
+    return "::" in line or line.lstrip().startswith("//")
 
 
 def _cells(line: str) -> list[str]:
     cells = cells_or_none(line, ";") or []
     return cells[:-1] if cells and not cells[-1] else cells
-
-
-def _number(cell: str) -> bool:
-    return NUMBER.fullmatch(cell.replace(",", ".", 1)) is not None
 
 
 def read(text: Text, hints: Hints) -> Export:
@@ -41,7 +49,7 @@ def read(text: Text, hints: Hints) -> Export:
     Raises:
         InputError: The unit is not stated in campaign.toml.
     """
-    first, line = next((n, line) for n, line in text.lines() if line.strip())
+    first, line = text.first()
     names = _NAMES[len(_cells(line))]
     fields = [*(Field(name, "name") for name in names), *(Field(axis, "number") for axis in _AXES)]
     if line.rstrip().endswith(";"):
@@ -62,11 +70,8 @@ def read(text: Text, hints: Hints) -> Export:
 
 def write(readings: Readings, unit: str, digits: int | None) -> bytes:
     """Rows of group, target and coordinates; times are lost."""
-    numbers = text_of(raw(readings.position, Meaning(unit)), digits)
-    lines = [
-        ";".join([group, target, *xyz])
-        for group, target, xyz in zip(readings.group, readings.target, numbers, strict=True)
-    ]
+    rows = written(readings, unit, digits)
+    lines = [";".join([group, target, *xyz]) for group, target, xyz, _ in rows]
     return "\r\n".join([*lines, ""]).encode()
 
 

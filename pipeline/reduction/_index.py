@@ -13,6 +13,7 @@ import pandas as pd
 
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.covariance import each
+from pipeline.readers.logs import BEYOND
 
 
 def places(column: pd.Series[str], words: Sequence[str]) -> Ints:
@@ -24,13 +25,13 @@ def places(column: pd.Series[str], words: Sequence[str]) -> Ints:
 
 
 def pull_numbers(table: pd.DataFrame) -> Ints:
-    """One number for pose and repeat of every row, both below 2^31, in their order, shape (n,)."""
+    """One number for pose and repeat of every row, both below BEYOND, in order, shape (n,)."""
     return pull_number(table["pose"].to_numpy(), table["repeat"].to_numpy())
 
 
 def pull_number(pose: Ints, repeat: Ints) -> Ints:
     """The same of pose and repeat themselves."""
-    return pose.astype(np.int64, copy=False) * 2**31 + repeat
+    return pose.astype(np.int64, copy=False) * BEYOND + repeat
 
 
 def taken(table: pd.DataFrame, names: Sequence[str], rows: Ints | slice) -> dict[str, Array]:

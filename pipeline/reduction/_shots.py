@@ -16,6 +16,7 @@ from pipeline.base.errors import InputError, listed
 from pipeline.base.threads import MUCH, spread
 from pipeline.readers import Export
 from pipeline.readers._cells import shown
+from pipeline.readers.logs import BEYOND
 from pipeline.reduction._index import numbered
 from pipeline.reduction.settings import Settings
 
@@ -23,13 +24,16 @@ BASE, STRANGE = -1, -2
 """Roles of a target beside 0..t-1: a base reflector, and a name nobody knows."""
 
 _CERTAIN_FACTORS = {
-    1000.0: "are 1000 times too large, as if millimetres were taken for metres",
-    1e-3: "are 1000 times too small, as if metres were taken for millimetres",
-    25.4: "are 25.4 times too large, as if millimetres were taken for inches",
-    1 / 25.4: "are 25.4 times too small, as if inches were taken for millimetres",
-    1000 / 25.4: "are 39.4 times too large, as if inches were taken for metres",
-    25.4 / 1000: "are 39.4 times too small, as if metres were taken for inches",
+    1000.0: "millimetres were taken for metres",
+    1 / 1000: "metres were taken for millimetres",
+    25.4: "millimetres were taken for inches",
+    1 / 25.4: "inches were taken for millimetres",
+    1000 / 25.4: "inches were taken for metres",
+    25.4 / 1000: "metres were taken for inches",
 }
+"""What makes distances so many times too large."""
+_SMALLEST_M = 1e-3
+"""Points whose nominal spread [m] is below say nothing about a unit."""
 _NEAR = 0.2
 """A ratio within 20 % of a factor is that factor; reflectors are placed better than that."""
 
@@ -195,7 +199,7 @@ def _keys_at_once(names: pa.StringArray, pattern: str) -> tuple[Bools, Ints] | N
     except (pa.ArrowInvalid, pa.ArrowNotImplementedError):
         return None
     matched, keys = (np.concatenate(parts, axis=-1) for parts in zip(*seen, strict=True))
-    sound = keys.min(initial=0) >= 0 and keys.max(initial=0) < 2**31
+    sound = keys.min(initial=0) >= 0 and keys.max(initial=0) < BEYOND
     return (matched, keys) if sound else None
 
 
@@ -214,7 +218,7 @@ def _key(match: re.Match[str]) -> tuple[int, int, bool]:
         key = int(pose), int(repeat)
     except (TypeError, ValueError):
         key = -1, -1
-    if min(key) < 0 or max(key) >= 2**31 or state not in ("unloaded", "loaded"):
+    if min(key) < 0 or max(key) >= BEYOND or state not in ("unloaded", "loaded"):
         raise InputError(
             f'naming.group reads pose "{pose}", repeat "{repeat}" and state "{state}" '
             f'from group "{shown(match[0])}"',
@@ -345,18 +349,25 @@ def _check_size(shots: Shots, rows: Ints, together: Ints, nominal: Array, said: 
     label = together + count * shots.file[rows]
     member = pa.array(label).dictionary_encode().indices.to_numpy().astype(np.int64)
     seen, expected = (_spread(points, member) for points in (shots.position[rows], nominal))
-    enough = (expected > 1e-3) & (seen > 0)
+    enough = (expected > _SMALLEST_M) & (seen > 0)
     ratio = np.where(enough, seen, 1.0) / np.where(enough, expected, 1.0)
     for factor, meaning in _CERTAIN_FACTORS.items():
         hit = np.flatnonzero(enough & (np.abs(np.log(ratio / factor)) < _NEAR))
         if len(hit):
             first = rows[member == hit[0]][0]
             raise InputError(
-                f"distances between reflectors {meaning} ({ratio[hit[0]]:.4g} of those in {said})",
+                f"distances between reflectors are {_off(factor)}, as if {meaning} "
+                f"({ratio[hit[0]]:.4g} of those in {said})",
                 "correct the unit of the export, in its column names or in [tracker]",
                 file=shots.files[shots.file[first]],
                 line=int(shots.line[first]),
             )
+
+
+def _off(factor: float) -> str:
+    """A factor in words."""
+    times = f"{max(factor, 1 / factor):.1f}".removesuffix(".0")
+    return f"{times} times too {'large' if factor > 1 else 'small'}"
 
 
 def _spread(points: Array, member: Ints) -> Array:

@@ -30,10 +30,7 @@ def forces(settings: Settings, placed: pd.DataFrame, loads: pd.DataFrame) -> pd.
     Returns:
         Table FORCES, one row per pull that has both.
     """
-    pulls = pull_numbers(loads)
-    if (pulls[1:] < pulls[:-1]).any():
-        order = np.argsort(pulls, kind="stable")
-        loads, pulls = loads.iloc[order], pulls[order]
+    loads, pulls = _in_order(loads)
     target = places(placed["target"], [*settings.naming.chain, *settings.measured])
     loaded = places(placed["state"], ["loaded"]) == 0
     pull = pull_numbers(placed)
@@ -41,16 +38,7 @@ def forces(settings: Settings, placed: pd.DataFrame, loads: pd.DataFrame) -> pd.
     both = (ends[0] >= 0) & (ends[1] >= 0)
     loads, pulls, (near, far) = loads[both], pulls[both], (end[both] for end in ends)
 
-    at = [placed[axis].to_numpy() for axis in XYZ]
-    chain = covariance.each(at, lambda points: points[far] - points[near])
-    square = chain[0] ** 2 + chain[1] ** 2 + chain[2] ** 2
-    u = [part / np.sqrt(square) for part in chain]
-    six = covariance.numbers(placed)
-    if covariance.stated(covariance.known(six)):
-        C = covariance.each(six, lambda column: column[near] + column[far])
-    else:
-        C = [np.full(len(square), 2.0 * (i == j)) for i, j in covariance.PLACES]
-    direction = [column / square for column in _across(u, C)]
+    u, direction = _directions(placed, near, far)
     reading = loads["force_n"].to_numpy()
     force = [reading * part for part in u]
     measured = np.flatnonzero(loaded & (target >= 2))
@@ -64,6 +52,29 @@ def forces(settings: Settings, placed: pd.DataFrame, loads: pd.DataFrame) -> pd.
             "time_s": _mean_by_pull(placed["time_s"].to_numpy()[measured], pull[measured], pulls),
         }
     )
+
+
+def _in_order(loads: pd.DataFrame) -> tuple[pd.DataFrame, Ints]:
+    """The loads by pose and repeat, and the number of each pull."""
+    pulls = pull_numbers(loads)
+    if (pulls[1:] >= pulls[:-1]).all():
+        return loads, pulls
+    order = np.argsort(pulls, kind="stable")
+    return loads.iloc[order], pulls[order]
+
+
+def _directions(placed: pd.DataFrame, near: Ints, far: Ints) -> tuple[list[Array], list[Array]]:
+    """Directions of chains between two rows each, and their covariance in six columns."""
+    at = [placed[axis].to_numpy() for axis in XYZ]
+    chain = covariance.each(at, lambda points: points[far] - points[near])
+    square = chain[0] ** 2 + chain[1] ** 2 + chain[2] ** 2
+    u = [part / np.sqrt(square) for part in chain]
+    six = covariance.numbers(placed)
+    if covariance.stated(covariance.known(six)):
+        C = covariance.each(six, lambda column: column[near] + column[far])
+    else:
+        C = [np.full(len(square), 2.0 * (i == j)) for i, j in covariance.PLACES]
+    return u, [column / square for column in _across(u, C)]
 
 
 def reading_std(scale: Scale, reading: np.ndarray) -> np.ndarray:

@@ -27,7 +27,7 @@ from pipeline.readers.assignment import assigned
 from pipeline.reduction import _pulls, _shots
 from pipeline.reduction._index import numbered
 from pipeline.reduction._shots import Rejection, Shots
-from pipeline.reduction.settings import Scale, Settings, Tracker
+from pipeline.reduction.settings import BASE_REFLECTORS, Scale, Settings, Tracker
 
 _SIX = covariance_columns()
 
@@ -212,11 +212,12 @@ def _three_base_reflectors(shots: Shots, settings: Settings) -> None:
     names = shots.target.dictionary.to_pylist()
     present = np.unique(np.asarray(shots.target.indices)[shots.role == _shots.BASE])
     seen = sorted(names[k] for k in present)
-    if len(seen) < 3:
+    if len(seen) < BASE_REFLECTORS:
         raise InputError(
             f"only {len(seen)} base reflectors of [base_frame] were read ({listed(seen)}), "
             "too few to find the base frame",
-            "measure at least three, or remove [base_frame] if readings are in F_b already",
+            f"measure at least {BASE_REFLECTORS}, or remove [base_frame] "
+            "if readings are in F_b already",
             file=shots.files[0],
         )
 

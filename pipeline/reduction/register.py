@@ -7,15 +7,24 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from scipy import special
+from scipy.spatial.transform import Rotation
 
 from pipeline.base import covariance
 from pipeline.base.arrays import Array, Locked
 from pipeline.base.errors import InputError
 from pipeline.reduction._index import run
-from pipeline.reduction.settings import Settings
+from pipeline.reduction.settings import BASE_REFLECTORS, Settings
 
 XYZ = ["x_m", "y_m", "z_m"]
 
+_STEPS = 20
+"""Gauss-Newton steps at most; from the closed form three or four are enough."""
+_STILL = 1e-15
+"""A step [m] or [rad] that no longer moves a number of the size of a hall."""
+_ONE_PLACE = 1e-9
+"""Second width of the readings over the first of the nominal points: below, all are on one line."""
+_ONE_LINE = 1e-3
+"""Second width of the nominal points over the first: below, nobody knows the roll about it."""
 _MISFIT = 1e-4
 """Below this p the base reflectors disagree by more than their stated uncertainties."""
 
@@ -76,13 +85,7 @@ def register(settings: Settings, readings: pd.DataFrame) -> Registration:
     stated = bool(np.isfinite(C).all())
     if not stated:
         C = np.broadcast_to(np.eye(3), C.shape)
-    R, t = _kabsch(points, nominal)
-    for _ in range(20):
-        step, cov, chi2, centre = _gauss_newton(R, t, points, nominal, C)
-        turn = _rotation(step[:3])
-        R, t = turn @ R, turn @ (t - centre) + centre + step[3:]
-        if np.abs(step).max() < 1e-15:
-            break
+    R, t, cov, chi2, centre = _fit(points, nominal, C)
     dof = 3 * len(base) - 6
     from_scatter = not stated or (dof > 0 and bool(special.chdtrc(dof, chi2) < _MISFIT))
     if from_scatter:
@@ -133,28 +136,40 @@ def _uncertain(readings: pd.DataFrame) -> None:
 
 def _enough(base: pd.DataFrame, nominal: Array, points: Array) -> None:
     names = sorted(set(base["target"]))
-    if len(names) < 3:
+    if len(names) < BASE_REFLECTORS:
         raise InputError(
             f"only {len(names)} base reflectors were measured ({', '.join(names) or 'none'})",
-            "measure at least three that stand in [base_frame]",
+            f"measure at least {BASE_REFLECTORS} that stand in [base_frame]",
             file="campaign.toml",
         )
     spread, read = (
         np.linalg.svd(at - at.mean(axis=0), compute_uv=False) for at in (nominal, points)
     )
-    if read[1] < 1e-9 * spread[0]:
+    if read[1] < _ONE_PLACE * spread[0]:
         raise InputError(
             f"the base reflectors {', '.join(names)} were all read in one place or on one line",
             "export the readings again, these are no coordinates of different reflectors",
             file=str(base["file"].iloc[0]),
             line=int(base["line"].iloc[0]),
         )
-    if spread[1] < 1e-3 * spread[0]:
+    if spread[1] < _ONE_LINE * spread[0]:
         raise InputError(
             f"the base reflectors {', '.join(names)} lie on one line",
             "add one beside that line, or the tracker's roll about it stays unknown",
             file="campaign.toml",
         )
+
+
+def _fit(points: Array, nominal: Array, C: Array) -> tuple[Array, Array, Array, float, Array]:
+    """Rotation, shift, their covariance, chi2 and centre, as in `Registration`."""
+    R, t = _kabsch(points, nominal)
+    for _ in range(_STEPS):
+        step, cov, chi2, centre = _gauss_newton(R, t, points, nominal, C)
+        turn = Rotation.from_rotvec(step[:3]).as_matrix()
+        R, t = turn @ R, turn @ (t - centre) + centre + step[3:]
+        if np.abs(step).max() < _STILL:
+            break
+    return R, t, cov, chi2, centre
 
 
 def _kabsch(points: Array, nominal: Array) -> tuple[Array, Array]:
@@ -186,13 +201,3 @@ def _gauss_newton(
     step = np.linalg.solve(N, np.einsum("mia,mij,mj->a", D, W, residual))
     chi2 = float(np.einsum("mi,mij,mj->", residual, W, residual))
     return step, np.linalg.inv(N), chi2, centre
-
-
-def _rotation(vector: Array) -> Array:
-    """Rotation matrix of a rotation vector (Rodrigues)."""
-    angle = float(np.linalg.norm(vector))
-    x, y, z = vector
-    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    if angle < 1e-12:
-        return np.eye(3) + K
-    return np.eye(3) + np.sin(angle) / angle * K + (1 - np.cos(angle)) / angle**2 * K @ K

@@ -16,6 +16,10 @@ from pipeline.base.errors import InputError, first_wrong
 from pipeline.base.strict import NotNegative, Positive, Strict
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import Robot
+from pipeline.readers.logs import LIMIT_SLACK
+
+BASE_REFLECTORS = 3
+"""How many a base frame needs at least; the third takes away the turn about the other two."""
 
 Point = tuple[float, float, float]
 
@@ -172,7 +176,7 @@ class TestPose(Strict):
         """
         values = self.joint_values(robot)
         for joint, said, value in zip(robot.joints, self.q, values, strict=True):
-            if not joint.lower - 1e-9 <= value <= joint.upper + 1e-9:
+            if not joint.lower - LIMIT_SLACK <= value <= joint.upper + LIMIT_SLACK:
                 unit, one = ("m", 1.0) if joint.prismatic else ("deg", np.rad2deg(1.0))
                 raise InputError(
                     f"test_pose.q has {joint.name} = {said:g} {unit}, outside its limits "

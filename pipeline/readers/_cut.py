@@ -1,0 +1,164 @@
+"""Lines into cells: every row at once by Arrow, or each by itself where one is damaged or quoted.
+
+Both cut at the delimiters and nowhere else; the second way knows quotation marks and says which
+row has too few cells or too many.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from pyarrow import csv as arrow_csv
+
+from pipeline.base.arrays import Bools, Ints, Locked
+from pipeline.readers._cells import Bad, cells, is_special
+from pipeline.readers._layout import Layout
+from pipeline.readers._text import Text
+
+_JOINT = "::"
+_BLOCK = 1 << 22
+"""Bytes that Arrow cuts in one go; many times the longest line."""
+_BLANK = bytes({c.encode()[0] for c in map(chr, range(0x3001)) if c.isspace()})
+"""How the blanks of all scripts begin."""
+_TYPES = {
+    "name": pa.dictionary(pa.int32(), pa.string()),  # the same ones come often
+    **dict.fromkeys(("number", "time", "blank"), pa.string()),
+}
+"""What cells become, by their kind; of others nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cut(Locked):
+    """Rows with as many cells as they should have.
+
+    Attributes:
+        columns: Cells of each field that is looked at, names as dictionaries, others as text;
+            blanks around them are still there.
+        line: Line of each row, shape (n,).
+        rejected: Line and reason of the other rows.
+    """
+
+    columns: list[pa.Array]
+    line: Ints
+    rejected: tuple[tuple[int, str], ...] = ()
+
+
+def cut(text: Text, layout: Layout) -> Cut:
+    """All rows from line `layout.first` on; blank lines and comments are none."""
+    special = _special(text, layout)
+    line = np.arange(layout.first, len(text) + 1)[~special]
+    columns = None if b'"' in text.data or not len(line) else _at_once(text, layout, special)
+    return _each(text, layout, line) if columns is None else Cut(columns, line)
+
+
+def _special(text: Text, layout: Layout) -> Bools:
+    """Lines from the first row on that are blank or a comment, shape (lines,)."""
+    first = np.frombuffer(text.data, dtype=np.uint8)[text.starts[layout.first - 1 : -1]]
+    may_be = np.zeros(256, dtype=bool)
+    may_be[[*_BLANK, *(layout.comment or "").encode()[:1]]] = True
+    special: Bools = may_be[first]
+    for k in np.flatnonzero(special):
+        special[k] = is_special(text.line(layout.first + int(k)), layout)
+    return special
+
+
+def _at_once(text: Text, layout: Layout, special: Bools) -> list[pa.Array] | None:
+    """The columns, or None where a row has more or less cells than it should."""
+    try:
+        table = _read(_body(text, layout.first, special), layout)
+    except pa.ArrowInvalid:
+        return None
+    columns = [column.unify_dictionaries().combine_chunks() for column in table.columns]
+    if layout.joined:
+        parts = pc.split_pattern(columns.pop(0), _JOINT)
+        if not np.all(pc.list_value_length(parts).to_numpy() == layout.joined):
+            return None
+        places = [k for k, f in enumerate(layout.fields[: layout.joined]) if f.kind in _TYPES]
+        columns = [*(pc.list_element(parts, k).dictionary_encode() for k in places), *columns]
+    return columns
+
+
+def _read(body: pa.Buffer, layout: Layout) -> pa.Table:
+    """Cells in columns; joined names are one cell.
+
+    Raises:
+        pa.ArrowInvalid: A row has more or less cells than it should.
+    """
+    types = [_TYPES.get(field.kind) for field in layout.fields[layout.joined :]]
+    types = [*([pa.string()] if layout.joined else []), *types]
+    keys = [str(k) for k in range(len(types))]
+    wanted = {key: kind for key, kind in zip(keys, types, strict=True) if kind}
+    return arrow_csv.read_csv(
+        pa.BufferReader(body),
+        arrow_csv.ReadOptions(column_names=keys, block_size=_BLOCK),
+        arrow_csv.ParseOptions(
+            delimiter=layout.delimiter, quote_char=False, ignore_empty_lines=False
+        ),
+        arrow_csv.ConvertOptions(
+            column_types=wanted,
+            include_columns=list(wanted),
+            strings_can_be_null=False,
+            check_utf8=False,
+        ),
+    )
+
+
+def _body(text: Text, first: int, special: Bools) -> pa.Buffer:
+    """The lines from `first` on that are not special, in one piece."""
+    starts = text.starts[first - 1 :]
+    if not special.any():
+        return pa.py_buffer(text.data)[starts[0] :]
+    edge = np.flatnonzero(np.diff(np.concatenate([[True], special, [True]])))
+    data = memoryview(text.data)
+    return pa.py_buffer(b"".join(data[starts[a] : starts[b]] for a, b in edge.reshape(-1, 2)))
+
+
+def _each(text: Text, layout: Layout, line: Ints) -> Cut:
+    """The columns, row by row, and why rows have not as many cells as they should."""
+    kept, found, rejected = [], [], []
+    for number in line.tolist():
+        try:
+            found.append(_row(text.line(number), layout))
+            kept.append(number)
+        except Bad as reason:
+            rejected.append((number, str(reason)))
+    cells = zip(*found, strict=True) if found else [()] * len(layout.fields)
+    columns = [
+        pa.array(column, pa.string()).cast(_TYPES[field.kind])
+        for field, column in zip(layout.fields, cells, strict=True)
+        if field.kind in _TYPES
+    ]
+    return Cut(columns, np.array(kept, dtype=np.int64), tuple(rejected))
+
+
+def _row(line: str, layout: Layout) -> list[str]:
+    """The cells of a row, one for each field.
+
+    Raises:
+        Bad: There are more or less of them.
+    """
+    found = cells(line, layout.delimiter)
+    if layout.joined:
+        names = found[0].split(_JOINT)
+        if len(names) != layout.joined:
+            raise Bad(
+                f"has {len(names)} names in its first cell where {layout.joined} are expected; "
+                "write the name again or remove the row"
+            )
+        found = [*names, *found[1:]]
+    if len(found) != len(layout.fields):
+        raise Bad(_wrong_count(found, layout))
+    return found
+
+
+def _wrong_count(found: Sequence[str], layout: Layout) -> str:
+    said = f"has {len(found)} fields where {len(layout.fields)} are expected"
+    if layout.delimiter == "," and len(found) > len(layout.fields):
+        return (
+            f"{said}, as if a comma stood where a decimal point belongs; write numbers with a point"
+        )
+    return f"{said}; write the row again or remove it"
