@@ -9,7 +9,7 @@ import pandas as pd
 from scipy import special
 from scipy.spatial.transform import Rotation
 
-from pipeline.base import covariance
+from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Locked
 from pipeline.base.errors import InputError
 from pipeline.reduction._index import run
@@ -142,9 +142,7 @@ def _enough(base: pd.DataFrame, nominal: Array, points: Array) -> None:
             f"measure at least {BASE_REFLECTORS} that stand in [base_frame]",
             file="campaign.toml",
         )
-    spread, read = (
-        np.linalg.svd(at - at.mean(axis=0), compute_uv=False) for at in (nominal, points)
-    )
+    spread, read = (linear.extent(at) for at in (nominal, points))
     if read[1] < _ONE_PLACE * spread[0]:
         raise InputError(
             f"the base reflectors {', '.join(names)} were all read in one place or on one line",
@@ -162,7 +160,7 @@ def _enough(base: pd.DataFrame, nominal: Array, points: Array) -> None:
 
 def _fit(points: Array, nominal: Array, C: Array) -> tuple[Array, Array, Array, float, Array]:
     """Rotation, shift, their covariance, chi2 and centre, as in `Registration`."""
-    R, t = _kabsch(points, nominal)
+    R, t = linear.rigid(points, nominal)
     for _ in range(_STEPS):
         step, cov, chi2, centre = _gauss_newton(R, t, points, nominal, C)
         turn = Rotation.from_rotvec(step[:3]).as_matrix()
@@ -170,14 +168,6 @@ def _fit(points: Array, nominal: Array, C: Array) -> tuple[Array, Array, Array, 
         if np.abs(step).max() < _STILL:
             break
     return R, t, cov, chi2, centre
-
-
-def _kabsch(points: Array, nominal: Array) -> tuple[Array, Array]:
-    a, b = points - points.mean(axis=0), nominal - nominal.mean(axis=0)
-    U, _, Vt = np.linalg.svd(a.T @ b)
-    flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))])
-    R = (U @ flip @ Vt).T
-    return R, nominal.mean(axis=0) - R @ points.mean(axis=0)
 
 
 def _gauss_newton(
@@ -195,9 +185,9 @@ def _gauss_newton(
     for axis in range(3):
         D[:, :, axis] = np.cross(np.eye(3)[axis], lever)
     D[:, :, 3:] = np.eye(3)
-    W = np.linalg.inv(R @ C @ R.T)
+    W = linear.inverse(R @ C @ R.T)
     residual = nominal - placed
     N = np.einsum("mia,mij,mjb->ab", D, W, D)
-    step = np.linalg.solve(N, np.einsum("mia,mij,mj->a", D, W, residual))
+    step = linear.solve(N, np.einsum("mia,mij,mj->a", D, W, residual))
     chi2 = float(np.einsum("mi,mij,mj->", residual, W, residual))
-    return step, np.linalg.inv(N), chi2, centre
+    return step, linear.inverse(N), chi2, centre
