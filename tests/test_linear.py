@@ -1,0 +1,148 @@
+"""The linear algebra alone: against numpy's own solvers, and under other units and orders."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from pipeline.base import linear
+from pipeline.system.elimination import coefficients, eliminate
+
+RNG = np.random.default_rng(7)
+X = RNG.standard_normal((40, 5))
+Y = RNG.standard_normal(40)
+
+
+def rss(columns, y):
+    """What numpy's least squares leaves, sum of squares."""
+    left = y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]
+    return left @ left
+
+
+def twice(columns):
+    """The columns with the first two mixed into a sixth."""
+    return np.column_stack([columns, columns[:, 0] - 3 * columns[:, 1]])
+
+
+def test_least_squares_is_numpys():
+    """Values, covariance and rank of a regular problem."""
+    found = linear.pseudoinverse(X)
+
+    assert np.allclose(linear.least_squares(X, Y), np.linalg.lstsq(X, Y, rcond=None)[0])
+    assert np.allclose(found.cov, np.linalg.inv(X.T @ X))
+    assert found.rank == 5
+    assert not found.lost.any()
+
+
+@pytest.mark.parametrize("units", [np.ones(6), 10.0 ** np.array([4, -4, 0, 3, -2, 1])])
+def test_a_mix_of_columns_is_found_whatever_their_units(units):
+    """One direction of three columns is lost; the others keep values, and the fit is numpy's."""
+    A = twice(X) * units
+    found = linear.pseudoinverse(A)
+
+    assert found.rank == 5
+    assert found.lost.tolist() == [True, True, False, False, False, True]
+    assert np.isinf(np.diag(found.cov)).tolist() == found.lost.tolist()
+    x = linear.least_squares(A, Y)
+    assert np.sum((Y - A @ x) ** 2) == pytest.approx(rss(X, Y))
+    assert np.allclose((x * units)[2:5], np.linalg.lstsq(X, Y, rcond=None)[0][2:])
+
+
+def test_a_column_of_rounding_is_nothing():
+    """A joint that no pull loads: its column is noise of 1e-15, and no unit makes it data."""
+    A = np.column_stack([X, 1e-15 * RNG.standard_normal(40)])
+    found = linear.pseudoinverse(A)
+
+    assert found.rank == 5
+    assert found.lost.tolist() == [False] * 5 + [True]
+    assert np.abs(found.X[5]).max() == 0
+    assert linear.orthonormal(A).shape == (40, 5)
+    assert np.isinf(linear.covariance(A.T @ A)[5, 5])
+    assert np.allclose(linear.covariance(A.T @ A)[:5, :5], np.linalg.inv(X.T @ X))
+
+
+@pytest.mark.parametrize("units", [1.0, 1e5])
+def test_what_columns_reach_and_what_they_do_not(units):
+    """An orthonormal basis spans the columns, the complement the rest, and both fill the space."""
+    A = twice(X) * units
+    Q, K = linear.orthonormal(A), linear.complement(A)
+
+    assert Q.shape == (40, 5)
+    assert K.shape == (40, 35)
+    assert np.allclose(Q.T @ Q, np.eye(5))
+    assert np.allclose(A - Q @ (Q.T @ A), 0, atol=1e-12 * units)
+    assert np.allclose(K.T @ A, 0, atol=1e-12 * units)
+
+
+def test_the_drop_is_the_difference_of_two_fits():
+    """Columns that join a base take from the sum of squares what two fits of numpy differ by."""
+    base, more = X[:, :3], X[:, 3:]
+    Q = linear.orthonormal(base)
+    D, left = more - Q @ (Q.T @ more), Y - Q @ (Q.T @ Y)
+    drop, size = linear.drop(D.T @ D, D.T @ left)
+
+    assert drop == pytest.approx(rss(base, Y) - rss(X, Y))
+    assert np.allclose(size, np.linalg.lstsq(X, Y, rcond=None)[0][3:])
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-4, 1e6])
+def test_elimination_is_the_fit_beside_a_base(scale):
+    """The Schur complement leaves the sum of squares of the fit, in any unit of its columns."""
+    A = np.column_stack([twice(X) * scale ** (np.arange(6) / 5), Y])
+    M, base = A.T @ A, np.arange(6)
+    found = coefficients(M, base)
+
+    assert eliminate(M, base)[-1, -1] == pytest.approx(rss(X, Y), rel=1e-6)
+    assert np.sum((Y - A[:, :6] @ found) ** 2) == pytest.approx(rss(X, Y), rel=1e-6)
+
+
+def test_what_the_base_explains_to_seven_digits_is_the_base():
+    """Of two columns, one nearly a mix of the base: one direction is left, not two."""
+    A = np.column_stack([X, X[:, 0] + 1e-5 * RNG.standard_normal(40), RNG.standard_normal(40), Y])
+    M = A.T @ A
+    S = eliminate(M, np.arange(5))
+    inverse, rank = linear.left(S[5:7, 5:7], np.diag(M)[5:7])
+
+    assert rank == 1
+    drop = S[5:7, -1] @ inverse @ S[5:7, -1]
+    assert drop == pytest.approx(rss(X, Y) - rss(A[:, [0, 1, 2, 3, 4, 6]], Y), rel=1e-6)
+
+
+def test_batches_are_their_members():
+    """Many small problems at once give what each gives alone."""
+    N = np.stack([x.T @ x for x in RNG.standard_normal((7, 9, 3))])
+    g = RNG.standard_normal((7, 3))
+    drop, size = linear.drop(N, g)
+
+    for k in range(7):
+        assert np.allclose(size[k], np.linalg.solve(N[k], g[k]))
+        assert drop[k] == pytest.approx(g[k] @ np.linalg.solve(N[k], g[k]))
+    assert np.allclose(linear.solve(N, g), size)
+    assert np.allclose(linear.log_det(N), np.log(np.linalg.det(N)))
+
+
+def test_whitened_rows_have_unit_covariance():
+    """W V W' = 1, and a factor of V gives V back, also where V has no scatter in a direction."""
+    V = np.cov(RNG.standard_normal((3, 50)))
+    W, L = linear.whitening(V), linear.factor(np.diag([4.0, 1.0, 0.0]))
+
+    assert np.allclose(W @ V @ W.T, np.eye(3))
+    assert np.allclose(L @ L.T, np.diag([4.0, 1.0, 0.0]))
+
+
+def test_a_rigid_motion_is_found_again():
+    """Also of points in one plane, where a mirror would fit as well."""
+    a = RNG.standard_normal((6, 3)) * [1, 1, 0]
+    R, t = Rotation.from_rotvec([0.3, -1.2, 2.0]).as_matrix(), np.array([1.0, -2.0, 3.0])
+    found, shift = linear.rigid(a, a @ R.T + t)
+
+    assert np.allclose(found, R)
+    assert np.allclose(shift, t)
+
+
+def test_rows_are_numbered_within_their_block_in_any_order():
+    """Rows of a block need not be neighbours."""
+    index, place, count = linear.numbered(np.array([30, 10, 30, 20, 10, 30]))
+
+    assert index.tolist() == [2, 0, 2, 1, 0, 2]
+    assert place.tolist() == [0, 0, 1, 0, 1, 2]
+    assert count.tolist() == [2, 1, 3]
