@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from pipeline.answer import archive
-from pipeline.answer.history import previous
 from pipeline.app import pages
 from pipeline.app.outcome import Outcome
 from pipeline.base import files
@@ -42,8 +41,9 @@ def report_text(root: Path, name: str) -> str:
     """A campaign's report as plain text."""
     report(root, name, "html")
     campaign = campaigns.find(root, name)
-    before = previous(campaign.result(), [c.result() for c in archive.finished(root)])
-    return as_text(compose(campaign.result(), archive.shown(campaign), previous=before))
+    answer = archive.read(campaign)
+    before = archive.earlier(campaign, answer)
+    return as_text(compose(answer, archive.shown(campaign), previous=before))
 
 
 def compare(root: Path, first: str, second: str) -> tuple[Outcome, Path | None]:

@@ -7,15 +7,27 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pipeline.app import preferences, server, sync
-from pipeline.app.outcome import EARLIER, Outcome, dated, failed, guarded, outcome, sentences
+from pipeline.app.outcome import (
+    EARLIER,
+    Outcome,
+    Row,
+    dated,
+    failed,
+    guarded,
+    outcome,
+    sentences,
+)
 from pipeline.app.progress import Progress
 from pipeline.base import files
 from pipeline.base.errors import InputError, PipelineError
 from pipeline.store import campaign as campaigns
 from pipeline.store.campaign import Campaign
+
+if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second
+    from pipeline.answer.contract import Answer
 
 
 def run_all(root: Path, names: list[str], engine: str, force: bool) -> Iterator[Outcome]:
@@ -54,7 +66,7 @@ _Tell = Callable[[str], object]
 """Hears the name of every stage before it is carried out."""
 
 
-def plainly(campaign: Campaign, force: bool = False, tell: _Tell = str) -> dict[str, Any]:
+def plainly(campaign: Campaign, force: bool = False, tell: _Tell = str) -> Answer:
     """Bring a campaign up to date in this process."""
     from pipeline.run import run
 
@@ -71,10 +83,12 @@ def told(tell: _Tell, stage: Callable[..., Any]) -> Callable[..., Any]:
     return carried_out
 
 
-def _through_prefect(campaign: Campaign, force: bool = False, tell: _Tell = str) -> dict[str, Any]:
+def _through_prefect(campaign: Campaign, force: bool = False, tell: _Tell = str) -> Answer:
     """Bring a campaign up to date as a Prefect flow, unless nothing is to be done."""
     if not force and campaign.current():
-        return campaign.result()
+        from pipeline.answer.archive import read
+
+        return read(campaign)
     home = campaign.root / server.HOME
     with files.writing(home):
         home.mkdir(parents=True, exist_ok=True)
@@ -82,7 +96,7 @@ def _through_prefect(campaign: Campaign, force: bool = False, tell: _Tell = str)
     from pipeline.app.flow import identify, telling  # importing Prefect takes two seconds
 
     with telling(tell), server.sheltered(signal.SIGUSR1):
-        answer: dict[str, Any] = identify(str(campaign.root), str(campaign.folder), force)
+        answer: Answer = identify(str(campaign.root), str(campaign.folder), force)
     return answer
 
 
@@ -141,7 +155,7 @@ def inspect(path: Path, unit: str | None, csv: bool = False) -> Outcome:
         content=seen.to_json(),
         text=text,
         exit_code=InputError.exit_code if seen.rejected else 0,
-        complaints=sentences([{"file": path.name, **entry} for entry in seen.rejected]),
+        complaints=sentences(Row(path.name, **entry) for entry in seen.rejected),
     )
 
 
@@ -165,18 +179,18 @@ def status(root: Path) -> Iterator[Outcome]:
 
 def _status(campaign: Campaign) -> Outcome:
     before, key = campaign.manifest(), campaign.read().key
-    answer = campaign.done(key)
-    rejected = None if answer else campaign.rejection(key)
+    done = before is not None and campaign.done(key) is not None
+    rejected = None if done else campaign.rejection(key)
     if rejected:
         told = failed(campaign.name, rejected, str(rejected), rejected.exit_code)
         content = {"campaign": campaign.name, "state": "rejected", "verdict": None}
         return replace(told, content=told.content | content, text=f"{campaign.name:24} rejected")
-    state = "done" if answer else "changed" if before else "new"
-    verdict = answer["diagnosis"]["verdict"] if answer else None
+    state = "done" if done else "changed" if before else "new"
+    verdict = before.get("verdict") if before and done else None
     content = {"campaign": campaign.name, "state": state, "verdict": verdict}
     report = campaign.reports / "index.html"
     shown = str(report) if report.is_file() else ""
-    if shown and not answer:
+    if shown and not done:
         content |= {"earlier_report": shown}
         shown += f" ({EARLIER})"
     return Outcome(

@@ -141,6 +141,11 @@ def common_prefix(values: Iterable[float | None]) -> tuple[float, str]:
     return 10.0**power, _PREFIXES[power]
 
 
+def scaled(value: float | None, factor: float) -> float | None:
+    """A value in a prefixed unit; None stays None."""
+    return None if value is None else value / factor
+
+
 def prefixed(unit: str, letter: str) -> str:
     """A unit with a prefix on its first factor, spaces as products: `MN·m/rad`."""
     return letter + unit.replace(" ", "·") if unit else ""

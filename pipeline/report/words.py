@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from functools import cache
-from typing import Any
+
+from pipeline.answer.contract import Answer, Values
+from pipeline.answer.recommended import Data, Which
 
 MISTAKES = {
     "outlier": "outlying reading",
@@ -36,11 +37,9 @@ SOURCES = {
     "tracker": "tracker readings",
     "zero": "zero of each pose",
     "force_reading": "scale readings",
-    "force reading": "scale readings",
     "force_gain": "gain of the scale",
     "law": "law of the named causes",
     "second_order": "deflected geometry, which c = B x leaves out",
-    "force gain": "gain of the scale",
     "direction": "direction of the chain",
     "registration": "registration into the base frame",
     "geometry": "geometry of robot and tool",
@@ -60,16 +59,6 @@ MODELS = {
     "averaged": "averaged over the possible causes",
 }
 """Whose values the answer gives."""
-
-EXPLAINED = {
-    "adequate": "The residuals are what the stated noise makes of a right model.",
-    "explained": "The joint springs alone do not explain the readings; the cause below does.",
-    "ambiguous": "The joint springs alone do not explain the readings; the causes below fit "
-    "equally well, and these readings cannot tell which of them it is.",
-    "unexplained": "The joint springs alone do not explain the readings, and no cause in the "
-    "catalogue does either: do not correct for anything on the strength of this campaign.",
-    "bad_data": "Some readings contradict the others so strongly that they must be put right.",
-}
 
 
 def place_of_cause(where: object) -> str:
@@ -112,22 +101,26 @@ def _where(text: str | None) -> int | str | None:
     return int(text) if text and text.isdigit() else text or None
 
 
-def values_of(result: Mapping[str, Any]) -> str:
+def source(name: str) -> str:
+    """A source of uncertainty in words."""
+    return SOURCES.get(name, name.replace("_", " "))
+
+
+def values_of(answer: Answer) -> str:
     """Which model and data the answer's values are of."""
-    said = result.get("recommended") or {}
-    model = MODELS.get(str(said.get("model")), MODELS["joint_springs"])
-    return model + (", data corrected" if said.get("data") == "corrected" else "")
+    said = answer.recommended
+    return MODELS[said.model] + (", data corrected" if said.data == Data.CORRECTED else "")
 
 
-def beside(result: Mapping[str, Any]) -> tuple[str, Mapping[str, Any]] | None:
+def beside(answer: Answer) -> tuple[str, Values] | None:
     """What the joint springs on the data as given are called, and their values.
 
     None where the answer stands for them.
     """
-    said, springs = result.get("recommended") or {}, result.get("joint_springs")
-    names = ["joint springs alone"] if said.get("model") != "joint_springs" else []
-    names += ["data as given"] if said.get("data") == "corrected" else []
-    return (", ".join(names), springs) if springs and said and names else None
+    said = answer.recommended
+    names = ["joint springs alone"] if said.model != Which.JOINT_SPRINGS else []
+    names += ["data as given"] if said.data == Data.CORRECTED else []
+    return (", ".join(names), answer.joint_springs) if names else None
 
 
 def capital(text: str) -> str:
