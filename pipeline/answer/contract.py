@@ -176,14 +176,9 @@ class Deflection(Fact):
     )
 
     @property
-    def axes_mm(self) -> tuple[float, float, float]:
-        """Along x, y and z."""
-        return self.dx_mm, self.dy_mm, self.dz_mm
-
-    @property
     def size_mm(self) -> float:
         """Its length."""
-        return math.hypot(*self.axes_mm)
+        return math.hypot(self.dx_mm, self.dy_mm, self.dz_mm)
 
 
 class Values(Fact):

@@ -62,6 +62,12 @@ def with_std(value: float | None, std: float | None) -> str:
     return f"{_at_place(value, place)} ± {_at_place(std, place)}"
 
 
+def bracketed(value: float | None, std: float | None) -> str:
+    """The same in brackets, so that a unit may follow."""
+    text = with_std(value, std)
+    return f"({text})" if "±" in text and not text.startswith("(") else text
+
+
 def _scientific(value: float, std: float) -> str:
     power = Decimal(repr(float(max(abs(value), std)))).adjusted()
     scale = Decimal(10) ** -power

@@ -25,10 +25,10 @@ from pipeline.base.quantities import (
     plain,
     prefixed,
     scaled,
-    with_std,
 )
 from pipeline.diagnosis.average import LIKELY
 from pipeline.report import words
+from pipeline.report.columns import Cells, measured, number, roughly, said, table_of
 from pipeline.report.record import (
     Block,
     Column,
@@ -38,8 +38,7 @@ from pipeline.report.record import (
     Section,
     Table,
     Text,
-    entry,
-    text_entry,
+    section_of,
 )
 
 # --- all campaigns -------------------------------------------------------------------------
@@ -53,10 +52,12 @@ def overview(answers: Sequence[Answer]) -> Report:
     """
     by_robot = robots(answers)
     changed = {name: [t.name for t in trends(own) if t.sure] for name, own in by_robot.items()}
-    sections = [Section("campaigns", "Campaigns", (_campaigns(ordered(answers)),))]
-    sections += [
-        Section(f"robot-{number}", name, _robot(number, name, own))
-        for number, (name, own) in enumerate(by_robot.items())
+    sections = [
+        section_of("campaigns", "Campaigns", [_campaigns(ordered(answers))]),
+        *(
+            section_of(f"robot-{place}", name, _robot(place, name, own))
+            for place, (name, own) in enumerate(by_robot.items())
+        ),
     ]
     moved, several = any(changed.values()), _several(by_robot)
     held = "No stiffness has changed" if several else "Nothing to compare yet"
@@ -71,7 +72,7 @@ def overview(answers: Sequence[Answer]) -> Report:
             *_change_sentences(changed, several),
             *_not_compared(by_robot),
         ),
-        sections=tuple(sections),
+        sections=tuple(section for section in sections if section is not None),
         elsewhere="Each campaign's own page has the whole of its story.",
     )
 
@@ -106,31 +107,25 @@ def _not_compared(by_robot: Mapping[str, Sequence[Answer]]) -> list[str]:
     return [f"Not compared, because no model explains their readings: {', '.join(out)}."]
 
 
-def _campaigns(answers: Sequence[Answer]) -> Table:
-    columns = (
-        Column("Campaign"),
-        Column("Robot"),
-        Column("Measured"),
-        Column("Verdict"),
-        Column("Identified causes"),
-        Column("Model"),
-        Column("Error at poses left out [mm]", numeric=True),
-    )
-    rows = tuple(map(_campaign, answers))
-    return Table("campaigns", "Every campaign with a result", columns, rows)
+def _campaigns(answers: Sequence[Answer]) -> Table | None:
+    columns: list[Cells[Answer]] = [
+        (Column("Campaign"), _linked),
+        said("Robot", lambda one: one.robot),
+        said("Measured", lambda one: one.measured and one.measured[:10]),
+        said("Verdict", lambda one: words.VERDICTS[one.diagnosis.verdict][0]),
+        said("Identified causes", lambda one: ", ".join(map(_who, one.diagnosis.causes))),
+        said("Model", words.values_of),
+        number("Error at poses left out [mm]", _left_out_mm),
+    ]
+    return table_of("campaigns", "Every campaign with a result", columns, answers)
 
 
-def _campaign(answer: Answer) -> tuple[Entry, ...]:
-    left_out = answer.validation.held_out_rms_mm if answer.validation else None
-    return (
-        Entry(answer.campaign, answer.campaign, f"{quote(answer.campaign)}/index.html"),
-        text_entry(answer.robot),
-        text_entry(answer.measured and answer.measured[:10]),
-        text_entry(words.VERDICTS[answer.diagnosis.verdict][0]),
-        text_entry(", ".join(map(_who, answer.diagnosis.causes))),
-        text_entry(words.values_of(answer)),
-        entry(plain(left_out), left_out),
-    )
+def _linked(answer: Answer) -> Entry:
+    return Entry(answer.campaign, answer.campaign, f"{quote(answer.campaign)}/index.html")
+
+
+def _left_out_mm(answer: Answer) -> float | None:
+    return answer.validation.held_out_rms_mm if answer.validation else None
 
 
 def _who(cause: Cause) -> str:
@@ -139,57 +134,56 @@ def _who(cause: Cause) -> str:
     return " or ".join(words.cause(one.name, one.where) for one in (cause, *rivals))
 
 
-def _robot(number: int, name: str, answers: Sequence[Answer]) -> tuple[Block, ...]:
+def _robot(place: int, name: str, answers: Sequence[Answer]) -> Sequence[Block | None]:
     if len(answers) < 2:
         return (Text(f"One campaign so far, {answers[0].campaign}."),)
     if sum(map(trusted, answers)) < 2:
         return (Text("Fewer than two campaigns whose readings a model explains: no comparison."),)
     found = trends(answers)
-    blocks: list[Block] = [
+    surely = [
         Text(f"{t.name} changed by more than chance explains.", "finding") for t in found if t.sure
     ]
-    return (*blocks, _trend_table(number, found), _history_figure(number, name, answers, found))
+    return (*surely, _trend_table(place, found), _history_figure(place, name, answers, found))
 
 
-def _trend_table(number: int, found: Sequence[Trend]) -> Table:
-    rows = tuple(
-        (
-            text_entry(t.name),
-            entry(str(t.campaigns), t.campaigns),
-            entry(with_std(t.first_to_last, t.first_to_last_std), t.first_to_last),
-            entry(with_std(t.percent_a_year, t.percent_a_year_std), t.percent_a_year),
-            entry(MISSING if t.p_value is None else p_value(t.p_value), t.p_value),
-            text_entry("changed" if t.sure else "holds" if t.campaigns > 1 else "one value"),
-        )
-        for t in found
-    )
-    columns = (
-        Column("Joint"),
-        Column("Campaigns", numeric=True),
-        Column("First to last [%]", numeric=True),
-        Column("Per year [%]", numeric=True),
-        Column("Chance of such scatter", numeric=True),
-        Column("Result"),
-    )
+def _trend_table(place: int, found: Sequence[Trend]) -> Table | None:
+    columns: list[Cells[Trend]] = [
+        said("Joint", lambda t: t.name),
+        number("Campaigns", lambda t: t.campaigns, str),
+        measured("First to last [%]", lambda t: (t.first_to_last, t.first_to_last_std)),
+        measured("Per year [%]", lambda t: (t.percent_a_year, t.percent_a_year_std)),
+        number("Chance of such scatter", lambda t: t.p_value, _chance),
+        said("Result", _held),
+    ]
     note = (
         "Tested on the compliances, whose errors are normal, at 1 % for all joints together; an "
         "error that all campaigns share, such as the scale's gain, cancels here and is not seen."
     )
-    return Table(f"trend-{number}", "Has a stiffness changed?", columns, rows, note)
+    return table_of(f"trend-{place}", "Has a stiffness changed?", columns, found, note)
+
+
+def _chance(p: float | None) -> str:
+    return MISSING if p is None else p_value(p)
+
+
+def _held(trend: Trend) -> str:
+    if trend.campaigns < 2:
+        return "one value"
+    return "changed" if trend.sure else "holds"
 
 
 def _history_figure(
-    number: int, name: str, answers: Sequence[Answer], found: Sequence[Trend]
+    place: int, name: str, answers: Sequence[Answer], found: Sequence[Trend]
 ) -> Figure:
     changed = [t.name for t in found if t.sure]
-    said = f"{len(answers)} campaigns of {name}. " + (
+    told = f"{len(answers)} campaigns of {name}. " + (
         f"Changed: {', '.join(changed)} in another colour." if changed else "No joint stands out."
     )
     return Figure(
-        f"history-{number}",
+        f"history-{place}",
         "Each stiffness over the campaigns",
-        f"{said} Bars are 95 % intervals; they should overlap as long as nothing changes.",
-        f"One row per joint with the stiffness of each campaign and its interval. {said}",
+        f"{told} Bars are 95 % intervals; they should overlap as long as nothing changes.",
+        f"One row per joint with the stiffness of each campaign and its interval. {told}",
     )
 
 
@@ -233,6 +227,7 @@ def comparison(
     title = f"{names[0]} beside {names[1]}"
     each = zip(names, models, strict=True)
     titles = [f"{name}: {model}" if model else name for name, model in each]
+    table = _comparison_table(titles, before, found)
     return Report(
         kicker="Joint stiffness compared",
         heading=title,
@@ -242,9 +237,7 @@ def comparison(
         sentences=tuple(
             _comparison_sentences(found, surely, test, "" if covariances else not_tested)
         ),
-        sections=(
-            Section("joints", "Joint by joint", (_comparison_table(titles, before, found),)),
-        ),
+        sections=(Section("joints", "Joint by joint", (table,)),) if table else (),
     )
 
 
@@ -269,42 +262,34 @@ def _comparison_sentences(
         return ["They have no joint in common."]
     if not_tested:
         return [not_tested]
-    said = (
+    told = (
         f"{', '.join(surely)} differ{'s' if len(surely) == 1 else ''} by more than chance explains."
         if surely
         else "No stiffness differs by more than chance explains."
     )
-    return [said, test] if test else [said]
+    return [told, test] if test else [told]
 
 
 def _comparison_table(
     names: Sequence[str], before: Sequence[Stiffness], found: Sequence[Change]
-) -> Table:
-    factor, letter = common_prefix(c.before for c in found)
+) -> Table | None:
+    factor, letter = common_prefix(change.before for change in found)
     units = {joint.name: prefixed(joint.unit, letter) for joint in before}
-    rows = tuple(
-        (
-            text_entry(c.name),
-            entry(plain(scaled(c.before, factor), 4), c.before),
-            entry(plain(scaled(c.after, factor), 4), c.after),
-            text_entry(units[c.name]),
-            entry(with_std(c.percent, c.percent_std), c.percent),
-            entry(plain(c.sigmas, 2), c.sigmas),
-            text_entry(_judged(c)),
-        )
-        for c in found
-    )
-    columns = (
-        Column("Joint"),
-        Column(names[0], numeric=True),
-        Column(names[1], numeric=True),
-        Column("Unit"),
-        Column("Change [%]", numeric=True),
-        Column("Difference of compliance [σ]", numeric=True),
-        Column("Result"),
-    )
-    tested = any(c.sigmas is not None for c in found)
-    return Table("comparison", "Stiffness of each joint", columns, rows, _TESTED if tested else "")
+
+    def in_prefix(value: float | None) -> str:
+        return plain(scaled(value, factor), 4)
+
+    columns: list[Cells[Change]] = [
+        said("Joint", lambda change: change.name),
+        number(names[0], lambda change: change.before, in_prefix),
+        number(names[1], lambda change: change.after, in_prefix),
+        said("Unit", lambda change: units[change.name]),
+        measured("Change [%]", lambda change: (change.percent, change.percent_std)),
+        number("Difference of compliance [σ]", lambda change: change.sigmas, roughly),
+        said("Result", _judged),
+    ]
+    note = _TESTED if any(change.sigmas is not None for change in found) else ""
+    return table_of("comparison", "Stiffness of each joint", columns, found, note)
 
 
 _TESTED = "Tested on the compliances, whose errors are normal, at 1 % for all joints together."

@@ -16,11 +16,11 @@ from pipeline.answer.contract import (
     Rival,
     Unnamed,
 )
-from pipeline.base.quantities import p_value, percent, plain, probability, with_std
+from pipeline.base.quantities import bracketed, p_value, percent, plain, probability
 from pipeline.report import words
+from pipeline.report.columns import Cells, number, said, table_of
 from pipeline.report.figures.catalogue import figures
-from pipeline.report.record import Block, Column, Entry, Section, Table, Text, entry, text_entry
-from pipeline.report.sections._parts import Cells, bracketed, section_of, table_of
+from pipeline.report.record import Block, Section, Table, Text, section_of
 from pipeline.report.sections.unseen import blind_spots, next_joint_values, next_poses
 from pipeline.report.summaries import Tables
 
@@ -30,18 +30,18 @@ _WORTH_SAYING = 0.01
 
 def diagnosis(answer: Answer, tables: Tables) -> Section | None:
     """The causes, what is gained, what to measure next and what stays unseen."""
-    said = answer.diagnosis
-    shared = _shared_gain(said.causes)
-    blocks: list[Block | None] = [Text(words.in_words(said.why))]
-    for number, one in enumerate(said.causes, 1):
-        blocks += _cause(number, one, with_gain=not shared)
+    found = answer.diagnosis
+    shared = _shared_gain(found.causes)
+    blocks: list[Block | None] = [Text(words.in_words(found.why))]
+    for place, one in enumerate(found.causes, 1):
+        blocks += _cause(place, one, with_gain=not shared)
     blocks += [
-        _alone(said.alone),
+        _alone(found.alone),
         Text(shared) if shared else None,
         *figures(("gain", "evidence", "separability"), answer, tables),
-        next_poses(said.next_poses),
-        next_joint_values(said.next_poses, answer.stiffness),
-        blind_spots(said.blind_spots),
+        next_poses(found.next_poses),
+        next_joint_values(found.next_poses, answer.stiffness),
+        blind_spots(found.blind_spots),
     ]
     return section_of("diagnosis", "What the simulation gets wrong", blocks)
 
@@ -52,7 +52,7 @@ def _shared_gain(causes: Sequence[Cause]) -> str:
     return _gain_sentences("all causes", causes[0]) if len(causes) > 1 and len(worth) == 1 else ""
 
 
-def _cause(number: int, one: Cause, with_gain: bool) -> list[Block]:
+def _cause(place: int, one: Cause, with_gain: bool) -> list[Block]:
     facts = [
         _evidence_sentences(one.evidence) if one.evidence else "",
         f"It shows like this: {one.signature}." if one.signature else "",
@@ -62,38 +62,30 @@ def _cause(number: int, one: Cause, with_gain: bool) -> list[Block]:
         _gain_sentences("it", one) if with_gain else "",
         f"What would settle it: {one.needs}." if one.needs else "",
     ]
-    name = words.label(one.name, one.where)
     blocks: list[Block | None] = [
-        Text(f"Cause {number}: {words.cause(one.name, one.where)} ({name}).", "finding"),
+        Text(f"Cause {place}: {_in_words(one)} ({_label(one)}).", "finding"),
         Text(" ".join(fact for fact in facts if fact)),
-        _rivals(number, one.rivals),
+        _rivals(place, one.rivals),
     ]
     return [block for block in blocks if block is not None]
 
 
-def _in_words(one: Placed) -> Entry:
-    return text_entry(words.cause(one.name, one.where))
+def _in_words(one: Placed) -> str:
+    return words.cause(one.name, one.where)
 
 
-def _label(one: Placed) -> Entry:
-    return text_entry(words.label(one.name, one.where))
-
-
-def _chance(one: Alone | Rival) -> Entry:
-    return entry(probability(one.probability), one.probability)
+def _label(one: Placed) -> str:
+    return words.label(one.name, one.where)
 
 
 def _alone(single: Sequence[Alone]) -> Table | None:
     """What each of the likeliest causes does if it is the only one."""
     columns: list[Cells[Alone]] = [
-        (Column("Cause"), _in_words),
-        (Column("Name"), _label),
-        (Column("Probability", numeric=True), _chance),
-        (
-            Column("Left-out error falls by", numeric=True),
-            lambda one: entry(percent(one.reduction), one.reduction),
-        ),
-        (Column("95 % interval"), lambda one: text_entry(" to ".join(map(percent, one.ci95)))),
+        said("Cause", _in_words),
+        said("Name", _label),
+        number("Probability", lambda one: one.probability, probability),
+        number("Left-out error falls by", lambda one: one.reduction, percent),
+        said("95 % interval", lambda one: " to ".join(map(percent, one.ci95))),
     ]
     return table_of("alone", "If it is one cause alone", columns, single)
 
@@ -113,15 +105,15 @@ def _evidence_sentences(evidence: Evidence) -> str:
 
 
 def _probability_sentence(one: Cause) -> str:
-    said = f"Its probability among the known causes is {probability(one.probability)}"
-    if one.p_value is not None:
-        said += f"; without it, chance makes such readings with {p_value(one.p_value)}"
-    return f"{said}."
+    alone = f"; without it, chance makes such readings with {p_value(one.p_value)}"
+    chance = probability(one.probability)
+    known = "" if one.p_value is None else alone
+    return f"Its probability among the known causes is {chance}{known}."
 
 
 def _size_sentence(parameters: Sequence[Amplitude]) -> str:
     sizes = [
-        f"{p.name} = {bracketed(with_std(p.value, p.std))} {p.unit.replace(' ', '·')}".rstrip()
+        f"{p.name} = {bracketed(p.value, p.std)} {p.unit.replace(' ', '·')}".rstrip()
         for p in parameters
     ]
     return f"Its size: {', '.join(sizes)}." if sizes else ""
@@ -161,10 +153,10 @@ def _test_pose_changes(gain: Gain) -> Iterator[str]:
         yield f"The predicted deflection at the test pose changes by {plain(change)} mm."
 
 
-def _rivals(number: int, rivals: Sequence[Rival]) -> Table | None:
+def _rivals(place: int, rivals: Sequence[Rival]) -> Table | None:
     columns: list[Cells[Rival]] = [
-        (Column("Rival"), _in_words),
-        (Column("Name"), _label),
-        (Column("Probability", numeric=True), _chance),
+        said("Rival", _in_words),
+        said("Name", _label),
+        number("Probability", lambda one: one.probability, probability),
     ]
-    return table_of(f"rivals-{number}", f"What else cause {number} could be", columns, rivals)
+    return table_of(f"rivals-{place}", f"What else cause {place} could be", columns, rivals)

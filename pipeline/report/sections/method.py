@@ -5,8 +5,8 @@ from __future__ import annotations
 from pipeline.answer.contract import Answer, Equilibrium, Input
 from pipeline.answer.recommended import Which
 from pipeline.base.quantities import plain, typeset
-from pipeline.report.record import Column, Section, Table, Text, entry, text_entry
-from pipeline.report.sections._parts import Cells, section_of, table_of
+from pipeline.report.columns import Cells, number, said, table_of
+from pipeline.report.record import Section, Table, Text, section_of
 
 _LEFT_OUT = (
     " and is left out of c = B x; where the noise is stated or found in repeats, the "
@@ -31,33 +31,32 @@ def method(answer: Answer) -> Section | None:
 
 def _told(answer: Answer) -> str:
     deformed = answer.model.equilibrium is Equilibrium.DEFORMED
-    said = [
+    told = [
         _METHOD,
         "The force acts on the deflected robot (second order in the load)."
         if deformed
         else "The geometry is that of the unloaded robot.",
     ]
     if answer.recommended.model != Which.JOINT_SPRINGS:
-        said.append("Beside the springs the model holds what was identified, c = B x + Z z.")
+        told.append("Beside the springs the model holds what was identified, c = B x + Z z.")
     size = plain(answer.fit.second_order_rms_mm, 2)
-    said.append(f"The second order in the load amounts to {size} mm rms")
-    return " ".join(said) + ("." if deformed else _LEFT_OUT)
+    told.append(f"The second order in the load amounts to {size} mm rms")
+    return " ".join(told) + ("." if deformed else _LEFT_OUT)
 
 
 def _assumptions(answer: Answer) -> Table | None:
-    columns: list[Cells[str]] = [(Column("Assumed"), lambda one: text_entry(typeset(one)))]
-    return table_of("assumptions", "Assumptions", columns, answer.assumptions)
+    return table_of("assumptions", "Assumptions", [said("Assumed", typeset)], answer.assumptions)
 
 
 def _inputs(answer: Answer) -> Table | None:
     columns: list[Cells[Input]] = [
-        (Column("File", code=True), lambda one: text_entry(one.file)),
-        (Column("Bytes", numeric=True), lambda one: entry(str(one.bytes), one.bytes)),
-        (Column("SHA-256", code=True), lambda one: text_entry(one.sha256)),
+        said("File", lambda one: one.file, code=True),
+        number("Bytes", lambda one: one.bytes, str),
+        said("SHA-256", lambda one: one.sha256, code=True),
     ]
     return table_of("inputs", "Input files", columns, answer.inputs)
 
 
 def _versions(answer: Answer) -> Text:
-    said = ", ".join(f"{name} {version}" for name, version in answer.versions.items())
-    return Text(f"Computed with {said}.")
+    with_ = ", ".join(f"{name} {version}" for name, version in answer.versions.items())
+    return Text(f"Computed with {with_}.")

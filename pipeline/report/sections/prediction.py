@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pipeline.answer.contract import Answer, Deflection, PerTarget, Validation
-from pipeline.base.quantities import percent, plain, with_std
+from pipeline.base.quantities import percent, plain
 from pipeline.report import words
+from pipeline.report.columns import Cells, measured, number, said, table_of
 from pipeline.report.figures.catalogue import figures
-from pipeline.report.record import Column, Entry, Section, Table, Text, entry, text_entry
-from pipeline.report.sections._parts import Cells, section_of, table_of
+from pipeline.report.record import Section, Table, Text, section_of
 from pipeline.report.summaries import Tables
 
 
@@ -39,25 +39,16 @@ def _beside(answer: Answer) -> Table | None:
 
 def _deflections(name: str, title: str, points: Sequence[Deflection]) -> Table | None:
     columns: list[Cells[Deflection]] = [
-        (Column("Target"), lambda point: text_entry(point.target)),
-        *(_along(k, axis) for k, axis in enumerate("xyz")),
-        (
-            Column("Distance [mm]", numeric=True),
-            lambda point: entry(plain(point.size_mm), point.size_mm),
-        ),
+        said("Target", lambda point: point.target),
+        measured("dx [mm]", lambda point: (point.dx_mm, point.std_mm[0])),
+        measured("dy [mm]", lambda point: (point.dy_mm, point.std_mm[1])),
+        measured("dz [mm]", lambda point: (point.dz_mm, point.std_mm[2])),
+        number("Distance [mm]", lambda point: point.size_mm),
     ]
     note = "Base frame; ± is one standard uncertainty from the full covariance of the estimate."
     if any(None in point.std_mm for point in points):
         note += " A value without ± depends on a stiffness that these pulls do not determine."
     return table_of(name, title, columns, points, note)
-
-
-def _along(k: int, axis: str) -> Cells[Deflection]:
-    def cell(point: Deflection) -> Entry:
-        value = point.axes_mm[k]
-        return entry(with_std(value, point.std_mm[k]), value)
-
-    return Column(f"d{axis} [mm]", numeric=True), cell
 
 
 def validation(answer: Answer, tables: Tables) -> Section | None:
@@ -91,8 +82,8 @@ def _mu_table(given: Validation) -> Table | None:
         (far, alone, given.independent.global_),
     ]
     columns: list[Cells[tuple[str, str, PerTarget]]] = [
-        (Column("Poses"), lambda kind: text_entry(kind[0])),
-        (Column("Stiffnesses drawn"), lambda kind: text_entry(kind[1])),
+        said("Poses", lambda kind: kind[0]),
+        said("Stiffnesses drawn", lambda kind: kind[1]),
         *(_of_target(target) for target in given.test_pose),
     ]
     note = (
@@ -104,8 +95,4 @@ def _mu_table(given: Validation) -> Table | None:
 
 
 def _of_target(target: str) -> Cells[tuple[str, str, PerTarget]]:
-    def cell(kind: tuple[str, str, PerTarget]) -> Entry:
-        mu = kind[2][target]
-        return entry(percent(mu, 3), mu)
-
-    return Column(target, numeric=True), cell
+    return number(target, lambda kind: kind[2][target], lambda mu: percent(mu, 3))

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from operator import attrgetter
 from typing import Any
 
 import pandas as pd
 
 from pipeline.answer.contract import Answer, NoiseComponent, Registration, Rejected, Stiffness
-from pipeline.base.quantities import MISSING, p_value, plain, with_std
+from pipeline.base.quantities import p_value, plain
 from pipeline.report import words
+from pipeline.report.columns import Cells, measured, number, roughly, said, table_of
 from pipeline.report.figures.catalogue import figures
-from pipeline.report.record import Column, Entry, Section, Table, Text, entry, text_entry
-from pipeline.report.sections._parts import Cells, section_of, table_of
+from pipeline.report.record import Column, Entry, Section, Table, Text, entry, section_of
 from pipeline.report.summaries import Tables, has, registration_by_target
 
 _MOST_ROWS = 400
@@ -36,7 +37,7 @@ def budget(answer: Answer) -> Section | None:
 
 def _budget_table(joints: Sequence[Stiffness]) -> Table | None:
     columns: list[Cells[str]] = [
-        (Column("Source"), lambda source: text_entry(words.source(source))),
+        said("Source", words.source),
         *(_shares_of(joint) for joint in joints if joint.budget),
     ]
     sources = dict.fromkeys(part.source for joint in joints for part in joint.budget)
@@ -46,29 +47,18 @@ def _budget_table(joints: Sequence[Stiffness]) -> Table | None:
 
 def _shares_of(joint: Stiffness) -> Cells[str]:
     shares = {part.source: 100 * part.share for part in joint.budget}
-
-    def cell(source: str) -> Entry:
-        share = shares.get(source)
-        return Entry(MISSING) if share is None else entry(_percent(share), share)
-
-    return Column(f"{joint.name} [%]", numeric=True), cell
+    return number(f"{joint.name} [%]", shares.get, _percent)
 
 
-def _percent(share: float) -> str:
-    return "below 0.1" if share < 0.1 else plain(share, 2)
+def _percent(share: float | None) -> str:
+    return "below 0.1" if share is not None and share < 0.1 else roughly(share)
 
 
 def _noise_table(found: Sequence[NoiseComponent]) -> Table | None:
     columns: list[Cells[NoiseComponent]] = [
-        (Column("Noise of"), lambda one: text_entry(words.source(one.name))),
-        (
-            Column("Found over stated", numeric=True),
-            lambda one: entry(with_std(one.found_over_stated, one.std), one.found_over_stated),
-        ),
-        (
-            Column("Chance of as much or more", numeric=True),
-            lambda one: entry(p_value(one.p_value), one.p_value),
-        ),
+        said("Noise of", lambda one: words.source(one.name)),
+        measured("Found over stated", lambda one: (one.found_over_stated, one.std)),
+        number("Chance of as much or more", lambda one: one.p_value, p_value),
     ]
     note = "Found from repeats, zeros read again and the effector's own triangle; 1 is as stated."
     title = "Noise in the readings beside the stated noise"
@@ -94,21 +84,13 @@ def _reflectors(tables: Tables) -> Table | None:
         return None
     parts = {"mean dx": "dx", "mean dy": "dy", "mean dz": "dz", "rms": "rms", "largest": "largest"}
     columns: list[Cells[Any]] = [
-        (Column("Base reflector"), lambda row: text_entry(row.target)),
-        (Column("Readings", numeric=True), lambda row: entry(str(row.readings), row.readings)),
-        *(_millimetres(name, part) for name, part in parts.items()),
+        said("Base reflector", lambda row: row.target),
+        number("Readings", lambda row: row.readings, str),
+        *(number(f"{name} [mm]", attrgetter(part), roughly) for name, part in parts.items()),
     ]
     rows = _rows(registration_by_target(tables["registration"]))
     title = "Base reflectors: measured minus nominal, base frame"
     return table_of("registration", title, columns, rows)
-
-
-def _millimetres(name: str, part: str) -> Cells[Any]:
-    def cell(row: Any) -> Entry:
-        value = getattr(row, part)
-        return entry(plain(value, 2), value)
-
-    return Column(f"{name} [mm]", numeric=True), cell
 
 
 def _rows(table: pd.DataFrame) -> Iterator[Any]:
@@ -118,25 +100,25 @@ def _rows(table: pd.DataFrame) -> Iterator[Any]:
 
 def _registration_text(given: Registration) -> Text:
     rotation, translation = max(given.rotation_std_rad), max(given.translation_std_m)
-    said = [
+    told = [
         f"The base reflectors fit their nominals to {plain(given.rms_mm)} mm rms, "
         f"{plain(given.max_mm)} mm at worst."
     ]
     if given.chi2 is not None:
         tested = "" if given.p_value is None else f" ({p_value(given.p_value)})"
-        said.append(f"chi² is {plain(given.chi2, 4)} for {given.dof} degrees of freedom{tested}.")
-    said.append(f"The standard uncertainty of its orientation is {plain(1e6 * rotation, 2)} µrad.")
-    said.append(f"That of its origin is {plain(1e6 * translation, 2)} µm.")
-    return Text(" ".join(said))
+        told.append(f"chi² is {plain(given.chi2, 4)} for {given.dof} degrees of freedom{tested}.")
+    told.append(f"The standard uncertainty of its orientation is {plain(1e6 * rotation, 2)} µrad.")
+    told.append(f"That of its origin is {plain(1e6 * translation, 2)} µm.")
+    return Text(" ".join(told))
 
 
 def rejected(answer: Answer) -> Section | None:
     """Rows that were left out and why, at most _MOST_ROWS of them."""
     given = answer.rejected
     columns: list[Cells[Rejected]] = [
-        (Column("File", code=True), lambda row: text_entry(row.file)),
+        said("File", lambda row: row.file, code=True),
         (Column("Line", numeric=True), _line),
-        (Column("Reason"), lambda row: text_entry(row.reason)),
+        said("Reason", lambda row: row.reason),
     ]
     more = len(given) - _MOST_ROWS
     note = f"{more} more stand in result.json." if more > 0 else ""

@@ -10,6 +10,7 @@ from pipeline.answer.contract import Answer, Believed, Fit, Stiffness, Weighed
 from pipeline.answer.history import Change, changes, trusted
 from pipeline.base.quantities import (
     MISSING,
+    bracketed,
     common_prefix,
     interval,
     p_value,
@@ -20,9 +21,18 @@ from pipeline.base.quantities import (
     with_std,
 )
 from pipeline.report import words
+from pipeline.report.columns import Cells, measured, number, said, table_of
 from pipeline.report.figures.catalogue import figures
-from pipeline.report.record import Column, Entry, Section, Table, Text, entry, text_entry
-from pipeline.report.sections._parts import Cells, bracketed, section_of, table_of
+from pipeline.report.record import (
+    Column,
+    Entry,
+    Section,
+    Table,
+    Text,
+    entry,
+    section_of,
+    text_entry,
+)
 
 
 def stiffness(answer: Answer, previous: Answer | None) -> Section | None:
@@ -32,7 +42,7 @@ def stiffness(answer: Answer, previous: Answer | None) -> Section | None:
         "stiffness",
         "Joint stiffnesses",
         [
-            *(Text(words.in_words(said), "finding") for said in _findings(answer)),
+            *(Text(words.in_words(finding), "finding") for finding in _findings(answer)),
             *(_changed(change, since.campaign) for change in since.changes if change.sure),
             _stiffness_table(answer, since),
             _hypotheses_table(answer.recommended.hypotheses),
@@ -60,7 +70,7 @@ def _since(answer: Answer, previous: Answer | None) -> _Since:
 def _findings(answer: Answer) -> Iterator[str]:
     """What there is to act on: what no stiffness says of itself, then what the stiffnesses say."""
     own = {joint.finding for joint in answer.stiffness}
-    yield from dict.fromkeys(said for said in answer.findings if said not in own)
+    yield from dict.fromkeys(one for one in answer.findings if one not in own)
     yield from remarks.told(answer.stiffness)
     for joint in answer.stiffness:
         if joint.finding and not joint.remarks:  # of a version that had the sentence only
@@ -69,7 +79,7 @@ def _findings(answer: Answer) -> Iterator[str]:
 
 def _changed(change: Change, campaign: str) -> Text:
     return Text(
-        f"{change.name} changed by {bracketed(with_std(change.percent, change.percent_std))} % "
+        f"{change.name} changed by {bracketed(change.percent, change.percent_std)} % "
         f"since {campaign}, more than chance explains.",
         "finding",
     )
@@ -99,7 +109,7 @@ def _value_columns(factor: float, letter: str) -> list[Cells[Stiffness]]:
             lambda joint: _value(joint, factor) if joint.identifiable else Entry("not determined"),
         ),
         (Column("95 % interval", numeric=True), lambda joint: _interval(joint, factor)),
-        (Column("Unit"), lambda joint: text_entry(prefixed(joint.unit, letter))),
+        said("Unit", lambda joint: prefixed(joint.unit, letter)),
         (Column("Relative uncertainty [%]", numeric=True), _relative),
     ]
 
@@ -127,10 +137,7 @@ def _nominal_columns(joints: Sequence[Stiffness], factor: float) -> list[Cells[S
     if all(joint.nominal is None for joint in joints):
         return []
     return [
-        (
-            Column("Nominal", numeric=True),
-            lambda joint: entry(plain(scaled(joint.nominal, factor)), joint.nominal),
-        ),
+        number("Nominal", lambda joint: joint.nominal, lambda k: plain(scaled(k, factor))),
         (Column("Of nominal [%]", numeric=True), _of_nominal),
     ]
 
@@ -170,44 +177,35 @@ def _change(change: Change | None) -> Entry:
 def _hypotheses_table(hypotheses: Sequence[Weighed]) -> Table | None:
     """What the values are averaged over; nothing where they are those of one model."""
     columns: list[Cells[Weighed]] = [
-        (
-            Column("Beside the joint springs"),
-            lambda one: text_entry(" and ".join(map(_believed, one.causes))),
-        ),
-        (
-            Column("Weight", numeric=True),
-            lambda one: entry(probability(one.weight), one.weight),
-        ),
+        said("Beside the joint springs", lambda one: " and ".join(map(_believed, one.causes))),
+        number("Weight", lambda one: one.weight, probability),
     ]
     several = hypotheses if len(hypotheses) > 1 else ()
     return table_of("hypotheses", "What the values are averaged over", columns, several)
 
 
 def _believed(cause: Believed) -> str:
-    said = words.cause(cause.name, cause.where) + (f" ({cause.form})" if cause.form else "")
-    return said if cause.in_catalogue else f"something without a name like {said}"
+    name = words.cause(cause.name, cause.where) + (f" ({cause.form})" if cause.form else "")
+    return name if cause.in_catalogue else f"something without a name like {name}"
 
 
 def _compliance_table(joints: Sequence[Stiffness]) -> Table | None:
     columns: list[Cells[Stiffness]] = [
         (Column("Joint"), lambda joint: text_entry(joint.name, sort=joint.joint)),
-        (
-            Column("Compliance ± standard uncertainty", numeric=True),
-            lambda joint: entry(with_std(joint.compliance, joint.compliance_std), joint.compliance),
-        ),
-        (Column("Unit"), lambda joint: text_entry(prefixed(joint.compliance_unit, ""))),
+        measured("Compliance ± standard uncertainty", lambda j: (j.compliance, j.compliance_std)),
+        said("Unit", lambda joint: prefixed(joint.compliance_unit, "")),
     ]
     told = joints if any(joint.compliance is not None for joint in joints) else ()
     return table_of("compliance", "Compliances, as estimated", columns, told)
 
 
 def _fit_text(fit: Fit) -> Text:
-    said = [f"The fit leaves {plain(fit.rms_mm)} mm rms per coordinate."]
-    if fit.p_value is not None:
-        said.append(
-            f"Weighted by the noise, chi² is {plain(fit.chi2, 4)} for {fit.dof} degrees of "
-            f"freedom ({p_value(fit.p_value)})."
-        )
-    said.append(fit.noise_statement)
-    said.append(f"The residual standard deviation is {plain(fit.residual_std_mm)} mm.")
-    return Text(" ".join(said))
+    tested = (
+        f" Weighted by the noise, chi² is {plain(fit.chi2, 4)} for {fit.dof} degrees of freedom "
+        f"({p_value(fit.p_value)})."
+    )
+    return Text(
+        f"The fit leaves {plain(fit.rms_mm)} mm rms per coordinate."
+        f"{'' if fit.p_value is None else tested} {fit.noise_statement} The residual standard "
+        f"deviation is {plain(fit.residual_std_mm)} mm."
+    )

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pipeline.answer.contract import BlindSpot, JointType, NextPose, Stiffness
 from pipeline.base.quantities import common_prefix, plain, prefixed
 from pipeline.report import words
-from pipeline.report.record import Column, Entry, Table, entry, text_entry
-from pipeline.report.sections._parts import Cells, table_of
+from pipeline.report.columns import Cells, number, roughly, said, table_of
+from pipeline.report.record import Column, Table, entry
 
 _ARRIVES = {1.0: "carriage arrives with r rising", -1.0: "carriage arrives with r falling"}
 
@@ -21,34 +21,18 @@ _Numbered = tuple[int, NextPose]
 def next_poses(poses: Sequence[NextPose]) -> Table | None:
     """The proposed poses and what each of them would tell apart; None without any."""
     columns: list[Cells[_Numbered]] = [
-        (Column("Pose", numeric=True), _number),
-        (
-            Column("Tells apart"),
-            lambda one: text_entry(" / ".join(map(words.from_label, one[1].separates))),
-        ),
-        (
-            Column("Pull up to [N]", numeric=True),
-            lambda one: entry(plain(one[1].force_n), one[1].force_n),
-        ),
-        (Column("How"), lambda one: text_entry(_how(one[1]))),
-        (
-            Column("Separation now [σ]", numeric=True),
-            lambda one: entry(plain(one[1].sigmas_before, 2), one[1].sigmas_before),
-        ),
-        (
-            Column("With this pose [σ]", numeric=True),
-            lambda one: entry(plain(one[1].sigmas_after, 2), one[1].sigmas_after),
-        ),
+        number("Pose", lambda one: one[0], str),
+        said("Tells apart", lambda one: " / ".join(map(words.from_label, one[1].separates))),
+        number("Pull up to [N]", lambda one: one[1].force_n),
+        said("How", lambda one: _how(one[1])),
+        number("Separation now [σ]", lambda one: one[1].sigmas_before, roughly),
+        number("With this pose [σ]", lambda one: one[1].sigmas_after, roughly),
     ]
     note = (
         "To be pulled in the usual load steps. The two causes are those that stay closest with "
         "this pose and those above it; below 4.6 σ two are not told apart reliably."
     )
     return table_of("next-poses", "What to measure next", columns, enumerate(poses, 1), note)
-
-
-def _number(one: _Numbered) -> Entry:
-    return entry(str(one[0]), one[0])
 
 
 def _how(pose: NextPose) -> str:
@@ -60,7 +44,7 @@ def _how(pose: NextPose) -> str:
 def next_joint_values(poses: Sequence[NextPose], joints: Sequence[Stiffness]) -> Table | None:
     """Their joint values [m] and [deg]; None without any."""
     columns: list[Cells[_Numbered]] = [
-        (Column("Pose", numeric=True), _number),
+        number("Pose", lambda one: one[0], str),
         *(_coordinate(joint, place) for place, joint in enumerate(joints)),
     ]
     return table_of("next-joints", "Joint values of these poses", columns, enumerate(poses, 1))
@@ -68,12 +52,8 @@ def next_joint_values(poses: Sequence[NextPose], joints: Sequence[Stiffness]) ->
 
 def _coordinate(joint: Stiffness, place: int) -> Cells[_Numbered]:
     unit = "m" if joint.joint_type is JointType.PRISMATIC else "°"
-
-    def cell(one: _Numbered) -> Entry:
-        value = one[1].q[place]
-        return entry(plain(value, 4), value)
-
-    return Column(f"{joint.joint_name} [{unit}]", numeric=True), cell
+    title = f"{joint.joint_name} [{unit}]"
+    return number(title, lambda one: one[1].q[place], lambda value: plain(value, 4))
 
 
 def blind_spots(spots: Sequence[BlindSpot]) -> Table | None:
@@ -83,14 +63,11 @@ def blind_spots(spots: Sequence[BlindSpot]) -> Table | None:
         key = (spot.name, spot.unit, spot.needs, spot.smallest_visible is None)
         alike.setdefault(key, []).append(spot)
     columns: list[Cells[list[BlindSpot]]] = [
-        (Column("Effect"), lambda group: text_entry(words.cause(group[0].name, None))),
-        (Column("Where"), lambda group: text_entry(_places(group))),
+        said("Effect", lambda group: words.cause(group[0].name, None)),
+        said("Where", _places),
         (Column("Smallest size seen", numeric=True), lambda group: entry(*_smallest(group))),
-        (
-            Column("Why"),
-            lambda group: text_entry("; ".join(dict.fromkeys(map(_why, group)))),
-        ),
-        (Column("What would show it"), lambda group: text_entry(group[0].needs)),
+        said("Why", lambda group: "; ".join(dict.fromkeys(map(_why, group)))),
+        said("What would show it", lambda group: group[0].needs),
     ]
     note = "These effects may be there without this campaign showing them."
     title = "What these readings cannot see"
