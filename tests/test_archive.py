@@ -228,7 +228,7 @@ def test_a_result_that_cannot_be_read_is_left_out_and_said(project, tmp_path, ca
     assert "spring/index.html" not in page.read_text("utf-8")
     assert "Change since" not in (page.parent / "autumn" / "index.html").read_text("utf-8")
     assert capsys.readouterr().err.splitlines() == [
-        "spring has a result of an earlier version: run `pipeline run spring` first; until then "
+        "spring has a result of an earlier version: run `pipeline run spring` first. Until then "
         "it is left out of the page over all campaigns."
     ]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -37,62 +36,19 @@ def stiffness_entries(cell: Cell, hypotheses: Sequence[Hypothesis]) -> tuple[Sti
     parts = _parts(hypotheses, cell.robot.n)
     lever = np.linalg.norm(hypotheses[0].system.B, axis=0)
     depends = dependences(hypotheses)
-    return tuple(
-        _stiffness(
-            joint,
-            _Spring.of(found, k, float(lever[k])),
-            [one for one in depends if one.spring == k],
-            _budget(found, parts, k),
-        )
+    silent = [
+        _stiffness(joint, found, k, _budget(found, parts, k))
         for k, joint in enumerate(cell.robot.joints)
+    ]
+    return tuple(
+        _with_remarks(joint, _odd(found, k, lever[k]), [one for one in depends if one.spring == k])
+        for k, joint in enumerate(silent)
     )
 
 
-@dataclass(frozen=True)
-class _Spring:
-    """The compliance of one joint.
-
-    Attributes:
-        number: Of the joint, from 1.
-        x: Compliance, SI.
-        std: Its standard uncertainty; infinite where nothing determines it.
-        low: Lower end of its 95 % interval.
-        high: Upper end.
-        identifiable: Whether the data determine it.
-        lever_m: By how much all pulls together move the targets per unit of it.
-    """
-
-    number: int
-    x: float
-    std: float
-    low: float
-    high: float
-    identifiable: bool
-    lever_m: float
-
-    @classmethod
-    def of(cls, found: Springs, k: int, lever_m: float) -> _Spring:
-        """That of joint `k`, counted from 0."""
-        return cls(
-            number=k + 1,
-            x=float(found.value[k]),
-            std=float(found.std[k]),
-            low=float(found.low[k]),
-            high=float(found.high[k]),
-            identifiable=bool(found.identifiable[k]),
-            lever_m=lever_m,
-        )
-
-    @property
-    def has_value(self) -> bool:
-        """Whether one over it is a stiffness."""
-        return self.identifiable and self.x > 0
-
-    @property
-    def ci95(self) -> tuple[float | None, float | None]:
-        """Of the stiffness; no limit where the compliance may be zero."""
-        low = 1 / self.high if 0 < self.high < np.inf else None
-        return low, 1 / self.low if self.low > 0 else None
+def _with_remarks(joint: Stiffness, odd: Odd | None, on: Sequence[Dependence]) -> Stiffness:
+    told = joint.model_copy(update={"remarks": tuple(_remarks(joint, odd, on))})
+    return told.model_copy(update={"finding": remarks.finding(told)})
 
 
 def _parts(hypotheses: Sequence[Hypothesis], n: int) -> dict[str, Array]:
@@ -131,19 +87,21 @@ def budget_entries(stiffness: Sequence[Stiffness]) -> tuple[dict[str, str | floa
     return tuple(rows.values())
 
 
-def _stiffness(
-    joint: Joint, spring: _Spring, on: Sequence[Dependence], parts: tuple[BudgetPart, ...]
-) -> Stiffness:
-    x, std, has_value = spring.x, spring.std, spring.has_value
-    silent = Stiffness(
-        joint=spring.number,
+def _stiffness(joint: Joint, found: Springs, k: int, parts: tuple[BudgetPart, ...]) -> Stiffness:
+    """One joint with its numbers, and nothing said of them."""
+    x, std = float(found.value[k]), float(found.std[k])
+    low, high = float(found.low[k]), float(found.high[k])
+    identifiable = bool(found.identifiable[k])
+    has_value = identifiable and x > 0
+    return Stiffness(
+        joint=k + 1,
         joint_name=joint.name,
         name=f"k_{joint.name}",
         unit=joint.stiffness_unit,
         value=1 / x if has_value else None,
         std=std / x**2 if has_value else None,
-        ci95=spring.ci95,
-        identifiable=spring.identifiable,
+        ci95=(1 / high if 0 < high < np.inf else None, 1 / low if low > 0 else None),
+        identifiable=identifiable,
         joint_type=JointType.PRISMATIC if joint.prismatic else JointType.REVOLUTE,
         compliance=x if np.isfinite(std) else None,
         compliance_std=finite(std),
@@ -151,31 +109,35 @@ def _stiffness(
         relative_std=std / x if has_value else None,
         nominal=joint.stiffness,
         finding=None,
-        remarks=tuple(_remarks(spring, on)),
         budget=parts,
     )
-    return silent.model_copy(update={"finding": remarks.finding(silent)})
 
 
-def _remarks(spring: _Spring, on: Sequence[Dependence]) -> Iterator[Remark]:
+def _remarks(joint: Stiffness, odd: Odd | None, on: Sequence[Dependence]) -> Iterator[Remark]:
     """What is to be known of a stiffness; what a rival takes away needs no other reason."""
-    odd = _odd(spring)
     if odd is not None and not any(one.lost for one in on):
         yield Remark(odd=odd)
     for cause in dict.fromkeys(one.cause for one in on):
-        yield _dependence(cause, [one for one in on if one.cause == cause], spring.identifiable)
+        yield _dependence(cause, [one for one in on if one.cause == cause], joint.identifiable)
 
 
-def _odd(spring: _Spring) -> Odd | None:
-    """What the numbers of a spring alone show."""
-    if not np.isfinite(spring.std):
-        return Odd.NO_LEVER if spring.lever_m * spring.x < _NO_LEVER_M else Odd.MIXED
-    if spring.high < 0:
+def _odd(found: Springs, k: int, lever_m: float) -> Odd | None:
+    """What the numbers of a spring alone show.
+
+    Args:
+        found: All springs.
+        k: Which one.
+        lever_m: By how much all pulls together move the targets per unit of its compliance.
+    """
+    x, std, low = found.value[k], found.std[k], found.low[k]
+    if not np.isfinite(std):
+        return Odd.NO_LEVER if lever_m * x < _NO_LEVER_M else Odd.MIXED
+    if found.high[k] < 0:
         return Odd.NEGATIVE
-    if not spring.identifiable:
+    if not found.identifiable[k]:
         return Odd.UNCERTAIN
-    if spring.low <= 0:
-        return Odd.ZERO_BESIDE_A_CAUSE if spring.x - 2 * spring.std > 0 else Odd.MAY_BE_ZERO
+    if low <= 0:
+        return Odd.ZERO_BESIDE_A_CAUSE if x - 2 * std > 0 else Odd.MAY_BE_ZERO
     return None
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite, InputError, PipelineError
@@ -17,7 +17,7 @@ from pipeline.base.quantities import common_prefix, prefixed, scaled, with_std
 from pipeline.store.campaign import Campaign
 
 if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second
-    from pipeline.answer.contract import Answer, Stiffness
+    from pipeline.answer.contract import Answer, Rejected, Stiffness
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def _outcome(campaign: Campaign, compute: Compute) -> Outcome:
         text="\n".join(lines),
         exit_code=InputError.exit_code if answer.rejected else 0,
         misfit=answer.diagnosis.verdict != "adequate",
-        complaints=[f"{name}: {line}" for line in sentences(answer.rejected)],
+        complaints=[f"{name}: {line}" for line in sentences(rows(answer.rejected))],
         verdict=str(answer.diagnosis.verdict),
     )
 
@@ -159,54 +159,43 @@ def record_crash(problem: Exception) -> str:
     return f"internal error ({type(problem).__name__}: {problem}); please report it with {path}."
 
 
-class LeftOut(Protocol):
-    """A row that was left out: in which file and line it stands, and why."""
-
-    @property
-    def file(self) -> str:
-        """Name of the file."""
-
-    @property
-    def line(self) -> int | None:
-        """Counted from 1; None for the whole file."""
-
-    @property
-    def reason(self) -> str:
-        """Why, and what to do."""
-
-
 @dataclass(frozen=True)
 class Row:
-    """One of an export that belongs to no campaign."""
+    """A row that was left out: in which file and line it stands, and why."""
 
     file: str
     line: int | None
     reason: str
 
+    def __str__(self) -> str:
+        """The same in words."""
+        line = "" if self.line is None else f":{self.line}"
+        return f"{self.file}{line}: {self.reason}"
 
-def _sentence(row: LeftOut) -> str:
-    line = "" if row.line is None else f":{row.line}"
-    return f"{row.file}{line}: {row.reason}"
+
+def rows(rejected: Iterable[Rejected]) -> list[Row]:
+    """Those of an answer."""
+    return [Row(one.file, one.line, one.reason) for one in rejected]
 
 
 _ALIKE = 3
 """How many of the rows that differ in numbers only are told one by one."""
 
 
-def sentences(rejected: Iterable[LeftOut]) -> list[str]:
+def sentences(rejected: Iterable[Row]) -> list[str]:
     """Rejected rows in words, those of a file that are alike counted; result.json has them all."""
-    groups: dict[tuple[str, str], list[LeftOut]] = {}
+    groups: dict[tuple[str, str], list[Row]] = {}
     for row in rejected:
         alike = re.sub(r"[0-9]+", "0", row.reason)
         groups.setdefault((row.file, alike), []).append(row)
     return [line for rows in groups.values() for line in _told(rows)]
 
 
-def _told(rows: Sequence[LeftOut]) -> list[str]:
-    first: dict[str, LeftOut] = {}
+def _told(rows: Sequence[Row]) -> list[str]:
+    first: dict[str, Row] = {}
     for row in rows:
         first.setdefault(row.reason, row)
-    told = [_sentence(row) for row in list(first.values())[:_ALIKE]]
+    told = [str(row) for row in list(first.values())[:_ALIKE]]
     more = len(rows) - len(told)
     if more:
         told.append(f"{rows[0].file}: ... and {more} more line{'s' * (more > 1)} like this")

@@ -51,7 +51,7 @@ def refresh(root: Path) -> Path | None:
 
 
 def _left_out(why: str) -> None:
-    sys.stderr.write(f"{why}; until then it is left out of the page over all campaigns.\n")
+    sys.stderr.write(f"{why} Until then it is left out of the page over all campaigns.\n")
 
 
 def _told(manifest: Mapping[str, Any] | None) -> str | None:

@@ -18,6 +18,7 @@ from pipeline.app.outcome import (
     failed,
     guarded,
     outcome,
+    rows,
     sentences,
 )
 from pipeline.app.progress import Progress
@@ -127,7 +128,7 @@ def _check(root: Path, name: str) -> Outcome:
         content={"campaign": name, **used},
         text=text,
         exit_code=InputError.exit_code if rejected else 0,
-        complaints=[f"{name}: {line}" for line in sentences(rejected)],
+        complaints=[f"{name}: {line}" for line in sentences(rows(rejected))],
     )
 
 
@@ -179,20 +180,23 @@ def status(root: Path) -> Iterator[Outcome]:
 
 def _status(campaign: Campaign) -> Outcome:
     before, key = campaign.manifest(), campaign.read().key
-    done = before is not None and campaign.done(key) is not None
-    rejected = None if done else campaign.rejection(key)
-    if rejected:
-        told = failed(campaign.name, rejected, str(rejected), rejected.exit_code)
-        content = {"campaign": campaign.name, "state": "rejected", "verdict": None}
-        return replace(told, content=told.content | content, text=f"{campaign.name:24} rejected")
-    state = "done" if done else "changed" if before else "new"
-    verdict = before.get("verdict") if before and done else None
+    if before is not None and campaign.done(key) is not None:
+        return _standing(campaign, "done", before["verdict"])
+    rejected = campaign.rejection(key)
+    if rejected is None:
+        return _standing(campaign, "changed" if before else "new", None)
+    told = failed(campaign.name, rejected, str(rejected), rejected.exit_code)
+    content = {"campaign": campaign.name, "state": "rejected", "verdict": None}
+    return replace(told, content=told.content | content, text=f"{campaign.name:24} rejected")
+
+
+def _standing(campaign: Campaign, state: str, verdict: str | None) -> Outcome:
+    """A campaign that was not rejected; the report of another input is said to be one."""
     content = {"campaign": campaign.name, "state": state, "verdict": verdict}
     report = campaign.reports / "index.html"
     shown = str(report) if report.is_file() else ""
-    if shown and not done:
+    if shown and state != "done":
         content |= {"earlier_report": shown}
         shown += f" ({EARLIER})"
-    return Outcome(
-        campaign.name, content, f"{campaign.name:24} {state:8} {verdict or '':12} {shown}".rstrip()
-    )
+    text = f"{campaign.name:24} {state:8} {verdict or '':12} {shown}".rstrip()
+    return Outcome(campaign.name, content, text)
