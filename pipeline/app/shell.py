@@ -181,7 +181,7 @@ def status(root: Path) -> Iterator[Outcome]:
 def _status(campaign: Campaign) -> Outcome:
     before, key = campaign.manifest(), campaign.read().key
     if before is not None and campaign.done(key) is not None:
-        return _standing(campaign, "done", before["verdict"])
+        return _standing(campaign, "done", before.get("verdict"))
     rejected = campaign.rejection(key)
     if rejected is None:
         return _standing(campaign, "changed" if before else "new", None)
