@@ -85,10 +85,14 @@ def _circles(answer: Answer) -> str:
     return f" Open circles, where they are near: {other[0]}." if other and there else ""
 
 
+def _of_nominal(value: float | None, joint: Stiffness) -> float:
+    return (value or 0.0) / (joint.nominal or 1.0)
+
+
 def _extremes(joints: Sequence[Stiffness]) -> str:
     """Who is furthest from nominal, and who is known least, those without a limit apart."""
-    off = {j.name: (j.value or 0.0) / (j.nominal or 1.0) for j in joints}
-    std = {j.name: (j.std or 0.0) / (j.nominal or 1.0) for j in joints}
+    off = {joint.name: _of_nominal(joint.value, joint) for joint in joints}
+    std = {joint.name: _of_nominal(joint.std, joint) for joint in joints}
     endless = [joint.name for joint in joints if joint.ci95[1] is None]
     compared = [name for name in off if name not in endless] or list(off)
     softest, stiffest = min(compared, key=off.__getitem__), max(compared, key=off.__getitem__)
