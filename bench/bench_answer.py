@@ -35,6 +35,7 @@ from bench.league.hidden_effect import NOMINAL
 from bench.league.judge import label
 from bench.league.play import NAMES, Plan, Rules, drawn, play
 from bench.league.run import ABLE, PLANS, answer_of, largest, yardstick
+from pipeline.answer.contract import Stiffness
 from pipeline.answer.history import Change, changes
 from pipeline.base import files
 from pipeline.base.arrays import Array
@@ -523,7 +524,11 @@ def _both(game: Json, first: str, second: str = "same") -> bool:
 
 
 def _changes(game: Json, first: str, second: str, which: str) -> list[Change]:
-    return changes(game[first][which], game[second][which])
+    before, after = (
+        [Stiffness.model_construct(**entry) for entry in game[name][which]]  # with what was kept
+        for name in (first, second)
+    )
+    return changes(before, after)
 
 
 def _softer(change: Change) -> bool:

@@ -14,11 +14,11 @@ REPORT = """
 import sys, time
 from pathlib import Path
 from pipeline.answer.archive import finished, shown
-campaign, = finished(Path(sys.argv[1]))
-result, tables = campaign.result(), shown(campaign)
+one, = finished(Path(sys.argv[1]))
+tables = shown(one.campaign)
 wall, processor = time.perf_counter(), time.process_time()
 from pipeline.report.render import render
-render(result, tables)
+render(one.answer, tables)
 print(time.perf_counter() - wall, time.process_time() - processor)
 """
 """Page, PDF and figures from finished numbers, in a process that has drawn nothing before."""

@@ -427,6 +427,7 @@ def outcome(folder):
     files = {path.name: path.read_bytes() for path in folder.iterdir()}
     try:
         answer = answered(folder.name, in_memory(files)).answer
+        answer = answer if isinstance(answer, dict) else answer.as_json()  # of an earlier tree
         return json.dumps({"answer": answer}, allow_nan=False)
     except PipelineError as problem:
         return json.dumps({"error": {"type": type(problem).__name__, "text": str(problem)}})
@@ -574,7 +575,7 @@ rounding decides which comes first.
 
 def answer_of(key: str, files: Mapping[str, bytes]) -> dict[str, Any]:
     """result.json of the present tree."""
-    answer: dict[str, Any] = json.loads(dump(answered(key, in_memory(files)).answer))
+    answer: dict[str, Any] = json.loads(dump(answered(key, in_memory(files)).answer.as_json()))
     return answer
 
 

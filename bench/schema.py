@@ -34,7 +34,7 @@ def page(old: str) -> str:
 
 def _rows(model: type[BaseModel], path: str) -> Iterator[str]:
     for name, field in model.model_fields.items():
-        here = f"{path}{field.alias or name}"
+        here = f"{path}{field.serialization_alias or name}"
         inner, several = _inner(field.annotation)
         where = f"{here}[]" if inner and several else here
         meaning = field.description or (inner.__doc__ or "").strip() if inner else field.description
@@ -50,8 +50,8 @@ def _inner(kind: Any) -> tuple[type[BaseModel] | None, bool]:
     for part in get_args(kind):
         inner, several = _inner(part)
         if inner:
-            return inner, several or get_origin(kind) is list
-    return None, get_origin(kind) is list
+            return inner, several or get_origin(kind) is tuple
+    return None, get_origin(kind) is tuple
 
 
 def _words(kind: Any) -> str:
@@ -63,7 +63,7 @@ def _words(kind: Any) -> str:
         return " or ".join(_words(part) for part in parts)
     if origin is Literal:
         return ", ".join(f"`{part}`" for part in parts)
-    if origin is list:
+    if origin is tuple:
         return f"list of {_words(parts[0])}"
     if origin is dict or kind is Any:
         return "object"

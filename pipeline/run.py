@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -16,6 +15,7 @@ import pandas as pd
 from pipeline import tables
 from pipeline.answer import archive
 from pipeline.answer.answer import answer as answer_of
+from pipeline.answer.contract import Answer
 from pipeline.answer.findings import Findings, Told
 from pipeline.answer.recommended import (
     Basis,
@@ -63,19 +63,21 @@ _CORRECTED = (("22_forces", tables.FORCES), ("23_displacements", tables.DISPLACE
 """Tables that a mistake in the data changes, and that the answer rests on."""
 
 
-def run(campaign: Campaign, step: Step = plain, force: bool = False) -> dict[str, Any]:
-    """Bring one campaign up to date and give its result.json.
+def run(campaign: Campaign, step: Step = plain, force: bool = False) -> Answer:
+    """Bring one campaign up to date and give its answer.
 
     Nothing is computed when inputs, code and libraries are those of the last finished run.
     """
     raw = step(campaign.read)()
-    found = None if force else campaign.done(raw.key)  # a finished project may be read-only
+    found = (
+        None if force else archive.done(campaign, raw.key)
+    )  # a finished project may be read-only
     if found is not None:
         return found
     with campaign.locked() as waited:
         if waited:  # the other run may have done it, and the files may have changed since
             raw = step(campaign.read)()
-            found = None if force else campaign.done(raw.key)
+            found = None if force else archive.done(campaign, raw.key)
         if found is not None:
             return found
         with campaign.remembering(raw.key):
@@ -120,15 +122,19 @@ def _doubt_row(doubt: InputError) -> pd.DataFrame:
     return pd.DataFrame({"file": [doubt.file or "campaign.toml"], "line": line, "reason": [reason]})
 
 
-def _compute(campaign: Campaign, raw: Raw, step: Step) -> dict[str, Any]:
+def _compute(campaign: Campaign, raw: Raw, step: Step) -> Answer:
     """Everything: to the answer, and a report on disk."""
     began = time.perf_counter()
     found = answered(campaign.name, raw, campaign.keep, step)
     run_time_s = time.perf_counter() - began
     before = archive.earlier(campaign, found.answer)
     pages = step(render)(found.answer, found.shown, run_time_s, before)
-    answers = {"result.json": dump(found.answer), **handover.files(found.model), **pages}
-    told = {"run_time_s": run_time_s, "previous": archive.mark(before)}
+    answers = {"result.json": dump(found.answer.as_json()), **handover.files(found.model), **pages}
+    told = {
+        "run_time_s": run_time_s,
+        "previous": archive.mark(before),
+        "verdict": str(found.answer.diagnosis.verdict),
+    }
     campaign.finish(raw.key, answers, told)
     return found.answer
 
@@ -138,12 +144,12 @@ class Answered:
     """What the files of a campaign say.
 
     Attributes:
-        answer: result.json.
+        answer: What result.json holds.
         shown: The tables a reader wants to see, by name.
         model: The identified robot, for those who load it elsewhere.
     """
 
-    answer: dict[str, Any]
+    answer: Answer
     shown: dict[str, pd.DataFrame]
     model: handover.Model
 

@@ -1,18 +1,33 @@
-"""A result and its tables as the campaign contract has them, made by code, for the report."""
+"""An answer and its tables as a run makes them, made by code, for the report."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from pipeline.answer.contract import Answer
+
 REPEATS, TARGETS = 3, ("P1", "P2", "P3")
+ROLL = {"name": "rail_roll", "where": None, "form": None, "in_catalogue": True}
 NOMINAL = (8.0e7, 3.8e6, 6.6e6, 3.9e6, 5.6e5, 6.6e5, 4.7e5)
 
 
-def result() -> dict[str, Any]:
-    """A campaign whose carriage rolls, with joint 7 left undetermined."""
+def answer() -> Answer:
+    """That to a campaign whose carriage rolls, with joint 7 left undetermined."""
+    return Answer.model_validate(_content(), strict=False)
+
+
+def revised(old: Answer, change: Callable[[dict[str, Any]], object]) -> Answer:
+    """The answer with something else in its result.json."""
+    content = old.as_json()
+    change(content)
+    return Answer.model_validate(content, strict=False)
+
+
+def _content() -> dict[str, Any]:
     joints = [_joint(number, nominal) for number, nominal in enumerate(NOMINAL, 1)]
     joints[6] |= {
         "value": None,
@@ -20,9 +35,24 @@ def result() -> dict[str, Any]:
         "ci95": [None, None],
         "relative_std": None,
         "identifiable": False,
-        "finding": "k_theta7 is not identifiable: attach the chain off that joint's axis.",
+        "compliance": None,
+        "compliance_std": None,
+        "finding": "k_theta7 is not identifiable: in every pose the line of pull has no lever "
+        "about joint theta7; attach the chain off that joint's axis.",
+        "remarks": [{"odd": "no_lever"}],
+        "budget": [],
     }
     springs = [j | {"value": j["value"] and j["value"] * 1.02} for j in joints]
+    fit = {
+        "rms_mm": 0.0312,
+        "chi2": 512.4,
+        "dof": 425,
+        "p_value": 0.0023,
+        "noise_from": "stated",
+        "residual_std_mm": 0.0315,
+        "second_order_rms_mm": 0.0021,
+        "noise_statement": "Uncertainties rest on the noise stated in campaign.toml.",
+    }
     moved = [
         {
             "target": target,
@@ -36,6 +66,8 @@ def result() -> dict[str, Any]:
     return {
         "format": 1,
         "campaign": "kr500-sample",
+        "name": "A carriage that rolls",
+        "measured": None,
         "robot": "kr500_rail",
         "verdict_sentence": [
             "The carriage rolls about the rail and the paper's model does not know it.",
@@ -43,36 +75,28 @@ def result() -> dict[str, Any]:
         ],
         "stiffness": joints,
         "findings": [joints[6]["finding"]],
-        "fit": {
-            "rms_mm": 0.0312,
-            "chi2": 512.4,
-            "dof": 425,
-            "p_value": 0.0023,
-            "noise_from": "stated",
-            "residual_std_mm": 0.0315,
-            "second_order_rms_mm": 0.0021,
-            "noise_statement": "Uncertainties rest on the noise stated in campaign.toml.",
-        },
+        "fit": fit,
         "diagnosis": _diagnosis(),
         "recommended": {
             "model": "extended",
             "data": "as_given",
             "reason": "cause_identified",
             "why": "The joint springs alone do not explain the readings.",
-            "hypotheses": [{"weight": 1.0, "causes": [{"name": "rail_roll", "where": None}]}],
+            "hypotheses": [{"weight": 1.0, "causes": [ROLL]}],
         },
         "joint_springs": {
             "stiffness": springs,
-            "fit": {"rms_mm": 0.049},
+            "fit": fit | {"rms_mm": 0.049},
             "validation": None,
             "test_pose_deflection": [m | {"dx_mm": 1.1 * m["dx_mm"]} for m in moved],
         },
-        "extended": {"stiffness": joints, "fit": {"rms_mm": 0.031}},
+        "extended": {"stiffness": joints, "fit": fit, "test_pose_deflection": moved},
         "validation": {
             "test_pose": {"P1": 0.0016, "P2": 0.0019, "P3": 0.0020},
             "global": {"P1": 0.0068, "P2": 0.0067, "P3": 0.0069},
             "held_out_rms_mm": 0.0331,
             "poses": 1000,
+            "test_pose_stated": True,
             "independent": {
                 "test_pose": {"P1": 0.0026, "P2": 0.0029, "P3": 0.0030},
                 "global": {"P1": 0.0088, "P2": 0.0087, "P3": 0.0089},
@@ -93,11 +117,12 @@ def result() -> dict[str, Any]:
             {"file": "loads.csv", "line": None, "reason": "pose 4 has no load; weigh it again"},
         ],
         "budget": [
-            {"source": "tracker", **{f"k_theta{j} [%]": 53.81 for j in range(2, 8)}},
-            {"source": "force gain", **{f"k_theta{j} [%]": 0.0123 for j in range(2, 8)}},
+            {"source": "tracker", "k_r1 [%]": 99.9877, "k_theta2 [%]": 99.9877},
+            {"source": "force gain", "k_r1 [%]": 0.0123, "k_theta2 [%]": 0.0123},
         ],
         "noise": {
             "from": "stated",
+            "contrasts": 96,
             "components": [
                 {"name": "tracker", "found_over_stated": 1.008, "std": 0.0519, "p_value": 0.437}
             ],
@@ -117,6 +142,7 @@ def _joint(number: int, nominal: float) -> dict[str, Any]:
     rail = number == 1
     return {
         "joint": number,
+        "joint_name": "r1" if rail else f"theta{number}",
         "name": "k_r1" if rail else f"k_theta{number}",
         "unit": "N/m" if rail else "N m/rad",
         "value": value,
@@ -130,12 +156,19 @@ def _joint(number: int, nominal: float) -> dict[str, Any]:
         "relative_std": std / value,
         "nominal": nominal,
         "finding": None,
+        "budget": [
+            {"source": "tracker", "std": 0.99994 * std, "share": 0.999877},
+            {"source": "force_gain", "std": 0.01109 * std, "share": 0.000123},
+        ],
     }
 
 
 def _diagnosis() -> dict[str, Any]:
     return {
         "verdict": "explained",
+        "why": "The model with roll of the carriage about the rail fits the readings to within "
+        "their scatter.",
+        "reasons": ["cause_identified"],
         "causes": [
             {
                 "name": "rail_roll",
@@ -161,7 +194,9 @@ def _diagnosis() -> dict[str, Any]:
                 "where": None,
                 "why": "multiplies every stiffness alike",
                 "smallest_visible": None,
+                "parameter": "gain",
                 "unit": "1",
+                "typical": 0.01,
                 "needs": "a known dead weight on the scale",
             },
             {
@@ -169,19 +204,44 @@ def _diagnosis() -> dict[str, Any]:
                 "where": 3,
                 "why": "too few load steps",
                 "smallest_visible": 3.2e-5,
+                "parameter": "play",
                 "unit": "rad",
+                "typical": 1e-5,
                 "needs": "three load steps in one pose",
             },
         ],
         "next_poses": [
             {
                 "separates": ["compensator", "joint_hardening"],
-                "q": [8.5, -10, 35, 39, 81, 22, -10],
-                "force_n": 3000,
+                "q": [8.5, -10.0, 35.0, 39.0, 81.0, 22.0, -10.0],
+                "q_unit": ["m", *["deg"] * 6],
+                "anchor_m": [3.5, 8.0, 0.4],
+                "force_n": 3000.0,
+                "approach": 1.0,
                 "sigmas_before": 0.3,
                 "sigmas_after": 12.0,
+                "pose": 1,
             }
         ],
+        "alone": [],
+        "unloaded_off_mm": [None, None],
+        "refused": [],
+        "misfit_sits_at": [{"place": "rail", "share": 0.83, "p_value": 1e-9}],
+        "detection": {
+            "threshold_p": 1e-4,
+            "smallest_p": 1e-9,
+            "lack_of_fit_p": {"poses": 1e-7, "pulls": 0.3},
+            "remainder_over_scatter": 1.02,
+            "remainder_p": {"poses": 0.4, "pulls": 0.3, "further_cause": 0.2},
+        },
+        "scatter": {
+            "tracker_over_stated": 1.01,
+            "tracker_over_stated_std": 0.04,
+            "scale_over_tracker": 1.0,
+            "known_from": "repeats",
+        },
+        "equilibrium": "undeformed",
+        "noise_floor_mm": 0.031,
     }
 
 

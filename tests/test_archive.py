@@ -6,15 +6,18 @@ import json
 import shutil
 
 import pytest
+import report_sample
 
+from pipeline.answer.archive import finished, read
 from pipeline.app import pages
 from pipeline.app.cli import _exit_code
 from pipeline.app.preferences import Preferences
 from pipeline.app.shell import plainly, run_all, status
 from pipeline.app.watch import scan
+from pipeline.base.errors import UsageError
 from pipeline.run import run
 from pipeline.simulate import simulate
-from pipeline.store.campaign import find
+from pipeline.store.campaign import Campaign, find
 
 DAYS = {"spring": "2026-03-01", "autumn": "2026-09-01"}
 
@@ -153,6 +156,81 @@ def test_a_run_that_is_going_on_is_left_out(project, tmp_path):
 
     assert "spring/index.html" not in page.read_text("utf-8")
     assert "Change since" not in (page.parent / "autumn" / "index.html").read_text("utf-8")
+
+
+def first_version(verdict):
+    """result.json as the first version wrote it: the values of the joint springs, nothing else."""
+    content = report_sample.answer().as_json()
+    for name in ("recommended", "joint_springs", "extended"):
+        del content[name]
+    for joint in content["stiffness"]:
+        del joint["joint_name"], joint["remarks"]
+    content["diagnosis"]["verdict"] = verdict
+    return content | {"key_of_its_own": 1}
+
+
+def kept(root, name, text):
+    """A campaign under `root` whose last run left this result.json."""
+    folder = root / "reports" / name
+    folder.mkdir(parents=True)
+    (folder / "result.json").write_text(text)
+    return Campaign(root, root / "data" / "raw" / name)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "reason"),
+    [("adequate", "adequate"), ("explained", "unexplained"), ("bad_data", "unexplained")],
+)
+def test_an_answer_of_the_first_version_stands_for_joint_springs(tmp_path, verdict, reason):
+    """Its values are those of the joint springs, and count where these explain the readings."""
+    old = first_version(verdict)
+
+    answer = read(kept(tmp_path, "old", json.dumps(old)))
+
+    said = answer.recommended
+    assert (said.model, said.data, said.reason) == ("joint_springs", "as_given", reason)
+    assert answer.joint_springs.stiffness == answer.stiffness
+    assert answer.joint_springs.fit == answer.fit
+    assert answer.extended is None
+    assert [joint.joint_name for joint in answer.stiffness][:2] == ["r1", "theta2"]
+    assert [joint.value for joint in answer.stiffness] == [j["value"] for j in old["stiffness"]]
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda text: text[:-9],
+        lambda text: text.replace('"dof"', '"dog"'),
+        lambda text: text.replace('"k_theta2"', "null"),
+        lambda text: "[]",
+        lambda text: "null",
+        lambda text: "{}",
+    ],
+)
+def test_a_result_that_lacks_what_is_needed_is_refused_in_a_sentence(tmp_path, spoil):
+    """Cut off, with a key missing, with a null where there is none, or no result at all."""
+    campaign = kept(tmp_path, "odd", spoil(json.dumps(report_sample.answer().as_json())))
+
+    with pytest.raises(UsageError, match="odd has a result of an earlier version: run `pipeline"):
+        read(campaign)
+
+
+@pytest.mark.xdist_group("archive")
+def test_a_result_that_cannot_be_read_is_left_out_and_said(project, tmp_path, capsys):
+    """The others are told as if it were not there."""
+    shutil.copytree(project, tmp_path / "copy")
+    result = tmp_path / "copy" / "reports" / "spring" / "result.json"
+    result.write_text(result.read_text().replace('"equilibrium"', '"equilibria"'))
+
+    page = pages.refresh(tmp_path / "copy")
+
+    assert [one.campaign.name for one in finished(tmp_path / "copy")] == ["autumn"]
+    assert "spring/index.html" not in page.read_text("utf-8")
+    assert "Change since" not in (page.parent / "autumn" / "index.html").read_text("utf-8")
+    assert capsys.readouterr().err.splitlines() == [
+        "spring has a result of an earlier version: run `pipeline run spring` first. Until then "
+        "it is left out of the page over all campaigns."
+    ]
 
 
 @pytest.mark.xdist_group("archive")

@@ -196,12 +196,12 @@ def test_the_budget_of_an_average_adds_up_and_says_what_the_decision_costs():
     entries = stiffness_entries(CELL, apart)
 
     for entry in entries:
-        shares = {part["source"]: part["share"] for part in entry["budget"]}
+        shares = {part.source: part.share for part in entry.budget}
         assert set(shares) == {"tracker", "force_gain", "which_cause"}
         assert sum(shares.values()) == pytest.approx(1)
-        off = 0.05 / (1.05 * entry["relative_std"])  # half the distance, in standard uncertainties
+        off = 0.05 / (1.05 * entry.relative_std)  # half the distance, in standard uncertainties
         assert shares["which_cause"] == pytest.approx(off**2, rel=1e-6)
-        assert all(label in entry["finding"] for label in ("joint_tilt:5", "joint_tilt:6"))
+        assert all(label in entry.finding for label in ("joint_tilt:5", "joint_tilt:6"))
 
 
 def test_what_is_left_over_the_scatter_widens_every_source():
@@ -213,10 +213,10 @@ def test_what_is_left_over_the_scatter_widens_every_source():
         stiffness_entries(CELL, [h]) for h in (plain, replace(rough, estimate=wider))
     )
 
-    assert other["std"] == pytest.approx(1.5 * one["std"])
-    for a, b in zip(one["budget"], other["budget"], strict=True):
-        assert b["share"] == pytest.approx(a["share"])
-        assert b["std"] == pytest.approx(1.5 * a["std"])
+    assert other.std == pytest.approx(1.5 * one.std)
+    for a, b in zip(one.budget, other.budget, strict=True):
+        assert b.share == pytest.approx(a.share)
+        assert b.std == pytest.approx(1.5 * a.std)
 
 
 def test_one_stranger_for_two_causes_is_one_hypothesis():

@@ -38,7 +38,7 @@ def browser() -> Iterator[object]:
 def address(tmp_path_factory: pytest.TempPathFactory) -> str:
     """A report on disk, as a user opens it."""
     folder = tmp_path_factory.mktemp("report")
-    made = render(report_sample.result(), report_sample.tables(), run_time_s=1.2)
+    made = render(report_sample.answer(), report_sample.tables(), run_time_s=1.2)
     (folder / "index.html").write_bytes(made["index.html"])
     return (folder / "index.html").as_uri()
 
@@ -84,7 +84,7 @@ def test_the_page_opens_without_error_and_asks_for_nothing(opened):
     page = opened()
 
     assert page.title() == "Joint stiffness of kr500_rail: kr500-sample"
-    said = compose(report_sample.result(), report_sample.tables())
+    said = compose(report_sample.answer(), report_sample.tables())
     assert page.locator("svg").count() == len(said.figures)
 
 
@@ -108,11 +108,11 @@ def test_nothing_overflows(opened, width):
 @pytest.mark.parametrize(("width", "scheme"), [(360, "dark"), (1920, "light")])
 def test_the_page_over_all_campaigns_is_as_good(opened, tmp_path, width, scheme):
     """The overview passes axe-core, does not overflow, and its history can be read by keyboard."""
-    results = [
-        report_sample.result() | {"campaign": f"c{k}", "measured": f"202{k}-01-01"}
+    answers = [
+        report_sample.answer().model_copy(update={"campaign": f"c{k}", "measured": f"202{k}-01-01"})
         for k in range(4)
     ]
-    (tmp_path / "index.html").write_bytes(render_overview(results))
+    (tmp_path / "index.html").write_bytes(render_overview(answers))
     page = opened(width, scheme, address=(tmp_path / "index.html").as_uri())
     page.evaluate(AXE)
 
@@ -241,7 +241,8 @@ def test_arrow_keys_walk_through_the_values(opened):
 
 def test_a_smuggled_script_does_not_run(browser, tmp_path):
     """Even markup that got past the escaping could not run: the page allows its own script only."""
-    made = render(report_sample.result() | {"campaign": "SMUGGLED"}, {})["index.html"].decode()
+    answer = report_sample.answer().model_copy(update={"campaign": "SMUGGLED"})
+    made = render(answer, {})["index.html"].decode()
     smuggled = "<script>window.ran = 1</script><img src=x onerror='ran=1'>"
     spoilt = made.replace("<h1>SMUGGLED", f"<h1>{smuggled}")
     assert spoilt != made
@@ -265,6 +266,6 @@ def test_it_prints_without_cutting_a_figure(opened, tmp_path):
     assert 3 <= len(pages) <= 18
     assert "Skiptothereport" not in joined
     assert "↕" not in joined
-    for figure in compose(report_sample.result(), report_sample.tables()).figures:
+    for figure in compose(report_sample.answer(), report_sample.tables()).figures:
         start, end = words(figure.title), words(figure.caption)[-40:]
         assert any(start in text and end in text for text in pages), figure.name

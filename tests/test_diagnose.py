@@ -8,10 +8,10 @@ import pytest
 from bench.league.hidden import SECRETS
 from bench.league.play import Rules, drawn, play
 from pipeline import tables
+from pipeline.answer.diagnosis import entry
 from pipeline.answer.stiffness import stiffness_entries
 from pipeline.diagnosis.average import dependences
 from pipeline.diagnosis.diagnose import diagnose
-from pipeline.diagnosis.facts import entry
 from pipeline.diagnosis.tables import apart_table, clues_table, examined_table
 from pipeline.diagnosis.verdict import verdict
 from pipeline.machine.cell import Tool, paper_cell
@@ -138,15 +138,13 @@ def test_what_is_stated_of_a_stiffness_holds_with_the_twin_too():
     depends = {d.spring for d in dependences(found.hypotheses)}
     assert depends
     for j, one in enumerate(entries):
-        low, high = (
-            b if b is not None else e for b, e in zip(one["ci95"], (0, np.inf), strict=True)
-        )
+        low, high = (b if b is not None else e for b, e in zip(one.ci95, (0, np.inf), strict=True))
         assert low < true[j] < high
-        if one["value"] is not None:
-            assert abs(one["compliance"] - 1 / true[j]) / one["compliance_std"] < 3
-            assert sum(part["share"] for part in one["budget"]) == pytest.approx(1, abs=1e-3)
+        if one.value is not None:
+            assert abs(one.compliance - 1 / true[j]) / one.compliance_std < 3
+            assert sum(part.share for part in one.budget) == pytest.approx(1, abs=1e-3)
         if j in depends:
-            assert all(f"tilt of the bearing in joint {k}" in one["finding"] for k in (5, 6))
+            assert all(f"tilt of the bearing in joint {k}" in one.finding for k in (5, 6))
 
 
 def test_a_cause_that_makes_predictions_worse_is_not_listed():
@@ -157,12 +155,12 @@ def test_a_cause_that_makes_predictions_worse_is_not_listed():
     files = play(KR500, plan, [(walks, 2.0)], np.random.default_rng([1, 3]), rules).files
 
     said = answered("walks", in_memory(files)).answer
-    found = said["diagnosis"]
-    assert found["verdict"] == "unexplained"
-    assert found["causes"] == []
-    assert "makes predictions worse" in found["why"]
-    assert said["extended"] is None
-    assert all(one["reduction"] > 0 for one in found["alone"])
+    found = said.diagnosis
+    assert found.verdict == "unexplained"
+    assert found.causes == ()
+    assert "makes predictions worse" in found.why
+    assert said.extended is None
+    assert all(one.reduction > 0 for one in found.alone)
 
 
 def test_two_laws_of_a_gear_that_a_plan_hardly_tells_ask_for_a_pull():
@@ -176,9 +174,9 @@ def test_two_laws_of_a_gear_that_a_plan_hardly_tells_ask_for_a_pull():
     asked = [p for p in found.next_poses if "joint_hardening:4" in p.separates]
     assert asked
     assert asked[-1].after > asked[0].before + 1.0
-    said = entry(found, load("kr500_rail"))["next_poses"]
-    assert [one["approach"] for one in said] == [one.approach for one in found.next_poses]
-    assert {abs(one["approach"]) for one in said} == {1.0}
+    said = entry(found, load("kr500_rail")).next_poses
+    assert [one.approach for one in said] == [one.approach for one in found.next_poses]
+    assert {abs(one.approach) for one in said} == {1.0}
 
 
 def test_hidden_twins_of_the_stiffnesses_are_blind_spots():
@@ -234,9 +232,9 @@ def test_what_the_diagnosis_says_fits_into_result_json_and_the_tables():
     """The answer is JSON without NaN, and the tables keep their promises."""
     found, cell, data, system, estimate = examined(27, "rail_roll")
 
-    said = json.loads(json.dumps(entry(found, KR500), allow_nan=False))
-    assert verdict(found.facts) == "explained"
-    assert said["causes"][0]["gain"]["reduction"] > 0
+    said = entry(found, KR500)
+    assert json.loads(said.model_dump_json())["verdict"] == "explained"
+    assert said.causes[0].gain.reduction > 0
     tables.conform(clues_table(found), tables.DIAGNOSIS)
     tables.conform(apart_table(found), tables.SEPARABILITY)
     rows = examined_table(found, cell, data, system, estimate)

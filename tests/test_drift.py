@@ -92,14 +92,14 @@ def test_the_answer_names_it_and_blames_no_reflector():
             lines[k] = ",".join([group, target, *(f"{v:.4f}" for v in x), *xyz[3:]])
     said = answered("here", in_memory(files() | {"tracker.csv": "\n".join(lines).encode()})).answer
 
-    (cause,) = said["diagnosis"]["causes"]
-    assert (cause["name"], cause["location"]) == ("tracker_drift", "metrology")
-    assert said["diagnosis"]["verdict"] == "ambiguous"
-    assert "knocked" in said["diagnosis"]["why"]
-    assert "moved together" in said["diagnosis"]["why"]
-    assert [p["name"] for p in cause["parameters"]] == ["v_x", "v_y", "v_z"]
-    assert not any(spot["name"] == "tracker_drift" for spot in said["diagnosis"]["blind_spots"])
-    assert not any("is off by" in finding for finding in said["findings"])
+    (cause,) = said.diagnosis.causes
+    assert (cause.name, cause.location) == ("tracker_drift", "metrology")
+    assert said.diagnosis.verdict == "ambiguous"
+    assert "knocked" in said.diagnosis.why
+    assert "moved together" in said.diagnosis.why
+    assert [p.name for p in cause.parameters] == ["v_x", "v_y", "v_z"]
+    assert not any(spot.name == "tracker_drift" for spot in said.diagnosis.blind_spots)
+    assert not any("is off by" in finding for finding in said.findings)
 
 
 def test_chance_is_no_drift():

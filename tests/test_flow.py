@@ -50,7 +50,7 @@ def test_prefect_gives_the_answer_of_the_plain_run(tmp_path):
     broken, good = (json.loads(line) for line in done.stdout.splitlines())
     assert done.returncode == 5
     assert done.stderr.splitlines() == [f"broken: {broken['error']['message']}"]
-    assert good == alone
+    assert good == alone.as_json()
     for name in ("result.json", "figures/prediction.svg"):
         ours, theirs = (where / "reports" / "good" / name for where in (plain, root))
         assert ours.read_bytes() == theirs.read_bytes()

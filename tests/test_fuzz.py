@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from pipeline.base.errors import InputError
 from pipeline.machine.robot import load
-from pipeline.readers import READERS, Hints, Readings, read
+from pipeline.readers import READERS, WRITERS, Hints, Readings, read
 from pipeline.reduction.ingest import ingest
 from pipeline.reduction.settings import parse
 
@@ -79,7 +79,7 @@ def iso_times(data):
     return re.sub(rb" (\d\d)/(\d\d)/(\d\d) ([\d:]+)", rb"20\3-\1-\2T\4", data)
 
 
-VARIANTS = {name: (name, bytes) for name in READERS} | {
+VARIANTS = {name: (name, bytes) for name in WRITERS} | {
     "plain, semicolons": ("plain", semicolons),
     "plain, quoted": ("plain", lambda data: re.sub(rb"(P\w+|B\d)", rb'"\1"', data)),
     "spatialanalyzer, columns": ("spatialanalyzer", lambda data: data.replace(b"::", b", ")),

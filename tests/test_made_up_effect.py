@@ -54,10 +54,10 @@ def bracket(robot):
 def catalogued(monkeypatch):
     """One line in the catalogue."""
     monkeypatch.setattr(effects, "CATALOGUE", (*effects.CATALOGUE, bracket))
-    for known in (words.nouns, words.labels, twins):
+    for known in (words.nouns, twins):
         known.cache_clear()
     yield
-    for known in (words.nouns, words.labels, twins):
+    for known in (words.nouns, twins):
         known.cache_clear()
 
 
@@ -79,15 +79,15 @@ def test_a_made_up_effect_goes_from_simulator_to_report(catalogued, tmp_path):
     found = find(tmp_path, "zigzag")
     answer = run(found)
 
-    (cause,) = answer["diagnosis"]["causes"]
-    assert answer["diagnosis"]["verdict"] == "explained"
-    assert (cause["name"], cause["where"], cause["location"]) == ("zigzag_bracket", None, "bracket")
-    (size,) = cause["parameters"]
-    assert size["value"] == pytest.approx(2e-8, abs=4 * size["std"])
-    assert answer["recommended"]["model"] == Which.EXTENDED
+    (cause,) = answer.diagnosis.causes
+    assert answer.diagnosis.verdict == "explained"
+    assert (cause.name, cause.where, cause.location) == ("zigzag_bracket", None, "bracket")
+    (size,) = cause.parameters
+    assert size.value == pytest.approx(2e-8, abs=4 * size.std)
+    assert answer.recommended.model == Which.EXTENDED
     page = (found.reports / "index.html").read_text("utf-8")
     assert "give of the zigzag bracket" in page
     assert "a dial gauge on the bracket" in page
     model = Model.load(found.reports / "model.toml")
-    assert model.hypotheses[0].value[-1] == pytest.approx(size["value"], abs=size["std"])
+    assert model.hypotheses[0].value[-1] == pytest.approx(size.value, abs=size.std)
     assert "zigzag_bracket" in as_text(load("kr500_rail"))

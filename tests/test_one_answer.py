@@ -15,6 +15,7 @@ import pytest
 
 from bench.league.hidden import SECRETS
 from bench.league.play import Rules, drawn, play
+from pipeline.answer.archive import read
 from pipeline.answer.history import previous, trends
 from pipeline.app.compare import compared
 from pipeline.base.quantities import plain
@@ -151,7 +152,7 @@ def test_trend_and_comparison_take_it(campaign):
     found, answer, root = campaign
     other = find(root, OTHER).result()
     _, content = compared(root, found.name, OTHER)
-    over_time = {t.name: t for t in trends([answer, other])}
+    over_time = {t.name: t for t in trends([read(found), read(find(root, OTHER))])}
 
     for change in content["stiffness"]:
         entry = next(e for e in answer["stiffness"] if e["name"] == change["name"])
@@ -169,10 +170,12 @@ def test_trend_and_comparison_take_it(campaign):
 def test_what_explains_nothing_is_no_earlier_campaign_to_compare_with(told):
     """The previous campaign is the last one whose values hold."""
     root, _ = told
-    results = [find(root, name).result() | {"measured": f"2026-0{k}-01"} for k, name in
-               enumerate(("adequate", "unexplained", "explained"), 1)]  # fmt: skip
+    answers = [
+        read(find(root, name)).model_copy(update={"measured": f"2026-0{k}-01"})
+        for k, name in enumerate(("adequate", "unexplained", "explained"), 1)
+    ]
 
-    assert previous(results[2], results)["campaign"] == "adequate"
+    assert previous(answers[2], answers).campaign == "adequate"
 
 
 def test_model_file_and_urdf_hold_it(campaign):

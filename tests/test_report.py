@@ -1,17 +1,20 @@
 from __future__ import annotations
 
-import copy
 import io
 import re
+import types
 import xml.etree.ElementTree as ET
+from typing import Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 import pandas as pd
 import pypdf
 import pytest
 import report_sample
+from pydantic import BaseModel
 from pypdf.generic import DictionaryObject
 
+from pipeline.answer.contract import Answer, Odd, Remark, Stiffness
 from pipeline.base import quantities as numbers
 from pipeline.report.model import compose
 from pipeline.report.record import Figure, Table, Text
@@ -27,7 +30,7 @@ HOSTILE = (
 @pytest.fixture(scope="module")
 def sample():
     """A result and its tables."""
-    return report_sample.result(), report_sample.tables()
+    return report_sample.answer(), report_sample.tables()
 
 
 @pytest.fixture(scope="module")
@@ -48,6 +51,17 @@ def reader(files):
     return pypdf.PdfReader(io.BytesIO(files["report.pdf"]))
 
 
+ORDER = [
+    "stiffness",
+    "diagnosis",
+    "test-pose",
+    "validation",
+    "residuals",
+    "budget",
+    "registration",
+    "rejected",
+    "method",
+]
 AXIS = {
     "stiffness": "Stiffness [% of nominal]",
     "prediction": "Relative error of the predicted deflection [%]",
@@ -137,19 +151,7 @@ def test_sentences_are_set_in_type():
 
 def test_the_verdict_comes_first_and_the_method_last(sample):
     """The report is in the order in which an engineer needs it."""
-    keys = [section.key for section in compose(*sample).sections]
-
-    assert keys == [
-        "stiffness",
-        "diagnosis",
-        "test-pose",
-        "validation",
-        "residuals",
-        "budget",
-        "registration",
-        "rejected",
-        "method",
-    ]
+    assert [section.key for section in compose(*sample).sections] == ORDER
 
 
 def test_a_joint_that_is_not_determined_gets_no_number(sample):
@@ -170,24 +172,79 @@ def test_stiffness_is_shown_in_one_prefix_with_its_unit(sample):
     assert shown == [("77.92 ± 0.32", "MN/m"), ("3.751 ± 0.030", "MN·m/rad")]
 
 
-def test_a_fallen_key_leaves_its_part_out_and_nothing_else(sample):
-    """Any single key of the result may be missing or null: there still is a report."""
-    whole, tables = sample
-    for key in whole:
-        for fallen in ({k: v for k, v in whole.items() if k != key}, whole | {key: None}):
-            report = compose(fallen, tables)
-            assert report.sections[-1].key == "method"
+def bared(value, model=Answer):
+    """result.json with null wherever its types allow one, and with nothing in its lists."""
+    if get_origin(model) is types.UnionType or get_origin(model) is Union:
+        return None if type(None) in get_args(model) else value
+    if get_origin(model) is tuple and get_args(model)[-1] is Ellipsis:
+        return []
+    if get_origin(model) is tuple:
+        return [bared(v, kind) for v, kind in zip(value, get_args(model), strict=True)]
+    if not (isinstance(model, type) and issubclass(model, BaseModel)):
+        return value
+    hints = get_type_hints(model)
+    names = {field.serialization_alias or name: name for name, field in model.model_fields.items()}
+    return {key: bared(value[key], hints[name]) for key, name in names.items()}
 
 
-def test_a_bare_result_still_makes_both_renderings():
-    """The contract's keys are all that a report needs, and tables may be missing altogether."""
-    bare = {"campaign": "bare", "robot": "r", "stiffness": report_sample.result()["stiffness"][:2]}
-    for joint in bare["stiffness"]:
-        del joint["nominal"]
+def test_what_is_null_leaves_its_part_out_and_nothing_else(sample):
+    """Whatever an answer may leave open is null, in every joint, too: there still is a report."""
+    answer, tables = sample
+    joints = [bared(joint.model_dump(mode="json"), Stiffness) for joint in answer.stiffness]
 
-    made = render(bare, {})
+    said = report_sample.revised(answer, lambda a: a.update(bared(a), stiffness=joints))
+    report = compose(said, tables)
 
-    assert set(made) == {"index.html", "report.pdf"}
+    keys = [section.key for section in report.sections]
+    assert keys == [key for key in ORDER if key not in ("validation", "budget")]
+    assert [row[1].text for row in report.sections[0].blocks[0].rows] == [
+        "not determined" if not joint.identifiable else numbers.MISSING
+        for joint in answer.stiffness
+    ]
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        ("validation",),
+        ("extended",),
+        ("registration",),
+        ("measured",),
+        ("fit", "p_value"),
+        ("validation", "held_out_rms_mm"),
+        ("registration", "chi2"),
+        ("diagnosis", "causes", 0, "gain"),
+        ("diagnosis", "causes", 0, "p_value"),
+        ("diagnosis", "causes", 0, "gain", "ci95"),
+        ("diagnosis", "causes", 0, "gain", "reduction"),
+        ("diagnosis", "next_poses", 0, "approach"),
+    ],
+    ids=lambda path: ".".join(map(str, path)),
+)
+def test_a_fact_that_is_open_changes_its_own_part_only(sample, path):
+    """One null: every other part says what it said."""
+    answer, tables = sample
+
+    def forget(content):
+        *way, last = path
+        for key in way:
+            content = content[key]
+        content[last] = None
+
+    whole = {section.key: section for section in compose(answer, tables).sections}
+    said = compose(report_sample.revised(answer, forget), tables)
+
+    changed = {s.key for s in said.sections if s != whole[s.key]}
+    changed |= set(whole) - {s.key for s in said.sections}
+    own = {"fit": "stiffness", "measured": None, "extended": None}.get(path[0], path[0])
+    assert changed == ({own} if own else set())
+
+
+def test_without_tables_there_are_both_renderings_and_no_figures(sample):
+    """The answer is all that a report needs; figures of tables that are missing are left out."""
+    made = render(report_sample.revised(sample[0], lambda a: a.update(rejected=[])), {})
+
+    assert set(made) == {"index.html", "report.pdf", "figures/stiffness.svg"}
     assert b"No row of the raw files was rejected" in made["index.html"]
 
 
@@ -204,29 +261,30 @@ def test_captions_carry_the_numbers_of_the_campaign(sample):
 
 def test_a_stiffness_without_upper_limit_is_drawn_and_said(sample):
     """An interval that is open above is no symmetric bar: table and figure both say so."""
-    result, tables = copy.deepcopy(sample)
-    result["stiffness"][0]["ci95"][1] = None
+    result, tables = sample
+    endless = report_sample.revised(
+        result, lambda a: a["stiffness"][0].update(ci95=[a["stiffness"][0]["ci95"][0], None])
+    )
 
-    html = render(result, tables)["index.html"].decode()
+    html = render(endless, tables)["index.html"].decode()
 
     assert "above 77.31" in html
     assert 'data-tip="k_r1: 97.4 % of nominal, above 96.6 %"' in html
 
 
-def test_causes_are_called_by_words_everywhere(sample):
-    """Sentences made for the screen name causes by label; the report puts them into words."""
-    result = copy.deepcopy(sample[0])
-    result["verdict_sentence"] = ["With joint_tilt:3 and rail_roll in the model it fits.", "x"]
-    result["diagnosis"]["why"] = "link_bending:upper_arm explains it; joint_tilted does not."
+def test_a_sentence_of_the_answer_is_shown_to_the_letter(sample):
+    """Sentences are made once, in words; the report neither parses nor rewords them."""
+    why = "link_bending:upper_arm explains it; joint_tilted does not."
 
-    report = compose(result, sample[1])
+    def say(content):
+        content["verdict_sentence"] = ["With joint_tilt:3 in the model it fits.", "x"]
+        content["diagnosis"]["why"] = why
+
+    report = compose(report_sample.revised(sample[0], say), sample[1])
     texts = [b.text for s in report.sections for b in s.blocks if hasattr(b, "text")]
 
-    assert report.sentences[0] == (
-        "With tilt of the bearing in joint 3 and roll of the carriage about the rail in the model "
-        "it fits."
-    )
-    assert "bending of the link in the upper arm explains it; joint_tilted does not." in texts
+    assert report.sentences == ("With joint_tilt:3 in the model it fits.", "x")
+    assert why in texts
 
 
 def test_the_map_tells_which_causes_are_alike(sample, html):
@@ -336,12 +394,16 @@ def test_every_value_of_a_figure_can_be_read(html, sample):
 
 def test_hostile_names_stay_names(sample):
     """Names from raw files are shown as they are; they are neither HTML, nor Jinja, nor Typst."""
-    result, tables = copy.deepcopy(sample[0]), dict(sample[1])
-    result |= {"campaign": HOSTILE, "robot": HOSTILE, "findings": [HOSTILE]}
-    result["diagnosis"]["causes"][0]["name"] = HOSTILE
-    result["rejected"][0] |= {"file": HOSTILE, "reason": HOSTILE}
-    result["inputs"][0]["file"] = HOSTILE
-    result["stiffness"][1]["name"] = HOSTILE
+    tables = dict(sample[1])
+
+    def spoil(content):
+        content |= {"campaign": HOSTILE, "robot": HOSTILE, "findings": [HOSTILE]}
+        content["diagnosis"]["causes"][0]["name"] = HOSTILE
+        content["rejected"][0] |= {"file": HOSTILE, "reason": HOSTILE}
+        content["inputs"][0]["file"] = HOSTILE
+        content["stiffness"][1]["name"] = HOSTILE
+
+    result = report_sample.revised(sample[0], spoil)
     for name in ("residuals", "displacements", "registration", "validation"):
         tables[name] = tables[name].assign(target="_" + HOSTILE)
 
@@ -405,7 +467,8 @@ def test_nothing_short_is_cut_by_a_page(files, sample):
     result, tables = sample
     drawings = {n[8:-4]: c.decode() for n, c in files.items() if n.startswith("figures/")}
     for lines in range(0, 40, 8):
-        report = compose(result | {"findings": [f"finding {k}" for k in range(lines)]}, tables)
+        more = tuple(f"finding {k}" for k in range(lines))
+        report = compose(result.model_copy(update={"findings": more}), tables)
         reader = pypdf.PdfReader(io.BytesIO(pdf(report, drawings)))
         pages = [words(page.extract_text()) for page in reader.pages]
         for block in (block for section in report.sections for block in section.blocks):
@@ -437,7 +500,7 @@ def test_two_runs_differ_in_the_stated_run_time_only(files, sample):
 @pytest.mark.slow
 def test_a_long_campaign_still_makes_a_small_report(sample):
     """A report can be mailed whatever was measured: page below 3 MB, PDF below 2 MB."""
-    result = sample[0] | {"rejected": sample[0]["rejected"] * 5000}
+    result = sample[0].model_copy(update={"rejected": sample[0].rejected * 5000})
     tables = report_sample.tables(poses=600)
     tables["registration"] = pd.concat([tables["registration"]] * 200, ignore_index=True)
     tables["residuals"].loc[7777, "residual_m"] = 4.44e-3
@@ -459,14 +522,33 @@ def test_figures_on_disk_are_whole_svg_files(files):
 
 def test_what_is_true_of_several_stiffnesses_is_said_once(sample):
     """Two joints that depend on the same question share a sentence; others keep their own."""
-    result = copy.deepcopy(sample[0])
-    joints = result["stiffness"]
-    for joint, rest in zip(joints, ("hangs on it", "hangs on it", "is free"), strict=False):
-        joint["finding"] = f"{joint['name']} {rest}."
-    first, second, third = (joint["name"] for joint in joints[:3])
+    mine, other = (f"tilt of the bearing in joint {k}" for k in (5, 6))
+    tilts = Remark(odd=Odd.DEPENDS, cause=mine, others=(other,))
+    bends = Remark(odd=Odd.DEPENDS, cause=mine, others=("bending of the link in the forearm",))
+    first, second, third, *others = sample[0].stiffness
+    joints = (
+        first.model_copy(update={"remarks": (tilts,)}),
+        second.model_copy(update={"remarks": (Remark(odd=Odd.MAY_BE_ZERO), tilts)}),
+        third.model_copy(update={"remarks": (bends,)}),
+        *others,
+    )
 
-    section = stiffness(result, None)
+    section = stiffness(sample[0].model_copy(update={"stiffness": joints}), None)
     said = [block.text for block in section.blocks if isinstance(block, Text)]
 
-    assert f"Each of {first} and {second} hangs on it." in said
-    assert f"{third} is free." in said
+    rest = "which the data do not exclude; its interval holds for each."
+    tilt = "depends on whether the cause is tilt of the bearing in joint"
+    assert f"Each of k_r1 and k_theta2 {tilt} 5 or tilt of the bearing in joint 6, {rest}" in said
+    assert f"k_theta3 {tilt} 5 or bending of the link in the forearm, {rest}" in said
+    assert any(line.startswith("k_theta2 has no upper limit") for line in said)
+
+
+def test_a_finding_of_an_earlier_version_is_told_as_it_stands(sample):
+    """It had the sentence and not what it rests on."""
+    old = {"finding": "k_r1 is not what it was.", "remarks": ()}
+    first, *others = sample[0].stiffness
+    joints = (first.model_copy(update=old), *others)
+
+    section = stiffness(sample[0].model_copy(update={"stiffness": joints}), None)
+
+    assert "k_r1 is not what it was." in [getattr(b, "text", "") for b in section.blocks]

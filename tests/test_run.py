@@ -65,13 +65,13 @@ TABLE_III = [8.0e7, 3.8e6, 6.6e6, 3.9e6, 5.6e5, 6.6e5, 4.7e5]
 def test_exact_data_give_back_the_stiffnesses(tmp_path):
     """Through the raw files, all seven come back to 1e-9 of Table III."""
     answer = run(write(tmp_path, simulate(exact()).files))
-    found = [entry["value"] for entry in answer["stiffness"]]
+    found = [entry.value for entry in answer.stiffness]
 
     assert found == pytest.approx(TABLE_III, rel=1e-9)
-    assert [entry["name"] for entry in answer["stiffness"]] == [
+    assert [entry.name for entry in answer.stiffness] == [
         "k_r1", *(f"k_theta{j}" for j in range(2, 8))
     ]  # fmt: skip
-    assert answer["diagnosis"]["verdict"] == "adequate"
+    assert answer.diagnosis.verdict == "adequate"
 
 
 def fanuc_by_hand():
@@ -129,16 +129,16 @@ def test_real_fanuc_pulls_agree_with_an_independent_least_squares(tmp_path):
 
     answer = run(campaigns.find(tmp_path, "fanuc"))
 
-    springs = answer["joint_springs"]
-    assert [e["value"] for e in springs["stiffness"]] == pytest.approx(1 / x, rel=1e-6)
-    assert springs["fit"]["residual_std_mm"] == pytest.approx(
+    springs = answer.joint_springs
+    assert [e.value for e in springs.stiffness] == pytest.approx(1 / x, rel=1e-6)
+    assert springs.fit.residual_std_mm == pytest.approx(
         1e3 * math.sqrt(residual @ residual / (129 - 6)), rel=1e-9
     )
-    assert springs["fit"]["residual_std_mm"] == pytest.approx(0.220, abs=5e-4)
-    assert springs["validation"]["held_out_rms_mm"] == pytest.approx(0.2339, abs=5e-5)
-    assert springs["fit"]["noise_from"] == "residuals"
-    assert springs["fit"]["p_value"] is None
-    assert "Joint springs alone do not explain the readings" in answer["verdict_sentence"][0]
+    assert springs.fit.residual_std_mm == pytest.approx(0.220, abs=5e-4)
+    assert springs.validation.held_out_rms_mm == pytest.approx(0.2339, abs=5e-5)
+    assert springs.fit.noise_from == "residuals"
+    assert springs.fit.p_value is None
+    assert "Joint springs alone do not explain the readings" in answer.verdict_sentence[0]
 
 
 def test_left_out_error_is_that_of_refitting_without_the_pose(tmp_path):
@@ -155,7 +155,7 @@ def test_left_out_error_is_that_of_refitting_without_the_pose(tmp_path):
 
     answer = run(campaigns.find(tmp_path, "fanuc"))
 
-    assert answer["joint_springs"]["validation"]["held_out_rms_mm"] == pytest.approx(
+    assert answer.joint_springs.validation.held_out_rms_mm == pytest.approx(
         1e3 * math.sqrt(np.mean(out**2)), rel=1e-9
     )
 
@@ -168,12 +168,12 @@ def test_a_pull_through_the_axis_of_joint_7_is_told_by_name(tmp_path):
             simulate(exact({"tool": exact().tool | {"load_point": [0.0, 0.0, 0.25]}})).files,
         )
     )
-    entries = {entry["name"]: entry for entry in answer["stiffness"]}
+    entries = {entry.name: entry for entry in answer.stiffness}
 
-    assert entries["k_theta7"]["value"] is None
-    assert not entries["k_theta7"]["identifiable"]
-    assert "off that joint's axis" in entries["k_theta7"]["finding"]
-    values = [e["value"] for e in answer["stiffness"][:6]]
+    assert entries["k_theta7"].value is None
+    assert not entries["k_theta7"].identifiable
+    assert "off that joint's axis" in entries["k_theta7"].finding
+    values = [e.value for e in answer.stiffness[:6]]
     assert values == pytest.approx(TABLE_III[:6], rel=1e-9)
 
 
@@ -202,12 +202,12 @@ def test_a_negative_compliance_is_a_finding_and_no_stiffness(tmp_path):
         "forces.csv": csv_of(forces, ["pose", "repeat", "fx_n", "fy_n", "fz_n"]),
     }
 
-    wrong = run(write(tmp_path, reduced, "wrong"))["stiffness"][0]
+    wrong = run(write(tmp_path, reduced, "wrong")).stiffness[0]
 
-    assert answer["stiffness"][0]["value"] == pytest.approx(8e7, rel=1e-9)
-    assert wrong["compliance"] == pytest.approx(-2 / 8e7, rel=1e-6)
-    assert wrong["value"] is None
-    assert "negative" in wrong["finding"]
+    assert answer.stiffness[0].value == pytest.approx(8e7, rel=1e-9)
+    assert wrong.compliance == pytest.approx(-2 / 8e7, rel=1e-6)
+    assert wrong.value is None
+    assert "negative" in wrong.finding
 
 
 def csv_of(table, columns):
@@ -244,7 +244,7 @@ def test_a_second_run_computes_nothing_and_a_changed_input_does(tmp_path):
 
     loads = campaign.folder / "loads.csv"
     loads.write_bytes(loads.read_bytes().replace(b"\n1,1,1", b"\n1,1,2", 1))
-    assert run(campaign)["stiffness"] != first["stiffness"]
+    assert run(campaign).stiffness != first.stiffness
 
 
 def test_a_damaged_answer_is_made_again(tmp_path):
@@ -255,7 +255,7 @@ def test_a_damaged_answer_is_made_again(tmp_path):
     result.write_text(result.read_text().replace('"dof"', '"dog"'))
 
     assert run(campaign) == first
-    assert json.loads((campaign.reports / "result.json").read_text()) == first
+    assert json.loads((campaign.reports / "result.json").read_text()) == first.as_json()
 
 
 def few(poses, steps, targets):
@@ -278,8 +278,8 @@ def test_two_poses_cannot_predict_each_other(tmp_path):
     """Then there is no cross-validation error, and no number is given for it."""
     answer = run(write(tmp_path, simulate(few(2, 1, 3)).files))
 
-    assert answer["validation"]["held_out_rms_mm"] is None
-    assert any(entry["value"] for entry in answer["stiffness"])
+    assert answer.validation.held_out_rms_mm is None
+    assert any(entry.value for entry in answer.stiffness)
 
 
 def test_a_base_reflector_off_by_centimetres_is_told(tmp_path):
@@ -290,11 +290,9 @@ def test_a_base_reflector_off_by_centimetres_is_told(tmp_path):
     assert toml != files["campaign.toml"]
     bad = run(write(tmp_path, files | {"campaign.toml": toml}, "bad"))
 
-    assert good["findings"] == [e["finding"] for e in good["stiffness"] if e["finding"]]
-    assert "base reflectors do not fit" in bad["findings"][0]
-    assert bad["registration"]["rotation_std_rad"][2] > (
-        50 * good["registration"]["rotation_std_rad"][2]
-    )
+    assert good.findings == tuple(e.finding for e in good.stiffness if e.finding)
+    assert "base reflectors do not fit" in bad.findings[0]
+    assert bad.registration.rotation_std_rad[2] > (50 * good.registration.rotation_std_rad[2])
 
 
 def test_exchanged_names_are_told_and_the_corrected_result_stands_beside(tmp_path):
@@ -303,10 +301,10 @@ def test_exchanged_names_are_told_and_the_corrected_result_stands_beside(tmp_pat
 
     answer = run(write(tmp_path, simulate(plan).files))
 
-    assert answer["diagnosis"]["verdict"] == "bad_data"
-    assert answer["diagnosis"]["causes"][0]["name"] == "label_swap"
-    assert answer["diagnosis"]["causes"][0]["where"] == "pose03_rep1_loaded"
-    right = [entry["value"] for entry in answer["stiffness"]]
+    assert answer.diagnosis.verdict == "bad_data"
+    assert answer.diagnosis.causes[0].name == "label_swap"
+    assert answer.diagnosis.causes[0].where == "pose03_rep1_loaded"
+    right = [entry.value for entry in answer.stiffness]
     assert right[1:4] == pytest.approx(TABLE_III[1:4], rel=0.02)
 
 

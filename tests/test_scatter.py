@@ -69,7 +69,7 @@ def test_scatter_that_no_repeat_shows_is_said_beside_the_verdict(scale):
 
     answer = answered("here", campaign.in_memory(files)).answer
 
-    assert answer["diagnosis"]["verdict"] == "adequate"
-    noisy = any(cause["name"] == "tracker_noise" for cause in answer["diagnosis"]["causes"])
-    warned = re.search(r"scatter 1\.\d\d times as large", answer["verdict_sentence"][0])
+    assert answer.diagnosis.verdict == "adequate"
+    noisy = any(cause.name == "tracker_noise" for cause in answer.diagnosis.causes)
+    warned = re.search(r"scatter 1\.\d\d times as large", answer.verdict_sentence[0])
     assert bool(noisy or warned) == (scale > 1)

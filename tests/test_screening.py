@@ -283,12 +283,12 @@ def test_the_answer_has_both_results(tmp_path):
     answer = run(find(tmp_path, "bad"))
 
     written = json.loads((tmp_path / "reports" / "bad" / "result.json").read_text())
-    assert written == answer
-    assert answer["diagnosis"]["verdict"] == "bad_data"
-    (cause,) = answer["diagnosis"]["causes"]
-    assert (cause["name"], cause["where"]) == ("sign_or_convention", "pull_reversed")
-    given = [entry["compliance"] for entry in answer["joint_springs"]["stiffness"]]
-    right = [entry["compliance"] for entry in answer["stiffness"]]
+    assert written == answer.as_json()
+    assert answer.diagnosis.verdict == "bad_data"
+    (cause,) = answer.diagnosis.causes
+    assert (cause.name, cause.where) == ("sign_or_convention", "pull_reversed")
+    given = [entry.compliance for entry in answer.joint_springs.stiffness]
+    right = [entry.compliance for entry in answer.stiffness]
     assert given == pytest.approx([-x for x in right], rel=1e-2)
-    assert "from the corrected data" in " ".join(answer["verdict_sentence"])
+    assert "from the corrected data" in " ".join(answer.verdict_sentence)
     assert [x > 0 for x in right] == [True] * 7

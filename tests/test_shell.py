@@ -12,8 +12,9 @@ from pathlib import Path
 import pytest
 from filelock import FileLock
 
+from pipeline.answer import archive
 from pipeline.app import cli
-from pipeline.app.outcome import sentences
+from pipeline.app.outcome import Row, sentences
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite, worst
 from pipeline.simulate import Plan, simulate
@@ -126,11 +127,11 @@ def test_who_waited_looks_again_before_computing(done, monkeypatch):
     from pipeline import run
 
     campaign = campaigns.find(done, "c")
-    answers = [None, {"found": "after waiting"}]
-    monkeypatch.setattr(campaigns.Campaign, "done", lambda self, key: answers.pop(0))
+    answers = [None, "found after waiting"]
+    monkeypatch.setattr(archive, "done", lambda campaign, key: answers.pop(0))
     monkeypatch.setattr(campaigns.Campaign, "_acquired_late", lambda self, lock: True)
 
-    assert run.run(campaign) == {"found": "after waiting"}
+    assert run.run(campaign) == "found after waiting"
 
 
 @pytest.mark.parametrize(
@@ -356,9 +357,8 @@ def test_a_missing_load_is_told_once(tmp_path, say):
 
 def test_reasons_that_differ_in_numbers_are_counted():
     """Three are told, the rest is a number; other reasons and other files stand by themselves."""
-    rows = [{"file": "t.csv", "line": k, "reason": f"pose {k} is odd"} for k in range(1, 18)]
-    rows += [{"file": "t.csv", "line": 40, "reason": "not a number"}]
-    rows += [{"file": "u.csv", "line": 1, "reason": "pose 1 is odd"}]
+    rows = [Row("t.csv", k, f"pose {k} is odd") for k in range(1, 18)]
+    rows += [Row("t.csv", 40, "not a number"), Row("u.csv", 1, "pose 1 is odd")]
 
     assert sentences(rows) == [
         "t.csv:1: pose 1 is odd",

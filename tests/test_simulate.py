@@ -17,7 +17,7 @@ from pipeline.machine.cell import Tool, paper_cell, predict
 from pipeline.machine.effects import Noise, Observation, Wrench, catalogue
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import load
-from pipeline.readers import READERS
+from pipeline.readers import WRITERS
 from pipeline.reduction import settings
 from pipeline.simulate import Plan, Planted, build, draw, parse, plant, revised, simulate
 from pipeline.simulate.noise import tracker_errors
@@ -504,7 +504,7 @@ def test_given_poses_are_taken(small_plan):
 
 
 @pytest.mark.parametrize("robot", ["kr500_rail", "kr500_rail_kuka", "fanuc_r2000ic"])
-@pytest.mark.parametrize("dialect", READERS)
+@pytest.mark.parametrize("dialect", WRITERS)
 def test_exact_files_give_back_every_stiffness(robot, dialect, read_back):
     """Without noise, every stiffness comes back to 1e-9 through the files, on every robot."""
     plan = Plan(
@@ -551,7 +551,7 @@ def test_the_branch_turns_with_the_load():
 
 
 @pytest.mark.parametrize("noise", ["paper", InstrumentNoise(range_m=8e-6, transverse_m=2e-5)])
-@pytest.mark.parametrize("dialect", READERS)
+@pytest.mark.parametrize("dialect", WRITERS)
 def test_every_dialect_tells_the_same_campaign(dialect, noise, small_plan, read_back):
     """Whatever the tracker's software, the same pulls come back, and so does the stated noise."""
     plan = revised(small_plan, {"tracker": {"noise": noise}})
@@ -572,7 +572,7 @@ def test_every_dialect_tells_the_same_campaign(dialect, noise, small_plan, read_
         assert other.zero_cov == pytest.approx(plain.zero_cov, rel=1e-5, abs=1e-15)
 
 
-@pytest.mark.parametrize("dialect", READERS)
+@pytest.mark.parametrize("dialect", WRITERS)
 def test_unstated_noise_stays_unstated_in_every_dialect(dialect, small_plan, read_back):
     """Columns for uncertainties are not taken for a statement when there is none."""
     plan = revised(small_plan, {"tracker": {"dialect": dialect, "stated": False}})

@@ -32,7 +32,7 @@ def answer(files):
 
 def said(files):
     """`diagnosis` of a campaign's answer."""
-    return answer(files)["diagnosis"]
+    return answer(files).diagnosis
 
 
 def logged(**off_deg):
@@ -47,25 +47,25 @@ def test_a_wrong_joint_zero_is_named_with_its_size():
     """The log of joint 3 says 0.1 degrees too much; the displacements would not show it."""
     found = said(logged(theta3_deg=0.1))
 
-    assert found["verdict"] == "explained"
-    (cause,) = found["causes"]
-    assert (cause["name"], cause["where"]) == ("joint_offset", 3)
-    (size,) = cause["parameters"]
-    assert size["std"] < 1e-5
-    assert size["value"] == pytest.approx(-np.deg2rad(0.1), abs=4 * size["std"])
-    assert cause["gain"]["of"] == "unloaded positions"
-    assert cause["gain"]["ci95"][0] > 0.9
-    assert not any(s["name"] == "joint_offset" and s["where"] == 3 for s in found["blind_spots"])
+    assert found.verdict == "explained"
+    (cause,) = found.causes
+    assert (cause.name, cause.where) == ("joint_offset", 3)
+    (size,) = cause.parameters
+    assert size.std < 1e-5
+    assert size.value == pytest.approx(-np.deg2rad(0.1), abs=4 * size.std)
+    assert cause.gain.of == "unloaded positions"
+    assert cause.gain.ci95[0] > 0.9
+    assert not any(s.name == "joint_offset" and s.where == 3 for s in found.blind_spots)
 
 
 def test_two_wrong_zeros_are_both_named():
     """Joints 3 and 5 at once, nothing else; the springs fit better where it really stands."""
     whole = answer(logged(theta3_deg=-0.2, theta5_deg=0.4))
-    found = whole["diagnosis"]
+    found = whole.diagnosis
 
-    assert whole["fit"]["chi2"] < whole["joint_springs"]["fit"]["chi2"] - 1
-    assert found["verdict"] == "explained"
-    assert {(c["name"], c["where"]) for c in found["causes"]} == {
+    assert whole.fit.chi2 < whole.joint_springs.fit.chi2 - 1
+    assert found.verdict == "explained"
+    assert {(c.name, c.where) for c in found.causes} == {
         ("joint_offset", 3),
         ("joint_offset", 5),
     }
@@ -84,9 +84,9 @@ def test_a_base_frame_that_is_turned_is_named():
 
     found = said(files)
 
-    assert [c["name"] for c in found["causes"]] == ["base_rotation"]
-    for size, true in zip(found["causes"][0]["parameters"], turn, strict=True):
-        assert size["value"] == pytest.approx(true, abs=4 * size["std"] + 2e-6)
+    assert [c.name for c in found.causes] == ["base_rotation"]
+    for size, true in zip(found.causes[0].parameters, turn, strict=True):
+        assert size.value == pytest.approx(true, abs=4 * size.std + 2e-6)
 
 
 def test_a_robot_off_its_table_everywhere_is_not_accused():
@@ -100,20 +100,20 @@ def test_a_robot_off_its_table_everywhere_is_not_accused():
     )
     found = said(logged(**{f"{name}_deg": degrees for name, degrees in off.items()}))
 
-    assert found["verdict"] == "adequate"
-    assert not found["causes"]
-    assert found["unloaded_off_mm"][0] > 0.3
-    assert any(s["name"] == "joint_offset" for s in found["blind_spots"])
+    assert found.verdict == "adequate"
+    assert not found.causes
+    assert found.unloaded_off_mm[0] > 0.3
+    assert any(s.name == "joint_offset" for s in found.blind_spots)
 
 
 def test_an_innocent_robot_has_no_blind_spot_there():
     """Where the reflectors stand as the table says, a wrong zero of joint 3 would have shown."""
     found = said(clean())
 
-    assert found["verdict"] == "adequate"
-    assert found["unloaded_off_mm"][0] < 0.1
-    assert not any(s["name"] == "joint_offset" and s["where"] == 3 for s in found["blind_spots"])
-    assert not any(s["name"] == "base_rotation" for s in found["blind_spots"])
+    assert found.verdict == "adequate"
+    assert found.unloaded_off_mm[0] < 0.1
+    assert not any(s.name == "joint_offset" and s.where == 3 for s in found.blind_spots)
+    assert not any(s.name == "base_rotation" for s in found.blind_spots)
 
 
 def test_what_the_unloaded_reflectors_refute_is_not_named():
@@ -128,8 +128,8 @@ def test_what_the_unloaded_reflectors_refute_is_not_named():
 
     found = said(game.files)
 
-    assert found["unloaded_off_mm"][0] < 0.05
-    assert {cause["name"] for cause in found["causes"]} == {"scale_zero", "compensator"}
+    assert found.unloaded_off_mm[0] < 0.05
+    assert {cause.name for cause in found.causes} == {"scale_zero", "compensator"}
 
 
 def test_a_wrong_zero_is_named_beside_a_stated_uncertainty():
@@ -140,10 +140,10 @@ def test_a_wrong_zero_is_named_beside_a_stated_uncertainty():
 
     found = said(files | {"campaign.toml": toml.encode()})
 
-    (cause,) = found["causes"]
-    assert (cause["name"], cause["where"]) == ("joint_offset", 3)
-    assert found["unloaded_off_mm"][0] > 0.5
-    assert found["unloaded_off_mm"][1] < 0.05
+    (cause,) = found.causes
+    assert (cause.name, cause.where) == ("joint_offset", 3)
+    assert found.unloaded_off_mm[0] > 0.5
+    assert found.unloaded_off_mm[1] < 0.05
 
 
 def test_within_its_stated_uncertainty_no_zero_is_wrong():
@@ -151,7 +151,7 @@ def test_within_its_stated_uncertainty_no_zero_is_wrong():
     files = logged(theta3_deg=0.1)
     toml = files["campaign.toml"].decode().replace("[joints]\n", "[joints]\nsigma_rad = 2e-3\n")
 
-    assert not said(files | {"campaign.toml": toml.encode()})["causes"]
+    assert not said(files | {"campaign.toml": toml.encode()}).causes
 
 
 @pytest.mark.slow
@@ -160,6 +160,6 @@ def test_the_deflected_robot_stands_where_the_straight_one_does():
     files = logged(theta3_deg=0.1)
     toml = files["campaign.toml"].decode() + '\n[model]\nequilibrium = "deformed"\n'
 
-    (cause,) = said(files | {"campaign.toml": toml.encode()})["causes"]
+    (cause,) = said(files | {"campaign.toml": toml.encode()}).causes
 
     assert (cause["name"], cause["where"]) == ("joint_offset", 3)

@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 
 import pytest
+import report_sample
 
 from pipeline.app import preferences, watch
 from pipeline.app.preferences import Notify, Preferences
@@ -35,14 +36,14 @@ class Runs:
         self.of.append(campaign.name)
         if campaign.name in self.problem:
             raise self.problem[campaign.name]
-        answer = {
-            "rejected": [],
-            "stiffness": [],
-            "verdict_sentence": ["Said."],
-            "diagnosis": {"verdict": self.verdict},
-        }
-        files.write(campaign.reports / "result.json", json.dumps(answer).encode())
+        answer = report_sample.revised(report_sample.answer(), self.said)
+        files.write(campaign.reports / "result.json", json.dumps(answer.as_json()).encode())
         return answer
+
+    def said(self, content):
+        """What stands in its result.json."""
+        content["verdict_sentence"] = ["Said."]
+        content["diagnosis"]["verdict"] = self.verdict
 
 
 @pytest.fixture

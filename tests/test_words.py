@@ -18,7 +18,7 @@ from pipeline.app.cli import _exit_code
 from pipeline.base.errors import CannotWrite, UsageError
 from pipeline.report import overview
 
-SAMPLE = report_sample.result()
+SAMPLE = report_sample.answer()
 PIPELINE = [sys.executable, "-m", "pipeline"]
 
 
@@ -209,7 +209,7 @@ def test_one_campaign_is_no_history():
 
 def test_two_models_of_one_campaign_are_not_said_to_be_tested():
     """The note on the test stands only where there is one."""
-    joints = SAMPLE["stiffness"]
+    joints = SAMPLE.stiffness
     cov = np.diag([1e-18] * len(joints))
     models = overview.comparison(("a", "a:extended"), joints, joints, None)
     campaigns = overview.comparison(("a", "b"), joints, joints, (cov, cov))
@@ -252,7 +252,7 @@ def test_a_server_that_cannot_keep_its_log_blames_the_disk(tmp_path):
 
 def test_a_comparison_is_told_where_its_page_cannot_be_kept(tmp_path, monkeypatch):
     """The answer comes, then the trouble with the disk, exit code 3."""
-    joints = SAMPLE["stiffness"]
+    joints = SAMPLE.stiffness
     said = overview.comparison(("a", "a:extended"), joints, joints, None)
     monkeypatch.setattr(compare, "compared", lambda *_: (said, {"stiffness": []}))
     (tmp_path / "reports").write_text("in the way")

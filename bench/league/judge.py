@@ -141,7 +141,7 @@ def score(truth: Json, answer: Json | None, known: Twins) -> Score:
         right=want == got,
         in_list=want <= listed,
         strayed=not got <= want,
-        misplaced=any(cause.get("location", "data") not in places for cause in causes),
+        misplaced=any((cause.get("location") or "data") not in places for cause in causes),
         stated=stated,
         sizes=tuple(size for cause in causes for size in _sizes(cause, secrets)),
         gain=(worth["reduction"], *worth["ci95"]) if worth and worth["ci95"] else None,

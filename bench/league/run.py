@@ -355,7 +355,7 @@ class Clock:
 def answer_of(files: Mapping[str, bytes], step: Step = plain) -> dict[str, Any] | None:
     """What `pipeline run` says of these files, writing nothing; None if it refuses them."""
     try:
-        return answered("game", in_memory(files), step=step).answer
+        return answered("game", in_memory(files), step=step).answer.as_json()
     except PipelineError:
         return None
 

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from pipeline.answer import contract
+from pipeline.answer.contract import Answer
 from pipeline.answer.history import previous
+from pipeline.answer.recommended import Reason, row_of
+from pipeline.answer.words import because
 from pipeline.base import files
+from pipeline.base.errors import UsageError
+from pipeline.diagnosis.verdict import Verdict
 from pipeline.store.campaign import Campaign, dump
 
 _SHOWN = {
@@ -28,27 +35,104 @@ _SHOWN = {
 """Tables that a report shows, and the files they are kept in."""
 
 
-def finished(root: Path) -> list[Campaign]:
-    """Campaigns with a result that counts, by name; their raw folders may be gone."""
+@dataclass(frozen=True, eq=False)
+class Finished:
+    """A campaign with its answer."""
+
+    campaign: Campaign
+    answer: Answer
+
+
+def read(campaign: Campaign) -> Answer:
+    """The answer of a campaign, as its last finished run wrote it.
+
+    Raises:
+        UsageError: There is none, or an earlier version wrote it without what is needed now.
+    """
+    try:
+        return _answer(campaign.result())
+    except (ValueError, LookupError, TypeError, AttributeError) as problem:
+        raise UsageError(
+            f"{campaign.name} has a result of an earlier version: run `pipeline run "
+            f"{campaign.name}` first"
+        ) from problem
+
+
+def done(campaign: Campaign, key: str) -> Answer | None:
+    """The answer of an earlier run with the same key whose outputs are all intact."""
+    return None if campaign.done(key) is None else read(campaign)
+
+
+def _answer(content: dict[str, Any]) -> Answer:
+    """What result.json says; a key that only another version knows is left out."""
+    return Answer.model_validate(_brought_up_to_date(content), strict=False, extra="ignore")
+
+
+def _brought_up_to_date(content: dict[str, Any]) -> dict[str, Any]:
+    """result.json as this version words it, from one that an earlier version may have written.
+
+    Once there were no values but those of the joint springs, and no stiffness said by itself
+    which joint of the robot it is of.
+    """
+    alone = {name: content[name] for name in contract.Values.model_fields}
+    extended = content.get("extended")
+    return {
+        "recommended": _joint_springs_alone(Verdict(content["diagnosis"]["verdict"])),
+        **_joints_named(content),
+        "diagnosis": {"reasons": [], **content["diagnosis"]},
+        "joint_springs": _joints_named(content.get("joint_springs", alone)),
+        "extended": extended and _joints_named(extended),
+    }
+
+
+def _joint_springs_alone(verdict: Verdict) -> dict[str, Any]:
+    """Which values an answer stood for when there were no others."""
+    row = row_of(Reason.ADEQUATE if verdict is Verdict.ADEQUATE else Reason.UNEXPLAINED)
+    alone = {"model": row.model, "data": row.data, "reason": row.reason, "why": because(row.reason)}
+    return {**alone, "hypotheses": [{"weight": 1.0, "causes": []}]}
+
+
+def _joints_named(values: dict[str, Any]) -> dict[str, Any]:
+    named = [{"joint_name": j["name"].removeprefix("k_"), **j} for j in values["stiffness"]]
+    return {**values, "stiffness": named}
+
+
+def finished(root: Path, tell: Callable[[str], object] = str) -> list[Finished]:
+    """Campaigns with a result that counts, by name; their raw folders may be gone.
+
+    Args:
+        root: The project's root.
+        tell: Hears a sentence on each campaign that is left out because this version cannot read
+            its result.
+    """
     out = []
+    for campaign in _with_manifest(root):
+        try:
+            out.append(Finished(campaign, read(campaign)))
+        except UsageError as problem:
+            tell(str(problem))
+    return out
+
+
+def _with_manifest(root: Path) -> Iterator[Campaign]:
     for path in sorted((root / "reports").glob("*/result.json")):
         campaign = Campaign(root, root / "data" / "raw" / path.parent.name)
         manifest = campaign.manifest()
         if manifest is not None:  # a campaign that was run by path lies elsewhere
-            out.append(Campaign(root, root / manifest.get("source", campaign.folder)))
-    return out
+            yield Campaign(root, root / manifest.get("source", campaign.folder))
 
 
-def earlier(campaign: Campaign, result: dict[str, Any]) -> Mapping[str, Any] | None:
-    """The result of the same robot's campaign before this one, as far as it is finished."""
-    return previous(result, (other.result() for other in finished(campaign.root)))
+def earlier(campaign: Campaign, answer: Answer) -> Answer | None:
+    """The answer of the same robot's campaign before this one, as far as it is finished."""
+    return previous(answer, (other.answer for other in finished(campaign.root)))
 
 
-def mark(before: Mapping[str, Any] | None) -> str | None:
+def mark(before: Answer | None) -> str | None:
     """What of the previous campaign a report depends on, in short."""
     if before is None:
         return None
-    return files.sha256(dump([before["campaign"], before["stiffness"]]))
+    stiffness = [joint.model_dump(mode="json") for joint in before.stiffness]
+    return files.sha256(dump([before.campaign, stiffness]))
 
 
 def shown(campaign: Campaign) -> dict[str, pd.DataFrame]:

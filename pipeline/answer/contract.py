@@ -1,28 +1,80 @@
-"""What result.json promises: every key with its type, unit and meaning.
+"""The answer to a campaign, frozen; result.json is its dump, key by key.
 
-docs/result.schema.json and the table in docs/campaign.md are made from here (`make schema`), and
-every answer is held to it before it is written. Keys may be added, not renamed.
+docs/result.schema.json and the table in docs/campaign.md are made from here (`make schema`). Keys
+may be added, not renamed. Terminal, report and history read these records and nothing else.
 """
 
 from __future__ import annotations
 
+import math
+from enum import StrEnum
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline.answer.recommended import Data, Reason, Which
-from pipeline.diagnosis.verdict import Finding
+from pipeline.diagnosis.verdict import Finding, Verdict
 
 Where = int | str | None
-Verdict = Literal["adequate", "explained", "ambiguous", "unexplained", "bad_data"]
-Interval = Annotated[list[float | None], Field(min_length=2, max_length=2)]
+Interval = tuple[float | None, float | None]
 Share = Annotated[float, Field(ge=-1e-9, le=1 + 1e-9)]
+
+
+class NoiseFrom(StrEnum):
+    """Where the noise that weighs the readings is known from."""
+
+    STATED = "stated"
+    REPLICATES = "replicates"
+    RESIDUALS = "residuals"
+
+
+class Equilibrium(StrEnum):
+    """The robot on which the force acts."""
+
+    DEFORMED = "deformed"
+    UNDEFORMED = "undeformed"
+
+
+class JointType(StrEnum):
+    """How a joint moves."""
+
+    PRISMATIC = "prismatic"
+    REVOLUTE = "revolute"
+
+
+class Predicted(StrEnum):
+    """What the gain of a cause is measured by."""
+
+    DISPLACEMENTS = "displacements"
+    UNLOADED_POSITIONS = "unloaded positions"
+
+
+class Odd(StrEnum):
+    """What may be odd about a stiffness."""
+
+    NO_LEVER = "no_lever"
+    MIXED = "mixed"
+    NEGATIVE = "negative"
+    UNCERTAIN = "uncertain"
+    ZERO_BESIDE_A_CAUSE = "zero_beside_a_cause"
+    MAY_BE_ZERO = "may_be_zero"
+    LOST = "lost"
+    SCATTERED = "scattered"
+    DEPENDS = "depends"
 
 
 class Fact(BaseModel):
     """A part of the answer; it knows every key it allows."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+    model_config = ConfigDict(
+        extra="forbid",
+        frozen=True,
+        allow_inf_nan=False,
+        strict=True,
+        validate_by_name=True,
+        validate_by_alias=True,
+        serialize_by_alias=True,
+    )
 
 
 class BudgetPart(Fact):
@@ -33,24 +85,36 @@ class BudgetPart(Fact):
     share: float = Field(description="part of the variance")
 
 
+class Remark(Fact):
+    """One thing to know of a stiffness; its numbers are those of the stiffness."""
+
+    odd: Odd
+    cause: str | None = Field(default=None, description="cause it depends on, in words")
+    others: tuple[str, ...] = Field(
+        default=(), description="what may act in place of that cause, in words"
+    )
+
+
 class Stiffness(Fact):
     """One joint."""
 
     joint: int = Field(description="number, from 1")
+    joint_name: str = Field(description="in the robot file: r1, theta2, ...")
     name: str = Field(description="k_r1, k_theta2, ...")
     unit: str = Field(description="of value, std and ci95")
     value: float | None = Field(description="null where the data give none; `finding` says why")
     std: float | None = Field(description="standard uncertainty")
     ci95: Interval = Field(description="95 % interval; null is no limit")
     identifiable: bool = Field(description="whether the data determine it")
-    joint_type: Literal["prismatic", "revolute"]
+    joint_type: JointType
     compliance: float | None = Field(description="the estimate itself")
     compliance_std: float | None = Field(description="its standard uncertainty; null: undetermined")
     compliance_unit: str
     relative_std: float | None = Field(description="std over value")
     nominal: float | None = Field(description="stiffness in the robot file")
     finding: str | None = Field(description="what to know of it, in a sentence")
-    budget: list[BudgetPart] = Field(description="where its uncertainty comes from")
+    remarks: tuple[Remark, ...] = Field(default=(), description="the same, to be told apart")
+    budget: tuple[BudgetPart, ...] = Field(description="where its uncertainty comes from")
 
 
 class Fit(Fact):
@@ -60,7 +124,7 @@ class Fit(Fact):
     chi2: float
     dof: int
     p_value: float | None = Field(description="null where no noise is stated")
-    noise_from: Literal["stated", "replicates", "residuals"]
+    noise_from: NoiseFrom
     residual_std_mm: float
     second_order_rms_mm: float = Field(description="what c = B x leaves out, rms")
     noise_statement: str
@@ -73,7 +137,11 @@ class Drawn(Fact):
     """Means of Eq. (22) per target."""
 
     test_pose: PerTarget = Field(description="over 1000 poses around the test pose")
-    global_: PerTarget = Field(alias="global", description="over 1000 poses in the workspace")
+    global_: PerTarget = Field(
+        validation_alias="global",
+        serialization_alias="global",
+        description="over 1000 poses in the workspace",
+    )
 
 
 class Validation(Drawn):
@@ -94,24 +162,31 @@ class Deflection(Fact):
     dx_mm: float
     dy_mm: float
     dz_mm: float
-    std_mm: list[float | None] = Field(description="per axis; null: infinite")
+    std_mm: tuple[float | None, float | None, float | None] = Field(
+        description="per axis; null: infinite"
+    )
+
+    @property
+    def size_mm(self) -> float:
+        """Its length."""
+        return math.hypot(self.dx_mm, self.dy_mm, self.dz_mm)
 
 
 class Values(Fact):
     """One model of the campaign."""
 
-    stiffness: list[Stiffness]
+    stiffness: tuple[Stiffness, ...]
     fit: Fit
     validation: Validation | None = Field(description="null where nothing is determined")
-    test_pose_deflection: list[Deflection]
+    test_pose_deflection: tuple[Deflection, ...]
 
 
 class Extended(Fact):
     """The identified causes' own fit, on the data that the answer rests on."""
 
-    stiffness: list[Stiffness]
+    stiffness: tuple[Stiffness, ...]
     fit: Fit
-    test_pose_deflection: list[Deflection]
+    test_pose_deflection: tuple[Deflection, ...]
 
 
 class Placed(Fact):
@@ -132,7 +207,7 @@ class Weighed(Fact):
     """A set of causes that may be true."""
 
     weight: Share
-    causes: list[Believed]
+    causes: tuple[Believed, ...]
 
 
 class Recommended(Fact):
@@ -142,7 +217,7 @@ class Recommended(Fact):
     data: Data
     reason: Reason
     why: str
-    hypotheses: list[Weighed] = Field(description="what the values are averaged over")
+    hypotheses: tuple[Weighed, ...] = Field(description="what the values are averaged over")
 
 
 class Amplitude(Fact):
@@ -176,7 +251,7 @@ class Gain(Fact):
     held_out_rms_after_mm: float | None
     reduction: float | None = Field(description="fraction by which the error falls")
     ci95: Interval | None
-    of: Literal["displacements", "unloaded positions"] | None = None
+    of: Predicted | None = None
     test_pose_change_mm: float | None
 
 
@@ -193,16 +268,18 @@ class Evidence(Fact):
 class Cause(Placed):
     """A cause that the data call for, or a mistake in the data."""
 
-    location: str | None = Field(None, description="part of the cell: rail, joint 3, force, ...")
+    location: str | None = Field(
+        default=None, description="part of the cell: rail, joint 3, force, ..."
+    )
     form: str | None = None
     probability: Share = Field(description="among the catalogue's causes that could stand there")
-    parameters: list[Amplitude]
+    parameters: tuple[Amplitude, ...]
     p_value: float | None = Field(description="chance of so much evidence without it")
-    rivals: list[Rival]
+    rivals: tuple[Rival, ...]
     outside_catalogue: Unnamed | None = None
-    twins: list[str] = Field(default_factory=list, description="what no pose tells from it")
+    twins: tuple[str, ...] = Field(default=(), description="what no pose tells from it")
     signature: str | None = None
-    needs: str | None = Field(None, description="what would settle it")
+    needs: str | None = Field(default=None, description="what would settle it")
     gain: Gain | None
     evidence: Evidence | None = None
 
@@ -230,15 +307,15 @@ class BlindSpot(Placed):
 class NextPose(Fact):
     """A pose that would decide what is open, pulled in the usual load steps up to `force_n`."""
 
-    pose: int = Field(description="its number")
-    q: list[float]
-    q_unit: list[Literal["m", "deg"]]
-    anchor_m: list[float]
+    separates: tuple[str, ...] = Field(description="the two that stay closest with it")
+    q: tuple[float, ...]
+    q_unit: tuple[Literal["m", "deg"], ...]
+    anchor_m: tuple[float, float, float]
     force_n: float
     approach: float | None = Field(description="which way the carriage comes; null without a rail")
-    separates: list[str] = Field(description="the two that stay closest with it")
     sigmas_before: float
     sigmas_after: float
+    pose: int = Field(description="its number")
 
 
 class MisfitPlace(Fact):
@@ -288,23 +365,25 @@ class Diagnosis(Fact):
 
     verdict: Verdict
     why: str
-    reasons: list[str] = Field(
+    reasons: tuple[Finding, ...] = Field(
         description="what the verdict follows from, at most one for each of data, base reflectors, "
-        "unloaded reflectors and displacements: " + ", ".join(Finding)
+        "unloaded reflectors and displacements",
     )
-    causes: list[Cause]
-    alone: list[Alone] = Field(description="what the likeliest causes do each as the only one")
-    unloaded_off_mm: list[float | None] = Field(
+    causes: tuple[Cause, ...]
+    alone: tuple[Alone, ...] = Field(
+        description="what the likeliest causes do each as the only one"
+    )
+    unloaded_off_mm: tuple[float | None, float | None] = Field(
         description="how far the unloaded reflectors stand from the robot's table, without and "
         "with the causes"
     )
-    blind_spots: list[BlindSpot]
-    next_poses: list[NextPose]
-    refused: list[str] = Field(description="labels that fit only at an impossible size")
-    misfit_sits_at: list[MisfitPlace]
+    blind_spots: tuple[BlindSpot, ...]
+    next_poses: tuple[NextPose, ...]
+    refused: tuple[str, ...] = Field(description="labels that fit only at an impossible size")
+    misfit_sits_at: tuple[MisfitPlace, ...]
     detection: Detection
     scatter: Scatter
-    equilibrium: Literal["deformed", "undeformed"]
+    equilibrium: Equilibrium
     noise_floor_mm: float
 
 
@@ -320,9 +399,9 @@ class NoiseComponent(Fact):
 class Noise(Fact):
     """Noise found in the data beside the stated one."""
 
-    from_: str = Field(alias="from")
+    from_: NoiseFrom = Field(validation_alias="from", serialization_alias="from")
     contrasts: int
-    components: list[NoiseComponent]
+    components: tuple[NoiseComponent, ...]
 
 
 class Rejected(Fact):
@@ -341,14 +420,14 @@ class Registration(Fact):
     chi2: float | None
     dof: int
     p_value: float | None
-    rotation_std_rad: list[float]
-    translation_std_m: list[float]
+    rotation_std_rad: tuple[float, float, float]
+    translation_std_m: tuple[float, float, float]
 
 
 class Forward(Fact):
     """What the forward model takes into account."""
 
-    equilibrium: Literal["deformed", "undeformed"]
+    equilibrium: Equilibrium
 
 
 class Input(Fact):
@@ -359,25 +438,36 @@ class Input(Fact):
     bytes: int
 
 
-class Answer(Values):
-    """result.json; the values at the top are those of the recommended model."""
+class Heading(Fact):
+    """What stands first in result.json."""
 
     format: Literal[1]
     campaign: str
     name: str
     robot: str
     measured: str | None = Field(description="date")
-    verdict_sentence: list[str] = Field(description="the first screen, most important first")
+    verdict_sentence: tuple[str, ...] = Field(description="the first screen, most important first")
     recommended: Recommended = Field(description="which values stand at the top, and why")
+
+
+class Answer(Values, Heading):
+    """result.json; the values at the top are those of the recommended model."""
+
     diagnosis: Diagnosis
     joint_springs: Values = Field(description="the paper's model on the data as given, always")
     extended: Extended | None = Field(description="the identified causes' own fit; null without")
-    budget: list[dict[str, Any]] = Field(description="shares of the variance by source [%]")
+    budget: tuple[dict[str, str | float], ...] = Field(
+        description="shares of the variance by source [%]"
+    )
     noise: Noise
-    rejected: list[Rejected] = Field(description="everything that was left out")
-    findings: list[str] = Field(description="sentences to act on")
+    rejected: tuple[Rejected, ...] = Field(description="everything that was left out")
+    findings: tuple[str, ...] = Field(description="sentences to act on")
     registration: Registration | None
     model: Forward
-    assumptions: list[str]
-    inputs: list[Input]
+    assumptions: tuple[str, ...]
+    inputs: tuple[Input, ...]
     versions: dict[str, str]
+
+    def as_json(self) -> dict[str, Any]:
+        """The same as plain data, in the order in which result.json has it."""
+        return self.model_dump(mode="json")

@@ -2,105 +2,250 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from pipeline.answer import contract
+from pipeline.answer.contract import Equilibrium, NoiseFrom, Predicted
 from pipeline.answer.findings import Findings
-from pipeline.answer.numbers import left_out_mm
+from pipeline.answer.numbers import finite, left_out_mm
 from pipeline.answer.words import why
-from pipeline.diagnosis import facts as verdicts
-from pipeline.diagnosis.verdict import findings
+from pipeline.diagnosis.facts import Alone, Amplitude, BlindSpot, Cause, Diagnosis, Named, Proposal
+from pipeline.diagnosis.verdict import findings, verdict
+from pipeline.faults.finding import Finding
+from pipeline.machine.robot import Robot
 from pipeline.system.estimate import left_out
-from pipeline.system.system import Estimate
+from pipeline.system.system import Estimate, Scatter
 from pipeline.system.variance import NAMES, Components, at_most
 
 
-def diagnosis_entry(found: Findings) -> dict[str, Any]:
-    """`diagnosis`: mistakes in the data first, then the diagnosis of the corrected data.
+def diagnosis_entry(found: Findings) -> contract.Diagnosis:
+    """`diagnosis`: mistakes in the data first, then what the diagnosis says of the corrected data.
 
     Scatter that the repeats have found already joins the causes.
     """
-    said = verdicts.entry(found.diagnosis, found.right.case.robot)
-    named = {cause["name"] for cause in said["causes"]}
-    noisy = [cause for cause in _noise_causes(found.right.noise) if cause["name"] not in named]
-    said["causes"] = [*_data_causes(found), *said["causes"], *noisy]
-    reasons = [row.finding.value for row in findings(found.facts)]
-    return {"verdict": str(found.verdict), "why": why(found.facts), "reasons": reasons, **said}
+    said = entry(found.diagnosis, found.right.case.robot)
+    named = {cause.name for cause in said.causes}
+    noisy = [cause for cause in _noise_causes(found.right.noise) if cause.name not in named]
+    causes = (*_data_causes(found), *said.causes, *noisy)
+    reasons = tuple(row.finding for row in findings(found.facts))
+    own = {"verdict": found.verdict, "why": why(found.facts), "reasons": reasons}
+    return said.model_copy(update={**own, "causes": causes})
 
 
-def _data_causes(found: Findings) -> list[dict[str, Any]]:
+def entry(said: Diagnosis, robot: Robot) -> contract.Diagnosis:
+    """What the diagnosis says of data without mistakes."""
+    return contract.Diagnosis(
+        verdict=verdict(said.facts),
+        why=why(said.facts),
+        reasons=tuple(row.finding for row in findings(said.facts)),
+        causes=tuple(map(_cause, said.causes)),
+        alone=tuple(map(_alone, said.alone)),
+        unloaded_off_mm=_finite_mm(*said.stood_off_m),
+        blind_spots=tuple(map(_blind, said.blind_spots)),
+        next_poses=tuple(_pose(proposal, robot) for proposal in said.next_poses),
+        refused=said.refused,
+        misfit_sits_at=tuple(
+            contract.MisfitPlace(place=m.place, share=m.share, p_value=m.p_value)
+            for m in said.misfits
+        ),
+        detection=_detection(said),
+        scatter=_scatter(said.scatter),
+        equilibrium=Equilibrium(said.equilibrium),
+        noise_floor_mm=said.noise_floor_m * 1e3,
+    )
+
+
+def _finite_mm(before_m: float, after_m: float) -> tuple[float | None, float | None]:
+    return finite(1e3 * before_m), finite(1e3 * after_m)
+
+
+def _detection(said: Diagnosis) -> contract.Detection:
+    poses, pulls = map(finite, said.lack_of_fit)
+    left_poses, left_pulls, further = map(finite, said.remainder)
+    return contract.Detection(
+        threshold_p=finite(said.threshold),
+        smallest_p=finite(min((clue.p_value for clue in said.clues), default=np.nan)),
+        lack_of_fit_p=contract.PosesPulls(poses=poses, pulls=pulls),
+        remainder_over_scatter=said.rough,
+        remainder_p=contract.Remainder(poses=left_poses, pulls=left_pulls, further_cause=further),
+    )
+
+
+def _scatter(found: Scatter) -> contract.Scatter:
+    return contract.Scatter(
+        tracker_over_stated=found.tracker,
+        tracker_over_stated_std=found.tracker_std,
+        scale_over_tracker=found.force,
+        known_from=found.known_from,
+    )
+
+
+def _cause(cause: Cause) -> contract.Cause:
+    effect = cause.effect
+    return contract.Cause(
+        name=effect.name,
+        where=effect.where,
+        location=effect.location,
+        form=effect.form or None,
+        probability=cause.probability,
+        parameters=tuple(map(_amplitude, cause.amplitudes)),
+        p_value=cause.p_value,
+        rivals=tuple(
+            contract.Rival(name=r.effect.name, where=r.effect.where, probability=r.probability)
+            for r in cause.rivals
+        ),
+        outside_catalogue=None if cause.unnamed is None else _unnamed(cause.unnamed),
+        twins=cause.twins,
+        signature=effect.signature,
+        needs=effect.needs,
+        gain=_gain(cause),
+    )
+
+
+def _amplitude(one: Amplitude) -> contract.Amplitude:
+    low, high = one.ci95
+    return contract.Amplitude(
+        name=one.parameter.name,
+        value=one.value,
+        std=finite(one.std),
+        unit=one.parameter.unit,
+        ci95=(finite(low), finite(high)),
+    )
+
+
+def _unnamed(one: Named) -> contract.Unnamed:
+    return contract.Unnamed(
+        probability=one.probability, looks_like=one.effect.name, where=one.effect.where
+    )
+
+
+def _alone(one: Alone) -> contract.Alone:
+    return contract.Alone(
+        name=one.effect.name,
+        where=one.effect.where,
+        form=one.effect.form or None,
+        probability=one.probability,
+        reduction=one.reduction,
+        ci95=one.ci95,
+    )
+
+
+def _gain(cause: Cause) -> contract.Gain | None:
+    if cause.gain is None:
+        return None
+    change = cause.test_pose_change_m
+    return contract.Gain(
+        held_out_rms_before_mm=cause.gain.rms_before_m * 1e3,
+        held_out_rms_after_mm=cause.gain.rms_after_m * 1e3,
+        reduction=cause.gain.reduction,
+        ci95=cause.gain.ci95,
+        of=Predicted(cause.gain.of),
+        test_pose_change_mm=None if change is None else change * 1e3,
+    )
+
+
+def _blind(spot: BlindSpot) -> contract.BlindSpot:
+    first = spot.effect.parameters[0]
+    return contract.BlindSpot(
+        name=spot.effect.name,
+        where=spot.effect.where,
+        why=spot.why,
+        smallest_visible=spot.smallest_visible,
+        parameter=first.name,
+        unit=first.unit,
+        typical=first.typical,
+        needs=spot.effect.needs,
+    )
+
+
+def _pose(proposal: Proposal, robot: Robot) -> contract.NextPose:
+    q = np.where(robot.prismatic, proposal.q, np.rad2deg(proposal.q))
+    x, y, z = (round(float(v), 3) for v in proposal.anchor)
+    return contract.NextPose(
+        separates=proposal.separates,
+        q=tuple(round(float(v), 4) for v in q),
+        q_unit=tuple("m" if j.prismatic else "deg" for j in robot.joints),
+        anchor_m=(x, y, z),
+        force_n=round(proposal.force_n, 0),
+        approach=proposal.approach if robot.joints[0].prismatic else None,
+        sigmas_before=proposal.before,
+        sigmas_after=proposal.after,
+        pose=proposal.poses,
+    )
+
+
+def _data_causes(found: Findings) -> tuple[contract.Cause, ...]:
     """The mistakes in the data, as causes."""
     if not found.mistakes:
-        return []
+        return ()
     before, after = (left_out_mm(left_out(one.system)) for one in (found.given, found.right))
-    gain = {
-        "held_out_rms_before_mm": before,
-        "held_out_rms_after_mm": after,
-        "reduction": 1 - after / before if before and after is not None else None,
-        "ci95": None,
-        "test_pose_change_mm": None,
-    }
-    return [
-        {
-            "name": one.name,
-            "where": one.where,
-            "probability": 1 - (one.p_value or 0.0),
-            "parameters": []
-            if one.size is None
-            else [{"name": "size", "value": one.size, "std": None, "unit": one.size_unit}],
-            "p_value": one.p_value,
-            "rivals": [],
-            "gain": gain,
-            "evidence": {
-                "sentence": one.evidence,
-                "correction": one.correction,
-                "before": one.before,
-                "after": one.after,
-                "unit": one.unit,
-            },
-        }
-        for one in found.mistakes
-    ]
+    gain = contract.Gain(
+        held_out_rms_before_mm=before,
+        held_out_rms_after_mm=after,
+        reduction=1 - after / before if before and after is not None else None,
+        ci95=None,
+        test_pose_change_mm=None,
+    )
+    return tuple(_mistake(one, gain) for one in found.mistakes)
 
 
-def noise_entry(found: Components, estimate: Estimate) -> dict[str, Any]:
-    """The noise found in the data relative to the stated one."""
-    return {
-        "from": estimate.noise_from,
-        "contrasts": found.dof,
-        "components": [
-            {
-                "name": name,
-                "found_over_stated": float(found.scale[i]),
-                "std": float(found.std[i] * found.scale[i]),
-                "p_value": float(found.p_value[i]),
-            }
+def _mistake(one: Finding, gain: contract.Gain) -> contract.Cause:
+    size = contract.Amplitude(name="size", value=one.size or 0.0, std=None, unit=one.size_unit)
+    return contract.Cause(
+        name=one.name,
+        where=one.where,
+        probability=1 - (one.p_value or 0.0),
+        parameters=() if one.size is None else (size,),
+        p_value=one.p_value,
+        rivals=(),
+        gain=gain,
+        evidence=contract.Evidence(
+            sentence=one.evidence,
+            correction=one.correction,
+            before=one.before,
+            after=one.after,
+            unit=one.unit,
+        ),
+    )
+
+
+def noise_entry(found: Components, estimate: Estimate) -> contract.Noise:
+    """The noise found in the data beside the stated one."""
+    return contract.Noise(
+        from_=NoiseFrom(estimate.noise_from),
+        contrasts=found.dof,
+        components=tuple(
+            contract.NoiseComponent(
+                name=name,
+                found_over_stated=float(found.scale[i]),
+                std=float(found.std[i] * found.scale[i]),
+                p_value=float(found.p_value[i]),
+            )
             for i, name in enumerate(found.name)
             if np.isfinite(found.std[i])
-        ],
-    }
+        ),
+    )
 
 
-def _noise_causes(found: Components) -> list[dict[str, Any]]:
+def _noise_causes(found: Components) -> list[contract.Cause]:
     """The noise components that are larger than stated, as causes."""
-    return [
-        {
-            "name": NAMES[name],
-            "where": None,
-            "probability": at_most(float(found.p_value[i])),
-            "parameters": [
-                {
-                    "name": f"s_{name.split('_')[0]}",
-                    "value": float(found.scale[i]) - 1,
-                    "std": float(found.std[i] * found.scale[i]),
-                    "unit": "1",
-                }
-            ],
-            "p_value": float(found.p_value[i]),
-            "rivals": [],
-            "gain": None,
-        }
-        for i, name in enumerate(found.name)
-        if found.larger[i]
-    ]
+    return [_noisy(found, i) for i in range(len(found.name)) if found.larger[i]]
+
+
+def _noisy(found: Components, i: int) -> contract.Cause:
+    name, p = found.name[i], float(found.p_value[i])
+    excess = contract.Amplitude(
+        name=f"s_{name.split('_')[0]}",
+        value=float(found.scale[i]) - 1,
+        std=float(found.std[i] * found.scale[i]),
+        unit="1",
+    )
+    return contract.Cause(
+        name=NAMES[name],
+        where=None,
+        probability=at_most(p),
+        parameters=(excess,),
+        p_value=p,
+        rivals=(),
+        gain=None,
+    )

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from pipeline.answer.contract import Fit, NoiseFrom
 from pipeline.answer.numbers import rms_mm
 from pipeline.machine.cell import Cell
 from pipeline.reduction.measured import Measured
@@ -14,18 +13,18 @@ from pipeline.system.estimate import fits
 from pipeline.system.system import Estimate
 
 
-def fit_entry(cell: Cell, data: Measured, estimate: Estimate) -> dict[str, Any]:
+def fit_entry(cell: Cell, data: Measured, estimate: Estimate) -> Fit:
     """How well the model meets the data."""
-    return {
-        "rms_mm": rms_mm(estimate.residual),
-        "chi2": estimate.chi2,
-        "dof": estimate.dof,
-        "p_value": estimate.p_value,
-        "noise_from": estimate.noise_from,
-        "residual_std_mm": 1e3 * estimate.residual_std_m,
-        "second_order_rms_mm": _second_order_mm(cell, data, estimate),
-        "noise_statement": noise_statement(estimate),
-    }
+    return Fit(
+        rms_mm=rms_mm(estimate.residual),
+        chi2=estimate.chi2,
+        dof=estimate.dof,
+        p_value=estimate.p_value,
+        noise_from=NoiseFrom(estimate.noise_from),
+        residual_std_mm=1e3 * estimate.residual_std_m,
+        second_order_rms_mm=_second_order_mm(cell, data, estimate),
+        noise_statement=noise_statement(estimate),
+    )
 
 
 def _second_order_mm(cell: Cell, data: Measured, estimate: Estimate) -> float:

@@ -1,22 +1,18 @@
-"""Two campaigns compared, and all campaigns of a robot over time; pure, from their results."""
+"""One campaign beside another, and all campaigns of a robot over time; pure, from their answers."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import date
-from typing import Any
 
 import numpy as np
 from scipy import special
 
-from pipeline.answer.recommended import TABLE
+from pipeline.answer.contract import Answer, Stiffness
+from pipeline.answer.recommended import row_of
 from pipeline.base import linear
 from pipeline.base.arrays import Array
-from pipeline.base.quantities import known
-
-Result = Mapping[str, Any]
-"""The object of result.json."""
 
 _SURE = 0.01
 """Probability of a false alarm over all joints of a robot together."""
@@ -72,68 +68,67 @@ class Trend:
     sure: bool
 
 
-def ordered(results: Iterable[Result]) -> list[Result]:
+def ordered(answers: Iterable[Answer]) -> list[Answer]:
     """By date, undated ones last, then by name."""
-    return sorted(results, key=lambda r: (r.get("measured") or "9999", str(r.get("campaign"))))
+    return sorted(answers, key=lambda one: (one.measured or "9999", one.campaign))
 
 
-def robots(results: Sequence[Result]) -> dict[str, list[Result]]:
+def robots(answers: Sequence[Answer]) -> dict[str, list[Answer]]:
     """Campaigns in order, by robot."""
-    out: dict[str, list[Result]] = {}
-    for result in ordered(results):
-        out.setdefault(str(result.get("robot")), []).append(result)
+    out: dict[str, list[Answer]] = {}
+    for one in ordered(answers):
+        out.setdefault(one.robot, []).append(one)
     return dict(sorted(out.items()))
 
 
-def trusted(result: Result) -> bool:
-    """Whether a campaign's stiffnesses, with their uncertainties, may show a change."""
-    reason = (result.get("recommended") or {}).get("reason")
-    if reason is None:  # of a version that had joint springs only
-        return (result.get("diagnosis") or {}).get("verdict") == "adequate"
-    return any(row.reason == reason and row.holds_for_its_readings for row in TABLE)
+def trusted(answer: Answer) -> bool:
+    """Whether a campaign's stiffnesses, with their uncertainties, may tell a change."""
+    return row_of(answer.recommended.reason).holds_for_its_readings
 
 
-def previous(result: Result, results: Iterable[Result]) -> Result | None:
-    """The last campaign of the same robot that was measured earlier; None if there is none.
+def previous(answer: Answer, answers: Iterable[Answer]) -> Answer | None:
+    """The last campaign of the same robot that was measured earlier; None if nothing tells.
 
     A campaign whose model does not explain its readings does not count.
     """
-    now = result.get("measured")
+    now = answer.measured
     earlier = [
         other
-        for other in results
-        if now
-        and other.get("robot") == result.get("robot")
-        and other.get("measured")
-        and other["measured"] < now
-        and trusted(other)
+        for other in answers
+        if other.robot == answer.robot and _before(other.measured, now) and trusted(other)
     ]
     return ordered(earlier)[-1] if earlier else None
 
 
-def compliance(joint: Mapping[str, Any]) -> tuple[float, float] | None:
+def _before(day: str | None, now: str | None) -> bool:
+    return bool(day and now) and str(day) < str(now)
+
+
+def compliance(joint: Stiffness) -> tuple[float, float] | None:
     """Compliance and its standard uncertainty, None where the campaign does not determine it."""
-    value, std = joint.get("compliance"), joint.get("compliance_std")
-    if not (known(value) and known(std)) or std <= 0 or not joint.get("identifiable", True):
+    value, std = joint.compliance, joint.compliance_std
+    if value is None or std is None or std <= 0 or not joint.identifiable:
         return None
-    return float(value), float(std)
+    return value, std
 
 
-def changes(before: Sequence[Any], after: Sequence[Any], independent: bool = True) -> list[Change]:
-    """Joint by joint, how two lists of stiffness entries differ.
+def changes(
+    before: Sequence[Stiffness], after: Sequence[Stiffness], independent: bool = True
+) -> list[Change]:
+    """Joint by joint, how two lists of stiffnesses differ.
 
     Compliances are compared, because their errors are normal. Two models of one campaign share
     its errors: what they differ by is then not tested (`independent` False).
     """
-    pairs = {j.get("name"): j for j in before}
-    both = [(pairs[j.get("name")], j) for j in after if j.get("name") in pairs]
+    pairs = {joint.name: joint for joint in before}
+    both = [(pairs[joint.name], joint) for joint in after if joint.name in pairs]
     tested = sum(bool(compliance(a) and compliance(b)) for a, b in both)
     limit = float(-special.ndtri(_SURE / 2 / max(tested, 1)))
     return [_change(a, b, limit, independent) for a, b in both]
 
 
-def _change(a: Mapping[str, Any], b: Mapping[str, Any], limit: float, independent: bool) -> Change:
-    name, k_a, k_b = str(b.get("name")), _stiffness(a), _stiffness(b)
+def _change(a: Stiffness, b: Stiffness, limit: float, independent: bool) -> Change:
+    k_a, k_b = _stiffness(a), _stiffness(b)
     x_a, x_b = compliance(a), compliance(b)
     sigmas = percent = std = None
     if x_a and x_b and independent:
@@ -142,33 +137,30 @@ def _change(a: Mapping[str, Any], b: Mapping[str, Any], limit: float, independen
         percent = 100 * (k_b - k_a) / k_a
         if x_a and x_b and independent:  # ln k = -ln x
             std = 100 * k_b / k_a * float(np.hypot(x_a[1] * k_a, x_b[1] * k_b))
-    return Change(name, k_a, k_b, percent, std, sigmas, sigmas is not None and abs(sigmas) > limit)
+    sure = sigmas is not None and abs(sigmas) > limit
+    return Change(b.name, k_a, k_b, percent, std, sigmas, sure)
 
 
-def _stiffness(joint: Mapping[str, Any]) -> float | None:
-    value = joint.get("value")
-    return float(value) if known(value) and joint.get("identifiable", True) and value else None
+def _stiffness(joint: Stiffness) -> float | None:
+    return joint.value if joint.identifiable and joint.value else None
 
 
 def together(
-    before: Sequence[Any], after: Sequence[Any], cov_before: Array, cov_after: Array
+    before: Sequence[Stiffness], after: Sequence[Stiffness], cov_before: Array, cov_after: Array
 ) -> tuple[float, int]:
     """Chi-square of all compliances together and its degrees of freedom, correlations included.
 
     Args:
-        before: Stiffness entries, all joints.
+        before: Stiffnesses of all joints.
         after: As before, of another campaign.
         cov_before: Covariance of the compliances of `before` [SI], shape (n, n).
         cov_after: As before.
     """
-    use = [
-        i
-        for i, (a, b) in enumerate(zip(before, after, strict=True))
-        if compliance(a) and compliance(b)
-    ]
-    if not use:
+    both = [(compliance(a), compliance(b)) for a, b in zip(before, after, strict=True)]
+    found = {i: b[0] - a[0] for i, (a, b) in enumerate(both) if a and b}
+    if not found:
         return 0.0, 0
-    difference = np.array([after[i]["compliance"] - before[i]["compliance"] for i in use])
+    use, difference = list(found), np.array(list(found.values()))
     cov = (np.asarray(cov_before) + np.asarray(cov_after))[np.ix_(use, use)]
     scale = np.sqrt(np.diag(cov))
     scaled = difference / scale
@@ -180,58 +172,72 @@ def chance(chi2: float, dof: int) -> float | None:
     return float(special.chdtrc(dof, chi2)) if dof > 0 else None
 
 
-def trends(results: Sequence[Result]) -> list[Trend]:
+@dataclass(frozen=True)
+class _Point:
+    """The compliance of one joint in one campaign, SI."""
+
+    day: str | None
+    x: float
+    std: float
+
+
+def trends(answers: Sequence[Answer]) -> list[Trend]:
     """Every stiffness of one robot over its campaigns, which come in order; those trusted count."""
-    names = list(dict.fromkeys(j.get("name") for r in results for j in r.get("stiffness") or []))
-    counted = [result for result in results if trusted(result)]
-    series = {str(name): _series(counted, name) for name in names}
+    names = dict.fromkeys(joint.name for one in answers for joint in one.stiffness)
+    counted = [one for one in answers if trusted(one)]
+    series = {name: list(_series(counted, name)) for name in names}
     tested = sum(len(points) > 1 for points in series.values())
     return [_trend(name, points, max(tested, 1)) for name, points in series.items()]
 
 
-def _series(results: Sequence[Result], name: Any) -> list[tuple[str | None, float, float]]:
-    """Date, compliance and its standard uncertainty, of the campaigns that determine it."""
-    out = []
-    for result in results:
-        for joint in result.get("stiffness") or []:
-            here = compliance(joint) if joint.get("name") == name else None
+def _series(answers: Sequence[Answer], name: str) -> Iterator[_Point]:
+    """A joint in the campaigns that determine it."""
+    for one in answers:
+        for joint in one.stiffness:
+            here = compliance(joint) if joint.name == name else None
             if here:
-                out.append((result.get("measured"), *here))
-    return out
+                yield _Point(one.measured, *here)
 
 
-def _trend(name: str, points: list[tuple[str | None, float, float]], tested: int) -> Trend:
+def _trend(name: str, points: Sequence[_Point], tested: int) -> Trend:
     if len(points) < 2:
         return Trend(name, len(points), None, None, None, None, None, sure=False)
-    x, std = np.array([p[1] for p in points]), np.array([p[2] for p in points])
+    x, std = np.array([p.x for p in points]), np.array([p.std for p in points])
     mean = np.average(x, weights=std**-2)
     p_scatter = chance(float(np.sum(((x - mean) / std) ** 2)), len(x) - 1)
-    slope, slope_std = _slope([p[0] for p in points], x, std)
-    p_slope = 1.0 if slope is None else float(2 * special.ndtr(-abs(slope) / (slope_std or np.inf)))
-    smallest = min(p_scatter if p_scatter is not None else 1.0, p_slope)
-    share = (
-        None
-        if slope is None or slope_std is None
-        else (-100 * slope / mean, 100 * slope_std / mean)
-    )
-    ratio = float(x[0] / x[-1]) if min(x[0], x[-1]) > 0 else None
+    slope = _slope([p.day for p in points], x, std)
+    looks = [p for p in (p_scatter, slope and _chance_of(*slope)) if p is not None]
+    first_to_last, first_to_last_std = _first_to_last(x, std)
     return Trend(
         name=name,
         campaigns=len(points),
-        first_to_last=100 * (ratio - 1) if ratio else None,
-        first_to_last_std=100 * ratio * float(np.hypot(*(std / x)[[0, -1]])) if ratio else None,
+        first_to_last=first_to_last,
+        first_to_last_std=first_to_last_std,
         p_value=p_scatter,
-        percent_a_year=share[0] if share else None,
-        percent_a_year_std=abs(share[1]) if share else None,
-        sure=smallest < _SURE / 2 / tested,  # two looks at every joint
+        percent_a_year=-100 * slope[0] / mean if slope else None,
+        percent_a_year_std=abs(100 * slope[1] / mean) if slope else None,
+        sure=min(looks) < _SURE / 2 / tested,  # two looks at every joint
     )
 
 
-def _slope(dates: Sequence[str | None], x: Array, std: Array) -> tuple[float | None, float | None]:
-    """Weighted slope of the compliance per year and its standard uncertainty."""
+def _chance_of(slope: float, std: float) -> float:
+    """Probability of a slope as steep as this or steeper, either way, if there is none."""
+    return float(2 * special.ndtr(-abs(slope) / std))
+
+
+def _first_to_last(x: Array, std: Array) -> tuple[float | None, float | None]:
+    """Change of the stiffness [%] and its standard uncertainty; none of a negative compliance."""
+    if min(x[0], x[-1]) <= 0:
+        return None, None
+    ratio = float(x[0] / x[-1])
+    return 100 * (ratio - 1), 100 * ratio * float(np.hypot(*(std / x)[[0, -1]]))
+
+
+def _slope(dates: Sequence[str | None], x: Array, std: Array) -> tuple[float, float] | None:
+    """Weighted slope of the compliance per year and its standard uncertainty; None if too few."""
     days = [date.fromisoformat(d[:10]).toordinal() for d in dates if d]
     if len(days) < len(x) or len(set(days)) < 3:
-        return None, None
+        return None
     t = np.array(days) / _DAYS_A_YEAR
     weight = std**-2
     t = t - np.average(t, weights=weight)

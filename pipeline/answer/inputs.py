@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from datetime import date
-from typing import Any
 
 import numpy as np
 import pandas as pd
 from scipy import special
 
+from pipeline.answer import contract
+from pipeline.answer.contract import Input, Rejected
+from pipeline.base import files
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.reduction.register import Registration
 from pipeline.reduction.settings import Settings
@@ -30,19 +32,27 @@ def measured_on(settings: Settings, readings: pd.DataFrame | None) -> str | None
         return None
 
 
-def rejected_entries(rejected: pd.DataFrame) -> list[dict[str, Any]]:
-    """What was left out, where and why."""
-    return [
-        {
-            "file": row["file"],
-            "line": None if pd.isna(row["line"]) else int(row["line"]),
-            "reason": row["reason"],
-        }
+def rejected_entries(rejected: pd.DataFrame) -> tuple[Rejected, ...]:
+    """What was left out, where it stands and why."""
+    return tuple(
+        Rejected(
+            file=row["file"],
+            line=None if pd.isna(row["line"]) else int(row["line"]),
+            reason=row["reason"],
+        )
         for row in rejected.to_dict("records")
-    ]
+    )
 
 
-def registration_entry(registration: Registration) -> dict[str, Any] | None:
+def input_entries(raw: Raw) -> tuple[Input, ...]:
+    """Every file that was read, with its hash."""
+    return tuple(
+        Input(file=name, sha256=files.sha256(content), bytes=len(content))
+        for name, content in sorted(raw.files.items())
+    )
+
+
+def registration_entry(registration: Registration) -> contract.Registration | None:
     """How well the base reflectors fit; None when the readings are in F_b already."""
     table = registration.table
     if table.empty:
@@ -50,15 +60,15 @@ def registration_entry(registration: Registration) -> dict[str, Any] | None:
     miss = np.linalg.norm(table[["dx_m", "dy_m", "dz_m"]].to_numpy(), axis=1)
     std = np.sqrt(np.diag(registration.cov))
     chi2, dof = registration.chi2, registration.dof
-    return {
-        "rms_mm": 1e3 * float(np.sqrt(np.mean(miss**2))),
-        "max_mm": 1e3 * float(miss.max()),
-        "chi2": chi2,
-        "dof": dof,
-        "p_value": None if chi2 is None or dof < 1 else float(special.chdtrc(dof, chi2)),
-        "rotation_std_rad": std[:3].tolist(),
-        "translation_std_m": std[3:].tolist(),
-    }
+    return contract.Registration(
+        rms_mm=1e3 * float(np.sqrt(np.mean(miss**2))),
+        max_mm=1e3 * float(miss.max()),
+        chi2=chi2,
+        dof=dof,
+        p_value=None if chi2 is None or dof < 1 else float(special.chdtrc(dof, chi2)),
+        rotation_std_rad=tuple(std[:3].tolist()),
+        translation_std_m=tuple(std[3:].tolist()),
+    )
 
 
 def registration_findings(registration: Registration, drifts: bool) -> list[str]:
@@ -69,18 +79,18 @@ def registration_findings(registration: Registration, drifts: bool) -> list[str]
         drifts: A drift of the tracker is named: no single reflector is to blame.
     """
     told = registration_entry(registration)
-    if told is None or told["p_value"] is None or told["p_value"] >= MISFIT_P:
+    if told is None or told.p_value is None or told.p_value >= MISFIT_P:
         return []
     if drifts:
         return [
             f"The base reflectors do not fit their nominal coordinates (p = "
-            f"{told['p_value']:.1g}): the tracker moved while they were read, see tracker_drift."
+            f"{told.p_value:.1g}): the tracker moved while they were read, see its drift below."
         ]
     table = registration.table
     miss = np.linalg.norm(table[["dx_m", "dy_m", "dz_m"]].to_numpy(), axis=1)
     worst = table.iloc[int(np.argmax(miss))]
     return [
-        f"The base reflectors do not fit their nominal coordinates (p = {told['p_value']:.1g}): "
+        f"The base reflectors do not fit their nominal coordinates (p = {told.p_value:.1g}): "
         f"{worst['target']} in {worst['group']} is off by {1e3 * miss.max():.3g} mm; check "
         f"[base_frame] and whether the tracker or a reflector moved."
     ]

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from pipeline.answer.contract import Deflection, Stiffness, Values
 from pipeline.answer.findings import Findings
 from pipeline.answer.numbers import left_out_mm
 from pipeline.answer.recommended import Which
 from pipeline.answer.words import because, why
-from pipeline.base.quantities import common_prefix, plain, prefixed, with_std
+from pipeline.base.quantities import common_prefix, plain, prefixed, scaled, with_std
 from pipeline.system.estimate import fits
 from pipeline.system.system import Estimate
 
@@ -22,23 +22,22 @@ _FAR = 3.0
 _TOLD = 3
 """So many of them, those that move most."""
 
-_Json = Mapping[str, Any]
 
-
-def sentences(found: Findings, answer: _Json) -> list[str]:
+def sentences(found: Findings, mine: Values, springs: Values) -> list[str]:
     """What an engineer must know first, most important first.
 
     Args:
         found: All that was found out.
-        answer: result.json, but for these sentences.
+        mine: The values that the answer stands for.
+        springs: Those of the joint springs on the data as given.
     """
-    springs, other = answer["joint_springs"], _other(found)
+    other = _other(found)
     said = [_verdict(found)]
     if other:
-        moves = _moved(answer["stiffness"], springs["stiffness"])
+        moves = _moved(mine.stiffness, springs.stiffness)
         said += [f"Compared with {other}, {move}." for move in moves]
-        said += _deflection(answer["test_pose_deflection"], springs["test_pose_deflection"], found)
-    return [*said, _rest(found, answer["stiffness"])]
+        said += _deflection(mine.test_pose_deflection, springs.test_pose_deflection, found)
+    return [*said, _rest(found, mine.stiffness)]
 
 
 def _other(found: Findings) -> str:
@@ -83,34 +82,42 @@ def _larger_scatter(estimate: Estimate) -> str:
     )
 
 
-def _moved(mine: Sequence[_Json], springs: Sequence[_Json]) -> Iterable[str]:
-    """Stiffnesses that move by far more than either model's uncertainty."""
+def _moved(mine: Sequence[Stiffness], springs: Sequence[Stiffness]) -> Iterable[str]:
+    """Stiffnesses that move by far more than either model says that they may be off."""
     off = []
     for a, b in zip(mine, springs, strict=True):
-        if a["value"] and b["value"] and b["compliance_std"]:
-            most = max(a["compliance_std"], b["compliance_std"])
-            if abs(a["compliance"] - b["compliance"]) > _FAR * most:
-                off.append((abs(math.log(a["value"] / b["value"])), a, b))
+        if a.value and b.value and _sigmas(a, b) > _FAR:
+            off.append((abs(math.log(a.value / b.value)), a, b))
     far = sorted(off, key=lambda one: -one[0])[:_TOLD]
     if far:
         yield _listed([_move(a, b) for _, a, b in far])
 
 
-def _move(mine: _Json, springs: _Json) -> str:
-    factor, letter = common_prefix([mine["value"]])
+def _sigmas(a: Stiffness, b: Stiffness) -> float:
+    """How far two compliances lie apart, in the larger of their standard uncertainties."""
+    if a.compliance is None or b.compliance is None:
+        return 0.0
+    most = max(a.compliance_std or 0.0, b.compliance_std or 0.0)
+    return abs(a.compliance - b.compliance) / most if b.compliance_std else 0.0
+
+
+def _move(mine: Stiffness, springs: Stiffness) -> str:
+    factor, letter = common_prefix([mine.value])
     before, after = (
-        with_std(one["value"] / factor, one["std"] / factor) for one in (springs, mine)
+        with_std(scaled(one.value, factor), scaled(one.std, factor)) for one in (springs, mine)
     )
-    return f"{mine['name']} moves from {before} to {after} {prefixed(mine['unit'], letter)}"
+    return f"{mine.name} moves from {before} to {after} {prefixed(mine.unit, letter)}"
 
 
 def _listed(words: Sequence[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
-def _deflection(mine: Sequence[_Json], springs: Sequence[_Json], found: Findings) -> Iterable[str]:
+def _deflection(
+    mine: Sequence[Deflection], springs: Sequence[Deflection], found: Findings
+) -> Iterable[str]:
     """What the model changes at the test pose, at the target that moves most."""
-    sizes = [[math.hypot(*(e[f"d{a}_mm"] for a in "xyz")) for e in s] for s in (mine, springs)]
+    sizes = [[one.size_mm for one in those] for those in (mine, springs)]
     if not sizes[0] or not np.all(np.isfinite(sizes)):
         return
     k = int(np.argmax(sizes[0]))
@@ -118,7 +125,7 @@ def _deflection(mine: Sequence[_Json], springs: Sequence[_Json], found: Findings
     now, before = (plain(size[k]) for size in sizes)
     other = "the same" if now == before else f"{before} mm"
     yield (
-        f"At {where}, {mine[k]['target']} is predicted to deflect by {now} mm "
+        f"At {where}, {mine[k].target} is predicted to deflect by {now} mm "
         f"({other} {_instead(found)})."
     )
 
@@ -129,24 +136,29 @@ def _instead(found: Findings) -> str:
     return ", ".join([*alone, *(["from the data as given"] if found.mistakes else [])])
 
 
-def _rest(found: Findings, stiffness: Sequence[_Json]) -> str:
+def _rest(found: Findings, stiffness: Sequence[Stiffness]) -> str:
     """How many stiffnesses have a value, and how well left-out poses are predicted."""
-    good = [entry for entry in stiffness if entry["value"] is not None]
-    half = [entry["name"] for entry in good if entry["ci95"][1] is None]
-    some = "All" if len(good) == len(stiffness) else f"{len(good)} of {len(stiffness)}"
-    lost = [entry["name"] for entry in stiffness if entry["value"] is None]
+    if all(joint.value is None for joint in stiffness):
+        return "These pulls determine no stiffness."
+    return f"{_estimated(stiffness)}, and {_predicted(found)}."
+
+
+def _estimated(stiffness: Sequence[Stiffness]) -> str:
+    good = [joint for joint in stiffness if joint.value is not None]
+    lost = [joint.name for joint in stiffness if joint.value is None]
+    half = [joint.name for joint in good if joint.ci95[1] is None]
+    some = f"{len(good)} of {len(stiffness)}" if lost else "All"
     limits = f" (not {_listed(lost)})" if lost else ""
     limits += f", {', '.join(half)} without an upper limit" if half else ""
-    if not good:
-        return "These pulls determine no stiffness."
+    return f"{some} stiffnesses are estimated{limits}"
+
+
+def _predicted(found: Findings) -> str:
+    """How far poses that were left out are missed, also by the values beside the answer's."""
     error, without = (left_out_mm(one.values.left_out_m) for one in (found.told, found.springs))
     if error is None:
-        told = "no pose can be predicted from the others"
-    elif without is None or found.told.values is found.springs.values:
-        told = f"poses left out of the estimate are predicted to {plain(error)} mm"
-    else:
-        told = (
-            f"poses left out of the estimate are predicted to {plain(error)} mm "
-            f"({plain(without)} mm {_instead(found)})"
-        )
-    return f"{some} stiffnesses are estimated{limits}, and {told}."
+        return "no pose can be predicted from the others"
+    told = f"poses left out of the estimate are predicted to {plain(error)} mm"
+    if without is None or found.told.values is found.springs.values:
+        return told
+    return f"{told} ({plain(without)} mm {_instead(found)})"

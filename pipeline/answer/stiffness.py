@@ -1,15 +1,15 @@
-"""`stiffness` and `budget`: one entry per joint, or why it has no value."""
+"""`stiffness` and `budget`: one record per joint, or why it has no value."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from pipeline.answer import remarks
+from pipeline.answer.contract import BudgetPart, JointType, Odd, Remark, Stiffness
 from pipeline.answer.numbers import finite
 from pipeline.base.arrays import Array
-from pipeline.base.quantities import with_std
 from pipeline.diagnosis.average import Dependence, Hypothesis, Springs, dependences, springs
 from pipeline.machine.cell import Cell
 from pipeline.machine.robot import Joint
@@ -21,9 +21,12 @@ _WHICH = "which_cause"
 _SHOWN = 1e-3
 """A smaller share of the variance than this is rounding."""
 
+_NO_LEVER_M = 1e-12
+"""A joint whose usual compliance moves no target by more than this carries no load."""
 
-def stiffness_entries(cell: Cell, hypotheses: Sequence[Hypothesis]) -> list[dict[str, Any]]:
-    """One entry per joint: the stiffness with its budget, or why there is none.
+
+def stiffness_entries(cell: Cell, hypotheses: Sequence[Hypothesis]) -> tuple[Stiffness, ...]:
+    """One record per joint: the stiffness with its budget, or why there is none.
 
     Args:
         cell: For the names and units of the joints.
@@ -33,13 +36,19 @@ def stiffness_entries(cell: Cell, hypotheses: Sequence[Hypothesis]) -> list[dict
     parts = _parts(hypotheses, cell.robot.n)
     lever = np.linalg.norm(hypotheses[0].system.B, axis=0)
     depends = dependences(hypotheses)
-    out = []
-    for k, joint in enumerate(cell.robot.joints):
-        entry = _stiffness(k + 1, joint, found, k, float(lever[k]))
-        on = [one for one in depends if one.spring == k]
-        entry |= _depends(joint, found, entry["finding"], on)
-        out.append(entry | {"budget": _budget(found, parts, k)})
-    return out
+    silent = [
+        _stiffness(joint, found, k, _budget(found, parts, k))
+        for k, joint in enumerate(cell.robot.joints)
+    ]
+    return tuple(
+        _with_remarks(joint, _odd(found, k, lever[k]), [one for one in depends if one.spring == k])
+        for k, joint in enumerate(silent)
+    )
+
+
+def _with_remarks(joint: Stiffness, odd: Odd | None, on: Sequence[Dependence]) -> Stiffness:
+    told = joint.model_copy(update={"remarks": tuple(_remarks(joint, odd, on))})
+    return told.model_copy(update={"finding": remarks.finding(told)})
 
 
 def _parts(hypotheses: Sequence[Hypothesis], n: int) -> dict[str, Array]:
@@ -52,116 +61,90 @@ def _parts(hypotheses: Sequence[Hypothesis], n: int) -> dict[str, Array]:
     return out
 
 
-def _budget(found: Springs, parts: Mapping[str, Array], k: int) -> list[dict[str, Any]]:
+def _budget(found: Springs, parts: Mapping[str, Array], k: int) -> tuple[BudgetPart, ...]:
     """What each source adds to one stiffness: standard uncertainty [its unit], part of variance."""
     x = float(found.value[k])
     if not found.identifiable[k] or x <= 0:
-        return []
+        return ()
     total = float(found.cov[k, k])
     shares = {name: float(variance[k]) / total for name, variance in parts.items()}
     rest = 1 - sum(shares.values())
     if rest > _SHOWN:
         shares[_WHICH] = rest
-    return [
-        {"source": name, "std": float(np.sqrt(share * total)) / x**2, "share": share}
+    return tuple(
+        BudgetPart(source=name, std=float(np.sqrt(share * total)) / x**2, share=share)
         for name, share in shares.items()
-    ]
+    )
 
 
-def _depends(
-    joint: Joint, found: Springs, finding: str | None, on: Sequence[Dependence]
-) -> dict[str, Any]:
-    """The sentence on a spring that depends on which of two causes is true."""
-    if not on:
-        return {}
-    name = f"k_{joint.name}"
-    said = [finding] if finding and not any(one.lost for one in on) else []
-    for cause in dict.fromkeys(one.cause for one in on):
-        mine = [one for one in on if one.cause == cause]
-        lost = list(dict.fromkeys(one.rival for one in mine if one.lost))
-        others = " or ".join(dict.fromkeys(one.rival for one in mine))
-        if lost:
-            said.append(
-                f"{name} is not identifiable: the data do not exclude {' or '.join(lost)} in the "
-                f"place of {cause}, and beside it these poses do not tell it from the joint."
-            )
-        elif not found.identifiable[on[0].spring]:
-            said.append(
-                f"{name} is not identifiable: how large it is depends on whether the cause is "
-                f"{cause} or {others}, which the data do not exclude."
-            )
-        else:
-            said.append(
-                f"{name} depends on whether the cause is {cause} or {others}, which the data do "
-                "not exclude; its interval holds for each."
-            )
-    return {"finding": " ".join(said)}
-
-
-def budget_entries(stiffness: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def budget_entries(stiffness: Sequence[Stiffness]) -> tuple[dict[str, str | float], ...]:
     """The same by source: share of each stiffness' variance in percent."""
-    rows: dict[str, dict[str, Any]] = {}
-    for entry in stiffness:
-        for part in entry["budget"]:
-            row = rows.setdefault(part["source"], {"source": part["source"].replace("_", " ")})
-            row[f"{entry['name']} [%]"] = 100 * part["share"]
-    return list(rows.values())
+    rows: dict[str, dict[str, str | float]] = {}
+    for joint in stiffness:
+        for part in joint.budget:
+            row = rows.setdefault(part.source, {"source": part.source.replace("_", " ")})
+            row[f"{joint.name} [%]"] = 100 * part.share
+    return tuple(rows.values())
 
 
-def _stiffness(number: int, joint: Joint, found: Springs, k: int, lever: float) -> dict[str, Any]:
+def _stiffness(joint: Joint, found: Springs, k: int, parts: tuple[BudgetPart, ...]) -> Stiffness:
+    """One joint with its numbers, and nothing said of them."""
     x, std = float(found.value[k]), float(found.std[k])
-    identifiable = bool(found.identifiable[k])
     low, high = float(found.low[k]), float(found.high[k])
+    identifiable = bool(found.identifiable[k])
     has_value = identifiable and x > 0
-    return {
-        "joint": number,
-        "name": f"k_{joint.name}",
-        "unit": joint.stiffness_unit,
-        "value": 1 / x if has_value else None,
-        "std": std / x**2 if has_value else None,
-        "ci95": [1 / high if 0 < high < np.inf else None, 1 / low if low > 0 else None],
-        "identifiable": identifiable,
-        "joint_type": "prismatic" if joint.prismatic else "revolute",
-        "compliance": x if np.isfinite(std) else None,
-        "compliance_std": finite(std),
-        "compliance_unit": joint.compliance_unit,
-        "relative_std": std / x if has_value else None,
-        "nominal": joint.stiffness,
-        "finding": _finding(joint, x, std, low, high, identifiable, lever),
-    }
+    return Stiffness(
+        joint=k + 1,
+        joint_name=joint.name,
+        name=f"k_{joint.name}",
+        unit=joint.stiffness_unit,
+        value=1 / x if has_value else None,
+        std=std / x**2 if has_value else None,
+        ci95=(1 / high if 0 < high < np.inf else None, 1 / low if low > 0 else None),
+        identifiable=identifiable,
+        joint_type=JointType.PRISMATIC if joint.prismatic else JointType.REVOLUTE,
+        compliance=x if np.isfinite(std) else None,
+        compliance_std=finite(std),
+        compliance_unit=joint.compliance_unit,
+        relative_std=std / x if has_value else None,
+        nominal=joint.stiffness,
+        finding=None,
+        budget=parts,
+    )
 
 
-def _finding(
-    joint: Joint, x: float, std: float, low: float, high: float, identifiable: bool, lever: float
-) -> str | None:
-    name = f"k_{joint.name}"
-    work = "pulls along the rail" if joint.prismatic else "pulls with a lever about its axis"
+def _remarks(joint: Stiffness, odd: Odd | None, on: Sequence[Dependence]) -> Iterator[Remark]:
+    """What is to be known of a stiffness; what a rival takes away needs no other reason."""
+    if odd is not None and not any(one.lost for one in on):
+        yield Remark(odd=odd)
+    for cause in dict.fromkeys(one.cause for one in on):
+        yield _dependence(cause, [one for one in on if one.cause == cause], joint.identifiable)
+
+
+def _odd(found: Springs, k: int, lever_m: float) -> Odd | None:
+    """What the numbers of a spring alone show.
+
+    Args:
+        found: All springs.
+        k: Which one.
+        lever_m: By how much all pulls together move the targets per unit of its compliance.
+    """
+    x, std, low = found.value[k], found.std[k], found.low[k]
     if not np.isfinite(std):
-        if lever * x < 1e-12:
-            return (
-                f"{name} is not identifiable: in every pose the line of pull has no lever about "
-                f"joint {joint.name}; attach the chain off that joint's axis."
-            )
-        return f"{name} is not identifiable: these poses mix it with another joint; add {work}."
-    if high < 0:
-        return (
-            f"The compliance of {joint.name} is negative ({with_std(x, std)} "
-            f"{joint.compliance_unit}), which no spring can be: the model misses something that "
-            f"acts there, so no stiffness is stated."
-        )
-    if not identifiable:
-        return (
-            f"{name} is not identifiable: its compliance is {with_std(x, std)} "
-            f"{joint.compliance_unit}; add {work}, or pull harder."
-        )
-    if low <= 0 < x - 2 * std:
-        return (
-            f"{name} has no upper limit: its compliance is {with_std(x, std)} "
-            f"{joint.compliance_unit}, but beside one of the possible causes it may be zero."
-        )
+        return Odd.NO_LEVER if lever_m * x < _NO_LEVER_M else Odd.MIXED
+    if found.high[k] < 0:
+        return Odd.NEGATIVE
+    if not found.identifiable[k]:
+        return Odd.UNCERTAIN
     if low <= 0:
-        return (
-            f"{name} has no upper limit: its compliance of {with_std(x, std)} "
-            f"{joint.compliance_unit} may be zero; add {work}, or pull harder."
-        )
+        return Odd.ZERO_BESIDE_A_CAUSE if x - 2 * std > 0 else Odd.MAY_BE_ZERO
     return None
+
+
+def _dependence(cause: str, on: Sequence[Dependence], identifiable: bool) -> Remark:
+    """What a spring owes to not knowing which of two causes is true."""
+    lost = dict.fromkeys(one.rival for one in on if one.lost)
+    if lost:
+        return Remark(odd=Odd.LOST, cause=cause, others=tuple(lost))
+    odd = Odd.DEPENDS if identifiable else Odd.SCATTERED
+    return Remark(odd=odd, cause=cause, others=tuple(dict.fromkeys(one.rival for one in on)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.answer.archive import finished
+from pipeline.answer.archive import Finished, finished, read
+from pipeline.answer.contract import Answer, Stiffness
 from pipeline.answer.history import chance, changes, together, trusted
 from pipeline.app.outcome import Outcome
 from pipeline.base import files
@@ -42,6 +44,35 @@ def compare(root: Path, first: str, second: str) -> tuple[Outcome, Path | None]:
     return Outcome(name, content | {"page": str(path)}, as_text(said)), path
 
 
+@dataclass(frozen=True, eq=False)
+class _Side:
+    """One of two that are compared.
+
+    Attributes:
+        asked: What was asked for, a campaign or `campaign:model`.
+        campaign: The campaign's name.
+        answer: Its answer.
+        stiffness: The stiffnesses of the model.
+        cov: Covariance of their compliances [SI], shape (n, n).
+    """
+
+    asked: str
+    campaign: str
+    answer: Answer
+    stiffness: Sequence[Stiffness]
+    cov: Array
+
+    @property
+    def whole(self) -> bool:
+        """Whether a campaign was asked for, not one of its models."""
+        return self.asked == self.campaign
+
+    @property
+    def model(self) -> str:
+        """Which model's values these are, in words; nothing where what was asked for says it."""
+        return words.values_of(self.answer) if self.whole else ""
+
+
 def compared(root: Path, first: str, second: str) -> tuple[Report, dict[str, Any]]:
     """Two campaigns, or two models of one: what is said, and the same as data.
 
@@ -58,85 +89,67 @@ def compared(root: Path, first: str, second: str) -> tuple[Report, dict[str, Any
     if first == second:
         raise UsageError(f"{first} is compared with itself: name another campaign or model")
     a, b = _side(root, first), _side(root, second)
-    loose = [one.asked for one in (a, b) if one.whole and not trusted(one.campaign.result())]
-    independent = a.campaign.name != b.campaign.name and not loose
-    covariances = (a.cov, b.cov) if independent else None
-    why = NOT_EXPLAINED.format(" and ".join(loose)) if loose else SAME_READINGS
-    models = (a.model, b.model)
-    report = comparison((first, second), a.entries, b.entries, covariances, why, models)
-    found = changes(a.entries, b.entries, independent)
+    loose = [one.campaign for one in (a, b) if one.whole and not trusted(one.answer)]
+    independent = a.campaign != b.campaign and not loose
+    report = comparison(
+        (first, second),
+        a.stiffness,
+        b.stiffness,
+        (a.cov, b.cov) if independent else None,
+        NOT_EXPLAINED.format(" and ".join(loose)) if loose else SAME_READINGS,
+        (a.model, b.model),
+    )
+    found = changes(a.stiffness, b.stiffness, independent)
     content = {
         "before": first,
         "after": second,
         "stiffness": [asdict(change) for change in found],
-        **_together(a, b, independent),
+        **_all_together(a, b, independent),
     }
     return report, content
 
 
-@dataclass(frozen=True, eq=False)
-class _Side:
-    """One of the two.
-
-    Attributes:
-        asked: As it was typed.
-        campaign: Its campaign.
-        entries: The stiffness entries of the model that was asked for.
-        cov: Covariance of their compliances, shape (n, n); NaN where it is not known.
-    """
-
-    asked: str
-    campaign: Campaign
-    entries: list[dict[str, Any]]
-    cov: Array
-
-    @property
-    def whole(self) -> bool:
-        """The campaign was asked for, not one of its models."""
-        return self.asked == self.campaign.name
-
-    @property
-    def model(self) -> str:
-        """Which model's values were asked for, in words; nothing where the name says it."""
-        return words.values_of(self.campaign.result()) if self.whole else ""
-
-
-def _together(a: _Side, b: _Side, independent: bool) -> dict[str, Any]:
-    """The test of all joints at once, where the two can be tested."""
-    if not independent or [j["name"] for j in a.entries] != [j["name"] for j in b.entries]:
+def _all_together(a: _Side, b: _Side, independent: bool) -> dict[str, float | int | None]:
+    """The test of all joints together; nothing where two share errors or have other joints."""
+    same = [joint.name for joint in a.stiffness] == [joint.name for joint in b.stiffness]
+    if not (independent and same):
         return {"chi2": None, "dof": 0, "p_value": None}
-    chi2, dof = together(a.entries, b.entries, a.cov, b.cov)
-    return {"chi2": chi2, "dof": dof, "p_value": None if chi2 is None else chance(chi2, dof)}
+    chi2, dof = together(a.stiffness, b.stiffness, a.cov, b.cov)
+    return {"chi2": chi2, "dof": dof, "p_value": chance(chi2, dof)}
 
 
-def _side(root: Path, name: str) -> _Side:
-    campaign, model = _campaign_and_model(root, name)
-    result = campaign.result()
+def _side(root: Path, asked: str) -> _Side:
+    """What was asked for, with its covariance."""
+    one, model = _campaign_and_model(root, asked)
+    name, answer = one.campaign.name, one.answer
     if model == "extended":
-        if not result.get("extended"):
-            raise UsageError(f"{campaign.name} has no richer model than its joint springs")
-        entries = result["extended"]["stiffness"]
-        std = np.array([j["compliance_std"] for j in entries], dtype=float)  # None becomes NaN
-        return _Side(name, campaign, entries, np.diag(std**2))
-    if "joint_springs" not in result:
-        raise UsageError(f"{campaign.name} is of an older version: run `pipeline run` first")
-    entries = (result if model == "recommended" else result["joint_springs"])["stiffness"]
-    return _Side(name, campaign, entries, _covariance(campaign, model, entries))
+        if answer.extended is None:
+            raise UsageError(f"{name} has no richer model than its joint springs")
+        stiffness = answer.extended.stiffness
+        std = [joint.compliance_std for joint in stiffness]
+        cov = np.diag([np.nan if s is None else s**2 for s in std])
+        return _Side(asked, name, answer, stiffness, cov)
+    stiffness = answer.stiffness if model == "recommended" else answer.joint_springs.stiffness
+    return _Side(asked, name, answer, stiffness, _covariance(one.campaign, model, stiffness))
 
 
-def _covariance(campaign: Campaign, model: str, entries: list[dict[str, Any]]) -> Array:
-    names = [f"c_{j['name'].removeprefix('k_')}" for j in entries]
+def _covariance(campaign: Campaign, model: str, stiffness: Sequence[Stiffness]) -> Array:
+    """Of the compliances of these joints [SI], from the table that the run kept."""
     kept = campaign.processed / f"{_COVARIANCES[model]}.parquet"
     if not kept.is_file():
         raise UsageError(f"{campaign.name} has no covariance: run `pipeline run {campaign.name}`")
+    names = [f"c_{joint.joint_name}" for joint in stiffness]
     return pd.read_parquet(kept).set_index("parameter").loc[names, names].to_numpy(float)
 
 
-def _campaign_and_model(root: Path, name: str) -> tuple[Campaign, str]:
-    known = {campaign.name: campaign for campaign in finished(root)}
+def _campaign_and_model(root: Path, name: str) -> tuple[Finished, str]:
+    known = {one.campaign.name: one for one in finished(root)}
     head, _, model = name.rpartition(":")
-    if name in known or head not in known:
-        return known.get(name) or find(root, name), "recommended"
-    if model not in _MODELS:
-        raise UsageError(f'there is no model "{model}": use {", ".join(_MODELS)}')
-    return known[head], model
+    if name in known:
+        return known[name], "recommended"
+    if head in known:
+        if model not in _MODELS:
+            raise UsageError(f'there is no model "{model}": use {", ".join(_MODELS)}')
+        return known[head], model
+    campaign = find(root, name)
+    return Finished(campaign, read(campaign)), "recommended"

@@ -34,6 +34,8 @@ from prefect.exceptions import ObjectAlreadyExists
 from prefect.states import Crashed
 from prefect.types.entrypoint import EntrypointType
 
+from pipeline.answer.archive import read
+from pipeline.answer.contract import Answer
 from pipeline.app import watch
 from pipeline.app.outcome import Outcome, stiffness_rows
 from pipeline.app.preferences import Preferences, load
@@ -48,8 +50,8 @@ def _named() -> str:
 
 
 @flow(name="identify-stiffness", flow_run_name=_named, persist_result=False)
-def identify(root: str, campaign: str, force: bool = False) -> dict[str, Any]:
-    """Run every stage of one campaign as a Prefect task and give its result.json."""
+def identify(root: str, campaign: str, force: bool = False) -> Answer:
+    """Run every stage of one campaign as a Prefect task and give its answer."""
     found = find(Path(root), campaign)
     answer = run(found, step=_as_task, force=force)
     _publish(found, answer)
@@ -67,12 +69,12 @@ def scan(root: str) -> None:
         create_markdown_artifact(key="scan", markdown=_summary(outcomes))
 
 
-def _within(campaign: Campaign) -> dict[str, Any]:
+def _within(campaign: Campaign) -> Answer:
     """One campaign as a flow of its own, unless its last run still stands."""
     with contextlib.suppress(InputError):  # one that cannot be read is a run to be seen, too
         if campaign.current():
-            return campaign.result()
-    answer: dict[str, Any] = identify(str(campaign.root), str(campaign.folder))
+            return read(campaign)
+    answer: Answer = identify(str(campaign.root), str(campaign.folder))
     return answer
 
 
@@ -170,13 +172,13 @@ def _may_heal(task: Any, run: Any, state: Any) -> bool:
     return isinstance(problem, InputError) and problem.passing
 
 
-def _publish(campaign: Campaign, answer: dict[str, Any]) -> None:
+def _publish(campaign: Campaign, answer: Answer) -> None:
     """Result table and report link as Prefect artifacts."""
     key = "".join(c if c.isascii() and c.isalnum() else "-" for c in campaign.name.lower())
     create_table_artifact(
         key=f"{key}-stiffness",
         table=stiffness_rows(answer),
-        description=" ".join(answer["verdict_sentence"]),
+        description=" ".join(answer.verdict_sentence),
     )
     create_link_artifact(key=f"{key}-report", link=_link(campaign))
 

@@ -5,16 +5,19 @@ from __future__ import annotations
 import json
 import re
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite, InputError, PipelineError
-from pipeline.base.quantities import common_prefix, prefixed, with_std
+from pipeline.base.quantities import common_prefix, prefixed, scaled, with_std
 from pipeline.store.campaign import Campaign
+
+if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second
+    from pipeline.answer.contract import Answer, Rejected, Stiffness
 
 
 @dataclass(frozen=True)
@@ -28,6 +31,8 @@ class Outcome:
         exit_code: 0 done, 1 internal, 3 not written, 5 rejected in whole or in part.
         misfit: The model does not fit.
         complaints: Sentences for stderr.
+        verdict: Of its diagnosis; None without a result.
+        passing: What went wrong may heal by itself.
     """
 
     campaign: str
@@ -36,6 +41,8 @@ class Outcome:
     exit_code: int = 0
     misfit: bool = False
     complaints: list[str] = field(default_factory=list)
+    verdict: str | None = None
+    passing: bool = False
 
     def as_json(self) -> str:
         """One line of JSON."""
@@ -46,8 +53,8 @@ class Outcome:
         return self.text
 
 
-Compute = Callable[[Campaign], dict[str, Any]]
-"""How a campaign is brought up to date: campaign in, result.json out."""
+Compute = Callable[[Campaign], "Answer"]
+"""How a campaign is brought up to date: campaign in, answer out."""
 
 
 def outcome(name: str, find: Callable[[], Campaign], compute: Compute) -> Outcome:
@@ -77,41 +84,40 @@ EARLIER = "of an earlier input or program"
 
 def _outcome(campaign: Campaign, compute: Compute) -> Outcome:
     name, answer = campaign.name, compute(campaign)
-    rejected = answer["rejected"]
+    first, *more = answer.verdict_sentence
     lines = [
-        f"{name}: {answer['verdict_sentence'][0]}",
-        *(f"  {line}" for line in (*answer["verdict_sentence"][1:], *_stiffness_lines(answer))),
+        f"{name}: {first}",
+        *(f"  {line}" for line in (*more, *_stiffness_lines(answer))),
         f"  {campaign.reports / 'index.html'}",
     ]
     return Outcome(
         campaign=name,
-        content=answer,
+        content=answer.as_json(),
         text="\n".join(lines),
-        exit_code=InputError.exit_code if rejected else 0,
-        misfit=answer["diagnosis"]["verdict"] != "adequate",
-        complaints=[f"{name}: {line}" for line in sentences(rejected)],
+        exit_code=InputError.exit_code if answer.rejected else 0,
+        misfit=answer.diagnosis.verdict != "adequate",
+        complaints=[f"{name}: {line}" for line in sentences(rows(answer.rejected))],
+        verdict=str(answer.diagnosis.verdict),
     )
 
 
-def _stiffness_lines(answer: dict[str, Any]) -> list[str]:
+def _stiffness_lines(answer: Answer) -> list[str]:
     """The stiffnesses that the answer stands for, one line per joint."""
-    out = []
-    for joint in answer["stiffness"]:
-        factor, letter = common_prefix([joint["value"]])
-        shown = (
-            f"{with_std(joint['value'] / factor, joint['std'] / factor)} "
-            f"{prefixed(joint['unit'], letter)}"
-            if joint["value"] is not None
-            else "not determined"
-        )
-        out.append(f"{joint['name']:<10} {shown}")
-    return out
+    return [f"{joint.name:<10} {_shown(joint)}" for joint in answer.stiffness]
 
 
-def stiffness_rows(answer: dict[str, Any]) -> list[dict[str, Any]]:
+def _shown(joint: Stiffness) -> str:
+    if joint.value is None:
+        return "not determined"
+    factor, letter = common_prefix([joint.value])
+    value = with_std(joint.value / factor, scaled(joint.std, factor))
+    return f"{value} {prefixed(joint.unit, letter)}"
+
+
+def stiffness_rows(answer: Answer) -> list[dict[str, Any]]:
     """The same as a table for machines."""
-    shown = ("name", "value", "std", "unit", "identifiable")
-    return [{key: joint[key] for key in shown} for joint in answer["stiffness"]]
+    shown = {"name", "value", "std", "unit", "identifiable"}
+    return [joint.model_dump(include=shown) for joint in answer.stiffness]
 
 
 def guarded(name: str, work: Callable[[], Outcome]) -> Outcome:
@@ -136,6 +142,7 @@ def failed(name: str, problem: Exception, words: str, code: int) -> Outcome:
         f"{name}: {'rejected' if code == InputError.exit_code else 'failed'}",
         code,
         complaints=[f"{name}: {words}"],
+        passing=isinstance(problem, InputError) and problem.passing,
     )
 
 
@@ -152,31 +159,44 @@ def record_crash(problem: Exception) -> str:
     return f"internal error ({type(problem).__name__}: {problem}); please report it with {path}."
 
 
-def sentence(rejected: dict[str, Any]) -> str:
-    """One rejected row in words."""
-    line = "" if rejected["line"] is None else f":{rejected['line']}"
-    return f"{rejected['file']}{line}: {rejected['reason']}"
+@dataclass(frozen=True)
+class Row:
+    """A row that was left out: in which file and line it stands, and why."""
+
+    file: str
+    line: int | None
+    reason: str
+
+    def __str__(self) -> str:
+        """The same in words."""
+        line = "" if self.line is None else f":{self.line}"
+        return f"{self.file}{line}: {self.reason}"
+
+
+def rows(rejected: Iterable[Rejected]) -> list[Row]:
+    """Those of an answer."""
+    return [Row(one.file, one.line, one.reason) for one in rejected]
 
 
 _ALIKE = 3
 """How many of the rows that differ in numbers only are told one by one."""
 
 
-def sentences(rejected: list[dict[str, Any]]) -> list[str]:
+def sentences(rejected: Iterable[Row]) -> list[str]:
     """Rejected rows in words, those of a file that are alike counted; result.json has them all."""
-    groups: dict[tuple[str, str], list[dict[str, Any]]] = {}
-    for entry in rejected:
-        alike = re.sub(r"[0-9]+", "0", entry["reason"])
-        groups.setdefault((entry["file"], alike), []).append(entry)
-    return [line for entries in groups.values() for line in _told(entries)]
+    groups: dict[tuple[str, str], list[Row]] = {}
+    for row in rejected:
+        alike = re.sub(r"[0-9]+", "0", row.reason)
+        groups.setdefault((row.file, alike), []).append(row)
+    return [line for rows in groups.values() for line in _told(rows)]
 
 
-def _told(entries: list[dict[str, Any]]) -> list[str]:
-    first: dict[str, dict[str, Any]] = {}
-    for entry in entries:
-        first.setdefault(entry["reason"], entry)
-    told = [sentence(entry) for entry in list(first.values())[:_ALIKE]]
-    more = len(entries) - len(told)
+def _told(rows: Sequence[Row]) -> list[str]:
+    first: dict[str, Row] = {}
+    for row in rows:
+        first.setdefault(row.reason, row)
+    told = [str(row) for row in list(first.values())[:_ALIKE]]
+    more = len(rows) - len(told)
     if more:
-        told.append(f"{entries[0]['file']}: ... and {more} more line{'s' * (more > 1)} like this")
+        told.append(f"{rows[0].file}: ... and {more} more line{'s' * (more > 1)} like this")
     return told

@@ -7,16 +7,29 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pipeline.app import preferences, service, sync
-from pipeline.app.outcome import EARLIER, Outcome, dated, failed, guarded, outcome, sentences
+from pipeline.app.outcome import (
+    EARLIER,
+    Outcome,
+    Row,
+    dated,
+    failed,
+    guarded,
+    outcome,
+    rows,
+    sentences,
+)
 from pipeline.app.processes import sheltered
 from pipeline.app.progress import Progress
 from pipeline.base import files
 from pipeline.base.errors import InputError, PipelineError, UsageError
 from pipeline.store import campaign as campaigns
 from pipeline.store.campaign import Campaign
+
+if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second
+    from pipeline.answer.contract import Answer
 
 
 def run_all(root: Path, names: list[str], engine: str, force: bool) -> Iterator[Outcome]:
@@ -55,7 +68,7 @@ _Tell = Callable[[str], object]
 """Hears the name of every stage before it is carried out."""
 
 
-def plainly(campaign: Campaign, force: bool = False, tell: _Tell = str) -> dict[str, Any]:
+def plainly(campaign: Campaign, force: bool = False, tell: _Tell = str) -> Answer:
     """Bring a campaign up to date in this process."""
     from pipeline.run import run
 
@@ -72,10 +85,12 @@ def told(tell: _Tell, stage: Callable[..., Any]) -> Callable[..., Any]:
     return carried_out
 
 
-def _through_prefect(campaign: Campaign, force: bool = False, tell: _Tell = str) -> dict[str, Any]:
+def _through_prefect(campaign: Campaign, force: bool = False, tell: _Tell = str) -> Answer:
     """Bring a campaign up to date as a Prefect flow, unless nothing is to be done."""
     if not force and campaign.current():
-        return campaign.result()
+        from pipeline.answer.archive import read
+
+        return read(campaign)
     home = campaign.root / service.HOME
     with files.writing(home):
         home.mkdir(parents=True, exist_ok=True)
@@ -83,7 +98,7 @@ def _through_prefect(campaign: Campaign, force: bool = False, tell: _Tell = str)
     from pipeline.app.flow import identify, telling  # importing Prefect takes two seconds
 
     with telling(tell), sheltered(signal.SIGUSR1):
-        answer: dict[str, Any] = identify(str(campaign.root), str(campaign.folder), force)
+        answer: Answer = identify(str(campaign.root), str(campaign.folder), force)
     return answer
 
 
@@ -114,7 +129,7 @@ def _check(root: Path, name: str) -> Outcome:
         content={"campaign": name, **used},
         text=text,
         exit_code=InputError.exit_code if rejected else 0,
-        complaints=[f"{name}: {line}" for line in sentences(rejected)],
+        complaints=[f"{name}: {line}" for line in sentences(rows(rejected))],
     )
 
 
@@ -142,7 +157,7 @@ def inspect(path: Path, unit: str | None, csv: bool = False) -> Outcome:
         content=seen.to_json(),
         text=text,
         exit_code=InputError.exit_code if seen.rejected else 0,
-        complaints=sentences([{"file": path.name, **entry} for entry in seen.rejected]),
+        complaints=sentences(Row(path.name, **entry) for entry in seen.rejected),
     )
 
 
@@ -166,23 +181,26 @@ def status(root: Path) -> Iterator[Outcome]:
 
 def _status(campaign: Campaign) -> Outcome:
     before, key = campaign.manifest(), campaign.read().key
-    answer = campaign.done(key)
-    rejected = None if answer else campaign.rejection(key)
-    if rejected:
-        told = failed(campaign.name, rejected, str(rejected), rejected.exit_code)
-        content = {"campaign": campaign.name, "state": "rejected", "verdict": None}
-        return replace(told, content=told.content | content, text=f"{campaign.name:24} rejected")
-    state = "done" if answer else "changed" if before else "new"
-    verdict = answer["diagnosis"]["verdict"] if answer else None
+    if before is not None and campaign.done(key) is not None:
+        return _standing(campaign, "done", before.get("verdict"))
+    rejected = campaign.rejection(key)
+    if rejected is None:
+        return _standing(campaign, "changed" if before else "new", None)
+    told = failed(campaign.name, rejected, str(rejected), rejected.exit_code)
+    content = {"campaign": campaign.name, "state": "rejected", "verdict": None}
+    return replace(told, content=told.content | content, text=f"{campaign.name:24} rejected")
+
+
+def _standing(campaign: Campaign, state: str, verdict: str | None) -> Outcome:
+    """A campaign that was not rejected; the report of another input is said to be one."""
     content = {"campaign": campaign.name, "state": state, "verdict": verdict}
     report = campaign.reports / "index.html"
     shown = str(report) if report.is_file() else ""
-    if shown and not answer:
+    if shown and state != "done":
         content |= {"earlier_report": shown}
         shown += f" ({EARLIER})"
-    return Outcome(
-        campaign.name, content, f"{campaign.name:24} {state:8} {verdict or '':12} {shown}".rstrip()
-    )
+    text = f"{campaign.name:24} {state:8} {verdict or '':12} {shown}".rstrip()
+    return Outcome(campaign.name, content, text)
 
 
 def report(root: Path, name: str | None, form: str) -> Path:
@@ -212,11 +230,11 @@ def report(root: Path, name: str | None, form: str) -> Path:
 def report_text(root: Path, name: str) -> str:
     """A campaign's report as plain text."""
     from pipeline.answer import archive
-    from pipeline.answer.history import previous
     from pipeline.report.model import compose
     from pipeline.report.text import as_text
 
     report(root, name, "html")
     campaign = campaigns.find(root, name)
-    before = previous(campaign.result(), [c.result() for c in archive.finished(root)])
-    return as_text(compose(campaign.result(), archive.shown(campaign), previous=before))
+    answer = archive.read(campaign)
+    before = archive.earlier(campaign, answer)
+    return as_text(compose(answer, archive.shown(campaign), previous=before))

@@ -133,10 +133,9 @@ def _learn(campaign: Campaign, now: str, made: Outcome) -> None:
 
 def verdict_of(made: Outcome) -> str:
     """The verdict, `rejected` when the input was, or `failed` when trying again may help."""
-    error = made.content.get("error")
-    if error is None:
-        return str(made.content["diagnosis"]["verdict"])
-    lasting = error["exit_code"] == InputError.exit_code and not error.get("passing")
+    if made.verdict is not None:
+        return made.verdict
+    lasting = made.exit_code == InputError.exit_code and not made.passing
     return "rejected" if lasting else "failed"
 
 
@@ -154,7 +153,9 @@ def message(campaign: Campaign, seen: Seen) -> dict[str, str | None]:
     news = f"{seen.told} -> {seen.verdict}" if seen.told else str(seen.verdict)
     said = ""
     if seen.verdict not in ("rejected", "failed"):
-        said = " " + " ".join(campaign.result()["verdict_sentence"])
+        from pipeline.answer.archive import read  # brings the numerical libraries
+
+        said = " " + " ".join(read(campaign).verdict_sentence)
     return {
         "text": f"{campaign.name}: {news}.{said}",
         "campaign": campaign.name,

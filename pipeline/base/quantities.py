@@ -62,6 +62,12 @@ def with_std(value: float | None, std: float | None) -> str:
     return f"{_at_place(value, place)} ± {_at_place(std, place)}"
 
 
+def bracketed(value: float | None, std: float | None) -> str:
+    """The same in brackets, so that a unit may follow."""
+    text = with_std(value, std)
+    return f"({text})" if "±" in text and not text.startswith("(") else text
+
+
 def _scientific(value: float, std: float) -> str:
     power = Decimal(repr(float(max(abs(value), std)))).adjusted()
     scale = Decimal(10) ** -power
@@ -145,6 +151,11 @@ def common_prefix(values: Iterable[float | None]) -> tuple[float, str]:
     middle = sizes[len(sizes) // 2]
     power = min(max(3 * math.floor(math.log10(middle) / 3), -12), 9)
     return 10.0**power, _PREFIXES[power]
+
+
+def scaled(value: float | None, factor: float) -> float | None:
+    """A value in a prefixed unit; None stays None."""
+    return None if value is None else value / factor
 
 
 def prefixed(unit: str, letter: str) -> str:

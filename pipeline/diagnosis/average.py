@@ -91,8 +91,8 @@ class Dependence:
 
     Attributes:
         spring: Index of the joint.
-        cause: Label of the identified cause.
-        rival: Label of what could replace it.
+        cause: The identified cause, in words.
+        rival: What could replace it, in words.
         lost: With the rival nothing determines the spring.
     """
 

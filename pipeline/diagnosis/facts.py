@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy import special
@@ -14,7 +13,6 @@ from pipeline.base.linear import rms
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.faults.finding import Finding as Mistake
 from pipeline.machine.effects import Effect, Observation
-from pipeline.machine.robot import Robot
 from pipeline.system.system import Estimate, Scatter
 
 ROUGH = 1.6
@@ -440,138 +438,3 @@ class Diagnosis(Locked):
         """The identified causes that are estimated together with the springs."""
         known = {p.name for p in self.estimate.parameters} if self.estimate else set()
         return tuple(c.effect for c in self.causes if c.effect.parameters[0].name in known)
-
-
-def entry(diagnosis: Diagnosis, robot: Robot) -> dict[str, Any]:
-    """`diagnosis` of result.json."""
-    return {
-        "causes": [_cause(cause) for cause in diagnosis.causes],
-        "alone": [_alone(one) for one in diagnosis.alone],
-        "unloaded_off_mm": [_finite(1e3 * off) for off in diagnosis.stood_off_m],
-        "blind_spots": [_blind(spot) for spot in diagnosis.blind_spots],
-        "next_poses": [_pose(proposal, robot) for proposal in diagnosis.next_poses],
-        "refused": list(diagnosis.refused),
-        "misfit_sits_at": [
-            {"place": m.place, "share": m.share, "p_value": m.p_value} for m in diagnosis.misfits
-        ],
-        "detection": {
-            "threshold_p": _finite(diagnosis.threshold),
-            "smallest_p": _finite(min((clue.p_value for clue in diagnosis.clues), default=np.nan)),
-            "lack_of_fit_p": {
-                "poses": _finite(diagnosis.lack_of_fit[0]),
-                "pulls": _finite(diagnosis.lack_of_fit[1]),
-            },
-            "remainder_over_scatter": diagnosis.rough,
-            "remainder_p": {
-                "poses": _finite(diagnosis.remainder[0]),
-                "pulls": _finite(diagnosis.remainder[1]),
-                "further_cause": _finite(diagnosis.remainder[2]),
-            },
-        },
-        "scatter": {
-            "tracker_over_stated": diagnosis.scatter.tracker,
-            "tracker_over_stated_std": diagnosis.scatter.tracker_std,
-            "scale_over_tracker": diagnosis.scatter.force,
-            "known_from": diagnosis.scatter.known_from,
-        },
-        "equilibrium": diagnosis.equilibrium,
-        "noise_floor_mm": diagnosis.noise_floor_m * 1e3,
-    }
-
-
-def _cause(cause: Cause) -> dict[str, Any]:
-    effect = cause.effect
-    return {
-        "name": effect.name,
-        "where": effect.where,
-        "location": effect.location,
-        "form": effect.form or None,
-        "probability": cause.probability,
-        "parameters": [
-            {
-                "name": a.parameter.name,
-                "value": a.value,
-                "std": _finite(a.std),
-                "unit": a.parameter.unit,
-                "ci95": [_finite(a.ci95[0]), _finite(a.ci95[1])],
-            }
-            for a in cause.amplitudes
-        ],
-        "p_value": cause.p_value,
-        "rivals": [
-            {"name": r.effect.name, "where": r.effect.where, "probability": r.probability}
-            for r in cause.rivals
-        ],
-        "outside_catalogue": _unnamed(cause.unnamed),
-        "twins": list(cause.twins),
-        "signature": effect.signature,
-        "needs": effect.needs,
-        "gain": _gain(cause),
-    }
-
-
-def _unnamed(one: Named | None) -> dict[str, Any] | None:
-    if one is None:
-        return None
-    return {
-        "probability": one.probability,
-        "looks_like": one.effect.name,
-        "where": one.effect.where,
-    }
-
-
-def _alone(one: Alone) -> dict[str, Any]:
-    return {
-        "name": one.effect.name,
-        "where": one.effect.where,
-        "form": one.effect.form or None,
-        "probability": one.probability,
-        "reduction": one.reduction,
-        "ci95": list(one.ci95),
-    }
-
-
-def _gain(cause: Cause) -> dict[str, Any] | None:
-    if cause.gain is None:
-        return None
-    change = cause.test_pose_change_m
-    return {
-        "held_out_rms_before_mm": cause.gain.rms_before_m * 1e3,
-        "held_out_rms_after_mm": cause.gain.rms_after_m * 1e3,
-        "reduction": cause.gain.reduction,
-        "ci95": list(cause.gain.ci95),
-        "of": cause.gain.of,
-        "test_pose_change_mm": None if change is None else change * 1e3,
-    }
-
-
-def _blind(spot: BlindSpot) -> dict[str, Any]:
-    return {
-        "name": spot.effect.name,
-        "where": spot.effect.where,
-        "why": spot.why,
-        "smallest_visible": spot.smallest_visible,
-        "parameter": spot.effect.parameters[0].name,
-        "unit": spot.effect.parameters[0].unit,
-        "typical": spot.effect.parameters[0].typical,
-        "needs": spot.effect.needs,
-    }
-
-
-def _pose(proposal: Proposal, robot: Robot) -> dict[str, Any]:
-    q = np.where(robot.prismatic, proposal.q, np.rad2deg(proposal.q))
-    return {
-        "separates": list(proposal.separates),
-        "q": [round(float(v), 4) for v in q],
-        "q_unit": ["m" if j.prismatic else "deg" for j in robot.joints],
-        "anchor_m": [round(float(v), 3) for v in proposal.anchor],
-        "force_n": round(proposal.force_n, 0),
-        "approach": proposal.approach if robot.joints[0].prismatic else None,
-        "sigmas_before": proposal.before,
-        "sigmas_after": proposal.after,
-        "pose": proposal.poses,
-    }
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -18,8 +18,12 @@ READERS: dict[str, Reader] = {
     "xyz": xyz.READER,
 }
 
+WRITERS = {key: reader for key, reader in READERS.items() if reader.write}
+"""Those in whose dialect `simulate` writes, too."""
+
 __all__ = [
     "READERS",
+    "WRITERS",
     "Columns",
     "Export",
     "Hints",
@@ -40,6 +44,7 @@ def recognise(file: Text) -> Reader:
     """
     sample = file.sample()
     fitting = [reader for reader in READERS.values() if reader.recognise(sample)]
+    fitting = [reader for reader in fitting if not reader.general] or fitting
     if len(fitting) == 1:
         return fitting[0]
     known = listed(reader.name for reader in fitting or READERS.values())

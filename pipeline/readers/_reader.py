@@ -161,6 +161,8 @@ class Reader:
         suffix: Usual ending of its files.
         says_unit: Whether its files state their unit; else campaign.toml must.
         says_names: Whether its files have groups and targets; else an assignment must.
+        general: Whether any table with the usual titles fits, so that a dialect with a mark of
+            its own comes first.
     """
 
     name: str
@@ -170,6 +172,7 @@ class Reader:
     suffix: str = ".csv"
     says_unit: bool = True
     says_names: bool = True
+    general: bool = False
 
 
 @dataclass(frozen=True, eq=False)

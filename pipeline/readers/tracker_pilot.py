@@ -46,4 +46,4 @@ def write(readings: Readings, unit: str, digits: int | None) -> bytes:
     return "\r\n".join([*lines, ""]).encode("cp1252")
 
 
-READER = Reader("Leica Tracker Pilot CSV", recognise, read, write)
+READER = Reader("Leica Tracker Pilot CSV", recognise, read, write, general=True)

@@ -5,72 +5,52 @@ Page and PDF both walk through the same record, so neither can say what the othe
 
 from __future__ import annotations
 
+from pipeline.answer.contract import Answer
 from pipeline.report import words
 from pipeline.report.record import Report
-from pipeline.report.sections._tree import at, items, joint_name
 from pipeline.report.sections.diagnosis import diagnosis
 from pipeline.report.sections.method import method
 from pipeline.report.sections.prediction import test_pose, validation
 from pipeline.report.sections.readings import budget, registration, rejected, residuals
 from pipeline.report.sections.stiffness import stiffness
-from pipeline.report.summaries import Result, Tables
+from pipeline.report.summaries import Tables
 
 
 def compose(
-    result: Result,
+    answer: Answer,
     tables: Tables,
     run_time_s: float | None = None,
-    previous: Result | None = None,
+    previous: Answer | None = None,
 ) -> Report:
     """Everything the report says about a campaign.
 
     Args:
-        result: The object of result.json; keys that are missing or null leave their part out.
+        answer: The answer to the campaign.
         tables: REGISTRATION, RESIDUALS, REJECTED, VALIDATION, FORCES and DISPLACEMENTS by the
-            lower-case name of their promise, SI.
+            lower-case name of their promise, SI; what is missing is left out.
         run_time_s: How long the run took [s].
-        previous: The result of the robot's previous campaign, to say what has changed.
+        previous: The answer to the robot's previous campaign, to say what has changed.
     """
-    title, tone = words.VERDICTS.get(
-        at(result, "diagnosis", "verdict"), ("Stiffness identified", "neutral")
-    )
+    title, tone = words.VERDICTS[answer.diagnosis.verdict]
     sections = [
-        stiffness(result, previous),
-        diagnosis(result, tables),
-        test_pose(result, tables),
-        validation(result, tables),
-        residuals(result, tables),
-        budget(result),
-        registration(result, tables),
-        rejected(result, tables),
-        method(result),
+        stiffness(answer, previous),
+        diagnosis(answer, tables),
+        test_pose(answer, tables),
+        validation(answer, tables),
+        residuals(answer, tables),
+        budget(answer),
+        registration(answer, tables),
+        rejected(answer),
+        method(answer),
     ]
-    campaign, robot = str(result.get("campaign") or "campaign"), str(result.get("robot") or "robot")
     return Report(
-        kicker=f"Joint stiffness · {robot}",
-        heading=campaign,
-        title=f"Joint stiffness of {robot}: {campaign}",
+        kicker=f"Joint stiffness · {answer.robot}",
+        heading=answer.campaign,
+        title=f"Joint stiffness of {answer.robot}: {answer.campaign}",
         verdict=title,
         tone=tone,
-        sentences=tuple(_verdict_sentences(result)),
+        sentences=answer.verdict_sentence,
         sections=tuple(s for s in sections if s is not None),
         elsewhere="The same stands in index.html and report.pdf, the numbers in result.json.",
         run_time=None if run_time_s is None else f"{run_time_s:.1f} s",
     )
-
-
-def _verdict_sentences(result: Result) -> list[str]:
-    given = result.get("verdict_sentence")
-    if isinstance(given, str) and given:
-        given = [given]
-    if given:
-        return [words.in_words(str(sentence)) for sentence in given]
-    verdict = at(result, "diagnosis", "verdict")
-    weak = [joint_name(s) for s in items(result, "stiffness") if not s.get("identifiable", True)]
-    first = words.EXPLAINED.get(
-        str(verdict),
-        "The joint stiffnesses are identified; whether the model is complete was not tested.",
-    )
-    if weak:
-        return [first, f"Not determined by these poses: {', '.join(weak)}."]
-    return [first, "All joint stiffnesses are determined; their uncertainties stand in the table."]

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 from urllib.parse import quote
 
+from pipeline.answer.contract import Answer, Cause, Stiffness
 from pipeline.answer.history import (
     Change,
     Trend,
@@ -21,14 +21,14 @@ from pipeline.base.arrays import Array
 from pipeline.base.quantities import (
     MISSING,
     common_prefix,
-    known,
     p_value,
     plain,
     prefixed,
-    with_std,
+    scaled,
 )
 from pipeline.diagnosis.average import LIKELY
 from pipeline.report import words
+from pipeline.report.columns import Cells, measured, number, roughly, said, table_of
 from pipeline.report.record import (
     Block,
     Column,
@@ -38,29 +38,28 @@ from pipeline.report.record import (
     Section,
     Table,
     Text,
-    entry,
-    text_entry,
+    section_of,
 )
-from pipeline.report.summaries import Result
 
 # --- all campaigns -------------------------------------------------------------------------
 
 
-def overview(results: Sequence[Result]) -> Report:
+def overview(answers: Sequence[Answer]) -> Report:
     """The page over all campaigns: their verdicts, and each stiffness over time.
 
     Args:
-        results: The result.json of every finished campaign.
+        answers: Those of every finished campaign.
     """
-    by_robot = robots(results)
+    by_robot = robots(answers)
     changed = {name: [t.name for t in trends(own) if t.sure] for name, own in by_robot.items()}
-    sections = [Section("campaigns", "Campaigns", (_campaigns(ordered(results)),))]
-    sections += [
-        Section(f"robot-{number}", name, _robot(number, name, own))
-        for number, (name, own) in enumerate(by_robot.items())
+    sections = [
+        section_of("campaigns", "Campaigns", [_campaigns(ordered(answers))]),
+        *(
+            section_of(f"robot-{place}", name, _robot(place, name, own))
+            for place, (name, own) in enumerate(by_robot.items())
+        ),
     ]
-    moved = any(changed.values())
-    several = any(sum(map(trusted, own)) > 1 for own in by_robot.values())
+    moved, several = any(changed.values()), _several(by_robot)
     held = "No stiffness has changed" if several else "Nothing to compare yet"
     return Report(
         kicker="Joint stiffness",
@@ -68,130 +67,123 @@ def overview(results: Sequence[Result]) -> Report:
         title="Joint stiffness: all campaigns",
         verdict="A stiffness has changed" if moved else held,
         tone="attention" if moved else "good" if several else "neutral",
-        sentences=tuple(_overview_sentences(results, by_robot, changed)),
-        sections=tuple(sections),
+        sentences=(
+            f"{_counted(len(answers), 'campaign')} on {_counted(len(by_robot), 'robot')}.",
+            *_change_sentences(changed, several),
+            *_not_compared(by_robot),
+        ),
+        sections=tuple(section for section in sections if section is not None),
         elsewhere="Each campaign's own page has the whole of its story.",
     )
 
 
-def _overview_sentences(
-    results: Sequence[Result], by_robot: Mapping[str, Any], changed: Mapping[str, list[str]]
-) -> list[str]:
-    campaigns = "1 campaign" if len(results) == 1 else f"{len(results)} campaigns"
-    machines = "1 robot" if len(by_robot) == 1 else f"{len(by_robot)} robots"
-    said = [f"{campaigns} on {machines}."]
-    for robot, names in changed.items():
-        if names:
-            said.append(
-                f"{robot}: {', '.join(names)} changed by more than chance explains; "
-                f"look at the history below before relying on an older model."
-            )
-    if not any(changed.values()):
-        several = any(sum(map(trusted, own)) > 1 for own in by_robot.values())
-        said.append(
-            "Between campaigns of one robot every stiffness agrees within its uncertainty."
-            if several
-            else "A robot's second campaign will show here whether its stiffnesses hold."
-        )
-    out = [str(r.get("campaign")) for own in by_robot.values() for r in own if not trusted(r)]
-    if out:
-        said.append(f"Not compared, because no model explains their readings: {', '.join(out)}.")
-    return said
+def _several(by_robot: Mapping[str, Sequence[Answer]]) -> bool:
+    """Whether any robot has two campaigns that can be compared."""
+    return any(sum(map(trusted, own)) > 1 for own in by_robot.values())
 
 
-def _campaigns(results: Sequence[Result]) -> Table:
-    rows = []
-    for result in results:
-        said = result.get("diagnosis") or {}
-        verdict = said.get("verdict")
-        left_out = (result.get("validation") or {}).get("held_out_rms_mm")
-        name = str(result.get("campaign"))
-        rows.append(
-            (
-                Entry(name, name, f"{quote(name)}/index.html"),
-                text_entry(result.get("robot")),
-                text_entry(_day(result)),
-                text_entry(words.VERDICTS.get(str(verdict), (str(verdict or MISSING), ""))[0]),
-                text_entry(", ".join(map(_who, said.get("causes") or []))),
-                text_entry(words.values_of(result)),
-                entry(plain(left_out), left_out),
-            )
-        )
-    columns = (
-        Column("Campaign"),
-        Column("Robot"),
-        Column("Measured"),
-        Column("Verdict"),
-        Column("Identified causes"),
-        Column("Model"),
-        Column("Error at poses left out [mm]", numeric=True),
-    )
-    return Table("campaigns", "Every campaign with a result", columns, tuple(rows))
+def _counted(number: int, noun: str) -> str:
+    return f"1 {noun}" if number == 1 else f"{number} {noun}s"
 
 
-def _who(cause: Mapping[str, Any]) -> str:
+def _change_sentences(changed: Mapping[str, list[str]], several: bool) -> list[str]:
+    """What has changed, robot by robot, or that nothing has."""
+    if any(changed.values()):
+        return [
+            f"{robot}: {', '.join(names)} changed by more than chance explains; "
+            f"look at the history below before relying on an older model."
+            for robot, names in changed.items()
+            if names
+        ]
+    if several:
+        return ["Between campaigns of one robot every stiffness agrees within its uncertainty."]
+    return ["A robot's second campaign will show here whether its stiffnesses hold."]
+
+
+def _not_compared(by_robot: Mapping[str, Sequence[Answer]]) -> list[str]:
+    out = [one.campaign for own in by_robot.values() for one in own if not trusted(one)]
+    if not out:
+        return []
+    return [f"Not compared, because no model explains their readings: {', '.join(out)}."]
+
+
+def _campaigns(answers: Sequence[Answer]) -> Table | None:
+    columns: list[Cells[Answer]] = [
+        (Column("Campaign"), _linked),
+        said("Robot", lambda one: one.robot),
+        said("Measured", lambda one: one.measured and one.measured[:10]),
+        said("Verdict", lambda one: words.VERDICTS[one.diagnosis.verdict][0]),
+        said("Identified causes", lambda one: ", ".join(map(_who, one.diagnosis.causes))),
+        said("Model", words.values_of),
+        number("Error at poses left out [mm]", _left_out_mm),
+    ]
+    return table_of("campaigns", "Every campaign with a result", columns, answers)
+
+
+def _linked(answer: Answer) -> Entry:
+    return Entry(answer.campaign, answer.campaign, f"{quote(answer.campaign)}/index.html")
+
+
+def _left_out_mm(answer: Answer) -> float | None:
+    return answer.validation.held_out_rms_mm if answer.validation else None
+
+
+def _who(cause: Cause) -> str:
     """A cause, with those that it could as well be."""
-    rivals = [r for r in cause.get("rivals") or [] if r.get("probability", 0.0) > LIKELY]
-    return " or ".join(words.cause(str(c.get("name")), c.get("where")) for c in (cause, *rivals))
+    rivals = [rival for rival in cause.rivals if rival.probability > LIKELY]
+    return " or ".join(words.cause(one.name, one.where) for one in (cause, *rivals))
 
 
-def _day(result: Result) -> str | None:
-    measured = result.get("measured")
-    return str(measured)[:10] if measured else None
-
-
-def _robot(number: int, name: str, results: Sequence[Result]) -> tuple[Block, ...]:
-    counted = [result for result in results if trusted(result)]
-    if len(results) < 2:
-        return (Text(f"One campaign so far, {results[0].get('campaign')}."),)
-    if len(counted) < 2:
+def _robot(place: int, name: str, answers: Sequence[Answer]) -> Sequence[Block | None]:
+    if len(answers) < 2:
+        return (Text(f"One campaign so far, {answers[0].campaign}."),)
+    if sum(map(trusted, answers)) < 2:
         return (Text("Fewer than two campaigns whose readings a model explains: no comparison."),)
-    found = trends(results)
-    blocks: list[Block] = [
+    found = trends(answers)
+    surely = [
         Text(f"{t.name} changed by more than chance explains.", "finding") for t in found if t.sure
     ]
-    return (*blocks, _trend_table(number, found), _history_figure(number, name, results, found))
+    return (*surely, _trend_table(place, found), _history_figure(place, name, answers, found))
 
 
-def _trend_table(number: int, found: Sequence[Trend]) -> Table:
-    rows = tuple(
-        (
-            text_entry(t.name),
-            entry(str(t.campaigns), t.campaigns),
-            entry(with_std(t.first_to_last, t.first_to_last_std), t.first_to_last),
-            entry(with_std(t.percent_a_year, t.percent_a_year_std), t.percent_a_year),
-            entry(p_value(t.p_value) if known(t.p_value) else MISSING, t.p_value),
-            text_entry("changed" if t.sure else "holds" if t.campaigns > 1 else "one value"),
-        )
-        for t in found
-    )
-    columns = (
-        Column("Joint"),
-        Column("Campaigns", numeric=True),
-        Column("First to last [%]", numeric=True),
-        Column("Per year [%]", numeric=True),
-        Column("Chance of such scatter", numeric=True),
-        Column("Result"),
-    )
+def _trend_table(place: int, found: Sequence[Trend]) -> Table | None:
+    columns: list[Cells[Trend]] = [
+        said("Joint", lambda t: t.name),
+        number("Campaigns", lambda t: t.campaigns, str),
+        measured("First to last [%]", lambda t: (t.first_to_last, t.first_to_last_std)),
+        measured("Per year [%]", lambda t: (t.percent_a_year, t.percent_a_year_std)),
+        number("Chance of such scatter", lambda t: t.p_value, _chance),
+        said("Result", _held),
+    ]
     note = (
         "Tested on the compliances, whose errors are normal, at 1 % for all joints together; an "
         "error that all campaigns share, such as the scale's gain, cancels here and is not seen."
     )
-    return Table(f"trend-{number}", "Has a stiffness changed?", columns, rows, note)
+    return table_of(f"trend-{place}", "Has a stiffness changed?", columns, found, note)
+
+
+def _chance(p: float | None) -> str:
+    return MISSING if p is None else p_value(p)
+
+
+def _held(trend: Trend) -> str:
+    if trend.campaigns < 2:
+        return "one value"
+    return "changed" if trend.sure else "holds"
 
 
 def _history_figure(
-    number: int, name: str, results: Sequence[Result], found: Sequence[Trend]
+    place: int, name: str, answers: Sequence[Answer], found: Sequence[Trend]
 ) -> Figure:
     changed = [t.name for t in found if t.sure]
-    said = f"{len(results)} campaigns of {name}. " + (
+    told = f"{len(answers)} campaigns of {name}. " + (
         f"Changed: {', '.join(changed)} in another colour." if changed else "No joint stands out."
     )
     return Figure(
-        f"history-{number}",
+        f"history-{place}",
         "Each stiffness over the campaigns",
-        f"{said} Bars are 95 % intervals; they should overlap as long as nothing changes.",
-        f"One row per joint with the stiffness of each campaign and its interval. {said}",
+        f"{told} Bars are 95 % intervals; they should overlap as long as nothing changes.",
+        f"One row per joint with the stiffness of each campaign and its interval. {told}",
     )
 
 
@@ -211,8 +203,8 @@ NOT_EXPLAINED = (
 
 def comparison(
     names: tuple[str, str],
-    before: Sequence[Any],
-    after: Sequence[Any],
+    before: Sequence[Stiffness],
+    after: Sequence[Stiffness],
     covariances: tuple[Array, Array] | None,
     not_tested: str = SAME_READINGS,
     models: tuple[str, str] = ("", ""),
@@ -221,7 +213,7 @@ def comparison(
 
     Args:
         names: What they are called.
-        before: Stiffness entries of the first.
+        before: Stiffnesses of the first.
         after: Of the second.
         covariances: Of their compliances, when they are independent; without them, as for two
             models of one campaign, nothing is tested.
@@ -235,6 +227,7 @@ def comparison(
     title = f"{names[0]} beside {names[1]}"
     each = zip(names, models, strict=True)
     titles = [f"{name}: {model}" if model else name for name, model in each]
+    table = _comparison_table(titles, before, found)
     return Report(
         kicker="Joint stiffness compared",
         heading=title,
@@ -244,16 +237,14 @@ def comparison(
         sentences=tuple(
             _comparison_sentences(found, surely, test, "" if covariances else not_tested)
         ),
-        sections=(
-            Section("joints", "Joint by joint", (_comparison_table(titles, before, found),)),
-        ),
+        sections=(Section("joints", "Joint by joint", (table,)),) if table else (),
     )
 
 
 def _test(
-    before: Sequence[Any], after: Sequence[Any], covariances: tuple[Array, Array] | None
+    before: Sequence[Stiffness], after: Sequence[Stiffness], covariances: tuple[Array, Array] | None
 ) -> str:
-    if covariances is None or [j.get("name") for j in before] != [j.get("name") for j in after]:
+    if covariances is None or [j.name for j in before] != [j.name for j in after]:
         return ""
     chi2, dof = together(before, after, *covariances)
     p = chance(chi2, dof)
@@ -271,44 +262,40 @@ def _comparison_sentences(
         return ["They have no joint in common."]
     if not_tested:
         return [not_tested]
-    said = (
+    told = (
         f"{', '.join(surely)} differ{'s' if len(surely) == 1 else ''} by more than chance explains."
         if surely
         else "No stiffness differs by more than chance explains."
     )
-    return [said, test] if test else [said]
+    return [told, test] if test else [told]
 
 
 def _comparison_table(
-    names: Sequence[str], before: Sequence[Any], found: Sequence[Change]
-) -> Table:
-    factor, letter = common_prefix(c.before for c in found)
-    units = {j.get("name"): str(j.get("unit") or "") for j in before}
-    rows = tuple(
-        (
-            text_entry(c.name),
-            entry(plain(c.before / factor, 4) if c.before else MISSING, c.before),
-            entry(plain(c.after / factor, 4) if c.after else MISSING, c.after),
-            text_entry(prefixed(units.get(c.name, ""), letter)),
-            entry(with_std(c.percent, c.percent_std), c.percent),
-            entry(plain(c.sigmas, 2), c.sigmas),
-            text_entry("differs" if c.sure else "" if c.sigmas is None else "agrees"),
-        )
-        for c in found
-    )
-    columns = (
-        Column("Joint"),
-        Column(names[0], numeric=True),
-        Column(names[1], numeric=True),
-        Column("Unit"),
-        Column("Change [%]", numeric=True),
-        Column("Difference of compliance [σ]", numeric=True),
-        Column("Result"),
-    )
-    tested = any(c.sigmas is not None for c in found)
-    note = (
-        "Tested on the compliances, whose errors are normal, at 1 % for all joints together."
-        if tested
-        else ""
-    )
-    return Table("comparison", "Stiffness of each joint", columns, rows, note)
+    names: Sequence[str], before: Sequence[Stiffness], found: Sequence[Change]
+) -> Table | None:
+    factor, letter = common_prefix(change.before for change in found)
+    units = {joint.name: prefixed(joint.unit, letter) for joint in before}
+
+    def in_prefix(value: float | None) -> str:
+        return plain(scaled(value, factor), 4)
+
+    columns: list[Cells[Change]] = [
+        said("Joint", lambda change: change.name),
+        number(names[0], lambda change: change.before, in_prefix),
+        number(names[1], lambda change: change.after, in_prefix),
+        said("Unit", lambda change: units[change.name]),
+        measured("Change [%]", lambda change: (change.percent, change.percent_std)),
+        number("Difference of compliance [σ]", lambda change: change.sigmas, roughly),
+        said("Result", _judged),
+    ]
+    note = _TESTED if any(change.sigmas is not None for change in found) else ""
+    return table_of("comparison", "Stiffness of each joint", columns, found, note)
+
+
+_TESTED = "Tested on the compliances, whose errors are normal, at 1 % for all joints together."
+
+
+def _judged(change: Change) -> str:
+    if change.sigmas is None:
+        return ""
+    return "differs" if change.sure else "agrees"

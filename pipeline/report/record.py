@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -95,6 +96,12 @@ class Section:
     key: str
     title: str
     blocks: tuple[Block, ...]
+
+
+def section_of(key: str, title: str, blocks: Iterable[Block | None]) -> Section | None:
+    """A part with the blocks that are there, None when none is."""
+    kept = tuple(block for block in blocks if block is not None)
+    return Section(key, title, kept) if kept else None
 
 
 @dataclass(frozen=True)

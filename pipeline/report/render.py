@@ -1,4 +1,4 @@
-"""From a result and its tables to the bytes of page, PDF and figures; writes nothing."""
+"""From an answer and its tables to the bytes of page, PDF and figures; writes nothing."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from importlib.resources import files
-from typing import Any
 
 import jinja2
 import pandas as pd
 from markupsafe import Markup
 
 from pipeline import __version__
+from pipeline.answer.contract import Answer
 from pipeline.report.model import compose
 from pipeline.report.overview import overview
 from pipeline.report.record import Report
@@ -23,26 +23,26 @@ _HERE = files("pipeline.report")
 
 
 def render(
-    result: Mapping[str, Any],
+    answer: Answer,
     tables: Mapping[str, pd.DataFrame],
     run_time_s: float | None = None,
-    previous: Mapping[str, Any] | None = None,
+    previous: Answer | None = None,
 ) -> dict[str, bytes]:
     """Every file of a campaign's report.
 
     Args:
-        result: The object of result.json.
+        answer: The answer to the campaign.
         tables: Tables by the lower-case name of their promise, SI; what is missing is left out.
         run_time_s: How long the run took [s]; the only thing here that may differ between two runs.
-        previous: The result of the robot's previous campaign, to say what has changed.
+        previous: The answer to the robot's previous campaign, to say what has changed.
 
     Returns:
         Content by path below the report's folder: index.html, report.pdf, figures/*.svg.
     """
     from pipeline.report.figures.catalogue import draw  # matplotlib takes half a second to import
 
-    report = compose(result, tables, run_time_s, previous)
-    drawings = {figure.name: draw(figure.name, result, tables) for figure in report.figures}
+    report = compose(answer, tables, run_time_s, previous)
+    drawings = {figure.name: draw(figure.name, answer, tables) for figure in report.figures}
     return {
         "index.html": page(report, {n: d.inline for n, d in drawings.items()}).encode(),
         "report.pdf": pdf(report, {n: d.svg for n, d in drawings.items()}),
@@ -50,12 +50,12 @@ def render(
     }
 
 
-def render_overview(results: Sequence[Mapping[str, Any]]) -> bytes:
-    """The page over all campaigns, from their results."""
+def render_overview(answers: Sequence[Answer]) -> bytes:
+    """The page over all campaigns, from their answers."""
     from pipeline.report.figures.catalogue import draw_robot
 
-    report = overview(results)
-    drawings = {figure.name: draw_robot(figure.name, results) for figure in report.figures}
+    report = overview(answers)
+    drawings = {figure.name: draw_robot(figure.name, answers) for figure in report.figures}
     return page(report, {name: drawing.inline for name, drawing in drawings.items()}).encode()
 
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from pipeline.answer.history import Result as Result
 from pipeline.base.arrays import Array
 from pipeline.diagnosis.separability import DETECTED
 

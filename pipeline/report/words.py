@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
 from functools import cache
-from typing import Any
+
+from pipeline.answer.contract import Answer, Values
+from pipeline.answer.recommended import Data, Which
+from pipeline.machine.effect import in_place
 
 MISTAKES = {
     "outlier": "outlying reading",
@@ -26,21 +27,13 @@ def nouns() -> dict[str, str]:
     return known | MISTAKES
 
 
-@cache
-def labels() -> re.Pattern[str]:
-    """A cause's label, `joint_tilt:2`, within a sentence."""
-    return re.compile(rf"\b({'|'.join(n for n in nouns() if '_' in n)})(?::(\w+))?\b")
-
-
 SOURCES = {
     "tracker": "tracker readings",
     "zero": "zero of each pose",
     "force_reading": "scale readings",
-    "force reading": "scale readings",
     "force_gain": "gain of the scale",
     "law": "law of the named causes",
     "second_order": "deflected geometry, which c = B x leaves out",
-    "force gain": "gain of the scale",
     "direction": "direction of the chain",
     "registration": "registration into the base frame",
     "geometry": "geometry of robot and tool",
@@ -61,40 +54,15 @@ MODELS = {
 }
 """Whose values the answer gives."""
 
-EXPLAINED = {
-    "adequate": "The residuals are what the stated noise makes of a right model.",
-    "explained": "The joint springs alone do not explain the readings; the cause below does.",
-    "ambiguous": "The joint springs alone do not explain the readings; the causes below fit "
-    "equally well, and these readings cannot tell which of them it is.",
-    "unexplained": "The joint springs alone do not explain the readings, and no cause in the "
-    "catalogue does either: do not correct for anything on the strength of this campaign.",
-    "bad_data": "Some readings contradict the others so strongly that they must be put right.",
-}
 
-
-def place_of_cause(where: object) -> str:
-    """` in joint 3`, ` in the forearm`, ` at P2`, or nothing."""
-    if where is None:
-        return ""
-    if isinstance(where, int):
-        return f" in joint {where}"
-    parts = {"upper_arm": " in the upper arm", "forearm": " in the forearm"}
-    return parts.get(str(where), f" at {where}")
-
-
-def cause(name: str, where: object) -> str:
+def cause(name: str, where: int | str | None) -> str:
     """A cause in plain words with its place."""
-    return nouns().get(name, name.replace("_", " ")) + place_of_cause(where)
+    return nouns().get(name, name.replace("_", " ")) + in_place(where)
 
 
 def label(name: str, where: object) -> str:
     """The machine-readable name, `joint_tilt 2`."""
     return name if where is None else f"{name} {where}"
-
-
-def in_words(sentence: str) -> str:
-    """A sentence with the machine-readable names of causes put into words."""
-    return labels().sub(lambda found: cause(found[1], _where(found[2])), sentence)
 
 
 def from_label(text: str) -> str:
@@ -112,24 +80,23 @@ def _where(text: str | None) -> int | str | None:
     return int(text) if text and text.isdigit() else text or None
 
 
-def values_of(result: Mapping[str, Any]) -> str:
+def source(name: str) -> str:
+    """A source of uncertainty in words."""
+    return SOURCES.get(name, name.replace("_", " "))
+
+
+def values_of(answer: Answer) -> str:
     """Which model and data the answer's values are of."""
-    said = result.get("recommended") or {}
-    model = MODELS.get(str(said.get("model")), MODELS["joint_springs"])
-    return model + (", data corrected" if said.get("data") == "corrected" else "")
+    said = answer.recommended
+    return MODELS[said.model] + (", data corrected" if said.data == Data.CORRECTED else "")
 
 
-def beside(result: Mapping[str, Any]) -> tuple[str, Mapping[str, Any]] | None:
+def beside(answer: Answer) -> tuple[str, Values] | None:
     """What the joint springs on the data as given are called, and their values.
 
     None where the answer stands for them.
     """
-    said, springs = result.get("recommended") or {}, result.get("joint_springs")
-    names = ["joint springs alone"] if said.get("model") != "joint_springs" else []
-    names += ["data as given"] if said.get("data") == "corrected" else []
-    return (", ".join(names), springs) if springs and said and names else None
-
-
-def capital(text: str) -> str:
-    """The text with its first letter as a capital."""
-    return text[:1].upper() + text[1:]
+    said = answer.recommended
+    names = ["joint springs alone"] if said.model != Which.JOINT_SPRINGS else []
+    names += ["data as given"] if said.data == Data.CORRECTED else []
+    return (", ".join(names), answer.joint_springs) if names else None

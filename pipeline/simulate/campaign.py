@@ -16,7 +16,7 @@ from pipeline.base.errors import UsageError
 from pipeline.machine.poses import in_log_units
 from pipeline.machine.robot import SHIPPED, Robot
 from pipeline.machine.robot import load as load_robot
-from pipeline.readers import READERS, Readings, text_of
+from pipeline.readers import READERS, WRITERS, Readings, text_of
 from pipeline.simulate.blunders import Notebook, controller_axes
 from pipeline.simulate.hidden import Planted, blunders
 from pipeline.simulate.noise import stated_covariance
@@ -132,7 +132,7 @@ def written(scene: Scene, notes: Notebook) -> dict[str, bytes]:
     tracker = scene.plan.tracker
     write = READERS[tracker.dialect].write if tracker.dialect in READERS else None
     if write is None:
-        known = ", ".join(key for key, reader in READERS.items() if reader.write)
+        known = ", ".join(WRITERS)
         raise UsageError(f'there is no dialect "{tracker.dialect}"; choose from {known}.')
     files = {
         "campaign.toml": _campaign_toml(scene.plan, notes.robot),

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from pipeline.answer.contract import Answer
 from pipeline.answer.history import robots
 from pipeline.report.figures import causes, places, prediction, residuals, stiffness, workspace
 from pipeline.report.figures.plot import Plot
 from pipeline.report.figures.stiffness import draw_history
 from pipeline.report.record import Figure
-from pipeline.report.summaries import Result, Tables
+from pipeline.report.summaries import Tables
 from pipeline.report.svg import Drawing, drawn
 
 CATALOGUE: tuple[Plot, ...] = (
@@ -30,18 +31,18 @@ CATALOGUE: tuple[Plot, ...] = (
 _PLOTS = {plot.name: plot for plot in CATALOGUE}
 
 
-def figures(names: Sequence[str], result: Result, tables: Tables) -> list[Figure]:
+def figures(names: Sequence[str], answer: Answer, tables: Tables) -> list[Figure]:
     """The figures of these names that this campaign has data for."""
-    written = [_PLOTS[name].write(result, tables) for name in names]
+    written = [_PLOTS[name].write(answer, tables) for name in names]
     return [figure for figure in written if figure is not None]
 
 
-def draw(name: str, result: Result, tables: Tables) -> Drawing:
+def draw(name: str, answer: Answer, tables: Tables) -> Drawing:
     """Draw one of the figures of the report."""
-    return drawn(name, lambda canvas: _PLOTS[name].draw(canvas, result, tables))
+    return drawn(name, lambda canvas: _PLOTS[name].draw(canvas, answer, tables))
 
 
-def draw_robot(name: str, results: Sequence[Result]) -> Drawing:
+def draw_robot(name: str, answers: Sequence[Answer]) -> Drawing:
     """Draw the history of one robot: `history-0` is that of the first of `robots`."""
-    own = list(robots(results).values())[int(name.rpartition("-")[2])]
+    own = list(robots(answers).values())[int(name.rpartition("-")[2])]
     return drawn(name, lambda canvas: draw_history(canvas, own))

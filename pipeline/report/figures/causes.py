@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure as Canvas
 
+from pipeline.answer.contract import Answer
 from pipeline.base.quantities import plain
 from pipeline.diagnosis.nextpose import APART
 from pipeline.report import words
@@ -14,7 +15,6 @@ from pipeline.report.figures.marks import Tips, integer_ticks, legend_above
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure
 from pipeline.report.summaries import (
-    Result,
     Tables,
     gain,
     has,
@@ -28,7 +28,7 @@ _APART_SHADES = SHADES[::2]
 """Dark where two causes are alike."""
 
 
-def _draw_evidence(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+def _draw_evidence(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """Bars of the best suspects, the named ones in another colour."""
     best = suspects(tables["diagnosis"])
     canvas.set_size_inches(5.6, 0.9 + 0.24 * len(best))
@@ -47,7 +47,7 @@ def _draw_evidence(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     return {"evidence": [f"{s}: {plain(v, 2)}{', named' if n else ''}" for s, v, n in rows]}
 
 
-def _draw_separability(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+def _draw_separability(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """A triangle of squares, dark where two causes are alike."""
     apart = separability(tables["separability"])
     names, n = [words.from_label(label) for label in apart.index], len(apart)
@@ -87,7 +87,7 @@ def _draw_separability(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     return {key: said for key, said in tips.items() if said}
 
 
-def _draw_gain(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+def _draw_gain(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """Error at every pose left out, without and with the identified causes."""
     poses = gain(tables["examined"]).dropna()
     axes = canvas.subplots()
@@ -118,9 +118,8 @@ def _cause_in_words(suspect: Any) -> str:
     return words.from_label(f"{suspect['name']}:{where}" if where else str(suspect["name"]))
 
 
-def _write_gain(result: Result, tables: Tables) -> Figure | None:
-    causes = (result.get("diagnosis") or {}).get("causes")
-    if not (causes and has(tables, "examined")):
+def _write_gain(answer: Answer, tables: Tables) -> Figure | None:
+    if not (answer.diagnosis.causes and has(tables, "examined")):
         return None
     poses = gain(tables["examined"]).dropna()
     if poses.empty:
@@ -134,13 +133,13 @@ def _write_gain(result: Result, tables: Tables) -> Figure | None:
     )
     return Figure(
         "gain",
-        "Error at poses left out, without and with the named causes",
+        "Error at poses left out, without and with the identified causes",
         f"{said} Each pose is predicted from all others, the causes chosen anew without it.",
         f"Pairs of marks per pose: error with joint springs alone and with causes. {said}",
     )
 
 
-def _write_evidence(result: Result, tables: Tables) -> Figure | None:
+def _write_evidence(answer: Answer, tables: Tables) -> Figure | None:
     if not has(tables, "diagnosis"):
         return None
     best = suspects(tables["diagnosis"])
@@ -166,7 +165,7 @@ def _apart(sigmas: float) -> str:
     return plain(sigmas, 2) if sigmas >= 0.01 else "less than 0.01"
 
 
-def _write_separability(result: Result, tables: Tables) -> Figure | None:
+def _write_separability(answer: Answer, tables: Tables) -> Figure | None:
     if not has(tables, "separability"):
         return None
     apart, whole = separability(tables["separability"]), tables["separability"]["cause"].nunique()

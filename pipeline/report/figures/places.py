@@ -9,6 +9,7 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.quiver import Quiver
 from matplotlib.ticker import MaxNLocator
 
+from pipeline.answer.contract import Answer
 from pipeline.base.quantities import plain
 from pipeline.report.figures.marks import MARKERS, Tips, each_row, legend_above, title
 from pipeline.report.figures.plot import Plot
@@ -17,7 +18,6 @@ from pipeline.report.summaries import (
     AXES,
     MM,
     MOST,
-    Result,
     Tables,
     arrows,
     has,
@@ -28,7 +28,7 @@ from pipeline.report.summaries import (
 from pipeline.report.svg import INK, MUTED, RED, SERIES
 
 
-def _draw_arrows(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+def _draw_arrows(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """Residual vectors at the poses, from above and from the side."""
     vectors = arrows(tables["residuals"], places(tables), tables["forces"])
     size = np.linalg.norm(vectors[_RESIDUAL].to_numpy(float), axis=1)
@@ -111,7 +111,7 @@ def _round_down(value: float) -> float:
     return float(max(step for step in (1, 2, 5) if step * power <= value * (1 + 1e-12)) * power)
 
 
-def _draw_registration(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+def _draw_registration(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """Deviation of each base reading from nominal, in order."""
     readings = tables["registration"].reset_index(drop=True).assign(at=lambda t: t.index + 1)
     size = np.linalg.norm(readings[AXES].to_numpy(float), axis=1)
@@ -149,7 +149,7 @@ def _draw_registration(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     return tips
 
 
-def _write_arrows(result: Result, tables: Tables) -> Figure | None:
+def _write_arrows(answer: Answer, tables: Tables) -> Figure | None:
     if not all(has(tables, name) for name in ("residuals", "displacements", "forces")):
         return None
     vectors = arrows(tables["residuals"], places(tables), tables["forces"])
@@ -171,7 +171,7 @@ def _write_arrows(result: Result, tables: Tables) -> Figure | None:
     )
 
 
-def _write_registration(result: Result, tables: Tables) -> Figure | None:
+def _write_registration(answer: Answer, tables: Tables) -> Figure | None:
     if not has(tables, "registration"):
         return None
     by_target = registration_by_target(tables["registration"])

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 from matplotlib.figure import Figure as Canvas
 
+from pipeline.answer.contract import Answer
 from pipeline.report.figures.marks import Tips
 from pipeline.report.record import Figure
-from pipeline.report.summaries import Result, Tables
+from pipeline.report.summaries import Tables
 
 
 @dataclass(frozen=True)
@@ -24,5 +25,5 @@ class Plot:
     """
 
     name: str
-    write: Callable[[Result, Tables], Figure | None]
-    draw: Callable[[Canvas, Result, Tables], Tips]
+    write: Callable[[Answer, Tables], Figure | None]
+    draw: Callable[[Canvas, Answer, Tables], Tips]

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure as Canvas
 
+from pipeline.answer.contract import Answer
 from pipeline.base.quantities import percent, plain
 from pipeline.report.figures.marks import Tips, legend_above
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure
 from pipeline.report.summaries import (
-    Result,
     Tables,
     has,
     prediction_error,
@@ -18,7 +18,7 @@ from pipeline.report.summaries import (
 from pipeline.report.svg import GRID, SERIES
 
 
-def _draw_prediction(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+def _draw_prediction(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """Share of the validation poses below each relative error."""
     errors = prediction_error(tables["validation"])
     axes = canvas.subplots()
@@ -53,7 +53,7 @@ _SETS = {"test_pose": "around the test pose", "global": "over the workspace"}
 _DRAWS = {"covariance": "full covariance", "independent": "independent"}
 
 
-def _write_prediction(result: Result, tables: Tables) -> Figure | None:
+def _write_prediction(answer: Answer, tables: Tables) -> Figure | None:
     if not has(tables, "validation"):
         return None
     errors = prediction_error(tables["validation"])

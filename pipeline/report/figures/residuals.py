@@ -6,13 +6,13 @@ import numpy as np
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator
 
+from pipeline.answer.contract import Answer
 from pipeline.base.quantities import percent, plain
 from pipeline.report.figures.marks import MARKERS, Tips, each_row, integer_ticks, legend_above
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure
 from pipeline.report.summaries import (
     MOST,
-    Result,
     Tables,
     courses,
     has,
@@ -24,7 +24,7 @@ from pipeline.report.summaries import (
 from pipeline.report.svg import BLUE, MUTED, RED, SERIES
 
 
-def _draw_pose_rms(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+def _draw_pose_rms(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """A bar for each pose, and a diamond for the pose left out."""
     poses = pose_rms(tables["residuals"])
     axes = canvas.subplots()
@@ -57,7 +57,7 @@ def _draw_pose_rms(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     return tips
 
 
-def _draw_residual_force(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+def _draw_residual_force(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """Every residual coordinate over the size of its pull."""
     points = residual_force(tables["residuals"], tables["forces"])
     points = thinned(points, points["mm"].to_numpy(float))
@@ -88,7 +88,7 @@ def _draw_residual_force(canvas: Canvas, result: Result, tables: Tables) -> Tips
     return tips
 
 
-def _draw_residual_course(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+def _draw_residual_course(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """Every residual coordinate over rail position, torque and time."""
     rows, told = courses(tables)
     canvas.set_size_inches(5.6, 0.5 + 1.5 * len(told))
@@ -119,7 +119,7 @@ def _draw_residual_course(canvas: Canvas, result: Result, tables: Tables) -> Tip
     return tips
 
 
-def _draw_whitened(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+def _draw_whitened(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """Histogram of weighted residuals beside the normal curve."""
     values = whitened(tables["residuals"])
     reach = float(np.clip(np.abs(values).max(), 4, 12))
@@ -148,7 +148,7 @@ def _draw_whitened(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     return {"count": [f"{a:g} to {a + 0.5:g} σ: {n}" for a, n in bars]}
 
 
-def _write_pose_rms(result: Result, tables: Tables) -> Figure | None:
+def _write_pose_rms(answer: Answer, tables: Tables) -> Figure | None:
     if not has(tables, "residuals"):
         return None
     poses = pose_rms(tables["residuals"])
@@ -168,7 +168,7 @@ def _write_pose_rms(result: Result, tables: Tables) -> Figure | None:
     )
 
 
-def _write_residual_force(result: Result, tables: Tables) -> Figure | None:
+def _write_residual_force(answer: Answer, tables: Tables) -> Figure | None:
     if not (has(tables, "residuals") and has(tables, "forces")):
         return None
     points = residual_force(tables["residuals"], tables["forces"])
@@ -188,7 +188,7 @@ def _write_residual_force(result: Result, tables: Tables) -> Figure | None:
     )
 
 
-def _write_residual_course(result: Result, tables: Tables) -> Figure | None:
+def _write_residual_course(answer: Answer, tables: Tables) -> Figure | None:
     if not has(tables, "examined") or "residual_extended_m" not in tables["examined"]:
         return None
     _, told = courses(tables)
@@ -210,7 +210,7 @@ def _write_residual_course(result: Result, tables: Tables) -> Figure | None:
     )
 
 
-def _write_whitened(result: Result, tables: Tables) -> Figure | None:
+def _write_whitened(answer: Answer, tables: Tables) -> Figure | None:
     if not has(tables, "residuals"):
         return None
     values = whitened(tables["residuals"])

@@ -2,53 +2,75 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator
 
+from pipeline.answer.contract import Answer, Stiffness
 from pipeline.answer.history import trends
 from pipeline.base.arrays import Array
-from pipeline.base.quantities import common_prefix, known, percent, plain, prefixed
+from pipeline.base.quantities import common_prefix, percent, plain, prefixed
 from pipeline.report import words
 from pipeline.report.figures.marks import Tips
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure
-from pipeline.report.summaries import Result, Tables
+from pipeline.report.summaries import Tables
 from pipeline.report.svg import BLUE, MUTED, RED
 
+# --- beside the nominal values -------------------------------------------------------------
 
-def _draw_stiffness(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+
+def _comparable(answer: Answer) -> list[Stiffness]:
+    """The joints that have a value and a nominal one."""
+    return [joint for joint in answer.stiffness if joint.value is not None and joint.nominal]
+
+
+def _limits(joint: Stiffness) -> tuple[float, float]:
+    """The 95 % interval; a compliance that may be zero has no upper limit."""
+    low, high = joint.ci95
+    return np.nan if low is None else low, np.inf if high is None else high
+
+
+def _beside(answer: Answer, joints: Sequence[Stiffness]) -> Array:
+    """What joint springs alone say of these joints, NaN where nothing else, or nothing."""
+    other = words.beside(answer)
+    values = {joint.name: joint.value for joint in other[1].stiffness} if other else {}
+    return np.array([values.get(joint.name) for joint in joints], dtype=float)
+
+
+def _draw_stiffness(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """Every joint with its 95 % interval, in percent of nominal."""
-    joints = _comparable(result)
+    joints = _comparable(answer)
     canvas.set_size_inches(5.6, 0.9 + 0.28 * len(joints))
     axes = canvas.subplots()
     at = np.arange(len(joints))
-    share = np.array([100 * j["value"] / j["nominal"] for j in joints])
-    bounds = np.array([_bounds(j) for j in joints]).T
+    nominal = np.array([joint.nominal for joint in joints], dtype=float)
+    share = 100 * np.array([joint.value for joint in joints], dtype=float) / nominal
+    low, high = 100 * np.array(list(map(_limits, joints))).T / nominal
+    other = 100 * _beside(answer, joints) / nominal
     axes.axvline(100, color=MUTED, linewidth=1, linestyle="--")
-    endless = ~np.isfinite(bounds[1])
-    shown = np.concatenate([share[~endless], bounds[np.isfinite(bounds)], [100.0]])
+    endless = ~np.isfinite(high)
+    shown = np.concatenate([share[~endless], low, high[~endless], [100.0]])
     right = shown.max() + 0.08 * max(np.ptp(shown), 1.0)
-    axes.hlines(at, bounds[0], np.where(endless, right, bounds[1]), BLUE, lw=2.2)
+    axes.hlines(at, low, np.where(endless, right, high), BLUE, lw=2.2)
     beyond = share > right  # a value without upper limit may be anywhere
     for which, key in ((endless & ~beyond, None), (beyond, "beyond")):
         where = np.full(which.sum(), right)
         axes.scatter(where, at[which], color=BLUE, marker=">", s=30, gid=key)
-    other = _beside(result, joints)
     near = np.abs(other - shown.mean()) < np.ptp(shown)  # a wrong unit would squeeze all others
     axes.scatter(other[near], at[near], facecolors="none", edgecolors=MUTED, s=34, zorder=2)
     axes.scatter(share[~beyond], at[~beyond], color=BLUE, s=26, gid="share", zorder=3)
-    axes.set_yticks(at, [str(j["name"]) for j in joints])
+    axes.set_yticks(at, [joint.name for joint in joints])
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("Stiffness [% of nominal]")
     said = [
-        f"{j['name']}: {plain(s)} % of nominal, "
-        + (f"{plain(low)} % to {plain(high)} %" if np.isfinite(high) else f"above {plain(low)} %")
-        for j, s, low, high in zip(joints, share, *bounds, strict=True)
+        f"{joint.name}: {plain(s)} % of nominal, "
+        + (f"{plain(a)} % to {plain(b)} %" if np.isfinite(b) else f"above {plain(a)} %")
+        for joint, s, a, b in zip(joints, share, low, high, strict=True)
     ]
     return {
         "share": [words for words, far in zip(said, beyond, strict=True) if not far],
@@ -56,123 +78,106 @@ def _draw_stiffness(canvas: Canvas, result: Result, tables: Tables) -> Tips:
     }
 
 
-def _beside(result: Result, joints: Sequence[Mapping[str, Any]]) -> Array:
-    """What joint springs alone say of these joints [% of nominal], NaN where nothing else."""
-    other = words.beside(result)
-    values = {j["name"]: j["value"] for j in other[1]["stiffness"]} if other else {}
-    return np.array([100 * (values.get(j["name"]) or np.nan) / j["nominal"] for j in joints])
-
-
-def _bounds(joint: Mapping[str, Any]) -> tuple[float, float]:
-    """The 95 % interval [% of nominal]; a compliance that may be zero has no upper limit."""
-    given = [*(joint.get("ci95") or []), None, None][:2]
-    low = given[0] if known(given[0]) else joint["value"] - 1.96 * joint["std"]
-    high = given[1] if known(given[1]) else np.inf
-    return 100 * low / joint["nominal"], 100 * high / joint["nominal"]
-
-
-def draw_history(canvas: Canvas, results: Sequence[Result]) -> Tips:
-    """One row per joint: its stiffness in each campaign."""
-    found = trends(results)
-    canvas.set_size_inches(5.6, 0.7 + 0.85 * len(found))
-    views = canvas.subplots(len(found), 1, sharex=True, squeeze=False)[:, 0]
-    tips = {}
-    for index, (view, joint) in enumerate(zip(views, found, strict=True)):
-        points = _points(results, joint.name)
-        factor, letter = common_prefix(value for _, value, _, _ in points)
-        colour = RED if joint.sure else BLUE
-        at = np.array([p[0] for p in points])
-        value, low, high = (np.array([p[k] for p in points]) / factor for k in (1, 2, 3))
-        endless = ~np.isfinite(high)
-        top = np.concatenate([value, high[~endless]]).max(initial=0.0)
-        view.vlines(at, low, np.where(endless, top, high), color=colour, linewidth=1.6)
-        view.scatter(at[endless], np.full(endless.sum(), top), color=colour, marker="^", s=20)
-        view.scatter(at, value, color=colour, s=16, zorder=3, gid=f"history-{index}")
-        view.set_ylabel(f"{joint.name}\n[{_unit(results, joint.name, letter)}]", fontsize=7.5)
-        view.yaxis.set_major_locator(MaxNLocator(3))
-        tips[f"history-{index}"] = [
-            f"{results[i].get('campaign')}: {joint.name} {plain(v, 4)}, "
-            + (f"{plain(a, 4)} to {plain(b, 4)}" if np.isfinite(b) else f"above {plain(a, 4)}")
-            for i, v, a, b in zip(at, value, low, high, strict=True)
-        ]
-    step = max(1, -(-len(results) // 8))
-    days = [str(r.get("measured") or "")[:10] for r in results]
-    distinct = len(set(days)) == len(days) and all(days)
-    names = days if distinct else [str(r.get("campaign"))[-24:] for r in results]
-    views[-1].set_xticks(range(0, len(results), step), names[::step], rotation=20, ha="right")
-    views[-1].set_xlim(-0.5, len(results) - 0.5)
-    return tips
-
-
-def _points(results: Sequence[Result], name: str) -> list[tuple[int, float, float, float]]:
-    """Number of the campaign, stiffness and its 95 % interval, where there is a value."""
-    out = []
-    for at, result in enumerate(results):
-        for joint in result.get("stiffness") or []:
-            if joint.get("name") == name and known(joint.get("value")) and known(joint.get("std")):
-                low, high = [*(joint.get("ci95") or []), None, None][:2]
-                out.append(
-                    (
-                        at,
-                        float(joint["value"]),
-                        float(low) if known(low) else float(joint["value"]),
-                        float(high) if known(high) else float("inf"),
-                    )
-                )
-    return out
-
-
-def _unit(results: Sequence[Result], name: str, letter: str) -> str:
-    units = [
-        j.get("unit") for r in results for j in r.get("stiffness") or [] if j.get("name") == name
-    ]
-    return prefixed(str(units[0] or ""), letter)
-
-
-def _comparable(result: Result) -> list[Mapping[str, Any]]:
-    """Stiffnesses that have a value, an uncertainty and a nominal value to be shown beside."""
-    return [
-        joint
-        for joint in result.get("stiffness") or []
-        if joint.get("identifiable", True)
-        and known(joint.get("nominal"))
-        and joint["nominal"]
-        and known(joint.get("value"))
-        and known(joint.get("std"))
-    ]
-
-
-def _circles(result: Result) -> str:
+def _circles(answer: Answer) -> str:
     """What the open circles of the interval plot are."""
-    other = words.beside(result)
-    there = other and any(joint["value"] for joint in other[1]["stiffness"])
+    other = words.beside(answer)
+    there = other and any(joint.value for joint in other[1].stiffness)
     return f" Open circles, where they are near: {other[0]}." if other and there else ""
 
 
-def _write_stiffness(result: Result, tables: Tables) -> Figure | None:
-    joints = _comparable(result)
-    if not joints:
-        return None
-    endless = [str(j["name"]) for j in joints if not all(map(known, j.get("ci95") or [None]))]
-    off = {str(j["name"]): j["value"] / j["nominal"] for j in joints}
-    off = {name: share for name, share in off.items() if name not in endless} or off
-    softest, stiffest = min(off, key=off.__getitem__), max(off, key=off.__getitem__)
-    widest = max(
-        (j for j in joints if str(j["name"]) in off), key=lambda j: j["std"] / j["nominal"]
-    )
-    said = (
+def _of_nominal(value: float | None, joint: Stiffness) -> float:
+    return (value or 0.0) / (joint.nominal or 1.0)
+
+
+def _extremes(joints: Sequence[Stiffness]) -> str:
+    """Who is furthest from nominal, and who is known least, those without a limit apart."""
+    off = {joint.name: _of_nominal(joint.value, joint) for joint in joints}
+    std = {joint.name: _of_nominal(joint.std, joint) for joint in joints}
+    endless = [joint.name for joint in joints if joint.ci95[1] is None]
+    compared = [name for name in off if name not in endless] or list(off)
+    softest, stiffest = min(compared, key=off.__getitem__), max(compared, key=off.__getitem__)
+    widest = max(compared, key=std.__getitem__)
+    return (
         f"{softest} is at {percent(off[softest], 3)} and {stiffest} at {percent(off[stiffest], 3)} "
-        f"of its nominal value; {widest['name']} has the widest interval"
+        f"of its nominal value; {widest} has the widest interval"
         + (f", and {', '.join(endless)} no upper limit." if endless else ".")
     )
+
+
+def _write_stiffness(answer: Answer, tables: Tables) -> Figure | None:
+    joints = _comparable(answer)
+    if not joints:
+        return None
+    said = _extremes(joints)
     return Figure(
         "stiffness",
         "Stiffness as a share of the nominal value",
         f"{said} Bars are 95 % intervals, an arrow has no upper limit: where one does not reach "
         f"the line at 100 %, the joint differs from nominal by more than the measurement's "
-        f"uncertainty.{_circles(result)}",
+        f"uncertainty.{_circles(answer)}",
         f"Interval plot of {len(joints)} joint stiffnesses relative to nominal. {said}",
     )
 
 
 STIFFNESS = Plot("stiffness", _write_stiffness, _draw_stiffness)
+
+# --- over the campaigns --------------------------------------------------------------------
+
+
+_Points = Sequence[tuple[int, Answer, Stiffness]]
+"""One joint in the campaigns that give it a value, with the number of each campaign."""
+
+
+def draw_history(canvas: Canvas, answers: Sequence[Answer]) -> Tips:
+    """One row per joint: its stiffness in each campaign."""
+    found = trends(answers)
+    canvas.set_size_inches(5.6, 0.7 + 0.85 * len(found))
+    views = canvas.subplots(len(found), 1, sharex=True, squeeze=False)[:, 0]
+    tips = {}
+    for index, (view, joint) in enumerate(zip(views, found, strict=True)):
+        key, points = f"history-{index}", _points(answers, joint.name)
+        colour = RED if joint.sure else BLUE
+        tips[key] = _draw_course(view, joint.name, points, colour, key)
+    _name_campaigns(views[-1], answers)
+    return tips
+
+
+def _points(answers: Sequence[Answer], name: str) -> _Points:
+    return [
+        (at, one, joint)
+        for at, one in enumerate(answers)
+        for joint in one.stiffness
+        if joint.name == name and joint.value is not None
+    ]
+
+
+def _draw_course(view: Axes, name: str, points: _Points, colour: str, key: str) -> list[str]:
+    """One joint over the campaigns, and what its marks say."""
+    joints = [joint for _, _, joint in points]
+    factor, letter = common_prefix(joint.value for joint in joints)
+    at = np.array([number for number, _, _ in points])
+    value = np.array([joint.value for joint in joints], dtype=float) / factor
+    low, high = np.array([_limits(joint) for joint in joints]).reshape(-1, 2).T / factor
+    endless = ~np.isfinite(high)
+    top = np.concatenate([value, high[~endless]]).max(initial=0.0)
+    view.vlines(at, low, np.where(endless, top, high), color=colour, linewidth=1.6)
+    view.scatter(at[endless], np.full(endless.sum(), top), color=colour, marker="^", s=20)
+    view.scatter(at, value, color=colour, s=16, zorder=3, gid=key)
+    unit = prefixed(joints[0].unit, letter) if joints else ""
+    view.set_ylabel(f"{name}\n[{unit}]", fontsize=7.5)
+    view.yaxis.set_major_locator(MaxNLocator(3))
+    return [
+        f"{one.campaign}: {name} {plain(v, 4)}, "
+        + (f"{plain(a, 4)} to {plain(b, 4)}" if np.isfinite(b) else f"above {plain(a, 4)}")
+        for (_, one, _), v, a, b in zip(points, value, low, high, strict=True)
+    ]
+
+
+def _name_campaigns(view: Axes, answers: Sequence[Answer]) -> None:
+    """The campaigns along the axis, by day where each has its own; as many as fit."""
+    step = max(1, -(-len(answers) // 8))
+    days = [(one.measured or "")[:10] for one in answers]
+    distinct = len(set(days)) == len(days) and all(days)
+    names = days if distinct else [one.campaign[-24:] for one in answers]
+    view.set_xticks(range(0, len(answers), step), names[::step], rotation=20, ha="right")
+    view.set_xlim(-0.5, len(answers) - 0.5)

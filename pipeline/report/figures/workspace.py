@@ -10,6 +10,7 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
+from pipeline.answer.contract import Answer
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import plain, with_std
 from pipeline.report import words
@@ -17,19 +18,18 @@ from pipeline.report.figures.marks import Tips, each_row
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure
 from pipeline.report.summaries import (
-    Result,
     Tables,
     has,
 )
 from pipeline.report.svg import GRID, INK, RED, SHADES
 
 
-def _draw_workspace(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+def _draw_workspace(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """The map of the answer's values."""
     return _map(canvas, tables["workspace"], _levels_of(tables))
 
 
-def _draw_workspace_joint_springs(canvas: Canvas, result: Result, tables: Tables) -> Tips:
+def _draw_workspace_joint_springs(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """The map with joint springs alone, data as given."""
     return _map(canvas, tables["workspace_joint_springs"], _levels_of(tables))
 
@@ -103,12 +103,12 @@ def _told(name: str, model: str, tables: Tables) -> Figure | None:
     )
 
 
-def _write_workspace(result: Result, tables: Tables) -> Figure | None:
-    return _told("workspace", words.values_of(result), tables)
+def _write_workspace(answer: Answer, tables: Tables) -> Figure | None:
+    return _told("workspace", words.values_of(answer), tables)
 
 
-def _write_workspace_joint_springs(result: Result, tables: Tables) -> Figure | None:
-    other = words.beside(result)
+def _write_workspace_joint_springs(answer: Answer, tables: Tables) -> Figure | None:
+    other = words.beside(answer)
     return _told("workspace-joint-springs", other[0], tables) if other else None
 
 

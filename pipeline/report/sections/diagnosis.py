@@ -2,165 +2,162 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterator, Sequence
 
-from pipeline.base.quantities import known, p_value, percent, plain, probability, with_std
+from pipeline.answer.contract import (
+    Alone,
+    Amplitude,
+    Answer,
+    Cause,
+    Evidence,
+    Gain,
+    Placed,
+    Predicted,
+    Rival,
+    Unnamed,
+)
+from pipeline.answer.words import capital
+from pipeline.base.quantities import bracketed, p_value, percent, plain, probability
 from pipeline.report import words
+from pipeline.report.columns import Cells, number, said, table_of
 from pipeline.report.figures.catalogue import figures
-from pipeline.report.record import Block, Column, Section, Table, Text, entry, text_entry
-from pipeline.report.sections._tree import bracketed, items, section_of
+from pipeline.report.record import Block, Section, Table, Text, section_of
 from pipeline.report.sections.unseen import blind_spots, next_joint_values, next_poses
-from pipeline.report.summaries import Result, Tables
+from pipeline.report.summaries import Tables
+
+_WORTH_SAYING = 0.01
+"""Probability from which it is said that a cause may be none of the known ones."""
 
 
-def diagnosis(result: Result, tables: Tables) -> Section | None:
+def diagnosis(answer: Answer, tables: Tables) -> Section | None:
     """The causes, what is gained, what to measure next and what stays unseen."""
-    said = result.get("diagnosis")
-    title = "What the simulation gets wrong"
-    if not said:
-        return section_of(
-            "diagnosis", title, [Text("This run did not search for effects the model lacks.")]
-        )
-    causes, poses = items(said, "causes"), items(said, "next_poses")
-    gains = list(dict.fromkeys(" ".join(_gain_sentences(one)) for one in causes))
-    shared = gains[0] if len(gains) == 1 and len(causes) > 1 else ""
-    blocks: list[Block | None] = [_explained(said)]
-    for number, one in enumerate(causes, 1):
-        blocks += _cause(number, one, with_gain=not shared)
+    found = answer.diagnosis
+    shared = _shared_gain(found.causes)
+    blocks: list[Block | None] = [Text(found.why)]
+    for place, one in enumerate(found.causes, 1):
+        blocks += _cause(place, one, with_gain=not shared)
     blocks += [
-        _alone(items(said, "alone")),
-        Text(shared.replace("With it ", "With all causes ", 1)) if shared else None,
-        *figures(("gain", "evidence", "separability"), result, tables),
-        next_poses(poses),
-        next_joint_values(poses, items(result, "stiffness")),
-        blind_spots(items(said, "blind_spots")),
+        _alone(found.alone),
+        Text(shared) if shared else None,
+        *figures(("gain", "evidence", "separability"), answer, tables),
+        next_poses(found.next_poses),
+        next_joint_values(found.next_poses, answer.stiffness),
+        blind_spots(found.blind_spots),
     ]
-    return section_of("diagnosis", title, blocks)
+    return section_of("diagnosis", "What the simulation gets wrong", blocks)
 
 
-def _explained(diagnosis: Mapping[str, Any]) -> Text | None:
-    sentence = words.EXPLAINED.get(str(diagnosis.get("verdict")))
-    why = diagnosis.get("why")
-    if why:
-        return Text(words.in_words(str(why)))
-    return None if sentence is None else Text(sentence)
+def _shared_gain(causes: Sequence[Cause]) -> str:
+    """What several causes are worth together, where they have no worth of their own."""
+    worth = {(one.gain, one.evidence is None) for one in causes}
+    return _gain_sentences("all causes", causes[0]) if len(causes) > 1 and len(worth) == 1 else ""
 
 
-def _cause(number: int, one: Mapping[str, Any], with_gain: bool) -> list[Block]:
-    name, where = str(one.get("name")), one.get("where")
-    said = words.cause(name, where)
+def _cause(place: int, one: Cause, with_gain: bool) -> list[Block]:
     facts = [
-        _evidence_sentence(one),
-        f"It shows like this: {one['signature']}." if one.get("signature") else "",
+        _evidence_sentences(one.evidence) if one.evidence else "",
+        f"It shows like this: {one.signature}." if one.signature else "",
         _probability_sentence(one),
-        _unnamed_sentence(one),
-        *_parameter_sentences(one),
-        *(_gain_sentences(one) if with_gain else []),
-        f"What would settle it: {one['needs']}." if one.get("needs") else "",
+        _unnamed_sentence(one.outside_catalogue) if one.outside_catalogue else "",
+        _size_sentence(one.parameters),
+        _gain_sentences("it", one) if with_gain else "",
+        f"What would settle it: {one.needs}." if one.needs else "",
     ]
-    blocks: list[Block] = [
-        Text(f"Cause {number}: {said} ({words.label(name, where)}).", "finding"),
+    blocks: list[Block | None] = [
+        Text(f"Cause {place}: {_in_words(one)} ({_label(one)}).", "finding"),
         Text(" ".join(fact for fact in facts if fact)),
+        _rivals(place, one.rivals),
     ]
-    rivals = items(one, "rivals")
-    return [*blocks, _rivals(number, rivals)] if rivals else blocks
+    return [block for block in blocks if block is not None]
 
 
-def _alone(single: list[Any]) -> Table | None:
+def _in_words(one: Placed) -> str:
+    return words.cause(one.name, one.where)
+
+
+def _label(one: Placed) -> str:
+    return words.label(one.name, one.where)
+
+
+def _alone(single: Sequence[Alone]) -> Table | None:
     """What each of the likeliest causes does if it is the only one."""
-    rows = []
-    for one in single:
-        low, high = [*(one.get("ci95") or []), None, None][:2]
-        name, where = str(one.get("name")), one.get("where")
-        rows.append(
-            (
-                text_entry(words.cause(name, where)),
-                text_entry(words.label(name, where)),
-                entry(probability(one.get("probability")), one.get("probability")),
-                entry(percent(one.get("reduction")), one.get("reduction")),
-                text_entry(f"{percent(low)} to {percent(high)}"),
-            )
-        )
-    columns = (
-        Column("Cause"),
-        Column("Name"),
-        Column("Probability", numeric=True),
-        Column("Left-out error falls by", numeric=True),
-        Column("95 % interval"),
-    )
-    return Table("alone", "If it is one cause alone", columns, tuple(rows)) if rows else None
+    columns: list[Cells[Alone]] = [
+        said("Cause", _in_words),
+        said("Name", _label),
+        number("Probability", lambda one: one.probability, probability),
+        number("Left-out error falls by", lambda one: one.reduction, percent),
+        said("95 % interval", lambda one: " to ".join(map(percent, one.ci95))),
+    ]
+    return table_of("alone", "If it is one cause alone", columns, single)
 
 
-def _unnamed_sentence(one: Mapping[str, Any]) -> str:
+def _unnamed_sentence(other: Unnamed) -> str:
     """How likely it is none of the known causes; said where it matters."""
-    other = one.get("outside_catalogue") or {}
-    chance = other.get("probability")
-    if not known(chance) or chance < 0.01:
+    if other.probability < _WORTH_SAYING:
         return ""
-    looks = words.cause(str(other.get("looks_like")), other.get("where"))
-    return f"That it is none of the known causes has {probability(chance)}; it would be: {looks}."
+    looks = words.cause(other.looks_like, other.where)
+    chance = probability(other.probability)
+    return f"That it is none of the known causes has {chance}; it would be: {looks}."
 
 
-def _evidence_sentence(one: Mapping[str, Any]) -> str:
+def _evidence_sentences(evidence: Evidence) -> str:
     """What speaks for a mistake in the data, and what the corrected result rests on."""
-    evidence = one.get("evidence")
-    if not isinstance(evidence, Mapping):
-        return ""
-    said = [str(evidence.get(key) or "") for key in ("sentence", "correction")]
-    return " ".join(f"{text[0].upper()}{text[1:]}." for text in said if text)
+    return " ".join(f"{capital(s)}." for s in (evidence.sentence, evidence.correction) if s)
 
 
-def _probability_sentence(one: Mapping[str, Any]) -> str:
-    said = []
-    if known(one.get("probability")):
-        said.append(f"Its probability among the known causes is {probability(one['probability'])}")
-    if known(one.get("p_value")):
-        said.append(f"without it, chance makes such readings with {p_value(one['p_value'])}")
-    sentence = "; ".join(said)
-    return f"{sentence[0].upper()}{sentence[1:]}." if sentence else ""
+def _probability_sentence(one: Cause) -> str:
+    alone = f"; without it, chance makes such readings with {p_value(one.p_value)}"
+    chance = probability(one.probability)
+    known = "" if one.p_value is None else alone
+    return f"Its probability among the known causes is {chance}{known}."
 
 
-def _parameter_sentences(one: Mapping[str, Any]) -> list[str]:
+def _size_sentence(parameters: Sequence[Amplitude]) -> str:
     sizes = [
-        f"{p.get('name')} = {bracketed(with_std(p.get('value'), p.get('std')))} "
-        f"{str(p.get('unit') or '').replace(' ', '·')}".rstrip()
-        for p in items(one, "parameters")
+        f"{p.name} = {bracketed(p.value, p.std)} {p.unit.replace(' ', '·')}".rstrip()
+        for p in parameters
     ]
-    return [f"Its size: {', '.join(sizes)}."] if sizes else []
+    return f"Its size: {', '.join(sizes)}." if sizes else ""
 
 
-def _gain_sentences(one: Mapping[str, Any]) -> list[str]:
-    gain = one.get("gain") or {}
-    said = []
-    before, after = gain.get("held_out_rms_before_mm"), gain.get("held_out_rms_after_mm")
-    if known(before) and known(after) and after < before:
-        low, high = [*(gain.get("ci95") or []), None, None][:2]
-        sure = f", 95 % interval {percent(low)} to {percent(high)}" if known(low) else ""
-        less = gain.get("reduction")
-        share = f" ({percent(less)} less{sure})" if known(less) else ""
-        how = "put right" if one.get("evidence") else "in the model"
-        of = " of the unloaded positions" if gain.get("of") == "unloaded positions" else ""
-        said.append(
-            f"With it {how} the error{of} at poses that were left out falls from "
-            f"{plain(before)} mm to {plain(after)} mm{share}."
-        )
-    if known(gain.get("test_pose_change_mm")):
-        said.append(
-            f"The predicted deflection at the test pose changes by "
-            f"{plain(gain['test_pose_change_mm'])} mm."
-        )
-    return said
+def _gain_sentences(what: str, one: Cause) -> str:
+    """What a cause is worth, or all of them: `what` is in the model, or put right."""
+    if one.gain is None:
+        return ""
+    how = f"{what} put right" if one.evidence else f"{what} in the model"
+    return " ".join((*_error_falls(how, one.gain), *_test_pose_changes(one.gain)))
 
 
-def _rivals(number: int, rivals: list[Any]) -> Table:
-    rows = [
-        (
-            text_entry(words.cause(str(r.get("name")), r.get("where"))),
-            text_entry(words.label(str(r.get("name")), r.get("where"))),
-            entry(probability(r.get("probability")), r.get("probability")),
-        )
-        for r in rivals
+def _error_falls(how: str, gain: Gain) -> Iterator[str]:
+    before, after = gain.held_out_rms_before_mm, gain.held_out_rms_after_mm
+    if before is None or after is None or after >= before:
+        return
+    of = " of the unloaded positions" if gain.of is Predicted.UNLOADED_POSITIONS else ""
+    yield (
+        f"With {how} the error{of} at poses that were left out falls from {plain(before)} mm to "
+        f"{plain(after)} mm{_share(gain)}."
+    )
+
+
+def _share(gain: Gain) -> str:
+    """The fraction by which the error falls, with its interval where that is known."""
+    if gain.reduction is None:
+        return ""
+    low, high = gain.ci95 or (None, None)
+    sure = "" if low is None else f", 95 % interval {percent(low)} to {percent(high)}"
+    return f" ({percent(gain.reduction)} less{sure})"
+
+
+def _test_pose_changes(gain: Gain) -> Iterator[str]:
+    change = gain.test_pose_change_mm
+    if change is not None:
+        yield f"The predicted deflection at the test pose changes by {plain(change)} mm."
+
+
+def _rivals(place: int, rivals: Sequence[Rival]) -> Table | None:
+    columns: list[Cells[Rival]] = [
+        said("Rival", _in_words),
+        said("Name", _label),
+        number("Probability", lambda one: one.probability, probability),
     ]
-    columns = (Column("Rival"), Column("Name"), Column("Probability", numeric=True))
-    return Table(f"rivals-{number}", f"What else cause {number} could be", columns, tuple(rows))
+    return table_of(f"rivals-{place}", f"What else cause {place} could be", columns, rivals)

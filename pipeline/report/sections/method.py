@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from pipeline.base.quantities import MISSING, known, plain, typeset
-from pipeline.report.record import Column, Entry, Section, Table, Text, entry, text_entry
-from pipeline.report.sections._tree import at, items
-from pipeline.report.summaries import Result
+from pipeline.answer.contract import Answer, Equilibrium, Input
+from pipeline.answer.recommended import Which
+from pipeline.base.quantities import plain, typeset
+from pipeline.report.columns import Cells, number, said, table_of
+from pipeline.report.record import Section, Table, Text, section_of
 
 _LEFT_OUT = (
     " and is left out of c = B x; where the noise is stated or found in repeats, the "
@@ -22,51 +23,40 @@ _METHOD = (
 )
 
 
-def method(result: Result) -> Section:
+def method(answer: Answer) -> Section | None:
     """How the stiffnesses were made, and from what."""
-    equilibrium = at(result, "model", "equilibrium")
-    said = _METHOD
-    if equilibrium == "deformed":
-        said += " The force acts on the deflected robot (second order in the load)."
-    elif equilibrium == "undeformed":
-        said += " The geometry is that of the unloaded robot."
-    if at(result, "recommended", "model") in ("extended", "averaged"):
-        said += " Beside the springs the model holds what was identified, c = B x + Z z."
-    second = at(result, "fit", "second_order_rms_mm")
-    if known(second):
-        said += f" The second order in the load amounts to {plain(second, 2)} mm rms"
-        said += "." if equilibrium == "deformed" else _LEFT_OUT
-    blocks = [Text(said), _assumptions(result), _inputs(result), _versions(result)]
-    return Section(
-        "method",
-        "Method, assumptions, versions, inputs",
-        tuple(block for block in blocks if block is not None),
-    )
+    blocks = [Text(_told(answer)), _assumptions(answer), _inputs(answer), _versions(answer)]
+    return section_of("method", "Method, assumptions, versions, inputs", blocks)
 
 
-def _assumptions(result: Result) -> Table | None:
-    rows = [(text_entry(typeset(str(a))),) for a in items(result, "assumptions")]
-    return Table("assumptions", "Assumptions", (Column("Assumed"),), tuple(rows)) if rows else None
-
-
-def _inputs(result: Result) -> Table | None:
-    rows = [
-        (
-            text_entry(i.get("file")),
-            entry(str(i.get("bytes")), i.get("bytes")) if known(i.get("bytes")) else Entry(MISSING),
-            text_entry(i.get("sha256")),
-        )
-        for i in items(result, "inputs")
+def _told(answer: Answer) -> str:
+    deformed = answer.model.equilibrium is Equilibrium.DEFORMED
+    told = [
+        _METHOD,
+        "The force acts on the deflected robot (second order in the load)."
+        if deformed
+        else "The geometry is that of the unloaded robot.",
     ]
-    columns = (
-        Column("File", code=True),
-        Column("Bytes", numeric=True),
-        Column("SHA-256", code=True),
-    )
-    return Table("inputs", "Input files", columns, tuple(rows)) if rows else None
+    if answer.recommended.model != Which.JOINT_SPRINGS:
+        told.append("Beside the springs the model holds what was identified, c = B x + Z z.")
+    size = plain(answer.fit.second_order_rms_mm, 2)
+    told.append(f"The second order in the load amounts to {size} mm rms")
+    return " ".join(told) + ("." if deformed else _LEFT_OUT)
 
 
-def _versions(result: Result) -> Text | None:
-    versions = result.get("versions") or {}
-    said = ", ".join(f"{name} {version}" for name, version in versions.items())
-    return Text(f"Computed with {said}.") if said else None
+def _assumptions(answer: Answer) -> Table | None:
+    return table_of("assumptions", "Assumptions", [said("Assumed", typeset)], answer.assumptions)
+
+
+def _inputs(answer: Answer) -> Table | None:
+    columns: list[Cells[Input]] = [
+        said("File", lambda one: one.file, code=True),
+        number("Bytes", lambda one: one.bytes, str),
+        said("SHA-256", lambda one: one.sha256, code=True),
+    ]
+    return table_of("inputs", "Input files", columns, answer.inputs)
+
+
+def _versions(answer: Answer) -> Text:
+    with_ = ", ".join(f"{name} {version}" for name, version in answer.versions.items())
+    return Text(f"Computed with {with_}.")

@@ -2,223 +2,211 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
+from pipeline.answer import remarks
+from pipeline.answer.contract import Answer, Believed, Fit, Stiffness, Weighed
 from pipeline.answer.history import Change, changes, trusted
+from pipeline.answer.words import capital
 from pipeline.base.quantities import (
     MISSING,
+    bracketed,
     common_prefix,
     interval,
-    known,
     p_value,
     plain,
     prefixed,
     probability,
+    scaled,
     with_std,
 )
 from pipeline.report import words
+from pipeline.report.columns import Cells, measured, number, said, table_of
 from pipeline.report.figures.catalogue import figures
-from pipeline.report.record import Column, Entry, Section, Table, Text, entry, text_entry
-from pipeline.report.sections._tree import at, bracketed, items, joint_name, section_of
-from pipeline.report.summaries import Result
+from pipeline.report.record import (
+    Column,
+    Entry,
+    Section,
+    Table,
+    Text,
+    entry,
+    section_of,
+    text_entry,
+)
 
 
-def stiffness(result: Result, previous: Result | None) -> Section | None:
-    """The table of stiffnesses with what is odd about them; None when there is none."""
-    joints = items(result, "stiffness")
-    if not joints:
-        return None
-    said = [*items(result, "findings"), *(j.get("finding") for j in joints)]
-    said = [words.in_words(str(f)) for f in said if f]
-    told = previous is not None and trusted(result)
-    since = changes(items(previous, "stiffness"), joints) if told else []
-    said += [_changed(c, str(at(previous, "campaign"))) for c in since if c.sure]
-    findings = [Text(f, "finding") for f in _of_each(list(dict.fromkeys(said)))]
+def stiffness(answer: Answer, previous: Answer | None) -> Section | None:
+    """The table of stiffnesses with what is odd about them."""
+    since = _since(answer, previous)
     return section_of(
         "stiffness",
         "Joint stiffnesses",
         [
-            *findings,
-            _stiffness_table(joints, result, since, previous),
-            _hypotheses_table(items(result, "recommended", "hypotheses")),
-            *figures(("stiffness",), result, {}),
-            _compliance_table(joints),
-            _fit_text(result),
+            *(Text(finding, "finding") for finding in _findings(answer)),
+            *(_changed(change, since.campaign) for change in since.changes if change.sure),
+            _stiffness_table(answer, since),
+            _hypotheses_table(answer.recommended.hypotheses),
+            *figures(("stiffness",), answer, {}),
+            _compliance_table(answer.stiffness),
+            _fit_text(answer.fit),
         ],
     )
 
 
-def _of_each(said: Sequence[str]) -> list[str]:
-    """Sentences that begin with a stiffness; where several go on alike, one for all of them."""
-    alike: dict[str, list[str]] = {}
-    for sentence in said:
-        name, _, rest = sentence.partition(" ")
-        stiffness = name.startswith("k_")
-        alike.setdefault(rest if stiffness else sentence, []).append(name if stiffness else "")
-    return [rest if names == [""] else f"{_each(names)} {rest}" for rest, names in alike.items()]
+@dataclass(frozen=True)
+class _Since:
+    """What has changed since the previous campaign of the robot, as far as one can be compared."""
+
+    campaign: str
+    changes: tuple[Change, ...]
 
 
-def _each(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"Each of {', '.join(names[:-1])} and {names[-1]}"
+def _since(answer: Answer, previous: Answer | None) -> _Since:
+    if previous is None or not trusted(answer):
+        return _Since("", ())
+    return _Since(previous.campaign, tuple(changes(previous.stiffness, answer.stiffness)))
 
 
-def _changed(change: Change, campaign: str) -> str:
-    return (
-        f"{change.name} changed by {bracketed(with_std(change.percent, change.percent_std))} % "
-        f"since {campaign}, more than chance explains."
+def _findings(answer: Answer) -> Iterator[str]:
+    """What there is to act on: what no stiffness says of itself, then what the stiffnesses say."""
+    own = {joint.finding for joint in answer.stiffness}
+    yield from dict.fromkeys(one for one in answer.findings if one not in own)
+    yield from remarks.told(answer.stiffness)
+    for joint in answer.stiffness:
+        if joint.finding and not joint.remarks:  # of a version that had the sentence only
+            yield joint.finding
+
+
+def _changed(change: Change, campaign: str) -> Text:
+    return Text(
+        f"{change.name} changed by {bracketed(change.percent, change.percent_std)} % "
+        f"since {campaign}, more than chance explains.",
+        "finding",
     )
 
 
-def _stiffness_table(
-    joints: list[Any], result: Result, since: list[Change], previous: Result | None
-) -> Table:
-    factor, letter = common_prefix(j.get("value") for j in joints)
-    other = words.beside(result)
-    springs = {j.get("name"): j for j in items(other[1], "stiffness")} if other else {}
-    has_nominal = any(known(j.get("nominal")) for j in joints)
+def _stiffness_table(answer: Answer, since: _Since) -> Table | None:
+    factor, letter = common_prefix(joint.value for joint in answer.stiffness)
     columns = [
-        Column("Joint"),
-        Column("Stiffness ± standard uncertainty", numeric=True),
-        Column("95 % interval", numeric=True),
-        Column("Unit"),
-        Column("Relative uncertainty [%]", numeric=True),
+        *_value_columns(factor, letter),
+        *_nominal_columns(answer.stiffness, factor),
+        *_beside_columns(answer, factor),
+        *_change_columns(since),
     ]
-    if has_nominal:
-        columns += [Column("Nominal", numeric=True), Column("Of nominal [%]", numeric=True)]
-    if other:
-        columns.append(Column(words.capital(other[0]), numeric=True))
-    changed = {change.name: change for change in since}
-    if changed:
-        columns.append(Column(f"Change since {at(previous, 'campaign')} [%]", numeric=True))
-    rows = []
-    for joint in joints:
-        row = _stiffness_row(joint, factor, letter)
-        if has_nominal:
-            row += _nominal_entries(joint, factor)
-        if other:
-            row.append(_scaled(springs.get(joint.get("name")), factor))
-        if changed:
-            row.append(_change_entry(changed.get(joint_name(joint))))
-        rows.append(tuple(row))
     note = (
         "Stiffness is one over the estimated compliance; its interval is that of the compliance, "
         "turned over, and therefore not symmetric."
     )
-    title = f"Stiffness of each joint, {words.values_of(result)}"
-    return Table("stiffness", title, tuple(columns), tuple(rows), note)
+    title = f"Stiffness of each joint, {words.values_of(answer)}"
+    return table_of("stiffness", title, columns, answer.stiffness, note)
 
 
-def _hypotheses_table(hypotheses: list[Any]) -> Table | None:
-    """What the values are averaged over; nothing where they are those of one model."""
-    if len(hypotheses) < 2:
-        return None
-    rows = [
+def _value_columns(factor: float, letter: str) -> list[Cells[Stiffness]]:
+    return [
+        (Column("Joint"), lambda joint: text_entry(joint.name, sort=joint.joint)),
         (
-            text_entry(" and ".join(_hypothesis_words(c) for c in one.get("causes") or [])),
-            entry(probability(one.get("weight")), one.get("weight")),
-        )
-        for one in hypotheses
+            Column("Stiffness ± standard uncertainty", numeric=True),
+            lambda joint: _value(joint, factor) if joint.identifiable else Entry("not determined"),
+        ),
+        (Column("95 % interval", numeric=True), lambda joint: _interval(joint, factor)),
+        said("Unit", lambda joint: prefixed(joint.unit, letter)),
+        (Column("Relative uncertainty [%]", numeric=True), _relative),
     ]
-    columns = (Column("Beside the joint springs"), Column("Weight", numeric=True))
-    return Table("hypotheses", "What the values are averaged over", columns, tuple(rows))
 
 
-def _hypothesis_words(cause: Mapping[str, Any]) -> str:
-    said = words.cause(str(cause.get("name")), cause.get("where"))
-    if cause.get("form"):
-        said += f" ({cause['form']})"
-    return said if cause.get("in_catalogue", True) else f"something without a name like {said}"
+def _value(joint: Stiffness | None, factor: float) -> Entry:
+    if joint is None or joint.value is None:
+        return Entry(MISSING)
+    value = joint.value / factor
+    return entry(with_std(value, scaled(joint.std, factor)), value)
 
 
-def _change_entry(change: Change | None) -> Entry:
-    if change is None or change.percent is None:
+def _interval(joint: Stiffness, factor: float) -> Entry:
+    if not joint.identifiable:
+        return Entry(MISSING)
+    low, high = (scaled(bound, factor) for bound in joint.ci95)
+    return entry(interval((low, high), scaled(joint.std, factor)), low)
+
+
+def _relative(joint: Stiffness) -> Entry:
+    return entry(plain(scaled(joint.relative_std, 0.01), 2), joint.relative_std)
+
+
+def _nominal_columns(joints: Sequence[Stiffness], factor: float) -> list[Cells[Stiffness]]:
+    """Beside the robot file's stiffnesses; nothing where it states none."""
+    if all(joint.nominal is None for joint in joints):
+        return []
+    return [
+        number("Nominal", lambda joint: joint.nominal, lambda k: plain(scaled(k, factor))),
+        (Column("Of nominal [%]", numeric=True), _of_nominal),
+    ]
+
+
+def _of_nominal(joint: Stiffness) -> Entry:
+    if not joint.nominal or joint.value is None:
+        return Entry(MISSING)
+    share = 100 * joint.value / joint.nominal
+    return entry(with_std(share, scaled(joint.std, joint.nominal / 100)), share)
+
+
+def _beside_columns(answer: Answer, factor: float) -> list[Cells[Stiffness]]:
+    """What joint springs alone, data as given, say; nothing where the answer stands for them."""
+    other = words.beside(answer)
+    if other is None:
+        return []
+    name, springs = other
+    own = {joint.name: joint for joint in springs.stiffness}
+    column = Column(capital(name), numeric=True)
+    return [(column, lambda joint: _value(own.get(joint.name), factor))]
+
+
+def _change_columns(since: _Since) -> list[Cells[Stiffness]]:
+    own = {change.name: change for change in since.changes}
+    if not own:
+        return []
+    column = Column(f"Change since {since.campaign} [%]", numeric=True)
+    return [(column, lambda joint: _change(own.get(joint.name)))]
+
+
+def _change(change: Change | None) -> Entry:
+    if change is None:
         return Entry(MISSING)
     return entry(with_std(change.percent, change.percent_std), change.percent)
 
 
-def _stiffness_row(joint: Mapping[str, Any], factor: float, letter: str) -> list[Entry]:
-    value, std = _times(joint.get("value"), factor), _times(joint.get("std"), factor)
-    given = [_times(bound, factor) for bound in joint.get("ci95") or [None, None]]
-    relative = joint.get("relative_std")
-    if relative is None and known(joint.get("value")) and known(joint.get("std")):
-        relative = joint["std"] / abs(joint["value"]) if joint["value"] else None
-    determined = bool(joint.get("identifiable", True))
-    return [
-        text_entry(joint_name(joint), sort=joint.get("joint")),
-        _scaled(joint, factor) if determined else Entry("not determined"),
-        entry(interval(given, std), given[0]) if determined else Entry(MISSING),
-        text_entry(prefixed(str(joint.get("unit") or ""), letter)),
-        entry(plain(_times(relative, 0.01), 2), relative) if known(value) else Entry(MISSING),
+def _hypotheses_table(hypotheses: Sequence[Weighed]) -> Table | None:
+    """What the values are averaged over; nothing where they are those of one model."""
+    columns: list[Cells[Weighed]] = [
+        said("Beside the joint springs", lambda one: " and ".join(map(_believed, one.causes))),
+        number("Weight", lambda one: one.weight, probability),
     ]
+    several = hypotheses if len(hypotheses) > 1 else ()
+    return table_of("hypotheses", "What the values are averaged over", columns, several)
 
 
-def _scaled(joint: Mapping[str, Any] | None, factor: float) -> Entry:
-    if joint is None or not joint.get("identifiable", True) or not known(joint.get("value")):
-        return Entry(MISSING)
-    value, std = _times(joint.get("value"), factor), _times(joint.get("std"), factor)
-    return entry(with_std(value, std), value)
+def _believed(cause: Believed) -> str:
+    name = words.cause(cause.name, cause.where) + (f" ({cause.form})" if cause.form else "")
+    return name if cause.in_catalogue else f"something without a name like {name}"
 
 
-def _nominal_entries(joint: Mapping[str, Any], factor: float) -> list[Entry]:
-    nominal, value, std = joint.get("nominal"), joint.get("value"), joint.get("std")
-    if not known(nominal) or not nominal:
-        return [Entry(MISSING), Entry(MISSING)]
-    shown = entry(plain(nominal / factor), nominal)
-    if not known(value) or not joint.get("identifiable", True):
-        return [shown, Entry(MISSING)]
-    ratio, spread = 100 * value / nominal, _times(std, nominal / 100)
-    return [shown, entry(with_std(ratio, spread), ratio)]
-
-
-def _times(value: Any, factor: float) -> float | None:
-    return float(value) / factor if known(value) else None
-
-
-def _compliance_table(joints: list[Any]) -> Table | None:
-    if not any(known(j.get("compliance")) for j in joints):
-        return None
-    rows = [
-        (
-            text_entry(joint_name(j), sort=j.get("joint")),
-            entry(with_std(j.get("compliance"), j.get("compliance_std")), j.get("compliance")),
-            text_entry(_compliance_unit(str(j.get("unit") or ""))),
-        )
-        for j in joints
+def _compliance_table(joints: Sequence[Stiffness]) -> Table | None:
+    columns: list[Cells[Stiffness]] = [
+        (Column("Joint"), lambda joint: text_entry(joint.name, sort=joint.joint)),
+        measured("Compliance ± standard uncertainty", lambda j: (j.compliance, j.compliance_std)),
+        said("Unit", lambda joint: prefixed(joint.compliance_unit, "")),
     ]
-    columns = (
-        Column("Joint"),
-        Column("Compliance ± standard uncertainty", numeric=True),
-        Column("Unit"),
+    told = joints if any(joint.compliance is not None for joint in joints) else ()
+    return table_of("compliance", "Compliances, as estimated", columns, told)
+
+
+def _fit_text(fit: Fit) -> Text:
+    tested = (
+        f" Weighted by the noise, chi² is {plain(fit.chi2, 4)} for {fit.dof} degrees of freedom "
+        f"({p_value(fit.p_value)})."
     )
-    return Table("compliance", "Compliances, as estimated", columns, tuple(rows))
-
-
-def _compliance_unit(unit: str) -> str:
-    over, _, under = unit.partition("/")
-    over = over.strip().replace(" ", "·")
-    return f"{under.strip() or '1'}/{f'({over})' if '·' in over else over}" if over else ""
-
-
-def _fit_text(result: Result) -> Text | None:
-    fit = result.get("fit")
-    if not fit:
-        return None
-    said = []
-    if known(fit.get("rms_mm")):
-        said.append(f"The fit leaves {plain(fit['rms_mm'])} mm rms per coordinate.")
-    if known(fit.get("chi2")) and known(fit.get("dof")) and known(fit.get("p_value")):
-        said.append(
-            f"Weighted by the noise, chi² is {plain(fit['chi2'], 4)} for {fit['dof']} degrees of "
-            f"freedom ({p_value(fit['p_value'])})."
-        )
-    if fit.get("noise_statement"):
-        said.append(str(fit["noise_statement"]))
-    elif fit.get("noise_from") == "residuals":
-        said.append(
-            "No noise is stated for this campaign: it is estimated from the residuals, so a misfit "
-            "of the model makes the uncertainties larger but cannot be told from noise."
-        )
-    if known(fit.get("residual_std_mm")):
-        said.append(f"The residual standard deviation is {plain(fit['residual_std_mm'])} mm.")
-    return Text(" ".join(said)) if said else None
+    return Text(
+        f"The fit leaves {plain(fit.rms_mm)} mm rms per coordinate."
+        f"{'' if fit.p_value is None else tested} {fit.noise_statement} The residual standard "
+        f"deviation is {plain(fit.residual_std_mm)} mm."
+    )
