@@ -11,7 +11,7 @@ from pyarrow import csv
 
 from pipeline import readers
 from pipeline.readers import READERS
-from pipeline.reduction.case import plain, to_displacements
+from pipeline.reduction.bring import plain, to_displacements
 from pipeline.run import ingested, reduce
 from pipeline.simulate import Plan
 from pipeline.store.campaign import Raw, in_memory

@@ -26,9 +26,9 @@ from bench.league.play import TOOLS, Plan
 from bench.league.run import ABLE, MOST, Asked, League, followed, largest, shown_by, yardstick
 from bench.league.table import rivalled, share, wrong
 from pipeline.base.arrays import Array
+from pipeline.diagnosis.facts import APART
+from pipeline.diagnosis.finding import Finding
 from pipeline.diagnosis.isolability import twins
-from pipeline.diagnosis.nextpose import APART
-from pipeline.diagnosis.verdict import Finding
 from pipeline.machine.poses import default_anchors, draw_poses, feasible, rounded
 from pipeline.machine.robot import Robot, load
 

@@ -18,7 +18,8 @@ from scipy import stats
 from bench.bench_screening import INSTRUMENT, plan
 from pipeline.faults.reading import Shifts, beside_springs
 from pipeline.faults.screen import screen
-from pipeline.reduction.case import Case, Reduced, bring, conformed, plain
+from pipeline.reduction.bring import Reduced, bring, conformed, plain
+from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 from pipeline.run import ingested
 from pipeline.simulate import revised, simulate

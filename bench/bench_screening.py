@@ -14,7 +14,7 @@ import numpy as np
 from pipeline.faults.screen import screen
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
-from pipeline.reduction.case import bring, conformed, plain
+from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
 from pipeline.simulate import Plan, revised, simulate
 from pipeline.store.campaign import in_memory

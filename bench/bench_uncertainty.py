@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.machine.robot import load
-from pipeline.reduction.case import bring, conformed, plain
+from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
 from pipeline.simulate import build, draw, parse, raw_files, revised, simulate
 from pipeline.store.campaign import in_memory

@@ -15,17 +15,9 @@ import pandas as pd
 from pipeline import tables
 from pipeline.answer import archive
 from pipeline.answer.answer import answer as answer_of
-from pipeline.answer.contract import Answer
+from pipeline.answer.contract import Answer, Which
 from pipeline.answer.findings import Findings, Told
-from pipeline.answer.recommended import (
-    Basis,
-    Values,
-    Which,
-    decide,
-    identified,
-    joint_springs,
-    recommend,
-)
+from pipeline.answer.recommended import Basis, Values, decide, identified, joint_springs, recommend
 from pipeline.answer.tables import (
     covariance_table,
     errors_table,
@@ -48,7 +40,8 @@ from pipeline.prediction.validate import none as no_validation
 from pipeline.prediction.validate import validate
 from pipeline.prediction.workspace import none as no_workspace
 from pipeline.prediction.workspace import workspace
-from pipeline.reduction.case import Case, Keep, Reduced, Step, bring, conformed, plain
+from pipeline.reduction.bring import Keep, Reduced, Step, bring, conformed, plain
+from pipeline.reduction.case import Case
 from pipeline.reduction.case import tool as tool
 from pipeline.reduction.ingest import ingest
 from pipeline.reduction.measured import Measured

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from pipeline.faults.chain import chain_outlier
-from pipeline.reduction.case import conformed, plain
+from pipeline.reduction.bring import conformed, plain
 from pipeline.reduction.register import XYZ
 from pipeline.run import ingested
 from pipeline.simulate import Plan, simulate

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.diagnosis.drift import drift
 from pipeline.machine.effects import catalogue
-from pipeline.reduction.case import bring, conformed, plain
+from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.register import XYZ, register
 from pipeline.run import answered, ingested
 from pipeline.simulate import Plan, simulate

@@ -6,7 +6,7 @@ Its name stands nowhere else, so whatever knows effects by name is found out her
 import numpy as np
 import pytest
 
-from pipeline.answer.recommended import Which
+from pipeline.answer.contract import Which
 from pipeline.base.arrays import Parameter
 from pipeline.diagnosis.isolability import twins
 from pipeline.machine import effects

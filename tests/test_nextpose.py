@@ -8,7 +8,7 @@ import pytest
 from pipeline.diagnosis.diagnose import case_of
 from pipeline.diagnosis.nextpose import Candidates, Question, candidates, propose
 from pipeline.machine.cell import paper_cell, predict
-from pipeline.reduction.case import conformed
+from pipeline.reduction.bring import conformed
 from pipeline.run import reduce, tool
 from pipeline.simulate import simulate
 from pipeline.simulate.plan import Plan

@@ -4,7 +4,8 @@ from itertools import product
 
 import pytest
 
-from pipeline.answer.recommended import TABLE, Basis, Data, Reason, Which, decide
+from pipeline.answer.contract import Data, Reason, Which
+from pipeline.answer.recommended import TABLE, Basis, decide
 
 SPRINGS, EXTENDED, AVERAGED = Which.JOINT_SPRINGS, Which.EXTENDED, Which.AVERAGED
 GIVEN, CORRECTED = Data.AS_GIVEN, Data.CORRECTED

@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.faults.joint_row import wrong_rows
 from pipeline.faults.screen import screen
-from pipeline.reduction.case import bring, conformed, plain
+from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
 from pipeline.simulate import Plan, revised, simulate
 from pipeline.store.campaign import in_memory

@@ -16,7 +16,7 @@ import pytest
 from bench.league.play import Rules, drawn, play
 from pipeline.base.errors import InputError
 from pipeline.machine.robot import load
-from pipeline.reduction.case import bring, conformed, plain
+from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested, run
 from pipeline.simulate import Plan, revised, simulate
 from pipeline.store import campaign as campaigns

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.faults.screen import screen
-from pipeline.reduction.case import bring, conformed, plain
+from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
 from pipeline.simulate import Plan, revised, simulate
 from pipeline.store.campaign import in_memory

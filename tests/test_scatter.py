@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.diagnosis.diagnose import case_of
 from pipeline.machine.cell import paper_cell
-from pipeline.reduction.case import conformed
+from pipeline.reduction.bring import conformed
 from pipeline.run import answered, reduce, tool
 from pipeline.simulate import simulate
 from pipeline.simulate.plan import Plan

@@ -17,7 +17,7 @@ from pipeline.faults.conventions import anchored_miss, conventions, miss
 from pipeline.faults.screen import acquit, screen
 from pipeline.machine.robot import load
 from pipeline.machine.robot.variants import variants
-from pipeline.reduction.case import bring, conformed, plain
+from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.pose_of_interest import place_of_interest
 from pipeline.run import ingested, run
 from pipeline.simulate import Plan, revised, simulate

@@ -8,7 +8,8 @@ import pytest
 
 from pipeline.answer.words import why
 from pipeline.diagnosis.facts import NOTHING, Amplitude, Cause, Facts, Gain, Named
-from pipeline.diagnosis.verdict import TABLE, Finding, Verdict, findings, verdict
+from pipeline.diagnosis.finding import Finding, Verdict
+from pipeline.diagnosis.verdict import TABLE, findings, verdict
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
 

@@ -24,7 +24,7 @@ from pipeline.diagnosis.isolability import twins
 from pipeline.diagnosis.separability import identifiable
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import Robot, load
-from pipeline.reduction.case import Step, bring, conformed, plain
+from pipeline.reduction.bring import Step, bring, conformed, plain
 from pipeline.run import answered, ingested
 from pipeline.store.campaign import in_memory
 from pipeline.system.detect import threshold

@@ -11,7 +11,7 @@ from scipy import stats
 from bench.league.judge import Score, Stated
 from bench.league.run import MOST, NEVER, STEPS, Played
 from pipeline.base.arrays import Array
-from pipeline.diagnosis.nextpose import APART
+from pipeline.diagnosis.facts import APART
 from pipeline.diagnosis.verdict import CERTAIN
 
 TWINS = ("joint_tilt:5", "joint_tilt:6", "joint_tilt:7", "tool_flex")

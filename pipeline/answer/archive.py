@@ -10,13 +10,13 @@ from typing import Any
 import pandas as pd
 
 from pipeline.answer import contract
-from pipeline.answer.contract import Answer
+from pipeline.answer.contract import Answer, Reason
 from pipeline.answer.history import previous
-from pipeline.answer.recommended import Reason, row_of
+from pipeline.answer.recommended import row_of
 from pipeline.answer.words import because
 from pipeline.base import files
 from pipeline.base.errors import UsageError
-from pipeline.diagnosis.verdict import Verdict
+from pipeline.diagnosis.finding import Verdict
 from pipeline.store.campaign import Campaign, dump
 
 _SHOWN = {

@@ -12,12 +12,49 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from pipeline.answer.recommended import Data, Reason, Which
-from pipeline.diagnosis.verdict import Finding, Verdict
+from pipeline.diagnosis.finding import Finding, Verdict
 
 Where = int | str | None
 Interval = tuple[float | None, float | None]
 Share = Annotated[float, Field(ge=-1e-9, le=1 + 1e-9)]
+
+
+class Which(StrEnum):
+    """Whose values the answer gives."""
+
+    JOINT_SPRINGS = "joint_springs"
+    EXTENDED = "extended"
+    AVERAGED = "averaged"
+
+
+class Data(StrEnum):
+    """From which data they come."""
+
+    AS_GIVEN = "as_given"
+    CORRECTED = "corrected"
+
+
+class Reason(StrEnum):
+    """Why these values."""
+
+    ADEQUATE = "adequate"
+    CAUSE_IDENTIFIED = "cause_identified"
+    CAUSE_AND_RIVALS = "cause_and_rivals"
+    CAUSE_DOUBTFUL = "cause_doubtful"
+    RIVALS = "rivals"
+    SPRINGS_UNTOUCHED = "springs_untouched"
+    WEIGHED_ANEW = "weighed_anew"
+    UNEXPLAINED = "unexplained"
+    MISTAKE = "mistake"
+    MISTAKE_SPRINGS_UNTOUCHED = "mistake_springs_untouched"
+    MISTAKE_AND_CAUSE = "mistake_and_cause"
+    MISTAKE_AND_RIVALS = "mistake_and_rivals"
+    MISTAKE_AND_UNEXPLAINED = "mistake_and_unexplained"
+
+    @property
+    def holds_for_its_readings(self) -> bool:
+        """False where the values do not explain the readings: shown, not compared with others."""
+        return self not in (Reason.UNEXPLAINED, Reason.MISTAKE_AND_UNEXPLAINED)
 
 
 class NoiseFrom(StrEnum):

@@ -8,7 +8,8 @@ import pandas as pd
 
 from pipeline.answer.recommended import Row, Values
 from pipeline.diagnosis.facts import Diagnosis, Facts
-from pipeline.diagnosis.verdict import Verdict, verdict
+from pipeline.diagnosis.finding import Verdict
+from pipeline.diagnosis.verdict import verdict
 from pipeline.faults.finding import Finding as Mistake
 from pipeline.prediction import model as handover
 from pipeline.reduction.pose_of_interest import Where

@@ -10,7 +10,6 @@ import numpy as np
 from scipy import special
 
 from pipeline.answer.contract import Answer, Stiffness
-from pipeline.answer.recommended import row_of
 from pipeline.base import linear
 from pipeline.base.arrays import Array
 
@@ -83,7 +82,7 @@ def robots(answers: Sequence[Answer]) -> dict[str, list[Answer]]:
 
 def trusted(answer: Answer) -> bool:
     """Whether a campaign's stiffnesses, with their uncertainties, may tell a change."""
-    return row_of(answer.recommended.reason).holds_for_its_readings
+    return answer.recommended.reason.holds_for_its_readings
 
 
 def previous(answer: Answer, answers: Iterable[Answer]) -> Answer | None:

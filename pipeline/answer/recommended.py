@@ -9,50 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from functools import cached_property
 
+from pipeline.answer.contract import Data, Reason, Which
 from pipeline.base.arrays import Array, Parameter
 from pipeline.diagnosis.average import Hypothesis, Springs, springs
 from pipeline.diagnosis.facts import Diagnosis, Facts
-from pipeline.diagnosis.verdict import Verdict, verdict
+from pipeline.diagnosis.finding import Verdict
+from pipeline.diagnosis.verdict import verdict
 from pipeline.prediction import model as handover
 from pipeline.system.estimate import left_out
 from pipeline.system.fit import Fitted
 from pipeline.system.system import Estimate
-
-
-class Which(StrEnum):
-    """Whose values the answer gives."""
-
-    JOINT_SPRINGS = "joint_springs"
-    EXTENDED = "extended"
-    AVERAGED = "averaged"
-
-
-class Data(StrEnum):
-    """From which data they come."""
-
-    AS_GIVEN = "as_given"
-    CORRECTED = "corrected"
-
-
-class Reason(StrEnum):
-    """Why these values."""
-
-    ADEQUATE = "adequate"
-    CAUSE_IDENTIFIED = "cause_identified"
-    CAUSE_AND_RIVALS = "cause_and_rivals"
-    CAUSE_DOUBTFUL = "cause_doubtful"
-    RIVALS = "rivals"
-    SPRINGS_UNTOUCHED = "springs_untouched"
-    WEIGHED_ANEW = "weighed_anew"
-    UNEXPLAINED = "unexplained"
-    MISTAKE = "mistake"
-    MISTAKE_SPRINGS_UNTOUCHED = "mistake_springs_untouched"
-    MISTAKE_AND_CAUSE = "mistake_and_cause"
-    MISTAKE_AND_RIVALS = "mistake_and_rivals"
-    MISTAKE_AND_UNEXPLAINED = "mistake_and_unexplained"
 
 
 @dataclass(frozen=True)
@@ -103,11 +71,6 @@ class Row:
     holds: Callable[[Basis], bool]
     model: Which
     data: Data
-
-    @property
-    def holds_for_its_readings(self) -> bool:
-        """False where the values do not explain the readings: shown, not compared with others."""
-        return self.reason not in (Reason.UNEXPLAINED, Reason.MISTAKE_AND_UNEXPLAINED)
 
 
 TABLE: tuple[Row, ...] = (

@@ -11,7 +11,7 @@ from pipeline.base.quantities import with_std
 
 def finding(joint: Stiffness) -> str | None:
     """All that is to be known of one stiffness; None where nothing is."""
-    return " ".join(sentence(remark, [joint]) for remark in joint.remarks) or None
+    return " ".join(_sentence(remark, [joint]) for remark in joint.remarks) or None
 
 
 def told(joints: Iterable[Stiffness]) -> list[str]:
@@ -20,7 +20,7 @@ def told(joints: Iterable[Stiffness]) -> list[str]:
     for joint in joints:
         for remark in joint.remarks:
             alike.setdefault((remark, _own(remark, joint)), (remark, []))[1].append(joint)
-    return [sentence(remark, those) for remark, those in alike.values()]
+    return [_sentence(remark, those) for remark, those in alike.values()]
 
 
 def _own(remark: Remark, joint: Stiffness) -> object:
@@ -30,7 +30,7 @@ def _own(remark: Remark, joint: Stiffness) -> object:
     return joint.joint_type if remark.odd is Odd.MIXED else joint.joint
 
 
-def sentence(remark: Remark, joints: Sequence[Stiffness]) -> str:
+def _sentence(remark: Remark, joints: Sequence[Stiffness]) -> str:
     """One remark on one joint, or on several of which it holds alike."""
     first = joints[0]
     if remark.odd is Odd.NEGATIVE:

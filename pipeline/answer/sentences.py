@@ -7,10 +7,9 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from pipeline.answer.contract import Deflection, Stiffness, Values
+from pipeline.answer.contract import Deflection, Stiffness, Values, Which
 from pipeline.answer.findings import Findings
 from pipeline.answer.numbers import left_out_mm
-from pipeline.answer.recommended import Which
 from pipeline.answer.words import because, why
 from pipeline.base.quantities import common_prefix, plain, prefixed, scaled, with_std
 from pipeline.system.estimate import fits

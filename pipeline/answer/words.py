@@ -9,10 +9,11 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from pipeline.answer.recommended import Reason
+from pipeline.answer.contract import Reason
 from pipeline.diagnosis.average import LIKELY
 from pipeline.diagnosis.facts import ROUGH, Cause, Drift, Facts
-from pipeline.diagnosis.verdict import Finding, certain, findings, outside_likelier, two_laws
+from pipeline.diagnosis.finding import Finding
+from pipeline.diagnosis.verdict import certain, findings, outside_likelier, two_laws
 from pipeline.machine.effects.tracker_drift import HOUR_S
 
 _NOTICED = 1.15

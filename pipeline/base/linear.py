@@ -1,9 +1,9 @@
 """Linear algebra with one rank rule, for everything that solves, ranks or weights.
 
 Columns come in units in which they compare (each parameter in its typical size, rows in standard
-uncertainties). A column that is shorter than `ROUNDING` times the longest is nothing: a joint that
+uncertainties). A column that is shorter than `_ROUNDING` times the longest is nothing: a joint that
 no pull loads moves the targets by rounding. All others are brought to unit length, so that no unit
-decides what the data determine, and a direction counts where it is longer than `ROUNDING` times
+decides what the data determine, and a direction counts where it is longer than `_ROUNDING` times
 the longest. Products N = X'X hold the squares of lengths: there the limit is `PRODUCTS`.
 """
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 
-ROUNDING = 1e-9
+_ROUNDING = 1e-9
 """Length of a mix of unit columns, over the longest, that is rounding [1]: doubles carry 1e-16,
 derivatives by differences 1e-10."""
 
@@ -61,20 +61,20 @@ class Inverse(Locked):
         return np.asarray(cov)
 
 
-def lengths(X: Array) -> Array:
+def _lengths(X: Array) -> Array:
     """Length of each column, infinite for one that is nothing, shape (k,)."""
     norm = np.linalg.norm(X, axis=0)
-    return np.where(norm > ROUNDING * norm.max(initial=_TINY), norm, np.inf)
+    return np.where(norm > _ROUNDING * norm.max(initial=_TINY), norm, np.inf)
 
 
-def orthonormal(X: Array, least: float = ROUNDING) -> Array:
+def orthonormal(X: Array, least: float = _ROUNDING) -> Array:
     """Orthonormal columns Q, (M, r), that span the columns of X, (M, k).
 
     Args:
         X: Columns.
         least: Part of the longest mix of unit columns below which a mix is rounding.
     """
-    U, s, _ = np.linalg.svd(X / lengths(X), full_matrices=False)
+    U, s, _ = np.linalg.svd(X / _lengths(X), full_matrices=False)
     return np.asarray(U[:, s > least * s.max(initial=_TINY)])
 
 
@@ -93,19 +93,19 @@ def spans(X: Array) -> Array:
 def complement(X: Array) -> Array:
     """Orthonormal columns, (M, M - r), that no mix of the columns of X, (M, k), reaches."""
     U, s, _ = np.linalg.svd(X, full_matrices=True)
-    return np.asarray(U[:, int(np.sum(s > ROUNDING * s.max(initial=_TINY))) :])
+    return np.asarray(U[:, int(np.sum(s > _ROUNDING * s.max(initial=_TINY))) :])
 
 
 def pseudoinverse(X: Array) -> Inverse:
     """X+ with its rank, by singular values of unit columns."""
-    size = lengths(X)
+    size = _lengths(X)
     U, s, Vt = np.linalg.svd(X / size, full_matrices=False)
-    kept = s > ROUNDING * s.max(initial=_TINY)
+    kept = s > _ROUNDING * s.max(initial=_TINY)
     found = (Vt[kept].T / s[kept]) @ U[:, kept].T / size[:, None]
     return Inverse(found, int(kept.sum()), 1 - np.sum(Vt[kept] ** 2, axis=0) > _PART)
 
 
-def shortest(X: Array, least: float = ROUNDING) -> Array:
+def shortest(X: Array, least: float = _ROUNDING) -> Array:
     """X+ of matrices (..., m, k) in the units they come in: where length has a meaning."""
     return np.asarray(np.linalg.pinv(X, rcond=least))
 
@@ -126,7 +126,7 @@ def unit(N: Array) -> tuple[Array, Array]:
     A column that is nothing has infinite length, and products of zero.
     """
     square = np.einsum("...ii->...i", N)
-    least = ROUNDING**2 * np.max(square, axis=-1, keepdims=True, initial=_TINY)
+    least = _ROUNDING**2 * np.max(square, axis=-1, keepdims=True, initial=_TINY)
     size = np.sqrt(np.where(square > least, square, np.inf))
     return N / (size[..., :, None] * size[..., None, :]), size
 

@@ -18,8 +18,8 @@ from pipeline.design.information import Experiment, station
 from pipeline.design.problem import Problem, with_steps
 from pipeline.design.schedule import pulls_at
 from pipeline.diagnosis.blindspots import needed
+from pipeline.diagnosis.facts import APART
 from pipeline.diagnosis.isolability import Twins, twins
-from pipeline.diagnosis.nextpose import APART
 from pipeline.machine.cell import Cell, paper_cell, sensitivity
 from pipeline.machine.effect import Effect, Noise
 from pipeline.machine.effects import catalogue

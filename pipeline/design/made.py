@@ -16,7 +16,7 @@ from pipeline.design.propose import Proposal, propose
 from pipeline.design.search import Effort
 from pipeline.machine.poses import in_log_units
 
-MM = 1e3
+_MM = 1e3
 """Millimetres in a metre."""
 
 
@@ -40,7 +40,7 @@ class Made:
         """What --json prints; figures of a criterion without unit have no `_mm`."""
         proposal = self.proposal
         problem, measurement = proposal.problem, proposal.measurement
-        factor, unit = (MM, "_mm") if problem.criterion.unit == "m" else (1.0, "")
+        factor, unit = (_MM, "_mm") if problem.criterion.unit == "m" else (1.0, "")
         certificate = proposal.certificate
         content = {
             "poses": printed(problem, measurement.q).tolist(),
@@ -114,7 +114,7 @@ def printed(problem: Problem, q: Array) -> Array:
 
 def figures(proposal: Proposal) -> str:
     """The criterion, what no plan can be below, and the price of telling causes apart."""
-    factor, unit = (MM, " mm") if proposal.problem.criterion.unit == "m" else (1.0, "")
+    factor, unit = (_MM, " mm") if proposal.problem.criterion.unit == "m" else (1.0, "")
     text = f"{plain(proposal.figure * factor, 4)}{unit}"
     if proposal.mixed is not None:
         more = proposal.figure / proposal.plan.figure

@@ -19,6 +19,13 @@ ROUGH = 1.6
 """A model that leaves this many times the scatter has a wrong law somewhere."""
 
 
+APART = 4.6
+"""Sigmas between two causes from which the right one leads by 20 to 1 in 95 % of the cases."""
+
+DETECTED = 5.0
+"""Sigmas from which detection of a cause is nearly certain."""
+
+
 @dataclass(frozen=True, eq=False)
 class Gain(Locked):
     """Cross-validation error without and with the causes.

@@ -18,7 +18,7 @@ import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
-from pipeline.diagnosis.facts import Proposal
+from pipeline.diagnosis.facts import APART, Proposal
 from pipeline.diagnosis.identify import Case
 from pipeline.machine.cell import sensitivity
 from pipeline.machine.effects import Effect, Pulls
@@ -27,9 +27,6 @@ from pipeline.machine.robot import configure
 from pipeline.system.elimination import eliminate
 from pipeline.system.evidence import WIDTHS
 from pipeline.system.whitened import View
-
-APART = 4.6
-"""Sigmas between two causes from which the right one leads by 20 to 1 in 95 % of the cases."""
 
 _SETTLED = 0.002
 """Chance of a wrong name from which a further pose need not do better."""

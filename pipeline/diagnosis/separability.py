@@ -8,13 +8,10 @@ import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array
+from pipeline.diagnosis.facts import APART, DETECTED
 from pipeline.diagnosis.isolability import Twins
-from pipeline.diagnosis.nextpose import APART
 from pipeline.system.elimination import eliminate
 from pipeline.system.whitened import View
-
-DETECTED = 5.0
-"""Sigmas from which detection of a cause is nearly certain."""
 
 
 def separation(view: View, suspects: Sequence[int]) -> Array:

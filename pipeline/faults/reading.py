@@ -28,7 +28,8 @@ from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.faults.finding import Finding
 from pipeline.machine import instrument
 from pipeline.machine.cell import Cell
-from pipeline.reduction.case import Case, Reduced
+from pipeline.reduction.bring import Reduced
+from pipeline.reduction.case import Case
 from pipeline.reduction.measured import Measured
 from pipeline.system.contrasts import Stack, Zeros, pure_error, stacked
 from pipeline.system.system import Estimate, System

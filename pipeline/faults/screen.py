@@ -16,7 +16,8 @@ from pipeline.faults.pull import force_unit, reversed_pull
 from pipeline.faults.reading import noise_scale, outlier
 from pipeline.faults.scale_reading import scale_outlier
 from pipeline.machine.effects import Effect
-from pipeline.reduction.case import Case, Reduced, bring
+from pipeline.reduction.bring import Reduced, bring
+from pipeline.reduction.case import Case
 from pipeline.system.contrasts import Zeros, repeated_zeros
 from pipeline.system.estimate import identify
 from pipeline.system.system import Estimate, System

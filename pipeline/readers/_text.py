@@ -23,7 +23,7 @@ _MANY_PIECES = 8
 """Pieces from which on a second thread costs less than it saves."""
 SAMPLE_LINES = 60
 """How many lines tell what a file is; headers are shorter."""
-CHUNK = 1 << 20
+_CHUNK = 1 << 20
 """Bytes looked at in one go: temporary arrays of this size stay in the cache."""
 
 _OTHER_PROGRAMS = {
@@ -145,9 +145,9 @@ def _starts(data: bytes) -> Ints:
     whole = np.frombuffer(data, dtype=np.uint8)
 
     def look(begin: int) -> Ints:
-        return np.flatnonzero(whole[begin : begin + CHUNK] == ord("\n")) + begin + 1
+        return np.flatnonzero(whole[begin : begin + _CHUNK] == ord("\n")) + begin + 1
 
-    ends = in_pieces(look, len(data))
+    ends = _in_pieces(look, len(data))
     end = [] if data.endswith(b"\n") else [np.array([len(data)])]
     return np.concatenate([np.zeros(1, dtype=np.int64), *ends, *end])
 
@@ -161,9 +161,9 @@ def _lone_return(data: bytes, starts: Ints) -> bool:
     return data.count(b"\r") > int(np.count_nonzero(before == ord("\r")))
 
 
-def in_pieces(work: Callable[[int], T], size: int) -> list[T]:
-    """Work done on every `CHUNK` of `size` bytes."""
-    begins = range(0, size, CHUNK)
+def _in_pieces(work: Callable[[int], T], size: int) -> list[T]:
+    """Work done on every `_CHUNK` of `size` bytes."""
+    begins = range(0, size, _CHUNK)
     return spread(work, begins, much=len(begins) >= _MANY_PIECES)
 
 

@@ -11,7 +11,7 @@ import pyarrow.compute as pc
 
 from pipeline.base.arrays import Bools
 
-MOMENT = pa.timestamp("us")
+_MOMENT = pa.timestamp("us")
 ISO = "ISO 8601"
 APOSTROPHE = "'"
 """Leica's programs put one before a time, so that Excel leaves it alone."""
@@ -67,7 +67,7 @@ def _moment(cell: str, form: str) -> datetime | None:
     return found + timedelta(microseconds=int(digits.ljust(6, "0")))
 
 
-def without_zone(found: datetime) -> datetime:
+def _without_zone(found: datetime) -> datetime:
     """UTC where the zone is known, else as written."""
     return found if found.tzinfo is None else found.astimezone(UTC).replace(tzinfo=None)
 
@@ -80,7 +80,7 @@ def moments(cells: pa.StringArray, form: str) -> tuple[pa.TimestampArray, Bools 
     except pa.ArrowInvalid:
         different = cells.dictionary_encode()
     found = [_moment(cell, form) for cell in different.dictionary.to_pylist()]
-    values = pa.array([None if m is None else without_zone(m) for m in found], MOMENT)
+    values = pa.array([None if m is None else _without_zone(m) for m in found], _MOMENT)
     zoned = np.array([m is not None and m.tzinfo is not None for m in found], dtype=bool)
     return values.take(different.indices), zoned[np.asarray(different.indices)]
 
@@ -100,11 +100,11 @@ def _at_once(cells: pa.StringArray) -> pa.TimestampArray:
     if pc.min(pc.binary_length(cells)).as_py() == 0:
         cells = pc.if_else(pc.equal(cells, ""), None, cells)
     try:
-        found = cells.cast(MOMENT)
+        found = cells.cast(_MOMENT)
         ticks = found.cast(pa.int64()).fill_null(1).to_numpy()
         cells = cells.filter(pa.array(ticks % _HOUR == 0))
     except pa.ArrowInvalid:
-        found = cells.cast(pa.timestamp("us", "UTC")).cast(MOMENT)
+        found = cells.cast(pa.timestamp("us", "UTC")).cast(_MOMENT)
     # Arrow takes 2026-11-03 and 2026-11-03T08 for times, too
     if not np.asarray(pc.match_substring_regex(cells.drop_null(), f"^(?:{_FORMS[ISO]})$")).all():
         raise pa.ArrowInvalid("a date without a time")

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base.arrays import Array
-from pipeline.diagnosis.separability import DETECTED
+from pipeline.diagnosis.facts import DETECTED
 
 Tables = Mapping[str, pd.DataFrame]
 """Tables by the lower-case name of their promise, SI."""

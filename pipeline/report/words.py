@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 
-from pipeline.answer.contract import Answer, Values
-from pipeline.answer.recommended import Data, Which
+from pipeline.answer.contract import Answer, Data, Values, Which
 from pipeline.machine.effect import in_place
 
 MISTAKES = {

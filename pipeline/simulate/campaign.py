@@ -23,7 +23,7 @@ from pipeline.simulate.noise import stated_covariance
 from pipeline.simulate.plan import Plan
 from pipeline.simulate.scene import Draws, Scene, build, draw
 
-CHAIN = ["Pl1", "Pl2"]
+_CHAIN = ["Pl1", "Pl2"]
 """Reflectors on the chain, which show where it pulls."""
 
 
@@ -193,7 +193,7 @@ def _unloaded_names(scene: Scene) -> Iterator[tuple[str, str]]:
 def _loaded_names(scene: Scene) -> Iterator[tuple[str, str]]:
     names = _pose_names(scene)
     for pose, repeat in zip(scene.pose_of, scene.pulls.repeat, strict=True):
-        targets = [*scene.plan.targets, *CHAIN]
+        targets = [*scene.plan.targets, *_CHAIN]
         yield from ((f"{names[pose]}{repeat}_loaded", target) for target in targets)
 
 
@@ -234,7 +234,7 @@ def _campaign_toml(plan: Plan, robot: str) -> bytes:
         "name": plan.name,
         "robot": robot if robot in SHIPPED else "robot.toml",
         "tracker": tracker,
-        "naming": {"measured": plan.targets, "chain": CHAIN},
+        "naming": {"measured": plan.targets, "chain": _CHAIN},
         "base_frame": plan.base_frame,
         "scale": {
             "file": "loads.csv",

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from pipeline.reduction.case import Case, Reduced
+from pipeline.reduction.bring import Reduced
+from pipeline.reduction.case import Case
 from pipeline.reduction.measured import Measured
 from pipeline.system.estimate import identify
 from pipeline.system.system import Estimate, System

@@ -50,7 +50,7 @@ def write(
     """
     import numpy as np
 
-    from pipeline.answer.recommended import row_of
+    from pipeline.answer.contract import Reason
     from pipeline.prediction import compensate as offsets
     from pipeline.prediction.model import Model
     from pipeline.store import campaign as campaigns
@@ -68,7 +68,7 @@ def write(
     written = output or path.with_name(f"{path.stem}-compensation.csv")
     files.write(written, offsets.table(model.robot, wanted, found))
     remarks = [found.summary]
-    if not row_of(model.recommended["reason"]).holds_for_its_readings:
+    if not Reason(model.recommended["reason"]).holds_for_its_readings:
         remarks.append(
             f"The model of {name} does not fit its own measurements: expect more than is stated."
         )

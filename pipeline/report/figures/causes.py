@@ -9,7 +9,7 @@ from matplotlib.figure import Figure as Canvas
 
 from pipeline.answer.contract import Answer
 from pipeline.base.quantities import plain
-from pipeline.diagnosis.nextpose import APART
+from pipeline.diagnosis.facts import APART
 from pipeline.report import words
 from pipeline.report.figures.marks import Tips, integer_ticks, legend_above
 from pipeline.report.figures.plot import Plot

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from pipeline.answer.contract import Answer, Equilibrium, Input
-from pipeline.answer.recommended import Which
+from pipeline.answer.contract import Answer, Equilibrium, Input, Which
 from pipeline.base.quantities import plain, typeset
 from pipeline.report.columns import Cells, number, said, table_of
 from pipeline.report.record import Section, Table, Text, section_of

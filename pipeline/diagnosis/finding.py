@@ -1,0 +1,46 @@
+"""What a diagnosis can find, and what that makes of a campaign."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+
+class Verdict(StrEnum):
+    """What a campaign comes to, the most severe last."""
+
+    ADEQUATE = "adequate"
+    EXPLAINED = "explained"
+    AMBIGUOUS = "ambiguous"
+    UNEXPLAINED = "unexplained"
+    BAD_DATA = "bad_data"
+
+    @property
+    def severity(self) -> int:
+        """0 to 4."""
+        return list(Verdict).index(self)
+
+
+class Finding(StrEnum):
+    """What was found; each name stands in one row of `TABLE`."""
+
+    MISTAKE = "mistake"
+    TRACKER_MOVED = "tracker_moved"
+    TRACKER_MOVED_OR_KNOCKED = "tracker_moved_or_knocked"
+    STANDS_ELSEWHERE = "stands_elsewhere"
+    STANDS_ELSEWHERE_OR_RIVAL = "stands_elsewhere_or_rival"
+    REFLECTORS_LOOSE = "reflectors_loose"
+    NO_CAUSE_FITS = "no_cause_fits"
+    PREDICTS_WORSE = "predicts_worse"
+    REMAINDER = "remainder"
+    OUTSIDE_CATALOGUE = "outside_catalogue"
+    GAIN_UNCERTAIN = "gain_uncertain"
+    TWO_LAWS = "two_laws"
+    RIVALS = "rivals"
+    OUTSIDE_CATALOGUE_POSSIBLE = "outside_catalogue_possible"
+    SCALE_SCATTERS = "scale_scatters"
+    BEYOND_CERTIFICATE = "beyond_certificate"
+    OFF_THE_TABLE = "off_the_table"
+    BEYOND_A_TRACKER = "beyond_a_tracker"
+    CAUSE_IDENTIFIED = "cause_identified"
+    SCATTER = "scatter"
+    NOTHING = "nothing"

@@ -1,0 +1,106 @@
+"""From a campaign as ingested to its measurements in F_b: the order of the reduction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from pipeline import tables
+from pipeline.reduction.case import Case
+from pipeline.reduction.displacements import displacements
+from pipeline.reduction.forces import forces
+from pipeline.reduction.measured import Measured, measured
+from pipeline.reduction.register import Registration, place, register
+
+Step = Callable[[Callable[..., Any]], Callable[..., Any]]
+Keep = Callable[[str, "pd.DataFrame | pa.Table | None", pa.Schema], pd.DataFrame]
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """A campaign's measurements, brought into F_b.
+
+    Attributes:
+        data: Pulls and displacements as arrays.
+        registration: Where the tracker stands.
+        placed: Table PLACED, the readings of the poses in F_b.
+        shown: The tables a reader wants to see, by name.
+    """
+
+    data: Measured
+    registration: Registration
+    placed: pd.DataFrame
+    shown: dict[str, pd.DataFrame]
+
+
+def conformed(_: str, table: pd.DataFrame | pa.Table | None, promise: pa.Schema) -> pd.DataFrame:
+    """Check a table's promise and keep it nowhere."""
+    return tables.frame(tables.conform(table, promise))
+
+
+def plain(stage: Callable[..., Any]) -> Callable[..., Any]:
+    """Carry a stage out as it is."""
+    return stage
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """The tables between readings and measurements.
+
+    Attributes:
+        registration: Where the tracker stands.
+        base: Table REGISTRATION.
+        placed: Table PLACED.
+        forces: Table FORCES.
+        displacements: Table DISPLACEMENTS.
+    """
+
+    registration: Registration
+    base: pd.DataFrame
+    placed: pd.DataFrame
+    forces: pd.DataFrame
+    displacements: pd.DataFrame
+
+
+def to_displacements(case: Case, keep: Keep = conformed, step: Step = plain) -> Placed:
+    """From readings in the tracker's frame to tables of forces and displacements in F_b."""
+    settings = case.settings
+    registration = step(register)(settings, case.readings)
+    base = keep("20_registration", registration.table, tables.REGISTRATION)
+    placed = keep("21_placed", place(registration, case.readings), tables.PLACED)
+    if settings.displacements is None:
+        pulled = step(forces)(settings, placed, case.loads)
+        moved = step(displacements)(settings, placed)
+    else:
+        pulled, moved = case.forces, case.displacements
+    pulled = keep("22_forces", pulled, tables.FORCES)
+    moved = keep("23_displacements", moved, tables.DISPLACEMENTS)
+    return Placed(registration, base, placed, pulled, moved)
+
+
+def bring(case: Case, keep: Keep = conformed, step: Step = plain) -> Reduced:
+    """From readings in the tracker's frame to forces and displacements in F_b, as arrays."""
+    settings, robot = case.settings, case.robot
+    got = to_displacements(case, keep, step)
+    registration = got.registration
+    gain = settings.scale.gain_sigma if settings.scale else 0.0
+    rotation = registration.cov[:3, :3]
+    off = np.where(robot.prismatic, settings.joints.sigma_m, settings.joints.sigma_rad)
+    points = settings.tool_uncertainty.sigma_m
+    names = case.tool.targets
+    told = registration.from_scatter
+    pulled, moved = got.forces, got.displacements
+    data = measured(robot, names, case.joints, pulled, moved, rotation, gain, points, off, told)
+    shown = {
+        "readings": case.readings,
+        "rejected": case.rejected,
+        "registration": got.base,
+        "forces": pulled,
+        "displacements": moved,
+    }
+    return Reduced(data, registration, got.placed, shown)
