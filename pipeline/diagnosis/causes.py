@@ -15,7 +15,7 @@ from pipeline.diagnosis.unloaded_fit import student
 from pipeline.machine.cell import predict
 from pipeline.machine.effects import Effect, Noise, Pulls
 from pipeline.reduction.pose_of_interest import Where
-from pipeline.system.noise import SURE
+from pipeline.system import alarms
 from pipeline.system.system import Scatter
 from pipeline.system.variance import at_most
 
@@ -107,7 +107,7 @@ def of_scatter(whole: tuple[Effect, ...], spread: Scatter) -> tuple[Cause, ...]:
     out = []
     for effect in whole:
         value, std, p = sizes.get(effect.name, (0.0, 0.0, 1.0))
-        if isinstance(effect, Noise) and p < SURE and spread.known_from == "rigidity":
+        if isinstance(effect, Noise) and p < alarms.SCATTER and spread.known_from == "rigidity":
             size = Amplitude.symmetric(effect.parameters[0], value, std)
             out.append(Cause(effect, at_most(p), (size,), p))
     return tuple(out)

@@ -24,10 +24,11 @@ from pipeline.machine.effects import Effect, Noise, catalogue
 from pipeline.machine.effects.nameless import nameless
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.pose_of_interest import Where
+from pipeline.system import alarms
 from pipeline.system.elimination import coefficients, eliminate
 from pipeline.system.estimate import fits
 from pipeline.system.linearised import Sight
-from pipeline.system.noise import SURE, scatter
+from pipeline.system.noise import scatter
 from pipeline.system.system import Estimate, Scatter
 from pipeline.system.whitened import View
 
@@ -157,7 +158,7 @@ def _facts(case: Case, found: Found, spread: Scatter) -> Facts:
 
 def _beyond_certificate(spread: Scatter, stated: bool) -> bool:
     """With one reflector only the certificate separates scatter from misfit."""
-    return stated and spread.known_from == "residuals" and spread.tracker_p < SURE
+    return stated and spread.known_from == "residuals" and spread.tracker_p < alarms.SCATTER
 
 
 def _searched(
@@ -202,10 +203,11 @@ def case_of(
     start = plain.model((), estimate.value)
     seen = plain.sight(start)
     spread = scatter(plain.look(seen), seen.errors, data.noise_stated)
+    larger = spread.tracker_p < alarms.SCATTER
     case = replace(
         plain,
         noise=spread.tracker,
-        certain_noise=spread.tracker if spread.tracker_p < SURE or not data.noise_stated else 1.0,
+        certain_noise=spread.tracker if larger or not data.noise_stated else 1.0,
         force_noise=spread.force,
         nameless=nameless(cell.robot),
     )

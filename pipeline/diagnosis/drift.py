@@ -20,7 +20,8 @@ from pipeline.diagnosis.facts import Drift
 from pipeline.machine.effects import Effect, Observation
 from pipeline.machine.effects.tracker_drift import HOUR_S, LAWS
 from pipeline.reduction.register import XYZ, Registration
-from pipeline.system.noise import SURE, TOLERATED
+from pipeline.system import alarms
+from pipeline.system.noise import TOLERATED
 
 _FITS = 1e-3
 """Where a rigid motion leaves something this improbable, a reflector moved or was read badly."""
@@ -89,44 +90,87 @@ def drift(
         None without times, with too few reflectors, or with one round of readings.
     """
     forms = [e for e in effects if isinstance(e, Observation) and e.form in LAWS]
-    table = registration.table[registration.table["time"].notna()]
-    table = table[table.groupby("target")["group"].transform("nunique") > 1]
-    if not forms or table["target"].nunique() < 3:
-        return None
+    table = _repeated(registration.table)
     since = (table["time"] - table["time"].min()).dt.total_seconds().to_numpy()
-    known = unloaded[np.isfinite(unloaded).all(axis=1)]
-    at = known.mean(axis=0) if len(known) else registration.centre
-    base = _base(registration, table, at, scale)
-    dof = len(base.y) - base.fixed.shape[1] - 6
-    if since.max() <= 0 or dof < 1:
+    if not forms or table["target"].nunique() < 3 or since.max() <= 0:
         return None
-    amounts = [LAWS[effect.form](since) for effect in forms]
-    fits = [base.fit(amount) for amount in amounts]
-    steady, best = 0, int(np.argmin([left for _, _, left in fits]))
-    best = best if fits[best][2] < fits[steady][2] - _DECIDES else steady
-    effect, amount, (motion, cov, rest) = forms[best], amounts[best], fits[best]
-    variance = max(TOLERATED**2, rest / dof)
-    p = float(stats.chi2.sf((base.beside(base.y) - rest) / variance, 6))
-    rigid = stats.chi2.sf(rest / TOLERATED**2, dof) > _FITS
+    base = _base(registration, table, _stated_at(unloaded, registration), scale)
+    dof = len(base.y) - base.fixed.shape[1] - 6
+    if dof < 1:
+        return None
+    course = _course(base, forms, since)
     knocked = min((base.fit(after.astype(float))[2] for after in _rounds(table)), default=np.inf)
-    typical = np.concatenate([[q.typical for q in effect.parameters], np.zeros(3)])
-    shown = base.beside(base.columns(amount) @ typical) / variance
-    parts = base.rigid @ motion * np.ptp(amount)
-    std = np.sqrt(np.diag(cov) * max(1.0, rest / dof))
-    named = bool(p < SURE and rigid and knocked > rest - _DECIDES)
-    visible = float(np.sqrt(needed(6, SURE) / shown)) if rigid and shown > 0 else np.inf
-    undecided = knocked <= rest + _DECIDES
+    return _stated(base, course, dof, knocked, table, float(np.ptp(since)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Course(Locked):
+    """The law of the tracker's motion that fits best.
+
+    Attributes:
+        effect: The law.
+        amount: What of the motion each reading has felt, shape (k,).
+        motion: Velocity and turn, the latter at LEVER_M, shape (6,).
+        cov: Its covariance in units of the readings' variance, shape (6, 6).
+        left: What is left of chi-square.
+    """
+
+    effect: Observation
+    amount: Array
+    motion: Array
+    cov: Array
+    left: float
+
+
+def _repeated(table: pd.DataFrame) -> pd.DataFrame:
+    """Readings with a time of reflectors that were read in several groups."""
+    table = table[table["time"].notna()]
+    return table[table.groupby("target")["group"].transform("nunique") > 1]
+
+
+def _stated_at(unloaded: Array, registration: Registration) -> Array:
+    """Where the velocity is stated [m], F_b, shape (3,)."""
+    known = unloaded[np.isfinite(unloaded).all(axis=1)]
+    return np.asarray(known.mean(axis=0) if len(known) else registration.centre)
+
+
+def _course(base: _Base, forms: Sequence[Observation], since: Array) -> _Course:
+    """The steady law, the first, unless another one fits better by `_DECIDES`."""
+    amounts = [LAWS[effect.form](since) for effect in forms]
+    steady, *others = (
+        _Course(effect, amount, *base.fit(amount))
+        for effect, amount in zip(forms, amounts, strict=True)
+    )
+    best = min(others, key=lambda one: one.left, default=steady)
+    return best if best.left < steady.left - _DECIDES else steady
+
+
+def _stated(
+    base: _Base, course: _Course, dof: int, knocked: float, table: pd.DataFrame, seconds: float
+) -> Drift:
+    """What is stated of the motion; `knocked` is what one knock at the best time would leave."""
+    left, motion = course.left, course.motion
+    variance = max(TOLERATED**2, left / dof)
+    p = float(stats.chi2.sf((base.beside(base.y) - left) / variance, 6))
+    rigid = bool(stats.chi2.sf(left / TOLERATED**2, dof) > _FITS)
+    typical = np.concatenate([[q.typical for q in course.effect.parameters], np.zeros(3)])
+    shown = base.beside(base.columns(course.amount) @ typical) / variance
+    parts = base.rigid @ motion * np.ptp(course.amount)
+    std = np.sqrt(np.diag(course.cov) * max(1.0, left / dof))
+    named = bool(p < alarms.DRIFT and rigid and knocked > left - _DECIDES)
+    visible = float(np.sqrt(needed(6, alarms.DRIFT) / shown)) if rigid and shown > 0 else np.inf
+    undecided = bool(knocked <= left + _DECIDES)
     return Drift(
-        effect=_undecided(effect, table) if undecided else effect,
+        effect=_undecided(course.effect, table) if undecided else course.effect,
         velocity=motion[:3],
         std=std[:3],
         turn=motion[3:] / _LEVER_M,
         turn_std=std[3:] / _LEVER_M,
         moved_m=float(np.sqrt(np.mean(np.sum(parts**2, axis=1)))),
-        hours=float(np.ptp(since)) / HOUR_S,
+        hours=seconds / HOUR_S,
         p_value=p,
         named=named,
-        undecided=bool(undecided),
+        undecided=undecided,
         visible=min(visible, 1.0) if named else visible,
     )
 

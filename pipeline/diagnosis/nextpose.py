@@ -214,11 +214,6 @@ class _Contest(Locked):
             for a, b in combinations(range(len(one.who)), 2)
         ]
         weight = [np.sqrt(questions[n].odds[a] * questions[n].odds[b]) for n, a, b in pairs]
-        sizes = []
-        for one in questions:
-            S = eliminate(view.M, np.concatenate([np.arange(view.first), view.columns(one.rest)]))
-            mine = [view.columns([] if i is None else [i]) for i in one.who]
-            sizes.append(tuple(_fitted(S, own, S[own, -1]) for own in mine))
         return cls(
             questions=tuple(questions),
             effects=tuple(view.suspects[i] for i in suspects),
@@ -227,7 +222,7 @@ class _Contest(Locked):
             M=view.M[np.ix_(columns, columns)],
             pairs=tuple(pairs),
             weight=np.array(weight),
-            size=tuple(sizes),
+            size=tuple(_sizes(view, one) for one in questions),
         )
 
     @property
@@ -295,6 +290,13 @@ class _Contest(Locked):
         inverse = view.white.inverse[view.white.pose[mine[0]]][np.ix_(place, place)]
         X = inverse @ X / view.noise
         return np.asarray(np.swapaxes(X, 1, 2) @ X)
+
+
+def _sizes(view: View, one: Question) -> tuple[Array, ...]:
+    """What each who could act in a place would be, fitted without the others."""
+    S = eliminate(view.M, np.concatenate([np.arange(view.first), view.columns(one.rest)]))
+    mine = (view.columns([] if i is None else [i]) for i in one.who)
+    return tuple(_fitted(S, own, S[own, -1]) for own in mine)
 
 
 def _left(S: Array, true: Ints, size: Array, other: Ints) -> Array:

@@ -18,22 +18,22 @@ _AXES = np.array(["x", "y", "z"], dtype=object)
 def clues_table(diagnosis: Diagnosis) -> pd.DataFrame:
     """Table DIAGNOSIS."""
     named = {cause.effect.label for cause in diagnosis.causes}
-    return pd.DataFrame(
+    rows = [
         {
-            "name": [clue.effect.name for clue in diagnosis.clues],
-            "where": [
-                "" if c.effect.where is None else str(c.effect.where) for c in diagnosis.clues
-            ],
-            "location": [clue.effect.location for clue in diagnosis.clues],
-            "form": [clue.effect.form for clue in diagnosis.clues],
-            "p_value": [clue.p_value for clue in diagnosis.clues],
+            "name": clue.effect.name,
+            "where": "" if clue.effect.where is None else str(clue.effect.where),
+            "location": clue.effect.location,
+            "form": clue.effect.form,
+            "p_value": clue.p_value,
             "threshold_p": diagnosis.threshold,
-            "log_evidence": [clue.log_evidence for clue in diagnosis.clues],
-            "absorbed": [clue.absorbed for clue in diagnosis.clues],
-            "smallest_visible": [clue.smallest_visible for clue in diagnosis.clues],
-            "named": [clue.effect.label in named for clue in diagnosis.clues],
+            "log_evidence": clue.log_evidence,
+            "absorbed": clue.absorbed,
+            "smallest_visible": clue.smallest_visible,
+            "named": clue.effect.label in named,
         }
-    )
+        for clue in diagnosis.clues
+    ]
+    return pd.DataFrame(rows, columns=tables.DIAGNOSIS.names)
 
 
 def apart_table(diagnosis: Diagnosis) -> pd.DataFrame:

@@ -47,26 +47,36 @@ def _open(
     Twins count as one: no pull helps, a sensor does (`needs` of the causes). Where every name is
     certain and only its worth is not, it must be separated from the joint springs alone.
     """
-    out = []
-    for place, mine in enumerate(found.accepted):
-        rest = tuple(i for i in found.accepted if i != mine)
-        label = causes[place].effect.label
-        one = (label, *known.of(label))
-        odds: dict[int | None, float] = {
-            mine: sum(r.probability for r in found.rivals[place] if r.label in one)
-        }
-        if causes[place].probability < CERTAIN:
-            others = [r for r in found.rivals[place] if r.label not in one]
-            odds |= {r.suspect: r.probability for r in others[:_MOST] if r.probability > _LEAST}
-        if found.strange and found.strange[place].probability > 1 - CERTAIN:
-            strange = found.strange[place]
-            odds = {who: (1 - strange.probability) * odd for who, odd in odds.items()}
-            odds[strange.suspect] = strange.probability
-        if len(odds) > 1:
-            out.append(Question(tuple(odds), tuple(odds.values()), rest))
-    if not out and worth is not None and worth.ci95[0] <= 0:
-        for mine, cause in zip(found.accepted, causes, strict=False):
-            if not cause.twins:
-                rest = tuple(i for i in found.accepted if i != mine)
-                out.append(Question((mine, None), (0.5, 0.5), rest))
-    return out
+    questions = [
+        Question(tuple(odds), tuple(odds.values()), _others(found, mine))
+        for place, mine in enumerate(found.accepted)
+        if len(odds := _standing_there(found, place, causes[place], known)) > 1
+    ]
+    if questions or worth is None or worth.ci95[0] > 0:
+        return questions
+    return [
+        Question((mine, None), (0.5, 0.5), _others(found, mine))
+        for mine, cause in zip(found.accepted, causes, strict=False)
+        if not cause.twins
+    ]
+
+
+def _others(found: Found, mine: int) -> tuple[int, ...]:
+    return tuple(i for i in found.accepted if i != mine)
+
+
+def _standing_there(
+    found: Found, place: int, cause: Cause, known: Twins
+) -> dict[int | None, float]:
+    """Who could act in one place, with the odds of each; one alone where that is certain."""
+    one = (cause.effect.label, *known.of(cause.effect.label))
+    mine = [r.probability for r in found.rivals[place] if r.label in one]
+    odds: dict[int | None, float] = {found.accepted[place]: sum(mine)}
+    if cause.probability < CERTAIN:
+        others = [r for r in found.rivals[place] if r.label not in one]
+        odds |= {r.suspect: r.probability for r in others[:_MOST] if r.probability > _LEAST}
+    if found.strange and found.strange[place].probability > 1 - CERTAIN:
+        strange = found.strange[place]
+        odds = {who: (1 - strange.probability) * odd for who, odd in odds.items()}
+        odds[strange.suspect] = strange.probability
+    return odds

@@ -7,8 +7,9 @@ from scipy import stats
 
 from pipeline.base import covariance, linear
 from pipeline.faults.finding import Finding
-from pipeline.faults.reading import FAMILY, bad_reading, smallest
+from pipeline.faults.reading import bad_reading, smallest
 from pipeline.reduction.register import XYZ, Registration
+from pipeline.system import alarms
 
 
 def base_outlier(registration: Registration, scale: float) -> list[Finding]:
@@ -36,7 +37,7 @@ def base_outlier(registration: Registration, scale: float) -> list[Finding]:
     rest, dof = chi2 / scale**2 - drop[best], registration.dof - 3
     p = len(drop) * float(stats.chi2.sf(drop[best], 3))
     size = float(np.linalg.norm(shift[best]))
-    if p > FAMILY or size < smallest(table, scale) or stats.chi2.sf(rest, dof) < 0.01:
+    if p > alarms.READING or size < smallest(table, scale) or stats.chi2.sf(rest, dof) < 0.01:
         return []
     sigmas = float(np.sqrt(drop[best]))
     return [bad_reading(table.iloc[best], "the other base reflectors", size, sigmas, p)]

@@ -12,16 +12,17 @@ from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError
 from pipeline.faults.finding import Finding
-from pipeline.faults.reading import FAMILY, smallest
+from pipeline.faults.reading import smallest
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ, Registration, register
+from pipeline.system import alarms
 
 _FEWEST = 4
 """With fewer reflectors the others cannot outvote one."""
 
 _AGREE = 0.01
 """The others agree if their misfit is more probable than this; a target whose removal leaves a
-misfit less probable than FAMILY is no rival."""
+misfit less probable than alarms.READING is no rival."""
 
 
 def base_target(case: Case, registration: Registration, scale: float) -> list[Finding]:
@@ -39,7 +40,7 @@ def base_target(case: Case, registration: Registration, scale: float) -> list[Fi
     names = sorted(set(table["target"]))
     if chi2 is None or len(names) < _FEWEST:
         return []
-    if stats.chi2.sf(chi2 / scale**2, registration.dof) > FAMILY:
+    if stats.chi2.sf(chi2 / scale**2, registration.dof) > alarms.READING:
         return []
     free = {name: one for name in names if (one := _freed(case, registration, name))}
     if len(free) < 2:
@@ -51,8 +52,8 @@ def base_target(case: Case, registration: Registration, scale: float) -> list[Fi
     p = len(names) * float(stats.chi2.sf(drop, 3))
     size = float(np.linalg.norm(free[best][1]))
     fits = stats.chi2.sf(left[best], dof) > _AGREE
-    alone = stats.chi2.sf(left[rival], dof) < FAMILY
-    if not (fits and alone) or p > FAMILY or size < smallest(table, scale):
+    alone = stats.chi2.sf(left[rival], dof) < alarms.READING
+    if not (fits and alone) or p > alarms.READING or size < smallest(table, scale):
         return []
     return [_finding(best, size, float(np.sqrt(drop)), float(np.sqrt(max(left[best], 0))), p)]
 

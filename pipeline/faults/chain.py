@@ -19,9 +19,9 @@ from scipy import stats
 from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
 from pipeline.faults.finding import Finding
-from pipeline.faults.reading import FAMILY
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
+from pipeline.system import alarms
 
 _TESTS = 2
 """Distance and direction share the probability of a false alarm."""
@@ -150,7 +150,7 @@ def _distance(chain: _Chain) -> _Off | None:
         best = _of_its_pose(chain, t, _deleted(common, y, least)[0])
     p = 2 * len(y) * float(stats.t.sf(t[best], dof))
     size_m = float(size[best] * chain.std[best])
-    if p > FAMILY / _TESTS or size_m < _SHORT_M:
+    if p > alarms.READING / _TESTS or size_m < _SHORT_M:
         return None
     return _Off(best, float(t[best]), size_m, p)
 
@@ -207,7 +207,7 @@ def _direction(chain: _Chain) -> _Off | None:
     size = np.min([law[3] for law in laws], axis=0)
     sigmas = np.min([law[4] for law in laws], axis=0)
     best = int(np.argmin(p))
-    sure = len(pulls) * p[best] < FAMILY / _TESTS and apart[best] > _APART
+    sure = len(pulls) * p[best] < alarms.READING / _TESTS and apart[best] > _APART
     if not sure or size[best] < _MATTERS_RAD:
         return None
     return _Off(

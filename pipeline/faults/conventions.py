@@ -8,7 +8,7 @@ handedness of the tracker's frame, the joint convention or a sign of the table i
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -92,22 +92,23 @@ def conventions(case: Case) -> list[Finding]:
 def _search(
     case: Case, how: Callable[[Case], float | None], gross: float, before: float
 ) -> list[Finding]:
-    def after(*chosen: Hypothesis) -> float:
-        right = case
-        for hypothesis in chosen:
-            right = hypothesis.correct(right)
-        value = how(right)
-        return np.inf if value is None else value
-
     singles = list(hypotheses(case))
     data = [h for h in singles if not h.table and how is miss]
     pairs = [p for p in itertools.combinations(data, 2) if p[0].where != p[1].where]
     for tried in ([(h,) for h in singles], pairs):
-        misses = [after(*chosen) for chosen in tried]
+        misses = [_after(case, chosen, how) for chosen in tried]
         best = int(np.argmin([*misses, np.inf]))
         if best < len(tried) and misses[best] < gross and _BETTER * misses[best] < before:
             return [_finding(h, before, misses[best]) for h in tried[best]]
     return []
+
+
+def _after(case: Case, chosen: Sequence[Hypothesis], how: Callable[[Case], float | None]) -> float:
+    """How far the reflectors stand off with some mistakes put right; infinite if unknown."""
+    for hypothesis in chosen:
+        case = hypothesis.correct(case)
+    value = how(case)
+    return np.inf if value is None else value
 
 
 def _finding(h: Hypothesis, before: float, after: float) -> Finding:

@@ -22,10 +22,10 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.linear import rigid
 from pipeline.faults.conventions import unloaded
 from pipeline.faults.finding import Finding
-from pipeline.faults.reading import FAMILY
 from pipeline.machine.robot import configure
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ, register
+from pipeline.system import alarms
 
 _STANDS_OUT = 10.0
 """A wrong row puts the reflectors this many times farther off than the others scatter, ..."""
@@ -190,7 +190,7 @@ def _knocked(case: Case, read: _Stand, wrong: Sequence[int]) -> bool:
     if case.settings.base_frame is None or not wrong:
         return False
     placed = register(case.settings, case.readings)
-    if placed.chi2 is None or stats.chi2.sf(placed.chi2, placed.dof) > FAMILY:
+    if placed.chi2 is None or stats.chi2.sf(placed.chi2, placed.dof) > alarms.READING:
         return False
     begun = np.array([np.flatnonzero(read.pose == k)[0] for k in range(len(read.poses))])
     return set(np.argsort(begun)[-len(wrong) :].tolist()) == set(wrong)

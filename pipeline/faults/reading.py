@@ -31,14 +31,10 @@ from pipeline.machine.cell import Cell
 from pipeline.reduction.bring import Reduced
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import Measured
+from pipeline.system import alarms
 from pipeline.system.contrasts import Stack, Zeros, pure_error, stacked
 from pipeline.system.system import Estimate, System
 from pipeline.system.whiten import Whitener, whitener
-
-FAMILY = 5e-4
-"""Probability that chance makes any reading of a clean campaign an outlier, in each of five tests:
-of readings of the poses, of readings of the base, of whole base reflectors, of the chain and of
-the scale."""
 
 _SMALLEST_M = 8e-5
 """A reading off by less than this is not reported."""
@@ -137,7 +133,7 @@ def outlier(
         confirmed &= _confirmed(pulls, best, shift, scale**2, seen=not must_fit)
         whole = _of_whole_pull(stack, white, shifts, best)
         confirmed &= whole < shifts.drop[best] + _TOO_FEW * variance
-        if p < FAMILY and size > floor and confirmed:
+        if p < alarms.READING and size > floor and confirmed:
             row = _row(case, reduced, shifts, best)
             sigmas = float(np.sqrt(shifts.drop[best] / variance))
             return [bad_reading(row, "all other readings", size, sigmas, p, beside_model=True)]

@@ -22,12 +22,12 @@ from scipy import stats
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.faults.finding import Finding
-from pipeline.faults.reading import FAMILY
 from pipeline.machine.cell import Cell
 from pipeline.reduction.case import Case
 from pipeline.reduction.forces import reading_std
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.settings import Scale
+from pipeline.system import alarms
 from pipeline.system.assemble import assemble, by_force
 from pipeline.system.estimate import identify, least_squares
 from pipeline.system.system import Estimate, System
@@ -93,7 +93,7 @@ def scale_outlier(
     freed = _freed(cell, data, system, estimate, whitener(system.errors, system.rows.pose))
     best = int(np.argmax(freed.drop))
     rest = float(freed.residual @ freed.residual) - freed.drop[best]
-    if pulls * _chance(freed.drop[best], rest, freed.dof - 1, system.noise_stated) > FAMILY:
+    if pulls * _chance(freed.drop[best], rest, freed.dof - 1, system.noise_stated) > alarms.READING:
         return []
     scale = case.settings.scale or Scale()
     given = float(np.linalg.norm(data.pulls.force[best]))
@@ -115,7 +115,7 @@ def scale_outlier(
     others = float(np.delete(freed.drop, best).max())
     alone = drop > _DOMINATES**2 * others
     alone &= _left(white, freed, system.rows.pull == best) < _LEFT * drop
-    if p > FAMILY or not alone:
+    if p > alarms.READING or not alone:
         return []
     return [_finding(case, data, best, given, fits, float(freed.normal[best]), drop, p)]
 

@@ -9,17 +9,10 @@ from scipy import special
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
+from pipeline.system import alarms
 from pipeline.system.elimination import eliminate
 from pipeline.system.evidence import ROUNDING, Scores
 from pipeline.system.whitened import View, by_pose_drop
-
-_FALSE_ALARM = 0.002
-"""For all suspects together. With the two tests of lack of fit, the five of bad readings and the
-tracker's drift 7.5 of 1000 clean campaigns raise a false alarm: 1 % holds also where 1000 are
-counted. Scatter above the stated is tested separately, and is no fault of the model."""
-
-_LACK_OF_FIT = 0.001
-"""For each of the two tests of lack of fit."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +36,7 @@ def threshold(
     p_min = min_j P[F(k_j, dof - k_j) > F_j], F_j = (T_j / k_j) / ((rest - T_j) / (dof - k_j)),
     T_j = |U_j' e|^2, e ~ N(0, I), U_j what suspect j adds to the base. With q the 2 % quantile of
     p_min, m = ln(1 - 0.02) / ln(1 - q) independent tests would do the same, so that each may use
-    p = 1 - (1 - alpha)^(1/m), alpha = `_FALSE_ALARM` (Sidak, J. Am. Stat. Assoc. 62, 1967).
+    p = 1 - (1 - alpha)^(1/m), alpha = `alarms.SUSPECT` (Sidak, J. Am. Stat. Assoc. 62, 1967).
 
     Only the part of the scatter in the span of base and suspects needs drawing; the rest is one
     chi-square. The F tests do not depend on the size of the scatter. The tail is
@@ -61,7 +54,7 @@ def threshold(
         left = dof - k
         least = np.minimum(least, special.fdtrc(k, left, (T / k) / ((rest - T) / left)))
     tests = np.log1p(-0.02) / np.log1p(-np.quantile(least, 0.02))
-    return Threshold(-np.expm1(np.log1p(-_FALSE_ALARM) / tests), float(tests))
+    return Threshold(-np.expm1(np.log1p(-alarms.SUSPECT) / tests), float(tests))
 
 
 def _bases(view: View, S: Array) -> list[Array]:
@@ -96,7 +89,7 @@ class Lack:
     @property
     def found(self) -> bool:
         """True when either is too unlikely."""
-        return min(self.p_poses, self.p_pulls) < _LACK_OF_FIT
+        return min(self.p_poses, self.p_pulls) < alarms.LACK_OF_FIT
 
 
 def lack_of_fit(view: View, base: Ints, score: Scores) -> Lack:

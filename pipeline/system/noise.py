@@ -15,15 +15,13 @@ from scipy import optimize, stats
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array
+from pipeline.system import alarms
 from pipeline.system.system import Errors, Scatter
 from pipeline.system.whiten import whitener
 from pipeline.system.whitened import View
 
 TOLERATED = 1.3
 """A certificate that is wrong by less than this factor is not reported."""
-
-SURE = 0.001
-"""How unlikely scatter must be before it is called larger than stated."""
 
 _LEAST = 0.01
 """Readings that scatter less than this part of the stated noise are not from an instrument."""
@@ -90,7 +88,7 @@ def _force(view: View, errors: Errors) -> tuple[float, float, float]:
     losses = [loss(x) for x in tried]
     best = float(tried[int(np.argmin(losses))])
     p = float(stats.chi2.sf(losses[0] - min(losses), 1) / 2)
-    if p >= SURE:
+    if p >= alarms.SCATTER:
         return 1.0, 0.0, 1.0
     x = float(optimize.minimize_scalar(loss, bounds=(best - 0.5, best + 0.5), method="bounded").x)
     curvature = (loss(x + _BEND) - 2 * loss(x) + loss(x - _BEND)) / _BEND**2

@@ -22,6 +22,7 @@ from pipeline.base.arrays import Array, Bools, Locked, Strings
 from pipeline.machine.cell import Cell
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.settings import Settings
+from pipeline.system import alarms
 from pipeline.system._restricted import Blocks, maximum
 from pipeline.system.assemble import TRACKED
 from pipeline.system.contrasts import ZEROS, pure_error, repeated_zeros
@@ -37,10 +38,6 @@ _SCALED: Mapping[str, tuple[str, ...]] = {
 
 NAMES = {"tracker": "tracker_noise", "force_reading": "force_noise"}
 """What the contract calls a component that is larger than stated."""
-
-
-_SURELY = 0.003
-"""A scale this improbable under the stated noise is another noise."""
 
 
 _UNTOLD = 0.5
@@ -79,7 +76,7 @@ class Components(Locked):
     @property
     def larger(self) -> Bools:
         """Components that are larger than stated beyond chance, shape (n,)."""
-        return self.p_value < _SURELY
+        return self.p_value < alarms.COMPONENT
 
     @property
     def replaced(self) -> Bools:

@@ -1,0 +1,46 @@
+"""False alarms: how often chance may accuse a clean campaign, test by test and in all.
+
+Every test that can call a clean campaign anything but `adequate` takes its rate from here, so that
+what all of them together may do is one sum. The rate of a family of tests (all suspects, all
+readings) holds for the family, not for each member.
+"""
+
+from __future__ import annotations
+
+SUSPECT = 0.002
+"""Probability that any suspect of the catalogue is found beside the joint springs [1]."""
+
+LACK_OF_FIT = 0.001
+"""The same of each of the two tests of lack of fit, by poses and by pulls [1]."""
+
+READING = 5e-4
+"""The same of each family of readings: of poses, of the base, of whole base reflectors, of the
+chain and of the scale [1]."""
+
+DRIFT = 0.001
+"""The same of a motion of the tracker that the base reflectors show [1]."""
+
+SCATTER = 0.001
+"""The same of a scatter beyond `TOLERATED` times the stated one [1]; it is no fault of the model,
+and the joint springs stay."""
+
+COMPONENT = 0.003
+"""The same of each component of the noise that repeats show to be larger than stated [1]; it
+changes weights and uncertainties only."""
+
+ACCUSING = {
+    "a cause": SUSPECT,
+    "lack of fit by poses": LACK_OF_FIT,
+    "lack of fit by pulls": LACK_OF_FIT,
+    "a reading of a pose": READING,
+    "a reading of the base": READING,
+    "a base reflector": READING,
+    "a reading of the chain": READING,
+    "a reading of the scale": READING,
+    "a tracker that moved": DRIFT,
+}
+"""Every test that accuses machine, instrument or data, with its rate."""
+
+MOST = 0.01
+"""What all of them together may reach: one clean campaign in a hundred, also where a thousand are
+counted [1]."""

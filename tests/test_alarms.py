@@ -1,0 +1,38 @@
+"""The budget of false alarms: its sum, and that every test keeps to its own part."""
+
+import ast
+from pathlib import Path
+
+from pipeline.system import alarms
+
+PACKAGE = Path(alarms.__file__).parents[1]
+
+
+def test_all_tests_together_accuse_one_clean_campaign_in_a_hundred():
+    """The sum bounds what chance does, however the tests depend on each other (Boole)."""
+    assert sum(alarms.ACCUSING.values()) <= alarms.MOST == 0.01
+
+
+def test_every_rate_is_used_where_a_test_is_made():
+    """A rate that no code reads, or a test with a rate of its own, would make the sum a fiction."""
+    used = set()
+    for path in PACKAGE.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            named = isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name)
+            if named and node.value.id == "alarms":
+                used.add(node.attr)
+
+    assert used == {"SUSPECT", "LACK_OF_FIT", "READING", "DRIFT", "SCATTER", "COMPONENT"}
+
+
+def test_five_families_of_readings_are_tested():
+    """As many as there are entries of the table: a sixth needs a line there."""
+    families = ("reading", "base_reading", "base_reflector", "chain", "scale_reading")
+    testing = {
+        path.stem
+        for path in (PACKAGE / "faults").glob("*.py")
+        if "alarms.READING" in path.read_text("utf-8")
+    }
+
+    assert testing - {"joint_row"} == set(families)  # joint_row asks the base for its alibi
+    assert sum(rate == alarms.READING for rate in alarms.ACCUSING.values()) == len(families)
