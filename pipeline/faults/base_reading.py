@@ -6,6 +6,7 @@ import numpy as np
 from scipy import stats
 
 from pipeline.base import covariance, linear
+from pipeline.faults.fault import Fault
 from pipeline.faults.finding import Finding
 from pipeline.faults.reading import bad_reading, smallest
 from pipeline.reduction.register import XYZ, Registration
@@ -41,3 +42,10 @@ def base_outlier(registration: Registration, scale: float) -> list[Finding]:
         return []
     sigmas = float(np.sqrt(drop[best]))
     return [bad_reading(table.iloc[best], "the other base reflectors", size, sigmas, p)]
+
+
+FAULT = Fault(
+    "outlier",
+    "outlying reading",
+    lambda asked: base_outlier(asked.reduced.registration, asked.spread[0]),
+)

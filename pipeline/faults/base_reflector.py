@@ -11,6 +11,7 @@ from scipy import stats
 from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError
+from pipeline.faults.fault import Fault
 from pipeline.faults.finding import Finding
 from pipeline.faults.reading import smallest
 from pipeline.reduction.case import Case
@@ -100,3 +101,10 @@ def _without_target(case: Case, name: str) -> Case:
     """The campaign without one reflector of [base_frame]."""
     base = {one: at for one, at in case.settings.base_frame.items() if one != name}
     return replace(case, settings=case.settings.model_copy(update={"base_frame": base}))
+
+
+FAULT = Fault(
+    "outlier",
+    "outlying reading",
+    lambda asked: base_target(asked.case, asked.reduced.registration, asked.spread[0]),
+)

@@ -18,6 +18,7 @@ from scipy import stats
 
 from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
+from pipeline.faults.fault import Fault
 from pipeline.faults.finding import Finding
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
@@ -305,3 +306,6 @@ def _finding(chain: _Chain, off: _Off, names: Sequence[str], told: str, size: fl
 def _without_group(case: Case, group: str) -> Case:
     rows = case.readings
     return replace(case, readings=rows[rows["group"] != group])
+
+
+FAULT = Fault("outlier", "outlying reading", lambda asked: chain_outlier(asked.case))

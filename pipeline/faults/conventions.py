@@ -18,6 +18,7 @@ import pandas as pd
 from pipeline.base import covariance
 from pipeline.base.arrays import Array, Ints, Strings
 from pipeline.base.linear import rigid
+from pipeline.faults.fault import Fault
 from pipeline.faults.finding import Finding
 from pipeline.machine import instrument
 from pipeline.machine.instrument import InstrumentNoise
@@ -359,3 +360,11 @@ def _base_renamed(case: Case, one: str, other: str) -> Case:
     base = case.settings.base_frame
     base = base | {one: base[other], other: base[one]}
     return replace(case, settings=case.settings.model_copy(update={"base_frame": base}))
+
+
+FAULT = Fault(
+    "sign_or_convention",
+    "mixed-up sign or axis convention",
+    lambda asked: conventions(asked.case),
+    in_files=True,
+)

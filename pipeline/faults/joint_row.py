@@ -21,6 +21,7 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.linear import rigid
 from pipeline.faults.conventions import unloaded
+from pipeline.faults.fault import Fault
 from pipeline.faults.finding import Finding
 from pipeline.machine.robot import configure
 from pipeline.reduction.case import Case
@@ -270,3 +271,6 @@ def _without_pose(case: Case, pose: int) -> Case:
         loads=loads[loads["pose"] != pose],
         joints=joints[joints["pose"] != pose],
     )
+
+
+FAULT = Fault("outlier", "outlying reading", lambda asked: wrong_rows(asked.case), in_files=True)

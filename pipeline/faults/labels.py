@@ -12,6 +12,7 @@ import pandas as pd
 from pipeline.base.arrays import Array
 from pipeline.base.linear import rigid
 from pipeline.faults.conventions import FEWEST_POSES, pairs, unloaded
+from pipeline.faults.fault import Fault
 from pipeline.faults.finding import Finding
 from pipeline.machine.robot import configure
 from pipeline.reduction.case import Case
@@ -153,3 +154,8 @@ def _chain(case: Case, R: Array, t: Array) -> Iterator[Finding]:
             unit="mm",
             correct=partial(_exchanged, groups=[str(group)], true={near: far, far: near}),
         )
+
+
+FAULT = Fault(
+    "label_swap", "swapped names of targets", lambda asked: labels(asked.case), in_files=True
+)

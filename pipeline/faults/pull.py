@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline.base.arrays import Array
+from pipeline.faults.fault import Fault
 from pipeline.faults.finding import Finding
 from pipeline.faults.labels import aligned, chain_distances
 from pipeline.readers.logs import FORCE
@@ -138,3 +139,18 @@ def _times(forces: pa.Table, factor: float) -> pa.Table:
         at = forces.schema.get_field_index(name)
         forces = forces.set_column(at, forces.schema.field(at), pa.array(values))
     return forces
+
+
+REVERSED = Fault(
+    "sign_or_convention",
+    "mixed-up sign or axis convention",
+    lambda asked: reversed_pull(asked.case, asked.estimate),
+    in_forces=True,
+)
+
+UNIT = Fault(
+    "unit_mixup",
+    "mixed-up unit",
+    lambda asked: force_unit(asked.case, asked.estimate),
+    in_forces=True,
+)

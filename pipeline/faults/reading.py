@@ -25,14 +25,14 @@ from scipy import stats
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
+from pipeline.faults.fault import Fault
 from pipeline.faults.finding import Finding
 from pipeline.machine import instrument
-from pipeline.machine.cell import Cell
 from pipeline.reduction.bring import Reduced
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
-from pipeline.system.contrasts import Stack, Zeros, pure_error, stacked
+from pipeline.system.contrasts import Stack, Zeros, stacked
 from pipeline.system.system import Estimate, System
 from pipeline.system.whiten import Whitener, whitener
 
@@ -191,29 +191,6 @@ def _confirmed(freer: Shifts, k: int, shift: Array, variance: float, seen: bool 
     if expected < _TOO_FEW:
         return not seen
     return float(freer.drop[k]) / variance > _CONFIRMS * expected
-
-
-def noise_scale(
-    system: System, estimate: Estimate, data: Measured, zeros: Zeros, cell: Cell
-) -> tuple[float, int]:
-    """Scatter of the effector's triangle over the stated one, a few bad readings left out.
-
-    s = median|w| / 0.6745 of the whitened contrasts w, then five times s^2 = mean(w^2) / 0.9733
-    over |w| < 3 s: 0.9733 is the variance of a standard normal cut at 3. Never below one: a
-    certificate may be too modest, but chance must not make outliers.
-
-    Returns:
-        The factor, and how many contrasts it rests on.
-    """
-    contrasts = pure_error(system, estimate.residual, data, zeros, cell)
-    if len(contrasts.rows) < 12:
-        return 1.0, max(estimate.dof, 1)
-    w = whitener(contrasts.errors, contrasts.rows.pose).by_pose(contrasts.c)
-    scale = float(np.median(np.abs(w)) / stats.norm.ppf(0.75))
-    for _ in range(5):
-        inside = w[np.abs(w) < 3 * scale]
-        scale = float(np.sqrt(np.mean(inside**2) / 0.9733))  # variance of a normal cut at 3 sigma
-    return max(scale, 1.0), len(w)
 
 
 def smallest(readings: pd.DataFrame, scale: float) -> float:
@@ -376,3 +353,13 @@ def without(case: Case, file: str, line: int) -> Case:
     """The campaign without one reading."""
     rows = case.readings
     return replace(case, readings=rows[(rows["file"] != file) | (rows["line"] != line)])
+
+
+FAULT = Fault(
+    "outlier",
+    "outlying reading",
+    lambda asked: outlier(
+        asked.case, asked.reduced, asked.zeros, asked.system, asked.estimate, asked.spread
+    ),
+    beside_model=True,
+)

@@ -21,6 +21,7 @@ from scipy import stats
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Locked
+from pipeline.faults.fault import Fault
 from pipeline.faults.finding import Finding
 from pipeline.machine.cell import Cell
 from pipeline.reduction.case import Case
@@ -229,3 +230,13 @@ def _without(case: Case, pose: int, repeat: int) -> Case:
     """The campaign without a line of the scale's log."""
     loads = case.loads
     return replace(case, loads=loads[(loads["pose"] != pose) | (loads["repeat"] != repeat)])
+
+
+FAULT = Fault(
+    "outlier",
+    "outlying reading",
+    lambda asked: scale_outlier(
+        asked.case, asked.cell, asked.reduced.data, asked.system, asked.estimate
+    ),
+    beside_model=True,
+)

@@ -2,25 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pipeline.faults.base_reading import base_outlier
-from pipeline.faults.base_reflector import base_target
-from pipeline.faults.chain import chain_outlier
-from pipeline.faults.conventions import conventions
+from pipeline.faults import FAULTS
+from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.finding import Finding
-from pipeline.faults.joint_row import wrong_rows
-from pipeline.faults.labels import labels
-from pipeline.faults.pull import force_unit, reversed_pull
-from pipeline.faults.reading import noise_scale, outlier
-from pipeline.faults.scale_reading import scale_outlier
 from pipeline.machine.effects import Effect
-from pipeline.reduction.bring import Reduced, bring
+from pipeline.reduction.bring import Reduced
 from pipeline.reduction.case import Case
-from pipeline.system.contrasts import Zeros, repeated_zeros
-from pipeline.system.estimate import identify
-from pipeline.system.system import Estimate, System
+from pipeline.system.system import Estimate
 
 _MOST = 12
 """With more bad readings than this, the campaign as a whole is wrong."""
@@ -47,16 +38,17 @@ def screen(case: Case, reduced: Reduced) -> Screened:
         reduced: Its measurements.
     """
     findings: list[Finding] = []
-    brought = case
-    if case.settings.displacements is None:
-        case = _put_right(case, wrong_rows(case), findings)
-        case = _put_right(case, conventions(case), findings)
-        case = _put_right(case, labels(case), findings)
+    given, reads = case, case.settings.displacements is None
+    tests = [fault for fault in FAULTS if fault.in_forces or reads]
+    for fault in tests:
+        if fault.in_files:
+            asked = Screening(case, case.cell, case.robot.nominal_compliance)
+            case = _put_right(case, fault.find(asked), findings)
+    single = [fault for fault in tests if not fault.in_files]
     for _ in range(_MOST):
-        if case is not brought:
-            reduced, brought = bring(case), case
-        system, estimate = identify(case.cell, reduced.data, case.robot.nominal_compliance)
-        found = next(filter(None, _asked(case, reduced, system, estimate)), [])
+        known = reduced if case is given else None
+        asked = Screening(case, case.cell, case.robot.nominal_compliance, known)
+        found = _first(single, asked)
         case = _put_right(case, found, findings)
         if not found:
             break
@@ -89,14 +81,10 @@ def acquit(
     case = given
     for finding in kept:
         case = finding.correct(case)
+    again = [fault for fault in FAULTS if fault.beside_model]
     for _ in range(len(screened.findings) - len(kept)):
-        reduced = bring(case)
-        cell = case.cell.with_effects(*causes)
-        system, estimate = identify(cell, reduced.data, extended.value)
-        found = scale_outlier(case, cell, reduced.data, system, estimate)
-        if not found:
-            zeros, spread = _scatter(case, reduced, system, estimate)
-            found = outlier(case, reduced, zeros, system, estimate, spread)
+        asked = Screening(case, case.cell.with_effects(*causes), extended.value)
+        found = _first(again, asked)
         case = _put_right(case, found, kept)
         if not found:
             break
@@ -110,25 +98,6 @@ def _put_right(case: Case, found: list[Finding], findings: list[Finding]) -> Cas
     return case
 
 
-def _asked(
-    case: Case, reduced: Reduced, system: System, estimate: Estimate
-) -> Iterator[list[Finding]]:
-    """What is found, the cheapest tests and the grossest mistakes first."""
-    if case.settings.displacements is None:
-        yield scale_outlier(case, case.cell, reduced.data, system, estimate)
-    yield reversed_pull(case, estimate)
-    yield force_unit(case, estimate)
-    if case.settings.displacements is None:
-        yield chain_outlier(case)
-        zeros, spread = _scatter(case, reduced, system, estimate)
-        yield base_outlier(reduced.registration, spread[0])
-        yield base_target(case, reduced.registration, spread[0])
-        yield outlier(case, reduced, zeros, system, estimate, spread)
-
-
-def _scatter(
-    case: Case, reduced: Reduced, system: System, estimate: Estimate
-) -> tuple[Zeros, tuple[float, int]]:
-    """Repeated zeros, and how much readings scatter."""
-    zeros = repeated_zeros(case.settings, reduced.placed)
-    return zeros, noise_scale(system, estimate, reduced.data, zeros, case.cell)
+def _first(tests: Sequence[Fault], asked: Screening) -> list[Finding]:
+    """What the first test finds that finds anything."""
+    return next(filter(None, (fault.find(asked) for fault in tests)), [])

@@ -7,23 +7,16 @@ from functools import cache
 from pipeline.answer.contract import Answer, Data, Values, Which
 from pipeline.machine.effect import in_place
 
-MISTAKES = {
-    "outlier": "outlying reading",
-    "label_swap": "swapped names of targets",
-    "unit_mixup": "mixed-up unit",
-    "sign_or_convention": "mixed-up sign or axis convention",
-}
-"""Each mistake in the data as a noun."""
-
 
 @cache
 def nouns() -> dict[str, str]:
     """Each cause as a noun, so that it fits into any sentence."""
+    from pipeline.faults import FAULTS
     from pipeline.machine.effects import catalogue
     from pipeline.machine.robot import SHIPPED, load
 
     known = {e.name: e.noun for robot in SHIPPED for e in catalogue(load(robot))}
-    return known | MISTAKES
+    return known | {fault.name: fault.noun for fault in FAULTS}
 
 
 SOURCES = {
