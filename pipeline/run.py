@@ -32,7 +32,7 @@ from pipeline.diagnosis.facts import Diagnosis
 from pipeline.diagnosis.tables import apart_table, clues_table, examined_table
 from pipeline.diagnosis.verdict import verdict
 from pipeline.faults.conventions import conventions
-from pipeline.faults.screen import acquit, screen
+from pipeline.faults.screen import screen, screen_again
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import Robot
 from pipeline.prediction import model as handover
@@ -160,7 +160,7 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
         raise InputError("these pulls determine no stiffness at all", "pull in more poses")
     where = place_of_interest(raw.settings.test_pose, right.case.robot, right.data.pulls)
     diagnosis = _diagnosed(right, where, step)
-    judged = step(acquit)(case, screened, diagnosis.modelled, diagnosis.estimate)
+    judged = step(screen_again)(case, screened, diagnosis.modelled, diagnosis.estimate)
     if judged is not screened:
         screened = judged
         right = step(fit)(screened.case, bring(screened.case)) if screened.findings else given

@@ -104,14 +104,14 @@ def test_joint_only_pulls_raise_no_alarm(fanuc):
     cell, data, system, estimate = fanuc
     rng = np.random.default_rng(99)
     case, _ = case_of(cell, data, estimate)
-    seen = case.sight(case.model((), estimate.value))
-    view = case.look(seen)
+    seen = case.linearised(case.model((), estimate.value))
+    view = case.whitened(seen)
     limit = threshold(view, view.base, view.rows_left, rng)
     truth, size = system.B @ np.abs(estimate.value), estimate.residual_std_m
     alarms = 0
     for _ in range(500):
         y = np.round(truth + rng.normal(0, size, len(truth)), 6)
-        drawn = case.look(replace(seen, y=y))
+        drawn = case.whitened(replace(seen, y=y))
         alarms += bool(scores(drawn, drawn.base, drawn.rows_left).p.min() < limit.p)
 
     assert alarms <= 5

@@ -30,7 +30,7 @@ def asked():
     cell = paper_cell(raw.robot, tool(raw.settings))
     _, estimate = identify(cell, data, raw.robot.nominal_compliance)
     case, _ = case_of(cell, data, estimate)
-    view = case.look(case.sight(case.model((), estimate.value)))
+    view = case.whitened(case.linearised(case.model((), estimate.value)))
     return case, view, candidates(case, np.random.default_rng(1))
 
 

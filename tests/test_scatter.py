@@ -31,8 +31,8 @@ def seen(seed, scale_noise=1.0, sigma_n=2.0):
     _, estimate = identify(cell, data, cell.robot.nominal_compliance)
     case, _ = case_of(cell, data, estimate)
     case = replace(case, noise=1.0, force_noise=1.0)
-    sight = case.sight(case.model((), estimate.value))
-    return case.look(sight), sight.errors
+    sight = case.linearised(case.model((), estimate.value))
+    return case.whitened(sight), sight.errors
 
 
 def test_a_scale_that_scatters_more_than_stated_is_found_with_its_size():

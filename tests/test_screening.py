@@ -14,7 +14,7 @@ from bench.league.play import Rules, drawn, play
 from pipeline.base.errors import InputError
 from pipeline.diagnosis.diagnose import diagnose
 from pipeline.faults.conventions import anchored_miss, conventions, miss
-from pipeline.faults.screen import acquit, screen
+from pipeline.faults.screen import screen, screen_again
 from pipeline.machine.robot import load
 from pipeline.machine.robot.variants import variants
 from pipeline.reduction.bring import bring, conformed, plain
@@ -120,7 +120,7 @@ def test_a_reading_that_a_cause_explains_comes_back(off_m):
     said = diagnose(right.case.cell, right.data, right.estimate, where, rng)
     assert [effect.label for effect in said.modelled] == ["joint_tilt:3"]
 
-    judged = acquit(case, screened, said.modelled, said.estimate)
+    judged = screen_again(case, screened, said.modelled, said.estimate)
 
     assert [f.where for f in judged.findings] == (["pose03_rep1_loaded/P2"] if off_m else [])
 

@@ -30,7 +30,7 @@ from pipeline.store.campaign import in_memory
 from pipeline.system.detect import threshold
 from pipeline.system.estimate import identify, left_out
 from pipeline.system.fit import fit
-from pipeline.system.whitened import View
+from pipeline.system.whitened import Whitened
 
 TOO_LARGE = 12.0
 """Sizes beyond this many typical ones are no fault that anybody would live with."""
@@ -419,13 +419,13 @@ def shown_by(plan: Plan, rules: Rules, rng: np.random.Generator) -> Yardstick:
     case = ingested(in_memory(files), conformed, plain)
     fitted = fit(case, bring(case))
     asked, _ = case_of(fitted.case.cell, fitted.data, fitted.estimate)
-    view = asked.look(asked.sight(asked.model((), fitted.estimate.value)))
+    view = asked.whitened(asked.linearised(asked.model((), fitted.estimate.value)))
     dof = view.rows_left - (len(view.base) - view.first)
     p = threshold(view, view.base, dof, rng).p
     return Yardstick(identifiable(view, twins(load("kr500_rail"))), *_visible(view, p), p)
 
 
-def _visible(view: View, p: float) -> tuple[dict[str, float], dict[str, int]]:
+def _visible(view: Whitened, p: float) -> tuple[dict[str, float], dict[str, int]]:
     seen: dict[str, float] = {}
     count: dict[str, int] = {}
     for effect, size in zip(view.suspects, smallest_visible(view, view.base, p), strict=True):

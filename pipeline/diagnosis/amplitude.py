@@ -12,10 +12,10 @@ from pipeline.diagnosis.identify import Case, of_model
 from pipeline.machine.cell import predict
 from pipeline.machine.effects import Elastic
 from pipeline.system.elimination import coefficients, eliminate
-from pipeline.system.whitened import View
+from pipeline.system.whitened import Whitened
 
 
-def amplitudes(case: Case, view: View) -> list[tuple[Amplitude, ...]]:
+def amplitudes(case: Case, view: Whitened) -> list[tuple[Amplitude, ...]]:
     """Sizes of the accepted causes, springs estimated as well; scatter from the residuals.
 
     z = N^+ g in typical sizes, N = X'X and g = X'y over the whitened columns of the base;
@@ -46,7 +46,7 @@ def amplitudes(case: Case, view: View) -> list[tuple[Amplitude, ...]]:
 
 
 def _profile(
-    view: View, suspect: int, parameter: Parameter, value: float, std: float, variance: float
+    view: Whitened, suspect: int, parameter: Parameter, value: float, std: float, variance: float
 ) -> tuple[float, float]:
     """95 % interval where chi-square, everything else refitted, has risen by 3.84.
 
@@ -62,7 +62,7 @@ def _profile(
     return out[0], out[1]
 
 
-def _rise(view: View, suspect: int, parameter: Parameter, at: float) -> float:
+def _rise(view: Whitened, suspect: int, parameter: Parameter, at: float) -> float:
     """Rise of chi-square when one parameter is held, the others refitted.
 
     The others follow the linear model; the nonlinear part is in the prediction at these values,

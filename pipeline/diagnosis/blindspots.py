@@ -13,12 +13,12 @@ from pipeline.diagnosis.facts import BlindSpot
 from pipeline.diagnosis.isolability import Twins
 from pipeline.machine.effects import Effect, Wrench
 from pipeline.system.elimination import eliminate
-from pipeline.system.whitened import View
+from pipeline.system.whitened import Whitened
 
 _POWER = 0.8
 
 
-def smallest_visible(view: View, base: Ints, p: float) -> Array:
+def smallest_visible(view: Whitened, base: Ints, p: float) -> Array:
     """Multiple of the typical size at which each suspect is detected with 80 % power, (n,)."""
     S = eliminate(view.M, base)
     out = np.full(len(view.suspects), np.inf)
@@ -42,7 +42,7 @@ def needed(k: int, p: float) -> float:
 
 def blind_spots(
     effects: tuple[Effect, ...],
-    view: View,
+    view: Whitened,
     base: Ints,
     p: float,
     twins: Twins,

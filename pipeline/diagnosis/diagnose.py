@@ -27,10 +27,10 @@ from pipeline.reduction.pose_of_interest import Where
 from pipeline.system import alarms
 from pipeline.system.elimination import coefficients, eliminate
 from pipeline.system.estimate import fits
-from pipeline.system.linearised import Sight
+from pipeline.system.linearised import Linearised
 from pipeline.system.noise import scatter
 from pipeline.system.system import Estimate, Scatter
-from pipeline.system.whitened import View
+from pipeline.system.whitened import Whitened
 
 _EQUILIBRIA = ("deformed", "undeformed")
 
@@ -201,8 +201,8 @@ def case_of(
     data = replace(data, tool_std=data.tool_std or _POINTS_M, bends=False)
     plain = Case(replace(cell, equilibrium="undeformed"), data, suspects, 1.0)
     start = plain.model((), estimate.value)
-    seen = plain.sight(start)
-    spread = scatter(plain.look(seen), seen.errors, data.noise_stated)
+    seen = plain.linearised(start)
+    spread = scatter(plain.whitened(seen), seen.errors, data.noise_stated)
     larger = spread.tracker_p < alarms.SCATTER
     case = replace(
         plain,
@@ -214,9 +214,9 @@ def case_of(
     return replace(case, cell=replace(case.cell, equilibrium=_bent(case, seen))), spread
 
 
-def _bent(case: Case, seen: Sight) -> str:
+def _bent(case: Case, seen: Linearised) -> str:
     """The equilibrium, on the straight or the deflected robot, that fits better."""
-    views = [case.look(seen.bent(equilibrium)) for equilibrium in _EQUILIBRIA]
+    views = [case.whitened(seen.bent(equilibrium)) for equilibrium in _EQUILIBRIA]
     return _EQUILIBRIA[int(np.argmin([eliminate(v.M, v.base)[-1, -1] for v in views]))]
 
 
@@ -226,7 +226,7 @@ def _gain(case: Case, found: Found, rng: np.random.Generator) -> Gain | None:
     return gain(case, found.first, found.plain, found.threshold.p, rng)
 
 
-def _left_by_springs(view: View) -> Array:
+def _left_by_springs(view: Whitened) -> Array:
     """Residuals of the joint springs [m]."""
     base = np.arange(view.first)
     x = coefficients(view.M, base)[: view.springs] * view.typical[: view.springs]

@@ -17,7 +17,7 @@ from pipeline.machine.cell import predict
 from pipeline.machine.effects import Effect
 from pipeline.system.assemble import TRACKED, assemble
 from pipeline.system.estimate import identifiable, solve
-from pipeline.system.linearised import Model, Sight
+from pipeline.system.linearised import Linearised, Model
 from pipeline.system.system import Estimate, System
 from pipeline.system.whitened import with_laws
 
@@ -111,7 +111,7 @@ def _called(effect: Effect, has_a_name: bool) -> str:
 def _hypothesis(
     case: Case,
     model: Model,
-    seen: Sight,
+    seen: Linearised,
     weight: float,
     instead: tuple[tuple[str, str], ...] = (),
 ) -> Hypothesis:
@@ -122,7 +122,7 @@ def _hypothesis(
     """
     effects = tuple(case.suspects[i] for i in model.accepted)
     system, estimate = _solved(case, model, seen)
-    ratio = max(remainder(case.look(seen)) or 1.0, 1.0) if effects else 1.0
+    ratio = max(remainder(case.whitened(seen)) or 1.0, 1.0) if effects else 1.0
     cov = estimate.cov * ratio**2
     known = identifiable(
         np.array([p.typical for p in estimate.parameters]), estimate.value, np.sqrt(np.diag(cov))
@@ -131,7 +131,7 @@ def _hypothesis(
     return Hypothesis(weight, effects, model.cell, system, estimate, instead, ratio)
 
 
-def _solved(case: Case, model: Model, seen: Sight) -> tuple[System, Estimate]:
+def _solved(case: Case, model: Model, seen: Linearised) -> tuple[System, Estimate]:
     """Springs and causes as one linear system about the model's values, and its solution.
 
     Args:
@@ -150,7 +150,7 @@ def _solved(case: Case, model: Model, seen: Sight) -> tuple[System, Estimate]:
         errors = with_laws(seen, errors, case.laws(model.accepted))
     system = replace(system, c=c, errors=errors)
     estimate = solve(system, model.values)
-    if not case.data.noise_stated and not case.look(seen).tells_scatter and estimate.dof:
+    if not case.data.noise_stated and not case.whitened(seen).tells_scatter and estimate.dof:
         # the noise was that of the residuals without the causes
         G = scipy.sparse.csr_array(errors.G * np.sqrt(estimate.chi2 / estimate.dof))
         system = replace(system, errors=replace(errors, G=G))

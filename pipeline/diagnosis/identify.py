@@ -18,8 +18,8 @@ from pipeline.reduction.measured import Measured
 from pipeline.system.detect import Lack, Threshold, lack_of_fit, threshold
 from pipeline.system.elimination import coefficients, eliminate
 from pipeline.system.evidence import ROUNDING, Scores, scores
-from pipeline.system.linearised import Model, Sight, sight
-from pipeline.system.whitened import View, look
+from pipeline.system.linearised import Linearised, Model, linearise
+from pipeline.system.whitened import Whitened, whiten
 
 _MOST = 3
 """So many causes at once can be named; more is an unknown one."""
@@ -66,13 +66,13 @@ class Case:
     nameless: tuple[Effect, ...] = ()
     refuted: Mapping[str, float] = field(default_factory=dict)
 
-    def sight(self, model: Model, near: Sight | None = None) -> Sight:
+    def linearised(self, model: Model, near: Linearised | None = None) -> Linearised:
         """The campaign linearised at a model, with the errors of a near one where it is given."""
-        return sight(model, self.data, self.suspects, near)
+        return linearise(model, self.data, self.suspects, near)
 
-    def look(self, seen: Sight, doubt: Sequence[int] = ()) -> View:
+    def whitened(self, seen: Linearised, doubt: Sequence[int] = ()) -> Whitened:
         """The linearised campaign, whitened; the laws of `doubt` hold to their tolerance only."""
-        return look(seen, self.noise, self.force_noise, self.laws(doubt))
+        return whiten(seen, self.noise, self.force_noise, self.laws(doubt))
 
     def laws(self, doubt: Sequence[int]) -> list[tuple[int, float]]:
         """Suspects, each with the fraction to which its law is known."""
@@ -82,12 +82,18 @@ class Case:
         """The case that asks about the accepted causes alone, which are then 0, 1, 2."""
         return replace(self, suspects=tuple(self.suspects[i] for i in accepted))
 
-    def fitted(self, accepted: tuple[int, ...], start: Array, near: Sight | None = None) -> Sight:
+    def fitted(
+        self, accepted: tuple[int, ...], start: Array, near: Linearised | None = None
+    ) -> Linearised:
         """The campaign linearised at the estimate of some causes; see `estimated`."""
-        return self.sight(self.estimated(accepted, start, near))
+        return self.linearised(self.estimated(accepted, start, near))
 
     def estimated(
-        self, accepted: tuple[int, ...], start: Array, near: Sight | None = None, rounds: int = 4
+        self,
+        accepted: tuple[int, ...],
+        start: Array,
+        near: Linearised | None = None,
+        rounds: int = 4,
     ) -> Model:
         """Joint springs and accepted causes estimated together, linearised anew each round.
 
@@ -99,8 +105,8 @@ class Case:
         """
         model, few = self.model(accepted, start), self.only(accepted)
         for _ in range(rounds):
-            near = few.sight(replace(model, accepted=tuple(range(len(accepted)))), near)
-            view = few.look(near)
+            near = few.linearised(replace(model, accepted=tuple(range(len(accepted)))), near)
+            view = few.whitened(near)
             values = _solved(view, view.base)
             step = np.abs(values - model.values) / view.typical[of_model(view)]
             model = replace(model, values=values)
@@ -117,13 +123,13 @@ class Case:
         return Model(cell, values, springs, accepted)
 
 
-def of_model(view: View) -> Ints:
+def of_model(view: Whitened) -> Ints:
     """Columns of the model's own parameters in their order."""
     chosen = [view.columns([i]) for i in view.model.accepted]
     return np.concatenate([np.arange(view.springs), *chosen]).astype(np.int64)
 
 
-def _solved(view: View, base: Ints) -> Array:
+def _solved(view: Whitened, base: Ints) -> Array:
     """Parameters of the view's model, estimated, SI."""
     found = dict(zip(base.tolist(), coefficients(view.M, base), strict=True))
     mine = of_model(view)
@@ -186,11 +192,11 @@ class Found(Locked):
         refused: Labels of causes that would need a physically impossible size.
     """
 
-    seen: Sight
-    plain: View
-    wide: View
-    view: View
-    first: View
+    seen: Linearised
+    plain: Whitened
+    wide: Whitened
+    view: Whitened
+    first: Whitened
     single: tuple[Rival, ...]
     scores: Scores
     threshold: Threshold
@@ -229,7 +235,7 @@ class Found(Locked):
         return not self.lack.found and self.left >= _FURTHER * self.threshold.p
 
 
-def remainder(view: View) -> float | None:
+def remainder(view: Whitened) -> float | None:
     """What a model leaves over what the readings scatter, root mean squares; None if unknown."""
     if not view.tells_scatter:
         return None
@@ -242,7 +248,7 @@ def remainder(view: View) -> float | None:
 def search(case: Case, start: Array, rng: np.random.Generator) -> Found:
     """Add the likeliest cause, exchange and drop, until nothing is left or three are in."""
     seen = case.fitted((), start)
-    first = case.look(seen)
+    first = case.whitened(seen)
     score = scores(first, first.base, _dof(first, first.base))
     limit = threshold(first, first.base, score.dof, rng)
     refused: dict[str, None] = {}
@@ -250,7 +256,7 @@ def search(case: Case, start: Array, rng: np.random.Generator) -> Found:
     if lone.p.min() < limit.p or lone.lack.found:
         end = _grow(case, lone, limit, refused)
     rivals, p_values = _rivals(case, end.plain)
-    wide = case.look(end.seen.beside(case.nameless))
+    wide = case.whitened(end.seen.beside(case.nameless))
     return Found(
         seen=end.seen,
         plain=end.plain,
@@ -284,17 +290,17 @@ class _Stand:
         p: F tests of the suspects in `plain`, shape (n,).
     """
 
-    seen: Sight
-    plain: View
-    view: View
+    seen: Linearised
+    plain: Whitened
+    view: Whitened
     now: Scores
     lack: Lack
     p: Array
 
 
-def _stand(case: Case, seen: Sight, rough: Sequence[int]) -> _Stand:
-    plain = case.look(seen)
-    view = case.look(seen, rough) if rough else plain
+def _stand(case: Case, seen: Linearised, rough: Sequence[int]) -> _Stand:
+    plain = case.whitened(seen)
+    view = case.whitened(seen, rough) if rough else plain
     now = scores(view, view.base, _dof(view, view.base))
     p = scores(plain, plain.base, _dof(plain, plain.base)).p if rough else now.p
     return _Stand(seen, plain, view, now, lack_of_fit(view, view.base, now), p)
@@ -316,7 +322,7 @@ def _grow(case: Case, end: _Stand, limit: Threshold, refused: dict[str, None]) -
     return end
 
 
-def _dof(view: View, base: Ints) -> int:
+def _dof(view: Whitened, base: Ints) -> int:
     return view.rows_left - (len(base) - view.first)
 
 
@@ -328,7 +334,9 @@ def by_label(suspects: Sequence[Effect]) -> dict[str, list[int]]:
     return out
 
 
-def _add(case: Case, view: View, now: Scores, found: Bools, refused: dict[str, None]) -> int | None:
+def _add(
+    case: Case, view: Whitened, now: Scores, found: Bools, refused: dict[str, None]
+) -> int | None:
     """The likeliest further cause of a possible size.
 
     It must be detected beyond the scatter, and keep its evidence when the laws of the accepted
@@ -347,7 +355,7 @@ def _add(case: Case, view: View, now: Scores, found: Bools, refused: dict[str, N
     return None
 
 
-def _possible(case: Case, view: View, suspect: int) -> bool:
+def _possible(case: Case, view: Whitened, suspect: int) -> bool:
     """True unless an estimate is beyond its bounds by more than two sigmas.
 
     Bounds are what physics allows and what the unloaded reflectors do not refute.
@@ -368,11 +376,11 @@ def _possible(case: Case, view: View, suspect: int) -> bool:
     return bool(np.all((value > lower - slack) & (value < upper + slack)))
 
 
-def _exchange(case: Case, seen: Sight) -> Sight:
+def _exchange(case: Case, seen: Linearised) -> Linearised:
     """Swap an accepted cause for a better one, or drop one that is no longer needed."""
     tried = {frozenset(seen.model.accepted)}
     for _ in range(2 * _MOST):
-        view = case.look(seen)
+        view = case.whitened(seen)
         better = _better(case, view, tried)
         if better is None:
             return seen
@@ -381,7 +389,7 @@ def _exchange(case: Case, seen: Sight) -> Sight:
     return seen
 
 
-def _better(case: Case, view: View, tried: Set[frozenset[int]]) -> tuple[int, ...] | None:
+def _better(case: Case, view: Whitened, tried: Set[frozenset[int]]) -> tuple[int, ...] | None:
     """Better causes than the accepted ones that were not accepted before."""
     accepted = view.model.accepted
     for place, mine in enumerate(accepted):
@@ -402,7 +410,7 @@ def _better(case: Case, view: View, tried: Set[frozenset[int]]) -> tuple[int, ..
     return None
 
 
-def _rivals(case: Case, view: View) -> tuple[tuple[tuple[Rival, ...], ...], tuple[float, ...]]:
+def _rivals(case: Case, view: Whitened) -> tuple[tuple[tuple[Rival, ...], ...], tuple[float, ...]]:
     accepted = view.model.accepted
     out, p_values = [], []
     for place in range(len(accepted)):
@@ -432,7 +440,7 @@ def _odds(case: Case, now: Scores, rest: Sequence[int], least: float = 1e-3) -> 
     return tuple(Rival(labels[i], best[i], float(probability[i]), shares[i]) for i in order)
 
 
-def _strange(case: Case, wide: View) -> tuple[Stranger, ...]:
+def _strange(case: Case, wide: Whitened) -> tuple[Stranger, ...]:
     """For each accepted cause: how likely something without a name stands in its place.
 
     Either in its place alone, or in the place of several causes that only together look like it.
@@ -450,7 +458,7 @@ def _strange(case: Case, wide: View) -> tuple[Stranger, ...]:
     return tuple(out)
 
 
-def _instead(case: Case, wide: View, gone: Sequence[int]) -> Stranger:
+def _instead(case: Case, wide: Whitened, gone: Sequence[int]) -> Stranger:
     """Probability of one thing without a name instead of the causes in some places."""
     accepted = wide.model.accepted
     rest = tuple(a for place, a in enumerate(accepted) if place not in gone)

@@ -11,13 +11,13 @@ from pipeline.diagnosis.facts import Alone, Gain
 from pipeline.diagnosis.identify import WORTH, Case, by_label
 from pipeline.system.elimination import coefficients
 from pipeline.system.evidence import scores
-from pipeline.system.whitened import View
+from pipeline.system.whitened import Whitened
 
 _DRAWS = 2000
 
 
 def alone(
-    first: View, likely: Sequence[tuple[int, float]], rng: np.random.Generator
+    first: Whitened, likely: Sequence[tuple[int, float]], rng: np.random.Generator
 ) -> tuple[Alone, ...]:
     """Cross-validation error with each of some causes by itself, estimated without each pose.
 
@@ -41,7 +41,9 @@ def alone(
     return tuple(out)
 
 
-def gain(case: Case, first: View, extended: View, limit: float, rng: np.random.Generator) -> Gain:
+def gain(
+    case: Case, first: Whitened, extended: Whitened, limit: float, rng: np.random.Generator
+) -> Gain:
     """Leave out one pose with all its pulls at a time; estimate and choose without it.
 
     Cross-validation with the choice inside each fold (Stone, J. Roy. Stat. Soc. B 36, 1974).
@@ -70,7 +72,7 @@ def gain(case: Case, first: View, extended: View, limit: float, rng: np.random.G
     return Gain(before, after, reduction, ci95, tuple(chosen))
 
 
-def _predicted_short(view: View, M: Array, base: Ints, rows: Array) -> Array:
+def _predicted_short(view: Whitened, M: Array, base: Ints, rows: Array) -> Array:
     """Measured minus predicted c [m] in the rows that were left out."""
     value = coefficients(M, base) * view.typical[base]
     keep = (base < view.springs) | (base >= view.first)
@@ -79,7 +81,7 @@ def _predicted_short(view: View, M: Array, base: Ints, rows: Array) -> Array:
 
 
 def _choose(
-    case: Case, view: View, M: Array, most: int, limit: float, fewer: int
+    case: Case, view: Whitened, M: Array, most: int, limit: float, fewer: int
 ) -> tuple[int, ...]:
     """Causes chosen from the poses that stay, one after the other."""
     names: tuple[int, ...] = ()

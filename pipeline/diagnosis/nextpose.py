@@ -26,7 +26,7 @@ from pipeline.machine.poses import default_anchors, draw_poses
 from pipeline.machine.robot import configure
 from pipeline.system.elimination import eliminate
 from pipeline.system.evidence import WIDTHS
-from pipeline.system.whitened import View
+from pipeline.system.whitened import Whitened
 
 _SETTLED = 0.002
 """Chance of a wrong name from which a further pose need not do better."""
@@ -108,7 +108,7 @@ def _fullest(pose: Ints) -> Ints:
 
 
 def propose(
-    view: View, questions: Sequence[Question], among: Candidates, most: int = 4
+    view: Whitened, questions: Sequence[Question], among: Candidates, most: int = 4
 ) -> list[Proposal]:
     """Poses that separate the causes best, one after the other until all pairs are apart.
 
@@ -199,7 +199,7 @@ class _Contest(Locked):
     size: tuple[tuple[Array, ...], ...]
 
     @classmethod
-    def of(cls, view: View, questions: Sequence[Question]) -> _Contest:
+    def of(cls, view: Whitened, questions: Sequence[Question]) -> _Contest:
         every = [i for one in questions for i in (*one.rest, *one.who) if i is not None]
         suspects = list(dict.fromkeys(every))
         parts = [view.columns([i]) for i in suspects]
@@ -230,7 +230,7 @@ class _Contest(Locked):
         """False where only a cause's worth is open: the more a pose shows of it, the better."""
         return not any(None in one.who for one in self.questions)
 
-    def labels(self, view: View, pair: int) -> tuple[str, str]:
+    def labels(self, view: Whitened, pair: int) -> tuple[str, str]:
         number, a, b = self.pairs[pair]
         who = self.questions[number].who
         one, other = (_SPRINGS if i is None else view.suspects[i].label for i in (who[a], who[b]))
@@ -272,7 +272,7 @@ class _Contest(Locked):
         inverse = linear.inverse(self.M[np.ix_(base, base)])
         return np.einsum("ij,mji->m", inverse, more[:, base[:, None], base])
 
-    def products(self, view: View, among: Candidates) -> Array:
+    def products(self, view: Whitened, among: Candidates) -> Array:
         """What each candidate would add to M, scattering as the fullest pose did: (m, W, W)."""
         flat = replace(view.model.cell, equilibrium="undeformed")
         pulls, values, rows = among.pulls, view.model.values, view.rows
@@ -292,7 +292,7 @@ class _Contest(Locked):
         return np.asarray(np.swapaxes(X, 1, 2) @ X)
 
 
-def _sizes(view: View, one: Question) -> tuple[Array, ...]:
+def _sizes(view: Whitened, one: Question) -> tuple[Array, ...]:
     """What each who could act in a place would be, fitted without the others."""
     S = eliminate(view.M, np.concatenate([np.arange(view.first), view.columns(one.rest)]))
     mine = (view.columns([] if i is None else [i]) for i in one.who)

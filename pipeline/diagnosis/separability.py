@@ -11,10 +11,10 @@ from pipeline.base.arrays import Array
 from pipeline.diagnosis.facts import APART, DETECTED
 from pipeline.diagnosis.isolability import Twins
 from pipeline.system.elimination import eliminate
-from pipeline.system.whitened import View
+from pipeline.system.whitened import Whitened
 
 
-def separation(view: View, suspects: Sequence[int]) -> Array:
+def separation(view: Whitened, suspects: Sequence[int]) -> Array:
     """Sigmas between suspects at typical size, shape (n, n).
 
     Entry (a, b) is what a typical a leaves when springs and b are fitted; (a, a) when only the
@@ -49,7 +49,7 @@ def separation(view: View, suspects: Sequence[int]) -> Array:
     return np.asarray(np.sqrt(np.maximum(left, 0.0)))
 
 
-def identifiable(view: View, known: Twins) -> dict[str, float]:
+def identifiable(view: Whitened, known: Twins) -> dict[str, float]:
     """Multiple of its typical size from which each cause is detected and separated from all others.
 
     APART / min(min_b d_ab, d_aa APART / DETECTED), d of `separation`: for its least visible form a

@@ -11,7 +11,7 @@ from pipeline.diagnosis.facts import Clue, Misfit
 from pipeline.diagnosis.identify import Found, by_label
 from pipeline.system.elimination import eliminate
 from pipeline.system.evidence import ROUNDING
-from pipeline.system.whitened import View
+from pipeline.system.whitened import Whitened
 
 
 def clues(found: Found) -> tuple[Clue, ...]:
@@ -38,7 +38,7 @@ def clues(found: Found) -> tuple[Clue, ...]:
     return tuple(out)
 
 
-def misfits(view: View) -> tuple[Misfit, ...]:
+def misfits(view: Whitened) -> tuple[Misfit, ...]:
     """Which place of the cell takes most of the misfit when all its suspects join at once."""
     S = eliminate(view.M, view.base)
     dof = view.rows_left

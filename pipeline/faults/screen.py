@@ -55,7 +55,7 @@ def screen(case: Case, reduced: Reduced) -> Screened:
     return Screened(tuple(findings), case)
 
 
-def acquit(
+def screen_again(
     given: Case, screened: Screened, causes: tuple[Effect, ...], extended: Estimate | None
 ) -> Screened:
     """Screen again with the causes: test flagged readings beside the extended model.

@@ -12,7 +12,7 @@ from pipeline.base.arrays import Array, Ints
 from pipeline.system import alarms
 from pipeline.system.elimination import eliminate
 from pipeline.system.evidence import ROUNDING, Scores
-from pipeline.system.whitened import View, by_pose_drop
+from pipeline.system.whitened import Whitened, by_pose_drop
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Threshold:
 
 
 def threshold(
-    view: View, base: Ints, dof: int, rng: np.random.Generator, draws: int = 3000
+    view: Whitened, base: Ints, dof: int, rng: np.random.Generator, draws: int = 3000
 ) -> Threshold:
     """Calibrate the smallest p of all suspects on draws of pure scatter.
 
@@ -57,7 +57,7 @@ def threshold(
     return Threshold(-np.expm1(np.log1p(-alarms.SUSPECT) / tests), float(tests))
 
 
-def _bases(view: View, S: Array) -> list[Array]:
+def _bases(view: Whitened, S: Array) -> list[Array]:
     """Orthonormal bases of what each suspect adds to the base, in coordinates of them all."""
     K = len(view.owner)
     whole = np.maximum(np.diag(view.M)[view.first : view.first + K], 1e-300)
@@ -92,7 +92,7 @@ class Lack:
         return min(self.p_poses, self.p_pulls) < alarms.LACK_OF_FIT
 
 
-def lack_of_fit(view: View, base: Ints, score: Scores) -> Lack:
+def lack_of_fit(view: Whitened, base: Ints, score: Scores) -> Lack:
     """Test the base against free motions; the scatter comes from the effector's own rigidity.
 
     F = (drop / k) / (scatter / nu), with k and nu degrees of freedom: the lack of fit against the

@@ -21,7 +21,7 @@ from scipy import special
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.system.elimination import eliminate
-from pipeline.system.whitened import View
+from pipeline.system.whitened import Whitened
 
 WIDTHS = np.array([0.4, 1.0, 2.5, 6.0])
 """Prior standard deviations of a parameter in its typical size; each has the same weight."""
@@ -63,7 +63,7 @@ class Scores(Locked):
         return np.where(self.rank > 0, special.fdtrc(rank, dof, F), 1.0)
 
 
-def scores(view: View, base: Ints, dof: int, M: Array | None = None) -> Scores:
+def scores(view: Whitened, base: Ints, dof: int, M: Array | None = None) -> Scores:
     """Score every suspect added to a base.
 
     Args:
@@ -141,7 +141,7 @@ def _log_share(lower: Array, upper: Array, mean: Array | float, scatter: Array |
     return np.asarray(top + np.log1p(-np.exp(np.minimum(bottom - top, -1e-12))))
 
 
-def _bounds(view: View, members: Ints) -> tuple[Array, Array]:
+def _bounds(view: Whitened, members: Ints) -> tuple[Array, Array]:
     """Physical bounds in typical sizes, both shape (n, k)."""
     suspects = [view.suspects[i].parameters for i in members]
     lower = np.array([[p.lower / p.typical for p in parameters] for parameters in suspects])

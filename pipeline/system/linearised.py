@@ -33,7 +33,7 @@ class Model:
 
 
 @dataclass(frozen=True, eq=False)
-class Sight(Locked):
+class Linearised(Locked):
     """A campaign linearised at a model, before anything is weighted, in metres.
 
     Attributes:
@@ -58,7 +58,7 @@ class Sight(Locked):
     y: Array
     motions: Array
 
-    def beside(self, more: tuple[Effect, ...]) -> Sight:
+    def beside(self, more: tuple[Effect, ...]) -> Linearised:
         """The same with further effects tested, behind the suspects."""
         flat = replace(self.model.cell, equilibrium="undeformed")
         at = (self.data.pull, self.data.target)
@@ -66,7 +66,7 @@ class Sight(Locked):
         Z = np.concatenate([self.Z, columns.reshape(len(self.rows), -1)], axis=1)
         return replace(self, suspects=self.suspects + more, Z=Z)
 
-    def bent(self, equilibrium: str) -> Sight:
+    def bent(self, equilibrium: str) -> Linearised:
         """The same springs with another equilibrium: c loses what the second order explains."""
         cell = replace(self.model.cell, equilibrium=equilibrium)
         at = (self.data.pull, self.data.target)
@@ -77,9 +77,9 @@ class Sight(Locked):
         return replace(self, model=replace(self.model, cell=cell), y=self.y + old - new)
 
 
-def sight(
-    model: Model, data: Measured, suspects: tuple[Effect, ...], near: Sight | None = None
-) -> Sight:
+def linearise(
+    model: Model, data: Measured, suspects: tuple[Effect, ...], near: Linearised | None = None
+) -> Linearised:
     """Linearise springs and suspects at a model.
 
     y = delta - d(x0) + B x0 [m], d the model's displacements and B their derivative at its values
@@ -110,7 +110,7 @@ def sight(
     for column, index in accepted.items():
         Z[:, column] = B[:, index]
     moved = predict(model.cell, data.pulls, model.values).displacement[at].ravel()
-    return Sight(
+    return Linearised(
         model=model,
         data=data,
         suspects=suspects,

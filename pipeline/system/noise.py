@@ -18,7 +18,7 @@ from pipeline.base.arrays import Array
 from pipeline.system import alarms
 from pipeline.system.system import Errors, Scatter
 from pipeline.system.whiten import whitener
-from pipeline.system.whitened import View
+from pipeline.system.whitened import Whitened
 
 TOLERATED = 1.3
 """A certificate that is wrong by less than this factor is not reported."""
@@ -36,7 +36,7 @@ _BEND = 0.1
 """Differences of log scale for the curvature at the best one."""
 
 
-def scatter(view: View, errors: Errors, stated: bool) -> Scatter:
+def scatter(view: Whitened, errors: Errors, stated: bool) -> Scatter:
     """Estimate both scales; needs no model of the arm, as every suspect may be at work.
 
     s^2 = Q / nu,    u(s) = s / sqrt(2 nu),    p = P[chi2(nu) > Q / `TOLERATED`^2],
@@ -60,7 +60,7 @@ def scatter(view: View, errors: Errors, stated: bool) -> Scatter:
     return Scatter(tracker, tracker_std, p, force, force_std, force_p, source)
 
 
-def _all_suspects_out(view: View) -> tuple[int, float, str]:
+def _all_suspects_out(view: Whitened) -> tuple[int, float, str]:
     """Residual of the springs alone: with one reflector nothing better is known."""
     base = view.base
     X = view.A[:, base]
@@ -68,7 +68,7 @@ def _all_suspects_out(view: View) -> tuple[int, float, str]:
     return view.rows_left, float(residual @ residual), "residuals"
 
 
-def _force(view: View, errors: Errors) -> tuple[float, float, float]:
+def _force(view: Whitened, errors: Errors) -> tuple[float, float, float]:
     """The scale's scatter by restricted maximum likelihood, springs and all suspects estimated.
 
     L is minus twice the log likelihood of `_restricted`, t the log scale: u(t) = sqrt(2 / L''), and
@@ -96,7 +96,7 @@ def _force(view: View, errors: Errors) -> tuple[float, float, float]:
     return float(np.exp(x)), float(np.exp(x)) * std, p
 
 
-def _restricted(view: View, errors: Errors) -> Callable[[float], float]:
+def _restricted(view: Whitened, errors: Errors) -> Callable[[float], float]:
     """Minus twice the restricted log likelihood by the log scale t of the force readings.
 
     L(t) = log|V_t| + log|X' V_t^-1 X| + nu log(y' P_t y), up to a constant: y is c, X springs,

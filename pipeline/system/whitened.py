@@ -20,7 +20,7 @@ from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.machine.cell import load
 from pipeline.machine.effect import Effect, same_element
 from pipeline.system.elimination import coefficients
-from pipeline.system.linearised import Model, Sight, accepted_columns, owners
+from pipeline.system.linearised import Linearised, Model, accepted_columns, owners
 from pipeline.system.system import SOFT, Errors, Rows
 from pipeline.system.whiten import Whitener, whitener
 
@@ -30,7 +30,7 @@ tolerance applies to all pulls together."""
 
 
 @dataclass(frozen=True, eq=False)
-class View(Locked):
+class Whitened(Locked):
     """A campaign linearised at one model and whitened.
 
     Attributes:
@@ -67,7 +67,7 @@ class View(Locked):
     common: int
     spread: Array
     noise: float
-    seen: Sight
+    seen: Linearised
     white: Whitener
 
     @cached_property
@@ -137,9 +137,12 @@ class View(Locked):
         return np.asarray(self.M - part.T @ part)
 
 
-def look(
-    seen: Sight, noise: float, force_noise: float = 1.0, doubt: Sequence[tuple[int, float]] = ()
-) -> View:
+def whiten(
+    seen: Linearised,
+    noise: float,
+    force_noise: float = 1.0,
+    doubt: Sequence[tuple[int, float]] = (),
+) -> Whitened:
     """Whiten a linearised campaign.
 
     Args:
@@ -157,7 +160,7 @@ def look(
     return _view(seen, more, white, noise, spread)
 
 
-def with_laws(seen: Sight, errors: Errors, doubt: Sequence[tuple[int, float]]) -> Errors:
+def with_laws(seen: Linearised, errors: Errors, doubt: Sequence[tuple[int, float]]) -> Errors:
     """Errors of c including the uncertainty of the laws of accepted causes, source `law`.
 
     Args:
@@ -179,7 +182,7 @@ def with_laws(seen: Sight, errors: Errors, doubt: Sequence[tuple[int, float]]) -
     )
 
 
-def _kin(seen: Sight, accepted: int, fraction: float) -> Array:
+def _kin(seen: Linearised, accepted: int, fraction: float) -> Array:
     """Other laws of the same gear, each moving a fraction of what the accepted one moves, (M, j).
 
     Column k is fraction |Z_a z_a| / |Z_k| Z_k [m], Z_a z_a what the accepted one moves.
@@ -203,7 +206,7 @@ def _kin(seen: Sight, accepted: int, fraction: float) -> Array:
     return np.asarray(columns * scale)
 
 
-def _widened(seen: Sight, doubt: Sequence[tuple[int, float]], force_noise: float) -> Errors:
+def _widened(seen: Linearised, doubt: Sequence[tuple[int, float]], force_noise: float) -> Errors:
     """The errors with the doubt about accepted laws: one error per pull along what they move."""
     errors, rows, Z = seen.errors, seen.rows, seen.Z
     model, suspects = seen.model, seen.suspects
@@ -225,7 +228,7 @@ def _widened(seen: Sight, doubt: Sequence[tuple[int, float]], force_noise: float
     return Errors(G, source, common)
 
 
-def _view(seen: Sight, more: Array, white: Whitener, noise: float, spread: Array) -> View:
+def _view(seen: Linearised, more: Array, white: Whitener, noise: float, spread: Array) -> Whitened:
     model, suspects, rows = seen.model, seen.suspects, seen.rows
     typical_x = np.array([p.typical for p in model.cell.parameters[: model.springs]])
     typical_z = np.array([p.typical for effect in suspects for p in effect.parameters])
@@ -237,7 +240,7 @@ def _view(seen: Sight, more: Array, white: Whitener, noise: float, spread: Array
     bottom = np.zeros((r, top.shape[1]))
     bottom[:, k : k + r] = np.eye(r)
     A = np.vstack([top, bottom])
-    return View(
+    return Whitened(
         model=model,
         suspects=suspects,
         owner=owners(suspects),
@@ -256,7 +259,7 @@ def _view(seen: Sight, more: Array, white: Whitener, noise: float, spread: Array
     )
 
 
-def _scatter(seen: Sight, white: Whitener) -> tuple[float, int, float]:
+def _scatter(seen: Linearised, white: Whitener) -> tuple[float, int, float]:
     """Sum of squares of y that no rigid motion of the effector in any pull explains, and its dof.
 
     |y - Q Q' y|^2 with M - rank Q degrees of freedom, y whitened, Q the whitened rigid motions,
@@ -293,7 +296,7 @@ def _scatter(seen: Sight, white: Whitener) -> tuple[float, int, float]:
     return (square - along, left, p) if p < SOFT else (square, dof, p)
 
 
-def _loose(seen: Sight) -> Array:
+def _loose(seen: Linearised) -> Array:
     """Each reflector by itself, along each axis of F_b and of the tool, by the load, (M, 6 t)."""
     data, rows = seen.data, seen.rows
     axes = load(seen.model.cell, data.pulls, seen.model.values).configuration.flange_axes
@@ -331,7 +334,7 @@ def _place_in_pose(rows: Rows) -> Ints:
     return rows.pull - start[first]
 
 
-def by_pose_drop(view: View, base: Ints) -> tuple[float, int]:
+def by_pose_drop(view: Whitened, base: Ints) -> tuple[float, int]:
     """Sum of squares that a free stiffness of each pose takes out of the base's residual; dof.
 
     sum_p |F_p' r_p|^2 with r = y - A_base b whitened and F_p the six columns of `free` in pose p;
