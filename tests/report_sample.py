@@ -262,6 +262,8 @@ def tables(seed: int = 20261103, poses: int = 16) -> dict[str, pd.DataFrame]:
         + np.outer(rail, [0, 1, 0])
         + 0.15 * rng.normal(size=(len(TARGETS), 3))[np.tile(range(3), len(pulls))]
     )
+    moved = 1e-3 * np.repeat(size, len(TARGETS))[:, None] / 1000.0
+    points[["dx_m", "dy_m", "dz_m"]] = moved * np.repeat(direction, len(TARGETS), axis=0)
     rows = points.merge(pd.DataFrame({"axis": ["x", "y", "z"]}), how="cross")
     rows["residual_m"] = 3e-5 * rng.standard_normal(len(rows))
     rows["whitened"] = rows["residual_m"] / 3e-5

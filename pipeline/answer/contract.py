@@ -391,7 +391,10 @@ class Detection(Fact):
 class Scatter(Fact):
     """Scatter of the readings."""
 
-    tracker_over_stated: float
+    tracker_over_stated: float = Field(
+        description="found over the noise in use: 1 where repeats have corrected the stated one "
+        "already, see `noise`"
+    )
     tracker_over_stated_std: float
     scale_over_tracker: float
     known_from: str

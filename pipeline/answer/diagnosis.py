@@ -11,7 +11,7 @@ from pipeline.answer.numbers import finite, left_out_mm
 from pipeline.answer.words import why
 from pipeline.diagnosis.facts import Alone, Amplitude, BlindSpot, Cause, Diagnosis, Named, Proposal
 from pipeline.diagnosis.verdict import findings, verdict
-from pipeline.faults.finding import Finding
+from pipeline.faults.mistake import Mistake
 from pipeline.machine.robot import Robot
 from pipeline.system.estimate import left_out
 from pipeline.system.system import Estimate, Scatter
@@ -189,7 +189,7 @@ def _data_causes(found: Findings) -> tuple[contract.Cause, ...]:
     return tuple(_mistake(one, gain) for one in found.mistakes)
 
 
-def _mistake(one: Finding, gain: contract.Gain) -> contract.Cause:
+def _mistake(one: Mistake, gain: contract.Gain) -> contract.Cause:
     size = contract.Amplitude(name="size", value=one.size or 0.0, std=None, unit=one.size_unit)
     return contract.Cause(
         name=one.name,

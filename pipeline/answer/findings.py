@@ -10,7 +10,7 @@ from pipeline.answer.recommended import Row, Values
 from pipeline.diagnosis.facts import Diagnosis, Facts
 from pipeline.diagnosis.finding import Verdict
 from pipeline.diagnosis.verdict import verdict
-from pipeline.faults.finding import Finding as Mistake
+from pipeline.faults.mistake import Mistake
 from pipeline.prediction import model as handover
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.store.campaign import Raw

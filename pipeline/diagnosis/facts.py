@@ -11,7 +11,7 @@ from scipy import special
 from pipeline.base.arrays import Array, Bools, Locked, Parameter
 from pipeline.base.linear import rms
 from pipeline.diagnosis.average import Hypothesis
-from pipeline.faults.finding import Finding as Mistake
+from pipeline.faults.mistake import Mistake
 from pipeline.machine.effects import Effect, Observation
 from pipeline.system.system import Estimate, Scatter
 
@@ -348,7 +348,8 @@ class Facts:
         loose_p: Chance that the reflectors only seem to move against each other under load.
         scale_ratio: Scatter of the scale found over stated, relative to the tracker's, where only
             this makes the remainder scatter; else 1.
-        tracker_ratio: Scatter of the tracker found over stated.
+        tracker_ratio: Scatter of the tracker found over the noise in use, which is not the stated
+            one where repeats have corrected it.
         scatter: Causes of scatter.
         beyond_certificate: The residuals are larger than any error of a certificate.
         beyond_a_tracker: No noise is stated, and the residuals are larger than a tracker's.

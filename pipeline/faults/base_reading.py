@@ -7,13 +7,13 @@ from scipy import stats
 
 from pipeline.base import covariance, linear
 from pipeline.faults.fault import Fault
-from pipeline.faults.finding import Finding
+from pipeline.faults.mistake import Mistake
 from pipeline.faults.reading import bad_reading, smallest
 from pipeline.reduction.register import XYZ, Registration
 from pipeline.system import alarms
 
 
-def base_outlier(registration: Registration, scale: float) -> list[Finding]:
+def base_outlier(registration: Registration, scale: float) -> list[Mistake]:
     """The base reading that contradicts the other base reflectors, if removing it makes them agree.
 
     Args:

@@ -12,7 +12,7 @@ from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError
 from pipeline.faults.fault import Fault
-from pipeline.faults.finding import Finding
+from pipeline.faults.mistake import Mistake
 from pipeline.faults.reading import smallest
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ, Registration, register
@@ -26,7 +26,7 @@ _AGREE = 0.01
 misfit less probable than alarms.READING is no rival."""
 
 
-def base_target(case: Case, registration: Registration, scale: float) -> list[Finding]:
+def base_target(case: Case, registration: Registration, scale: float) -> list[Mistake]:
     """The target of [base_frame] that the others contradict, if no other removal explains it.
 
     T = (chi2 - chi2_j) / scale^2 with chi2_j that of the registration with the nominal place of
@@ -79,8 +79,8 @@ def _freed(case: Case, registration: Registration, name: str) -> tuple[float, Ar
     return float(lost.chi2 or 0.0) + own, mean - np.array(case.settings.base_frame[name])
 
 
-def _finding(name: str, size: float, sigmas: float, after: float, p: float) -> Finding:
-    return Finding(
+def _finding(name: str, size: float, sigmas: float, after: float, p: float) -> Mistake:
+    return Mistake(
         name="outlier",
         where=name,
         evidence=f"the base reflector {name} stands {1e3 * size:.2f} mm from its place in "

@@ -19,7 +19,7 @@ from scipy import stats
 from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
 from pipeline.faults.fault import Fault
-from pipeline.faults.finding import Finding
+from pipeline.faults.mistake import Mistake
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 from pipeline.system import alarms
@@ -77,7 +77,7 @@ class _Off:
     p_value: float
 
 
-def chain_outlier(case: Case) -> list[Finding]:
+def chain_outlier(case: Case) -> list[Mistake]:
     """The pull whose chain reflectors are unlike those of the other pulls, and which of the two."""
     chain = _read(case)
     if len(chain.group) < _FEWEST:
@@ -282,13 +282,13 @@ def _unlike(X: Array, at: Array, others: Bools, pull: int) -> float:
     return float(np.linalg.norm(at[pull] - X[pull] @ course))
 
 
-def _finding(chain: _Chain, off: _Off, names: Sequence[str], told: str, size: float) -> Finding:
+def _finding(chain: _Chain, off: _Off, names: Sequence[str], told: str, size: float) -> Mistake:
     group, end = str(chain.group[off.pull]), _end(chain, off.pull)
     which = f"{names[0]}-{names[1]}"
     if end is not None:
         which, size = names[end[0]], end[1]
         told = f"{told}: {which} is {1e3 * size:.2f} mm off"
-    return Finding(
+    return Mistake(
         name="outlier",
         where=f"{group}/{which}",
         evidence=f"in {group} {told}",

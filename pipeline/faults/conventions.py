@@ -19,7 +19,7 @@ from pipeline.base import covariance
 from pipeline.base.arrays import Array, Ints, Strings
 from pipeline.base.linear import rigid
 from pipeline.faults.fault import Fault
-from pipeline.faults.finding import Finding
+from pipeline.faults.mistake import Mistake
 from pipeline.machine import instrument
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import SHIPPED, Robot, configure, load
@@ -61,8 +61,8 @@ class Hypothesis:
     """One mistake that may have been made.
 
     Attributes:
-        name: As in `Finding`.
-        where: As in `Finding`.
+        name: As in `Mistake`.
+        where: As in `Mistake`.
         says: What was mistaken for what.
         correct: What puts it right.
         table: Whether it is a matter of the robot's table (as the sense of a joint is) or the base
@@ -76,7 +76,7 @@ class Hypothesis:
     table: bool = False
 
 
-def conventions(case: Case) -> list[Finding]:
+def conventions(case: Case) -> list[Mistake]:
     """The unit, sign or convention that is wrong; at most two of them at once.
 
     Nothing is found where the reflectors are where they should be, where too few poses were
@@ -92,7 +92,7 @@ def conventions(case: Case) -> list[Finding]:
 
 def _search(
     case: Case, how: Callable[[Case], float | None], gross: float, before: float
-) -> list[Finding]:
+) -> list[Mistake]:
     singles = list(hypotheses(case))
     data = [h for h in singles if not h.table and how is miss]
     pairs = [p for p in itertools.combinations(data, 2) if p[0].where != p[1].where]
@@ -112,8 +112,8 @@ def _after(case: Case, chosen: Sequence[Hypothesis], how: Callable[[Case], float
     return np.inf if value is None else value
 
 
-def _finding(h: Hypothesis, before: float, after: float) -> Finding:
-    return Finding(
+def _finding(h: Hypothesis, before: float, after: float) -> Mistake:
+    return Mistake(
         name=h.name,
         where=h.where,
         evidence=f"{h.says}: as given the unloaded reflectors stand {1e3 * before:.0f} mm from "

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from pipeline.base.arrays import Array
-from pipeline.faults.finding import Finding
+from pipeline.faults.mistake import Mistake
 from pipeline.faults.noise_scale import noise_scale
 from pipeline.machine.cell import Cell
 from pipeline.reduction.bring import Reduced, bring
@@ -79,7 +79,7 @@ class Fault:
 
     name: str
     noun: str
-    find: Callable[[Screening], list[Finding]]
+    find: Callable[[Screening], list[Mistake]]
     in_files: bool = False
     in_forces: bool = False
     beside_model: bool = False

@@ -22,7 +22,7 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.linear import rigid
 from pipeline.faults.conventions import unloaded
 from pipeline.faults.fault import Fault
-from pipeline.faults.finding import Finding
+from pipeline.faults.mistake import Mistake
 from pipeline.machine.robot import configure
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ, register
@@ -94,7 +94,7 @@ class _Laid(Locked):
         return np.asarray(self.stands > limit, dtype=bool)
 
 
-def wrong_rows(case: Case) -> list[Finding]:
+def wrong_rows(case: Case) -> list[Mistake]:
     """Poses whose reflectors are not where their row of the joint log puts them."""
     read = _read(case)
     if len(read.poses) <= _FEWEST_GOOD or len(case.settings.measured) < 2:
@@ -227,14 +227,14 @@ def _moved(seen: Array, due: Array, size: float, usual: float) -> bool:
     return left < max(size / PART, _STANDS_OUT * usual) and names > size / 2
 
 
-def _finding(case: Case, read: _Stand, laid: _Laid, k: int) -> Finding:
+def _finding(case: Case, read: _Stand, laid: _Laid, k: int) -> Mistake:
     row = case.joints[case.joints["pose"] == read.poses[k]].iloc[0]
     far = np.sum(laid.away**2, axis=1)[read.zero]
     of = read.pose[read.zero]
     size = float(np.sqrt(far[of == k].mean()))
     others = float(np.sqrt(far[~laid.apart[of]].mean()))
     where = f"{row['file']} pose{read.poses[k]:02d}"
-    return Finding(
+    return Mistake(
         name="outlier",
         where=where,
         evidence=f"the row of pose {read.poses[k]} in the joint log ({row['file']}:{row['line']}) "

@@ -13,7 +13,7 @@ from pipeline.base.arrays import Array
 from pipeline.base.linear import rigid
 from pipeline.faults.conventions import FEWEST_POSES, pairs, unloaded
 from pipeline.faults.fault import Fault
-from pipeline.faults.finding import Finding
+from pipeline.faults.mistake import Mistake
 from pipeline.machine.robot import configure
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
@@ -22,7 +22,7 @@ _GROSS_M = 0.03
 """A reading this far from where its reflector should be is no reading of that reflector."""
 
 
-def labels(case: Case) -> list[Finding]:
+def labels(case: Case) -> list[Mistake]:
     """States in which two names stand for each other.
 
     A measured reflector is misnamed when it stands centimetres from where the robot's table puts
@@ -48,7 +48,7 @@ def _robust(expected: Array, seen: Array) -> tuple[Array, Array]:
     return R, t
 
 
-def _measured(case: Case, R: Array, t: Array) -> Iterator[Finding]:
+def _measured(case: Case, R: Array, t: Array) -> Iterator[Mistake]:
     rows = case.readings
     rows = rows[
         rows["pose"].isin(case.joints["pose"]) & rows["target"].isin(case.settings.measured)
@@ -78,13 +78,13 @@ def _swaps(
             yield str(name), other
 
 
-def _finding(group: str, swaps: list[tuple[str, str]], off: Array, rows: pd.DataFrame) -> Finding:
+def _finding(group: str, swaps: list[tuple[str, str]], off: Array, rows: pd.DataFrame) -> Mistake:
     names = dict(swaps)
     names |= {b: a for a, b in swaps if b not in names}
     before = 1e3 * float(off[(rows["group"] == group).to_numpy()].max())
     after = 1e3 * float(np.median(off))
     said = " and ".join(sorted(set(names)))
-    return Finding(
+    return Mistake(
         name="label_swap",
         where=group,
         evidence=f"in {group} the names {said} are exchanged: as given a reflector stands "
@@ -134,7 +134,7 @@ def aligned(case: Case) -> tuple[Array, Array] | None:
     return _robust(expected, seen)
 
 
-def _chain(case: Case, R: Array, t: Array) -> Iterator[Finding]:
+def _chain(case: Case, R: Array, t: Array) -> Iterator[Mistake]:
     table = chain_distances(case, R, t)
     if not len(table):
         return
@@ -143,7 +143,7 @@ def _chain(case: Case, R: Array, t: Array) -> Iterator[Finding]:
         return
     near, far = case.settings.naming.chain
     for group, a, b in table[reversed_].itertuples(index=False, name=None):
-        yield Finding(
+        yield Mistake(
             name="label_swap",
             where=str(group),
             evidence=f"in {group} the names {near} and {far} are exchanged: {near} is "

@@ -10,8 +10,8 @@ import pyarrow as pa
 
 from pipeline.base.arrays import Array
 from pipeline.faults.fault import Fault
-from pipeline.faults.finding import Finding
 from pipeline.faults.labels import aligned, chain_distances
+from pipeline.faults.mistake import Mistake
 from pipeline.readers.logs import FORCE
 from pipeline.reduction.case import Case
 from pipeline.system.system import Estimate
@@ -26,7 +26,7 @@ _SPREAD = 0.6
 """Logarithm by which single joints may scatter about that."""
 
 
-def reversed_pull(case: Case, estimate: Estimate) -> list[Finding]:
+def reversed_pull(case: Case, estimate: Estimate) -> list[Mistake]:
     """The chain's ends are named the wrong way round in the whole campaign.
 
     Every spring then yields against the force: the work done on the robot is negative, which no
@@ -47,7 +47,7 @@ def reversed_pull(case: Case, estimate: Estimate) -> list[Finding]:
     seen = "" if share is None else f", and in {share:.0%} of the pulls the first end is farther "
     seen += "" if share is None else "from the load point"
     return [
-        Finding(
+        Mistake(
             name="sign_or_convention",
             where="pull_reversed",
             evidence=f"the pull is reversed: {negative} of {known.sum()} clear compliances are "
@@ -81,7 +81,7 @@ def _turned_round(case: Case) -> Case:
     return replace(case, settings=case.settings.model_copy(update={"naming": naming}))
 
 
-def force_unit(case: Case, estimate: Estimate) -> list[Finding]:
+def force_unit(case: Case, estimate: Estimate) -> list[Mistake]:
     """The scale's numbers are in another unit: all stiffnesses are off by its factor.
 
     Only a robot with nominal stiffnesses can tell; a machine is not 4.4 times softer than its
@@ -107,7 +107,7 @@ def force_unit(case: Case, estimate: Estimate) -> list[Finding]:
         else (f"are N and were read as {unit}", "n")
     )
     return [
-        Finding(
+        Mistake(
             name="unit_mixup",
             where=where,
             evidence=f"the numbers of the scale {said}: all stiffnesses come out "

@@ -26,7 +26,7 @@ from scipy import stats
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.faults.fault import Fault
-from pipeline.faults.finding import Finding
+from pipeline.faults.mistake import Mistake
 from pipeline.machine import instrument
 from pipeline.reduction.bring import Reduced
 from pipeline.reduction.case import Case
@@ -93,7 +93,7 @@ def outlier(
     system: System,
     estimate: Estimate,
     spread: tuple[float, int],
-) -> list[Finding]:
+) -> list[Mistake]:
     """The reading that contradicts the others most, if chance does not explain it.
 
     Where a model fits, its own residuals say how much readings scatter, never less than stated:
@@ -307,7 +307,7 @@ def _columns(
 
 def bad_reading(
     row: pd.Series, others: str, size: float, sigmas: float, p: float, beside_model: bool = False
-) -> Finding:
+) -> Mistake:
     """The finding of a single reading that contradicts others.
 
     Args:
@@ -316,10 +316,10 @@ def bad_reading(
         size: How far it is off [m].
         sigmas: The same in standard deviations.
         p: That chance puts any reading so far off; a sum, which may exceed 1.
-        beside_model: As in `Finding`.
+        beside_model: As in `Mistake`.
     """
     where = f"{row['group']}/{row['target']}"
-    return Finding(
+    return Mistake(
         name="outlier",
         where=where,
         evidence=f"the reading {where} ({row['file']}:{row['line']}) is {1e3 * size:.2f} mm off "

@@ -22,7 +22,7 @@ from scipy import stats
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.faults.fault import Fault
-from pipeline.faults.finding import Finding
+from pipeline.faults.mistake import Mistake
 from pipeline.machine.cell import Cell
 from pipeline.reduction.case import Case
 from pipeline.reduction.forces import reading_std
@@ -78,7 +78,7 @@ class _Freed(Locked):
 
 def scale_outlier(
     case: Case, cell: Cell, data: Measured, system: System, estimate: Estimate
-) -> list[Finding]:
+) -> list[Mistake]:
     """The reading of the scale that contradicts all other pulls, if it is the only one.
 
     Args:
@@ -202,13 +202,13 @@ def _finding(
     normal: float,
     drop: float,
     p: float,
-) -> Finding:
+) -> Mistake:
     pose, repeat = int(data.pulls.pose[pull]), int(data.pulls.repeat[pull])
     loads = case.loads
     row = loads[(loads["pose"] == pose) & (loads["repeat"] == repeat)].iloc[0]
     where = f"{row['file']} pose{pose:02d} rep{repeat}"
     sigmas = float(np.sqrt(drop))
-    return Finding(
+    return Mistake(
         name="outlier",
         where=where,
         evidence=f"the reading {where} (line {row['line']}) says {given:.6g} N, and "

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from pipeline.faults import FAULTS
 from pipeline.faults.fault import Fault, Screening
-from pipeline.faults.finding import Finding
+from pipeline.faults.mistake import Mistake
 from pipeline.machine.effects import Effect
 from pipeline.reduction.bring import Reduced
 from pipeline.reduction.case import Case
@@ -26,7 +26,7 @@ class Screened:
         case: The campaign with all of them put right; the given one when there are none.
     """
 
-    findings: tuple[Finding, ...]
+    findings: tuple[Mistake, ...]
     case: Case
 
 
@@ -37,7 +37,7 @@ def screen(case: Case, reduced: Reduced) -> Screened:
         case: The campaign as given.
         reduced: Its measurements.
     """
-    findings: list[Finding] = []
+    findings: list[Mistake] = []
     given, reads = case, case.settings.displacements is None
     tests = [fault for fault in FAULTS if fault.in_forces or reads]
     for fault in tests:
@@ -91,13 +91,13 @@ def screen_again(
     return Screened(tuple(kept), case) if len(kept) < len(screened.findings) else screened
 
 
-def _put_right(case: Case, found: list[Finding], findings: list[Finding]) -> Case:
+def _put_right(case: Case, found: list[Mistake], findings: list[Mistake]) -> Case:
     for finding in found:
         findings.append(finding)
         case = finding.correct(case)
     return case
 
 
-def _first(tests: Sequence[Fault], asked: Screening) -> list[Finding]:
+def _first(tests: Sequence[Fault], asked: Screening) -> list[Mistake]:
     """What the first test finds that finds anything."""
     return next(filter(None, (fault.find(asked) for fault in tests)), [])

@@ -273,4 +273,4 @@ def write(readings: Readings, unit: str, digits: int | None) -> bytes:
     return "\r\n".join([*head, *lines, ""]).encode()
 
 
-READER = Reader("SpatialAnalyzer ASCII", recognise, read, write, suffix=".txt")
+READER = Reader("SpatialAnalyzer ASCII", recognise, read, write, suffix=".txt", general=True)

@@ -9,11 +9,11 @@ from pipeline.reduction.case import Case
 
 
 @dataclass(frozen=True)
-class Finding:
+class Mistake:
     """One mistake, the evidence for it, and what would put it right.
 
     Attributes:
-        name: `outlier`, `label_swap`, `unit_mixup` or `sign_or_convention`.
+        name: That of its fault: `outlier`, `label_swap`, `unit_mixup`, `sign_or_convention`, ...
         where: A reading `group/target`, a group, or which unit, sign or convention.
         evidence: Sentence for the engineer, with its numbers.
         correction: Sentence: what was done to get the corrected result.
