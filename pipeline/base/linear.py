@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.base.arrays import Array, Bools, Ints
 
 _ROUNDING = 1e-9
 """Length of a mix of unit columns, over the longest, that is rounding [1]: doubles carry 1e-16,
@@ -39,32 +39,48 @@ def rms(values: Array) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Inverse(Locked):
-    """The pseudoinverse of columns X, (M, k), in which undetermined parameters are zero.
+class Inverse:
+    """The pseudoinverse X+ = half U' of columns X, (M, k); undetermined parameters are zero.
 
     Attributes:
-        X: X+, shape (k, M): x = X+ y is the shortest least-squares solution in unit columns, so
-            that columns that nothing tells apart share what is theirs equally.
-        rank: Number of directions that the rows determine.
+        U: Orthonormal directions of the rows, shape (M, r).
+        half: What each of them moves in the parameters, shape (k, r).
         lost: Parameters with a part in directions that nothing determines, shape (k,).
     """
 
-    X: Array
-    rank: int
+    U: Array
+    half: Array
     lost: Bools
+
+    @property
+    def rank(self) -> int:
+        """Number of directions that the rows determine."""
+        return self.U.shape[1]
+
+    @property
+    def X(self) -> Array:
+        """The pseudoinverse itself, shape (k, M)."""
+        return np.asarray(self.half @ self.U.T)
+
+    def __call__(self, y: Array) -> Array:
+        """The shortest least-squares solution x = X+ y in unit columns, (k,) or (k, j).
+
+        Columns that nothing tells apart share what is theirs equally.
+        """
+        return np.asarray(self.half @ (self.U.T @ y))
 
     @property
     def cov(self) -> Array:
         """Covariance (X'X)+ of the solution, infinite variance where lost, shape (k, k)."""
-        cov = self.X @ self.X.T
+        cov = self.half @ self.half.T
         cov[self.lost, self.lost] = np.inf
         return np.asarray(cov)
 
 
 def _lengths(X: Array) -> Array:
     """Length of each column, infinite for one that is nothing, shape (k,)."""
-    norm = np.linalg.norm(X, axis=0)
-    return np.where(norm > _ROUNDING * norm.max(initial=_TINY), norm, np.inf)
+    square = np.einsum("mk,mk->k", X, X)
+    return np.sqrt(np.where(square > _ROUNDING**2 * square.max(initial=_TINY), square, np.inf))
 
 
 def orthonormal(X: Array, least: float = _ROUNDING) -> Array:
@@ -100,9 +116,9 @@ def pseudoinverse(X: Array) -> Inverse:
     """X+ with its rank, by singular values of unit columns."""
     size = _lengths(X)
     U, s, Vt = np.linalg.svd(X / size, full_matrices=False)
-    kept = s > _ROUNDING * s.max(initial=_TINY)
-    found = (Vt[kept].T / s[kept]) @ U[:, kept].T / size[:, None]
-    return Inverse(found, int(kept.sum()), 1 - np.sum(Vt[kept] ** 2, axis=0) > _PART)
+    rank = int(np.sum(s > _ROUNDING * s.max(initial=_TINY)))
+    half = Vt[:rank].T / (s[:rank] * size[:, None])
+    return Inverse(U[:, :rank], half, 1 - np.einsum("rk,rk->k", Vt[:rank], Vt[:rank]) > _PART)
 
 
 def shortest(X: Array, least: float = _ROUNDING) -> Array:
@@ -117,7 +133,7 @@ def log_volume(X: Array, rank: int) -> float:
 
 def least_squares(X: Array, y: Array) -> Array:
     """The x, (k,) or (k, j), for which |y - X x| is smallest; see `pseudoinverse`."""
-    return np.asarray(pseudoinverse(X).X @ y)
+    return pseudoinverse(X)(y)
 
 
 def unit(N: Array) -> tuple[Array, Array]:

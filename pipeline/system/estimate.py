@@ -108,7 +108,7 @@ def least_squares(
         Values (k,), covariance (k, k) with infinite variances where undetermined, chi2, rank.
     """
     inverse = linear.pseudoinverse(A * typical)
-    value = start + typical * (inverse.X @ (y - A @ start))
+    value = start + typical * inverse(y - A @ start)
     rest = y - A @ value
     return value, inverse.cov * np.outer(typical, typical), float(rest @ rest), inverse.rank
 
