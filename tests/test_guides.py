@@ -1,0 +1,158 @@
+"""What the guides show works, letter for letter: their examples run against the package."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+import report_sample
+
+from pipeline import faults, readers
+from pipeline.faults import screen
+from pipeline.machine.robot import load
+from pipeline.readers import READERS, Hints
+from pipeline.readers._layout import Field
+from pipeline.report.figures import catalogue
+from pipeline.run import answered
+from pipeline.simulate import Plan, blunders, revised, simulate
+from pipeline.store.campaign import in_memory
+
+ROOT = Path(__file__).parents[1]
+GUIDES = ("CONTRIBUTING.md", "docs/add-an-effect.md", "docs/add-a-reader.md", "docs/add-a-robot.md")
+NEW = {"late_pull.py", "loads.py", "station_scan.py"}
+PLAN = revised(
+    Plan(name="late", seed=11),
+    {
+        "poses": {"count": 8},
+        "pulls": {"steps_n": [1500.0, 3000.0]},
+        "hidden": {"effects": ["late_pull:pose05_rep2_loaded"]},
+    },
+)
+
+
+def block(guide, start):
+    """The one example of a guide that starts so."""
+    text = (ROOT / guide).read_text("utf-8")
+    shown = re.findall(r"^```python\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
+    (found,) = [code for code in shown if code.startswith(start)]
+    return found
+
+
+def module(code, **known):
+    """The module that this code makes, beside names that are known there."""
+    made = ModuleType("shown")
+    vars(made).update(known)
+    exec(compile(code, "guide", "exec"), vars(made))
+    return made
+
+
+@pytest.fixture
+def late_files(monkeypatch):
+    """A campaign with the blunder of the guide, written down where the guide says."""
+    head = "from datetime import timedelta\n\n"
+    made = module(head + block("CONTRIBUTING.md", "def _late_pull"), **vars(blunders))
+    one = eval(block("CONTRIBUTING.md", "Blunder("), vars(made))
+    monkeypatch.setitem(blunders.BLUNDERS, one.name, one)
+    return simulate(PLAN).files
+
+
+def verdict_of(files):
+    """Verdict of a campaign, and what was found where."""
+    said = answered("late", in_memory(files)).answer.diagnosis
+    return said.verdict, [(cause.name, cause.where) for cause in said.causes]
+
+
+def test_the_mistake_of_the_guide_is_found_by_its_fault_alone(late_files, monkeypatch):
+    """Without the new fault nothing is found; with it the data are bad, by name and place."""
+    new = module(block("CONTRIBUTING.md", '"""A pull that was read')).FAULT
+    others = tuple(fault for fault in faults.FAULTS if fault.name != new.name)
+    monkeypatch.setattr(screen, "FAULTS", others)
+    assert verdict_of(late_files) == ("adequate", [])
+
+    monkeypatch.setattr(screen, "FAULTS", (new, *others))
+    assert verdict_of(late_files) == ("bad_data", [("late_pull", "pose05_rep2_loaded")])
+
+
+def test_the_figure_of_the_guide_is_drawn(monkeypatch):
+    """Caption, alternative text and drawing of the example come from a campaign's tables."""
+    loads = module(block("CONTRIBUTING.md", '"""The forces of a campaign'))
+    monkeypatch.setitem(catalogue._PLOTS, "loads", loads.LOADS)
+    answer, tables = report_sample.answer(), report_sample.tables()
+
+    (figure,) = catalogue.figures(["loads"], answer, tables)
+    svg = catalogue.draw("loads", answer, tables).svg
+
+    assert figure.name == "loads"
+    assert figure.caption.startswith("The largest force is ")
+    assert len(figure.alt) > 60
+    assert "Pull, in the order of the campaign" in svg
+    assert catalogue.figures(["loads"], answer, {}) == []
+
+
+SCAN = "! station scan\npose01_rep0_unloaded;P1;4685.06;5282.14;-550.22\n"
+
+
+def test_the_reader_of_the_guide_reads(monkeypatch):
+    """Once in the catalogue it recognises its own file, and no other does."""
+    scan = module(block("docs/add-a-reader.md", '"""Station scan'))
+    monkeypatch.setitem(READERS, "station_scan", scan.READER)
+
+    export = readers.read("scan.txt", SCAN.encode())
+
+    assert export.dialect == "station scan"
+    assert export.target.to_pylist() == ["P1"]
+    assert export.position.tolist() == [[4.68506, 5.28214, -0.55022]]
+
+
+def test_the_reader_of_the_guide_reads_times(monkeypatch):
+    """With a column of times and the layout that the guide shows for them."""
+    scan = module(block("docs/add-a-reader.md", '"""Station scan'))
+    fields = (*scan._FIELDS, Field("time", "time", needed=False))
+    monkeypatch.setattr(scan, "_FIELDS", fields)
+    layout = eval(block("docs/add-a-reader.md", "Layout("), vars(scan) | {"hints": Hints()})
+    text = readers.text("scan.txt", SCAN.replace("22\n", "22;03.11.2026 08:00:48\n").encode())
+
+    rows = scan.rows(text, layout)
+
+    assert str(rows.columns["time"][0]) == "2026-11-03 08:00:48"
+
+
+def test_the_twins_of_the_guide_are_those_of_the_robot(capsys):
+    """What the guide of effects says to ask is answered."""
+    asked = module(block("docs/add-an-effect.md", "from pipeline.diagnosis.isolability"))
+
+    assert capsys.readouterr().out == f"{asked.twins(load('kr500_rail'))}\n"
+
+
+@pytest.mark.parametrize(
+    ("guide", "start", "file"),
+    [
+        ("CONTRIBUTING.md", '"""A pull that was read', "pipeline/faults/late_pull.py"),
+        ("CONTRIBUTING.md", '"""The forces of a campaign', "pipeline/report/figures/loads.py"),
+        ("docs/add-a-reader.md", '"""Station scan', "pipeline/readers/station_scan.py"),
+    ],
+)
+def test_a_file_of_the_guides_is_as_tidy_as_those_of_the_package(guide, start, file):
+    """Whoever copies it has nothing to correct before the check is green."""
+    for asked in (("check", "--quiet"), ("format", "--check", "--quiet")):
+        command = [sys.executable, "-m", "ruff", *asked, "--no-cache", "--stdin-filename", file]
+        said = subprocess.run(
+            [*command, "-"], input=block(guide, start), cwd=ROOT, capture_output=True, text=True
+        )
+        assert said.returncode == 0, said.stdout + said.stderr
+
+
+@pytest.mark.parametrize("guide", GUIDES)
+def test_every_file_that_a_guide_names_is_there(guide):
+    """A file that moved is not looked for where it was."""
+    text = (ROOT / guide).read_text("utf-8")
+    named = set(re.findall(r"`([a-z_/]+\.(?:py|toml|md))`", text))
+    folders = ("bench", "data", "docs", "pipeline", "tests")
+    there = [*ROOT.glob("*.*"), *(path for one in folders for path in (ROOT / one).rglob("*.*"))]
+    here = [path.relative_to(ROOT).as_posix() for path in there]
+
+    lost = {name for name in named if not any(f"/{path}".endswith(f"/{name}") for path in here)}
+
+    assert {name for name in lost if name.rpartition("/")[2] not in NEW} == set()
