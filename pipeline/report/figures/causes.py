@@ -29,7 +29,7 @@ _APART_SHADES = SHADES[::2]
 
 
 def _draw_evidence(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
-    """Bars of the best suspects, the named ones in another colour."""
+    """Bars of the best suspects, the identified ones in another colour."""
     best = suspects(tables["diagnosis"])
     canvas.set_size_inches(5.6, 0.9 + 0.24 * len(best))
     axes = canvas.subplots()
@@ -39,12 +39,12 @@ def _draw_evidence(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     axes.barh(at, size, color=np.where(named, RED, BLUE).tolist(), height=0.7, gid="evidence")
     axes.axvline(3, color=MUTED, linewidth=1, linestyle="--")
     said = [_cause_in_words(row) for _, row in best.iterrows()]
-    axes.set_yticks(at, [f"{s} (named)" if n else s for s, n in zip(said, named, strict=True)])
+    axes.set_yticks(at, [f"{s} (identified)" if n else s for s, n in zip(said, named, strict=True)])
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("Evidence, natural log of the odds")
     rows = zip(said, size, named, strict=True)
-    return {"evidence": [f"{s}: {plain(v, 2)}{', named' if n else ''}" for s, v, n in rows]}
+    return {"evidence": [f"{s}: {plain(v, 2)}{', identified' if n else ''}" for s, v, n in rows]}
 
 
 def _draw_separability(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
@@ -127,7 +127,7 @@ def _write_gain(answer: Answer, tables: Tables) -> Figure | None:
     better = int((poses["after"] < poses["before"]).sum())
     worst = poses.iloc[int(poses["before"].argmax())]
     said = (
-        f"With the named causes {better} of {len(poses)} poses are predicted better; pose "
+        f"With the identified causes {better} of {len(poses)} poses are predicted better; pose "
         f"{int(worst['pose'])}, the worst, goes from {plain(worst['before'])} mm to "
         f"{plain(worst['after'])} mm."
     )
@@ -155,7 +155,7 @@ def _write_evidence(answer: Answer, tables: Tables) -> Figure | None:
         "evidence",
         "Evidence for each suspect by itself",
         f"{said} Scale: natural logarithm of the odds against the joint springs alone; 3 is 20 to "
-        f"1. Suspects close to each other are hard to tell apart; the named ones are marked.",
+        f"1. Suspects close to each other are hard to tell apart; the identified ones are marked.",
         f"Bars of the evidence for the {len(best)} best suspects. {said}",
     )
 

@@ -95,7 +95,7 @@ def _draw_residual_course(canvas: Canvas, answer: Answer, tables: Tables) -> Tip
     views = canvas.subplots(len(told), 1, sharey=True, squeeze=False)[:, 0]
     kinds = [("mm", "o", BLUE, "joint springs")]
     if not np.allclose(rows["mm"], rows["mm_extended"], equal_nan=True):
-        kinds.append(("mm_extended", "D", RED, "with the named causes"))
+        kinds.append(("mm_extended", "D", RED, "with the identified causes"))
     tips = {}
     for view, one in zip(views, told, strict=True):
         known = rows[np.isfinite(rows[[one.column, "mm"]].to_numpy(float)).all(axis=1)]
@@ -205,7 +205,7 @@ def _write_residual_course(answer: Answer, tables: Tables) -> Figure | None:
         "residual-course",
         "Residual against " + ", ".join(one.name for one in told),
         f"{said} A band that bends, steps or drifts is an effect the joint springs do not have; "
-        f"diamonds are what is left with the named causes.",
+        f"diamonds are what is left with the identified causes.",
         f"{len(told)} scatter plots of residual coordinates. {said}",
     )
 

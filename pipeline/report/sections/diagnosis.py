@@ -85,7 +85,7 @@ def _alone(single: Sequence[Alone]) -> Table | None:
         said("Cause", _in_words),
         said("Name", _label),
         number("Probability", lambda one: one.probability, probability),
-        number("Left-out error falls by", lambda one: one.reduction, percent),
+        number("Cross-validation error falls by", lambda one: one.reduction, percent),
         said("95 % interval", lambda one: " to ".join(map(percent, one.ci95))),
     ]
     return table_of("alone", "If it is one cause alone", columns, single)
