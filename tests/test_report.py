@@ -66,6 +66,7 @@ ORDER = [
 AXIS = {
     "stiffness": "Stiffness [% of nominal]",
     "prediction": "Relative error of the predicted deflection [%]",
+    "measured": "Measured displacement [mm]",
     "pose-rms": "Pose",
     "residual-force": "Size of the pull [N]",
     "residual-course": "Torque about theta2 [N m]",

@@ -6,7 +6,15 @@ from collections.abc import Sequence
 
 from pipeline.answer.contract import Answer
 from pipeline.answer.history import robots
-from pipeline.report.figures import causes, places, prediction, residuals, stiffness, workspace
+from pipeline.report.figures import (
+    causes,
+    measured,
+    places,
+    prediction,
+    residuals,
+    stiffness,
+    workspace,
+)
 from pipeline.report.figures.plot import Plot
 from pipeline.report.figures.stiffness import draw_history
 from pipeline.report.record import Figure
@@ -16,6 +24,7 @@ from pipeline.report.svg import Drawing, drawn
 CATALOGUE: tuple[Plot, ...] = (
     stiffness.STIFFNESS,
     prediction.PREDICTION,
+    measured.MEASURED,
     causes.GAIN,
     causes.EVIDENCE,
     causes.SEPARABILITY,
