@@ -146,3 +146,60 @@ def test_rows_are_numbered_within_their_block_in_any_order():
     assert index.tolist() == [2, 0, 2, 1, 0, 2]
     assert place.tolist() == [0, 0, 1, 0, 1, 2]
     assert count.tolist() == [2, 1, 3]
+
+
+APART = np.sqrt(0.5)
+"""A unit column and one at a small angle d to it differ, as a mix of length one, by d sqrt(1/2)."""
+
+
+def alike(angle):
+    """Two orthonormal columns, the second turned to within an angle of the first [rad]."""
+    Q = np.linalg.qr(RNG.standard_normal((40, 2)))[0]
+    return np.column_stack([Q[:, 0], np.cos(angle) * Q[:, 0] + np.sin(angle) * Q[:, 1]])
+
+
+@pytest.mark.parametrize(("times", "rank"), [(0.4, 1), (4.0, 2)])
+def test_near_twins_part_where_the_rule_says(times, rank):
+    """Just within each limit they are one direction, just beyond it two."""
+    long = np.sqrt(2.0)  # the longest mix of two columns that are alike
+    rows = alike(times * 1e-9 * long / APART)
+    assert linear.pseudoinverse(rows).rank == linear.orthonormal(rows).shape[1] == rank
+    assert linear.complement(rows).shape[1] == 40 - rank
+
+    products = alike(np.sqrt(times * 1e-11) * long / APART)
+    cov = linear.covariance(products.T @ products)
+    assert np.isfinite(np.diag(cov)).all() == (rank == 2)
+
+    part = alike(np.sqrt(times * 1e-7))
+    S = eliminate(part.T @ part, np.array([0]))
+    assert linear.left(S[1:, 1:], np.ones(1))[1] == rank - 1
+
+
+def test_where_length_has_a_meaning_the_solution_is_the_shortest():
+    """Of shifts along all axes that fit alike, the one along what is seen, in metres."""
+    seen = np.array([1.0, 1e-3, 0.2])
+    N = 4e8 * np.outer(seen, seen)
+    shift = linear.shortest(N) @ (N @ np.array([0.0, 0.0, 1e-3]))
+
+    assert np.allclose(shift, 2e-4 * seen / (seen @ seen))
+
+
+def test_volumes_lengths_and_axes_are_numpys():
+    """What the restricted likelihood and the registration ask for."""
+    assert linear.log_volume(X, 5) == pytest.approx(0.5 * np.log(np.linalg.det(X.T @ X)))
+    assert np.isnan(linear.log_det(np.diag([1.0, -1.0, 2.0])))
+    points = RNG.standard_normal((9, 3)) + 100.0
+    assert linear.extent(points) ** 2 == pytest.approx(
+        8 * np.linalg.eigvalsh(np.cov(points.T))[::-1]
+    )
+    blocks = linear.spans(np.stack([twice(X)[:, :3], twice(X)[:, [0, 1, 5]]]))
+    assert np.sum(blocks**2, axis=(1, 2)) == pytest.approx([3, 2])
+
+
+def test_points_beside_their_plane_are_turned_not_mirrored():
+    """Noise that a mirror would fit better leaves a rotation a rotation."""
+    a = RNG.standard_normal((4, 3)) * [1, 1, 1e-3]
+    R, _ = linear.rigid(a, a * [1, 1, -1])
+
+    assert np.linalg.det(R) == pytest.approx(1)
+    assert pytest.approx(np.eye(3)) == R @ R.T

@@ -129,6 +129,12 @@ def test_nothing_is_told_of_displacements_that_hold_nothing():
         (replace(FOUND, causes=TILTS, scale_ratio=4.0), Finding.RIVALS),
         (replace(FOUND, causes=TILTS, unloaded=USELESS), Finding.RIVALS),
         (Facts(beyond_certificate=True, unloaded=USELESS), Finding.BEYOND_CERTIFICATE),
+        (replace(FOUND, causes=(cause("joint_tilt:5", twins=("joint_tilt:6",)),)), Finding.RIVALS),
+        (replace(FOUND, gain=gain(0.0, -0.1)), Finding.PREDICTS_WORSE),
+        (Facts(scale_ratio=4.0), Finding.NOTHING),
+        (Facts(beyond_a_tracker=True, moved=(cause("joint_offset:3"),)), Finding.NOTHING),
+        (Facts(beyond_a_tracker=True, drift=drift(undecided=False)), Finding.NOTHING),
+        (replace(FOUND, loose_p=2e-4), Finding.CAUSE_IDENTIFIED),
         (Facts(scatter=(cause("tracker_noise"),), beyond_certificate=True), Finding.SCATTER),
     ],
 )

@@ -44,7 +44,8 @@ def because(reason: Reason) -> str:
 
 def _mistake(facts: Facts) -> str:
     first, *more = facts.mistakes
-    others = f", and {len(more)} more mistakes were found" if more else ""
+    were = "1 more mistake was" if len(more) == 1 else f"{len(more)} more mistakes were"
+    others = f", and {were} found" if more else ""
     return f"The data hold a mistake: {first.evidence}{others}. Your files are unchanged."
 
 
@@ -53,14 +54,14 @@ def _identified(facts: Facts) -> str:
     if left is None or left < _NOTICED:
         return f"The model with {names} fits the readings to within their scatter."
     return (
-        f"With {names} in the model {left:.1f} times the scatter of the readings is left: as much "
-        "as the laws of the causes may be others."
+        f"With {names} in the model, {left:.1f} times the scatter of the readings is left, no more "
+        "than the laws of the causes may be in error."
     )
 
 
 def _scatter(facts: Facts) -> str:
-    more = ", ".join(cause.effect.noun for cause in facts.scatter)
-    return f"The readings scatter more than stated ({more}); else nothing."
+    more = " and ".join(cause.effect.noun for cause in facts.scatter)
+    return f"Nothing but {more}: the readings scatter more, and the joint springs stay."
 
 
 def _predicts_worse(facts: Facts) -> str:
@@ -135,13 +136,14 @@ def _or(cause: Cause) -> str:
     """A cause and what it could be instead, with their probabilities."""
     mine = f"{cause.effect.called} ({100 * cause.probability:.0f} %)"
     others = [f"{r.effect.called} ({100 * r.probability:.0f} %)" for r in cause.rivals[:_RIVALS]]
-    return " and ".join([mine, *(others or ["what no pull tells from it"])])
+    twin = "its twin, which no pull tells from it" if cause.twins else "what is like it"
+    return " and ".join([mine, *(others or [twin])])
 
 
 def _scale_scatters(facts: Facts) -> str:
     return (
         "What the causes leave is scatter only if the scale scatters "
-        f"{facts.scale_ratio * facts.tracker_ratio:.0f} times as much as stated."
+        f"{facts.scale_ratio * facts.tracker_ratio:.2g} times as much as stated."
     )
 
 
@@ -149,8 +151,8 @@ def _off_the_table(facts: Facts) -> str:
     names = " and ".join(effect.called for effect in facts.unloaded.effects)
     return (
         f"The unloaded reflectors stand {1e3 * facts.unloaded.miss_m:.2g} mm off where the robot's "
-        f"table puts them, and {names}, nearest to it, would make the prediction of other poses "
-        "worse."
+        f"table puts them, and adding {names}, nearest to it, would make the prediction of other "
+        "poses worse."
     )
 
 

@@ -33,7 +33,8 @@ def base_outlier(registration: Registration, scale: float) -> list[Mistake]:
     r = table[["dx_m", "dy_m", "dz_m"]].to_numpy()
     N = V - V @ X @ cov @ np.swapaxes(X, 1, 2) @ V
     g = np.einsum("mij,mj->mi", V, r)
-    drop, shift = linear.drop(N, g)
+    shift = np.einsum("mij,mj->mi", linear.shortest(N), g)
+    drop = np.sum(shift * g, axis=1)
     best = int(np.argmax(drop))
     rest, dof = chi2 / scale**2 - drop[best], registration.dof - 3
     p = len(drop) * float(stats.chi2.sf(drop[best], 3))

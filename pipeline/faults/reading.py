@@ -266,7 +266,8 @@ def _shifts(
         QD = np.einsum("ak,ani->kni", Q[rows], D)
         N = np.einsum("ani,anj->nij", D, D) - np.einsum("kni,knj->nij", QD, QD)
         g = np.einsum("ani,a->ni", D, residual[rows])
-        drop, shift = linear.drop(N, g)
+        shift = np.einsum("nij,nj->ni", linear.shortest(N), g)  # [m]: the shortest that fits
+        drop = np.sum(shift * g, axis=1)
         found.append((np.full(len(target), pose), target, pull, nth, drop, shift, N))
     names = ("pose", "target", "pull", "nth", "drop", "shift", "normal")
     parts = (np.concatenate(part) for part in zip(*found, strict=True))

@@ -220,16 +220,17 @@ def left_out(system: System, white: Whitener | None = None) -> Array:
     np.add.at(N, white.pose, A[:, :, None] * A[:, None, :])
     np.add.at(g, white.pose, A * y[:, None])
     prior = np.diag([0.0] * k + [1.0] * r)
-    scaled, size = linear.unit(N.sum(axis=0) + prior - N)
-    w, V = linear.directions(scaled)
-    seen = w > linear.PRODUCTS * w[:, -1:]
+    whole = N.sum(axis=0) + prior
+    size = linear.unit(whole)[1]
+    w, V = linear.directions((whole - N) / np.outer(size, size))
+    seen = w > linear.LEFT  # less is rounding of the whole
     along = np.einsum("pij,pi->pj", V, (g.sum(axis=0) - g) / size) / np.where(seen, w, np.inf)
     x = np.einsum("pij,pj->pi", V, along)
     rows = np.hstack([system.B * typical, np.zeros((len(y), r))])
-    unit = rows / size[white.pose]
+    unit = rows / size
     dark = np.einsum("mi,mij->mj", unit, V[white.pose]) * ~seen[white.pose]
     left = system.c - np.einsum("mi,mi->m", unit, x[white.pose])
-    lost = _needs(dark, unit) | _needs(rows * np.isinf(size)[white.pose], rows)
+    lost = _needs(dark, unit) | _needs(rows * np.isinf(size), rows)
     return np.where(lost, np.nan, left)
 
 
