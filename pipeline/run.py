@@ -62,9 +62,8 @@ def run(campaign: Campaign, step: Step = plain, force: bool = False) -> Answer:
     Nothing is computed when inputs, code and libraries are those of the last finished run.
     """
     raw = step(campaign.read)()
-    found = (
-        None if force else archive.done(campaign, raw.key)
-    )  # a finished project may be read-only
+    # before any lock, because a finished project may be read-only
+    found = None if force else archive.done(campaign, raw.key)
     if found is not None:
         return found
     with campaign.locked() as waited:

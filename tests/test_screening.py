@@ -21,6 +21,7 @@ from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.pose_of_interest import place_of_interest
 from pipeline.run import ingested, run
 from pipeline.simulate import Plan, revised, simulate
+from pipeline.simulate.plan import TOOL
 from pipeline.store.campaign import find, in_memory
 from pipeline.system.fit import fit
 
@@ -68,6 +69,25 @@ def test_a_blunder_is_named_with_its_place(blunder):
     found = findings(made.files)
 
     assert [(f.name, f.where) for f in found] == [(truth["name"], truth["where"])]
+
+
+def test_a_shift_that_is_half_unseen_is_not_stated_larger_than_it_was():
+    """Two reflectors leave a turn of the effector about their line to the bad reading.
+
+    Of all shifts that fit the shortest is stated, and none is shorter than what the data see of
+    the true one: beyond its scatter no size exceeds the 3 mm that were planted.
+    """
+    tool = {"load_point": TOOL["load_point"], "P1": (0.2, 0.05, 0.12), "P2": (-0.2, 0.05, 0.12)}
+    sizes = []
+    for seed in range(1, 6):
+        plan = Plan(
+            name="two", seed=seed, tool=tool, poses={"count": 12}, pulls={"steps_n": [3000.0]},
+            tracker={"sigma_m": 3e-5}, hidden={"effects": ["outlier=3e-3", "rail_backlash=5x"]},
+        )  # fmt: skip
+        sizes += [one.size for one in findings(simulate(plan).files) if one.name == "outlier"]
+
+    assert sizes
+    assert max(sizes) < 3e-3 + 3 * np.sqrt(2) * 3e-5  # loaded minus unloaded
 
 
 @pytest.mark.parametrize("noise", [{"sigma_m": 3e-5}, {"noise": "paper"}, {"noise_scale": 1.3}])

@@ -135,9 +135,9 @@ def row_of(reason: str) -> Row:
     return next(row for row in TABLE if row.reason == reason)
 
 
-def decide(facts: Basis) -> Row:
+def decide(basis: Basis) -> Row:
     """The row of `TABLE` that holds."""
-    return next(row for row in TABLE if row.holds(facts))
+    return next(row for row in TABLE if row.holds(basis))
 
 
 @dataclass(frozen=True, eq=False)

@@ -196,7 +196,6 @@ def _ending(facts: Facts) -> str:
 
 
 _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
-    Finding.MISTAKE: _mistake,
     Finding.TRACKER_MOVED: _tracker_moved,
     Finding.TRACKER_MOVED_OR_KNOCKED: _tracker_knocked,
     Finding.STANDS_ELSEWHERE: _stands_elsewhere,
@@ -224,6 +223,7 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
     Finding.SCATTER: _scatter,
     Finding.NOTHING: lambda _: "The joint springs explain what was measured.",
 }
+"""All but a mistake in the data, which is told before everything else."""
 
 _REASONS: Mapping[Reason, str] = {
     Reason.MISTAKE_AND_RIVALS: (

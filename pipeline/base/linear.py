@@ -79,6 +79,7 @@ class Inverse:
 
 def _lengths(X: Array) -> Array:
     """Length of each column, infinite for one that is nothing, shape (k,)."""
+    X = np.asarray(X, float)  # squares of integers overflow without a word
     square = np.einsum("mk,mk->k", X, X)
     return np.sqrt(np.where(square > _ROUNDING**2 * square.max(initial=_TINY), square, np.inf))
 
@@ -103,12 +104,12 @@ def span(X: Array, least: float) -> Array:
 def spans(X: Array) -> Array:
     """The same for many blocks at once, (p, s, k): columns that are rounding are zero."""
     U, s, _ = np.linalg.svd(X, full_matrices=False)
-    return np.asarray(U * (s > LEFT * s[:, :1])[:, None, :])
+    return np.asarray(U * (s > _ROUNDING * s[:, :1])[:, None, :])
 
 
 def complement(X: Array) -> Array:
     """Orthonormal columns, (M, M - r), that no mix of the columns of X, (M, k), reaches."""
-    U, s, _ = np.linalg.svd(X, full_matrices=True)
+    U, s, _ = np.linalg.svd(X / _lengths(X), full_matrices=True)
     return np.asarray(U[:, int(np.sum(s > _ROUNDING * s.max(initial=_TINY))) :])
 
 
@@ -127,7 +128,7 @@ def shortest(X: Array, least: float = _ROUNDING) -> Array:
 
 
 def log_volume(X: Array, rank: int) -> float:
-    """Ln of the volume that `rank` columns of X span: half of ln det X'X where all do."""
+    """Natural log of the volume that `rank` columns of X span: half of ln det X'X where all do."""
     return float(np.sum(np.log(np.linalg.svd(X, compute_uv=False)[:rank])))
 
 
@@ -174,7 +175,7 @@ def regular_inverse(N: Array) -> Array:
 
 
 def covariance(N: Array) -> Array:
-    """The same with infinite variances where some direction in which a column lies is rounding."""
+    """Inverse of products (k, k), variances infinite where a parameter has a part in rounding."""
     scaled, size = unit(N)
     values, vectors = directions(scaled)
     dark = values <= PRODUCTS * values.max(initial=_TINY)
@@ -214,7 +215,7 @@ def drop(N: Array, g: Array) -> tuple[Array, Array]:
 
 
 def solve(A: Array, y: Array) -> Array:
-    """X of the regular A x = y, shapes (..., k, k) and (..., k) or (..., k, j)."""
+    """Solution x of the regular A x = y, shapes (..., k, k) and (..., k) or (..., k, j)."""
     one = y.ndim < A.ndim
     found = np.linalg.solve(A, y[..., None] if one else y)
     return np.asarray(found[..., 0] if one else found)
@@ -236,7 +237,7 @@ def factor(C: Array) -> Array:
 
 
 def log_det(N: Array) -> Array:
-    """Ln det N, shape (...); NaN where the determinant is not positive."""
+    """Natural log of det N, shape (...); NaN where the determinant is not positive."""
     sign, log = np.linalg.slogdet(N)
     return np.where(sign > 0, log, np.nan)
 

@@ -14,7 +14,6 @@ from pipeline.system.system import System
 
 _Loss = Callable[[Array], tuple[Array, float]]
 """Minus twice a restricted log likelihood by log scales: part of each pose, and the rest."""
-"""The components, and the sources of error whose standard uncertainty each of them multiplies."""
 
 
 @dataclass(frozen=True, eq=False)
