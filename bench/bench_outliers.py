@@ -16,7 +16,7 @@ import numpy as np
 from scipy import stats
 
 from bench.bench_screening import INSTRUMENT, plan
-from pipeline.faults.reading import Shifts, beside_springs
+from pipeline.faults.reading import Readings, shifted_readings
 from pipeline.faults.screen import screen
 from pipeline.reduction.bring import Reduced, bring, conformed, plain
 from pipeline.reduction.case import Case
@@ -78,8 +78,9 @@ def _found(job: tuple[str, float, int]) -> tuple[float, float, float, float]:
     first = next(iter(screen(case, reduced).findings), None)
     system, estimate = identify(case.cell, reduced.data, case.robot.nominal_compliance)
     zeros = repeated_zeros(case.settings, reduced.placed)
-    shifts = beside_springs(case, reduced, zeros, system, estimate)
-    N = shifts.normal[_place(case, reduced, shifts, where)]
+    every = shifted_readings(case, reduced, zeros, system, estimate)
+    shifts = every.beside(every.springs(system))
+    N = shifts.N[_place(case, reduced, every.readings, where)]
     turns = np.random.default_rng(seed).standard_normal((200, 3))
     turns *= size / np.linalg.norm(turns, axis=1, keepdims=True)
     square = np.einsum("ai,ij,aj->a", turns, N, turns)
@@ -91,15 +92,15 @@ def _found(job: tuple[str, float, int]) -> tuple[float, float, float, float]:
     return float(named), power, float(np.sqrt(square.mean())), float(np.linalg.norm(at))
 
 
-def _place(case: Case, reduced: Reduced, shifts: Shifts, where: str) -> int:
-    """Which of the shifts is that of a reading `group/target`."""
+def _place(case: Case, reduced: Reduced, readings: Readings, where: str) -> int:
+    """Which of the readings is that of a reading `group/target`."""
     group, target = where.split("/")
     state = re.fullmatch(case.settings.naming.group, group)
     assert state
-    here = shifts.pose == int(state["pose"])
-    here &= shifts.target == case.settings.measured.index(target)
-    loaded = shifts.pull >= 0
+    here = readings.pose == int(state["pose"])
+    here &= readings.target == case.settings.measured.index(target)
+    loaded = readings.pull >= 0
     if state["state"] == "unloaded":
         return int(np.flatnonzero(here & ~loaded)[0])  # the zeros of a pose see alike
-    repeat = np.where(loaded, reduced.data.pulls.repeat[shifts.pull], -1)
+    repeat = np.where(loaded, reduced.data.pulls.repeat[readings.pull], -1)
     return int(np.flatnonzero(here & loaded & (repeat == int(state["repeat"])))[0])

@@ -8,8 +8,8 @@ from scipy import stats
 
 from pipeline.base.arrays import Parameter
 from pipeline.system import alarms
+from pipeline.system.beside import by_products
 from pipeline.system.detect import threshold
-from pipeline.system.evidence import scores
 
 ROWS, BASE = 80, 6
 OWNER = np.array([0, 1, 1, 2, 3, 4, 4, 5])
@@ -23,13 +23,22 @@ DOF = ROWS - BASE
 
 
 def view(y, order=slice(None), scale=1.0):
-    """What scores and threshold read of a whitened campaign."""
+    """What a threshold reads of a whitened campaign."""
     A = np.column_stack([X[:, :BASE], X[:, BASE:] * scale, y])[order]
     parameters = [tuple(Parameter("z", "1", 1.0) for _ in range(n)) for n in np.bincount(OWNER)]
     return SimpleNamespace(
         M=A.T @ A, first=BASE, owner=OWNER,
         suspects=[SimpleNamespace(parameters=some) for some in parameters],
     )  # fmt: skip
+
+
+AT = np.array([[6, -1], [7, 8], [9, -1], [10, -1], [11, 12], [13, -1]])
+"""Columns of each suspect."""
+
+
+def beside(y, order=slice(None), scale=1.0):
+    """Every suspect beside the base, by products."""
+    return by_products(view(y, order, scale).M, np.arange(BASE), AT, DOF)
 
 
 def left(columns, y):
@@ -53,21 +62,20 @@ def by_fits(y):
 def test_the_p_values_are_those_of_two_fits():
     """Suspects of one and two parameters, alike or not; what the base explains tells nothing."""
     y = RNG.standard_normal(ROWS) + 0.5 * X[:, BASE + 1]
-    found = scores(view(y), np.arange(BASE), DOF)
+    found = beside(y)
 
-    assert np.allclose(found.p[:5], by_fits(y[:, None])[:, 0], rtol=1e-8)
+    assert np.allclose(found.p()[:5], by_fits(y[:, None])[:, 0], rtol=1e-8)
     assert found.rank.tolist() == [1, 2, 1, 1, 2, 0]
-    assert found.p[5] == 1.0
+    assert found.p()[5] == 1.0
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1e3])
 def test_scores_know_no_units_and_no_order(scale):
     """P values follow neither the size of the suspects' columns nor the order of the rows."""
     y = RNG.standard_normal(ROWS)
-    plain = scores(view(y), np.arange(BASE), DOF)
-    other = scores(view(y, RNG.permutation(ROWS), scale), np.arange(BASE), DOF)
+    plain, other = beside(y), beside(y, RNG.permutation(ROWS), scale)
 
-    assert np.allclose(plain.p, other.p, rtol=1e-7)
+    assert np.allclose(plain.p(), other.p(), rtol=1e-7)
     assert np.array_equal(plain.rank, other.rank)
 
 

@@ -14,7 +14,6 @@ from pipeline.run import reduce, tool
 from pipeline.store.campaign import find
 from pipeline.system.detect import threshold
 from pipeline.system.estimate import identify
-from pipeline.system.evidence import scores
 
 ROOT = Path(__file__).parents[1]
 
@@ -112,6 +111,6 @@ def test_joint_only_pulls_raise_no_alarm(fanuc):
     for _ in range(500):
         y = np.round(truth + rng.normal(0, size, len(truth)), 6)
         drawn = case.whitened(replace(seen, y=y))
-        alarms += bool(scores(drawn, drawn.base, drawn.rows_left).p.min() < limit.p)
+        alarms += bool(drawn.beside(drawn.base).p().min() < limit.p)
 
     assert alarms <= 5

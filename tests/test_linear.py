@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pipeline.base import linear
+from pipeline.system.blocks import Blocks
 from pipeline.system.elimination import coefficients, eliminate
 
 RNG = np.random.default_rng(7)
@@ -141,11 +142,13 @@ def test_a_rigid_motion_is_found_again():
 
 def test_rows_are_numbered_within_their_block_in_any_order():
     """Rows of a block need not be neighbours."""
-    index, place, count = linear.numbered(np.array([30, 10, 30, 20, 10, 30]))
+    blocks = Blocks.of(np.array([30, 10, 30, 20, 10, 30]))
 
-    assert index.tolist() == [2, 0, 2, 1, 0, 2]
-    assert place.tolist() == [0, 0, 1, 0, 1, 2]
-    assert count.tolist() == [2, 1, 3]
+    assert blocks.index.tolist() == [2, 0, 2, 1, 0, 2]
+    assert blocks.place.tolist() == [0, 0, 1, 0, 1, 2]
+    assert blocks.count.tolist() == [2, 1, 3]
+    assert blocks.there.tolist() == [[True, True, False], [True, False, False], [True] * 3]
+    assert blocks.rows(blocks.padded(np.arange(6))).tolist() == list(range(6))
 
 
 APART = np.sqrt(0.5)

@@ -78,10 +78,11 @@ class Inverse:
 
 
 def _lengths(X: Array) -> Array:
-    """Length of each column, infinite for one that is nothing, shape (k,)."""
+    """Length of each column of (..., m, k), infinite for one that is nothing, shape (..., 1, k)."""
     X = np.asarray(X, float)  # squares of integers overflow without a word
-    square = np.einsum("mk,mk->k", X, X)
-    return np.sqrt(np.where(square > _ROUNDING**2 * square.max(initial=_TINY), square, np.inf))
+    square = np.einsum("...mk,...mk->...k", X, X)[..., None, :]
+    least = _ROUNDING**2 * square.max(axis=-1, keepdims=True, initial=_TINY)
+    return np.sqrt(np.where(square > least, square, np.inf))
 
 
 def orthonormal(X: Array, least: float = _ROUNDING) -> Array:
@@ -102,8 +103,8 @@ def span(X: Array, least: float) -> Array:
 
 
 def spans(X: Array) -> Array:
-    """The same for many blocks at once, (p, s, k): columns that are rounding are zero."""
-    U, s, _ = np.linalg.svd(X, full_matrices=False)
+    """`orthonormal` for many blocks at once, (p, s, k): columns that are rounding are zero."""
+    U, s, _ = np.linalg.svd(X / _lengths(X), full_matrices=False)
     return np.asarray(U * (s > _ROUNDING * s[:, :1])[:, None, :])
 
 
@@ -118,7 +119,7 @@ def pseudoinverse(X: Array) -> Inverse:
     size = _lengths(X)
     U, s, Vt = np.linalg.svd(X / size, full_matrices=False)
     rank = int(np.sum(s > _ROUNDING * s.max(initial=_TINY)))
-    half = Vt[:rank].T / (s[:rank] * size[:, None])
+    half = Vt[:rank].T / (s[:rank] * size.T)
     return Inverse(U[:, :rank], half, 1 - np.einsum("rk,rk->k", Vt[:rank], Vt[:rank]) > _PART)
 
 
@@ -259,13 +260,3 @@ def principal(X: Array) -> tuple[Array, Array, Array]:
 def extent(points: Array) -> Array:
     """Lengths of the three main axes of a set of points (n, 3), the longest first."""
     return np.asarray(np.linalg.svd(points - points.mean(axis=0), compute_uv=False))
-
-
-def numbered(key: Array | Ints) -> tuple[Ints, Ints, Ints]:
-    """Index of each row's block, place of each row in its block, and rows per block."""
-    _, index = np.unique(key, return_inverse=True)
-    count = np.bincount(index)
-    order = np.argsort(index, kind="stable")
-    place = np.empty(len(index), dtype=np.int64)
-    place[order] = np.arange(len(index)) - np.repeat(np.cumsum(count) - count, count)
-    return index, place, count

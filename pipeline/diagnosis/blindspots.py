@@ -5,39 +5,35 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import special
 
-from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
 from pipeline.diagnosis.facts import BlindSpot
 from pipeline.diagnosis.isolability import Twins
 from pipeline.machine.effects import Effect, Wrench
-from pipeline.system.elimination import eliminate
 from pipeline.system.whitened import Whitened
 
 _POWER = 0.8
 
 
 def smallest_visible(view: Whitened, base: Ints, p: float) -> Array:
-    """Multiple of the typical size at which each suspect is detected with 80 % power, (n,)."""
-    S = eliminate(view.M, base)
-    out = np.full(len(view.suspects), np.inf)
-    for i in range(len(out)):
-        columns = view.columns([i])
-        if np.isin(columns, base).any():
-            out[i] = np.nan
-            continue
-        G = S[np.ix_(columns, columns)]
-        k = int(linear.left(G, view.M[columns, columns])[1])
-        strength = np.trace(G) / len(columns)
-        if k and strength > 0:
-            out[i] = np.sqrt(needed(k, p) / strength)
-    return out
+    """Multiple of the typical size at which each suspect is detected with 80 % power, (n,).
+
+    sqrt(lambda k / trace N), lambda the noncentrality that a test of its k columns at level p
+    needs; NaN for one that is part of the base.
+    """
+    now = view.beside(base)
+    strength = np.einsum("nii->n", now.N) / np.sum(view.at >= 0, axis=1)
+    seen = (now.rank > 0) & (strength > 0)
+    least = needed(np.maximum(now.rank, 1), p) / np.where(seen, strength, np.nan)
+    within = np.isin(view.at, base).any(axis=1)
+    return np.where(within, np.nan, np.where(seen, np.sqrt(least), np.inf))
 
 
-def needed(k: int, p: float) -> float:
+def needed(k: ArrayLike, p: float) -> Array:
     """Noncentrality that k parameters need to fall below p with 80 % power."""
-    return float(special.chndtrinc(special.chdtri(k, p), k, 1 - _POWER))
+    return np.asarray(special.chndtrinc(special.chdtri(k, p), k, 1 - _POWER))
 
 
 def blind_spots(

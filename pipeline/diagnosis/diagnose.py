@@ -25,7 +25,7 @@ from pipeline.machine.effects.nameless import nameless
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.system import alarms
-from pipeline.system.elimination import coefficients, eliminate
+from pipeline.system.elimination import eliminate
 from pipeline.system.estimate import fits
 from pipeline.system.linearised import Linearised
 from pipeline.system.noise import scatter
@@ -228,6 +228,5 @@ def _gain(case: Case, found: Found, rng: np.random.Generator) -> Gain | None:
 
 def _left_by_springs(view: Whitened) -> Array:
     """Residuals of the joint springs [m]."""
-    base = np.arange(view.first)
-    x = coefficients(view.M, base)[: view.springs] * view.typical[: view.springs]
-    return view.raw[:, -1] - view.raw[:, : view.springs] @ x
+    every = np.ones(len(view.rows), dtype=bool)
+    return view.raw[:, -1] - view.predicted(np.arange(view.first), view.M, every)

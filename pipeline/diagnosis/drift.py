@@ -7,20 +7,21 @@ times, the tracker moved. Their coordinates are free, so a wrong nominal one rai
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 from scipy import stats
 
 from pipeline.base import covariance, linear
-from pipeline.base.arrays import Array, Bools, Locked
+from pipeline.base.arrays import Array, Bools
 from pipeline.diagnosis.blindspots import needed
 from pipeline.diagnosis.facts import Drift
 from pipeline.machine.effects import Effect, Observation
 from pipeline.machine.effects.tracker_drift import HOUR_S, LAWS
 from pipeline.reduction.register import XYZ, Registration
 from pipeline.system import alarms
+from pipeline.system.beside import Base, Beside
 from pipeline.system.noise import TOLERATED
 
 _FITS = 1e-3
@@ -31,41 +32,6 @@ _DECIDES = 9.2
 
 _LEVER_M = 10.0
 """Turns are estimated in shifts at this distance, for the conditioning."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Base(Locked):
-    """Base readings that have times: whitened columns that are free, and what was read.
-
-    Attributes:
-        white: Inverse Cholesky factors of the covariances, shape (k, 3, 3).
-        fixed: Where each reflector stands, whitened, shape (3 k, 3 t).
-        y: What was read, whitened, shape (3 k,).
-        rigid: Shifts and turns about where the velocity is stated, the latter at LEVER_M,
-            shape (k, 3, 6).
-    """
-
-    white: Array
-    fixed: Array
-    y: Array
-    rigid: Array
-
-    def columns(self, amount: Array) -> Array:
-        """The rigid motion in proportion to some amount of each reading, whitened, (3 k, 6)."""
-        return (self.white @ (amount[:, None, None] * self.rigid)).reshape(-1, 6)
-
-    def fit(self, amount: Array) -> tuple[Array, Array, float]:
-        """The motion, its covariance, and what is left of chi-square."""
-        X = np.hstack([self.fixed, self.columns(amount)])
-        inverse = linear.pseudoinverse(X).X
-        x = inverse @ self.y
-        left = self.y - X @ x
-        return x[-6:], (inverse @ inverse.T)[-6:, -6:], float(left @ left)
-
-    def beside(self, vector: Array) -> float:
-        """Square of what the coordinates of the reflectors leave of a vector."""
-        left = vector - self.fixed @ linear.least_squares(self.fixed, vector)
-        return float(left @ left)
 
 
 def drift(
@@ -94,32 +60,20 @@ def drift(
     since = (table["time"] - table["time"].min()).dt.total_seconds().to_numpy()
     if not forms or table["target"].nunique() < 3 or since.max() <= 0:
         return None
-    base = _base(registration, table, _stated_at(unloaded, registration), scale)
-    dof = len(base.y) - base.fixed.shape[1] - 6
-    if dof < 1:
+    base, white, rigid = _base(registration, table, _stated_at(unloaded, registration), scale)
+    if base.dof < 7:
         return None
-    course = _course(base, forms, since)
-    knocked = min((base.fit(after.astype(float))[2] for after in _rounds(table)), default=np.inf)
-    return _stated(base, course, dof, knocked, table, float(np.ptp(since)))
-
-
-@dataclass(frozen=True, eq=False)
-class _Course(Locked):
-    """The law of the tracker's motion that fits best.
-
-    Attributes:
-        effect: The law.
-        amount: What of the motion each reading has felt, shape (k,).
-        motion: Velocity and turn, the latter at LEVER_M, shape (6,).
-        cov: Its covariance in units of the readings' variance, shape (6, 6).
-        left: What is left of chi-square.
-    """
-
-    effect: Observation
-    amount: Array
-    motion: Array
-    cov: Array
-    left: float
+    amounts = [LAWS[effect.form](since) for effect in forms]
+    laws = _moved(base, white @ rigid, amounts)
+    # the steady law, the first, unless another one fits better by `_DECIDES`
+    best = int(np.argmax(laws.drop - _DECIDES * (np.arange(len(forms)) > 0)))
+    knocks = _moved(base, white @ rigid, [after.astype(float) for after in _rounds(table)])
+    better = max(knocks.drop, default=-np.inf) - float(laws.drop[best])
+    parts = rigid @ laws.size[best] * np.ptp(amounts[best])
+    moved_m = float(np.sqrt(np.mean(np.sum(parts**2, axis=1))))
+    hours = float(np.ptp(since)) / HOUR_S
+    found = _stated(forms[best], laws, best, float(better), moved_m, hours)
+    return replace(found, effect=_undecided(found.effect, table)) if found.undecided else found
 
 
 def _repeated(table: pd.DataFrame) -> pd.DataFrame:
@@ -134,40 +88,39 @@ def _stated_at(unloaded: Array, registration: Registration) -> Array:
     return np.asarray(known.mean(axis=0) if len(known) else registration.centre)
 
 
-def _course(base: _Base, forms: Sequence[Observation], since: Array) -> _Course:
-    """The steady law, the first, unless another one fits better by `_DECIDES`."""
-    amounts = [LAWS[effect.form](since) for effect in forms]
-    steady, *others = (
-        _Course(effect, amount, *base.fit(amount))
-        for effect, amount in zip(forms, amounts, strict=True)
-    )
-    best = min(others, key=lambda one: one.left, default=steady)
-    return best if best.left < steady.left - _DECIDES else steady
+def _moved(base: Base, motions: Array, amounts: Sequence[Array]) -> Beside:
+    """Whitened rigid motions in proportion to some amount of each reading, by amounts."""
+    columns = np.array(amounts).reshape(-1, len(motions), 1, 1) * motions
+    return base.beside(np.moveaxis(columns, 0, 2).reshape(1, -1, len(amounts), 6)).of_block(0)
 
 
 def _stated(
-    base: _Base, course: _Course, dof: int, knocked: float, table: pd.DataFrame, seconds: float
+    effect: Observation,
+    laws: Beside,
+    best: int,
+    knocked: float,
+    moved_m: float,
+    hours: float,
 ) -> Drift:
-    """What is stated of the motion; `knocked` is what one knock at the best time would leave."""
-    left, motion = course.left, course.motion
+    """What is stated of the motion by a law; `knocked` is by how much one knock fits better."""
+    left, dof, motion = float(laws.rest - laws.drop[best]), laws.dof - 6, laws.size[best]
     variance = max(TOLERATED**2, left / dof)
-    p = float(stats.chi2.sf((base.beside(base.y) - left) / variance, 6))
+    p = float(laws.p(variance, np.inf)[best])
     rigid = bool(stats.chi2.sf(left / TOLERATED**2, dof) > _FITS)
-    typical = np.concatenate([[q.typical for q in course.effect.parameters], np.zeros(3)])
-    shown = base.beside(base.columns(course.amount) @ typical) / variance
-    parts = base.rigid @ motion * np.ptp(course.amount)
-    std = np.sqrt(np.diag(course.cov) * max(1.0, left / dof))
-    named = bool(p < alarms.DRIFT and rigid and knocked > left - _DECIDES)
+    typical = np.concatenate([[q.typical for q in effect.parameters], np.zeros(3)])
+    shown = typical @ laws.N[best] @ typical / variance
+    std = np.sqrt(np.diag(laws.cov[best]) * max(1.0, left / dof))
+    named = bool(p < alarms.DRIFT and rigid and knocked < _DECIDES)
     visible = float(np.sqrt(needed(6, alarms.DRIFT) / shown)) if rigid and shown > 0 else np.inf
-    undecided = bool(knocked <= left + _DECIDES)
+    undecided = bool(knocked >= -_DECIDES)
     return Drift(
-        effect=_undecided(course.effect, table) if undecided else course.effect,
+        effect=effect,
         velocity=motion[:3],
         std=std[:3],
         turn=motion[3:] / _LEVER_M,
         turn_std=std[3:] / _LEVER_M,
-        moved_m=float(np.sqrt(np.mean(np.sum(parts**2, axis=1)))),
-        hours=seconds / HOUR_S,
+        moved_m=moved_m,
+        hours=hours,
         p_value=p,
         named=named,
         undecided=undecided,
@@ -175,19 +128,24 @@ def _stated(
     )
 
 
-def _base(registration: Registration, table: pd.DataFrame, at: Array, scale: float) -> _Base:
+def _base(
+    registration: Registration, table: pd.DataFrame, at: Array, scale: float
+) -> tuple[Base, Array, Array]:
+    """Readings beside where each reflector stands, what whitens them, their rigid motions.
+
+    Shifts, and turns about `at` at LEVER_M; the latter two of shapes (k, 3, 3) and (k, 3, 6).
+    """
     C = covariance.matrices(table)
     C = C if np.isfinite(C).all() else np.broadcast_to(np.eye(3), C.shape)
     R = registration.R
     white = linear.whitening(R @ C @ R.T * scale**2)
     points = table[XYZ].to_numpy(float)
-    number = pd.factorize(table["target"])[0]
-    which = np.eye(number.max() + 1)[number]
+    which = np.eye(table["target"].nunique())[pd.factorize(table["target"])[0]]
     fixed = np.einsum("kij,kt->kitj", white, which).reshape(3 * len(table), -1)
     turns = np.stack([np.cross(axis, points - at) for axis in np.eye(3)], axis=2) / _LEVER_M
     rigid = np.concatenate([np.tile(np.eye(3), (len(table), 1, 1)), turns], axis=2)
     off = table[["dx_m", "dy_m", "dz_m"]].to_numpy(float)  # small numbers keep digits for the fit
-    return _Base(white, fixed, (white @ off[..., None]).ravel(), rigid)
+    return Base.of(fixed, (white @ off[..., None]).ravel()), white, rigid
 
 
 def _rounds(table: pd.DataFrame) -> list[Bools]:

@@ -9,7 +9,6 @@ from itertools import combinations
 import numpy as np
 from scipy import special
 
-from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.diagnosis.facts import ROUGH
 from pipeline.machine.cell import Cell
@@ -17,7 +16,7 @@ from pipeline.machine.effects import Effect
 from pipeline.reduction.measured import Measured
 from pipeline.system.detect import Lack, Threshold, lack_of_fit, threshold
 from pipeline.system.elimination import coefficients, eliminate
-from pipeline.system.evidence import ROUNDING, Scores, scores
+from pipeline.system.evidence import ROUNDING, Scores
 from pipeline.system.linearised import Linearised, Model, linearise
 from pipeline.system.whitened import Whitened, whiten
 
@@ -212,7 +211,7 @@ class Found(Locked):
     @property
     def detected(self) -> bool:
         """True when the joint springs alone do not explain the data."""
-        return bool(self.scores.p.min() < self.threshold.p) or self.lack_first.found
+        return bool(self.scores.p().min() < self.threshold.p) or self.lack_first.found
 
     @property
     def stranger(self) -> Stranger | None:
@@ -249,7 +248,7 @@ def search(case: Case, start: Array, rng: np.random.Generator) -> Found:
     """Add the likeliest cause, exchange and drop, until nothing is left or three are in."""
     seen = case.fitted((), start)
     first = case.whitened(seen)
-    score = scores(first, first.base, _dof(first, first.base))
+    score = first.beside(first.base)
     limit = threshold(first, first.base, score.dof, rng)
     refused: dict[str, None] = {}
     end = lone = _stand(case, seen, ())
@@ -268,7 +267,7 @@ def search(case: Case, start: Array, rng: np.random.Generator) -> Found:
         threshold=limit,
         lack_first=lone.lack,
         lack=end.lack,
-        left=float(end.now.p.min()),
+        left=float(end.now.p().min()),
         accepted=end.seen.model.accepted,
         p_values=p_values,
         rivals=rivals,
@@ -301,8 +300,8 @@ class _Stand:
 def _stand(case: Case, seen: Linearised, rough: Sequence[int]) -> _Stand:
     plain = case.whitened(seen)
     view = case.whitened(seen, rough) if rough else plain
-    now = scores(view, view.base, _dof(view, view.base))
-    p = scores(plain, plain.base, _dof(plain, plain.base)).p if rough else now.p
+    now = view.beside(view.base)
+    p = plain.beside(plain.base).p() if rough else now.p()
     return _Stand(seen, plain, view, now, lack_of_fit(view, view.base, now), p)
 
 
@@ -349,31 +348,25 @@ def _add(
             return None
         if not found[i] or label in taken:
             continue
-        if _possible(case, view, int(i)):
+        if _possible(case, now, int(i)):
             return int(i)
         refused[label] = None
     return None
 
 
-def _possible(case: Case, view: Whitened, suspect: int) -> bool:
+def _possible(case: Case, now: Scores, suspect: int) -> bool:
     """True unless an estimate is beyond its bounds by more than two sigmas.
 
     Bounds are what physics allows and what the unloaded reflectors do not refute.
     """
-    columns = view.columns([suspect])
-    base = np.concatenate([view.base, columns[~np.isin(columns, view.base)]])
-    N = view.M[np.ix_(base, base)]
-    inverse = linear.inverse(N)
-    at = np.searchsorted(base, columns, sorter=np.argsort(base))
-    at = np.argsort(base)[at]
-    value, std = (inverse @ view.M[base, -1])[at], np.sqrt(np.diag(inverse))[at]
-    typical = view.typical[columns]
-    effect = case.suspects[suspect]
-    most = case.refuted.get(effect.label, np.inf)
-    lower = np.maximum(np.array([p.lower for p in effect.parameters]) / typical, -most)
-    upper = np.minimum(np.array([p.upper for p in effect.parameters]) / typical, most)
+    k = len(case.suspects[suspect].parameters)
+    value, std = now.size[suspect, :k], np.sqrt(np.diag(now.cov[suspect]))[:k]
+    most = case.refuted.get(case.suspects[suspect].label, np.inf)
+    assert now.bounds is not None
+    lower, upper = now.bounds[:, suspect, :k]
     slack = 2 * std + 0.3
-    return bool(np.all((value > lower - slack) & (value < upper + slack)))
+    low, high = np.maximum(lower, -most) - slack, np.minimum(upper, most) + slack
+    return bool(np.all((value > low) & (value < high)))
 
 
 def _exchange(case: Case, seen: Linearised) -> Linearised:
@@ -395,7 +388,7 @@ def _better(case: Case, view: Whitened, tried: Set[frozenset[int]]) -> tuple[int
     for place, mine in enumerate(accepted):
         rest = accepted[:place] + accepted[place + 1 :]
         base = np.concatenate([np.arange(view.first), view.columns(rest)])
-        now = scores(view, base, _dof(view, base))
+        now = view.beside(base)
         if now.log_evidence[mine] < WORTH and len(rest) and frozenset(rest) not in tried:
             return rest
         taken = {case.suspects[i].label for i in rest}
@@ -405,7 +398,7 @@ def _better(case: Case, view: Whitened, tried: Set[frozenset[int]]) -> tuple[int
             swapped = (*accepted[:place], int(i), *accepted[place + 1 :])
             if case.suspects[i].label in taken or frozenset(swapped) in tried:
                 continue
-            if _possible(case, view, int(i)):
+            if _possible(case, now, int(i)):
                 return swapped
     return None
 
@@ -416,8 +409,8 @@ def _rivals(case: Case, view: Whitened) -> tuple[tuple[tuple[Rival, ...], ...], 
     for place in range(len(accepted)):
         rest = accepted[:place] + accepted[place + 1 :]
         base = np.concatenate([np.arange(view.first), view.columns(rest)])
-        now = scores(view, base, _dof(view, base))
-        p_values.append(float(now.p[accepted[place]]))
+        now = view.beside(base)
+        p_values.append(float(now.p()[accepted[place]]))
         out.append(_odds(case, now, rest))
     return tuple(out), tuple(p_values)
 
@@ -466,7 +459,7 @@ def _instead(case: Case, wide: Whitened, gone: Sequence[int]) -> Stranger:
     first, named = None, 0.0
     for place in gone:
         base = np.concatenate([np.arange(wide.first), wide.columns(rest)])
-        now = scores(wide, base, _dof(wide, base))
+        now = wide.beside(base)
         first = now if first is None else first
         named += float(now.log_evidence[accepted[place]])
         rest = (*rest, accepted[place])

@@ -9,8 +9,6 @@ import numpy as np
 from pipeline.base.arrays import Array, Ints
 from pipeline.diagnosis.facts import Alone, Gain
 from pipeline.diagnosis.identify import WORTH, Case, by_label
-from pipeline.system.elimination import coefficients
-from pipeline.system.evidence import scores
 from pipeline.system.whitened import Whitened
 
 _DRAWS = 2000
@@ -27,16 +25,10 @@ def alone(
         rng: Draws the bootstrap.
     """
     pose, springs = first.pose[: len(first.rows)], np.arange(first.first)
-    bases = [np.concatenate([springs, first.columns([suspect])]) for suspect, _ in likely]
-    before = np.zeros(len(pose))
-    after = np.zeros((len(bases), len(pose)))
-    for left in range(first.poses):
-        rows, M = pose == left, first.without(left)
-        before[rows] = _predicted_short(first, M, springs, rows)
-        for mine, base in zip(after, bases, strict=True):
-            mine[rows] = _predicted_short(first, M, base, rows)
+    before = first.left_out(springs)
     out = []
-    for (suspect, probability), mine in zip(likely, after, strict=True):
+    for suspect, probability in likely:
+        mine = first.left_out(np.concatenate([springs, first.columns([suspect])]))
         out.append(Alone(first.suspects[suspect], probability, *interval(before, mine, pose, rng)))
     return tuple(out)
 
@@ -57,27 +49,16 @@ def gain(
     """
     accepted = extended.model.accepted
     pose = first.pose[: len(first.rows)]
-    before, after = np.zeros(len(pose)), np.zeros(len(pose))
-    chosen = []
+    before = first.left_out(np.arange(first.first))
+    after, chosen = np.zeros(len(pose)), []
     for left in range(first.poses):
-        rows = pose == left
-        M = first.without(left)
-        before[rows] = _predicted_short(first, M, np.arange(first.first), rows)
-        M = extended.without(left)
+        rows, M = pose == left, extended.without(left)
         names = _choose(case, extended, M, len(accepted), limit, int(rows.sum()))
         base = np.concatenate([np.arange(extended.first), extended.columns(names)])
-        after[rows] = _predicted_short(extended, M, base, rows)
+        after[rows] = extended.raw[rows, -1] - extended.predicted(base, M, rows)
         chosen.append(tuple(case.suspects[i].label for i in names))
     reduction, ci95 = interval(before, after, pose, rng)
     return Gain(before, after, reduction, ci95, tuple(chosen))
-
-
-def _predicted_short(view: Whitened, M: Array, base: Ints, rows: Array) -> Array:
-    """Measured minus predicted c [m] in the rows that were left out."""
-    value = coefficients(M, base) * view.typical[base]
-    keep = (base < view.springs) | (base >= view.first)
-    raw = np.where(base < view.springs, base, base - view.common)[keep]
-    return np.asarray(view.raw[rows, -1] - view.raw[np.ix_(rows, raw)] @ value[keep])
 
 
 def _choose(
@@ -87,13 +68,13 @@ def _choose(
     names: tuple[int, ...] = ()
     for _ in range(most):
         base = np.concatenate([np.arange(view.first), view.columns(names)])
-        now = scores(view, base, view.rows_left - fewer - (len(base) - view.first), M)
+        now = view.beside(base, M, fewer)
         taken = {case.suspects[i].label for i in names}
         free = [
             i for form in by_label(case.suspects).items() if form[0] not in taken for i in form[1]
         ]
         best = max(free, key=lambda i: now.log_evidence[i])
-        if now.log_evidence[best] < WORTH or now.p[best] > limit:
+        if now.log_evidence[best] < WORTH or now.p()[best] > limit:
             break
         names = (*names, best)
     return names

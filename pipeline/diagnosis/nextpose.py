@@ -286,8 +286,9 @@ class _Contest(Locked):
         mine = np.flatnonzero(np.isin(rows.pull, usual))
         target = np.repeat(view.seen.data.target, 3)[mine]
         X = whole[:, np.searchsorted(usual, rows.pull[mine]), target, rows.axis[mine]]
-        place = view.white.place[mine]
-        inverse = view.white.inverse[view.white.pose[mine[0]]][np.ix_(place, place)]
+        blocks = view.white.blocks
+        place = blocks.place[mine]
+        inverse = view.white.inverse[blocks.index[mine[0]]][np.ix_(place, place)]
         X = inverse @ X / view.noise
         return np.asarray(np.swapaxes(X, 1, 2) @ X)
 

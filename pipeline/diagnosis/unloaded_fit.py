@@ -231,12 +231,13 @@ def _on_line(zeros: Unloaded, effects: Sequence[Effect], line: Line) -> Fit:
     typical, n = _typical(effects), zeros.known.shape[1]
     X = np.hstack([zeros.known, zeros.whitened(line.J)])
     y = zeros.whitened(zeros.at - line.stands)
-    inverse = linear.pseudoinverse(X).X
-    step = inverse @ y
+    inverse = linear.pseudoinverse(X)
+    step = inverse(y)
     left = y - X @ step
     chi2 = float(left @ left)
     dof = 3 * len(zeros.at) - zeros.free - 3 * len(zeros.cell.tool.targets) - len(typical)
-    cov = (inverse @ inverse.T)[n:, n:] * np.outer(typical, typical)
+    half = inverse.half[n:] * typical[:, None]
+    cov = half @ half.T
     cov = cov * max(1.0, chi2 / max(dof, 1))
     return Fit(tuple(effects), line.about + step[n:] * typical, cov, step[:n], chi2, dof, line)
 

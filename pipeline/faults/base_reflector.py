@@ -6,11 +6,12 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+import pandas as pd
 from scipy import stats
 
 from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array
-from pipeline.base.errors import InputError
+from pipeline.faults.base_reading import shifts
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake
 from pipeline.faults.reading import smallest
@@ -29,8 +30,8 @@ misfit less probable than alarms.READING is no rival."""
 def base_target(case: Case, registration: Registration, scale: float) -> list[Mistake]:
     """The target of [base_frame] that the others contradict, if no other removal explains it.
 
-    T = (chi2 - chi2_j) / scale^2 with chi2_j that of the registration with the nominal place of
-    target j free; p = n P[chi2(3) > T] for the largest T of n targets (Bonferroni).
+    All readings of a target are shifted together beside where the tracker stands; p is multiplied
+    by the number of targets (Bonferroni). The one that leaves least is registered without.
 
     Args:
         case: The campaign.
@@ -38,39 +39,35 @@ def base_target(case: Case, registration: Registration, scale: float) -> list[Mi
         scale: Scatter of the readings over the stated one.
     """
     table, chi2 = registration.table, registration.chi2
-    names = sorted(set(table["target"]))
+    which, names = pd.factorize(table["target"], sort=True)
     if chi2 is None or len(names) < _FEWEST:
         return []
     if stats.chi2.sf(chi2 / scale**2, registration.dof) > alarms.READING:
         return []
-    free = {name: one for name in names if (one := _freed(case, registration, name))}
-    if len(free) < 2:
+    off = shifts(registration, scale, which)
+    left = np.where(off.rank == 3, off.rest - off.drop, np.inf)
+    best, rival = (int(k) for k in np.argsort(left, kind="stable")[:2])
+    if not np.isfinite(left[rival]):
         return []
-    left = {name: rest / scale**2 for name, (rest, _) in free.items()}
-    best, rival = sorted(left, key=lambda name: left[name])[:2]
-    dof = registration.dof - 3
-    drop = chi2 / scale**2 - left[best]
+    rest, shift = _freed(case, registration, str(names[best]))
+    rest, dof = rest / scale**2, registration.dof - 3
+    drop, size = chi2 / scale**2 - rest, float(np.linalg.norm(shift))
     p = len(names) * float(stats.chi2.sf(drop, 3))
-    size = float(np.linalg.norm(free[best][1]))
-    fits = stats.chi2.sf(left[best], dof) > _AGREE
+    fits = stats.chi2.sf(rest, dof) > _AGREE
     alone = stats.chi2.sf(left[rival], dof) < alarms.READING
     if not (fits and alone) or p > alarms.READING or size < smallest(table, scale):
         return []
-    return [_finding(best, size, float(np.sqrt(drop)), float(np.sqrt(max(left[best], 0))), p)]
+    sigmas, after = float(np.sqrt(drop)), float(np.sqrt(max(rest, 0)))
+    return [_finding(str(names[best]), size, sigmas, after, p)]
 
 
-def _freed(case: Case, registration: Registration, name: str) -> tuple[float, Array] | None:
+def _freed(case: Case, registration: Registration, name: str) -> tuple[float, Array]:
     """Weighted sum of squares with the nominal place of a target free, and its shift [m], F_b.
 
     The registration without the target, plus sum_i (p_i - p)' V_i (p_i - p) of its own readings in
     F_b about their weighted mean p = (sum V_i)^-1 sum V_i p_i, V_i = (R C_i R')^-1; shift p - p_0.
-
-    None where the others do not determine the registration, as on one line.
     """
-    try:
-        lost = register(_without_target(case, name).settings, case.readings)
-    except InputError:
-        return None
+    lost = register(_without_target(case, name).settings, case.readings)
     rows = case.readings.loc[registration.table.index[registration.table["target"] == name]]
     at = rows[XYZ].to_numpy(float) @ lost.R.T + lost.t
     V = linear.inverse(lost.R @ covariance.matrices(rows) @ lost.R.T)

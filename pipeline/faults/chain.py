@@ -1,9 +1,9 @@
 """Bad readings of the two reflectors on the chain, by their distance and by their direction.
 
-Both use deleted residuals: a pull is tested against the fit to the others, by Student's t (F for
-the two coordinates of a direction), for the largest of all pulls. A chain may stretch with
-the force and be hung differently in every pose; its direction may change with the force, as the
-load point yields, or with its inverse, as a chain sags.
+Both set a pull free beside the fit to all (see `system.beside`): deleted residuals, externally
+studentised (Cook and Weisberg, Residuals and Influence in Regression, 1982), for the largest of all
+pulls. A chain may stretch with the force and be hung differently in every pose; its direction may
+change with the force, as the load point yields, or with its inverse, as a chain sags.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
@@ -23,6 +22,8 @@ from pipeline.faults.mistake import Mistake
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 from pipeline.system import alarms
+from pipeline.system.beside import Base, Beside
+from pipeline.system.blocks import Blocks
 
 _TESTS = 2
 """Distance and direction share the probability of a false alarm."""
@@ -138,126 +139,86 @@ def _distance(chain: _Chain) -> _Off | None:
     y = _length(chain)
     y = (y - np.median(y)) / chain.std
     force = np.nan_to_num(chain.force / np.nanmax(np.abs(chain.force), initial=1.0))
-    least = 1.0 if chain.stated else 1e-30
     every = np.ones((len(y), 1))
     poses = np.unique(chain.pose)[None, :] == chain.pose[:, None]
     common, hung = (np.hstack([one, force[:, None]]) / chain.std[:, None] for one in (every, poses))
-    best = int(np.argmax(_deleted(common, y, least)[0]))
+    off = _each(common, y)
+    best = int(np.argmax(off.drop))
     kept = np.arange(len(y)) != best
-    per_pose = _differs(common[kept], hung[kept], y[kept])
-    X = hung if per_pose else common
-    t, size, dof = _deleted(X, y, least)
-    if per_pose:
-        best = _of_its_pose(chain, t, _deleted(common, y, least)[0])
-    p = 2 * len(y) * float(stats.t.sf(t[best], dof))
-    size_m = float(size[best] * chain.std[best])
+    # an F test of the lengths by pose, beside one length
+    if Base.of(common[kept], y[kept]).beside_all(hung[kept]).p() < _HUNG:
+        among_all, off = off.drop, _each(hung, y)
+        level = np.flatnonzero(off.drop >= 0.998 * off.drop.max())
+        best = int(level[np.argmax(among_all[level])])  # of two in a pose that unlike all others
+    variance = off.variance(1.0 if chain.stated else 1e-30)
+    p = len(y) * float(off.p(variance)[best])
+    size_m = float(np.abs(off.size[best, 0]) * chain.std[best])
     if p > alarms.READING / _TESTS or size_m < _SHORT_M:
         return None
-    return _Off(best, float(t[best]), size_m, p)
+    return _Off(best, float(np.sqrt(off.drop / variance)[best]), size_m, p)
 
 
-def _of_its_pose(chain: _Chain, t: Array, among_all: Array) -> int:
-    """The pull that stands out; where a pose has two, each as much, that unlike all others."""
-    level = np.flatnonzero(t > 0.999 * t.max())
-    return int(level[np.argmax(among_all[level])])
-
-
-def _differs(plain: Array, richer: Array, y: Array) -> bool:
-    """Whether a richer model fits beyond chance (F test)."""
-    (rest, rank), (less, more) = (_rest(X, y) for X in (plain, richer))
-    dof = len(y) - more
-    if more <= rank or dof < 1:
-        return False
-    F = (rest - less) / (more - rank) / max(less / dof, 1e-30)
-    return bool(stats.f.sf(F, more - rank, dof) < _HUNG)
-
-
-def _rest(X: Array, y: Array) -> tuple[float, int]:
-    Q = linear.orthonormal(X)
-    left = y - Q @ (Q.T @ y)
-    return float(left @ left), Q.shape[1]
-
-
-def _deleted(X: Array, y: Array, least: float) -> tuple[Array, Array, int]:
-    """Deleted residuals over their standard deviation, their sizes, and degrees of freedom.
-
-    t_i = r_i / (s_(i) sqrt(1 - h_i)), size r_i / (1 - h_i), h_i = (Q Q')_ii the leverage, and
-    s_(i)^2 = (r' r - r_i^2 / (1 - h_i)) / (m - k - 1): externally studentised residuals (Cook and
-    Weisberg, Residuals and Influence in Regression, 1982), absolute values. A certificate may be
-    modest, chance no outlier: the variance is `least` at least.
-    """
-    Q = linear.orthonormal(X)
-    free = 1 - np.sum(Q**2, axis=1)
-    left = y - Q @ (Q.T @ y)
-    dof = len(y) - Q.shape[1] - 1
-    usable = free > 1e-6
-    drop = np.where(usable, left**2 / np.where(usable, free, 1.0), 0.0)
-    variance = np.maximum((left @ left - drop) / max(dof, 1), least)
-    size = np.where(usable, np.abs(left) / np.where(usable, free, 1.0), 0.0)
-    return np.sqrt(drop / variance), size, max(dof, 1)
+def _each(X: Array, y: Array) -> Beside:
+    """Every row free beside the columns X: deleted residuals."""
+    return Base.of(X, y).beside(np.eye(len(y))[None, :, :, None]).of_block(0)
 
 
 def _direction(chain: _Chain) -> _Off | None:
-    """By the direction against the other pulls of the pose, four or more of them."""
-    laws = [_turns(chain, course) for course in (chain.force, 1 / chain.force)]
-    if any(len(law[0]) == 0 for law in laws):
+    """By the direction against the other pulls of the pose, four or more of them.
+
+    The law of the course that accuses a pull less is believed.
+    """
+    index = np.unique(chain.pose, return_inverse=True)[1]
+    known = np.isfinite(chain.force)
+    pulls = np.flatnonzero(known & (np.bincount(index, known)[index] >= 4))
+    if not len(pulls):
         return None
-    pulls = laws[0][0]
-    p = np.max([law[1] for law in laws], axis=0)
-    apart = np.min([law[2] for law in laws], axis=0)
-    size = np.min([law[3] for law in laws], axis=0)
-    sigmas = np.min([law[4] for law in laws], axis=0)
-    best = int(np.argmin(p))
-    sure = len(pulls) * p[best] < alarms.READING / _TESTS and apart[best] > _APART
-    if not sure or size[best] < _MATTERS_RAD:
+    laws = [_turns(chain, pulls, course) for course in (chain.force, 1 / chain.force)]
+    p, apart, size, sigmas = (np.stack([law[i] for law in laws]) for i in range(4))
+    best = int(np.argmin(p.max(axis=0)))
+    chance = len(pulls) * float(p.max(axis=0)[best])
+    sure = chance < alarms.READING / _TESTS and apart.min(axis=0)[best] > _APART
+    if not sure or size.min(axis=0)[best] < _MATTERS_RAD:
         return None
     return _Off(
-        int(pulls[best]), float(sigmas[best]), float(size[best]), float(len(pulls) * p[best])
+        int(pulls[best]), float(sigmas.min(axis=0)[best]), float(size.min(axis=0)[best]), chance
     )
 
 
-def _turns(chain: _Chain, course: Array) -> tuple[Ints, Array, Array, Array, Array]:
-    """Deleted residuals of directions beside a straight course in each pose.
+def _turns(chain: _Chain, pulls: Ints, course: Array) -> tuple[Array, Array, Array, Array]:
+    """Every pull's direction free beside a straight course in each pose.
 
-    u = a_p + b_p x + e for the unit vectors u of pose p in the tracker's frame, x the course over
-    its largest. drop_i = |r_i|^2 / (1 - h_i), F = (drop_i / 2) / ((sum_p |r_p|^2 - drop_i) / dof)
-    with 2 and dof = 2 sum_p (m_p - 2) - 2 degrees of freedom: two coordinates to a direction.
+    w = a_p + b_p x + e for the two coordinates w [rad] across the mean direction of pose p, in the
+    tracker's frame, x the course over its largest.
 
     Args:
         chain: The chain.
+        pulls: Pulls that are tested, of poses with four at least, shape (n,).
         course: What directions are straight in, shape (m,).
 
     Returns:
-        Pulls, p-values, size over what the other pulls of the pose leave, size [rad], sigmas.
+        p-values, size over what the other pulls of the pose leave, size [rad], sigmas, all (n,).
     """
-    d = chain.ends[:, 1] - chain.ends[:, 0]
-    u = d / np.linalg.norm(d, axis=1, keepdims=True)
-    pulls, drops, rests, sizes = [], [], [], []
-    for pose in np.unique(chain.pose):
-        rows = np.flatnonzero((chain.pose == pose) & np.isfinite(course))
-        if len(rows) < 4:
-            continue
-        x = course[rows] / np.abs(course[rows]).max()
-        Q = linear.orthonormal(np.column_stack([np.ones(len(rows)), x]))
-        free = np.maximum(1 - np.sum(Q**2, axis=1), 1e-6)
-        left = u[rows] - Q @ (Q.T @ u[rows])
-        drop = np.sum(left**2, axis=1) / free
-        pulls.append(rows)
-        drops.append(drop)
-        rests.append((np.sum(left**2) - drop) / (2 * max(len(rows) - Q.shape[1] - 1, 1)))
-        sizes.append(np.sqrt(drop / free))
-    if not pulls:
-        return np.zeros(0, np.int64), *np.zeros((4, 0))
-    drop, rest = np.concatenate(drops), np.concatenate(rests)
-    dof = 2 * sum(len(rows) - 2 for rows in pulls) - 2
-    whole = sum(
-        float(rest_[0] * 2 * max(len(rows) - 3, 1) + drop_[0])
-        for rows, rest_, drop_ in zip(pulls, rests, drops, strict=True)
-    )
-    F = drop / 2 / np.maximum((whole - drop) / dof, 1e-30)
-    apart = np.sqrt(drop / 2 / np.maximum(rest, 1e-30))
-    p = stats.f.sf(F, 2, dof)
-    return np.concatenate(pulls), p, apart, np.concatenate(sizes), np.sqrt(2 * F)
+    u = (chain.ends[:, 1] - chain.ends[:, 0])[pulls]
+    u = u / np.linalg.norm(u, axis=1, keepdims=True)
+    poses = Blocks.of(chain.pose[pulls])
+    mean = poses.padded(u).sum(axis=1)
+    across = linear.principal(mean[:, None])[2][:, 1:]
+    x = np.abs(poses.padded(course[pulls])).max(axis=1)[poses.index]
+    X = np.stack([np.ones(len(pulls)), course[pulls] / x], axis=1)
+    w = np.einsum("nij,nj->ni", across[poses.index], u)
+    rows = np.einsum("nk,ij->nikj", X, np.eye(2)).reshape(2 * len(pulls), -1)
+    base = Base.of(rows, w.ravel(), np.repeat(poses.index, 2), own=True)
+    p, s = base.blocks.shape
+    one = np.eye(s).reshape(s, s // 2, 2)
+    off = base.beside(np.broadcast_to(one, (p, *one.shape)) * base.blocks.there[:, :, None, None])
+    own = np.sum(base.left**2, axis=1)[:, None]
+    left = 2 * np.maximum(poses.count - 3, 1)[:, None]
+    apart = np.sqrt(off.drop / 2 / np.maximum((own - off.drop) / left, 1e-30))
+    size = np.linalg.norm(off.size, axis=2)
+    sigmas = np.sqrt(off.drop / np.maximum(off.variance(), 1e-30))
+    p_value = off.p(off.variance(1e-30))
+    return tuple(poses.rows(one) for one in (p_value, apart, size, sigmas))  # type: ignore[return-value]
 
 
 def _end(chain: _Chain, pull: int) -> tuple[int, float] | None:

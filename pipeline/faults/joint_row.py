@@ -27,6 +27,7 @@ from pipeline.machine.robot import configure
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ, register
 from pipeline.system import alarms
+from pipeline.system.beside import Base
 
 _STANDS_OUT = 10.0
 """A wrong row puts the reflectors this many times farther off than the others scatter, ..."""
@@ -151,23 +152,20 @@ def _laid(read: _Stand, out: Sequence[int]) -> _Laid:
         if np.abs(step).max() < 1e-9:
             break
     _, X, away = _linear(read, R, t, off)
-    inverse = linear.pseudoinverse(X[used].reshape(-1, X.shape[2]))
-    W, rank = inverse.X, inverse.rank
-    left = away[used].ravel()
-    left = left - X[used].reshape(-1, X.shape[2]) @ (W @ left)
-    rest, dof = float(left @ left), len(left) - rank
     stands, usual = np.zeros(len(read.poses)), np.zeros(len(read.poses))
+    others = _base(X, away, used)
     for k in range(len(read.poses)):
-        here = read.zero & (read.pose == k)
-        H = X[here].reshape(-1, X.shape[2]) @ W
-        on = k not in out
-        e = away[here].ravel()
-        S = np.eye(len(e)) + (-1.0 if on else 1.0) * H @ H.T
-        drop = max(float(linear.drop(S, e)[0]), 0.0)
-        stands[k] = np.sqrt(drop / len(e))
-        less, more = (drop, len(e)) if on else (0.0, 0)
-        usual[k] = np.sqrt(max(rest - less, 0.0) / max(dof - more, 1))
+        here = used | (read.zero & (read.pose == k))
+        base = _base(X, away, here) if k in out else others
+        mine = np.repeat(read.pose[here] == k, 3)
+        free = base.beside_all(np.eye(len(mine))[:, mine])
+        stands[k] = np.sqrt(free.drop / max(mine.sum(), 1))
+        usual[k] = np.sqrt(others.rest / max(others.dof, 1) if k in out else free.variance())
     return _Laid(R, t, off, away, stands, usual)
+
+
+def _base(X: Array, away: Array, here: Bools) -> Base:
+    return Base.of(X[here].reshape(-1, X.shape[2]), away[here].ravel())
 
 
 def _linear(read: _Stand, R: Array, t: Array, off: Array) -> tuple[Array, Array, Array]:

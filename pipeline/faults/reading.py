@@ -1,29 +1,22 @@
 """Single readings that contradict all others: Baarda's w-test, reading by reading.
 
-A reading is shifted by an unknown vector v [m] in F_b; how much the sum of squares drops is the
-test (Baarda, A Testing Procedure for Use in Geodetic Networks, 1968, for three coordinates):
-
-    N = D' P D,    g = D' P y,    v = N^+ g,    T = g' N^+ g,    cov(v) = s^2 N^+,
-
-D the three whitened columns of a reading, y the whitened rows and P the projection orthogonal to
-the model's. T / 3 s^2 has 3 degrees of freedom, its p-value is multiplied by the number of
-readings (Bonferroni). Where the model fits, s^2 = (y' P y - T) / (dof - 3), no less than 1 if a
-noise is stated. The model is that of the joint springs; where these do not fit either way, a free
-stiffness of every pose, so that whatever the robot does in proportion to the pull does not pass for
-a bad reading.
+A reading is shifted by an unknown vector [m] in F_b: a suspect of three columns beside the model
+(see `system.beside`; Baarda, A Testing Procedure for Use in Geodetic Networks, 1968, for three
+coordinates). Its p-value is multiplied by the number of readings (Bonferroni). Where the model
+fits, the residuals say how much readings scatter, no less than stated. The model is that of the
+joint springs; where these do not fit either way, a free stiffness of every pose, so that whatever
+the robot does in proportion to the pull does not pass for a bad reading.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 import pandas as pd
 from scipy import stats
 
-from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake
@@ -32,6 +25,8 @@ from pipeline.reduction.bring import Reduced
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
+from pipeline.system.beside import Base, Beside
+from pipeline.system.blocks import Blocks
 from pipeline.system.contrasts import Stack, Zeros, stacked
 from pipeline.system.system import Estimate, System
 from pipeline.system.whiten import Whitener, whitener
@@ -56,34 +51,75 @@ _PAPER_TAIL = 4.9
 
 
 @dataclass(frozen=True, eq=False)
-class Shifts(Locked):
-    """The best shift of every reading.
+class Readings(Locked):
+    """Every reading of the measured targets, poses ascending.
 
     Attributes:
         pose: Pose of each reading, shape (n,).
         target: Index of its target, shape (n,).
         pull: Index of its pull; -1 for zeros, shape (n,).
         nth: Number of the zero in its pose, by time; 0 for loaded readings, shape (n,).
-        drop: Drop of the sum of squares, shape (n,).
-        shift: The shift [m], F_b, shape (n, 3).
-        normal: Normal matrix of the shift [1/m^2], shape (n, 3, 3).
-        rest: Sum of squares without a shift.
-        dof: Degrees of freedom without a shift.
-        residual: Whitened residuals without a shift, shape (R,).
-        Q: The columns beside which the shifts stand, whitened and orthonormal, shape (R, k).
+        of: Zeros of its target in its pose, shape (n,).
     """
 
     pose: Ints
     target: Ints
     pull: Ints
     nth: Ints
-    drop: Array
-    shift: Array
-    normal: Array
-    rest: float
-    dof: int
-    residual: Array
-    Q: Array
+    of: Ints
+
+
+@dataclass(frozen=True, eq=False)
+class Shifted(Locked):
+    """A campaign's readings, and what a shift of each does to the rows.
+
+    Attributes:
+        stack: Rows of c, and repeated zeros.
+        white: Its whitener.
+        readings: Every reading.
+        blocks: Readings by pose.
+        D: Whitened columns of each reading [1/m], shape (poses, rows, readings, 3).
+    """
+
+    stack: Stack
+    white: Whitener
+    readings: Readings
+    blocks: Blocks
+    D: Array
+
+    def beside(self, base: Base) -> Beside:
+        """The best shift of every reading [m], beside a base."""
+        return base.beside(self.D).rows(self.blocks)
+
+    def springs(self, system: System) -> Base:
+        """Springs, causes and common errors."""
+        B = np.zeros((len(self.stack.c), system.B.shape[1]))
+        B[: len(system.B)] = system.B * [p.typical for p in system.parameters]
+        return self.white.base(B, self.stack.c)
+
+    def poses_free(self, data: Measured) -> Base:
+        """Six rigid motions of each pose in proportion to the pull."""
+        size = np.linalg.norm(data.pulls.force, axis=1)
+        share = np.where(self.stack.pull < 0, 0.0, size[self.stack.pull] / size.max())
+        return self.white.own_base(self.stack.modes * share[:, None], self.stack.c)
+
+    def pulls_free(self) -> Base:
+        """Any rigid motion of the effector in each pull."""
+        pulls = Blocks.of(self.stack.pose * (self.stack.pull.max() + 2) + self.stack.pull)
+        order = Blocks.of(self.stack.pose[np.unique(pulls.index, return_index=True)[1]]).place
+        one = np.eye(order.max() + 1)[order[pulls.index]] * (self.stack.pull >= 0)[:, None]
+        columns = (one[:, :, None] * self.stack.modes[:, None, :]).reshape(len(one), -1)
+        return self.white.own_base(columns, self.stack.c)
+
+    def whole_pull(self, base: Base, k: int) -> float:
+        """Drop of the sum of squares when the effector as a whole moves in the pull of a reading.
+
+        A bad reading leaves at most its own drop to such a motion, a fault of the model more.
+        """
+        pull = self.readings.pull[k]
+        D = self.white.by_pose(self.stack.modes * (self.stack.pull == pull)[:, None])
+        one = base.beside(self.white.blocks.padded(D)[:, :, None])
+        return float(one.drop.sum()) if pull >= 0 else 0.0
 
 
 def outlier(
@@ -107,74 +143,47 @@ def outlier(
         estimate: Its joint springs.
         spread: As `noise_scale` gives it.
     """
-    data = reduced.data
-    stack, white, counts = _prepared(case, reduced, zeros, system, estimate)
+    shifted = shifted_readings(case, reduced, zeros, system, estimate)
     scale, contrasts = spread
-    floor = smallest(reduced.placed, scale)
-    springs = _shifts(stack, white, counts, _springs(system, stack, white), local=False)
-    poses, pulls = (
-        _shifts(stack, white, counts, _local(stack, white, columns), local=True)
-        for columns in (_poses_free(stack, data), _pulls_free(stack))
-    )
-    for shifts, must_fit in ((springs, True), (poses, True), (poses, False)):
+    bases = (shifted.springs(system), shifted.poses_free(reduced.data), shifted.pulls_free())
+    springs, poses, pulls = (shifted.beside(base) for base in bases)
+    for base, shifts, must_fit in ((0, springs, True), (1, poses, True), (1, poses, False)):
         best = int(np.argmax(shifts.drop))
-        rest, dof = shifts.rest - shifts.drop[best], max(shifts.dof - 3, 1)
-        variance, known_from = rest / dof, dof
+        left = float(shifts.variance()[best])
+        variance, known_from = left, shifts.dof - 3
         if system.noise_stated:
-            variance = max(variance, 1.0)  # a certificate may be modest, chance no outlier
-            if stats.f.sf(rest / dof / scale**2, dof, contrasts) < _FITS:
+            variance = max(left, 1.0)  # a certificate may be modest, chance no outlier
+            if stats.f.sf(left / scale**2, shifts.dof - 3, contrasts) < _FITS:
                 if must_fit:
                     continue
-                variance, known_from = _DOMINANT * rest / dof, contrasts
-        p = len(shifts.drop) * float(stats.f.sf(shifts.drop[best] / 3 / variance, 3, known_from))
-        size = float(np.linalg.norm(shifts.shift[best]))
-        shift = shifts.shift[best]
+                variance, known_from = _DOMINANT * left, contrasts
+        p = len(shifts.drop) * float(shifts.p(variance, known_from)[best])
+        shift = shifts.size[best]
+        size = float(np.linalg.norm(shift))
         confirmed = _confirmed(poses, best, shift, scale**2)
         confirmed &= _confirmed(pulls, best, shift, scale**2, seen=not must_fit)
-        whole = _of_whole_pull(stack, white, shifts, best)
+        whole = shifted.whole_pull(bases[base], best)
         confirmed &= whole < shifts.drop[best] + _TOO_FEW * variance
-        if p < alarms.READING and size > floor and confirmed:
-            row = _row(case, reduced, shifts, best)
+        if p < alarms.READING and size > smallest(reduced.placed, scale) and confirmed:
+            row = _row(case, reduced, shifted.readings, best)
             sigmas = float(np.sqrt(shifts.drop[best] / variance))
             return [bad_reading(row, "all other readings", size, sigmas, p, beside_model=True)]
         return []
     return []
 
 
-def beside_springs(
+def shifted_readings(
     case: Case, reduced: Reduced, zeros: Zeros, system: System, estimate: Estimate
-) -> Shifts:
-    """The best shift of every reading beside the joint springs; arguments as for `outlier`."""
-    stack, white, counts = _prepared(case, reduced, zeros, system, estimate)
-    return _shifts(stack, white, counts, _springs(system, stack, white), local=False)
-
-
-def _prepared(
-    case: Case, reduced: Reduced, zeros: Zeros, system: System, estimate: Estimate
-) -> tuple[Stack, Whitener, dict[tuple[int, int], int]]:
+) -> Shifted:
+    """Every reading as a suspect; arguments as for `outlier`."""
     stack = stacked(system, estimate.residual, reduced.data, zeros, case.cell)
     white = whitener(stack.errors, stack.pose)
-    return stack, white, _zero_counts(reduced.placed, case.settings.measured)
+    readings = _readings(stack, _zero_counts(reduced.placed, case.settings.measured))
+    blocks = Blocks.of(readings.pose)
+    return Shifted(stack, white, readings, blocks, _columns(stack, white, readings, blocks))
 
 
-def _of_whole_pull(stack: Stack, white: Whitener, shifts: Shifts, k: int) -> float:
-    """Drop of the sum of squares when the effector as a whole moves in the pull of a reading.
-
-    g' N^+ g with D the six whitened rigid motions of the pull, N = D' P D and g = D' P y. A bad
-    reading leaves at most its own drop to such a motion, a fault of the model more.
-    """
-    here = stack.pull == shifts.pull[k]
-    if shifts.pull[k] < 0:
-        return 0.0
-    D = white.by_pose(stack.modes * here[:, None])
-    rows = np.flatnonzero(stack.pose == shifts.pose[k])  # other poses feel nothing
-    D, Q = D[rows], shifts.Q[rows]
-    N = D.T @ D - (Q.T @ D).T @ (Q.T @ D)
-    g = D.T @ shifts.residual[rows]
-    return float(linear.drop(N, g)[0])
-
-
-def _confirmed(freer: Shifts, k: int, shift: Array, variance: float, seen: bool = False) -> bool:
+def _confirmed(freer: Beside, k: int, shift: Array, variance: float, seen: bool = False) -> bool:
     """Whether a freer model leaves of the shift what it would leave of a true one.
 
     A weak fault of the model can look like a bad reading; beside free poses or pulls it vanishes.
@@ -187,7 +196,7 @@ def _confirmed(freer: Shifts, k: int, shift: Array, variance: float, seen: bool 
         variance: Variance of the readings over the stated one.
         seen: The freer model has to see it; where it cannot, nothing is confirmed.
     """
-    expected = float(shift @ freer.normal[k] @ shift) / variance
+    expected = float(shift @ freer.N[k] @ shift) / variance
     if expected < _TOO_FEW:
         return not seen
     return float(freer.drop[k]) / variance > _CONFIRMS * expected
@@ -208,102 +217,37 @@ def _zero_counts(placed: pd.DataFrame, measured: list[str]) -> dict[tuple[int, i
     return {(int(pose), int(t)): int(n) for (pose, t), n in zip(keys, number, strict=True)}
 
 
-def _springs(system: System, stack: Stack, white: Whitener) -> Array:
-    """Orthonormal columns of joint springs and common errors, whitened, shape (R, k)."""
-    B = np.zeros((len(stack.c), system.B.shape[1]))
-    B[: len(system.B)] = system.B * [p.typical for p in system.parameters]
-    return linear.orthonormal(np.hstack([white.by_pose(B), white.common]))
+def _readings(stack: Stack, counts: dict[tuple[int, int], int]) -> Readings:
+    """The readings that the rows of a stack are made of."""
+    rows = np.column_stack([stack.pose, stack.target, stack.pull])
+    there = sorted({(int(pose), int(t)) for pose, t, _ in rows})
+    zeros = [(*one, -1, nth, counts[one]) for one in there for nth in range(counts.get(one, 0))]
+    loaded = {(int(p), int(t), int(i), 0, counts.get((int(p), int(t)), 0)) for p, t, i in rows}
+    every = [*zeros, *(one for one in loaded if one[2] >= 0)]
+    return Readings(*np.array(sorted(every), dtype=np.int64).reshape(-1, 5).T)
 
 
-def _poses_free(stack: Stack, data: Measured) -> Array:
-    """Six columns to a pose: rigid motions in proportion to the pull, shape (R, 6)."""
-    size = np.linalg.norm(data.pulls.force, axis=1)
-    share = np.where(stack.pull < 0, 0.0, size[stack.pull] / size.max())
-    return stack.modes * share[:, None]
+def _columns(stack: Stack, white: Whitener, readings: Readings, blocks: Blocks) -> Array:
+    """What a unit shift of each reading does to the rows of its pose, whitened.
 
-
-def _pulls_free(stack: Stack) -> Array:
-    """Six columns to each pull of a pose: any rigid motion of the effector, shape (R, 6 n)."""
-    order = np.zeros(len(stack.pull), dtype=np.int64)
-    for pose in np.unique(stack.pose):
-        rows = stack.pose == pose
-        order[rows] = np.unique(stack.pull[rows], return_inverse=True)[1]
-    one = np.eye(order.max() + 1)[order] * (stack.pull >= 0)[:, None]
-    return (one[:, :, None] * stack.modes[:, None, :]).reshape(len(order), -1)
-
-
-def _local(stack: Stack, white: Whitener, columns: Array) -> Array:
-    """Orthonormal columns within each pose, whitened, shape of `columns`."""
-    modes = white.by_pose(columns)
-    out = np.zeros_like(modes)
-    for pose in np.unique(stack.pose):
-        rows = np.flatnonzero(stack.pose == pose)
-        Q = linear.orthonormal(modes[rows])
-        out[np.ix_(rows, np.arange(Q.shape[1]))] = Q
-    return out
-
-
-def _shifts(
-    stack: Stack, white: Whitener, counts: dict[tuple[int, int], int], Q: Array, local: bool
-) -> Shifts:
-    """Shift every reading beside the columns Q, which are global or belong to one pose each."""
-    y = white.by_pose(stack.c)
-    found: list[tuple[Any, ...]] = []
-    index = {pose: np.flatnonzero(stack.pose == pose) for pose in np.unique(stack.pose).tolist()}
-    if local:
-        along = np.concatenate([Q[r] @ (Q[r].T @ y[r]) for r in index.values()])
-        residual = np.empty_like(y)
-        residual[np.concatenate(list(index.values()))] = along
-        residual = y - residual
-        rank = sum(int((np.abs(Q[r]).max(axis=0) > 0).sum()) for r in index.values())
-    else:
-        residual, rank = y - Q @ (Q.T @ y), Q.shape[1]
-    for number, (pose, rows) in enumerate(index.items()):
-        target, pull, nth, D = _columns(stack, rows, counts, pose)
-        order = white.place[rows]
-        W = white.inverse[number][np.ix_(order, order)]
-        D = np.einsum("ab,bni->ani", W, D)
-        QD = np.einsum("ak,ani->kni", Q[rows], D)
-        N = np.einsum("ani,anj->nij", D, D) - np.einsum("kni,knj->nij", QD, QD)
-        g = np.einsum("ani,a->ni", D, residual[rows])
-        shift = np.einsum("nij,nj->ni", linear.shortest(N), g)  # [m]: the shortest that fits
-        drop = np.sum(shift * g, axis=1)
-        found.append((np.full(len(target), pose), target, pull, nth, drop, shift, N))
-    names = ("pose", "target", "pull", "nth", "drop", "shift", "normal")
-    parts = (np.concatenate(part) for part in zip(*found, strict=True))
-    known: dict[str, Any] = dict(zip(names, parts, strict=True))
-    rest = float(residual @ residual)
-    return Shifts(**known, rest=rest, dof=len(y) - rank, residual=residual, Q=Q)
-
-
-def _columns(
-    stack: Stack, rows: Ints, counts: dict[tuple[int, int], int], pose: int
-) -> tuple[Ints, Ints, Ints, Array]:
-    """What a unit shift of each reading of a pose does to its rows: (n,) three times, (R, n, 3)."""
-    target, pull, which, axis = (
-        stack.target[rows],
-        stack.pull[rows],
-        stack.which[rows],
-        stack.axis[rows],
+    A loaded reading moves its own row by one; zero n of N moves every loaded row of its target by
+    -1/N, its own difference to the mean of those before by one, and those after it by -1/k, k
+    their number.
+    """
+    row_target, row_pull, which, axis = (
+        white.blocks.padded(part)[:, :, None]
+        for part in (stack.target, stack.pull, stack.which, stack.axis)
     )
-    loaded = sorted({(int(t), int(i)) for t, i in zip(target, pull, strict=True) if i >= 0})
-    zeros = [(t, n) for t in sorted(set(target.tolist())) for n in range(counts.get((pose, t), 0))]
-    D = np.zeros((len(rows), len(loaded) + len(zeros), 3))
-    every = np.arange(len(rows))
-    for k, (t, i) in enumerate(loaded):
-        here = (target == t) & (pull == i)
-        D[every[here], k, axis[here]] = 1.0
-    for k, (t, n) in enumerate(zeros, len(loaded)):
-        mine = target == t
-        effect = np.where(pull >= 0, -1.0 / counts[pose, t], 0.0)
-        again = pull < 0
-        effect = np.where(again & (which == n), 1.0, effect)
-        effect = np.where(again & (which > n), -1.0 / np.maximum(which, 1), effect)
-        D[every[mine], k, axis[mine]] = effect[mine]
-    of = np.array([t for t, _ in [*loaded, *zeros]], dtype=np.int64)
-    at = np.array([i for _, i in loaded] + [-1] * len(zeros), dtype=np.int64)
-    nth = np.array([0] * len(loaded) + [n for _, n in zeros], dtype=np.int64)
-    return of, at, nth, D
+    target, pull, nth, of = (
+        blocks.padded(part)[:, None, :]
+        for part in (readings.target, readings.pull, readings.nth, readings.of)
+    )
+    there = white.blocks.there[:, :, None] & blocks.there[:, None, :]
+    later = np.where(which > nth, -1.0 / np.maximum(which, 1), 0.0)
+    zero = np.where(row_pull < 0, np.where(which == nth, 1.0, later), -1.0 / np.maximum(of, 1))
+    moved = np.where(pull >= 0, row_pull == pull, zero) * (there & (row_target == target))
+    D = moved[..., None] * np.eye(3)[axis]
+    return np.asarray(np.einsum("pab,pbni->pani", white.inverse, D, optimize=True))
 
 
 def bad_reading(
@@ -337,17 +281,16 @@ def bad_reading(
     )
 
 
-def _row(case: Case, reduced: Reduced, shifts: Shifts, best: int) -> pd.Series:
+def _row(case: Case, reduced: Reduced, readings: Readings, best: int) -> pd.Series:
     """The reading in table PLACED."""
     placed, data = reduced.placed, reduced.data
-    name = case.settings.measured[shifts.target[best]]
-    rows = placed[(placed["pose"] == shifts.pose[best]) & (placed["target"] == name)]
-    if shifts.pull[best] >= 0:
-        repeat = data.pulls.repeat[shifts.pull[best]]
+    name = case.settings.measured[readings.target[best]]
+    rows = placed[(placed["pose"] == readings.pose[best]) & (placed["target"] == name)]
+    if readings.pull[best] >= 0:
+        repeat = data.pulls.repeat[readings.pull[best]]
         return rows[(rows["state"] == "loaded") & (rows["repeat"] == repeat)].iloc[0]
-    return (
-        rows[rows["state"] == "unloaded"].sort_values("time", kind="stable").iloc[shifts.nth[best]]
-    )
+    rows = rows[rows["state"] == "unloaded"].sort_values("time", kind="stable")
+    return rows.iloc[readings.nth[best]]
 
 
 def without(case: Case, file: str, line: int) -> Case:

@@ -1,26 +1,20 @@
 """A reading of the scale that contradicts all others: a digit too many, another row's unit.
 
 A pull's reading is set free beside the model and beside all other pulls; how far it then is from
-the log, in standard deviations, is the test. With d_i = V^-1/2 dc/df_i, the whitened column of
-pull i [1/N], r the whitened residuals and P the projection orthogonal to the model's columns,
-
-    N_i = d_i' P d_i,    T_i = (d_i' P r)^2 / N_i,    u(f_i) = N_i^-1/2 [N],
-
-T_i the drop of the sum of squares, the square of Baarda's w (1968). The pull of the largest T is
-flagged, and tested again at the reading that fits best: a reading of ten times the force spoils the
-estimate, and with it every column and every standard deviation.
+the log, in standard deviations, is the test: the suspect of pull i is the whitened column dc/df_i,
+u(f_i) = N_i^-1/2 [N]. The pull of the largest drop is flagged, and tested again at the reading that
+fits best: a reading of ten times the force spoils the estimate, and with it every column and every
+standard deviation.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from scipy import stats
 
-from pipeline.base import linear
-from pipeline.base.arrays import Array, Bools, Locked
+from pipeline.base.arrays import Array
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake
 from pipeline.machine.cell import Cell
@@ -30,6 +24,7 @@ from pipeline.reduction.measured import Measured
 from pipeline.reduction.settings import Scale
 from pipeline.system import alarms
 from pipeline.system.assemble import assemble, by_force
+from pipeline.system.beside import Base, Beside
 from pipeline.system.estimate import identify, least_squares
 from pipeline.system.system import Estimate, System
 from pipeline.system.whiten import Whitener, whitener
@@ -50,30 +45,8 @@ or a joint does, it does in many pulls."""
 _LEFT = 0.1
 """Part of what its pull contradicted that may be left there: other faults leave more."""
 
-_UNSEEN = 1e-9
-"""A reading that the model follows to this part contradicts nothing."""
-
 _ROUNDS = 8
 """Iterations to the reading that fits best."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Freed(Locked):
-    """Every pull's reading set free, one at a time, beside the model.
-
-    Attributes:
-        normal: Normal matrix of each reading, what the model takes left out [1/N^2], shape (m,).
-        drop: Drop of the sum of squares, shape (m,).
-        residual: Whitened residuals with all readings as they are, shape (M,).
-        dof: Degrees of freedom of these.
-        Q: Orthonormal columns of the model, whitened, shape (M, k).
-    """
-
-    normal: Array
-    drop: Array
-    residual: Array
-    dof: int
-    Q: Array
 
 
 def scale_outlier(
@@ -91,10 +64,10 @@ def scale_outlier(
     pulls = len(data.pulls)
     if not FEWEST <= pulls <= MOST:
         return []
-    freed = _freed(cell, data, system, estimate, whitener(system.errors, system.rows.pose))
+    white = whitener(system.errors, system.rows.pose)
+    freed = _freed(cell, data, system, estimate, white)[1]
     best = int(np.argmax(freed.drop))
-    rest = float(freed.residual @ freed.residual) - freed.drop[best]
-    if pulls * _chance(freed.drop[best], rest, freed.dof - 1, system.noise_stated) > alarms.READING:
+    if _chance(freed, system)[best] > alarms.READING:
         return []
     scale = case.settings.scale or Scale()
     given = float(np.linalg.norm(data.pulls.force[best]))
@@ -109,41 +82,36 @@ def scale_outlier(
     right = _reading(data, best, fits, scale)
     system, estimate = identify(cell, right, estimate.value)
     white = whitener(system.errors, system.rows.pose)
-    freed = _freed(cell, right, system, estimate, white)
-    drop = float(off**2 * freed.normal[best])
-    rest, dof = float(freed.residual @ freed.residual), freed.dof - 1
-    p = pulls * _chance(drop, rest, dof, system.noise_stated)
-    others = float(np.delete(freed.drop, best).max())
-    alone = drop > _DOMINATES**2 * others
-    alone &= _left(white, freed, system.rows.pull == best) < _LEFT * drop
+    base, freed = _freed(cell, right, system, estimate, white)
+    normal = float(freed.N[best, 0, 0])
+    drop = off**2 * normal
+    # the reading as given, beside a model that the reading as it should be has not spoilt
+    given_again = replace(freed, g=freed.N[..., 0] * off, rest=freed.rest + drop)
+    p = float(_chance(given_again, system)[best])
+    alone = drop > _DOMINATES**2 * float(np.delete(freed.drop, best).max())
+    rows = np.eye(len(system.rows))[:, system.rows.pull == best]
+    # the pull left out as a whole: each of its rows is free
+    alone &= bool(base.beside_all(white(rows)).drop < _LEFT * drop)
     if p > alarms.READING or not alone:
         return []
-    return [_finding(case, data, best, given, fits, float(freed.normal[best]), drop, p)]
+    return [_finding(case, data, best, given, fits, normal, drop, p)]
 
 
 def _freed(
     cell: Cell, data: Measured, system: System, estimate: Estimate, white: Whitener
-) -> _Freed:
+) -> tuple[Base, Beside]:
+    """The model's columns, and beside them every pull's reading set free, one at a time [1/N]."""
     columns = np.zeros((len(system.rows), len(data.pulls)))
     columns[np.arange(len(columns)), system.rows.pull] = by_force(cell, data, estimate.value)
     typical = np.array([p.typical for p in system.parameters])
-    Q = linear.orthonormal(white(system.B) * typical)
-    D, residual = white(columns), white(estimate.residual)
-    residual = residual - Q @ (Q.T @ residual)
-    whole = np.sum(D**2, axis=0)
-    normal = whole - np.sum((Q.T @ D) ** 2, axis=0)
-    seen = normal > _UNSEEN * whole
-    drop = np.where(seen, (D.T @ residual) ** 2 / np.where(seen, normal, 1.0), 0.0)
-    return _Freed(normal * seen, drop, residual, len(D) - Q.shape[1], Q)
+    base = Base.of(white(system.B) * typical, white(estimate.residual))
+    return base, base.beside(white(columns)[None, ..., None]).of_block(0)
 
 
-def _chance(drop: float, rest: float, dof: int, stated: bool) -> float:
-    """Probability of a drop by one column; a certificate may be modest, chance no outlier.
-
-    P[F(1, dof) > drop / s^2], s^2 = rest / dof and no less than 1 where a noise is stated.
-    """
-    variance = max(rest / max(dof, 1), 1.0 if stated else 1e-30)
-    return float(stats.f.sf(drop / variance, 1, max(dof, 1)))
+def _chance(freed: Beside, system: System) -> Array:
+    """Probability of each drop, times their number; where a noise is stated, s is 1 at least."""
+    least = 1.0 if system.noise_stated else 1e-30
+    return np.asarray(len(freed.drop) * freed.p(freed.variance(least)))
 
 
 def _fitting(cell: Cell, data: Measured, values: Array, pull: int, scale: Scale) -> float | None:
@@ -177,20 +145,6 @@ def _reading(data: Measured, pull: int, force: float, scale: Scale) -> Measured:
     forces[pull] *= force / np.linalg.norm(forces[pull])
     std[pull] = reading_std(scale, np.asarray(force))
     return replace(data, pulls=replace(data.pulls, force=forces), reading_std=std)
-
-
-def _left(white: Whitener, freed: _Freed, here: Bools) -> float:
-    """Drop of the sum of squares when a pull is left out as a whole.
-
-    g' N^+ g with N = D' P D, g = D' P r, D one whitened column to each of its rows.
-    """
-    mine = np.flatnonzero(here)
-    own = np.zeros((len(here), len(mine)))
-    own[mine, np.arange(len(mine))] = 1.0
-    D = white(own)
-    N = D.T @ D - (freed.Q.T @ D).T @ (freed.Q.T @ D)
-    g = D.T @ freed.residual
-    return float(linear.drop(N, g)[0])
 
 
 def _finding(

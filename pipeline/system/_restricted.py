@@ -10,6 +10,7 @@ from scipy import stats
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Locked
+from pipeline.system.blocks import Blocks as Rows
 from pipeline.system.system import System
 
 _Loss = Callable[[Array], tuple[Array, float]]
@@ -34,25 +35,17 @@ class Blocks(Locked):
 
     @classmethod
     def of(cls, system: System, X: Array, groups: Sequence[Sequence[str]]) -> Blocks:
-        index, place, count = linear.numbered(system.rows.pose)
-        p, s = len(count), int(count.max())
+        blocks = Rows.of(system.rows.pose)
         unit = float(np.sqrt(np.mean(system.c**2))) or 1.0
         Q = linear.orthonormal(X)
-        y, wide = np.zeros((p, s)), np.zeros((p, s, Q.shape[1]))
-        y[index, place], wide[index, place] = system.c / unit, Q
-        source = system.errors.source.astype(str)
+        source, own = system.errors.source.astype(str), ~system.errors.common
         rest = ~np.isin(source, [name for group in groups for name in group])
-        parts = np.zeros((len(groups) + 1, p, s, s))
         masks = [np.isin(source, group) for group in groups] + [rest]
-        for k, mask in enumerate(masks):
-            own = system.errors.G[:, mask & ~system.errors.common]
-            V = (own @ own.T).tocoo()
-            parts[k, index[V.row], place[V.row], place[V.col]] = V.data / unit**2
-        empty = np.ones((p, s), dtype=bool)
-        empty[index, place] = False
-        which, at = np.nonzero(empty)
+        parts = np.stack([blocks.covariance(system.errors.G[:, mask & own]) for mask in masks])
+        parts = parts / unit**2
+        which, at = np.nonzero(~blocks.there)
         parts[-1, which, at, at] = 1.0  # padding: independent rows of zeros
-        return cls(y, wide, parts, len(index) - Q.shape[1])
+        return cls(blocks.padded(system.c) / unit, blocks.padded(Q), parts, len(Q) - Q.shape[1])
 
     @property
     def rough(self) -> float:

@@ -10,8 +10,9 @@ from scipy import special
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
 from pipeline.system import alarms
+from pipeline.system.beside import Beside
 from pipeline.system.elimination import eliminate
-from pipeline.system.evidence import ROUNDING, Scores
+from pipeline.system.evidence import ROUNDING
 from pipeline.system.whitened import Whitened, by_pose_drop
 
 
@@ -92,7 +93,7 @@ class Lack:
         return min(self.p_poses, self.p_pulls) < alarms.LACK_OF_FIT
 
 
-def lack_of_fit(view: Whitened, base: Ints, score: Scores) -> Lack:
+def lack_of_fit(view: Whitened, base: Ints, score: Beside) -> Lack:
     """Test the base against free motions; the scatter comes from the effector's own rigidity.
 
     F = (drop / k) / (scatter / nu), with k and nu degrees of freedom: the lack of fit against the

@@ -13,6 +13,7 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools
 from pipeline.machine.cell import Cell
 from pipeline.reduction.measured import Measured
+from pipeline.system import beside
 from pipeline.system.assemble import TRACKED, assemble
 from pipeline.system.system import Errors, Estimate, System
 from pipeline.system.whiten import Whitener, whitener
@@ -23,9 +24,6 @@ MISFIT_P = 0.01
 _TRACKER_M = 1e-4
 """A laser tracker measures displacements in a hall to this or better (MPE of the AT500 class)
 [m]."""
-
-_ROUNDED = 1e-6
-"""Part of a row below which it is rounding [1]."""
 
 _NO_NOISE_M = 1e-12
 """Residuals below this are rounding [m]."""
@@ -201,39 +199,14 @@ def _iterate(
 def left_out(system: System, white: Whitener | None = None) -> Array:
     """Residuals of each pose when that pose with all its pulls is left out of the estimate.
 
-    r_p = c_p - B_p x_p (Stone, J. Roy. Stat. Soc. B 36, 1974), x_p from the poses o that stay:
-
-        (x_p, a_p) = (sum_o A_o' A_o + diag(0, I))^-1 sum_o A_o' y_o,    A = V_own^-1/2 [B, G_c],
-
-    V_own without the errors common to all poses, which are estimated as a with a unit prior.
+    r_p = c_p - B_p x_p, x_p from the poses that stay with the whole V; see `beside.left_out`.
 
     Returns:
         Unweighted residuals [m], shape (M,); NaN where the rest does not determine x.
     """
     white = white or whitener(system.errors, system.rows.pose)
-    typical = np.array([p.typical for p in system.parameters])
-    k, r = len(typical), white.common.shape[1]
-    A = np.hstack([white.by_pose(system.B) * typical, white.common])
-    y = white.by_pose(system.c)
-    poses = len(white.inverse)
-    N, g = np.zeros((poses, k + r, k + r)), np.zeros((poses, k + r))
-    np.add.at(N, white.pose, A[:, :, None] * A[:, None, :])
-    np.add.at(g, white.pose, A * y[:, None])
-    prior = np.diag([0.0] * k + [1.0] * r)
-    whole = N.sum(axis=0) + prior
-    size = linear.unit(whole)[1]
-    w, V = linear.directions((whole - N) / np.outer(size, size))
-    seen = w > linear.LEFT  # less is rounding of the whole
-    along = np.einsum("pij,pi->pj", V, (g.sum(axis=0) - g) / size) / np.where(seen, w, np.inf)
-    x = np.einsum("pij,pj->pi", V, along)
-    rows = np.hstack([system.B * typical, np.zeros((len(y), r))])
-    unit = rows / size
-    dark = np.einsum("mi,mij->mj", unit, V[white.pose]) * ~seen[white.pose]
-    left = system.c - np.einsum("mi,mi->m", unit, x[white.pose])
-    lost = _needs(dark, unit) | _needs(rows * np.isinf(size), rows)
+    B = system.B * np.array([p.typical for p in system.parameters])
+    X = np.hstack([white.with_priors(B), white.columns])
+    rows = np.hstack([B, np.zeros_like(white.common)])
+    left, lost = beside.left_out(X, white.with_priors(system.c), white.key, rows, system.c)
     return np.where(lost, np.nan, left)
-
-
-def _needs(part: Array, rows: Array) -> Bools:
-    """Rows of which a part that nothing determines is more than rounding."""
-    return np.asarray(np.abs(part).max(axis=1) > _ROUNDED * np.linalg.norm(rows, axis=1))

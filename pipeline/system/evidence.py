@@ -14,14 +14,14 @@ to X. The evidence integrates the parameters out,
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy import special
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array, Ints, Locked
-from pipeline.system.elimination import eliminate
-from pipeline.system.whitened import Whitened
+from pipeline.base.arrays import Array
+from pipeline.system.beside import Beside
 
 WIDTHS = np.array([0.4, 1.0, 2.5, 6.0])
 """Prior standard deviations of a parameter in its typical size; each has the same weight."""
@@ -32,79 +32,24 @@ ROUNDING = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Scores(Locked):
-    """Statistics of every suspect added to one base.
+class Scores(Beside):
+    """Every suspect of the catalogue beside one base.
 
     Attributes:
-        T: Drop of the sum of squares when the suspect joins, h' G^+ h, shape (n,). Over the
-            variance it is also Rao's score statistic (Rao, Proc. Cambridge Phil. Soc. 44, 1948).
-        rank: Number of parameters that the data can tell from the base, shape (n,).
-        log_evidence: Natural log of the evidence for it, over the base alone, shape (n,).
-        rest: Sum of squares of the base alone.
-        dof: Its degrees of freedom.
+        bounds: What physics allows of each parameter, in typical sizes, shape (2, n, k).
     """
 
-    T: Array
-    rank: Ints
-    log_evidence: Array
-    rest: float
-    dof: int
+    bounds: Array | None = None
 
-    @property
-    def p(self) -> Array:
-        """Probability of a drop this large by chance, shape (n,).
+    @cached_property
+    def log_evidence(self) -> Array:
+        """Natural log of the evidence for each suspect, over the base alone, shape (n,).
 
-        F = (T / rank) / ((rest - T) / (dof - rank)), with rank and dof - rank degrees of freedom.
+        Directions that the base explains are left out of N and g, as N N^+ N and N N^+ g.
         """
-        left = np.maximum(self.rest - self.T, 1e-300)
-        dof = np.maximum(self.dof - self.rank, 1)
-        rank = np.maximum(self.rank, 1)
-        F = (self.T / rank) / (left / dof)
-        return np.where(self.rank > 0, special.fdtrc(rank, dof, F), 1.0)
-
-
-def scores(view: Whitened, base: Ints, dof: int, M: Array | None = None) -> Scores:
-    """Score every suspect added to a base.
-
-    Args:
-        view: The campaign, whitened.
-        base: Columns of the base.
-        dof: Rows minus parameters of the base.
-        M: Products to use instead of the whole campaign's.
-    """
-    whole = view.M if M is None else M
-    S = eliminate(whole, base)
-    n = len(view.suspects)
-    T, rank = np.zeros(n), np.zeros(n, dtype=np.int64)
-    log_evidence = np.zeros(n)
-    rest = max(float(S[-1, -1]), ROUNDING * dof)
-    size = np.bincount(view.owner, minlength=n)
-    first = view.first + np.concatenate([[0], np.cumsum(size)[:-1]])
-    for k in np.unique(size):
-        members = np.flatnonzero(size == k)
-        columns = first[members][:, None] + np.arange(k)
-        G = S[columns[:, :, None], columns[:, None, :]]
-        h = S[columns, -1]
-        left, rank[members] = linear.left(G, whole[columns, columns])
-        T[members] = np.einsum("ni,nij,nj->n", h, left, h)
-        G, h = _clean(G, h, whole[columns, columns])
-        log_evidence[members] = _evidence(G, h, rest, dof, *_bounds(view, members))
-    return Scores(T, rank, log_evidence, rest, dof)
-
-
-def _clean(G: Array, h: Array, full: Array) -> tuple[Array, Array]:
-    """G and h without directions that are rounding.
-
-    Directions are judged in units of the whole columns: what the base explains to seven digits
-    is the base.
-    """
-    size = np.sqrt(np.maximum(full, 1e-100))
-    values, vectors = linear.directions(G / (size[:, :, None] * size[:, None, :]))
-    kept = values > linear.LEFT
-    seen = vectors * kept[:, None, :]
-    along = np.einsum("nij,ni->nj", seen, h / size)
-    G = np.einsum("nij,nj,nkj->nik", seen, values, seen) * size[:, :, None] * size[:, None, :]
-    return G, np.einsum("nij,nj->ni", seen, along) * size
+        assert self.bounds is not None  # groups of suspects have none
+        N, g = self.N @ self.cov @ self.N, np.einsum("nij,nj->ni", self.N, self.size)
+        return _evidence(N, g, self.rest, self.dof, *self.bounds)
 
 
 def _evidence(G: Array, h: Array, rest: float, dof: int, lower: Array, upper: Array) -> Array:
@@ -139,11 +84,3 @@ def _log_share(lower: Array, upper: Array, mean: Array | float, scatter: Array |
     low, high = np.where(flipped, -high, low), np.where(flipped, -low, high)
     top, bottom = special.log_ndtr(high), special.log_ndtr(low)
     return np.asarray(top + np.log1p(-np.exp(np.minimum(bottom - top, -1e-12))))
-
-
-def _bounds(view: Whitened, members: Ints) -> tuple[Array, Array]:
-    """Physical bounds in typical sizes, both shape (n, k)."""
-    suspects = [view.suspects[i].parameters for i in members]
-    lower = np.array([[p.lower / p.typical for p in parameters] for parameters in suspects])
-    upper = np.array([[p.upper / p.typical for p in parameters] for parameters in suspects])
-    return lower, upper

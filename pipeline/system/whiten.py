@@ -8,6 +8,8 @@ import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
+from pipeline.system.beside import Base
+from pipeline.system.blocks import Blocks
 from pipeline.system.system import Errors
 
 
@@ -22,16 +24,14 @@ class Whitener(Locked):
         V^-1/2 = (I - U diag(1 - 1 / sqrt(1 + S^2)) U') L^-1.
 
     Attributes:
-        pose: Index of each row's pose 0..p-1, shape (M,).
-        place: Place of each row in its block, shape (M,).
+        blocks: Rows by pose, s of the largest.
         inverse: Inverse Cholesky factor of each block, padded with ones, shape (p, s, s).
         common: The common errors after whitening by pose, A, shape (M, r).
         axes: Orthonormal columns that span A, shape (M, r).
         shrink: 1 - 1/sqrt(1 + S^2) along each of them, shape (r,).
     """
 
-    pose: Ints
-    place: Ints
+    blocks: Blocks
     inverse: Array
     common: Array
     axes: Array
@@ -45,11 +45,7 @@ class Whitener(Locked):
 
     def by_pose(self, rows: Array) -> Array:
         """Whiten within each pose only; `rows` has shape (M,) or (M, any)."""
-        wide = rows[:, None] if rows.ndim == 1 else rows
-        p, s = self.inverse.shape[:2]
-        padded = np.zeros((p, s, wide.shape[1]))
-        padded[self.pose, self.place] = wide
-        return (self.inverse @ padded)[self.pose, self.place].reshape(rows.shape)
+        return _each(self.inverse, self.blocks, rows)
 
     def __call__(self, rows: Array) -> Array:
         """Whiten fully."""
@@ -60,10 +56,41 @@ class Whitener(Locked):
     def back(self, rows: Array) -> Array:
         """Apply the transpose of the whitening, so that V^-1 is first this object, then `back`."""
         inner = rows - self.axes @ (self.shrink[:, None] * (self.axes.T @ rows))
-        p, s = self.inverse.shape[:2]
-        padded = np.zeros((p, s, rows.shape[1]))
-        padded[self.pose, self.place] = inner
-        return (np.swapaxes(self.inverse, 1, 2) @ padded)[self.pose, self.place]
+        return _each(np.swapaxes(self.inverse, 1, 2), self.blocks, inner)
+
+    @property
+    def key(self) -> Ints:
+        """Index of the pose of each row of `with_priors`, the number of poses for priors."""
+        return np.concatenate([self.blocks.index, np.full(self.common.shape[1], len(self.inverse))])
+
+    def with_priors(self, rows: Array) -> Array:
+        """Rows (M,) or (M, any) whitened by pose, and below them one of zeros per common error.
+
+        Common errors a ~ N(0, I) are columns [A; I]: with a prior row for each of them, least
+        squares weighs with the whole V.
+        """
+        below = np.zeros((self.common.shape[1], *rows.shape[1:]))
+        return np.concatenate([self.by_pose(rows), below])
+
+    @property
+    def columns(self) -> Array:
+        """The common errors as columns with their priors, [A; I], shape (M + r, r)."""
+        return np.vstack([self.common, np.eye(self.common.shape[1])])
+
+    def base(self, columns: Array, y: Array) -> Base:
+        """Columns (M, k) and common errors with their priors, beside which suspects stand."""
+        X = np.hstack([self.with_priors(columns), self.columns])
+        return Base.of(X, self.with_priors(y), self.key)
+
+    def own_base(self, columns: Array, y: Array) -> Base:
+        """Columns (M, k) that each pose has to itself; of common errors no pose knows enough."""
+        return Base.of(self.by_pose(columns), self.by_pose(y), self.blocks.index, own=True)
+
+
+def _each(factor: Array, blocks: Blocks, rows: Array) -> Array:
+    """Rows (M,) or (M, any) of each block multiplied by its matrix, shape of `rows`."""
+    wide = rows[:, None] if rows.ndim == 1 else rows
+    return blocks.rows(factor @ blocks.padded(wide)).reshape(rows.shape)
 
 
 def whitener(errors: Errors, pose: Ints) -> Whitener:
@@ -73,17 +100,11 @@ def whitener(errors: Errors, pose: Ints) -> Whitener:
         errors: The errors of the rows.
         pose: Pose number of each row, shape (M,); rows of a pose need not be neighbours.
     """
-    index, place, count = linear.numbered(pose)
-    own = errors.G[:, ~errors.common]
-    V = (own @ own.T).tocoo()
-    blocks = np.zeros((len(count), count.max(), count.max()))
-    blocks[:] = np.eye(count.max())
-    blocks[index, place, place] = 0.0
-    blocks[index[V.row], place[V.row], place[V.col]] = V.data
-    inverse = linear.whitening(blocks)
-    inner = Whitener(
-        index, place, inverse, np.zeros((len(pose), 0)), np.zeros((len(pose), 0)), np.zeros(0)
-    )
-    common = inner.by_pose(errors.G[:, errors.common].toarray())
+    blocks = Blocks.of(pose)
+    V = blocks.covariance(errors.G[:, ~errors.common])
+    which, at = np.nonzero(~blocks.there)
+    V[which, at, at] = 1.0
+    inverse = linear.whitening(V)
+    common = _each(inverse, blocks, errors.G[:, errors.common].toarray())
     axes, size, _ = np.linalg.svd(common, full_matrices=False)
-    return Whitener(index, place, inverse, common, axes, 1 - 1 / np.sqrt(1 + size**2))
+    return Whitener(blocks, inverse, common, axes, 1 - 1 / np.sqrt(1 + size**2))

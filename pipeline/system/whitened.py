@@ -13,16 +13,19 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse
-from scipy import special
 
-from pipeline.base import linear
-from pipeline.base.arrays import Array, Ints, Locked
+from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.machine.cell import load
 from pipeline.machine.effect import Effect, same_element
+from pipeline.system.beside import Base, by_products, left_out
 from pipeline.system.elimination import coefficients
+from pipeline.system.evidence import ROUNDING, Scores
 from pipeline.system.linearised import Linearised, Model, accepted_columns, owners
 from pipeline.system.system import SOFT, Errors, Rows
 from pipeline.system.whiten import Whitener, whitener
+
+_FEWEST = 10
+"""Degrees of freedom from which a scatter is known well enough to test against it."""
 
 _LOOSE = 0.05
 """How far a law may be off in one pull alone, as a fraction of what it moves; the rest of its
@@ -71,23 +74,23 @@ class Whitened(Locked):
     white: Whitener
 
     @cached_property
-    def _scatter(self) -> tuple[float, int, float]:
-        return _scatter(self.seen, self.white)
+    def _rigid(self) -> Rigid:
+        return _rigid(self.seen, self.white)
 
     @property
     def scatter(self) -> float:
         """Sum of squares [1] that no rigid motion of the effector can make."""
-        return self._scatter[0] / self.noise**2
+        return self._rigid.square / self.noise**2
 
     @property
     def scatter_dof(self) -> int:
         """Degrees of freedom of `scatter`."""
-        return self._scatter[1]
+        return self._rigid.dof
 
     @property
     def tells_scatter(self) -> bool:
         """Whether the rigid effector determines the scatter of the readings."""
-        return self.scatter_dof >= 10
+        return self.scatter_dof >= _FEWEST
 
     @property
     def soft_p(self) -> float:
@@ -95,17 +98,13 @@ class Whitened(Locked):
 
         If that were scatter; 1 where no degrees of freedom are left for the test.
         """
-        return self._scatter[2]
+        return self._rigid.soft_p
 
     @cached_property
-    def free(self) -> Array:
-        """Orthonormal whitened displacements of each pose by a free stiffness of its own.
-
-        Six rigid motions of the effector in proportion to the force, shape (M + r, 6).
-        """
+    def free(self) -> Base:
+        """Six rigid motions of each pose in proportion to the force, a free stiffness of each."""
         size = np.linalg.norm(self.seen.data.pulls.force, axis=1)[self.rows.pull, None]
-        free = _orthonormal(self.white, self.white.by_pose(self.seen.motions * size))
-        return np.vstack([free, np.zeros((self.common, 6))])
+        return self.white.own_base(self.seen.motions * size, self.seen.y)
 
     @property
     def poses(self) -> int:
@@ -130,6 +129,54 @@ class Whitened(Locked):
     def rows_left(self) -> int:
         """Rows of the campaign minus springs: priors of common errors pay for themselves."""
         return len(self.rows) - self.springs
+
+    def beside(
+        self, base: Ints, M: Array | None = None, fewer: int = 0, among: Ints | None = None
+    ) -> Scores:
+        """Every suspect beside a base.
+
+        Args:
+            base: Columns of A that are estimated in any case.
+            M: Products to use instead of the whole campaign's.
+            fewer: Rows that are missing in them.
+            among: Columns of each suspect, -1 for none, shape (n, k); those of `at` when not given.
+        """
+        dof = self.rows_left - fewer - (len(base) - self.first)
+        at = self.at if among is None else among
+        found = by_products(self.M if M is None else M, base, at, dof, ROUNDING)
+        return Scores(**vars(found), bounds=self.bounds if among is None else None)
+
+    @cached_property
+    def at(self) -> Ints:
+        """Columns of each suspect, -1 where it has fewer, shape (n, k)."""
+        return padded([self.columns([i]) for i in range(len(self.suspects))])
+
+    @cached_property
+    def bounds(self) -> Array:
+        """What physics allows of each of these columns, in typical sizes, shape (2, n, k)."""
+        out = np.stack([np.full(self.at.shape, -np.inf), np.full(self.at.shape, np.inf)])
+        for i, effect in enumerate(self.suspects):
+            for k, p in enumerate(effect.parameters):
+                out[:, i, k] = p.lower / p.typical, p.upper / p.typical
+        return out
+
+    def left_out(self, base: Ints) -> Array:
+        """Residuals c - B x [m] of each pose left out of an estimate of the base, shape (M,)."""
+        rows = np.zeros((len(self.rows), len(base)))
+        kept, raw = self._raw(base)
+        rows[:, kept] = self.raw[:, raw] * self.typical[base[kept]]
+        return left_out(self.A[:, base], self.A[:, -1], self.pose, rows, self.raw[:, -1])[0]
+
+    def predicted(self, base: Ints, M: Array, rows: Bools) -> Array:
+        """What a base estimated from products M predicts of some rows of c [m]."""
+        kept, raw = self._raw(base)
+        x = coefficients(M, base) * self.typical[base]
+        return np.asarray(self.raw[np.ix_(rows, raw)] @ x[kept])
+
+    def _raw(self, base: Ints) -> tuple[Bools, Ints]:
+        """Which columns of A move a prediction, as common errors do not, and those of `raw`."""
+        kept = (base < self.springs) | (base >= self.first)
+        return kept, np.where(base < self.springs, base, base - self.common)[kept]
 
     def without(self, pose: int) -> Array:
         """M without one pose."""
@@ -248,7 +295,7 @@ def _view(seen: Linearised, more: Array, white: Whitener, noise: float, spread: 
         rows=rows,
         raw=np.column_stack([seen.B, seen.Z, seen.y]),
         A=A,
-        pose=np.concatenate([white.pose, np.full(r, -1)]),
+        pose=np.concatenate([white.blocks.index, np.full(r, -1)]),
         M=A.T @ A,
         springs=k,
         common=r,
@@ -259,41 +306,42 @@ def _view(seen: Linearised, more: Array, white: Whitener, noise: float, spread: 
     )
 
 
-def _scatter(seen: Linearised, white: Whitener) -> tuple[float, int, float]:
-    """Sum of squares of y that no rigid motion of the effector in any pull explains, and its dof.
+@dataclass(frozen=True)
+class Rigid:
+    """What no rigid motion of the effector explains.
 
-    |y - Q Q' y|^2 with M - rank Q degrees of freedom, y whitened, Q the whitened rigid motions,
-    six to a pull. Third, the p of an F test of what moves single reflectors by the load.
+    Attributes:
+        square: Sum of squares of it; in stated variances.
+        dof: Its degrees of freedom; 0 where there are too few.
+        soft_p: Probability of what moves single reflectors by the load, if it were scatter.
+    """
+
+    square: float = 0.0
+    dof: int = 0
+    soft_p: float = 1.0
+
+
+def _rigid(seen: Linearised, white: Whitener) -> Rigid:
+    """Rows beside six rigid motions of the effector to each pull, and what the load moves there.
 
     The effector is stiff: whatever happens to arm, rail, force or tracker, its reflectors keep
     their distances. What changes them is the scatter of the readings alone; or, in proportion to
     the load, a loose nest or a soft effector, and then that is no scatter.
     """
-    rows = seen.rows
-    place = _place_in_pose(rows)
-    wide = np.zeros((len(rows), 6 * (place.max() + 1)))
-    wide[np.arange(len(rows))[:, None], 6 * place[:, None] + np.arange(6)] = seen.motions
-    basis = _orthonormal(white, white.by_pose(wide))
-    dof = len(rows) - round(float(np.sum(basis**2)))
-    if dof < 10:
-        return 0.0, 0, 1.0
-
-    def bent(columns: Array) -> Array:
-        inside = np.einsum("mk,mj->mkj", basis, columns)
-        along = np.zeros((white.pose.max() + 1, *inside.shape[1:]))
-        np.add.at(along, white.pose, inside)
-        return np.asarray(columns - np.einsum("mk,mkj->mj", basis, along[white.pose]))
-
-    mine = bent(white.by_pose(seen.y)[:, None])[:, 0]
-    loose = bent(white.by_pose(_loose(seen)))
-    U = linear.orthonormal(loose, 1e-6)
-    square, k = float(mine @ mine), U.shape[1]
-    along = float(np.sum((U.T @ mine) ** 2))
-    left = dof - k
-    if k == 0 or left < 10:
-        return square, dof, 1.0
-    p = float(special.fdtrc(k, left, (along / k) / ((square - along) / left)))
-    return (square - along, left, p) if p < SOFT else (square, dof, p)
+    place = _place_in_pose(seen.rows)
+    wide = np.zeros((len(place), 6 * (place.max() + 1)))
+    wide[np.arange(len(place))[:, None], 6 * place[:, None] + np.arange(6)] = seen.motions
+    pulls = white.own_base(wide, seen.y)
+    if pulls.dof < _FEWEST:
+        return Rigid()
+    loose = pulls.beside_all(white.by_pose(_loose(seen)))
+    left = pulls.dof - int(loose.rank)
+    if not loose.rank or left < _FEWEST:
+        return Rigid(pulls.rest, pulls.dof)
+    p = float(loose.p())
+    if p < SOFT:
+        return Rigid(pulls.rest - float(loose.drop), left, p)
+    return Rigid(pulls.rest, pulls.dof, p)
 
 
 def _loose(seen: Linearised) -> Array:
@@ -308,24 +356,6 @@ def _loose(seen: Linearised) -> Array:
     return out
 
 
-def _orthonormal(white: Whitener, columns: Array) -> Array:
-    """Orthonormal columns within each pose, zero where there are fewer; shape of `columns`."""
-    p, s = white.inverse.shape[:2]
-    padded = np.zeros((p, s, columns.shape[1]))
-    padded[white.pose, white.place] = columns
-    U = linear.spans(padded)
-    out = np.zeros_like(columns)
-    out[:, : U.shape[2]] = U[white.pose, white.place]
-    return out
-
-
-def _per_pose(pose: Ints, rows: Array) -> Array:
-    """Sums of rows over each pose, shape (p, any)."""
-    out = np.zeros((pose.max() + 1, rows.shape[1]))
-    np.add.at(out, pose, rows)
-    return out
-
-
 def _place_in_pose(rows: Rows) -> Ints:
     """Number of each row's pull within its pose, from 0."""
     _, first = np.unique(rows.pose, return_inverse=True)
@@ -337,11 +367,18 @@ def _place_in_pose(rows: Rows) -> Ints:
 def by_pose_drop(view: Whitened, base: Ints) -> tuple[float, int]:
     """Sum of squares that a free stiffness of each pose takes out of the base's residual; dof.
 
-    sum_p |F_p' r_p|^2 with r = y - A_base b whitened and F_p the six columns of `free` in pose p;
-    their ranks together minus springs and accepted causes are its degrees of freedom.
+    |r|^2 - |P r|^2 with r = y - A_base b whitened and P orthogonal to `free`; the rank of these
+    columns minus springs and accepted causes are its degrees of freedom.
     """
-    residual = view.A[:, -1] - view.A[:, base] @ coefficients(view.M, base)
-    mine = view.pose >= 0
-    along = _per_pose(view.pose[mine], view.free[mine] * residual[mine, None])
-    dof = round(float(np.sum(view.free**2))) - view.springs - (len(base) - view.first)
-    return float(np.sum(along**2)), max(dof, 1)
+    rows = len(view.rows)
+    residual = view.A[:rows, -1] - view.A[:rows, base] @ coefficients(view.M, base)
+    dof = rows - view.free.dof - view.springs - (len(base) - view.first)
+    return float(residual @ residual) - view.free.against(residual).rest, max(dof, 1)
+
+
+def padded(columns: Sequence[Ints]) -> Ints:
+    """Columns of each of n suspects, -1 where there are fewer than the most, shape (n, k)."""
+    out = np.full((len(columns), max(map(len, columns), default=0)), -1)
+    for row, mine in zip(out, columns, strict=True):
+        row[: len(mine)] = mine
+    return out

@@ -1,0 +1,247 @@
+"""The one question: what would further columns add to a model, and how surely?
+
+A base, the columns X that are estimated in any case, stands beside suspects: a missing effect, a
+reading that is off, a reflector that was moved, a pose that is left out. Each is a few columns D_j
+of its own. All rows are whitened:
+
+    y = X b + D_j s_j + s e,    e ~ N(0, I).
+
+With P the projection orthogonal to X everything follows from
+
+    N_j = D_j' P D_j,    g_j = D_j' P y,    rest = y' P y,
+
+the size of the suspect s_j = N_j^+ g_j, its covariance s^2 N_j^+, and the drop of the sum of
+squares when it joins, T_j = g_j' N_j^+ g_j: over the variance, Rao's score statistic (Proc.
+Cambridge Phil. Soc. 44, 1948), and the square of Baarda's w where it has one column (A Testing
+Procedure for Use in Geodetic Networks, 1968).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy import special
+
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.system.blocks import Blocks
+from pipeline.system.elimination import eliminate
+
+
+@dataclass(frozen=True, eq=False)
+class Beside(Locked):
+    """What each of many suspects would add to a base, by itself; n suspects of k columns at most.
+
+    A suspect of fewer columns has zeros in place of the others.
+
+    Attributes:
+        N: D' P D, shape (..., n, k, k).
+        g: D' P y, shape (..., n, k).
+        whole: Squared lengths of the columns D, shape (..., n, k).
+        rest: Sum of squares that the base leaves.
+        dof: Its degrees of freedom.
+    """
+
+    N: Array
+    g: Array
+    whole: Array
+    rest: float
+    dof: int
+
+    @cached_property
+    def _left(self) -> tuple[Array, Ints]:
+        return linear.left(self.N, self.whole)
+
+    @property
+    def cov(self) -> Array:
+        """Covariance N^+ of the size for unit variance, shape (..., n, k, k)."""
+        return self._left[0]
+
+    @property
+    def rank(self) -> Ints:
+        """Number of columns that the base does not explain, shape (..., n)."""
+        return self._left[1]
+
+    @cached_property
+    def size(self) -> Array:
+        """N^+ g in the units of the columns, shape (..., n, k)."""
+        return np.asarray(np.einsum("...ij,...j->...i", self.cov, self.g))
+
+    @cached_property
+    def drop(self) -> Array:
+        """How far the sum of squares falls, g' N^+ g, shape (..., n)."""
+        return np.maximum(np.einsum("...i,...i->...", self.size, self.g), 0.0)
+
+    def variance(self, least: float = 0.0) -> Array:
+        """(rest - T) / (dof - rank), no less than `least`, shape (..., n).
+
+        A certificate may be modest, chance no outlier: where a noise is stated, `least` is 1.
+        """
+        left = np.maximum(self.rest - self.drop, 1e-300)
+        return np.maximum(left / np.maximum(self.dof - self.rank, 1), least)
+
+    def p(self, variance: Array | float | None = None, known_from: float | None = None) -> Array:
+        """Probability of such a drop by chance, F = (T / rank) / variance, shape (..., n).
+
+        Args:
+            variance: Of the rows; that of the residuals when not given.
+            known_from: Degrees of freedom that it rests on; infinite where it is known, those of
+                the residuals when not given.
+        """
+        rank = np.maximum(self.rank, 1)
+        variance = self.variance() if variance is None else variance
+        dof = np.maximum(self.dof - self.rank, 1) if known_from is None else known_from
+        ratio = self.drop / variance
+        if known_from == np.inf:
+            p = special.chdtrc(rank, ratio)
+        else:
+            p = special.fdtrc(rank, dof, ratio / rank)
+        return np.where(self.rank > 0, p, 1.0)
+
+    def of_block(self, block: int) -> Beside:
+        """The suspects of one block."""
+        return replace(self, N=self.N[block], g=self.g[block], whole=self.whole[block])
+
+    def rows(self, suspects: Blocks) -> Beside:
+        """The same in the suspects' own order, where they were padded by block."""
+        return replace(
+            self, N=suspects.rows(self.N), g=suspects.rows(self.g), whole=suspects.rows(self.whole)
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Base(Locked):
+    """Whitened rows, and the columns that are estimated in any case.
+
+    Attributes:
+        blocks: Rows that a suspect may touch: all, or those of one pose.
+        Q: Orthonormal columns that span X, shape (p, s, k).
+        own: Each block has all columns of X to itself, as six motions of each pose.
+        left: What they leave of y, shape (p, s).
+        dof: Rows minus rank of X.
+    """
+
+    blocks: Blocks
+    Q: Array
+    own: bool
+    left: Array
+    dof: int
+
+    @classmethod
+    def of(cls, X: Array, y: Array, key: Ints | None = None, own: bool = False) -> Base:
+        """The base with columns X.
+
+        Args:
+            X: Whitened columns, shape (M, k).
+            y: Whitened rows, shape (M,).
+            key: Block of each row; all rows are one when not given, shape (M,).
+            own: Each block has all columns of X to itself.
+        """
+        blocks = Blocks.of(np.zeros(len(y), np.int64) if key is None else key)
+        Q = linear.spans(blocks.padded(X)) if own else blocks.padded(linear.orthonormal(X))
+        rank = np.sum(np.abs(Q).max(axis=1, initial=0.0) > 0) if own else Q.shape[2]
+        empty = cls(blocks, Q, own, np.zeros(blocks.shape), len(y) - int(rank))
+        return empty.against(y)
+
+    def against(self, y: Array) -> Base:
+        """The same columns beside other rows (M,)."""
+        return replace(self, left=self.blocks.padded(self.beyond(y[:, None])[:, 0]))
+
+    def beyond(self, rows: Array) -> Array:
+        """What the base does not explain of rows (M, any), shape (M, any)."""
+        D = self.blocks.padded(rows)
+        along = np.einsum("psk,psj->pkj", self.Q, D)
+        along = along if self.own else np.broadcast_to(along.sum(axis=0), along.shape)
+        return self.blocks.rows(D - self.Q @ along)
+
+    @property
+    def rest(self) -> float:
+        """Sum of squares that is left of y."""
+        return float(np.sum(self.left**2))
+
+    def beside(self, D: Array) -> Beside:
+        """Suspects that each touch one block.
+
+        Args:
+            D: Whitened columns of n suspects of each block, shape (p, s, n, k); blocks and rows
+                that are missing at the end are zero.
+        """
+        Q, left = (part[: D.shape[0], : D.shape[1]] for part in (self.Q, self.left))
+        QD = np.einsum("psk,psni->pkni", Q, D)
+        whole = np.einsum("psni,psnj->pnij", D, D)
+        return Beside(
+            N=whole - np.einsum("pkni,pknj->pnij", QD, QD),
+            g=np.einsum("psni,ps->pni", D, left),
+            whole=np.einsum("pnii->pni", whole),
+            rest=self.rest,
+            dof=self.dof,
+        )
+
+    def beside_all(self, D: Array) -> Beside:
+        """One suspect that may touch all rows, D whitened columns (M, k)."""
+        beyond, left = self.beyond(D), self.blocks.rows(self.left)
+        N, g = beyond.T @ beyond, beyond.T @ left
+        return Beside(N, g, np.einsum("mk,mk->k", D, D), self.rest, self.dof)
+
+
+def by_products(M: Array, base: Ints, at: Ints, dof: int, least: float = 0.0) -> Beside:
+    """Suspects that are columns of one matrix of products M = A'A, the rows last: the fastest.
+
+    Args:
+        M: Products of whitened columns, shape (W, W).
+        base: Columns that are estimated in any case.
+        at: Columns of each suspect, -1 where it has fewer, shape (n, k).
+        dof: Degrees of freedom that the base leaves.
+        least: Mean square below which residuals are rounding.
+    """
+    S, there = eliminate(M, base), at >= 0
+    return Beside(
+        N=S[at[:, :, None], at[:, None, :]] * (there[:, :, None] & there[:, None, :]),
+        g=S[at, -1] * there,
+        whole=M[at, at] * there,
+        rest=max(float(S[-1, -1]), least * dof),
+        dof=dof,
+    )
+
+
+_ROUNDED = 1e-6
+"""Part of a row below which it is rounding [1]."""
+
+
+def left_out(X: Array, y: Array, key: Ints, rows: Array, c: Array) -> tuple[Array, Bools]:
+    """Residuals of each block when it is left out of the estimate: cross-validation.
+
+    With the base's columns X = U H^+, U orthonormal, and U_p, r_p the rows of block p of U and of
+    the residuals, the solution without the block is
+
+        x_p = x - H (I - U_p' U_p)^-1 U_p' r_p
+
+    (Stone, J. Roy. Stat. Soc. B 36, 1974; Cook and Weisberg, Residuals and Influence, 1982).
+    What only block p determines is zero in x_p.
+
+    Args:
+        X: Whitened columns of the base, shape (M + r, k).
+        y: Whitened rows, shape (M + r,).
+        key: Block of each of them, shape (M + r,).
+        rows: The columns before whitening, zero for those that take no part in the prediction,
+            shape (M, k).
+        c: The rows before whitening, shape (M,).
+
+    Returns:
+        c - rows x_p in the unit of c, (M,), and where the other blocks do not determine it, (M,).
+    """
+    inverse, blocks = linear.pseudoinverse(X), Blocks.of(key)
+    U, along = blocks.padded(inverse.U), inverse.U.T @ y
+    residual = blocks.padded(y - inverse.U @ along)
+    kept, V = linear.directions(np.eye(inverse.rank) - np.swapaxes(U, 1, 2) @ U)
+    seen = kept > linear.LEFT
+    own = np.einsum("pji,pj->pi", V, np.einsum("psj,ps->pj", U, residual))
+    gone = np.where(seen, own / np.where(seen, kept, 1.0), np.einsum("pji,j->pi", V, along))
+    b = along - np.einsum("pji,pi->pj", V, gone)
+    at, D = blocks.index[: len(c)], rows @ inverse.half
+    only_here = np.einsum("mj,mji->mi", D, V[at]) * ~seen[at]
+    lost = np.abs(only_here).max(axis=1, initial=0.0) > _ROUNDED * np.linalg.norm(D, axis=1)
+    lost |= np.abs(rows[:, inverse.lost]).max(axis=1, initial=0.0) > 0
+    return c - np.einsum("mj,mj->m", D, b[at]), lost

@@ -1,0 +1,66 @@
+"""Rows that belong together, such as those of one pose, as padded arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse
+
+from pipeline.base.arrays import Array, Bools, Ints, Locked
+
+_T = TypeVar("_T", bound=np.generic)
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks(Locked):
+    """Where each row stands among those of its block.
+
+    Attributes:
+        index: Number of each row's block 0..p-1, shape (M,).
+        place: Its place in the block, shape (M,).
+        count: Rows of each block, s of the largest, shape (p,).
+    """
+
+    index: Ints
+    place: Ints
+    count: Ints
+
+    @classmethod
+    def of(cls, key: Array | Ints) -> Blocks:
+        """Blocks of rows that share a key, such as a pose's number; they need not be neighbours."""
+        _, index = np.unique(key, return_inverse=True)
+        count = np.bincount(index)
+        order = np.argsort(index, kind="stable")
+        place = np.empty(len(index), dtype=np.int64)
+        place[order] = np.arange(len(index)) - np.repeat(np.cumsum(count) - count, count)
+        return cls(index, place, count)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of blocks p, and rows of the largest s."""
+        return len(self.count), int(self.count.max())
+
+    @property
+    def there(self) -> Bools:
+        """Where a padded array holds a row, shape (p, s)."""
+        return np.asarray(np.arange(self.shape[1]) < self.count[:, None])
+
+    def padded(self, rows: npt.NDArray[_T]) -> npt.NDArray[_T]:
+        """Rows (M, ...) by block, zeros below the shorter ones, shape (p, s, ...)."""
+        out = np.zeros((*self.shape, *rows.shape[1:]), rows.dtype)
+        out[self.index, self.place] = rows
+        return out
+
+    def rows(self, padded: npt.NDArray[_T]) -> npt.NDArray[_T]:
+        """The rows of a padded array in their own order, shape (M, ...)."""
+        return padded[self.index, self.place]
+
+    def covariance(self, G: scipy.sparse.csr_array) -> Array:
+        """G G' of errors that each stay within one block, shape (p, s, s)."""
+        V = (G @ G.T).tocoo()
+        out = np.zeros((self.shape[0], self.shape[1], self.shape[1]))
+        out[self.index[V.row], self.place[V.row], self.place[V.col]] = V.data
+        return out
