@@ -241,7 +241,7 @@ def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosis:
     cell, data = right.case.cell, right.data
     scale, effects = float(right.noise.scale[0]), catalogue(cell.robot)
     moved = drift(right.reduced.registration, scale, data.unloaded, effects)
-    return step(diagnose)(cell, data, right.estimate, where, rng, drift=moved)
+    return step(diagnose)(cell, data, right.estimate, where, rng, drift=moved, noise=right.noise)
 
 
 def _enough(data: Measured, robot: Robot) -> None:

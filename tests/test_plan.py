@@ -168,17 +168,15 @@ def test_sizes_are_those_of_plain_least_squares(proposal):
     X = rows(view, measurement.q, measurement.anchor, measurement.approach, steps, start_s)
     X = X.reshape(-1, X.shape[-1])
     found = {sight.name: sight for sight in seen_by(view, measurement)}
-    columns = {
-        i: X[:, view.springs + np.flatnonzero(view.owner == i)] for i in range(len(view.suspects))
-    }
+    columns = {i: X[:, at[at >= 0]] for i, at in enumerate(view.at)}
 
     def left(of, *by):
         base = np.hstack([X[:, : view.springs], *by])
         base = base / np.maximum(np.linalg.norm(base, axis=0), 1e-300)
         U, s, _ = np.linalg.svd(base, full_matrices=False)
         U = U[:, s > 1e-6 * s[0]]
-        rest = of - U @ (U.T @ of)
-        return np.sqrt(np.sum(rest**2) / of.shape[1])
+        moved = of.sum(axis=1)  # all parameters at typical size
+        return np.linalg.norm(moved - U @ (U.T @ moved))
 
     checked = 0
     for i in np.flatnonzero(view.main):

@@ -13,12 +13,14 @@ from pipeline.run import answered, reduce, tool
 from pipeline.simulate import simulate
 from pipeline.simulate.plan import Plan
 from pipeline.store import campaign
+from pipeline.system.contrasts import Zeros, pure_error
 from pipeline.system.estimate import identify
 from pipeline.system.noise import scatter
+from pipeline.system.variance import variance_components
 
 
 def seen(seed, scale_noise=1.0, sigma_n=2.0):
-    """A campaign from the joint springs alone, nothing scaled, and its errors as stated."""
+    """A campaign from the joint springs alone, nothing scaled, and the noise of its contrasts."""
     plan = Plan(
         poses={"count": 20},
         pulls={"steps_n": [1000, 2000, 3000, 1500]},
@@ -28,16 +30,17 @@ def seen(seed, scale_noise=1.0, sigma_n=2.0):
     raw = campaign.in_memory(files)
     data = reduce(raw, conformed).data
     cell = paper_cell(raw.robot, tool(raw.settings))
-    _, estimate = identify(cell, data, cell.robot.nominal_compliance)
+    system, estimate = identify(cell, data, cell.robot.nominal_compliance)
     case, _ = case_of(cell, data, estimate)
     case = replace(case, noise=1.0, force_noise=1.0)
     sight = case.linearised(case.model((), estimate.value))
-    return case.whitened(sight), sight.errors
+    found = variance_components(pure_error(system, estimate.residual, data, Zeros.none(), cell))
+    return case.whitened(sight), sight.system, (float(found.scale[0]), float(found.std[0]))
 
 
 def test_a_scale_that_scatters_more_than_stated_is_found_with_its_size():
     """15 N stated, 45 N true: the factor lies within four of its standard uncertainties."""
-    found = scatter(*seen(3, scale_noise=3.0, sigma_n=15.0), stated=True)
+    found = scatter(*seen(3, scale_noise=3.0, sigma_n=15.0))
 
     assert found.force_p < 1e-3
     assert 0 < found.force_std < 1.0
@@ -46,7 +49,7 @@ def test_a_scale_that_scatters_more_than_stated_is_found_with_its_size():
 
 def test_columns_that_are_nearly_alike_are_no_evidence_of_noise():
     """A direction at the limit of what counts as a rank does not come and go with the scale."""
-    view, errors = seen(4)
+    view, system, found = seen(4)
     rng = np.random.default_rng(5)
     longest = int(np.argmax(np.linalg.norm(view.A[:, : view.springs], axis=0)))
     column = view.raw[:, longest] * view.typical[longest]
@@ -54,7 +57,7 @@ def test_columns_that_are_nearly_alike_are_no_evidence_of_noise():
     for apart in 1e-10 * 2.0 ** np.arange(8):
         raw = np.column_stack([view.raw[:, :-1], column + apart * away, view.raw[:, -1]])
         doubled = replace(view, raw=raw, typical=np.append(view.typical, 1.0))
-        assert scatter(doubled, errors, stated=True).force_p > 1e-3
+        assert scatter(doubled, system, found).force_p > 1e-3
 
 
 @pytest.mark.parametrize("scale", [1.0, 1.12])

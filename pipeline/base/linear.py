@@ -128,11 +128,6 @@ def shortest(X: Array, least: float = _ROUNDING) -> Array:
     return np.asarray(np.linalg.pinv(X, rcond=least))
 
 
-def log_volume(X: Array, rank: int) -> float:
-    """Natural log of the volume that `rank` columns of X span: half of ln det X'X where all do."""
-    return float(np.sum(np.log(np.linalg.svd(X, compute_uv=False)[:rank])))
-
-
 def least_squares(X: Array, y: Array) -> Array:
     """The x, (k,) or (k, j), for which |y - X x| is smallest; see `pseudoinverse`."""
     return pseudoinverse(X)(y)

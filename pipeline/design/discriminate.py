@@ -17,17 +17,15 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.design.information import Experiment, station
 from pipeline.design.problem import Problem, with_steps
 from pipeline.design.schedule import pulls_at
-from pipeline.diagnosis.blindspots import needed
+from pipeline.diagnosis.blindspots import visible
 from pipeline.diagnosis.facts import APART
 from pipeline.diagnosis.isolability import Twins, twins
+from pipeline.diagnosis.separability import separation
 from pipeline.machine.cell import Cell, paper_cell, sensitivity
 from pipeline.machine.effect import Effect, Noise
 from pipeline.machine.effects import catalogue
-
-_P_EACH = 0.01 / 25
-"""False alarms of one cause: 1 % for all, which count as some 25 independent tests."""
-_NULL = 1e-7
-"""What is left of a column relative to the whole column when it is a mix of others."""
+from pipeline.system import alarms
+from pipeline.system.beside import padded
 
 
 @dataclass(frozen=True)
@@ -58,7 +56,7 @@ class Lens(Locked):
         problem: The problem.
         cell: The paper's cell of its robot.
         suspects: Causes that move something, each in each of its forms.
-        owner: Index of the suspect of each column, shape (K,).
+        at: Columns of each suspect in products, -1 where it has fewer, shape (n, k).
         typical: Typical size of each column's parameter, shape (K,).
         group: Number of the cause of each suspect; forms and twins share one.
         main: Suspects that are the main form of their cause, the first in the catalogue.
@@ -69,7 +67,7 @@ class Lens(Locked):
     problem: Problem
     cell: Cell
     suspects: tuple[Effect, ...]
-    owner: Ints
+    at: Ints
     typical: Array
     group: Ints
     main: Bools
@@ -99,7 +97,7 @@ def lens(problem: Problem) -> Lens:
         problem=problem,
         cell=paper_cell(robot, problem.tool),
         suspects=suspects,
-        owner=np.repeat(np.arange(len(suspects)), sizes),
+        at=padded(np.split(robot.n + np.arange(sum(sizes)), np.cumsum(sizes)[:-1])),
         typical=np.array([p.typical for effect in suspects for p in effect.parameters]),
         group=np.array([order.index(names[effect.label]) for effect in suspects]),
         main=_first([effect.label for effect in suspects]),
@@ -139,7 +137,7 @@ def rows(
     pulls = pulls_at(made, q, anchor, approach, steps, start_s)
     B = sensitivity(cell, pulls, x, cell.effects) * x
     Z = sensitivity(cell, pulls, x, view.suspects) * view.typical
-    X = np.concatenate([B, Z], axis=-1).reshape(len(q), -1, view.springs + len(view.owner))
+    X = np.concatenate([B, Z], axis=-1).reshape(len(q), -1, view.springs + len(view.typical))
     return np.asarray(linear.whitening(_covariance(made, q, anchor)) @ X)
 
 
@@ -159,34 +157,44 @@ def _covariance(experiment: Experiment, q: Array, anchor: Array) -> Array:
 
 def sights(view: Lens, M: Array) -> list[Sight]:
     """What a plan with these products, shape (W, W), sees of every cause of the catalogue."""
-    seen, apart, rival = _separations(view, M[None])
-    detected, named = _sizes(view, seen, apart)
+    detected, named, rival = _sizes(view, M)
     out = []
     for g, name in enumerate(view.names):
         members = np.flatnonzero((view.group == g) & view.main)
-        worst = members[np.argmax(named[0, members])]
-        hidden = apart[0, worst] < 0.999 * seen[0, worst]
-        other = view.names[rival[0, worst]] if hidden else ""
-        sizes = _size(detected[0, members].max()), _size(named[0, worst])
+        worst = members[np.argmax(named[members])]
+        other = view.names[view.group[rival[worst]]] if rival[worst] != worst else ""
+        sizes = _size(detected[members].max()), _size(named[worst])
         out.append(Sight(name, *sizes, other, view.suspects[worst].needs))
     return out + [Sight(*never) for never in _never(view)]
 
 
 def named_from(view: Lens, M: Array) -> Array:
     """Size from which each cause is named, in typical sizes, by plans (k, W, W), (k, g)."""
-    seen, apart, _ = _separations(view, M)
-    named = _sizes(view, seen, apart)[1]
+    named = _sizes(view, M)[1]
     members = [(view.group == g) & view.main for g in range(len(view.names))]
     return np.stack([named[:, of_cause].max(axis=1) for of_cause in members], axis=1)
 
 
-def _sizes(view: Lens, seen: Array, apart: Array) -> tuple[Array, Array]:
-    """Sizes from which each suspect is noticed and named, in typical sizes, both (k, n)."""
-    count = np.bincount(view.owner, minlength=len(view.suspects))
-    least = {k: float(np.sqrt(needed(int(k), _P_EACH) / k)) for k in np.unique(count)}
-    threshold = np.array([least[k] for k in count])
-    detected = threshold / np.maximum(seen, 1e-300)
-    return detected, np.maximum(detected, APART / np.maximum(apart, 1e-300))
+def _sizes(view: Lens, M: Array) -> tuple[Array, Array, Ints]:
+    """Sizes from which each suspect is noticed and named, in typical sizes, and what hides it.
+
+    Args:
+        view: The causes, n suspects.
+        M: Products of plans, shape (..., W, W).
+
+    Returns:
+        Two arrays of shape (..., n), and the number of the suspect that hides each best, (..., n),
+        its own where none hides it by more than rounding.
+    """
+    base, n = np.arange(view.springs), np.arange(len(view.suspects))
+    apart = separation(M, base, view.at)
+    own = apart[..., n, n]
+    apart = np.where(view.group[:, None] == view.group, np.inf, apart)
+    rival = np.argmin(apart, axis=-1)
+    closest = np.minimum(np.min(apart, axis=-1), own)
+    detected = visible(M, base, view.at, alarms.PLANNED)
+    named = np.maximum(detected, APART / np.maximum(closest, 1e-300))
+    return detected, named, np.where(closest < 0.999 * own, rival, n)
 
 
 def _size(times: float) -> float:
@@ -199,50 +207,3 @@ def _never(view: Lens) -> list[tuple[str, float, float, str, str]]:
     return [
         (name, np.inf, np.inf, "the joint springs", needs[name]) for name in view.twins.of_stiffness
     ]
-
-
-def _separations(view: Lens, M: Array) -> tuple[Array, Array, Ints]:
-    """How far each suspect at typical size stands out, in sigmas per parameter.
-
-    Args:
-        view: The causes, K columns of n suspects.
-        M: Products of plans, shape (k, W, W).
-
-    Returns:
-        Beside the springs, shape (k, n); beside springs and the rival that hides it best,
-        (k, n); the group of that rival, (k, n).
-    """
-    first, n = view.springs, len(view.suspects)
-    size = np.sqrt(np.maximum(np.einsum("kii->ki", M)[:, first:], 1e-300))
-    S = _eliminated(M, first) / size[:, :, None] / size[:, None]
-    starts = np.searchsorted(view.owner, np.arange(n))
-    count = np.bincount(view.owner, minlength=n)
-    own = np.maximum(np.einsum("kii->ki", S), 0.0)
-    seen = np.add.reduceat(own * size**2, starts, axis=1) / count
-    left = np.maximum(own[:, None] - _taken(S, view.owner, n), 0.0) * size[:, None] ** 2
-    left = np.add.reduceat(left, starts, axis=2) / count
-    left = np.where(view.group[:, None] == view.group[None], np.inf, left)
-    hiding = np.argmin(left, axis=1)
-    apart = np.minimum(np.min(left, axis=1), seen)
-    return np.sqrt(seen), np.sqrt(apart), view.group[hiding]
-
-
-def _eliminated(M: Array, first: int) -> Array:
-    """Products of what is left of the other columns when the first ones are fitted."""
-    N, scale = linear.unit(M[:, :first, :first])
-    C = M[:, :first, first:] / scale[:, :, None]
-    return np.asarray(M[:, first:, first:] - np.swapaxes(C, 1, 2) @ linear.solve(N, C))
-
-
-def _taken(S: Array, owner: Ints, n: int) -> Array:
-    """What each suspect explains of each column, shape (k, n, K); rounding explains nothing."""
-    out = np.empty((len(S), n, S.shape[-1]))
-    count = np.bincount(owner, minlength=n)
-    for k in np.unique(count):
-        members = np.flatnonzero(count == k)
-        columns = np.searchsorted(owner, members)[:, None] + np.arange(k)
-        values, vectors = linear.directions(S[:, columns[:, :, None], columns[:, None]])
-        root = np.where(values > _NULL, np.maximum(values, _NULL) ** -0.5, 0.0)
-        half = (vectors * root[..., None, :]).swapaxes(-1, -2)
-        out[:, members] = ((half @ S[:, columns]) ** 2).sum(axis=2)
-    return out

@@ -66,7 +66,7 @@ def seen_by(view: Lens, measurement: Measurement) -> list[Sight]:
     """What a measurement sees of every cause, each pose at its own time."""
     start_s = starts(np.array([len(own) for own in measurement.steps]), len(view.cell.tool.targets))
     programmes = [tuple(steps) for steps in measurement.steps]
-    M = np.zeros((view.springs + len(view.owner),) * 2)
+    M = np.zeros((view.springs + len(view.typical),) * 2)
     for steps in dict.fromkeys(programmes):
         which = np.array([own == steps for own in programmes])
         X = rows(

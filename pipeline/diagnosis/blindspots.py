@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import special
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
 from pipeline.diagnosis.facts import BlindSpot
 from pipeline.diagnosis.isolability import Twins
 from pipeline.machine.effects import Effect, Wrench
+from pipeline.system.elimination import eliminate
 from pipeline.system.whitened import Whitened
 
 _POWER = 0.8
@@ -20,15 +22,31 @@ _POWER = 0.8
 def smallest_visible(view: Whitened, base: Ints, p: float) -> Array:
     """Multiple of the typical size at which each suspect is detected with 80 % power, (n,).
 
-    sqrt(lambda k / trace N), lambda the noncentrality that a test of its k columns at level p
-    needs; NaN for one that is part of the base.
+    NaN for one that is part of the base.
     """
-    now = view.beside(base)
-    strength = np.einsum("nii->n", now.N) / np.sum(view.at >= 0, axis=1)
-    seen = (now.rank > 0) & (strength > 0)
-    least = needed(np.maximum(now.rank, 1), p) / np.where(seen, strength, np.nan)
-    within = np.isin(view.at, base).any(axis=1)
-    return np.where(within, np.nan, np.where(seen, np.sqrt(least), np.inf))
+    times = visible(view.M, base, view.at, p)
+    return np.where(np.isin(view.at, base).any(axis=1), np.nan, times)
+
+
+def visible(M: Array, base: Ints, at: Ints, p: float) -> Array:
+    """The same from products of whitened columns (..., W, W), shape (..., n).
+
+    sqrt(lambda k / trace N), N what the base leaves of the k columns of a suspect and lambda the
+    noncentrality that a test of them at level p needs; infinite where nothing is left.
+
+    Args:
+        M: Products, of one campaign or of many plans.
+        base: Columns that are estimated in any case.
+        at: Columns of each suspect, -1 where it has fewer, shape (n, k).
+        p: Level of the test.
+    """
+    S, there = eliminate(M, base), at >= 0
+    N = S[..., at[:, :, None], at[:, None, :]] * (there[:, :, None] & there[:, None, :])
+    rank = linear.left(N, M[..., at, at] * there)[1]
+    strength = np.einsum("...ii->...", N) / there.sum(axis=1)
+    seen = (rank > 0) & (strength > 0)
+    least = needed(np.maximum(rank, 1), p) / np.where(seen, strength, 1.0)
+    return np.where(seen, np.sqrt(least), np.inf)
 
 
 def needed(k: ArrayLike, p: float) -> Array:
@@ -72,7 +90,8 @@ def blind_spots(
                 else f"a typical size is {1 / size:.2g} of what would be seen here"
             )
             out.append(BlindSpot(effect, why, visible, size))
-    return tuple(sorted(out, key=lambda spot: -spot.times))
+    # twins, which differ by rounding, stay in the catalogue's order
+    return tuple(sorted(out, key=lambda spot: -float(f"{spot.times:.6g}")))
 
 
 def _hidden(effect: Effect) -> str:

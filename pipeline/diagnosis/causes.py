@@ -107,7 +107,7 @@ def of_scatter(whole: tuple[Effect, ...], spread: Scatter) -> tuple[Cause, ...]:
     out = []
     for effect in whole:
         value, std, p = sizes.get(effect.name, (0.0, 0.0, 1.0))
-        if isinstance(effect, Noise) and p < alarms.SCATTER and spread.known_from == "rigidity":
+        if isinstance(effect, Noise) and p < alarms.SCATTER and spread.known_from == "contrasts":
             size = Amplitude.symmetric(effect.parameters[0], value, std)
             out.append(Cause(effect, at_most(p), (size,), p))
     return tuple(out)

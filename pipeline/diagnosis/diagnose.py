@@ -25,11 +25,13 @@ from pipeline.machine.effects.nameless import nameless
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.system import alarms
+from pipeline.system.contrasts import Zeros, pure_error
 from pipeline.system.elimination import eliminate
 from pipeline.system.estimate import fits
 from pipeline.system.linearised import Linearised
 from pipeline.system.noise import scatter
 from pipeline.system.system import Estimate, Scatter
+from pipeline.system.variance import Components, variance_components
 from pipeline.system.whitened import Whitened
 
 _EQUILIBRIA = ("deformed", "undeformed")
@@ -49,6 +51,7 @@ def diagnose(
     rng: np.random.Generator,
     effects: tuple[Effect, ...] | None = None,
     drift: Drift | None = None,
+    noise: Components | None = None,
 ) -> Diagnosis:
     """Find what the paper's model misses in one campaign.
 
@@ -60,15 +63,16 @@ def diagnose(
         rng: Source of all draws (threshold, bootstrap, candidate poses).
         effects: The catalogue to search; that of the robot when not given.
         drift: What the base reflectors show of the tracker, where they show anything.
+        noise: Noise found in the campaign; found in its pulls when not given.
     """
     whole = catalogue(cell.robot) if effects is None else effects
     known = twins(cell.robot)
-    case, spread = case_of(cell, data, estimate, whole, known)
+    case, spread = case_of(cell, data, estimate, whole, known, noise)
     hung = as_stiff(cell, estimate)
     stood = standing(hung, data, spread.tracker, whole, rng)
     if stood.believed:
         data = corrected(hung, data, stood)
-        case, spread = case_of(cell, data, estimate, whole, known)
+        case, spread = case_of(cell, data, estimate, whole, known, noise)
     case = replace(case, refuted=stood.visible)
     case, spread, found = _searched(case, spread, estimate.value, rng)
     worth = _gain(case, found, rng)
@@ -86,6 +90,7 @@ def diagnose(
     held = (facts.causes if facts.helps else ()) + facts.scatter
     drifts = of_base(drift, held)
     facts = replace(facts, drift=drift if drifts else None)
+    main = [forms[0] for forms in by_label(case.suspects).values()]
     return Diagnosis(
         facts=facts,
         causes=facts.moved + drifts + held,
@@ -101,7 +106,7 @@ def diagnose(
         misfits=misfits(found.first),
         scatter=spread,
         equilibrium=case.cell.equilibrium,
-        apart=separation(found.first, [f[0] for f in by_label(case.suspects).values()]),
+        apart=separation(found.first.M, found.first.base, found.first.at[main]),
         apart_labels=tuple(by_label(case.suspects)),
         hypotheses=hypotheses(case, found, stood.believed, facts.helps),
         **_left_out(found, worth, facts.helps),
@@ -184,6 +189,7 @@ def case_of(
     estimate: Estimate,
     whole: tuple[Effect, ...] | None = None,
     known: Twins | None = None,
+    noise: Components | None = None,
 ) -> tuple[Case, Scatter]:
     """The suspects, at the scatter and the equilibrium that the data show.
 
@@ -193,6 +199,7 @@ def case_of(
         estimate: Its joint springs.
         whole: The catalogue; that of the robot when not given.
         known: Its twins; found when not given.
+        noise: Noise found in the campaign; found in its pulls when not given.
     """
     whole = catalogue(cell.robot) if whole is None else whole
     known = known or twins(cell.robot)
@@ -202,7 +209,12 @@ def case_of(
     plain = Case(replace(cell, equilibrium="undeformed"), data, suspects, 1.0)
     start = plain.model((), estimate.value)
     seen = plain.linearised(start)
-    spread = scatter(plain.whitened(seen), seen.errors, data.noise_stated)
+    system = seen.system
+    if noise is None:
+        residual = seen.y - seen.B @ start.values
+        found = variance_components(pure_error(system, residual, data, Zeros.none(), plain.cell))
+        tracker = (float(found.scale[0]) / (data.found_m or 1.0), float(found.std[0]))
+    spread = scatter(plain.whitened(seen), system, noise.left if noise else tracker)
     larger = spread.tracker_p < alarms.SCATTER
     case = replace(
         plain,

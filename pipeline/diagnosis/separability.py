@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array
+from pipeline.base.arrays import Array, Ints
 from pipeline.diagnosis.facts import APART, DETECTED
 from pipeline.diagnosis.isolability import Twins
 from pipeline.system.elimination import eliminate
 from pipeline.system.whitened import Whitened
 
 
-def separation(view: Whitened, suspects: Sequence[int]) -> Array:
-    """Sigmas between suspects at typical size, shape (n, n).
+def separation(M: Array, base: Ints, at: Ints) -> Array:
+    """Sigmas between suspects at typical size, shape (..., n, n).
 
-    Entry (a, b) is what a typical a leaves when springs and b are fitted; (a, a) when only the
-    springs are:
+    Entry (a, b) is what a typical a leaves when base and b are fitted; (a, a) when only the base
+    is:
 
         d_ab^2 = 1' S_aa 1 - h' S_bb^+ h,    h = S_ba 1,    d_aa^2 = 1' S_aa 1,
 
@@ -27,25 +25,21 @@ def separation(view: Whitened, suspects: Sequence[int]) -> Array:
     Geodetic Networks, 1968).
 
     Args:
-        view: The campaign, whitened.
-        suspects: Indices of n suspects.
+        M: Products of whitened columns, of one campaign or of many plans, shape (..., W, W).
+        base: Columns that are estimated in any case.
+        at: Columns of each of n suspects, -1 where it has fewer, shape (n, k).
     """
-    S = eliminate(view.M, view.base)
-    most = max(len(view.suspects[i].parameters) for i in suspects)
-    at = np.full((len(suspects), most), -1)
-    for row, i in enumerate(suspects):
-        columns = view.columns([i])
-        at[row, : len(columns)] = columns
-    there = at >= 0
-    G = S[at[:, :, None, None], at[None, None, :, :]]
-    G = G * there[:, :, None, None] * there[None, None, :, :]
-    whole = np.where(there, np.maximum(view.M[at, at], 1e-100), 1.0)
-    inverse, _ = linear.left(np.einsum("aiaj->aij", G), whole)
-    h = G.sum(axis=1)
-    alone = np.einsum("aai->a", h)
-    shared = np.einsum("abi,bij,abj->ab", h, inverse, h)
-    left = alone[:, None] - shared
-    np.fill_diagonal(left, alone)
+    S, there = eliminate(M, base), at >= 0
+    N = S[..., at[:, :, None], at[:, None, :]] * (there[:, :, None] & there[:, None, :])
+    inverse, _ = linear.left(N, M[..., at, at] * there)
+    typical = np.zeros((M.shape[-1], len(at)))
+    np.add.at(typical, (at, np.arange(len(at))[:, None]), there)
+    moved = S @ typical
+    h = moved[..., at, :] * there[..., None]
+    alone = np.einsum("...wa,wa->...a", moved, typical)
+    left = alone[..., None] - np.einsum("...bia,...bia->...ab", h, inverse @ h)
+    each = np.arange(len(at))
+    left[..., each, each] = alone
     return np.asarray(np.sqrt(np.maximum(left, 0.0)))
 
 
@@ -55,7 +49,7 @@ def identifiable(view: Whitened, known: Twins) -> dict[str, float]:
     APART / min(min_b d_ab, d_aa APART / DETECTED), d of `separation`: for its least visible form a
     against every form b of the others, twins left out; infinite where no size would do.
     """
-    apart = separation(view, range(len(view.suspects)))
+    apart = separation(view.M, view.base, view.at)
     labels = [effect.label for effect in view.suspects]
     twins = {frozenset(pair) for pair in known.pairs}
     out: dict[str, float] = {}

@@ -7,8 +7,9 @@ import numpy as np
 from pipeline.diagnosis.blindspots import smallest_visible
 from pipeline.diagnosis.facts import Clue, Misfit
 from pipeline.diagnosis.identify import Found, by_label
+from pipeline.system.beside import padded
 from pipeline.system.evidence import ROUNDING
-from pipeline.system.whitened import Whitened, padded
+from pipeline.system.whitened import Whitened
 
 
 def clues(found: Found) -> tuple[Clue, ...]:

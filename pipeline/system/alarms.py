@@ -10,6 +10,10 @@ from __future__ import annotations
 SUSPECT = 0.002
 """Probability that any suspect of the catalogue is found beside the joint springs [1]."""
 
+PLANNED = SUSPECT / 70
+"""The same of one suspect where a campaign is planned: a measured one finds its own threshold
+(`detect.threshold`), that of some 70 independent tests with the catalogue of a robot on a rail."""
+
 LACK_OF_FIT = 0.001
 """The same of each of the two tests of lack of fit, by poses and by pulls [1]."""
 

@@ -18,6 +18,7 @@ Procedure for Use in Geodetic Networks, 1968).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -204,6 +205,14 @@ def by_products(M: Array, base: Ints, at: Ints, dof: int, least: float = 0.0) ->
         rest=max(float(S[-1, -1]), least * dof),
         dof=dof,
     )
+
+
+def padded(columns: Sequence[Ints]) -> Ints:
+    """Columns of each of n suspects, -1 where there are fewer than the most, shape (n, k)."""
+    out = np.full((len(columns), max(map(len, columns), default=0)), -1)
+    for row, mine in zip(out, columns, strict=True):
+        row[: len(mine)] = mine
+    return out
 
 
 _ROUNDED = 1e-6

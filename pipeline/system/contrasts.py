@@ -51,6 +51,12 @@ class Zeros(Locked):
     delta: Array
     cov: Array
 
+    @classmethod
+    def none(cls) -> Zeros:
+        """No zero was repeated."""
+        nothing = np.zeros(0, np.int64)
+        return cls(nothing, nothing, nothing, np.zeros((0, 3)), np.zeros((0, 3, 3)))
+
 
 def repeated_zeros(settings: Settings, placed: pd.DataFrame) -> Zeros:
     """Every further unloaded reading minus the mean of those before it.

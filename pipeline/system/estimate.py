@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
-import scipy.sparse
 from scipy import special  # scipy.stats takes a second to import
 
 from pipeline.base import linear
@@ -15,7 +13,8 @@ from pipeline.machine.cell import Cell
 from pipeline.reduction.measured import Measured
 from pipeline.system import beside
 from pipeline.system.assemble import TRACKED, assemble
-from pipeline.system.system import Errors, Estimate, System
+from pipeline.system.restricted import Blocks, lowest
+from pipeline.system.system import Estimate, System
 from pipeline.system.whiten import Whitener, whitener
 
 MISFIT_P = 0.01
@@ -130,49 +129,16 @@ def identify(cell: Cell, data: Measured, start: Array) -> tuple[System, Estimate
 def tracker_noise(system: System) -> float:
     """Standard uncertainty per axis of a reading [m] for which V = s^2 V_tracker + V_rest fits.
 
-    Restricted likelihood of the residuals: log|V| + log|B' V^-1 B| + r' V^-1 r is smallest
-    (Patterson and Thompson, Biometrika 58 (1971) 545). With nothing but the tracker's errors that
-    is s^2 = r' V_tracker^-1 r / (M - k).
+    It minimises the restricted likelihood of the residuals, see `restricted`. With nothing but the
+    tracker's errors that is s^2 = r' V_tracker^-1 r / (M - k).
 
     Args:
         system: A system whose noise of the tracker is still relative.
     """
-    tracked = np.isin(system.errors.source.astype(str), TRACKED)
     typical = np.array([p.typical for p in system.parameters])
-
-    def fit(errors: Errors) -> tuple[float, float, int]:
-        """Minus twice the restricted log likelihood, chi2 and degrees of freedom."""
-        white = whitener(errors, system.rows.pose)
-        A, y = white(system.B), white(system.c)
-        _, _, chi2, rank = least_squares(A, y, typical, np.zeros(len(typical)))
-        volume = linear.log_volume(A * typical, rank)
-        return white.log_det + 2 * volume + chi2, chi2, len(y) - rank
-
-    def scaled(log_s: float) -> Errors:
-        factor = np.where(tracked, np.exp(log_s), 1.0)
-        G = scipy.sparse.csr_array(system.errors.G @ scipy.sparse.diags_array(factor))
-        return replace(system.errors, G=G)
-
-    alone = replace(
-        system.errors,
-        G=system.errors.G[:, tracked],
-        source=system.errors.source[tracked],
-        common=system.errors.common[tracked],
-    )
-    _, chi2, dof = fit(alone)
-    most = max(float(np.sqrt(chi2 / max(dof, 1))), _NO_NOISE_M)
-    if tracked.all():
-        return most
-    bounds = np.log([max(1e-3 * most, _NO_NOISE_M), 2 * most])
-    from scipy import optimize  # slow to import, and seldom needed
-
-    best = optimize.minimize_scalar(
-        lambda log_s: fit(scaled(log_s))[0],
-        bounds=bounds,
-        method="bounded",
-        options={"xatol": 1e-6},
-    )
-    return float(np.exp(best.x))
+    blocks = Blocks.of(system, system.B * typical, [TRACKED])
+    (log_s,) = lowest(blocks.of_scales(np.array([True])), np.array([blocks.rough]))
+    return max(float(np.exp(log_s)), _NO_NOISE_M)
 
 
 def _iterate(

@@ -12,7 +12,7 @@ from pipeline.machine.effect import Effect, Loaded
 from pipeline.machine.robot.configuration import rotation_about, velocity
 from pipeline.reduction.measured import Measured
 from pipeline.system.assemble import assemble
-from pipeline.system.system import Errors, Rows
+from pipeline.system.system import Errors, Rows, System
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +57,14 @@ class Linearised(Locked):
     Z: Array
     y: Array
     motions: Array
+
+    @property
+    def system(self) -> System:
+        """The springs alone as a linear system."""
+        data, parameters = self.data, self.model.cell.parameters[: self.model.springs]
+        return System(
+            parameters, self.rows, self.B, self.y, self.errors, data.noise_stated, data.found_m
+        )
 
     def beside(self, more: tuple[Effect, ...]) -> Linearised:
         """The same with further effects tested, behind the suspects."""

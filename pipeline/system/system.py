@@ -133,7 +133,7 @@ class Scatter:
         force: Of the scale's readings, relative to the tracker's; 1 unless the data say otherwise.
         force_std: Its standard uncertainty; 0 where it is not looked at.
         force_p: Probability of so much more by chance.
-        known_from: `rigidity` of the effector, or `residuals`.
+        known_from: `contrasts` that no model of the robot can make, or `residuals`.
     """
 
     tracker: float

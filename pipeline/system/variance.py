@@ -23,9 +23,9 @@ from pipeline.machine.cell import Cell
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.settings import Settings
 from pipeline.system import alarms
-from pipeline.system._restricted import Blocks, maximum
 from pipeline.system.assemble import TRACKED
 from pipeline.system.contrasts import ZEROS, pure_error, repeated_zeros
+from pipeline.system.restricted import Blocks, maximum
 from pipeline.system.system import Estimate, System
 from pipeline.system.whiten import whitener
 
@@ -89,6 +89,12 @@ class Components(Locked):
         """Whether any is."""
         return bool(self.replaced.any())
 
+    @property
+    def left(self) -> tuple[float, float]:
+        """Scale of the tracker once what was found is used, and its relative uncertainty."""
+        used = self.replaced[0] or not self.stated
+        return (1.0 if used else float(self.scale[0])), float(self.std[0])
+
     def of(self, name: str) -> float:
         """Scale of one component."""
         return float(self.scale[list(self.name).index(name)])
@@ -101,8 +107,8 @@ def variance_components(
 ) -> Components:
     """Scales of the noise components by restricted maximum likelihood.
 
-    Fixed effects are the columns of `design` and the errors common to all poses; what is left is
-    normal with V = sum s^2 G_s G_s' + stated rest. For an answer that no wrong model of the robot
+    Fixed effects are the columns of `design`; what is left is normal with V = sum s^2 G_s G_s' +
+    stated rest. For an answer that no wrong model of the robot
     can spoil, give the system of `pure_error`; for residuals of a model, the campaign's own.
     Its standard uncertainties are the larger of the information's and of the scatter from pose
     to pose, so that tails longer than normal do not make it too sure.
@@ -117,9 +123,6 @@ def variance_components(
     p = np.ones(len(names))
     if len(system.rows) - X.shape[1] < _FEWEST:
         return _components(system, names, log_scale, std, p, len(system.rows))
-    common = system.errors.G[:, system.errors.common].toarray()
-    felt = np.linalg.norm(common, axis=0) > 0.01 * np.sqrt(np.mean(system.c**2))
-    X = np.hstack([X, common[:, felt]])
     blocks = Blocks.of(system, X, [_SCALED[name] for name in names])
     told = np.array([_told(system, _SCALED[name]) for name in names])
     if told.any():

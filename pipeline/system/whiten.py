@@ -37,12 +37,6 @@ class Whitener(Locked):
     axes: Array
     shrink: Array
 
-    @property
-    def log_det(self) -> float:
-        """log|V| = 2 sum log diag L + sum log(1 + S^2); the padding adds nothing."""
-        own = float(np.sum(np.log(np.einsum("pss->ps", self.inverse))))
-        return -2 * own - 2 * float(np.sum(np.log1p(-self.shrink)))
-
     def by_pose(self, rows: Array) -> Array:
         """Whiten within each pose only; `rows` has shape (M,) or (M, any)."""
         return _each(self.inverse, self.blocks, rows)

@@ -17,7 +17,7 @@ import scipy.sparse
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.machine.cell import load
 from pipeline.machine.effect import Effect, same_element
-from pipeline.system.beside import Base, by_products, left_out
+from pipeline.system.beside import Base, by_products, left_out, padded
 from pipeline.system.elimination import coefficients
 from pipeline.system.evidence import ROUNDING, Scores
 from pipeline.system.linearised import Linearised, Model, accepted_columns, owners
@@ -374,11 +374,3 @@ def by_pose_drop(view: Whitened, base: Ints) -> tuple[float, int]:
     residual = view.A[:rows, -1] - view.A[:rows, base] @ coefficients(view.M, base)
     dof = rows - view.free.dof - view.springs - (len(base) - view.first)
     return float(residual @ residual) - view.free.against(residual).rest, max(dof, 1)
-
-
-def padded(columns: Sequence[Ints]) -> Ints:
-    """Columns of each of n suspects, -1 where there are fewer than the most, shape (n, k)."""
-    out = np.full((len(columns), max(map(len, columns), default=0)), -1)
-    for row, mine in zip(out, columns, strict=True):
-        row[: len(mine)] = mine
-    return out

@@ -1,4 +1,8 @@
-"""Restricted likelihood of the scales of noise components, by pose, and where it is largest."""
+"""Restricted likelihood of the scales of noise components, by pose, and where it is largest.
+
+The one likelihood of scatter, of contrasts and of residuals alike (Patterson and Thompson,
+Biometrika 58 (1971) 545).
+"""
 
 from __future__ import annotations
 
@@ -16,48 +20,65 @@ from pipeline.system.system import System
 _Loss = Callable[[Array], tuple[Array, float]]
 """Minus twice a restricted log likelihood by log scales: part of each pose, and the rest."""
 
+_NOTHING = 1e-300
+
 
 @dataclass(frozen=True, eq=False)
 class Blocks(Locked):
-    """Rows by pose, padded to the largest: y, X and the parts of V.
+    """Rows by pose, padded to the largest: y, what is estimated along, and the parts of V.
 
     Attributes:
         y: Shape (p, s).
-        X: Orthonormal fixed effects, shape (p, s, k).
+        X: Orthonormal fixed effects, then errors common to all poses, shape (p, s, k + r).
+        prior: 0 for the former, 1 for the latter, which are random, shape (k + r,).
         parts: Covariance of each component as stated, then of the rest, shape (n + 1, p, s, s).
+        rough: Log scale that gives what X leaves its mean square if all components share it.
         dof: Rows minus fixed effects.
     """
 
     y: Array
     X: Array
+    prior: Array
     parts: Array
+    rough: float
     dof: int
 
     @classmethod
     def of(cls, system: System, X: Array, groups: Sequence[Sequence[str]]) -> Blocks:
-        blocks = Rows.of(system.rows.pose)
+        """The rows of a system beside fixed effects X (M, k); sources of error by component.
+
+        The fixed effects are thinned to independent ones once: were their rank counted anew at
+        every scale, a direction near the limit would come and go and pass for evidence.
+        """
+        blocks, errors = Rows.of(system.rows.pose), system.errors
         unit = float(np.sqrt(np.mean(system.c**2))) or 1.0
-        Q = linear.orthonormal(X)
-        source, own = system.errors.source.astype(str), ~system.errors.common
+        y, Q = system.c / unit, linear.orthonormal(X)
+        A = errors.G[:, errors.common].toarray() / unit
+        source, own = errors.source.astype(str), ~errors.common
         rest = ~np.isin(source, [name for group in groups for name in group])
         masks = [np.isin(source, group) for group in groups] + [rest]
-        parts = np.stack([blocks.covariance(system.errors.G[:, mask & own]) for mask in masks])
-        parts = parts / unit**2
+        parts = np.stack([blocks.covariance(errors.G[:, mask & own]) for mask in masks]) / unit**2
+        left = max(float(np.sum((y - Q @ (Q.T @ y)) ** 2)), _NOTHING)
+        rough = 0.5 * np.log(left / max(np.einsum("kpii->", parts[:-1]), _NOTHING))
         which, at = np.nonzero(~blocks.there)
         parts[-1, which, at, at] = 1.0  # padding: independent rows of zeros
-        return cls(blocks.padded(system.c) / unit, blocks.padded(Q), parts, len(Q) - Q.shape[1])
-
-    @property
-    def rough(self) -> float:
-        """Log scale that gives the rows their mean square if all components share it."""
-        stated = np.einsum("kpii->", self.parts[:-1])
-        return float(0.5 * np.log(np.sum(self.y**2) / stated))
+        return cls(
+            y=blocks.padded(y),
+            X=blocks.padded(np.hstack([Q, A])),
+            prior=np.repeat([0.0, 1.0], [Q.shape[1], A.shape[1]]),
+            parts=parts,
+            rough=float(rough),
+            dof=len(Q) - Q.shape[1],
+        )
 
     def loss(self, log_scale: Array) -> tuple[Array, float]:
         """Minus twice the restricted log likelihood: part of each pose, shape (p,), and of X.
 
-        sum_p (log|V_p| + y_p' V_p^-1 y_p)  and  log|N| - g' N^-1 g,  N = sum_p X_p' V_p^-1 X_p,
-        g = sum_p X_p' V_p^-1 y_p,  V_p = sum_k exp(2 t_k) parts_kp + rest_p, t the log scales.
+        sum_p (log|V_p| + y_p' V_p^-1 y_p)  and  log|N| - g' N^-1 g,
+
+        N = sum_p X_p' V_p^-1 X_p + diag(prior), g = sum_p X_p' V_p^-1 y_p, and
+        V_p = sum_k exp(2 t_k) parts_kp + rest_p, t the log scales. With A the common errors that is
+        log|V| + log|X' V^-1 X| + r' V^-1 r for the whole V = V_own + A A', up to a constant.
         """
         weights = np.append(np.exp(2 * log_scale), 1.0)
         V = np.einsum("k,kpij->pij", weights, self.parts)
@@ -70,9 +91,14 @@ class Blocks(Locked):
         own = 2 * np.log(np.einsum("pii->pi", L)).sum(axis=1) + (y**2).sum(axis=1)
         if not X.shape[2]:
             return own, 0.0
-        N = np.einsum("psi,psj->ij", X, X)
-        g = np.einsum("psi,ps->i", X, y)
+        flat = X.reshape(-1, X.shape[2])
+        N, g = flat.T @ flat + np.diag(self.prior), flat.T @ y.ravel()
         return own, float(linear.log_det(N) - g @ linear.solve(N, g))
+
+    def whole(self, log_scale: Array) -> float:
+        """Minus twice the restricted log likelihood, up to a constant."""
+        own, rest = self.loss(log_scale)
+        return float(own.sum() + rest)
 
     def of_scales(self, told: Bools) -> _Loss:
         """The loss as a function of some log scales; the other components stay as stated."""
@@ -99,7 +125,7 @@ def maximum(blocks: Blocks, told: Bools) -> tuple[Array, Array, Array]:
     a component may stand out clearly at a scale at which it would be invisible.
     """
     loss, start = blocks.of_scales(told), np.full(int(told.sum()), blocks.rough)
-    x = _lowest(loss, start)
+    x = lowest(loss, start)
     _, H, scores = _derivatives(loss, x)
     values, vectors = linear.directions(H)
     if values.min() <= 0:
@@ -115,13 +141,13 @@ def maximum(blocks: Blocks, told: Bools) -> tuple[Array, Array, Array]:
     for i, k in enumerate(np.flatnonzero(told)):
         others = told & (np.arange(len(told)) != k)
         as_stated = blocks.of_scales(others)
-        worse = _total(as_stated, _lowest(as_stated, np.delete(x, i))) - best
+        worse = _total(as_stated, lowest(as_stated, np.delete(x, i))) - best
         tail = 0.5 * stats.chi2.sf(max(worse, 0.0) / longer[i], 1)
         p[i] = tail if x[i] > 0 else 1 - tail
     return x, np.sqrt(information * longer), p
 
 
-def _lowest(loss: _Loss, start: Array) -> Array:
+def lowest(loss: _Loss, start: Array) -> Array:
     """Where a loss is lowest, by Newton's method."""
     x = start
     for _ in range(40):
