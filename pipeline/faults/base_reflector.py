@@ -13,7 +13,7 @@ from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array
 from pipeline.faults.base_reading import shifts
 from pipeline.faults.fault import Fault
-from pipeline.faults.mistake import Mistake
+from pipeline.faults.mistake import Mistake, outlying
 from pipeline.faults.reading import smallest
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ, Registration, register
@@ -77,19 +77,16 @@ def _freed(case: Case, registration: Registration, name: str) -> tuple[float, Ar
 
 
 def _finding(name: str, size: float, sigmas: float, after: float, p: float) -> Mistake:
-    return Mistake(
-        name="outlier",
-        where=name,
-        evidence=f"the base reflector {name} stands {1e3 * size:.2f} mm from its place in "
+    return outlying(
+        name,
+        f"the base reflector {name} stands {1e3 * size:.2f} mm from its place in "
         f"[base_frame] in every round, {sigmas:.1f} standard deviations, and the others agree "
         f"without it: its nominal coordinates are wrong, or it was moved before the first round",
-        correction=f"computed again without {name}",
+        f"computed again without {name}",
         before=sigmas,
         after=after,
-        unit="sigma",
         size=size,
-        size_unit="m",
-        p_value=min(p, 1.0),
+        p_value=p,
         correct=partial(_without_target, name=name),
     )
 

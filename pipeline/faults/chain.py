@@ -18,7 +18,7 @@ import pandas as pd
 from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
 from pipeline.faults.fault import Fault
-from pipeline.faults.mistake import Mistake
+from pipeline.faults.mistake import Mistake, outlying
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 from pipeline.system import alarms
@@ -249,17 +249,13 @@ def _finding(chain: _Chain, off: _Off, names: Sequence[str], told: str, size: fl
     if end is not None:
         which, size = names[end[0]], end[1]
         told = f"{told}: {which} is {1e3 * size:.2f} mm off"
-    return Mistake(
-        name="outlier",
-        where=f"{group}/{which}",
-        evidence=f"in {group} {told}",
-        correction=f"computed again without the pull of {group}",
+    return outlying(
+        f"{group}/{which}",
+        f"in {group} {told}",
+        f"computed again without the pull of {group}",
         before=off.sigmas,
-        after=0.0,
-        unit="sigma",
         size=size,
-        size_unit="m",
-        p_value=min(off.p_value, 1.0),
+        p_value=off.p_value,
         correct=partial(_without_group, group=group),
     )
 

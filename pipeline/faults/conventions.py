@@ -49,6 +49,13 @@ _UNITS = {
 }
 """Factor on the tracker's coordinates: the unit they are in, and the sentence for it."""
 
+_LOGGED = (
+    ("_rad", "rad", 180 / np.pi, "the numbers are radians and were read as degrees"),
+    ("_rad", "deg", np.pi / 180, "the numbers are degrees and were read as radians"),
+    ("_m", "joints_mm", 1e-3, "the sliding joint is in millimetres and was read as metres"),
+    ("_m", "joints_m", 1e3, "the sliding joint is in metres and was read as millimetres"),
+)
+"""Columns of the joint log by their ending: unit they are in, factor, and the sentence for it."""
 
 _DH_SAYS = {
     "modified_dh": "the robot's table is one of modified DH parameters, read as standard ones",
@@ -185,7 +192,11 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
     """Every mistake that is tested."""
     for factor, (unit, says) in _UNITS.items():
         yield Hypothesis("unit_mixup", unit, f"in the tracker export {says}", scaled(factor))
-    yield from _angles(case.robot)
+    for ending, unit, factor, says in _LOGGED:
+        columns = [column for column in case.joint_columns if column.endswith(ending)]
+        if columns:
+            says = f"in the joint log {says}"
+            yield Hypothesis("unit_mixup", unit, says, partial(_logged, columns, factor))
     yield Hypothesis(
         "sign_or_convention",
         "left_handed",
@@ -204,7 +215,7 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
             "sign_or_convention",
             f"{joint.name}_reversed",
             f"in the joint log {joint.name} counts the other way round",
-            _reversed_joint(column),
+            partial(_logged, [column], -1.0),
             table=True,
         )
     for name, robot in _robots(case.robot):
@@ -236,35 +247,6 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
 
 def _called(robot: Robot) -> str:
     return f", as {robot.name} has it," if robot.name in SHIPPED else ""
-
-
-def _angles(robot: Robot) -> Iterator[Hypothesis]:
-    if not robot.prismatic.all():
-        yield Hypothesis(
-            "unit_mixup",
-            "rad",
-            "in the joint log the numbers are radians and were read as degrees",
-            _turned(180 / np.pi),
-        )
-        yield Hypothesis(
-            "unit_mixup",
-            "deg",
-            "in the joint log the numbers are degrees and were read as radians",
-            _turned(np.pi / 180),
-        )
-    if robot.prismatic.any():
-        yield Hypothesis(
-            "unit_mixup",
-            "joints_mm",
-            "in the joint log the sliding joint is in millimetres and was read as metres",
-            _slid(1e-3),
-        )
-        yield Hypothesis(
-            "unit_mixup",
-            "joints_m",
-            "in the joint log the sliding joint is in metres and was read as millimetres",
-            _slid(1e3),
-        )
 
 
 def _robots(robot: Robot) -> Iterator[tuple[str, Robot]]:
@@ -310,33 +292,10 @@ def _with_covariance(rows: pd.DataFrame, six: Array) -> pd.DataFrame:
     return rows.assign(**dict(zip(covariance.columns(), six.T, strict=True)))
 
 
-def _turned(factor: float) -> Callable[[Case], Case]:
-    """Joint angles times a factor."""
-
-    def correct(case: Case) -> Case:
-        columns = [c for c in case.joint_columns if c.endswith("_rad")]
-        return replace(
-            case, joints=case.joints.assign(**{c: case.joints[c] * factor for c in columns})
-        )
-
-    return correct
-
-
-def _slid(factor: float) -> Callable[[Case], Case]:
-    """Sliding joints times a factor."""
-
-    def correct(case: Case) -> Case:
-        columns = [c for c in case.joint_columns if c.endswith("_m")]
-        return replace(
-            case, joints=case.joints.assign(**{c: case.joints[c] * factor for c in columns})
-        )
-
-    return correct
-
-
-def _reversed_joint(column: str) -> Callable[[Case], Case]:
-    """Values of one joint with the other sign."""
-    return lambda case: replace(case, joints=case.joints.assign(**{column: -case.joints[column]}))
+def _logged(columns: Sequence[str], factor: float, case: Case) -> Case:
+    """Some columns of the joint log times a factor."""
+    joints = case.joints.assign(**{c: case.joints[c] * factor for c in columns})
+    return replace(case, joints=joints)
 
 
 def _from_controller(case: Case) -> Case:

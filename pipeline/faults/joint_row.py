@@ -22,7 +22,7 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.linear import rigid
 from pipeline.faults.conventions import unloaded
 from pipeline.faults.fault import Fault
-from pipeline.faults.mistake import Mistake
+from pipeline.faults.mistake import Mistake, outlying
 from pipeline.machine.robot import configure
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ, register
@@ -232,19 +232,17 @@ def _finding(case: Case, read: _Stand, laid: _Laid, k: int) -> Mistake:
     size = float(np.sqrt(far[of == k].mean()))
     others = float(np.sqrt(far[~laid.apart[of]].mean()))
     where = f"{row['file']} pose{read.poses[k]:02d}"
-    return Mistake(
-        name="outlier",
-        where=where,
-        evidence=f"the row of pose {read.poses[k]} in the joint log ({row['file']}:{row['line']}) "
+    return outlying(
+        where,
+        f"the row of pose {read.poses[k]} in the joint log ({row['file']}:{row['line']}) "
         f"is not that of its readings{_same(case, row)}: the unloaded reflectors stand "
         f"{_mm(size)} from where it puts them, those of the other poses "
         f"{_mm(others)}",
-        correction=f"computed again without pose {read.poses[k]}",
+        f"computed again without pose {read.poses[k]}",
         before=1e3 * size,
         after=1e3 * others,
         unit="mm",
         size=size,
-        size_unit="m",
         correct=partial(_without_pose, pose=int(read.poses[k])),
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from pipeline.reduction.case import Case
 
@@ -40,3 +41,12 @@ class Mistake:
     size_unit: str = "1"
     p_value: float | None = None
     beside_model: bool = False
+
+
+def outlying(where: str, evidence: str, correction: str, **known: Any) -> Mistake:
+    """One reading, or one row, that contradicts all others; `known` as in `Mistake`."""
+    usual: dict[str, Any] = {"name": "outlier", "after": 0.0, "unit": "sigma", "size_unit": "m"}
+    told = usual | known
+    if told.get("p_value") is not None:
+        told["p_value"] = min(told["p_value"], 1.0)  # a sum over readings may exceed 1
+    return Mistake(where=where, evidence=evidence, correction=correction, **told)

@@ -19,7 +19,7 @@ from scipy import stats
 
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.faults.fault import Fault
-from pipeline.faults.mistake import Mistake
+from pipeline.faults.mistake import Mistake, outlying
 from pipeline.machine import instrument
 from pipeline.reduction.bring import Reduced
 from pipeline.reduction.case import Case
@@ -264,18 +264,14 @@ def bad_reading(
         beside_model: As in `Mistake`.
     """
     where = f"{row['group']}/{row['target']}"
-    return Mistake(
-        name="outlier",
-        where=where,
-        evidence=f"the reading {where} ({row['file']}:{row['line']}) is {1e3 * size:.2f} mm off "
+    return outlying(
+        where,
+        f"the reading {where} ({row['file']}:{row['line']}) is {1e3 * size:.2f} mm off "
         f"from where {others} put it, {sigmas:.1f} standard deviations",
-        correction=f"computed again without {where}",
+        f"computed again without {where}",
         before=sigmas,
-        after=0.0,
-        unit="sigma",
         size=size,
-        size_unit="m",
-        p_value=min(p, 1.0),
+        p_value=p,
         beside_model=beside_model,
         correct=partial(without, file=str(row["file"]), line=int(row["line"])),
     )

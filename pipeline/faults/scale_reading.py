@@ -16,7 +16,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array
 from pipeline.faults.fault import Fault
-from pipeline.faults.mistake import Mistake
+from pipeline.faults.mistake import Mistake, outlying
 from pipeline.machine.cell import Cell
 from pipeline.reduction.case import Case
 from pipeline.reduction.forces import reading_std
@@ -162,19 +162,16 @@ def _finding(
     row = loads[(loads["pose"] == pose) & (loads["repeat"] == repeat)].iloc[0]
     where = f"{row['file']} pose{pose:02d} rep{repeat}"
     sigmas = float(np.sqrt(drop))
-    return Mistake(
-        name="outlier",
-        where=where,
-        evidence=f"the reading {where} (line {row['line']}) says {given:.6g} N, and "
+    return outlying(
+        where,
+        f"the reading {where} (line {row['line']}) says {given:.6g} N, and "
         f"all other pulls agree with {fits:.6g} +- {normal**-0.5:.2g} N, {sigmas:.0f} standard "
         "deviations away",
-        correction="computed again without this pull",
+        "computed again without this pull",
         before=sigmas,
-        after=0.0,
-        unit="sigma",
         size=abs(given - fits),
         size_unit="N",
-        p_value=min(p, 1.0),
+        p_value=p,
         beside_model=True,
         correct=partial(_without, pose=pose, repeat=repeat),
     )
