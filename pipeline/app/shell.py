@@ -12,13 +12,12 @@ from typing import TYPE_CHECKING, Any
 from pipeline.app import preferences, service, sync
 from pipeline.app.outcome import (
     EARLIER,
+    Compute,
     Outcome,
-    Row,
     dated,
     failed,
     guarded,
     outcome,
-    rows,
     sentences,
 )
 from pipeline.app.processes import sheltered
@@ -45,14 +44,18 @@ def run_all(root: Path, names: list[str], engine: str, force: bool) -> Iterator[
         for name in everyone:
             label = campaigns.label(name)
             bar.now(label)
-            find = partial(campaigns.find, root, name)
-            done = outcome(label, find, partial(compute, force=force, tell=bar.at))
+            work = partial(_found, root, name, partial(compute, force=force, tell=bar.at))
+            done = guarded(label, work)
             bar.done()
             yield done
     from pipeline.app import pages
 
     pages.refresh(root)
     yield from sync.publish(root, storage)
+
+
+def _found(root: Path, name: str, compute: Compute) -> Outcome:
+    return outcome(campaigns.find(root, name), compute)
 
 
 def no_campaign(root: Path) -> InputError:
@@ -129,7 +132,7 @@ def _check(root: Path, name: str) -> Outcome:
         content={"campaign": name, **used},
         text=text,
         exit_code=InputError.exit_code if rejected else 0,
-        complaints=[f"{name}: {line}" for line in sentences(rows(rejected))],
+        complaints=[f"{name}: {line}" for line in sentences(rejected)],
     )
 
 
@@ -138,6 +141,7 @@ def inspect(path: Path, unit: str | None, csv: bool = False) -> Outcome:
 
     A campaign.toml beside it says what the export does not.
     """
+    from pipeline.answer.contract import Rejected
     from pipeline.readers.inspect import as_csv
     from pipeline.readers.inspect import inspect as look
 
@@ -149,7 +153,7 @@ def inspect(path: Path, unit: str | None, csv: bool = False) -> Outcome:
         seen = look(path.name, data, hints)
         text = as_csv(path.name, data, hints).decode().rstrip("\n") if csv else seen.to_text()
     except PipelineError as problem:
-        refused = failed(path.name, problem, str(problem), problem.exit_code)
+        refused = failed(path.name, problem)
         content = {"file": path.name, "error": refused.content["error"]}
         return replace(refused, content=content, complaints=[str(problem)])
     return Outcome(
@@ -157,7 +161,7 @@ def inspect(path: Path, unit: str | None, csv: bool = False) -> Outcome:
         content=seen.to_json(),
         text=text,
         exit_code=InputError.exit_code if seen.rejected else 0,
-        complaints=sentences(Row(path.name, **entry) for entry in seen.rejected),
+        complaints=sentences(Rejected(file=path.name, **entry) for entry in seen.rejected),
     )
 
 
@@ -176,7 +180,7 @@ def _hints(folder: Campaign, unit: str | None) -> Any:
 def status(root: Path) -> Iterator[Outcome]:
     """State of every campaign under data/raw."""
     for campaign in campaigns.every(root):
-        yield dated(guarded(campaign.name, partial(_status, campaign)), campaign)
+        yield dated(campaign, _status)
 
 
 def _status(campaign: Campaign) -> Outcome:
@@ -186,7 +190,7 @@ def _status(campaign: Campaign) -> Outcome:
     rejected = campaign.rejection(key)
     if rejected is None:
         return _standing(campaign, "changed" if before else "new", None)
-    told = failed(campaign.name, rejected, str(rejected), rejected.exit_code)
+    told = failed(campaign.name, rejected)
     content = {"campaign": campaign.name, "state": "rejected", "verdict": None}
     return replace(told, content=told.content | content, text=f"{campaign.name:24} rejected")
 

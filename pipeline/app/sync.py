@@ -76,11 +76,7 @@ def fetch(root: Path, storage: Storage) -> list[Outcome]:
     except PipelineError as problem:
         refused[_HERE] = problem
     note.keep(root)
-    return [_refused(name, problem) for name, problem in refused.items()]
-
-
-def _refused(name: str, problem: PipelineError) -> Outcome:
-    return failed(name, problem, str(problem), problem.exit_code)
+    return [failed(name, problem) for name, problem in refused.items()]
 
 
 _Marks = Mapping[str, tuple[int, float]]
@@ -165,7 +161,7 @@ def publish(root: Path, storage: Storage) -> list[Outcome]:
         try:
             _put(root, folder, store, note)
         except PipelineError as problem:
-            refused.append(_refused(_HERE, problem))
+            refused.append(failed(_HERE, problem))
     note.keep(root)
     return refused
 

@@ -112,7 +112,7 @@ def scan(
     for campaign, now in before.items():
         if _fingerprint(campaign) != now:  # still being copied: the next look will take it
             continue
-        made = outcome(campaign.name, lambda c=campaign: c, compute)  # type: ignore[misc]
+        made = outcome(campaign, compute)
         _learn(campaign, now, made)
         yield made
     if before:

@@ -281,10 +281,7 @@ class Campaign:
             yield
         except InputError as problem:
             if not problem.passing:
-                why = {
-                    name: getattr(problem, name) for name in ("thing", "way_out", "file", "line")
-                }
-                files.write(path, dump({"key": key, "why": why}))
+                files.write(path, dump({"key": key, "why": problem.parts}))
             raise
         with files.writing(path):
             path.unlink(missing_ok=True)

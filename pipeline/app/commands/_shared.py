@@ -45,7 +45,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON on stdout, one 
 
 def show(outcome: Outcome, as_json: bool) -> None:
     """The answer to stdout, complaints to stderr."""
-    typer.echo(outcome.as_json() if as_json else fitted(outcome.as_text(), sys.stdout))
+    typer.echo(outcome.as_json() if as_json else fitted(outcome.text, sys.stdout))
     for line in outcome.complaints:
         typer.secho(fitted(line, sys.stderr), err=True, fg="red")
 
