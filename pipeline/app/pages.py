@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,7 +13,7 @@ from pipeline.answer.archive import Finished, finished, mark, read, shown
 from pipeline.answer.contract import Answer
 from pipeline.answer.history import previous
 from pipeline.base import files
-from pipeline.store.campaign import code_version, dump, versions
+from pipeline.store.campaign import code_version, dump, recalled, versions
 
 INDEX_MANIFEST = "index.json"
 
@@ -64,12 +63,8 @@ def _index(root: Path, answers: Sequence[Answer]) -> Path:
 
     page, manifest = root / "reports" / "index.html", root / "data" / "processed" / INDEX_MANIFEST
     key = files.sha256(dump([[one.as_json() for one in answers], code_version(), versions()]))
-    try:
-        kept = json.loads(manifest.read_bytes())
-        current = kept == {"key": key, "page": files.sha256(page.read_bytes())}
-    except (FileNotFoundError, ValueError):
-        current = False
-    if not current:
+    drawn = files.sha256(page.read_bytes()) if page.is_file() else None
+    if recalled(manifest) != {"key": key, "page": drawn}:
         content = render_overview(answers)
         with files.writing(manifest):
             manifest.parent.mkdir(parents=True, exist_ok=True)

@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import functools
 import http.server
-import json
 import os
 import signal
 import socket
@@ -25,7 +24,7 @@ from typing import Any
 from pipeline.app.processes import PARENT, REPORTS_URL, sheltered
 from pipeline.base import files
 from pipeline.base.errors import UsageError
-from pipeline.store.campaign import dump
+from pipeline.store.campaign import dump, recalled
 
 HOME = ".prefect"
 """Prefect's own files, under the project's root."""
@@ -203,8 +202,5 @@ def _recorded(root: Path, urls: dict[str, str]) -> Iterator[None]:
 
 def serving(root: Path) -> dict[str, str] | None:
     """Where this project is served now; None where it is not."""
-    try:
-        urls: dict[str, str] = json.loads((root / HOME / "serving.json").read_bytes())
-    except (FileNotFoundError, ValueError):
-        return None
-    return urls if answers(urls["api"]) else None
+    urls: dict[str, str] | None = recalled(root / HOME / "serving.json")
+    return urls if urls and answers(urls["api"]) else None

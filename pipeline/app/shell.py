@@ -168,11 +168,10 @@ def inspect(path: Path, unit: str | None, csv: bool = False) -> Outcome:
 def _hints(folder: Campaign, unit: str | None) -> Any:
     from pipeline.readers import Hints
     from pipeline.reduction.ingest import hints
-    from pipeline.reduction.settings import parse
 
     if not (folder.folder / "campaign.toml").is_file():
         return Hints(unit=unit)
-    tracker = parse(folder.content("campaign.toml").decode("utf-8-sig")).tracker
+    tracker = folder.settings().tracker
     said = hints(tracker) if tracker else Hints()
     return replace(said, unit=unit or said.unit)
 
@@ -185,7 +184,7 @@ def status(root: Path) -> Iterator[Outcome]:
 
 def _status(campaign: Campaign) -> Outcome:
     before, key = campaign.manifest(), campaign.read().key
-    if before is not None and campaign.done(key) is not None:
+    if before is not None and campaign.done(key):
         return _standing(campaign, "done", before.get("verdict"))
     rejected = campaign.rejection(key)
     if rejected is None:

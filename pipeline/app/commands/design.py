@@ -95,7 +95,7 @@ def problem_of(name: str, changes: dict[str, Any]) -> Problem:
                 f'there is no design problem "{name}"',
                 f"use {listed(specs.SHIPPED)}, or the path of a problem file ending in .toml",
             )
-        text, folder = path.read_text("utf-8-sig"), path.parent
+        text, folder = files.text(path.read_bytes(), path.name), path.parent
     spec = specs.revised(specs.parse(text, Path(name).name), given(changes))
     return build(spec, load(spec.robot, folder))
 
