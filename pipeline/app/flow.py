@@ -40,6 +40,7 @@ from pipeline.app import watch
 from pipeline.app.outcome import Outcome, stiffness_rows
 from pipeline.app.preferences import Preferences, load
 from pipeline.app.processes import PARENT, REPORTS_URL, follow
+from pipeline.app.progress import Tell, told
 from pipeline.base.errors import InputError
 from pipeline.run import run
 from pipeline.store.campaign import Campaign, find
@@ -135,11 +136,11 @@ def clear() -> None:
                     client.set_flow_run_state(run.id, Crashed(message="killed"), force=True)
 
 
-_LISTENER: ContextVar[Callable[[str], object]] = ContextVar("listener", default=str)
+_LISTENER: ContextVar[Tell] = ContextVar("listener", default=str)
 
 
 @contextlib.contextmanager
-def telling(tell: Callable[[str], object]) -> Iterator[None]:
+def telling(tell: Tell) -> Iterator[None]:
     """Within the block, `tell` hears of every stage; what a flow is given goes to the server."""
     before = _LISTENER.set(tell)
     try:
@@ -159,12 +160,7 @@ def _as_task(stage: Callable[..., Any]) -> Callable[..., Any]:
         retry_delay_seconds=2,
         retry_condition_fn=_may_heal,
     )(stage)
-
-    def announced(*given: Any, **named: Any) -> Any:
-        _LISTENER.get()(stage.__name__)
-        return carried_out(*given, **named)
-
-    return announced
+    return told(_LISTENER.get(), carried_out)
 
 
 def _may_heal(task: Any, run: Any, state: Any) -> bool:

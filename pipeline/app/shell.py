@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -21,7 +21,7 @@ from pipeline.app.outcome import (
     sentences,
 )
 from pipeline.app.processes import sheltered
-from pipeline.app.progress import Progress
+from pipeline.app.progress import Progress, Tell, told
 from pipeline.base import files
 from pipeline.base.errors import InputError, PipelineError, UsageError
 from pipeline.store import campaign as campaigns
@@ -67,28 +67,14 @@ def no_campaign(root: Path) -> InputError:
     )
 
 
-_Tell = Callable[[str], object]
-"""Hears the name of every stage before it is carried out."""
-
-
-def plainly(campaign: Campaign, force: bool = False, tell: _Tell = str) -> Answer:
+def plainly(campaign: Campaign, force: bool = False, tell: Tell = str) -> Answer:
     """Bring a campaign up to date in this process."""
     from pipeline.run import run
 
     return run(campaign, partial(told, tell), force)
 
 
-def told(tell: _Tell, stage: Callable[..., Any]) -> Callable[..., Any]:
-    """A stage that says its name before it begins."""
-
-    def carried_out(*given: Any, **named: Any) -> Any:
-        tell(stage.__name__)
-        return stage(*given, **named)
-
-    return carried_out
-
-
-def _through_prefect(campaign: Campaign, force: bool = False, tell: _Tell = str) -> Answer:
+def _through_prefect(campaign: Campaign, force: bool, tell: Tell) -> Answer:
     """Bring a campaign up to date as a Prefect flow, unless nothing is to be done."""
     if not force and campaign.current():
         from pipeline.answer.archive import read

@@ -6,7 +6,7 @@ import math
 import numbers
 import re
 from collections.abc import Iterable
-from decimal import ROUND_HALF_EVEN, Decimal
+from decimal import ROUND_HALF_EVEN, Context, Decimal
 from typing import TypeGuard
 
 MISSING = "–"
@@ -35,19 +35,13 @@ def _place_of(std: float, significant: int = 2) -> int:
     Two significant digits of the uncertainty after rounding: 0.0994 counts in 0.001,
     0.0996 becomes 0.10 and counts in 0.01.
     """
-    exponent = Decimal(repr(float(std))).adjusted() - significant + 1
-    rounded = _to_place(std, exponent)
-    return exponent + (rounded.adjusted() - exponent - significant + 1)
-
-
-def _to_place(value: float, place: int) -> Decimal:
-    return Decimal(repr(float(value))).quantize(Decimal(1).scaleb(place), ROUND_HALF_EVEN)
+    rounded = Context(significant, ROUND_HALF_EVEN).create_decimal(repr(float(std)))
+    return rounded.adjusted() - significant + 1
 
 
 def _at_place(value: float, place: int) -> str:
     """A number rounded at a decimal place, without an exponent: (1234.5, 1) -> 1230."""
-    text = f"{_to_place(value, place):f}" if place <= 0 else f"{int(_to_place(value, place)):d}"
-    return text.replace("-0", "0", 1) if float(text) == 0 and text.startswith("-") else text
+    return f"{round(Decimal(repr(float(value))), -place):zf}"
 
 
 def with_std(value: float | None, std: float | None) -> str:
