@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TextIO
 
 import typer
+from typer import Argument, Option
 
 from pipeline.base.errors import UsageError
 
@@ -32,15 +33,19 @@ def _version(asked: bool) -> None:
 def everything(
     version: Annotated[
         bool,
-        typer.Option("--version", callback=_version, is_eager=True, help="Print the version."),
+        Option("--version", callback=_version, is_eager=True, help="Print the version."),
     ] = False,
 ) -> None:
     """Joint stiffnesses of a robot from tracker campaigns, and how far to trust them."""
 
 
-Root = Annotated[Path, typer.Option(help="Project root with data/ and reports/.")]
-Named = Annotated[str, typer.Argument(metavar="CAMPAIGN", help="Name under data/raw, or a path.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON on stdout, one line each.")]
+Root = Annotated[Path, Option(help="Project root with data/ and reports/.")]
+Named = Annotated[str, Argument(metavar="CAMPAIGN", help="Name under data/raw, or a path.")]
+AsJson = Annotated[bool, Option("--json", help="Print JSON on stdout, one line each.")]
+
+Steps = Annotated[
+    list[float] | None, Option(help="Load step [N]; repeat it for more, up and down.")
+]
 
 
 def show(outcome: Outcome, as_json: bool) -> None:

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Argument, Option
 
-from pipeline.app.commands._shared import AsJson, Root, app, at_work
+from pipeline.app.commands._shared import AsJson, Root, Steps, app, at_work
 from pipeline.base import files
 from pipeline.base.errors import InputError, Interrupted, UsageError, listed
 
@@ -23,29 +24,23 @@ if TYPE_CHECKING:
 def design(
     problem: Annotated[
         str,
-        typer.Argument(
-            metavar="PROBLEM", help="paper_reference, or a problem file ending in .toml."
-        ),
+        Argument(metavar="PROBLEM", help="paper_reference, or a problem file ending in .toml."),
     ] = "paper_reference",
-    poses: Annotated[int | None, typer.Option(help="Number of poses, m_0.")] = None,
-    readings: Annotated[int | None, typer.Option(help="Pulls in all, n.")] = None,
-    step: Annotated[
-        list[float] | None, typer.Option(help="Load step [N]; repeat it for more, up and down.")
-    ] = None,
+    poses: Annotated[int | None, Option(help="Number of poses, m_0.")] = None,
+    readings: Annotated[int | None, Option(help="Pulls in all, n.")] = None,
+    step: Steps = None,
     anchor: Annotated[
-        tuple[float, float, float] | None, typer.Option(help="Anchor in F_b [m], fixed there.")
+        tuple[float, float, float] | None, Option(help="Anchor in F_b [m], fixed there.")
     ] = None,
-    robot: Annotated[str | None, typer.Option(help="A robot that ships, or a robot file.")] = None,
-    criterion: Annotated[str | None, typer.Option(help="test_pose, workspace, D, A or E.")] = None,
-    add_to: Annotated[
-        str | None, typer.Option(help="Propose further poses for this campaign.")
-    ] = None,
-    name: Annotated[str | None, typer.Option(help="Name of the plan.")] = None,
-    seed: Annotated[int, typer.Option(help="Determines the plan.")] = 1,
-    rounds: Annotated[int, typer.Option(min=1, help="Rounds of new starts.")] = 2,
+    robot: Annotated[str | None, Option(help="A robot that ships, or a robot file.")] = None,
+    criterion: Annotated[str | None, Option(help="test_pose, workspace, D, A or E.")] = None,
+    add_to: Annotated[str | None, Option(help="Propose further poses for this campaign.")] = None,
+    name: Annotated[str | None, Option(help="Name of the plan.")] = None,
+    seed: Annotated[int, Option(help="Determines the plan.")] = 1,
+    rounds: Annotated[int, Option(min=1, help="Rounds of new starts.")] = 2,
     wanted: Annotated[
         bool | None,
-        typer.Option("--write/--no-write", help="Plan file and sheet; not with --json."),
+        Option("--write/--no-write", help="Plan file and sheet; not with --json."),
     ] = None,
     as_json: AsJson = False,
     root: Root = Path(),
