@@ -15,20 +15,11 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from prefect import flow, runtime, task
-from prefect.artifacts import (
-    create_link_artifact,
-    create_markdown_artifact,
-    create_table_artifact,
-)
+from prefect import artifacts, flow, runtime, task
 from prefect.cache_policies import NO_CACHE
 from prefect.client.orchestration import get_client
 from prefect.client.schemas.actions import WorkPoolCreate
-from prefect.client.schemas.filters import (
-    FlowRunFilter,
-    FlowRunFilterState,
-    FlowRunFilterStateType,
-)
+from prefect.client.schemas.filters import FlowRunFilter
 from prefect.client.schemas.objects import StateType
 from prefect.exceptions import ObjectAlreadyExists
 from prefect.states import Crashed
@@ -67,7 +58,7 @@ def scan(root: str) -> None:
     preferences = load(Path(root))
     outcomes = list(watch.scan(Path(root), preferences, _within))
     if outcomes:
-        create_markdown_artifact(key="scan", markdown=_summary(outcomes))
+        artifacts.create_markdown_artifact(key="scan", markdown=_summary(outcomes))
 
 
 def _within(campaign: Campaign) -> Answer:
@@ -94,12 +85,10 @@ def serve(root: Path, preferences: Preferences) -> None:
     with warnings.catch_warnings():  # Prefect's way to stop on SIGTERM forgets an await
         warnings.filterwarnings("ignore", "coroutine 'Runner.astop' was never awaited")
         scan.serve(
-            name="data-raw",
-            parameters={"root": str(root)},
             limit=1,
             pause_on_shutdown=False,
             print_starting_message=False,
-            **_schedule(preferences),
+            **_planned(root, preferences),
         )
 
 
@@ -108,25 +97,25 @@ def deploy(root: Path, pool: str, preferences: Preferences) -> None:
     with get_client(sync_client=True) as client, contextlib.suppress(ObjectAlreadyExists):
         client.create_work_pool(WorkPoolCreate(name=pool, type="process"))
     deployment: Any = scan.to_deployment(
-        name="data-raw",
-        parameters={"root": str(root)},
         entrypoint_type=EntrypointType.MODULE_PATH,
         work_pool_name=pool,
         concurrency_limit=1,
-        **_schedule(preferences),
+        **_planned(root, preferences),
     )
     deployment.apply()
 
 
-def _schedule(preferences: Preferences) -> dict[str, Any]:
+def _planned(root: Path, preferences: Preferences) -> dict[str, Any]:
+    """What the scan is called, what it is given, and when."""
     service = preferences.service
-    return {"cron": service.cron} if service.cron else {"interval": service.interval_s}
+    when = {"cron": service.cron} if service.cron else {"interval": service.interval_s}
+    return {"name": "data-raw", "parameters": {"root": str(root)}, **when}
 
 
 def clear() -> None:
     """Mark what a killed service left running as crashed, and drop the scans that it missed."""
     open_states = [StateType.RUNNING, StateType.PENDING, StateType.SCHEDULED, StateType.CANCELLING]
-    left = FlowRunFilter(state=FlowRunFilterState(type=FlowRunFilterStateType(any_=open_states)))
+    left = FlowRunFilter.model_validate({"state": {"type": {"any_": open_states}}})
     with get_client(sync_client=True) as client:
         while found := client.read_flow_runs(flow_run_filter=left, limit=200):
             for run in found:
@@ -171,12 +160,12 @@ def _may_heal(task: Any, run: Any, state: Any) -> bool:
 def _publish(campaign: Campaign, answer: Answer) -> None:
     """Result table and report link as Prefect artifacts."""
     key = "".join(c if c.isascii() and c.isalnum() else "-" for c in campaign.name.lower())
-    create_table_artifact(
+    artifacts.create_table_artifact(
         key=f"{key}-stiffness",
         table=stiffness_rows(answer),
         description=" ".join(answer.verdict_sentence),
     )
-    create_link_artifact(key=f"{key}-report", link=_link(campaign))
+    artifacts.create_link_artifact(key=f"{key}-report", link=_link(campaign))
 
 
 def _link(campaign: Campaign) -> str:

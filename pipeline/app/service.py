@@ -115,14 +115,11 @@ def _free(port: int, patience_s: float = 20.0) -> None:
     """Wait for a port; a server that was stopped a moment ago may still hold it."""
     until = time.monotonic() + patience_s
     while time.monotonic() < until:
-        with socket.socket() as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            try:
-                probe.bind((_HERE, port))
-            except OSError:
-                time.sleep(0.5)
-            else:
-                return
+        try:
+            socket.create_server((_HERE, port)).close()
+            return
+        except OSError:
+            time.sleep(0.5)
     raise UsageError(f"port {port} is taken by another program: choose another with --port")
 
 
@@ -132,9 +129,7 @@ def running(root: Path, port: int) -> Iterator[None]:
     command = [sys.executable, "-m", "prefect", "server", "start", "--host", _HERE]
     command += ["--port", str(port)]
     log = root / HOME / "server.log"
-    with files.writing(log):
-        log.parent.mkdir(parents=True, exist_ok=True)
-        log.write_bytes(b"")
+    files.write(log, b"")
     with log.open("wb") as kept:
         leash = subprocess.Popen(
             [sys.executable, "-m", "pipeline.app.processes", *command],

@@ -151,13 +151,11 @@ def untold(root: Path, refused: list[Outcome]) -> list[Outcome]:
 def publish(root: Path, storage: Storage) -> list[Outcome]:
     """Put changed reports and tables into the storage; what was refused, and why."""
     folders = ((root / "reports", storage.reports), (_processed(root), storage.processed))
-    if not any(url for _, url in folders):
+    wanted = [(folder, Store(url)) for folder, url in folders if url is not None]
+    if not wanted:
         return []
     note, refused = Note.of(root), []
-    for folder, url in folders:
-        if url is None:
-            continue
-        store = Store(url)
+    for folder, store in wanted:
         try:
             _put(root, folder, store, note)
         except PipelineError as problem:
