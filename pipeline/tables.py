@@ -337,15 +337,6 @@ def conform(table: pd.DataFrame | pa.Table | None, schema: pa.Schema) -> pa.Tabl
     return cast
 
 
-def promised(name: str, table: pd.DataFrame | pa.Table | None, schema: pa.Schema) -> pd.DataFrame:
-    """A table as a run would keep and give it on, without keeping it.
-
-    Raises:
-        TableMismatch: See `conform`.
-    """
-    return frame(conform(table, schema))
-
-
 def frame(table: pa.Table) -> pd.DataFrame:
     """A table as pandas has it, its columns not copied where that can be."""
     return table.to_pandas(split_blocks=True)

@@ -28,7 +28,7 @@ from prefect.types.entrypoint import EntrypointType
 from pipeline.answer.archive import read
 from pipeline.answer.contract import Answer
 from pipeline.app import watch
-from pipeline.app.outcome import Outcome, stiffness_rows
+from pipeline.app.outcome import Outcome
 from pipeline.app.preferences import Preferences, load
 from pipeline.app.processes import PARENT, REPORTS_URL, follow
 from pipeline.app.progress import Tell, told
@@ -157,12 +157,16 @@ def _may_heal(task: Any, run: Any, state: Any) -> bool:
     return isinstance(problem, InputError) and problem.passing
 
 
+_SHOWN = {"name", "value", "std", "unit", "identifiable"}
+"""What Prefect's page tells of a joint."""
+
+
 def _publish(campaign: Campaign, answer: Answer) -> None:
     """Result table and report link as Prefect artifacts."""
     key = "".join(c if c.isascii() and c.isalnum() else "-" for c in campaign.name.lower())
     artifacts.create_table_artifact(
         key=f"{key}-stiffness",
-        table=stiffness_rows(answer),
+        table=[joint.model_dump(include=_SHOWN) for joint in answer.stiffness],
         description=" ".join(answer.verdict_sentence),
     )
     artifacts.create_link_artifact(key=f"{key}-report", link=_link(campaign))

@@ -78,7 +78,8 @@ def _outcome(campaign: Campaign, compute: Compute) -> Outcome:
     first, *more = answer.verdict_sentence
     lines = [
         f"{name}: {first}",
-        *(f"  {line}" for line in (*more, *_stiffness_lines(answer))),
+        *(f"  {line}" for line in more),
+        *(f"  {joint.name:<10} {_shown(joint)}" for joint in answer.stiffness),
         f"  {campaign.reports / 'index.html'}",
     ]
     return Outcome(
@@ -92,23 +93,12 @@ def _outcome(campaign: Campaign, compute: Compute) -> Outcome:
     )
 
 
-def _stiffness_lines(answer: Answer) -> list[str]:
-    """The stiffnesses that the answer stands for, one line per joint."""
-    return [f"{joint.name:<10} {_shown(joint)}" for joint in answer.stiffness]
-
-
 def _shown(joint: Stiffness) -> str:
     if joint.value is None:
         return "not determined"
     factor, letter = common_prefix([joint.value])
     value = with_std(joint.value / factor, scaled(joint.std, factor))
     return f"{value} {prefixed(joint.unit, letter)}"
-
-
-def stiffness_rows(answer: Answer) -> list[dict[str, Any]]:
-    """The same as a table for machines."""
-    shown = {"name", "value", "std", "unit", "identifiable"}
-    return [joint.model_dump(include=shown) for joint in answer.stiffness]
 
 
 def guarded(name: str, work: Callable[[], Outcome]) -> Outcome:

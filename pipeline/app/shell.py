@@ -98,12 +98,12 @@ def check(root: Path, name: str) -> Outcome:
 
 def _check(root: Path, name: str) -> Outcome:
     from pipeline.answer.inputs import rejected_entries
+    from pipeline.reduction.bring import conformed
     from pipeline.run import reduce
-    from pipeline.tables import promised
 
     campaign = campaigns.find(root, name)
     name = campaign.name
-    reduced = reduce(campaign.read(), promised)
+    reduced = reduce(campaign.read(), conformed)
     rejected = rejected_entries(reduced.shown["rejected"])
     used = {
         "readings": len(reduced.shown["readings"]),

@@ -14,8 +14,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache, partial
-from importlib import metadata, resources
-from importlib.resources.abc import Traversable
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -389,15 +388,10 @@ def versions() -> dict[str, str]:
 @cache
 def code_version() -> str:
     """Hash of every file of the package, so that changed code never meets an old result."""
-    return files.sha256("".join(_sources(resources.files("pipeline"))).encode())
-
-
-def _sources(folder: Traversable) -> Iterator[str]:
-    for item in sorted(folder.iterdir(), key=lambda entry: entry.name):
-        if item.is_dir() and item.name != "__pycache__":
-            yield from _sources(item)
-        elif item.is_file() and not item.name.endswith(".pyc"):
-            yield f"{item.name}:{files.sha256(item.read_bytes())}\n"
+    package = Path(__file__).parents[1]
+    sources = (p for p in sorted(package.rglob("*")) if p.is_file() and p.suffix != ".pyc")
+    lines = (f"{p.relative_to(package)}:{files.sha256(p.read_bytes())}\n" for p in sources)
+    return files.sha256("".join(lines).encode())
 
 
 def _inside(name: str) -> None:

@@ -104,13 +104,13 @@ def added_to(problem: Problem, campaign: Campaign) -> tuple[Problem, Array]:
     from pipeline.design.known import continued, information_of
     from pipeline.design.problem import build
     from pipeline.machine.cell import paper_cell
+    from pipeline.reduction.bring import conformed
     from pipeline.run import reduce
-    from pipeline.tables import promised
 
     raw = campaign.read()
     further = build(continued(problem.spec, raw.settings, f"{campaign.name}_next"), raw.robot)
     cell = paper_cell(raw.robot, further.tool)
-    return further, information_of(cell, reduce(raw, promised).data, further.experiment.scale)
+    return further, information_of(cell, reduce(raw, conformed).data, further.experiment.scale)
 
 
 def write(root: Path, made: Made, seed: int) -> Made:
