@@ -66,18 +66,13 @@ I32, I64, F64, STR = pa.int32(), pa.int64(), pa.float64(), pa.string()
 _WORD = pa.dictionary(I32, STR)
 
 _POSE = _count("pose", "pose number of the campaign")
-_REPEAT = _count("repeat", "pull within the pose")
 _TARGET = _text("target", "name of the reflector")
 _FILE = _text("file", "raw file, relative to the campaign folder")
 _LINE = _col("line", I64, "1", "line in that file, counted from 1")
 _TIME = _col("time", pa.timestamp("us"), "UTC or local, as exported", "time of reading", True)
-_ROW = (
-    _count("row", "row of the system"),
-    _POSE,
-    _REPEAT,
-    _TARGET,
-    _text("axis", "x, y or z of F_b"),
-)
+_PULL = (_POSE, _count("repeat", "pull within the pose"))
+_SOURCE = (_FILE, _LINE)
+_ROW = (_count("row", "row of the system"), *_PULL, _TARGET, _text("axis", "x, y or z of F_b"))
 """What a row of c = B x is: one coordinate of one displacement."""
 
 READINGS = _promise(
@@ -100,12 +95,10 @@ READINGS = _promise(
 LOADS = _promise(
     "loads",
     "pose,repeat",
-    _POSE,
-    _REPEAT,
+    *_PULL,
     _number("force_n", "N", "reading of the spring scale"),
     _word("branch", "up or down: which way the turnbuckle was last turned", nullable=True),
-    _FILE,
-    _LINE,
+    *_SOURCE,
 )
 
 REJECTED = _promise(
@@ -119,8 +112,7 @@ REJECTED = _promise(
 REGISTRATION = _promise(
     "registration",
     "file,line",
-    _FILE,
-    _LINE,
+    *_SOURCE,
     _text("group", "group of the reading"),
     _TARGET,
     *_axes("{}_m", "m", "reading moved into F_b"),
@@ -140,8 +132,7 @@ PLACED = _promise(
 FORCES = _promise(
     "forces",
     "pose,repeat",
-    _POSE,
-    _REPEAT,
+    *_PULL,
     *_axes("f{}_n", "N", "force on the robot at the load point, F_b, Eqs. (10), (11)"),
     _number("reading_std_n", "N", "standard uncertainty of the scale reading, along the force"),
     *_six(
@@ -157,8 +148,7 @@ FORCES = _promise(
 DISPLACEMENTS = _promise(
     "displacements",
     "pose,repeat,target",
-    _POSE,
-    _REPEAT,
+    *_PULL,
     _TARGET,
     *_axes("d{}_m", "m", "loaded minus unloaded, F_b"),
     *_six(
@@ -234,9 +224,7 @@ WORKSPACE = _promise(
 def joints(robot: Robot) -> pa.Schema:
     """Promise of the table of joint values of a robot: pose, r1_m, theta2_rad, ..., approach."""
     approach = _count("approach", "1 or -1: how the carriage came along the rail, 0 unknown")
-    return _promise(
-        "joints", "pose", _POSE, *_joint_values(robot, "joint {}"), approach, _FILE, _LINE
-    )
+    return _promise("joints", "pose", _POSE, *_joint_values(robot, "joint {}"), approach, *_SOURCE)
 
 
 def joint_column(name: str, prismatic: bool) -> str:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from filelock import FileLock
 
@@ -32,17 +31,13 @@ def refresh(root: Path) -> Path | None:
     for one in everyone:
         one.campaign.tidy()
         before = previous(one.answer, answers)
-        if _told(one.campaign.manifest()) != mark(before):
+        if (one.campaign.manifest() or {}).get("previous") != mark(before):
             _tell(one, before)
     return _index(root, answers) if answers else None
 
 
 def _left_out(why: str) -> None:
     sys.stderr.write(f"{why} Until then it is left out of the page over all campaigns.\n")
-
-
-def _told(manifest: Mapping[str, Any] | None) -> str | None:
-    return None if manifest is None else manifest.get("previous")
 
 
 def _tell(one: Finished, before: Answer | None) -> None:
@@ -52,7 +47,7 @@ def _tell(one: Finished, before: Answer | None) -> None:
     campaign = one.campaign
     with campaign.locked():
         manifest = campaign.manifest()
-        if manifest is None or _told(manifest) == mark(before):
+        if manifest is None or manifest.get("previous") == mark(before):
             return  # another run has been faster
         pages = render(read(campaign), shown(campaign), manifest.get("run_time_s"), before)
         campaign.amend(pages, {"previous": mark(before)})

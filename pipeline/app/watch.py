@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import time
-import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
@@ -172,7 +171,7 @@ def _posted(address: str, content: dict[str, str | None]) -> bool:
     try:
         with urllib.request.urlopen(request, timeout=10):
             return True
-    except (urllib.error.URLError, OSError):
+    except OSError:
         return False
 
 

@@ -80,14 +80,11 @@ def interval(bounds: Iterable[float | None] | None, std: float | None) -> str:
     low, high = [*(bounds or []), None, None][:2]
     place = _place_of(std) if known(std) and std > 0 else None
     below, above = _limit(low, place), _limit(high, place)
-    match below, above:
-        case None, None:
-            return MISSING
-        case None, _:
-            return f"below {above}"
-        case _, None:
-            return f"above {below}"
-    return f"{below} to {above}"
+    if below and above:
+        return f"{below} to {above}"
+    if above:
+        return f"below {above}"
+    return f"above {below}" if below else MISSING
 
 
 def _limit(bound: float | None, place: int | None) -> str | None:

@@ -69,7 +69,6 @@ def fitted(text: str, stream: TextIO) -> str:
             subsequent_indent="  ",
             break_long_words=False,
             break_on_hyphens=False,
-            drop_whitespace=True,
         )
         for line in text.split("\n")
     )
