@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite, InputError, PipelineError, place
 from pipeline.base.quantities import common_prefix, prefixed, scaled, with_std
-from pipeline.store.campaign import Campaign
+from pipeline.store.campaign import Campaign, find, label
 
 if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second
     from pipeline.answer.contract import Answer, Rejected, Stiffness
@@ -99,6 +99,11 @@ def _shown(joint: Stiffness) -> str:
     factor, letter = common_prefix([joint.value])
     value = with_std(joint.value / factor, scaled(joint.std, factor))
     return f"{value} {prefixed(joint.unit, letter)}"
+
+
+def named(root: Path, name: str, work: Callable[[Campaign], Outcome]) -> Outcome:
+    """What `work` makes of the campaign that is meant by a name or a path."""
+    return guarded(label(name), lambda: work(find(root, name)))
 
 
 def guarded(name: str, work: Callable[[], Outcome]) -> Outcome:

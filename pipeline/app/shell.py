@@ -10,16 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.app import preferences, service, sync
-from pipeline.app.outcome import (
-    EARLIER,
-    Compute,
-    Outcome,
-    dated,
-    failed,
-    guarded,
-    outcome,
-    sentences,
-)
+from pipeline.app.outcome import EARLIER, Outcome, dated, failed, named, outcome, sentences
 from pipeline.app.processes import sheltered
 from pipeline.app.progress import Progress, Tell, told
 from pipeline.base import files
@@ -41,21 +32,16 @@ def run_all(root: Path, names: list[str], engine: str, force: bool) -> Iterator[
         raise no_campaign(root)
     compute = plainly if engine == "local" else _through_prefect
     with Progress(len(everyone)) as bar:
+        work = partial(outcome, compute=partial(compute, force=force, tell=bar.at))
         for name in everyone:
-            label = campaigns.label(name)
-            bar.now(label)
-            work = partial(_found, root, name, partial(compute, force=force, tell=bar.at))
-            done = guarded(label, work)
+            bar.now(campaigns.label(name))
+            done = named(root, name, work)
             bar.done()
             yield done
     from pipeline.app import pages
 
     pages.refresh(root)
     yield from sync.publish(root, storage)
-
-
-def _found(root: Path, name: str, compute: Compute) -> Outcome:
-    return outcome(campaigns.find(root, name), compute)
 
 
 def no_campaign(root: Path) -> InputError:
@@ -93,17 +79,15 @@ def _through_prefect(campaign: Campaign, force: bool, tell: Tell) -> Answer:
 
 def check(root: Path, name: str) -> Outcome:
     """Ingest a campaign and say what would be used; write nothing."""
-    return guarded(campaigns.label(name), partial(_check, root, name))
+    return named(root, name, _check)
 
 
-def _check(root: Path, name: str) -> Outcome:
+def _check(campaign: Campaign) -> Outcome:
     from pipeline.answer.inputs import rejected_entries
     from pipeline.reduction.bring import conformed
     from pipeline.run import reduce
 
-    campaign = campaigns.find(root, name)
-    name = campaign.name
-    reduced = reduce(campaign.read(), conformed)
+    name, reduced = campaign.name, reduce(campaign.read(), conformed)
     rejected = rejected_entries(reduced.shown["rejected"])
     used = {
         "readings": len(reduced.shown["readings"]),
