@@ -110,11 +110,12 @@ class Campaign:
         names: list[str] = []
         for pattern in settings.tracker.files:
             _inside(pattern)
-            found = sorted(p.relative_to(self.folder).as_posix() for p in self.folder.glob(pattern))
-            names += [name for name in found if name not in names]
+            names += sorted(
+                p.relative_to(self.folder).as_posix() for p in self.folder.glob(pattern)
+            )
         settings.tracker.none_missing(names)
         others = [settings.tracker.assignment, settings.scale.file, settings.joints.file]
-        return [*names, *(name for name in others if name and name not in names)]
+        return list(dict.fromkeys([*names, *filter(None, others)]))
 
     def content(self, name: str) -> bytes:
         """Content of one of its files.
@@ -281,24 +282,15 @@ class Campaign:
         found: dict[str, Any] = json.loads(path.read_bytes())
         return found
 
-    def finish(
-        self, key: str, answers: Mapping[str, bytes], about: Mapping[str, Any] | None = None
-    ) -> None:
+    def finish(self, key: str, answers: Mapping[str, bytes], about: Mapping[str, Any]) -> None:
         """Write the answers, then the manifest that makes them count, with `about` in it."""
         kept = sorted(self.processed.glob("*.parquet"))
         outputs = {self._output(path): files.sha256(path.read_bytes()) for path in kept}
         manifest = {"key": key, "source": self.source, "outputs": outputs}
         manifest |= {"code": code_version(), "versions": versions()}
-        self._answered(manifest | dict(about or {}), answers)
+        self.publish(manifest | dict(about), answers)
 
-    def amend(self, answers: Mapping[str, bytes], about: Mapping[str, Any]) -> None:
-        """Replace some answers of a finished run and put `about` into its manifest."""
-        manifest = self.manifest()
-        if manifest is None:
-            raise UsageError(f"{self.name} has no result: run `pipeline run {self.name}` first")
-        self._answered(manifest | dict(about), answers)
-
-    def _answered(self, manifest: dict[str, Any], answers: Mapping[str, bytes]) -> None:
+    def publish(self, manifest: dict[str, Any], answers: Mapping[str, bytes]) -> None:
         """Write answers; nothing counts until the manifest is there again, which knows them."""
         with files.writing(self.processed):
             (self.processed / MANIFEST).unlink(missing_ok=True)
