@@ -139,9 +139,8 @@ def _hints(folder: Campaign, unit: str | None) -> Any:
     from pipeline.readers import Hints
     from pipeline.reduction.ingest import hints
 
-    if not (folder.folder / "campaign.toml").is_file():
-        return Hints(unit=unit)
-    tracker = folder.settings().tracker
+    there = (folder.folder / "campaign.toml").is_file()
+    tracker = folder.settings().tracker if there else None
     said = hints(tracker) if tracker else Hints()
     return replace(said, unit=unit or said.unit)
 

@@ -110,9 +110,8 @@ class Campaign:
         names: list[str] = []
         for pattern in settings.tracker.files:
             _inside(pattern)
-            names += sorted(
-                p.relative_to(self.folder).as_posix() for p in self.folder.glob(pattern)
-            )
+            found = self.folder.glob(pattern)
+            names += sorted(path.relative_to(self.folder).as_posix() for path in found)
         settings.tracker.none_missing(names)
         others = [settings.tracker.assignment, settings.scale.file, settings.joints.file]
         return list(dict.fromkeys([*names, *filter(None, others)]))
@@ -140,11 +139,8 @@ class Campaign:
             way_out = f"copy it into {self.name} or correct campaign.toml"
             raise refused("the file is missing", way_out) from problem
         except OSError as problem:
-            thing, way_out = (
-                f"cannot be read ({problem.strerror})",
-                "check the file and its permissions",
-            )
-            raise refused(thing, way_out, passing=True) from problem
+            thing, way_out = "cannot be read", "check the file and its permissions"
+            raise refused(f"{thing} ({problem.strerror})", way_out, passing=True) from problem
         if (before.st_size, before.st_mtime_ns) != (after.st_size, after.st_mtime_ns):
             way_out = "run again when the export is finished"
             raise refused("changed while it was read", way_out, passing=True)
@@ -381,8 +377,9 @@ def versions() -> dict[str, str]:
 def code_version() -> str:
     """Hash of every file of the package, so that changed code never meets an old result."""
     package = Path(__file__).parents[1]
-    sources = (p for p in sorted(package.rglob("*")) if p.is_file() and p.suffix != ".pyc")
-    lines = (f"{p.relative_to(package)}:{files.sha256(p.read_bytes())}\n" for p in sources)
+    inside = (path.relative_to(package) for path in sorted(package.rglob("*")) if path.is_file())
+    sources = [path for path in inside if "__pycache__" not in path.parts]
+    lines = (f"{path}:{files.sha256((package / path).read_bytes())}\n" for path in sources)
     return files.sha256("".join(lines).encode())
 
 
