@@ -64,8 +64,7 @@ def bracketed(value: float | None, std: float | None) -> str:
 
 def _scientific(value: float, std: float) -> str:
     power = Decimal(repr(float(max(abs(value), std)))).adjusted()
-    scale = Decimal(10) ** -power
-    scaled = [float(Decimal(repr(float(v))) * scale) for v in (value, std)]
+    scaled = [float(Decimal(repr(float(v))).scaleb(-power)) for v in (value, std)]
     place = _place_of(scaled[1])
     return f"({_at_place(scaled[0], place)} ± {_at_place(scaled[1], place)}) × {_ten_to(power)}"
 

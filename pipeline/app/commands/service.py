@@ -10,6 +10,7 @@ from typer import Option
 
 from pipeline.app.commands._shared import AsJson, Root, app, show
 from pipeline.base.errors import UsageError
+from pipeline.base.toml import given
 
 if TYPE_CHECKING:
     from pipeline.app.preferences import Preferences
@@ -95,9 +96,7 @@ def _preferred(root: Path, **said: Any) -> Preferences:
 
     if not root.is_dir():
         raise UsageError(f"there is no folder {root}: correct --root")
-    return preferences.load(
-        root, {name: value for name, value in said.items() if value is not None}
-    )
+    return preferences.load(root, given(said))
 
 
 def _every(preferences: Preferences) -> str:
