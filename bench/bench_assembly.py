@@ -8,13 +8,13 @@ from pipeline.machine.cell import Tool, jacobian, paper_cell
 from pipeline.machine.effects import Pulls
 from pipeline.machine.robot import load
 from pipeline.machine.robot.model import model
+from pipeline.reduction.bring import conformed
 from pipeline.run import reduce, tool
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.assemble import assemble
 from pipeline.system.estimate import least_squares, solve
 from pipeline.system.whiten import whitener
-from pipeline.tables import promised
 
 READINGS = 9_999
 
@@ -83,7 +83,7 @@ def _assembly() -> list[tuple[str, float, str]]:
 
 def _solve() -> list[tuple[str, float, str]]:
     raw = in_memory(simulate(Plan(name="bench")).files)
-    data = reduce(raw, promised).data
+    data = reduce(raw, conformed).data
     typical = raw.robot.nominal_compliance
     cell = paper_cell(raw.robot, tool(raw.settings))
     system = assemble(cell, data, typical)

@@ -12,11 +12,11 @@ from scipy import stats
 
 from pipeline.machine.cell import paper_cell
 from pipeline.machine.robot import load
+from pipeline.reduction.bring import conformed
 from pipeline.run import reduce, tool
 from pipeline.simulate import Plan, build, draw, raw_files, revised
 from pipeline.store.campaign import in_memory
 from pipeline.system.estimate import identify
-from pipeline.tables import promised
 
 CAMPAIGNS = 2000
 NOISES = {"sigma": {"sigma_m": 3e-5}, "paper": {"noise": "paper"}}
@@ -57,7 +57,7 @@ def _hits(job: tuple[str, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     truth = robot.nominal_compliance
     for which in range(100):
         raw = in_memory(raw_files(scene, draws, which))
-        data = reduce(raw, promised).data
+        data = reduce(raw, conformed).data
         system, found = identify(paper_cell(robot, tool(raw.settings)), data, truth)
         ours.append(np.abs(found.value - truth) < found.quantile * found.std)
         p.append(found.p_value)

@@ -11,11 +11,10 @@ from pyarrow import csv
 
 from pipeline import readers
 from pipeline.readers import READERS
-from pipeline.reduction.bring import plain, to_displacements
+from pipeline.reduction.bring import conformed, plain, to_displacements
 from pipeline.run import ingested, reduce
 from pipeline.simulate import Plan
 from pipeline.store.campaign import Raw, in_memory
-from pipeline.tables import promised
 
 POSES, PULLS = 10_000, 19
 TARGETS = ("P1", "P2", "P3", "Pl1", "Pl2")
@@ -42,19 +41,19 @@ def run() -> list[tuple[str, float, str]]:
         _row("SpatialAnalyzer to readings", _spatial_analyzer(export), 3),
     ]
     for what, work in (
-        ("with every check", lambda: ingested(raw, promised, plain)),
+        ("with every check", lambda: ingested(raw, conformed, plain)),
         ("and reduced to forces and displacements", lambda: _displacements(raw)),
         ("the same with a covariance for every beam", lambda: _displacements(with_beams)),
-        ("and joined to the arrays of the estimator", lambda: reduce(raw, promised)),
+        ("and joined to the arrays of the estimator", lambda: reduce(raw, conformed)),
     ):
         wall, cpu = _times(work, export)
         out.append((f"1e6 readings {what}", wall, f"{aim}; in CPU time {cpu:.2f}"))
-    peak = _peak_gb(lambda: reduce(raw, promised))
+    peak = _peak_gb(lambda: reduce(raw, conformed))
     return [*out, ("peak memory", peak, "GB for the whole process, aim 2")]
 
 
 def _displacements(raw: Raw) -> object:
-    return to_displacements(ingested(raw, promised, plain), promised)
+    return to_displacements(ingested(raw, conformed, plain), conformed)
 
 
 def _row(what: str, data: bytes, header: int = 1) -> tuple[str, float, str]:

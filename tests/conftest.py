@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 import pytest
 
-from pipeline import tables
-from pipeline.run import Reduced, reduce
+from pipeline.reduction.bring import Reduced, conformed
+from pipeline.run import reduce
 from pipeline.simulate import Plan, RawCampaign, simulate
 from pipeline.store.campaign import in_memory
 
@@ -44,6 +44,6 @@ def read_back() -> Callable[[RawCampaign], Reduced]:
 
     def through_the_stages(campaign: RawCampaign) -> Reduced:
         raw = in_memory(campaign.files)
-        return reduce(raw, tables.promised)
+        return reduce(raw, conformed)
 
     return through_the_stages

@@ -7,11 +7,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pipeline.machine.cell import paper_cell
+from pipeline.reduction.bring import conformed
 from pipeline.run import reduce, tool
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.assemble import assemble
-from pipeline.tables import promised
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +24,7 @@ def raw():
 
 @pytest.fixture(scope="module")
 def data(raw):
-    return reduce(raw, promised).data
+    return reduce(raw, conformed).data
 
 
 @pytest.fixture(scope="module")

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from pipeline.machine.cell import paper_cell
+from pipeline.reduction.bring import conformed
 from pipeline.run import reduce, tool
 from pipeline.simulate import Plan, revised, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.budget import budget
 from pipeline.system.estimate import identify
-from pipeline.tables import promised
 
 PLAN = Plan(name="budget", seed=7, poses={"count": 8}, scale={"sigma_n": 5.0, "gain_sigma": 3e-3})
 EVERY = ["tracker", "zero", "force_reading", "direction", "registration", "force_gain", "geometry"]
@@ -20,7 +20,7 @@ EVERY = ["tracker", "zero", "force_reading", "direction", "registration", "force
 def identified(files):
     """System and estimate of a campaign's files."""
     raw = in_memory(files)
-    data = reduce(raw, promised).data
+    data = reduce(raw, conformed).data
     start = raw.robot.nominal_compliance
     return identify(paper_cell(raw.robot, tool(raw.settings)), data, start)
 

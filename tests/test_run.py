@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from bench.league.play import Rules, drawn, play
@@ -23,7 +24,6 @@ from pipeline.store import campaign as campaigns
 from pipeline.store.campaign import in_memory
 from pipeline.system.estimate import identify
 from pipeline.system.fit import fit
-from pipeline.tables import DISPLACEMENTS, FORCES
 
 PROJECT = Path(__file__).parents[1]
 
@@ -181,8 +181,9 @@ def test_a_negative_compliance_is_a_finding_and_no_stiffness(tmp_path):
     """Rail displacements of the wrong sign: k_r1 has no value, the sentence says why."""
     files = dict(simulate(exact()).files)
     answer = run(write(tmp_path, files, "right"))
-    moved = campaigns.find(tmp_path, "right").table("23_displacements", DISPLACEMENTS)
-    forces = campaigns.find(tmp_path, "right").table("22_forces", FORCES)
+    kept = campaigns.find(tmp_path, "right").processed
+    moved = pd.read_parquet(kept / "23_displacements.parquet")
+    forces = pd.read_parquet(kept / "22_forces.parquet")
     pull = moved.merge(forces, on=["pose", "repeat"])
     moved["dy_m"] -= 3 * pull["fy_n"] / 8.0e7
     content = tomllib.loads(files["campaign.toml"].decode())

@@ -13,8 +13,9 @@ import pytest
 from filelock import FileLock
 
 from pipeline.answer import archive
+from pipeline.answer.contract import Rejected
 from pipeline.app import cli
-from pipeline.app.outcome import Row, sentences
+from pipeline.app.outcome import sentences
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite, worst
 from pipeline.simulate import Plan, simulate
@@ -262,7 +263,7 @@ def test_an_odd_manifest_counts_as_none(odd, done, say):
     campaign = campaigns.find(done, "c")
 
     assert campaign.manifest() is None
-    assert campaign.done("x") is None
+    assert not campaign.done("x")
     assert say(done, "status")[0] == 0
 
 
@@ -357,8 +358,9 @@ def test_a_missing_load_is_told_once(tmp_path, say):
 
 def test_reasons_that_differ_in_numbers_are_counted():
     """Three are told, the rest is a number; other reasons and other files stand by themselves."""
-    rows = [Row("t.csv", k, f"pose {k} is odd") for k in range(1, 18)]
-    rows += [Row("t.csv", 40, "not a number"), Row("u.csv", 1, "pose 1 is odd")]
+    said = [("t.csv", k, f"pose {k} is odd") for k in range(1, 18)]
+    said += [("t.csv", 40, "not a number"), ("u.csv", 1, "pose 1 is odd")]
+    rows = [Rejected(file=file, line=line, reason=reason) for file, line, reason in said]
 
     assert sentences(rows) == [
         "t.csv:1: pose 1 is odd",

@@ -11,6 +11,7 @@ from scipy import stats
 from pipeline.base import covariance
 from pipeline.base.arrays import Parameter
 from pipeline.machine.cell import paper_cell
+from pipeline.reduction.bring import conformed
 from pipeline.reduction.settings import parse
 from pipeline.run import reduce, tool
 from pipeline.simulate import Plan, revised, simulate
@@ -26,7 +27,6 @@ from pipeline.system.variance import (
     resting_on,
     variance_components,
 )
-from pipeline.tables import promised
 
 PLAN = Plan(name="noise", seed=5)
 
@@ -42,7 +42,7 @@ def reduced(plan, files=None):
     kept = {}
 
     def keep(name, table, promise):
-        kept[name] = promised(name, table, promise)
+        kept[name] = conformed(name, table, promise)
         return kept[name]
 
     data = reduce(raw, keep).data

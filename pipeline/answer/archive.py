@@ -60,7 +60,7 @@ def read(campaign: Campaign) -> Answer:
 
 def done(campaign: Campaign, key: str) -> Answer | None:
     """The answer of an earlier run with the same key whose outputs are all intact."""
-    return None if campaign.done(key) is None else read(campaign)
+    return read(campaign) if campaign.done(key) else None
 
 
 def _answer(content: dict[str, Any]) -> Answer:

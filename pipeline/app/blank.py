@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from importlib import resources
 from pathlib import Path
+
+import jinja2
 
 from pipeline.base import files
 from pipeline.base.errors import InputError, UsageError
@@ -10,41 +13,6 @@ from pipeline.base.toml import quoted
 from pipeline.machine.robot import SHIPPED, Robot, load
 
 NAME = "a plain folder name that begins with no dot"
-
-
-_TEMPLATE = """\
-format = 1
-name   = {name}
-robot  = {robot}          # {shipped}, or the path of a robot file
-
-[tracker]
-files   = ["tracker*.csv", "tracker*.txt"]
-# unit  = "mm"              # only where the export itself does not say: mm | m | in
-sigma_m = {sigma_m}          # standard uncertainty per axis of one reading [m]
-
-[base_frame]                # fixed reflectors, nominal coordinates in F_b [m]: at least three
-# B1 = [0.6, -0.5, -0.30]
-
-[scale]
-file       = "loads.csv"
-sigma_n    = {sigma_n}            # standard uncertainty of one reading [N]
-sigma_rel  = 0.0
-gain_sigma = 0.0            # relative standard uncertainty of the scale's gain (certificate)
-
-[joints]
-file = "joints.csv"
-
-[tool]                      # points of the effector in the flange frame [m]: measure them
-load_point = [0.15, 0.0, 0.25]
-P1 = [0.20, 0.05, 0.12]
-P2 = [-0.12, 0.19, 0.10]
-P3 = [-0.10, -0.18, 0.22]
-
-# [test_pose]               # where the prediction matters: m and degrees, N
-# q = [{q}]
-# force_n = [0, 0, -300]
-"""
-
 
 ASKED = {
     "sigma_mm": ("Standard uncertainty of one tracker reading per axis", "mm", 0.03),
@@ -58,7 +26,7 @@ def robots() -> str:
     return ", ".join(SHIPPED)
 
 
-def init(root: Path, name: str, robot: str, sigma_mm: float = 0.03, sigma_n: float = 2.0) -> Path:
+def init(root: Path, name: str, robot: str, sigma_mm: float, sigma_n: float) -> Path:
     """Make the folder of a new campaign.
 
     Args:
@@ -74,10 +42,11 @@ def init(root: Path, name: str, robot: str, sigma_mm: float = 0.03, sigma_n: flo
     """
     folder, joints = vacant(root, name), known(root, name, robot).joints
     columns = [f"{j.name}_m" if j.prismatic else f"{j.name}_deg" for j in joints]
-    text = _TEMPLATE.format(
+    template = (resources.files("pipeline.app") / "campaign.toml.jinja").read_text("utf-8")
+    text = jinja2.Template(template, keep_trailing_newline=True).render(
         name=quoted(name),
         robot=quoted(robot),
-        shipped=", ".join(SHIPPED),
+        shipped=robots(),
         sigma_m=f"{1e-3 * sigma_mm:.3g}",
         sigma_n=f"{sigma_n:g}",
         q=", ".join("0" for _ in joints),

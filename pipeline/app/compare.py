@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -35,13 +35,14 @@ def compare(root: Path, first: str, second: str) -> tuple[Outcome, Path | None]:
     said, content = compared(root, first, second)
     name = f"{first}--{second}"
     path = root / "reports" / f"{name}.html".replace(":", ".").replace("/", ".")
+    done = Outcome(name, content | {"page": str(path)}, as_text(said))
     try:
         files.write(path, as_page(said, {}).encode())
     except CannotWrite as problem:  # the answer itself needs no page
-        unkept = content | {"page": None}
-        code, complaints = problem.exit_code, [str(problem)]
-        return Outcome(name, unkept, as_text(said), code, complaints=complaints), None
-    return Outcome(name, content | {"page": str(path)}, as_text(said)), path
+        content, complaints = content | {"page": None}, [str(problem)]
+        code = problem.exit_code
+        return replace(done, content=content, exit_code=code, complaints=complaints), None
+    return done, path
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,19 +123,19 @@ def _side(root: Path, asked: str) -> _Side:
     """What was asked for, with its covariance."""
     one, model = _campaign_and_model(root, asked)
     name, answer = one.campaign.name, one.answer
-    if model == "extended":
-        if answer.extended is None:
-            raise UsageError(f"{name} has no richer model than its joint springs")
-        stiffness = answer.extended.stiffness
-        std = [joint.compliance_std for joint in stiffness]
-        cov = np.diag([np.nan if s is None else s**2 for s in std])
-        return _Side(asked, name, answer, stiffness, cov)
-    stiffness = answer.stiffness if model == "recommended" else answer.joint_springs.stiffness
-    return _Side(asked, name, answer, stiffness, _covariance(one.campaign, model, stiffness))
+    known = {"recommended": answer, "joints": answer.joint_springs, "extended": answer.extended}
+    values = known[model]
+    if values is None:
+        raise UsageError(f"{name} has no richer model than its joint springs")
+    cov = _covariance(one.campaign, model, values.stiffness)
+    return _Side(asked, name, answer, values.stiffness, cov)
 
 
 def _covariance(campaign: Campaign, model: str, stiffness: Sequence[Stiffness]) -> Array:
-    """Of the compliances of these joints [SI], from the table that the run kept."""
+    """Of the compliances of these joints [SI], from the table that the run kept if there is one."""
+    if model not in _COVARIANCES:
+        std = [joint.compliance_std for joint in stiffness]
+        return np.diag([np.nan if s is None else s**2 for s in std])
     kept = campaign.processed / f"{_COVARIANCES[model]}.parquet"
     if not kept.is_file():
         raise UsageError(f"{campaign.name} has no covariance: run `pipeline run {campaign.name}`")

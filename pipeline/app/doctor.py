@@ -46,9 +46,8 @@ def examine(root: Path) -> Iterator[Finding]:
         yield _writable(root, folder)
     yield _room(root)
     yield _raw(root)
-    yield _preferences(root)
-    yield from _storage(root)
-    yield from _service(root)
+    yield from _preferences(root)
+    yield _service(root)
 
 
 def _python() -> Finding:
@@ -73,21 +72,20 @@ def _libraries() -> Iterator[Finding]:
     except installed.PackageNotFoundError:
         yield Finding("libraries", False, "the project is not installed; run make once")
         return
-    bad = 0
+    sound = True
     for one in wanted:
         if one.marker is not None and not one.marker.evaluate({"extra": ""}):
             continue
         try:
             version = installed.version(one.name)
+            wrong = f"{version} does not work here"
+            good = one.specifier.contains(version, prereleases=True)
         except installed.PackageNotFoundError:
-            bad += 1
-            yield Finding(one.name, False, f"is missing; python -m pip install '{one}'")
-            continue
-        if not one.specifier.contains(version, prereleases=True):
-            bad += 1
-            said = f"{version} does not work here; python -m pip install '{one}'"
-            yield Finding(one.name, False, said)
-    if not bad:
+            wrong, good = "is missing", False
+        if not good:
+            sound = False
+            yield Finding(one.name, False, f"{wrong}; python -m pip install '{one}'")
+    if sound:
         yield Finding("libraries", True, f"all {len(wanted)} that are asked for are there")
 
 
@@ -114,40 +112,26 @@ def _raw(root: Path) -> Finding:
     return Finding("campaigns", False, said, needed=False)
 
 
-def _preferences(root: Path) -> Finding:
-    try:
-        preferences.load(root)
-    except InputError as problem:
-        return Finding(preferences.FILE, False, str(problem))
+def _preferences(root: Path) -> Iterator[Finding]:
+    """pipeline.toml, and the object storage that it names."""
     there = (root / preferences.FILE).is_file()
-    return Finding(preferences.FILE, True, "is valid" if there else "is not there, and need not be")
-
-
-def _storage(root: Path) -> Iterator[Finding]:
+    said, what = "is valid" if there else "is not there, and need not be", preferences.FILE
     try:
         address = preferences.load(root).storage.raw
-    except InputError:  # told already
-        return
-    if address is None:
-        return
-    store = Store(address)
-    try:
-        found = len(store.marks())
+        yield Finding(what, True, said)
+        if address is not None:
+            what, store = "storage", Store(address)
+            yield Finding(what, True, f"{len(store.marks())} objects at {store.shown}")
     except InputError as problem:
-        yield Finding("storage", False, str(problem))
-    else:
-        yield Finding("storage", True, f"{found} objects at {store.shown}")
+        yield Finding(what, False, str(problem))
 
 
-def _service(root: Path) -> Iterator[Finding]:
+def _service(root: Path) -> Finding:
     api = os.environ.get("PREFECT_API_URL")
     if api:
         good = service.answers(api)
-        said = (
-            f"{api} {'answers' if good else 'does not answer; start it or unset PREFECT_API_URL'}"
-        )
-        yield Finding("Prefect server", good, said)
-        return
+        said = "answers" if good else "does not answer; start it or unset PREFECT_API_URL"
+        return Finding("Prefect server", good, f"{api} {said}")
     urls = service.serving(root)
     said = f"runs at {urls['page']}" if urls else "not running; `pipeline serve` starts it"
-    yield Finding("service", True, said, needed=False)
+    return Finding("service", True, said, needed=False)

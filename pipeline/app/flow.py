@@ -15,20 +15,11 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from prefect import flow, runtime, task
-from prefect.artifacts import (
-    create_link_artifact,
-    create_markdown_artifact,
-    create_table_artifact,
-)
+from prefect import artifacts, flow, runtime, task
 from prefect.cache_policies import NO_CACHE
 from prefect.client.orchestration import get_client
 from prefect.client.schemas.actions import WorkPoolCreate
-from prefect.client.schemas.filters import (
-    FlowRunFilter,
-    FlowRunFilterState,
-    FlowRunFilterStateType,
-)
+from prefect.client.schemas.filters import FlowRunFilter
 from prefect.client.schemas.objects import StateType
 from prefect.exceptions import ObjectAlreadyExists
 from prefect.states import Crashed
@@ -37,9 +28,10 @@ from prefect.types.entrypoint import EntrypointType
 from pipeline.answer.archive import read
 from pipeline.answer.contract import Answer
 from pipeline.app import watch
-from pipeline.app.outcome import Outcome, stiffness_rows
+from pipeline.app.outcome import Outcome
 from pipeline.app.preferences import Preferences, load
 from pipeline.app.processes import PARENT, REPORTS_URL, follow
+from pipeline.app.progress import Tell, told
 from pipeline.base.errors import InputError
 from pipeline.run import run
 from pipeline.store.campaign import Campaign, find
@@ -66,7 +58,7 @@ def scan(root: str) -> None:
     preferences = load(Path(root))
     outcomes = list(watch.scan(Path(root), preferences, _within))
     if outcomes:
-        create_markdown_artifact(key="scan", markdown=_summary(outcomes))
+        artifacts.create_markdown_artifact(key="scan", markdown=_summary(outcomes))
 
 
 def _within(campaign: Campaign) -> Answer:
@@ -93,12 +85,10 @@ def serve(root: Path, preferences: Preferences) -> None:
     with warnings.catch_warnings():  # Prefect's way to stop on SIGTERM forgets an await
         warnings.filterwarnings("ignore", "coroutine 'Runner.astop' was never awaited")
         scan.serve(
-            name="data-raw",
-            parameters={"root": str(root)},
             limit=1,
             pause_on_shutdown=False,
             print_starting_message=False,
-            **_schedule(preferences),
+            **_planned(root, preferences),
         )
 
 
@@ -107,25 +97,25 @@ def deploy(root: Path, pool: str, preferences: Preferences) -> None:
     with get_client(sync_client=True) as client, contextlib.suppress(ObjectAlreadyExists):
         client.create_work_pool(WorkPoolCreate(name=pool, type="process"))
     deployment: Any = scan.to_deployment(
-        name="data-raw",
-        parameters={"root": str(root)},
         entrypoint_type=EntrypointType.MODULE_PATH,
         work_pool_name=pool,
         concurrency_limit=1,
-        **_schedule(preferences),
+        **_planned(root, preferences),
     )
     deployment.apply()
 
 
-def _schedule(preferences: Preferences) -> dict[str, Any]:
+def _planned(root: Path, preferences: Preferences) -> dict[str, Any]:
+    """What the scan is called, what it is given, and when."""
     service = preferences.service
-    return {"cron": service.cron} if service.cron else {"interval": service.interval_s}
+    when = {"cron": service.cron} if service.cron else {"interval": service.interval_s}
+    return {"name": "data-raw", "parameters": {"root": str(root)}, **when}
 
 
 def clear() -> None:
     """Mark what a killed service left running as crashed, and drop the scans that it missed."""
     open_states = [StateType.RUNNING, StateType.PENDING, StateType.SCHEDULED, StateType.CANCELLING]
-    left = FlowRunFilter(state=FlowRunFilterState(type=FlowRunFilterStateType(any_=open_states)))
+    left = FlowRunFilter.model_validate({"state": {"type": {"any_": open_states}}})
     with get_client(sync_client=True) as client:
         while found := client.read_flow_runs(flow_run_filter=left, limit=200):
             for run in found:
@@ -135,11 +125,11 @@ def clear() -> None:
                     client.set_flow_run_state(run.id, Crashed(message="killed"), force=True)
 
 
-_LISTENER: ContextVar[Callable[[str], object]] = ContextVar("listener", default=str)
+_LISTENER: ContextVar[Tell] = ContextVar("listener", default=str)
 
 
 @contextlib.contextmanager
-def telling(tell: Callable[[str], object]) -> Iterator[None]:
+def telling(tell: Tell) -> Iterator[None]:
     """Within the block, `tell` hears of every stage; what a flow is given goes to the server."""
     before = _LISTENER.set(tell)
     try:
@@ -159,12 +149,7 @@ def _as_task(stage: Callable[..., Any]) -> Callable[..., Any]:
         retry_delay_seconds=2,
         retry_condition_fn=_may_heal,
     )(stage)
-
-    def announced(*given: Any, **named: Any) -> Any:
-        _LISTENER.get()(stage.__name__)
-        return carried_out(*given, **named)
-
-    return announced
+    return told(_LISTENER.get(), carried_out)
 
 
 def _may_heal(task: Any, run: Any, state: Any) -> bool:
@@ -172,15 +157,19 @@ def _may_heal(task: Any, run: Any, state: Any) -> bool:
     return isinstance(problem, InputError) and problem.passing
 
 
+_SHOWN = {"name", "value", "std", "unit", "identifiable"}
+"""What Prefect's page tells of a joint."""
+
+
 def _publish(campaign: Campaign, answer: Answer) -> None:
     """Result table and report link as Prefect artifacts."""
     key = "".join(c if c.isascii() and c.isalnum() else "-" for c in campaign.name.lower())
-    create_table_artifact(
+    artifacts.create_table_artifact(
         key=f"{key}-stiffness",
-        table=stiffness_rows(answer),
+        table=[joint.model_dump(include=_SHOWN) for joint in answer.stiffness],
         description=" ".join(answer.verdict_sentence),
     )
-    create_link_artifact(key=f"{key}-report", link=_link(campaign))
+    artifacts.create_link_artifact(key=f"{key}-report", link=_link(campaign))
 
 
 def _link(campaign: Campaign) -> str:

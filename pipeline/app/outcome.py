@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.base import files
-from pipeline.base.errors import CannotWrite, InputError, PipelineError
+from pipeline.base.errors import CannotWrite, InputError, PipelineError, place
 from pipeline.base.quantities import common_prefix, prefixed, scaled, with_std
-from pipeline.store.campaign import Campaign
+from pipeline.store.campaign import Campaign, find, label
 
 if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second
     from pipeline.answer.contract import Answer, Rejected, Stiffness
@@ -48,34 +48,25 @@ class Outcome:
         """One line of JSON."""
         return json.dumps(self.content, ensure_ascii=False, allow_nan=False)
 
-    def as_text(self) -> str:
-        """For people."""
-        return self.text
-
 
 Compute = Callable[[Campaign], "Answer"]
 """How a campaign is brought up to date: campaign in, answer out."""
 
 
-def outcome(name: str, find: Callable[[], Campaign], compute: Compute) -> Outcome:
+def outcome(campaign: Campaign, compute: Compute) -> Outcome:
     """What becomes of one campaign; whatever goes wrong is part of it."""
-
-    def work() -> Outcome:
-        campaign = find()
-        return dated(guarded(campaign.name, partial(_outcome, campaign, compute)), campaign)
-
-    return guarded(name, work)
+    return dated(campaign, partial(_outcome, compute=compute))
 
 
-def dated(outcome: Outcome, campaign: Campaign) -> Outcome:
-    """Where there is no new report, say that the old one is still there."""
-    old = campaign.reports / "index.html"
-    if "error" not in outcome.content or not old.is_file():
-        return outcome
+def dated(campaign: Campaign, work: Callable[[Campaign], Outcome]) -> Outcome:
+    """What `work` makes of a campaign; where it fails, that the report is an old one."""
+    made, old = guarded(campaign.name, partial(work, campaign)), campaign.reports / "index.html"
+    if "error" not in made.content or not old.is_file():
+        return made
     return replace(
-        outcome,
-        content=outcome.content | {"earlier_report": str(old)},
-        complaints=[*outcome.complaints, f"{campaign.name}: {old} is {EARLIER}."],
+        made,
+        content=made.content | {"earlier_report": str(old)},
+        complaints=[*made.complaints, f"{campaign.name}: {old} is {EARLIER}."],
     )
 
 
@@ -87,7 +78,8 @@ def _outcome(campaign: Campaign, compute: Compute) -> Outcome:
     first, *more = answer.verdict_sentence
     lines = [
         f"{name}: {first}",
-        *(f"  {line}" for line in (*more, *_stiffness_lines(answer))),
+        *(f"  {line}" for line in more),
+        *(f"  {joint.name:<10} {_shown(joint)}" for joint in answer.stiffness),
         f"  {campaign.reports / 'index.html'}",
     ]
     return Outcome(
@@ -96,14 +88,9 @@ def _outcome(campaign: Campaign, compute: Compute) -> Outcome:
         text="\n".join(lines),
         exit_code=InputError.exit_code if answer.rejected else 0,
         misfit=answer.diagnosis.verdict != "adequate",
-        complaints=[f"{name}: {line}" for line in sentences(rows(answer.rejected))],
+        complaints=[f"{name}: {line}" for line in sentences(answer.rejected)],
         verdict=str(answer.diagnosis.verdict),
     )
-
-
-def _stiffness_lines(answer: Answer) -> list[str]:
-    """The stiffnesses that the answer stands for, one line per joint."""
-    return [f"{joint.name:<10} {_shown(joint)}" for joint in answer.stiffness]
 
 
 def _shown(joint: Stiffness) -> str:
@@ -114,35 +101,35 @@ def _shown(joint: Stiffness) -> str:
     return f"{value} {prefixed(joint.unit, letter)}"
 
 
-def stiffness_rows(answer: Answer) -> list[dict[str, Any]]:
-    """The same as a table for machines."""
-    shown = {"name", "value", "std", "unit", "identifiable"}
-    return [joint.model_dump(include=shown) for joint in answer.stiffness]
+def named(root: Path, name: str, work: Callable[[Campaign], Outcome]) -> Outcome:
+    """What `work` makes of the campaign that is meant by a name or a path."""
+    return guarded(label(name), lambda: work(find(root, name)))
 
 
 def guarded(name: str, work: Callable[[], Outcome]) -> Outcome:
     """What `work` makes of a campaign, or what went wrong in it."""
     try:
         return work()
-    except PipelineError as problem:
-        return failed(name, problem, str(problem), problem.exit_code)
     except Exception as problem:  # one broken campaign must not stop the others
-        return failed(name, problem, record_crash(problem), 1)
+        return failed(name, problem)
 
 
-def failed(name: str, problem: Exception, words: str, code: int) -> Outcome:
+def failed(name: str, problem: Exception) -> Outcome:
     """A campaign without a result, and why."""
+    if isinstance(problem, PipelineError):
+        words, code = str(problem), problem.exit_code
+    else:
+        words, code = record_crash(problem), 1
     error = {"kind": type(problem).__name__, "message": words, "exit_code": code}
     if isinstance(problem, InputError):
-        error |= {"file": problem.file, "line": problem.line}
-        error |= {"thing": problem.thing, "way_out": problem.way_out, "passing": problem.passing}
+        error |= problem.parts
     return Outcome(
         name,
         {"campaign": name, "error": error},
         f"{name}: {'rejected' if code == InputError.exit_code else 'failed'}",
         code,
         complaints=[f"{name}: {words}"],
-        passing=isinstance(problem, InputError) and problem.passing,
+        passing=bool(error.get("passing")),
     )
 
 
@@ -159,43 +146,24 @@ def record_crash(problem: Exception) -> str:
     return f"internal error ({type(problem).__name__}: {problem}); please report it with {path}."
 
 
-@dataclass(frozen=True)
-class Row:
-    """A row that was left out: in which file and line it stands, and why."""
-
-    file: str
-    line: int | None
-    reason: str
-
-    def __str__(self) -> str:
-        """The same in words."""
-        line = "" if self.line is None else f":{self.line}"
-        return f"{self.file}{line}: {self.reason}"
-
-
-def rows(rejected: Iterable[Rejected]) -> list[Row]:
-    """Those of an answer."""
-    return [Row(one.file, one.line, one.reason) for one in rejected]
-
-
 _ALIKE = 3
 """How many of the rows that differ in numbers only are told one by one."""
 
 
-def sentences(rejected: Iterable[Row]) -> list[str]:
+def sentences(rejected: Iterable[Rejected]) -> list[str]:
     """Rejected rows in words, those of a file that are alike counted; result.json has them all."""
-    groups: dict[tuple[str, str], list[Row]] = {}
+    groups: dict[tuple[str, str], list[Rejected]] = {}
     for row in rejected:
         alike = re.sub(r"[0-9]+", "0", row.reason)
         groups.setdefault((row.file, alike), []).append(row)
     return [line for rows in groups.values() for line in _told(rows)]
 
 
-def _told(rows: Sequence[Row]) -> list[str]:
-    first: dict[str, Row] = {}
+def _told(rows: Sequence[Rejected]) -> list[str]:
+    first: dict[str, str] = {}
     for row in rows:
-        first.setdefault(row.reason, row)
-    told = [str(row) for row in list(first.values())[:_ALIKE]]
+        first.setdefault(row.reason, f"{place(row.file, row.line)}{row.reason}")
+    told = list(first.values())[:_ALIKE]
     more = len(rows) - len(told)
     if more:
         told.append(f"{rows[0].file}: ... and {more} more line{'s' * (more > 1)} like this")

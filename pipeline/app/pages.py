@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from filelock import FileLock
 
@@ -14,7 +12,7 @@ from pipeline.answer.archive import Finished, finished, mark, read, shown
 from pipeline.answer.contract import Answer
 from pipeline.answer.history import previous
 from pipeline.base import files
-from pipeline.store.campaign import code_version, dump, versions
+from pipeline.store.campaign import code_version, dump, recalled, versions
 
 INDEX_MANIFEST = "index.json"
 
@@ -33,17 +31,13 @@ def refresh(root: Path) -> Path | None:
     for one in everyone:
         one.campaign.tidy()
         before = previous(one.answer, answers)
-        if _told(one.campaign.manifest()) != mark(before):
+        if (one.campaign.manifest() or {}).get("previous") != mark(before):
             _tell(one, before)
     return _index(root, answers) if answers else None
 
 
 def _left_out(why: str) -> None:
     sys.stderr.write(f"{why} Until then it is left out of the page over all campaigns.\n")
-
-
-def _told(manifest: Mapping[str, Any] | None) -> str | None:
-    return None if manifest is None else manifest.get("previous")
 
 
 def _tell(one: Finished, before: Answer | None) -> None:
@@ -53,10 +47,10 @@ def _tell(one: Finished, before: Answer | None) -> None:
     campaign = one.campaign
     with campaign.locked():
         manifest = campaign.manifest()
-        if manifest is None or _told(manifest) == mark(before):
+        if manifest is None or manifest.get("previous") == mark(before):
             return  # another run has been faster
         pages = render(read(campaign), shown(campaign), manifest.get("run_time_s"), before)
-        campaign.amend(pages, {"previous": mark(before)})
+        campaign.publish(manifest | {"previous": mark(before)}, pages)
 
 
 def _index(root: Path, answers: Sequence[Answer]) -> Path:
@@ -64,12 +58,8 @@ def _index(root: Path, answers: Sequence[Answer]) -> Path:
 
     page, manifest = root / "reports" / "index.html", root / "data" / "processed" / INDEX_MANIFEST
     key = files.sha256(dump([[one.as_json() for one in answers], code_version(), versions()]))
-    try:
-        kept = json.loads(manifest.read_bytes())
-        current = kept == {"key": key, "page": files.sha256(page.read_bytes())}
-    except (FileNotFoundError, ValueError):
-        current = False
-    if not current:
+    drawn = files.sha256(page.read_bytes()) if page.is_file() else None
+    if recalled(manifest) != {"key": key, "page": drawn}:
         content = render_overview(answers)
         with files.writing(manifest):
             manifest.parent.mkdir(parents=True, exist_ok=True)

@@ -2,18 +2,44 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, ValidationError, field_validator
+from pydantic import AfterValidator, Field, ValidationError
 
+from pipeline.base import files, toml
 from pipeline.base.errors import InputError, UsageError, first_wrong
 from pipeline.base.strict import Strict
 
 FILE = "pipeline.toml"
+
+
+def _cron(line: str) -> str:
+    from cronsim import CronSim, CronSimError
+
+    try:
+        CronSim(line, datetime(2000, 1, 1))
+    except CronSimError as problem:
+        raise ValueError(f'"{line}" is no cron line, such as "0 6 * * 1-5"') from problem
+    return line
+
+
+def _on_the_web(address: str) -> str:
+    if not address.startswith(("https://", "http://")):
+        raise ValueError("an address begins with https:// or http://")
+    return address
+
+
+def _elsewhere(address: str) -> str:
+    """Not a folder of this machine."""
+    if "://" not in address:
+        raise ValueError("an address looks like s3://bucket/folder")
+    return address
+
+
+_Address = Annotated[str, AfterValidator(_elsewhere)]
 
 
 class Service(Strict):
@@ -27,22 +53,9 @@ class Service(Strict):
     """
 
     interval_s: Annotated[float, Field(ge=5, le=86400)] = 60.0
-    cron: str | None = None
+    cron: Annotated[str, AfterValidator(_cron)] | None = None
     quiet_s: Annotated[float, Field(ge=0, le=3600)] = 5.0
     port: Annotated[int, Field(ge=1024, le=65534)] = 4200
-
-    @field_validator("cron")
-    @classmethod
-    def five_fields(cls, line: str | None) -> str | None:
-        """Only what is a cron line."""
-        if line is not None:
-            from cronsim import CronSim, CronSimError
-
-            try:
-                CronSim(line, datetime(2000, 1, 1))
-            except CronSimError as problem:
-                raise ValueError(f'"{line}" is no cron line, such as "0 6 * * 1-5"') from problem
-        return line
 
 
 class Notify(Strict):
@@ -52,15 +65,7 @@ class Notify(Strict):
         webhook: Address that takes a JSON object by POST; its `text` is what chats show.
     """
 
-    webhook: str | None = None
-
-    @field_validator("webhook")
-    @classmethod
-    def on_the_web(cls, address: str | None) -> str | None:
-        """Only addresses of the web."""
-        if address is not None and not address.startswith(("https://", "http://")):
-            raise ValueError("an address begins with https:// or http://")
-        return address
+    webhook: Annotated[str, AfterValidator(_on_the_web)] | None = None
 
 
 class Storage(Strict):
@@ -72,17 +77,9 @@ class Storage(Strict):
         processed: Where the tables of data/processed are put after a run.
     """
 
-    raw: str | None = None
-    reports: str | None = None
-    processed: str | None = None
-
-    @field_validator("raw", "reports", "processed")
-    @classmethod
-    def an_address(cls, address: str | None) -> str | None:
-        """Not a folder of this machine."""
-        if address is not None and "://" not in address:
-            raise ValueError("an address looks like s3://bucket/folder")
-        return address
+    raw: _Address | None = None
+    reports: _Address | None = None
+    processed: _Address | None = None
 
 
 class Preferences(Strict):
@@ -104,12 +101,8 @@ def load(root: Path, said: Mapping[str, Any] | None = None) -> Preferences:
         InputError: pipeline.toml is not TOML, or has a word or value it cannot have.
         UsageError: The command line says what it cannot have.
     """
-    try:
-        content = tomllib.loads(_text(root / FILE))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
-        raise InputError(
-            f"not valid TOML ({problem})", "correct that place", file=FILE
-        ) from problem
+    path = root / FILE
+    content = toml.loads(files.text(path.read_bytes() if path.is_file() else b"", FILE), FILE)
     _validated(content)  # before the command line outdoes it, so that each gets its own blame
     content["service"] = {**content.get("service", {}), **(said or {})}
     try:
@@ -129,7 +122,3 @@ def _validated(content: dict[str, Any]) -> Preferences:
             "correct it as docs/serve.md or docs/object-storage.md describes",
             file=FILE,
         ) from problem
-
-
-def _text(path: Path) -> str:
-    return path.read_text("utf-8-sig") if path.is_file() else ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from typing import Any
 
 _SHARES = {"ingest": 0.01, "screen": 0.07, "fit": 0.14, "diagnose": 0.2, "render": 0.8}
@@ -14,51 +15,61 @@ class Progress:
 
     def __init__(self, total: int) -> None:
         """Make a bar for so many campaigns."""
-        self._total, self._done, self._name = total, 0, ""
-        self._bar: Any = None
+        from rich import progress
+        from rich.console import Console
+
+        self._bar = progress.Progress(
+            progress.SpinnerColumn(),
+            progress.TextColumn("{task.description}"),
+            progress.BarColumn(),
+            progress.MofNCompleteColumn(),
+            progress.TimeElapsedColumn(),
+            progress.TimeRemainingColumn(),
+            console=Console(stderr=True),
+            transient=True,
+            redirect_stdout=False,  # else what is printed would go to stderr, the bar's console
+            redirect_stderr=False,
+            disable=not sys.stderr.isatty(),
+        )
+        self._task = self._bar.add_task("", total=total)
+        self._done, self._name = 0, ""
 
     def __enter__(self) -> Progress:
         """Make it ready."""
-        if sys.stderr.isatty():
-            from rich import progress
-            from rich.console import Console
-
-            self._bar = progress.Progress(
-                progress.SpinnerColumn(),
-                progress.TextColumn("{task.description}"),
-                progress.BarColumn(),
-                progress.MofNCompleteColumn(),
-                progress.TimeElapsedColumn(),
-                progress.TimeRemainingColumn(),
-                console=Console(stderr=True),
-                transient=True,
-                redirect_stdout=False,  # else what is printed would go to stderr, the bar's console
-                redirect_stderr=False,
-            )
-            self._task = self._bar.add_task("", total=self._total)
         return self
 
     def __exit__(self, *_: object) -> None:
         """Take it away."""
-        if self._bar is not None:
-            self._bar.stop()
+        self._bar.stop()
 
     def now(self, name: str) -> None:
         """Say which campaign is being computed."""
         self._name = name
-        if self._bar is not None:
-            self._bar.update(self._task, description=name)
-            self._bar.start()
+        self._bar.update(self._task, description=name)
+        self._bar.start()
 
     def at(self, stage: str) -> None:
         """Say which of its stages begins."""
-        if self._bar is not None and stage in _SHARES:
+        if stage in _SHARES:
             done = max(self._done + _SHARES[stage], self._bar.tasks[0].completed)
             self._bar.update(self._task, completed=done, description=f"{self._name}: {stage}")
 
     def done(self) -> None:
         """One campaign further; the bar makes room for what is said about it."""
         self._done += 1
-        if self._bar is not None:
-            self._bar.update(self._task, completed=self._done)
-            self._bar.stop()
+        self._bar.update(self._task, completed=self._done)
+        self._bar.stop()
+
+
+Tell = Callable[[str], object]
+"""Hears the name of every stage before it is carried out."""
+
+
+def told(tell: Tell, stage: Callable[..., Any]) -> Callable[..., Any]:
+    """A stage that says its name before it begins."""
+
+    def carried_out(*given: Any, **named: Any) -> Any:
+        tell(stage.__name__)
+        return stage(*given, **named)
+
+    return carried_out

@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import functools
 import http.server
-import json
 import os
 import signal
 import socket
@@ -16,7 +15,6 @@ import subprocess
 import sys
 import threading
 import time
-import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
@@ -25,7 +23,7 @@ from typing import Any
 from pipeline.app.processes import PARENT, REPORTS_URL, sheltered
 from pipeline.base import files
 from pipeline.base.errors import UsageError
-from pipeline.store.campaign import dump
+from pipeline.store.campaign import dump, recalled
 
 HOME = ".prefect"
 """Prefect's own files, under the project's root."""
@@ -116,14 +114,11 @@ def _free(port: int, patience_s: float = 20.0) -> None:
     """Wait for a port; a server that was stopped a moment ago may still hold it."""
     until = time.monotonic() + patience_s
     while time.monotonic() < until:
-        with socket.socket() as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            try:
-                probe.bind((_HERE, port))
-            except OSError:
-                time.sleep(0.5)
-            else:
-                return
+        try:
+            socket.create_server((_HERE, port)).close()
+            return
+        except OSError:
+            time.sleep(0.5)
     raise UsageError(f"port {port} is taken by another program: choose another with --port")
 
 
@@ -133,9 +128,7 @@ def running(root: Path, port: int) -> Iterator[None]:
     command = [sys.executable, "-m", "prefect", "server", "start", "--host", _HERE]
     command += ["--port", str(port)]
     log = root / HOME / "server.log"
-    with files.writing(log):
-        log.parent.mkdir(parents=True, exist_ok=True)
-        log.write_bytes(b"")
+    files.write(log, b"")
     with log.open("wb") as kept:
         leash = subprocess.Popen(
             [sys.executable, "-m", "pipeline.app.processes", *command],
@@ -166,7 +159,7 @@ def answers(api: str) -> bool:
     try:
         with urllib.request.urlopen(f"{api.rstrip('/')}/health", timeout=2) as answer:
             return bool(answer.status == 200)
-    except (urllib.error.URLError, OSError):
+    except OSError:
         return False
 
 
@@ -203,8 +196,5 @@ def _recorded(root: Path, urls: dict[str, str]) -> Iterator[None]:
 
 def serving(root: Path) -> dict[str, str] | None:
     """Where this project is served now; None where it is not."""
-    try:
-        urls: dict[str, str] = json.loads((root / HOME / "serving.json").read_bytes())
-    except (FileNotFoundError, ValueError):
-        return None
-    return urls if answers(urls["api"]) else None
+    urls: dict[str, str] | None = recalled(root / HOME / "serving.json")
+    return urls if urls and answers(urls["api"]) else None

@@ -3,26 +3,16 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.app import preferences, service, sync
-from pipeline.app.outcome import (
-    EARLIER,
-    Outcome,
-    Row,
-    dated,
-    failed,
-    guarded,
-    outcome,
-    rows,
-    sentences,
-)
+from pipeline.app.outcome import EARLIER, Outcome, dated, failed, named, outcome, sentences
 from pipeline.app.processes import sheltered
-from pipeline.app.progress import Progress
+from pipeline.app.progress import Progress, Tell, told
 from pipeline.base import files
 from pipeline.base.errors import InputError, PipelineError, UsageError
 from pipeline.store import campaign as campaigns
@@ -42,11 +32,10 @@ def run_all(root: Path, names: list[str], engine: str, force: bool) -> Iterator[
         raise no_campaign(root)
     compute = plainly if engine == "local" else _through_prefect
     with Progress(len(everyone)) as bar:
+        work = partial(outcome, compute=partial(compute, force=force, tell=bar.at))
         for name in everyone:
-            label = campaigns.label(name)
-            bar.now(label)
-            find = partial(campaigns.find, root, name)
-            done = outcome(label, find, partial(compute, force=force, tell=bar.at))
+            bar.now(campaigns.label(name))
+            done = named(root, name, work)
             bar.done()
             yield done
     from pipeline.app import pages
@@ -64,28 +53,14 @@ def no_campaign(root: Path) -> InputError:
     )
 
 
-_Tell = Callable[[str], object]
-"""Hears the name of every stage before it is carried out."""
-
-
-def plainly(campaign: Campaign, force: bool = False, tell: _Tell = str) -> Answer:
+def plainly(campaign: Campaign, force: bool = False, tell: Tell = str) -> Answer:
     """Bring a campaign up to date in this process."""
     from pipeline.run import run
 
     return run(campaign, partial(told, tell), force)
 
 
-def told(tell: _Tell, stage: Callable[..., Any]) -> Callable[..., Any]:
-    """A stage that says its name before it begins."""
-
-    def carried_out(*given: Any, **named: Any) -> Any:
-        tell(stage.__name__)
-        return stage(*given, **named)
-
-    return carried_out
-
-
-def _through_prefect(campaign: Campaign, force: bool = False, tell: _Tell = str) -> Answer:
+def _through_prefect(campaign: Campaign, force: bool, tell: Tell) -> Answer:
     """Bring a campaign up to date as a Prefect flow, unless nothing is to be done."""
     if not force and campaign.current():
         from pipeline.answer.archive import read
@@ -104,17 +79,15 @@ def _through_prefect(campaign: Campaign, force: bool = False, tell: _Tell = str)
 
 def check(root: Path, name: str) -> Outcome:
     """Ingest a campaign and say what would be used; write nothing."""
-    return guarded(campaigns.label(name), partial(_check, root, name))
+    return named(root, name, _check)
 
 
-def _check(root: Path, name: str) -> Outcome:
+def _check(campaign: Campaign) -> Outcome:
     from pipeline.answer.inputs import rejected_entries
+    from pipeline.reduction.bring import conformed
     from pipeline.run import reduce
-    from pipeline.tables import promised
 
-    campaign = campaigns.find(root, name)
-    name = campaign.name
-    reduced = reduce(campaign.read(), promised)
+    name, reduced = campaign.name, reduce(campaign.read(), conformed)
     rejected = rejected_entries(reduced.shown["rejected"])
     used = {
         "readings": len(reduced.shown["readings"]),
@@ -129,7 +102,7 @@ def _check(root: Path, name: str) -> Outcome:
         content={"campaign": name, **used},
         text=text,
         exit_code=InputError.exit_code if rejected else 0,
-        complaints=[f"{name}: {line}" for line in sentences(rows(rejected))],
+        complaints=[f"{name}: {line}" for line in sentences(rejected)],
     )
 
 
@@ -138,6 +111,7 @@ def inspect(path: Path, unit: str | None, csv: bool = False) -> Outcome:
 
     A campaign.toml beside it says what the export does not.
     """
+    from pipeline.answer.contract import Rejected
     from pipeline.readers.inspect import as_csv
     from pipeline.readers.inspect import inspect as look
 
@@ -149,7 +123,7 @@ def inspect(path: Path, unit: str | None, csv: bool = False) -> Outcome:
         seen = look(path.name, data, hints)
         text = as_csv(path.name, data, hints).decode().rstrip("\n") if csv else seen.to_text()
     except PipelineError as problem:
-        refused = failed(path.name, problem, str(problem), problem.exit_code)
+        refused = failed(path.name, problem)
         content = {"file": path.name, "error": refused.content["error"]}
         return replace(refused, content=content, complaints=[str(problem)])
     return Outcome(
@@ -157,18 +131,16 @@ def inspect(path: Path, unit: str | None, csv: bool = False) -> Outcome:
         content=seen.to_json(),
         text=text,
         exit_code=InputError.exit_code if seen.rejected else 0,
-        complaints=sentences(Row(path.name, **entry) for entry in seen.rejected),
+        complaints=sentences(Rejected(file=path.name, **entry) for entry in seen.rejected),
     )
 
 
 def _hints(folder: Campaign, unit: str | None) -> Any:
     from pipeline.readers import Hints
     from pipeline.reduction.ingest import hints
-    from pipeline.reduction.settings import parse
 
-    if not (folder.folder / "campaign.toml").is_file():
-        return Hints(unit=unit)
-    tracker = parse(folder.content("campaign.toml").decode("utf-8-sig")).tracker
+    there = (folder.folder / "campaign.toml").is_file()
+    tracker = folder.settings().tracker if there else None
     said = hints(tracker) if tracker else Hints()
     return replace(said, unit=unit or said.unit)
 
@@ -176,17 +148,17 @@ def _hints(folder: Campaign, unit: str | None) -> Any:
 def status(root: Path) -> Iterator[Outcome]:
     """State of every campaign under data/raw."""
     for campaign in campaigns.every(root):
-        yield dated(guarded(campaign.name, partial(_status, campaign)), campaign)
+        yield dated(campaign, _status)
 
 
 def _status(campaign: Campaign) -> Outcome:
     before, key = campaign.manifest(), campaign.read().key
-    if before is not None and campaign.done(key) is not None:
+    if before is not None and campaign.done(key):
         return _standing(campaign, "done", before.get("verdict"))
     rejected = campaign.rejection(key)
     if rejected is None:
         return _standing(campaign, "changed" if before else "new", None)
-    told = failed(campaign.name, rejected, str(rejected), rejected.exit_code)
+    told = failed(campaign.name, rejected)
     content = {"campaign": campaign.name, "state": "rejected", "verdict": None}
     return replace(told, content=told.content | content, text=f"{campaign.name:24} rejected")
 

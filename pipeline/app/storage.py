@@ -15,7 +15,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from pipeline.base.errors import CannotWrite, InputError
-from pipeline.store.campaign import LARGEST_FILE
+from pipeline.store.campaign import LARGEST_FILE, too_large
 
 _OURS = ("s3", "gs", "gcs", "abfs", "abfss", "file")
 """Addresses that pyarrow knows without fsspec."""
@@ -93,11 +93,8 @@ class Store:
             files, folder = self._place
             with files.open_input_file(f"{folder.rstrip('/')}/{name}") as source:
                 if source.size() > LARGEST_FILE:
-                    raise InputError(
-                        f"{self.shown}/{name} has {source.size() / 2**30:.1f} GiB, more than "
-                        f"{LARGEST_FILE / 2**30:.0f}",
-                        "split the export",
-                    )
+                    thing = f"{self.shown}/{name} {too_large(source.size())}"
+                    raise InputError(thing, "split the export")
                 return bytes(source.read())
 
     def write(self, name: str, data: bytes) -> None:

@@ -76,11 +76,7 @@ def fetch(root: Path, storage: Storage) -> list[Outcome]:
     except PipelineError as problem:
         refused[_HERE] = problem
     note.keep(root)
-    return [_refused(name, problem) for name, problem in refused.items()]
-
-
-def _refused(name: str, problem: PipelineError) -> Outcome:
-    return failed(name, problem, str(problem), problem.exit_code)
+    return [failed(name, problem) for name, problem in refused.items()]
 
 
 _Marks = Mapping[str, tuple[int, float]]
@@ -155,17 +151,15 @@ def untold(root: Path, refused: list[Outcome]) -> list[Outcome]:
 def publish(root: Path, storage: Storage) -> list[Outcome]:
     """Put changed reports and tables into the storage; what was refused, and why."""
     folders = ((root / "reports", storage.reports), (_processed(root), storage.processed))
-    if not any(url for _, url in folders):
+    wanted = [(folder, Store(url)) for folder, url in folders if url is not None]
+    if not wanted:
         return []
     note, refused = Note.of(root), []
-    for folder, url in folders:
-        if url is None:
-            continue
-        store = Store(url)
+    for folder, store in wanted:
         try:
             _put(root, folder, store, note)
         except PipelineError as problem:
-            refused.append(_refused(_HERE, problem))
+            refused.append(failed(_HERE, problem))
     note.keep(root)
     return refused
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import time
-import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
@@ -112,7 +111,7 @@ def scan(
     for campaign, now in before.items():
         if _fingerprint(campaign) != now:  # still being copied: the next look will take it
             continue
-        made = outcome(campaign.name, lambda c=campaign: c, compute)  # type: ignore[misc]
+        made = outcome(campaign, compute)
         _learn(campaign, now, made)
         yield made
     if before:
@@ -172,7 +171,7 @@ def _posted(address: str, content: dict[str, str | None]) -> bool:
     try:
         with urllib.request.urlopen(request, timeout=10):
             return True
-    except (urllib.error.URLError, OSError):
+    except OSError:
         return False
 
 

@@ -72,18 +72,13 @@ def _alike(six: Sequence[Array]) -> bool:
     return len(six[0]) > 0 and all(each(six, lambda column: bool((column == column[0]).all())))
 
 
-def isotropic(one: Sequence[float]) -> bool:
-    """Whether a covariance is the same in all directions, so that no rotation changes it."""
-    xx, xy, xz, yy, yz, zz = one
-    return xx == yy == zz and xy == xz == yz == 0
-
-
 def turned(six: Sequence[Array], R: Array) -> list[Array]:
     """Columns of R C R' from those of C; a million equal ones cost as much as one."""
     if _alike(six):
-        if isotropic([column[0] for column in six]):
+        xx, xy, xz, yy, yz, zz = one = np.array([column[0] for column in six])
+        if xx == yy == zz and xy == xz == yz == 0:  # which no rotation changes
             return list(six)
-        one = flat(R @ symmetric(np.array([[column[0] for column in six]])) @ R.T)[0]
+        one = flat(R @ symmetric(one[None]) @ R.T)[0]
         return [np.full(len(six[0]), value) for value in one]
     unit = flat(R @ symmetric(np.eye(6)) @ R.T)
     return list(np.ascontiguousarray((np.column_stack(six) @ unit).T))

@@ -6,7 +6,7 @@ The core raises these; only the command line turns them into a sentence and an e
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pydantic import ValidationError
@@ -61,6 +61,11 @@ class InputError(PipelineError):
         self.file, self.line, self.thing, self.way_out = file, line, thing, way_out
         self.passing = passing
         super().__init__(f"{place(file, line)}{thing}; {way_out}.")
+
+    @property
+    def parts(self) -> dict[str, Any]:
+        """All that it was made of, by name; enough to make it again."""
+        return dict(vars(self))
 
 
 class CannotWrite(PipelineError):

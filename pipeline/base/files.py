@@ -11,7 +11,7 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from pipeline.base.errors import CannotWrite
+from pipeline.base.errors import CannotWrite, InputError
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 BEGUN = ".*.????????"
@@ -110,6 +110,18 @@ def sweep(folder: Path, pattern: str = f"**/{BEGUN}") -> None:
 def leftovers(folder: Path, pattern: str = f"**/{BEGUN}") -> list[Path]:
     """Files in a folder that a `write` has begun; what nobody works at is of a killed one."""
     return [path for path in folder.glob(pattern) if path.is_file()]
+
+
+def text(data: bytes, file: str) -> str:
+    """The words of a file that people write.
+
+    Raises:
+        InputError: Not UTF-8.
+    """
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as problem:
+        raise InputError("is not UTF-8", "save it as UTF-8", file=file) from problem
 
 
 def sha256(data: bytes) -> str:

@@ -6,7 +6,7 @@ import math
 import numbers
 import re
 from collections.abc import Iterable
-from decimal import ROUND_HALF_EVEN, Decimal
+from decimal import ROUND_HALF_EVEN, Context, Decimal
 from typing import TypeGuard
 
 MISSING = "–"
@@ -35,19 +35,13 @@ def _place_of(std: float, significant: int = 2) -> int:
     Two significant digits of the uncertainty after rounding: 0.0994 counts in 0.001,
     0.0996 becomes 0.10 and counts in 0.01.
     """
-    exponent = Decimal(repr(float(std))).adjusted() - significant + 1
-    rounded = _to_place(std, exponent)
-    return exponent + (rounded.adjusted() - exponent - significant + 1)
-
-
-def _to_place(value: float, place: int) -> Decimal:
-    return Decimal(repr(float(value))).quantize(Decimal(1).scaleb(place), ROUND_HALF_EVEN)
+    rounded = Context(significant, ROUND_HALF_EVEN).create_decimal(repr(float(std)))
+    return rounded.adjusted() - significant + 1
 
 
 def _at_place(value: float, place: int) -> str:
     """A number rounded at a decimal place, without an exponent: (1234.5, 1) -> 1230."""
-    text = f"{_to_place(value, place):f}" if place <= 0 else f"{int(_to_place(value, place)):d}"
-    return text.replace("-0", "0", 1) if float(text) == 0 and text.startswith("-") else text
+    return f"{round(Decimal(repr(float(value))), -place):zf}"
 
 
 def with_std(value: float | None, std: float | None) -> str:
@@ -70,8 +64,7 @@ def bracketed(value: float | None, std: float | None) -> str:
 
 def _scientific(value: float, std: float) -> str:
     power = Decimal(repr(float(max(abs(value), std)))).adjusted()
-    scale = Decimal(10) ** -power
-    scaled = [float(Decimal(repr(float(v))) * scale) for v in (value, std)]
+    scaled = [float(Decimal(repr(float(v))).scaleb(-power)) for v in (value, std)]
     place = _place_of(scaled[1])
     return f"({_at_place(scaled[0], place)} ± {_at_place(scaled[1], place)}) × {_ten_to(power)}"
 
@@ -86,14 +79,11 @@ def interval(bounds: Iterable[float | None] | None, std: float | None) -> str:
     low, high = [*(bounds or []), None, None][:2]
     place = _place_of(std) if known(std) and std > 0 else None
     below, above = _limit(low, place), _limit(high, place)
-    match below, above:
-        case None, None:
-            return MISSING
-        case None, _:
-            return f"below {above}"
-        case _, None:
-            return f"above {below}"
-    return f"{below} to {above}"
+    if below and above:
+        return f"{below} to {above}"
+    if above:
+        return f"below {above}"
+    return f"above {below}" if below else MISSING
 
 
 def _limit(bound: float | None, place: int | None) -> str | None:

@@ -13,9 +13,8 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import cache
-from importlib import metadata, resources
-from importlib.resources.abc import Traversable
+from functools import cache, partial
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +25,7 @@ from filelock import FileLock, Timeout
 
 from pipeline import tables
 from pipeline.base import files
-from pipeline.base.errors import InputError, PipelineError, UsageError, listed
+from pipeline.base.errors import InputError, UsageError, listed
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot import load as load_robot
 from pipeline.machine.robot.mdh import parse as parse_robot
@@ -90,29 +89,32 @@ class Campaign:
         Raises:
             InputError: A file is missing, unreadable, too large, or changes while it is read.
         """
-        content = {"campaign.toml": self.content("campaign.toml")}
-        for name in self._named(_settings(content)):
-            content[name] = self.content(name)
-        return in_memory(content, self.folder)
+        names = ["campaign.toml", *self._named(self.settings())]
+        return in_memory({name: self.content(name) for name in names}, self.folder)
+
+    def settings(self) -> Settings:
+        """Its campaign.toml, checked.
+
+        Raises:
+            InputError: It cannot be read, or has a word or value it cannot have.
+        """
+        return _settings(self.content("campaign.toml"))
 
     def _named(self, settings: Settings) -> list[str]:
         """Names of the files that campaign.toml names, relative to the folder."""
         if settings.displacements is not None:
-            return [
-                settings.displacements.file,
-                settings.displacements.forces,
-                settings.joints.file,
-            ]
+            given = settings.displacements
+            return [given.file, given.forces, settings.joints.file]
         assert settings.tracker is not None  # Settings sees to that
         assert settings.scale is not None
         names: list[str] = []
         for pattern in settings.tracker.files:
             _inside(pattern)
-            found = sorted(p.relative_to(self.folder).as_posix() for p in self.folder.glob(pattern))
-            names += [name for name in found if name not in names]
+            found = self.folder.glob(pattern)
+            names += sorted(path.relative_to(self.folder).as_posix() for path in found)
         settings.tracker.none_missing(names)
         others = [settings.tracker.assignment, settings.scale.file, settings.joints.file]
-        return [*names, *(name for name in others if name and name not in names)]
+        return list(dict.fromkeys([*names, *filter(None, others)]))
 
     def content(self, name: str) -> bytes:
         """Content of one of its files.
@@ -120,44 +122,28 @@ class Campaign:
         Raises:
             InputError: Missing, unreadable, too large, outside the folder, or still growing.
         """
-        path = self.folder / name
+        path, refused = self.folder / name, partial(InputError, file=name)
         _inside(name)
         try:
             before = path.stat()
             if not (stat.S_ISREG(before.st_mode) or stat.S_ISDIR(before.st_mode)):
-                raise InputError(
+                raise refused(
                     "is no file but a device or a pipe, which never ends",
-                    f"copy the file itself into {self.folder.name}",
-                    file=name,
+                    f"copy the file itself into {self.name}",
                 )
             if before.st_size > LARGEST_FILE:
-                raise InputError(
-                    f"has {before.st_size / 2**30:.1f} GiB, more than {LARGEST_FILE / 2**30:.0f}",
-                    "split the export",
-                    file=name,
-                )
+                raise refused(too_large(before.st_size), "split the export")
             data = path.read_bytes()
             after = path.stat()
         except FileNotFoundError as problem:
-            raise InputError(
-                "the file is missing",
-                f"copy it into {self.folder.name} or correct campaign.toml",
-                file=name,
-            ) from problem
+            way_out = f"copy it into {self.name} or correct campaign.toml"
+            raise refused("the file is missing", way_out) from problem
         except OSError as problem:
-            raise InputError(
-                f"cannot be read ({problem.strerror})",
-                "check the file and its permissions",
-                file=name,
-                passing=True,
-            ) from problem
+            thing, way_out = "cannot be read", "check the file and its permissions"
+            raise refused(f"{thing} ({problem.strerror})", way_out, passing=True) from problem
         if (before.st_size, before.st_mtime_ns) != (after.st_size, after.st_mtime_ns):
-            raise InputError(
-                "changed while it was read",
-                "run again when the export is finished",
-                file=name,
-                passing=True,
-            )
+            way_out = "run again when the export is finished"
+            raise refused("changed while it was read", way_out, passing=True)
         return data
 
     def keep(
@@ -169,23 +155,6 @@ class Campaign:
         pq.write_table(kept, sink, compression="zstd")
         files.write(self.processed / f"{name}.parquet", sink.getvalue())
         return tables.frame(kept)
-
-    def table(self, name: str, promise: pa.Schema) -> pd.DataFrame:
-        """Read one of its tables and check it against its promise."""
-        path = self.processed / f"{name}.parquet"
-        if not path.is_file():
-            raise UsageError(
-                f"{self.name} has no table {name}: run `pipeline run {self.name}` first"
-            )
-        found = pq.read_table(path)
-        for field in promise:
-            here = found.schema.field(field.name) if field.name in found.schema.names else None
-            if here is None or (here.metadata or {}).get(b"unit") != field.metadata[b"unit"]:
-                raise PipelineError(
-                    f"{path.name}: column {field.name} in {field.metadata[b'unit'].decode()} is "
-                    f"missing; run `pipeline run {self.name} --force`"
-                )
-        return tables.promised(name, found, promise)
 
     @contextmanager
     def locked(self) -> Iterator[bool]:
@@ -247,18 +216,18 @@ class Campaign:
         folder, root = self.folder.resolve(), self.root.resolve()
         return (folder.relative_to(root) if folder.is_relative_to(root) else folder).as_posix()
 
-    def done(self, key: str) -> dict[str, Any] | None:
-        """The result of an earlier run with the same key whose outputs are all intact."""
+    def done(self, key: str) -> bool:
+        """Whether the last finished run had this key, and its outputs are all intact."""
         manifest = self.manifest()
-        if manifest is None or manifest.get("key") != key:
-            return None
+        if manifest is None or manifest["key"] != key:
+            return False
         try:
-            for name, digest in manifest["outputs"].items():
-                if files.sha256((self.root / name).read_bytes()) != digest:
-                    return None
+            return all(
+                files.sha256((self.root / name).read_bytes()) == digest
+                for name, digest in manifest["outputs"].items()
+            )
         except OSError:
-            return None
-        return self.result()
+            return False
 
     def current(self) -> bool:
         """Whether its last run is still valid, so that no engine needs to start.
@@ -267,7 +236,7 @@ class Campaign:
             InputError: It cannot be read, and trying again will not help.
         """
         try:
-            return self.done(self.read().key) is not None
+            return self.done(self.read().key)
         except InputError as problem:
             if problem.passing:  # the engine reads again a little later
                 return False
@@ -281,10 +250,7 @@ class Campaign:
             yield
         except InputError as problem:
             if not problem.passing:
-                why = {
-                    name: getattr(problem, name) for name in ("thing", "way_out", "file", "line")
-                }
-                files.write(path, dump({"key": key, "why": why}))
+                files.write(path, dump({"key": key, "why": problem.parts}))
             raise
         with files.writing(path):
             path.unlink(missing_ok=True)
@@ -299,10 +265,7 @@ class Campaign:
 
     def manifest(self) -> dict[str, Any] | None:
         """What the last finished run was made from; None when there is none, or an odd one."""
-        try:
-            found = json.loads((self.processed / MANIFEST).read_bytes())
-        except (OSError, ValueError):
-            return None
+        found = recalled(self.processed / MANIFEST)
         if not isinstance(found, dict) or not isinstance(found.get("key"), str):
             return None
         return found if isinstance(found.get("outputs"), dict) else None
@@ -315,35 +278,25 @@ class Campaign:
         found: dict[str, Any] = json.loads(path.read_bytes())
         return found
 
-    def finish(
-        self, key: str, answers: Mapping[str, bytes], about: Mapping[str, Any] | None = None
-    ) -> None:
+    def finish(self, key: str, answers: Mapping[str, bytes], about: Mapping[str, Any]) -> None:
         """Write the answers, then the manifest that makes them count, with `about` in it."""
+        kept = sorted(self.processed.glob("*.parquet"))
+        outputs = {self._output(path): files.sha256(path.read_bytes()) for path in kept}
+        manifest = {"key": key, "source": self.source, "outputs": outputs}
+        manifest |= {"code": code_version(), "versions": versions()}
+        self.publish(manifest | dict(about), answers)
+
+    def publish(self, manifest: dict[str, Any], answers: Mapping[str, bytes]) -> None:
+        """Write answers; nothing counts until the manifest is there again, which knows them."""
         with files.writing(self.processed):
             (self.processed / MANIFEST).unlink(missing_ok=True)
         for name, data in answers.items():
             files.write(self.reports / name, data)
-        kept = [self.reports / name for name in answers]
-        kept += sorted(self.processed.glob("*.parquet"))
-        outputs = {
-            path.relative_to(self.root).as_posix(): files.sha256(path.read_bytes()) for path in kept
-        }
-        manifest = {"key": key, "source": self.source, "outputs": outputs}
-        manifest |= {"code": code_version(), "versions": versions()} | dict(about or {})
+            manifest["outputs"][self._output(self.reports / name)] = files.sha256(data)
         files.write(self.processed / MANIFEST, dump(manifest))
 
-    def amend(self, answers: Mapping[str, bytes], about: Mapping[str, Any]) -> None:
-        """Replace some answers of a finished run and put `about` into its manifest."""
-        manifest = self.manifest()
-        if manifest is None:
-            raise UsageError(f"{self.name} has no result: run `pipeline run {self.name}` first")
-        with files.writing(self.processed):
-            (self.processed / MANIFEST).unlink()
-        for name, data in answers.items():
-            files.write(self.reports / name, data)
-            path = (self.reports / name).relative_to(self.root).as_posix()
-            manifest["outputs"][path] = files.sha256(data)
-        files.write(self.processed / MANIFEST, dump(manifest | dict(about)))
+    def _output(self, path: Path) -> str:
+        return path.relative_to(self.root).as_posix()
 
 
 def dump(content: object) -> bytes:
@@ -351,21 +304,31 @@ def dump(content: object) -> bytes:
     return (json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
+def recalled(path: Path) -> Any:
+    """What `dump` has left in a file; None where there is none, or one that cannot be read."""
+    try:
+        return json.loads(path.read_bytes())
+    except (OSError, ValueError):
+        return None
+
+
 def in_memory(content: Mapping[str, bytes], folder: Path | None = None) -> Raw:
     """A campaign from the bytes of its files; its own robot's is among them or in `folder`."""
-    settings = _settings(content)
+    settings = _settings(content["campaign.toml"])
     if settings.robot in content:
-        robot = parse_robot(content[settings.robot].decode("utf-8-sig"), settings.robot)
+        robot = parse_robot(files.text(content[settings.robot], settings.robot), settings.robot)
     else:
         robot = load_robot(settings.robot, folder)
     return Raw(settings, robot, content, _key(content, robot))
 
 
-def _settings(content: Mapping[str, bytes]) -> Settings:
-    try:
-        return parse_settings(content["campaign.toml"].decode("utf-8-sig"))
-    except UnicodeDecodeError as problem:
-        raise InputError("is not UTF-8", "save it as UTF-8", file="campaign.toml") from problem
+def _settings(data: bytes) -> Settings:
+    return parse_settings(files.text(data, "campaign.toml"))
+
+
+def too_large(size: int) -> str:
+    """What is wrong with a file of so many bytes."""
+    return f"has {size / 2**30:.1f} GiB, more than {LARGEST_FILE / 2**30:.0f}"
 
 
 def find(root: Path, name: str) -> Campaign:
@@ -413,15 +376,11 @@ def versions() -> dict[str, str]:
 @cache
 def code_version() -> str:
     """Hash of every file of the package, so that changed code never meets an old result."""
-    return files.sha256("".join(_sources(resources.files("pipeline"))).encode())
-
-
-def _sources(folder: Traversable) -> Iterator[str]:
-    for item in sorted(folder.iterdir(), key=lambda entry: entry.name):
-        if item.is_dir() and item.name != "__pycache__":
-            yield from _sources(item)
-        elif item.is_file() and not item.name.endswith(".pyc"):
-            yield f"{item.name}:{files.sha256(item.read_bytes())}\n"
+    package = Path(__file__).parents[1]
+    inside = (path.relative_to(package) for path in sorted(package.rglob("*")) if path.is_file())
+    sources = [path for path in inside if "__pycache__" not in path.parts]
+    lines = (f"{path}:{files.sha256((package / path).read_bytes())}\n" for path in sources)
+    return files.sha256("".join(lines).encode())
 
 
 def _inside(name: str) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TextIO
 
 import typer
+from typer import Argument, Option
 
 from pipeline.base.errors import UsageError
 
@@ -32,20 +33,24 @@ def _version(asked: bool) -> None:
 def everything(
     version: Annotated[
         bool,
-        typer.Option("--version", callback=_version, is_eager=True, help="Print the version."),
+        Option("--version", callback=_version, is_eager=True, help="Print the version."),
     ] = False,
 ) -> None:
     """Joint stiffnesses of a robot from tracker campaigns, and how far to trust them."""
 
 
-Root = Annotated[Path, typer.Option(help="Project root with data/ and reports/.")]
-Named = Annotated[str, typer.Argument(metavar="CAMPAIGN", help="Name under data/raw, or a path.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON on stdout, one line each.")]
+Root = Annotated[Path, Option(help="Project root with data/ and reports/.")]
+Named = Annotated[str, Argument(metavar="CAMPAIGN", help="Name under data/raw, or a path.")]
+AsJson = Annotated[bool, Option("--json", help="Print JSON on stdout, one line each.")]
+
+Steps = Annotated[
+    list[float] | None, Option(help="Load step [N]; repeat it for more, up and down.")
+]
 
 
 def show(outcome: Outcome, as_json: bool) -> None:
     """The answer to stdout, complaints to stderr."""
-    typer.echo(outcome.as_json() if as_json else fitted(outcome.as_text(), sys.stdout))
+    typer.echo(outcome.as_json() if as_json else fitted(outcome.text, sys.stdout))
     for line in outcome.complaints:
         typer.secho(fitted(line, sys.stderr), err=True, fg="red")
 
@@ -64,7 +69,6 @@ def fitted(text: str, stream: TextIO) -> str:
             subsequent_indent="  ",
             break_long_words=False,
             break_on_hyphens=False,
-            drop_whitespace=True,
         )
         for line in text.split("\n")
     )

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
 from pipeline.app.commands._shared import AsJson, Named, Root, app, at_work, open_it, show
 from pipeline.base.errors import MISFIT, UsageError, worst
@@ -16,11 +17,11 @@ from pipeline.base.errors import MISFIT, UsageError, worst
 @app.command(short_help="Make the folder of a new campaign.")
 def init(
     name: Annotated[
-        str | None, typer.Argument(metavar="NAME", help="Of the new campaign and its folder.")
+        str | None, Argument(metavar="NAME", help="Of the new campaign and its folder.")
     ] = None,
-    robot: Annotated[str | None, typer.Option(help="A robot that ships, or a robot file.")] = None,
+    robot: Annotated[str | None, Option(help="A robot that ships, or a robot file.")] = None,
     plan: Annotated[
-        Path | None, typer.Option(help="Plan file: its poses, steps and tool are filled in.")
+        Path | None, Option(help="Plan file: its poses, steps and tool are filled in.")
     ] = None,
     root: Root = Path(),
 ) -> None:
@@ -84,13 +85,11 @@ def check(campaign: Named, as_json: AsJson = False, root: Root = Path()) -> None
 
 @app.command(short_help="Say what a tracker export is, and what is wrong with it.")
 def inspect(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A tracker export.")],
-    unit: Annotated[
-        str | None, typer.Option(help="mm, m or in, where the export does not say.")
-    ] = None,
+    file: Annotated[Path, Argument(metavar="FILE", help="A tracker export.")],
+    unit: Annotated[str | None, Option(help="mm, m or in, where the export does not say.")] = None,
     as_json: AsJson = False,
     csv: Annotated[
-        bool, typer.Option("--csv", help="Print the readings in SI, for a spreadsheet.")
+        bool, Option("--csv", help="Print the readings in SI, for a spreadsheet.")
     ] = False,
 ) -> None:
     """Say what a tracker export is: dialect, unit, coordinates, times, what is wrong with it."""
@@ -107,18 +106,14 @@ def inspect(
 def run(
     campaigns: Annotated[
         list[str] | None,
-        typer.Argument(
+        Argument(
             metavar="CAMPAIGN", help="Name under data/raw, or a path; all when none is named."
         ),
     ] = None,
     as_json: AsJson = False,
-    engine: Annotated[str, typer.Option(help="prefect or local.")] = "prefect",
-    force: Annotated[
-        bool, typer.Option("--force", help="Compute even if nothing changed.")
-    ] = False,
-    strict: Annotated[
-        bool, typer.Option("--strict", help="Exit 4 when the model does not fit.")
-    ] = False,
+    engine: Annotated[str, Option(help="prefect or local.")] = "prefect",
+    force: Annotated[bool, Option("--force", help="Compute even if nothing changed.")] = False,
+    strict: Annotated[bool, Option("--strict", help="Exit 4 when the model does not fit.")] = False,
     root: Root = Path(),
 ) -> None:
     """Compute what is new or changed, write the reports and say where they are."""
@@ -151,12 +146,10 @@ def status(as_json: AsJson = False, root: Root = Path()) -> None:
 def report(
     campaign: Annotated[
         str | None,
-        typer.Argument(
-            metavar="CAMPAIGN", help="Name or path; without it the page over all campaigns."
-        ),
+        Argument(metavar="CAMPAIGN", help="Name or path; without it the page over all campaigns."),
     ] = None,
-    form: Annotated[str, typer.Option("--format", help="html, pdf, json or text.")] = "html",
-    opened: Annotated[bool, typer.Option("--open", help="Open it.")] = False,
+    form: Annotated[str, Option("--format", help="html, pdf, json or text.")] = "html",
+    opened: Annotated[bool, Option("--open", help="Open it.")] = False,
     root: Root = Path(),
 ) -> None:
     """Bring a campaign's report up to date and say where it is; with --format text, print it."""
@@ -179,13 +172,11 @@ def report(
 def compare(
     first: Annotated[
         str,
-        typer.Argument(metavar="FIRST", help="A campaign, or campaign:joints, campaign:extended."),
+        Argument(metavar="FIRST", help="A campaign, or campaign:joints, campaign:extended."),
     ],
-    second: Annotated[
-        str, typer.Argument(metavar="SECOND", help="Another one, or another model of it.")
-    ],
+    second: Annotated[str, Argument(metavar="SECOND", help="Another one, or another model of it.")],
     as_json: AsJson = False,
-    opened: Annotated[bool, typer.Option("--open", help="Open the page.")] = False,
+    opened: Annotated[bool, Option("--open", help="Open the page.")] = False,
     root: Root = Path(),
 ) -> None:
     """Say how the stiffnesses of two campaigns, or of two models of one, differ."""

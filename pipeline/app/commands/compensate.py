@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
 from pipeline.app.commands._shared import Named, Root, app
 from pipeline.base import files
@@ -17,14 +18,14 @@ def compensate(
     campaign: Named,
     path: Annotated[
         Path,
-        typer.Argument(metavar="PATH", help="CSV: pose, joint values, fx_n, fy_n, fz_n per row."),
+        Argument(metavar="PATH", help="CSV: pose, joint values, fx_n, fy_n, fz_n per row."),
     ],
     tip: Annotated[
         tuple[float, float, float] | None,
-        typer.Option(help="Tool tip in the flange frame [m]; else the campaign's load point."),
+        Option(help="Tool tip in the flange frame [m]; else the campaign's load point."),
     ] = None,
     output: Annotated[
-        Path | None, typer.Option(help="Where to; PATH-compensation.csv beside the path.")
+        Path | None, Option(help="Where to; PATH-compensation.csv beside the path.")
     ] = None,
     root: Root = Path(),
 ) -> None:

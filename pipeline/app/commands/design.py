@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Argument, Option
 
-from pipeline.app.commands._shared import AsJson, Root, app, at_work
+from pipeline.app.commands._shared import AsJson, Root, Steps, app, at_work
 from pipeline.base import files
 from pipeline.base.errors import InputError, Interrupted, UsageError, listed
 
@@ -23,29 +24,23 @@ if TYPE_CHECKING:
 def design(
     problem: Annotated[
         str,
-        typer.Argument(
-            metavar="PROBLEM", help="paper_reference, or a problem file ending in .toml."
-        ),
+        Argument(metavar="PROBLEM", help="paper_reference, or a problem file ending in .toml."),
     ] = "paper_reference",
-    poses: Annotated[int | None, typer.Option(help="Number of poses, m_0.")] = None,
-    readings: Annotated[int | None, typer.Option(help="Pulls in all, n.")] = None,
-    step: Annotated[
-        list[float] | None, typer.Option(help="Load step [N]; repeat it for more, up and down.")
-    ] = None,
+    poses: Annotated[int | None, Option(help="Number of poses, m_0.")] = None,
+    readings: Annotated[int | None, Option(help="Pulls in all, n.")] = None,
+    step: Steps = None,
     anchor: Annotated[
-        tuple[float, float, float] | None, typer.Option(help="Anchor in F_b [m], fixed there.")
+        tuple[float, float, float] | None, Option(help="Anchor in F_b [m], fixed there.")
     ] = None,
-    robot: Annotated[str | None, typer.Option(help="A robot that ships, or a robot file.")] = None,
-    criterion: Annotated[str | None, typer.Option(help="test_pose, workspace, D, A or E.")] = None,
-    add_to: Annotated[
-        str | None, typer.Option(help="Propose further poses for this campaign.")
-    ] = None,
-    name: Annotated[str | None, typer.Option(help="Name of the plan.")] = None,
-    seed: Annotated[int, typer.Option(help="Determines the plan.")] = 1,
-    rounds: Annotated[int, typer.Option(min=1, help="Rounds of new starts.")] = 2,
+    robot: Annotated[str | None, Option(help="A robot that ships, or a robot file.")] = None,
+    criterion: Annotated[str | None, Option(help="test_pose, workspace, D, A or E.")] = None,
+    add_to: Annotated[str | None, Option(help="Propose further poses for this campaign.")] = None,
+    name: Annotated[str | None, Option(help="Name of the plan.")] = None,
+    seed: Annotated[int, Option(help="Determines the plan.")] = 1,
+    rounds: Annotated[int, Option(min=1, help="Rounds of new starts.")] = 2,
     wanted: Annotated[
         bool | None,
-        typer.Option("--write/--no-write", help="Plan file and sheet; not with --json."),
+        Option("--write/--no-write", help="Plan file and sheet; not with --json."),
     ] = None,
     as_json: AsJson = False,
     root: Root = Path(),
@@ -95,7 +90,7 @@ def problem_of(name: str, changes: dict[str, Any]) -> Problem:
                 f'there is no design problem "{name}"',
                 f"use {listed(specs.SHIPPED)}, or the path of a problem file ending in .toml",
             )
-        text, folder = path.read_text("utf-8-sig"), path.parent
+        text, folder = files.text(path.read_bytes(), path.name), path.parent
     spec = specs.revised(specs.parse(text, Path(name).name), given(changes))
     return build(spec, load(spec.robot, folder))
 
@@ -109,13 +104,13 @@ def added_to(problem: Problem, campaign: Campaign) -> tuple[Problem, Array]:
     from pipeline.design.known import continued, information_of
     from pipeline.design.problem import build
     from pipeline.machine.cell import paper_cell
+    from pipeline.reduction.bring import conformed
     from pipeline.run import reduce
-    from pipeline.tables import promised
 
     raw = campaign.read()
     further = build(continued(problem.spec, raw.settings, f"{campaign.name}_next"), raw.robot)
     cell = paper_cell(raw.robot, further.tool)
-    return further, information_of(cell, reduce(raw, promised).data, further.experiment.scale)
+    return further, information_of(cell, reduce(raw, conformed).data, further.experiment.scale)
 
 
 def write(root: Path, made: Made, seed: int) -> Made:

@@ -6,9 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Option
 
 from pipeline.app.commands._shared import AsJson, Root, app, show
 from pipeline.base.errors import UsageError
+from pipeline.base.toml import given
 
 if TYPE_CHECKING:
     from pipeline.app.preferences import Preferences
@@ -16,11 +18,9 @@ if TYPE_CHECKING:
 
 @app.command(short_help="Run new campaigns by themselves; Prefect's page shows them.")
 def serve(
-    interval: Annotated[float | None, typer.Option(help="Seconds between two looks.")] = None,
-    cron: Annotated[str | None, typer.Option(help="A cron line instead of the interval.")] = None,
-    port: Annotated[
-        int | None, typer.Option(help="Of Prefect's page; reports get the next.")
-    ] = None,
+    interval: Annotated[float | None, Option(help="Seconds between two looks.")] = None,
+    cron: Annotated[str | None, Option(help="A cron line instead of the interval.")] = None,
+    port: Annotated[int | None, Option(help="Of Prefect's page; reports get the next.")] = None,
     root: Root = Path(),
 ) -> None:
     """Run new campaigns by themselves; Prefect's page shows them."""
@@ -39,7 +39,7 @@ def serve(
 
 @app.command(short_help="Run new campaigns by themselves, without Prefect.")
 def watch(
-    interval: Annotated[float | None, typer.Option(help="Seconds between two looks.")] = None,
+    interval: Annotated[float | None, Option(help="Seconds between two looks.")] = None,
     as_json: AsJson = False,
     root: Root = Path(),
 ) -> None:
@@ -57,9 +57,9 @@ def watch(
 
 @app.command(short_help="Put the scan on a team's own Prefect server.")
 def deploy(
-    pool: Annotated[str, typer.Option(help="Work pool whose workers run the campaigns.")],
-    interval: Annotated[float | None, typer.Option(help="Seconds between two looks.")] = None,
-    cron: Annotated[str | None, typer.Option(help="A cron line instead of the interval.")] = None,
+    pool: Annotated[str, Option(help="Work pool whose workers run the campaigns.")],
+    interval: Annotated[float | None, Option(help="Seconds between two looks.")] = None,
+    cron: Annotated[str | None, Option(help="A cron line instead of the interval.")] = None,
     root: Root = Path(),
 ) -> None:
     """Put the scan on a team's own Prefect server: docs/teams.md."""
@@ -96,9 +96,7 @@ def _preferred(root: Path, **said: Any) -> Preferences:
 
     if not root.is_dir():
         raise UsageError(f"there is no folder {root}: correct --root")
-    return preferences.load(
-        root, {name: value for name, value in said.items() if value is not None}
-    )
+    return preferences.load(root, given(said))
 
 
 def _every(preferences: Preferences) -> str:

@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Argument, Option
 
-from pipeline.app.commands._shared import AsJson, Root, app, at_work
+from pipeline.app.commands._shared import AsJson, Root, Steps, app, at_work
 from pipeline.base import files
 from pipeline.base.errors import InputError, UsageError
 
@@ -19,40 +20,34 @@ if TYPE_CHECKING:
 def simulate(
     plan: Annotated[
         Path | None,
-        typer.Argument(metavar="PLAN", help="Plan file; without it the plan of the demo."),
+        Argument(metavar="PLAN", help="Plan file; without it the plan of the demo."),
     ] = None,
-    plan_file: Annotated[
-        Path | None, typer.Option("--plan", help="The same, as an option.")
-    ] = None,
-    name: Annotated[str | None, typer.Option(help="Name of the campaign.")] = None,
-    robot: Annotated[str | None, typer.Option(help="A robot that ships, or a robot file.")] = None,
-    seed: Annotated[int | None, typer.Option(help="Determines every byte.")] = None,
-    poses: Annotated[int | None, typer.Option(help="Draw so many feasible poses.")] = None,
-    step: Annotated[
-        list[float] | None, typer.Option(help="Load step [N]; repeat it for more, up and down.")
-    ] = None,
-    repeats: Annotated[int | None, typer.Option(help="Runs through the steps.")] = None,
-    noise: Annotated[
-        str | None, typer.Option(help="paper, instrument, or metres per axis.")
-    ] = None,
+    plan_file: Annotated[Path | None, Option("--plan", help="The same, as an option.")] = None,
+    name: Annotated[str | None, Option(help="Name of the campaign.")] = None,
+    robot: Annotated[str | None, Option(help="A robot that ships, or a robot file.")] = None,
+    seed: Annotated[int | None, Option(help="Determines every byte.")] = None,
+    poses: Annotated[int | None, Option(help="Draw so many feasible poses.")] = None,
+    step: Steps = None,
+    repeats: Annotated[int | None, Option(help="Runs through the steps.")] = None,
+    noise: Annotated[str | None, Option(help="paper, instrument, or metres per axis.")] = None,
     noise_scale: Annotated[
-        float | None, typer.Option(help="True over stated scatter of the tracker.")
+        float | None, Option(help="True over stated scatter of the tracker.")
     ] = None,
-    exact: Annotated[bool, typer.Option("--exact", help="No noise, all digits.")] = False,
+    exact: Annotated[bool, Option("--exact", help="No noise, all digits.")] = False,
     spread: Annotated[
-        float | None, typer.Option(help="True stiffnesses are off by up to this fraction.")
+        float | None, Option(help="True stiffnesses are off by up to this fraction.")
     ] = None,
     effect: Annotated[
         list[str] | None,
-        typer.Option(help="NAME[:where][=size], size in SI or like 2x; repeat it for more."),
+        Option(help="NAME[:where][=size], size in SI or like 2x; repeat it for more."),
     ] = None,
-    dialect: Annotated[str | None, typer.Option(help="Form of the tracker export.")] = None,
-    unit: Annotated[str | None, typer.Option(help="Unit of the export: mm, m or in.")] = None,
-    digits: Annotated[str | None, typer.Option(help="Decimals in the export, or full.")] = None,
+    dialect: Annotated[str | None, Option(help="Form of the tracker export.")] = None,
+    unit: Annotated[str | None, Option(help="Unit of the export: mm, m or in.")] = None,
+    digits: Annotated[str | None, Option(help="Decimals in the export, or full.")] = None,
     truth: Annotated[
-        Path | None, typer.Option(help="Truth file; data/processed/NAME.truth.json.")
+        Path | None, Option(help="Truth file; data/processed/NAME.truth.json.")
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace a campaign.")] = False,
+    force: Annotated[bool, Option("--force", help="Replace a campaign.")] = False,
     root: Root = Path(),
 ) -> None:
     """Write a raw campaign of a virtual cell; what is true in it goes to a file elsewhere."""
@@ -153,7 +148,7 @@ def _read(path: Path | None) -> Plan:
 
 @app.command(short_help="List the causes that a diagnosis knows.")
 def effects(
-    robot: Annotated[str, typer.Option(help="A robot that ships, or a robot file.")] = "kr500_rail",
+    robot: Annotated[str, Option(help="A robot that ships, or a robot file.")] = "kr500_rail",
     as_json: AsJson = False,
 ) -> None:
     """List the causes that a diagnosis knows, with their sizes and signatures."""
