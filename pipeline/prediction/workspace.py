@@ -10,11 +10,12 @@ import pandas as pd
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools
-from pipeline.machine.cell import Cell, Tool, jacobian, predict
+from pipeline.machine.cell import Cell, jacobian, predict
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.prediction.model import Hypothesis
 from pipeline.reduction.pose_of_interest import Where
+from pipeline.tables import WORKSPACE, frame
 
 _STEPS = 25
 """Values of each of the two joints that move the arm."""
@@ -51,7 +52,8 @@ def workspace(hypotheses: Sequence[Hypothesis], test: Where, steps: int = _STEPS
     q, grid = q[inside], grid[inside]
     plane = _plane(configure(cell.robot, q), cell, pair)
     size, std, direction = _softest(hypotheses, q)
-    return _table(plane, size, std, direction, grid)
+    found = np.column_stack([grid, plane, size, std, direction])
+    return pd.DataFrame(found, columns=WORKSPACE.names).astype({"row": "i4", "column": "i4"})
 
 
 def arm_joints(robot: Robot, q: Array) -> tuple[int, int] | None:
@@ -106,17 +108,12 @@ def _plane(here: Configuration, cell: Cell, pair: tuple[int, int]) -> Array:
     return np.stack([from_shoulder @ reach, height], axis=1)
 
 
-def _at_load_point(cell: Cell) -> Cell:
-    point = cell.tool.load_point
-    return replace(cell, tool=Tool(point, np.array(["load_point"], dtype=object), point[None]))
-
-
 def _softest(hypotheses: Sequence[Hypothesis], q: Array) -> tuple[Array, Array, Array]:
     """Largest deflection per newton (m,), its standard uncertainty (m,), direction (m, 3)."""
     m = len(q)
     force = np.tile(_FORCE_N * np.eye(3), (m, 1))
     pulls = Pulls.at(np.repeat(q, 3, axis=0), force)
-    cells = [_at_load_point(one.cell) for one in hypotheses]
+    cells = [one.at(None) for one in hypotheses]
     each = [
         predict(cell, pulls, one.value).displacement.reshape(m, 3, 3) / _FORCE_N
         for cell, one in zip(cells, hypotheses, strict=True)
@@ -137,26 +134,4 @@ def _softest(hypotheses: Sequence[Hypothesis], q: Array) -> tuple[Array, Array, 
 
 def none() -> pd.DataFrame:
     """The table of no model at all."""
-    return _table(
-        np.zeros((0, 2)),
-        np.zeros(0),
-        np.zeros(0),
-        np.zeros((0, 3)),
-        np.zeros((0, 2), dtype=np.int32),
-    )
-
-
-def _table(plane: Array, size: Array, std: Array, direction: Array, grid: Array) -> pd.DataFrame:
-    return pd.DataFrame(
-        {
-            "row": grid[:, 0].astype(np.int32),
-            "column": grid[:, 1].astype(np.int32),
-            "reach_m": plane[:, 0],
-            "height_m": plane[:, 1],
-            "worst_m_per_n": size,
-            "std_m_per_n": std,
-            "direction_x": direction[:, 0],
-            "direction_y": direction[:, 1],
-            "direction_z": direction[:, 2],
-        }
-    )
+    return frame(WORKSPACE.empty_table())
