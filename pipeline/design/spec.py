@@ -5,10 +5,10 @@ from __future__ import annotations
 from importlib import resources
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
-from pipeline.base.errors import InputError, first_wrong, listed
-from pipeline.base.strict import NotNegative, Positive, Strict
+from pipeline.base.errors import listed
+from pipeline.base.strict import NotNegative, Positive, Strict, checked
 from pipeline.base.toml import loads, merged
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.reduction.settings import Point, TestPose
@@ -174,14 +174,8 @@ def validated(content: dict[str, Any], file: str = "problem.toml") -> ProblemFil
     Raises:
         InputError: An unknown word, a missing table or a value of the wrong kind.
     """
-    try:
-        return ProblemFile.model_validate(content)
-    except ValidationError as problem:
-        words, message = first_wrong(problem)
-        where = ".".join(words) or "the problem"
-        raise InputError(
-            f"{where}: {message}", "correct it as docs/design.md describes", file=file
-        ) from problem
+    way_out = "correct it as docs/design.md describes"
+    return checked(ProblemFile, content, file, "the problem", way_out)
 
 
 def revised(spec: ProblemFile, changes: dict[str, Any]) -> ProblemFile:

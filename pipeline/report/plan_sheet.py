@@ -16,8 +16,9 @@ from pipeline.design.information import station
 from pipeline.design.measurement import Measurement
 from pipeline.design.problem import Problem, with_steps
 from pipeline.design.propose import Proposal
-from pipeline.design.schedule import branches, pulls_at
+from pipeline.design.schedule import pulls_at
 from pipeline.machine.cell import paper_cell, predict
+from pipeline.machine.effect import branches
 from pipeline.machine.robot import Robot
 from pipeline.report import words
 from pipeline.report.record import (
