@@ -18,6 +18,7 @@ from pipeline.design.spec import ProblemFile, Range
 from pipeline.machine.cell import Tool, jacobian, paper_cell
 from pipeline.machine.effect import Pulls
 from pipeline.machine.instrument import PAPER_SHARE, PAPER_SIGMA_M, InstrumentNoise
+from pipeline.machine.poses import from_log_units, rounded
 from pipeline.machine.robot import Robot, configure
 
 _G_N_PER_KG = 9.81
@@ -67,6 +68,10 @@ class Problem(Locked):
     def readings(self) -> int:
         """Pulls in all, n."""
         return self.spec.plan.readings
+
+    def as_printed(self, q: Array) -> Array:
+        """Joint values (m, n) to 1e-6 m and 1e-6 degrees, inside their limits."""
+        return np.clip(rounded(self.robot, q), self.lower, self.upper)
 
 
 def build(spec: ProblemFile, robot: Robot) -> Problem:
@@ -257,7 +262,7 @@ def _in_radians(robot: Robot, values: list[float]) -> Array:
             f"a test pose has {len(values)} joint values, {robot.name} has {robot.n} joints",
             "give one value per joint, m for sliding and degrees for turning joints",
         )
-    return np.where(robot.prismatic, values, np.deg2rad(values))
+    return from_log_units(robot, np.array(values))
 
 
 def _workspace(spec: ProblemFile, lower: Array, upper: Array) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ from pipeline.design.discriminate import Sight, lens
 from pipeline.design.measurement import Measurement, of_mixed, of_plan, seen_by
 from pipeline.design.problem import Problem
 from pipeline.design.search import Effort, Plan, Progress, found, rounded, search
-from pipeline.design.trade import Aim, Mixed, trade
+from pipeline.design.trade import Mixed, trade
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,12 +37,12 @@ class Proposal:
     @property
     def figure(self) -> float:
         """The criterion of what is to be measured, in its unit."""
-        return self.plan.figure if self.mixed is None else self.mixed.figure
+        return (self.mixed or self.plan).figure
 
     @property
     def relative_std(self) -> Array:
         """Standard uncertainty of each compliance over its nominal size, shape (n,)."""
-        return self.plan.relative_std if self.mixed is None else self.mixed.relative_std
+        return (self.mixed or self.plan).relative_std
 
     @property
     def efficiency(self) -> float | None:
@@ -54,7 +54,7 @@ class Proposal:
         """What is to be done."""
         if self.mixed is None:
             return of_plan(self.problem, self.plan)
-        return of_mixed(self.problem, self.mixed, aim_of(self.problem).programmes)
+        return of_mixed(self.problem, self.mixed)
 
     def sights(self) -> list[Sight]:
         """What the plan will and will not see."""
@@ -92,14 +92,6 @@ def propose(
             proposal, certificate=certificate, done=f"bound, search {certificate.rounds}"
         )
         yield proposal
-    if problem.spec.diagnosis is not None:
-        for mixed in trade(lens(problem), plan, aim_of(problem), for_trade):
+    if (asked := problem.spec.diagnosis) is not None:
+        for mixed in trade(lens(problem), plan, asked, for_trade):
             yield replace(proposal, mixed=mixed, done=f"exchange, {mixed.named} causes named")
-
-
-def aim_of(problem: Problem) -> Aim:
-    """What the problem's [diagnosis] allows."""
-    spec = problem.spec.diagnosis
-    assert spec is not None  # asked for where there is one
-    programmes = tuple(np.array(steps) for steps in spec.programmes)
-    return Aim(spec.allowed, spec.poses, programmes)

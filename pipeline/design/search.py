@@ -6,7 +6,7 @@ The same seed gives the same plan; nothing here looks at a clock.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -244,12 +244,8 @@ def evaluate(problem: Problem, q: Array, anchor: Array, known: Array | None = No
 
 def rounded(problem: Problem, plan: Plan, known: Array | None = None) -> Plan:
     """The plan as it is printed: 1e-6 m and 1e-6 degrees, a rail robot's poses along the rail."""
-    slides = problem.robot.prismatic
-    if slides[0]:
-        plan = replace(plan, q=plan.q[np.argsort(plan.q[:, 0])])
-    q = np.where(slides, plan.q, np.rad2deg(plan.q)).round(6)
-    q = np.clip(np.where(slides, q, np.deg2rad(q)), problem.lower, problem.upper)
-    return evaluate(problem, q[None], plan.anchor.round(6)[None], known)[0]
+    q = plan.q[np.argsort(plan.q[:, 0])] if problem.robot.joints[0].prismatic else plan.q
+    return evaluate(problem, problem.as_printed(q)[None], plan.anchor.round(6)[None], known)[0]
 
 
 def found(problem: Problem, progress: Progress) -> Plan:
