@@ -393,12 +393,13 @@ def test_further_poses_build_on_what_is_known(written, realistic):
         limits={"max_relative_std": 9.0},
         diagnosis=None,
     )
-    further, known = added_to(base, find(root, "old"))
+    further = added_to(base, find(root, "old"))
+    known = further.known
     from pipeline.design.propose import propose
     from pipeline.design.search import Effort
 
     quick = Effort(first=0, rounds=1, poses=96, settled=8, exchanged=2, bounds=3, directions=24)
-    *_, last = propose(further, 3, quick, known)
+    *_, last = propose(further, 3, quick)
     alone = further.criterion.figure(known[None])[0]
 
     assert further.spec.name == "old_next"

@@ -46,14 +46,10 @@ def _shortfall(problem: Problem, limits: Limits, start: Array) -> float:
     box = Box(problem, 1)
 
     def worst(x: Array) -> Array:
-        q, anchor = box.opened(x)
-        at = station(problem.experiment, q[:, 0], anchor)
-        return np.min([slack.value for slack in slacks(limits, at)], axis=0)
+        return np.min([slack.value for slack in slacks(limits, box.stations(x))], axis=0)
 
     def function(x: Array) -> tuple[Array, Array]:
-        q, anchor = box.opened(x)
-        at = station(problem.experiment, q[:, 0], anchor)
-        broken, by_q, by_anchor = penalty(limits, at)
+        broken, by_q, by_anchor = penalty(limits, box.stations(x))
         return broken, box.slopes(by_q, by_anchor)
 
     room = worst(start)

@@ -12,7 +12,8 @@ from itertools import pairwise
 import numpy as np
 
 from pipeline.base.arrays import Array, Bools
-from pipeline.design.information import Station, cross
+from pipeline.design.information import Station
+from pipeline.machine.robot.configuration import velocity
 
 _MARGIN_M = 1e-3
 """The search stays this far inside, so that its penalty cannot end on the wrong side."""
@@ -89,7 +90,7 @@ def penalty(limits: Limits, at: Station, margin: float = _MARGIN_M) -> tuple[Arr
 
 def _motion(at: Station, point: Array, carrier: int | None = None) -> Array:
     """Velocity of a point (3, m) that joints 0..carrier move, shape (n, 3, m)."""
-    moved = cross(at.omega, point[None]) + at.twists[:, 3:]
+    moved = np.moveaxis(velocity(np.moveaxis(at.twists, -1, 0), point.T[:, None])[:, 0], 0, -1)
     if carrier is not None:
         moved[carrier + 1 :] = 0.0
     return moved

@@ -72,13 +72,7 @@ class Made:
         return "\n\n".join("\n".join(part) for part in parts)
 
 
-def make(
-    problem: Problem,
-    seed: int,
-    effort: Effort,
-    say: Callable[[str], None],
-    known: Array | None = None,
-) -> Made:
+def make(problem: Problem, seed: int, effort: Effort, say: Callable[[str], None]) -> Made:
     """Search a plan; stopped by Ctrl-C, give the best so far.
 
     Args:
@@ -86,7 +80,6 @@ def make(
         seed: Determines the plan.
         effort: How hard to search.
         say: Takes one line of progress at a time.
-        known: Information that earlier readings gave, shape (n, n).
 
     Raises:
         InputError: No plan meets the request.
@@ -96,7 +89,7 @@ def make(
     best: Proposal | None = None
     interrupted = False
     try:
-        for best in propose(problem, seed, effort, known):
+        for best in propose(problem, seed, effort):
             say(f"{best.done}: {figures(best)}")
     except KeyboardInterrupt:
         if best is None:

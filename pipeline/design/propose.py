@@ -12,7 +12,7 @@ from pipeline.design.bound import Certificate, certify
 from pipeline.design.discriminate import Sight, lens
 from pipeline.design.measurement import Measurement, of_mixed, of_plan, seen_by
 from pipeline.design.problem import Problem
-from pipeline.design.search import Effort, Plan, Progress, found, rounded, search
+from pipeline.design.search import Effort, Plan, Progress, rounded, search, undetermined
 from pipeline.design.trade import Mixed, trade
 
 
@@ -61,16 +61,13 @@ class Proposal:
         return seen_by(lens(self.problem), self.measurement)
 
 
-def propose(
-    problem: Problem, seed: int, effort: Effort | None = None, known: Array | None = None
-) -> Iterator[Proposal]:
+def propose(problem: Problem, seed: int, effort: Effort | None = None) -> Iterator[Proposal]:
     """Search a plan, then bound how good any plan could be; each proposal replaces the last.
 
     Args:
         problem: What to plan.
         seed: Determines the plan.
         effort: How hard to search.
-        known: Information that earlier readings gave, shape (n, n).
 
     Raises:
         InputError: No plan meets the request; says why and what to change.
@@ -79,15 +76,16 @@ def propose(
     for_search, for_bound, for_trade = np.random.default_rng(seed).spawn(3)
     progress: Progress | None = None
     plan: Plan | None = None
-    for progress in search(problem, for_search, effort, known):
+    for progress in search(problem, for_search, effort):
         if progress.best is not None:
-            plan = rounded(problem, progress.best, known)
+            plan = rounded(problem, progress.best)
             yield Proposal(problem, plan, None, f"round {progress.round} of {progress.rounds}")
     assert progress is not None  # a search has at least one round
-    plan = plan or found(problem, progress)
+    if plan is None:
+        raise undetermined(problem, progress.nearest)
     proposal = Proposal(problem, plan, None, "search")
     pool, rounds, starts = progress.pool, effort.bounds, effort.directions
-    for certificate in certify(problem, pool, for_bound, rounds, starts, known):
+    for certificate in certify(problem, pool, for_bound, rounds, starts):
         proposal = replace(
             proposal, certificate=certificate, done=f"bound, search {certificate.rounds}"
         )
