@@ -291,7 +291,7 @@ class _Loop:
         dtau = np.einsum("ikj,i->kj", dJ[0], u) + J[0].T @ du
         A = np.array([(Jp * tau * scale).T for Jp in J[1:]])
         scatter = self.experiment.scatter
-        factor = scatter.alpha / scatter.covariance[0, 0]
+        factor = scatter.alpha / scatter.tracker[0, 0]
         back = 2 * factor * np.einsum("kl,tli->tki", self.W, A) * scale[:, None]
         value = factor * float(np.einsum("tki,kl,tli->", A, self.W, A))
         slope = np.zeros(len(q))

@@ -13,29 +13,11 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Bools
 from pipeline.design.information import Station
+from pipeline.design.spec import Limits
 from pipeline.machine.robot.configuration import velocity
 
 _MARGIN_M = 1e-3
 """The search stays this far inside, so that its penalty cannot end on the wrong side."""
-
-
-@dataclass(frozen=True)
-class Limits:
-    """Constraints on a pose and its chain; None where there is none.
-
-    Attributes:
-        chain_m: Shortest and longest chain from load point to anchor [m].
-        flange_above_m: Height that the flange keeps, z of F_b [m].
-        effector_above_m: Height that load point and reflectors keep, z of F_b [m].
-        chain_clearance_m: Distance of the chain from the arm, joint to joint up to the flange [m].
-        pull_within_rad: Largest angle between the pull and the line from flange to load point.
-    """
-
-    chain_m: tuple[float, float]
-    flange_above_m: float | None = None
-    effector_above_m: float | None = None
-    chain_clearance_m: float | None = None
-    pull_within_rad: float | None = None
 
 
 @dataclass(frozen=True)

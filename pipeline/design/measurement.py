@@ -59,17 +59,10 @@ def of_mixed(problem: Problem, mixed: Mixed) -> Measurement:
 def seen_by(view: Lens, measurement: Measurement) -> list[Sight]:
     """What a measurement sees of every cause, each pose at its own time."""
     start_s = starts(np.array([len(own) for own in measurement.steps]), len(view.cell.tool.targets))
-    programmes = [tuple(steps) for steps in measurement.steps]
     M = np.zeros((view.springs + len(view.owner),) * 2)
-    for steps in dict.fromkeys(programmes):
-        which = np.array([own == steps for own in programmes])
-        X = rows(
-            view,
-            measurement.q[which],
-            measurement.anchor,
-            measurement.approach[which],
-            np.array(steps),
-            start_s[which],
-        )
+    for steps in dict.fromkeys(tuple(own) for own in measurement.steps):
+        which = np.array([tuple(own) == steps for own in measurement.steps])
+        q, approach = measurement.q[which], measurement.approach[which]
+        X = rows(view, q, measurement.anchor, approach, np.array(steps), start_s[which])
         M += np.einsum("mri,mrj->ij", X, X)
     return sights(view, M)

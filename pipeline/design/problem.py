@@ -12,12 +12,11 @@ from pipeline.base.errors import InputError, listed
 from pipeline.design import criteria
 from pipeline.design.criteria import Criterion
 from pipeline.design.information import Experiment
-from pipeline.design.limits import Limits
 from pipeline.design.scatter import Beam, Scatter
-from pipeline.design.spec import NoiseSpec, ProblemFile
+from pipeline.design.spec import Limits, NoiseSpec, ProblemFile
 from pipeline.machine.cell import Tool, jacobian, paper_cell
 from pipeline.machine.effect import Pulls
-from pipeline.machine.instrument import PAPER_SHARE, PAPER_SIGMA_M, InstrumentNoise
+from pipeline.machine.instrument import PAPER_SHARE, PAPER_SIGMA_M
 from pipeline.machine.poses import from_log_units, rounded
 from pipeline.machine.robot import Joint, Robot, configure
 from pipeline.machine.robot.configuration import velocity
@@ -97,20 +96,13 @@ def build(spec: ProblemFile, robot: Robot) -> Problem:
     ends = np.array([np.broadcast_to(at, 2) for at in (anchor.x_m, anchor.y_m, anchor.z_m)])
     _check_payload(spec)
     _check_every_joint_turns(robot, tool, lower, upper)
-    within = spec.limits.pull_within_deg
     return Problem(
         spec=spec,
         robot=robot,
         tool=tool,
         experiment=experiment,
         criterion=_criterion(spec, robot, tool, scale, lower, upper),
-        limits=Limits(
-            chain_m=spec.limits.chain_m,
-            flange_above_m=spec.limits.flange_above_m,
-            effector_above_m=spec.limits.effector_above_m,
-            chain_clearance_m=spec.limits.chain_clearance_m,
-            pull_within_rad=None if within is None else float(np.deg2rad(within)),
-        ),
+        limits=spec.limits,
         poses=spec.plan.poses,
         repeats=repeats,
         lower=lower,
@@ -149,21 +141,19 @@ def _shared_repeats(spec: ProblemFile, robot: Robot) -> int:
 
 
 def _scatter(noise: NoiseSpec, force: Array, repeats: int) -> Scatter:
-    sigma = noise.displacement_sigma_m or noise.reading_sigma_m
-    covariance = None if sigma is None else sigma**2 * np.eye(3)
+    sigma = noise.displacement_sigma_m or noise.reading_sigma_m or 0.0  # one of three is given
+    tracker: Array | Beam = sigma**2 * np.eye(3)
     if noise.tracker == "paper":
-        covariance = PAPER_SIGMA_M**2 * symmetric(PAPER_SHARE[None])[0]
-    beam = None
-    if isinstance(noise.tracker, InstrumentNoise):
-        beam = Beam(noise.tracker, noise.tracker_position_m)
+        tracker = PAPER_SIGMA_M**2 * symmetric(PAPER_SHARE[None])[0]
+    elif noise.tracker is not None:
+        tracker = Beam(noise.tracker, noise.tracker_position_m)
     zeros = 1.0 if noise.zero == "before" else 0.5
     return Scatter(
         force=force,
         repeats=np.full(len(force), float(repeats)),
         force_std=np.hypot(noise.scale_sigma_n, noise.scale_sigma_rel * force),
         zero=0.0 if noise.displacement_sigma_m is not None else zeros,
-        covariance=covariance,
-        beam=beam,
+        tracker=tracker,
     )
 
 

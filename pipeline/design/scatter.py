@@ -63,16 +63,15 @@ class Scatter(Locked):
         force_std: Standard uncertainty of the force at each step [N], shape (s,).
         zero: Variance of the pose's zero over that of a reading; 0 when displacements are
             taken to be independent, as the paper does.
-        covariance: Of a reading in F_b [m^2], shape (3, 3); or
-        beam: A tracker with scatter along and across its beam.
+        tracker: Covariance of a reading in F_b [m^2], shape (3, 3), or a tracker with scatter
+            along and across its beam.
     """
 
     force: Array
     repeats: Array
     force_std: Array
     zero: float
-    covariance: Array | None = None
-    beam: Beam | None = None
+    tracker: Array | Beam
 
     @property
     def pulls(self) -> float:
@@ -109,13 +108,12 @@ class Scatter(Locked):
         t, _, m = points.shape
         out = np.zeros((m, t, 3, t, 3))
         each = np.arange(t)
-        if self.beam is None:
-            assert self.covariance is not None  # one of the two is given
-            out[:, each, :, each] = self.covariance
-        else:
-            ray = np.moveaxis(points, -1, 1) - np.array(self.beam.position)
-            six = beam_covariance(ray.reshape(-1, 3), self.beam.noise)
+        if isinstance(self.tracker, Beam):
+            ray = np.moveaxis(points, -1, 1) - np.array(self.tracker.position)
+            six = beam_covariance(ray.reshape(-1, 3), self.tracker.noise)
             out[:, each, :, each] = symmetric(six).reshape(t, m, 3, 3)
+        else:
+            out[:, each, :, each] = self.tracker
         return out.reshape(m, 3 * t, 3 * t)
 
     def weighted(self, points: Array, A: Array) -> Array:
@@ -125,13 +123,12 @@ class Scatter(Locked):
             points: Measured points in F_b [m], shape (t, 3, m).
             A: Shape (t, n, 3, m).
         """
-        if self.beam is None:
-            C = self.covariance
-            assert C is not None  # one of the two is given
+        if not isinstance(self.tracker, Beam):
+            C = self.tracker
             if np.array_equal(C, C[0, 0] * np.eye(3)):
                 return A / C[0, 0]
             return np.einsum("ij,tnjm->tnim", linear.inverse(C), A)
-        beam, _, across, along = self.beam.at(points)
+        beam, _, across, along = self.tracker.at(points)
         inward = (A * beam[:, None]).sum(axis=2)
         extra = ((along[0] - across[0])[:, None] * inward)[:, :, None] * beam[:, None]
         return A * across[0][:, None, None] + extra
@@ -164,9 +161,9 @@ class Scatter(Locked):
             A: Shape (t, n, 3, m).
             V: Shape (n, n) or (m, n, n).
         """
-        if self.beam is None:
+        if not isinstance(self.tracker, Beam):
             return None
-        e, reach, across, along = self.beam.at(points)
+        e, reach, across, along = self.tracker.at(points)
         Q = np.einsum("tnim,tnjm->tijm", A, weigh(A, V))
         Qe = np.einsum("tijm,tjm->tim", Q, e)
         inside = (Qe * e).sum(axis=1)

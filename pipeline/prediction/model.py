@@ -67,10 +67,11 @@ class Hypothesis(Locked):
         """Standard uncertainty of `value`, shape (k,)."""
         return np.sqrt(np.diag(self.cov))
 
-    def at(self, point: Array | None) -> Cell:
-        """Its cell with a tool of one point, where the force acts and the displacement is seen."""
-        load = self.cell.tool.load_point if point is None else np.asarray(point, float)
-        return replace(self.cell, tool=Tool(load, np.array(["point"], dtype=object), load[None]))
+    def at(self, points: Array | None = None) -> Cell:
+        """Its cell with points (t, 3) as tool, the force at the first; its load point if None."""
+        seen = self.cell.tool.load_point[None] if points is None else points
+        names = np.array([str(k) for k in range(len(seen))], dtype=object)
+        return replace(self.cell, tool=Tool(seen[0], names, seen))
 
     def moved(self, cell: Cell, pulls: Pulls) -> Deflection:
         """Every target of its cell, or of one with another tool, under every pull, m t of them."""
@@ -179,7 +180,8 @@ class Model(Locked):
                 when not given.
         """
         pulls = Pulls.at(q, force)
-        return self._mixed([one.moved(one.at(point), pulls) for one in self.hypotheses])
+        points = None if point is None else np.atleast_2d(np.asarray(point, float))
+        return self._mixed([one.moved(one.at(points), pulls) for one in self.hypotheses])
 
     def _mixed(self, moved: Sequence[Deflection]) -> Deflection:
         """The mixture of what the hypotheses say."""
@@ -225,15 +227,10 @@ class Model(Locked):
             force: Force on the robot [N], F_b, shape (m, 3).
             points: In the flange frame [m], shape (t, 3).
         """
-        names = np.array([str(k) for k in range(len(points))], dtype=object)
-        tool, pulls = Tool(points[0], names, points), Pulls.at(q, force)
-        each = [forward(replace(one.cell, tool=tool), pulls, one.value) for one in self.hypotheses]
-        return Prediction(
-            *(
-                self._mean([getattr(one, field.name) for one in each])
-                for field in fields(Prediction)
-            )
-        )
+        pulls = Pulls.at(q, force)
+        each = [forward(one.at(points), pulls, one.value) for one in self.hypotheses]
+        names = [field.name for field in fields(Prediction)]
+        return Prediction(*(self._mean([getattr(one, name) for one in each]) for name in names))
 
 
 _NOTHING_M = 1e-9

@@ -67,7 +67,14 @@ def validate(
             ]
             wrong = np.stack(moved)[true, np.arange(poses)] - mean
             mu = np.linalg.norm(wrong, axis=2) / np.linalg.norm(mean, axis=2)
-            out.append(_table(name, kind, mu, list(cell.tool.targets)))
+            rows = {
+                "set": name,
+                "draw": kind,
+                "index": np.repeat(np.arange(1, poses + 1), mu.shape[1]),
+                "target": list(cell.tool.targets) * poses,
+                "mu": mu.ravel(),
+            }
+            out.append(pd.DataFrame(rows))
     return pd.concat(out, ignore_index=True)
 
 
@@ -126,16 +133,3 @@ def _each(one: Hypothesis, rng: np.random.Generator, poses: int) -> Array:
 def none() -> pd.DataFrame:
     """The table of a campaign that determines nothing."""
     return frame(VALIDATION.empty_table())
-
-
-def _table(name: str, kind: str, mu: Array, targets: list[str]) -> pd.DataFrame:
-    m, t = mu.shape
-    return pd.DataFrame(
-        {
-            "set": name,
-            "draw": kind,
-            "index": np.repeat(np.arange(1, m + 1), t),
-            "target": targets * m,
-            "mu": mu.ravel(),
-        }
-    )

@@ -47,12 +47,8 @@ def workspace(hypotheses: Sequence[Hypothesis], test: Where, steps: int = _STEPS
     if pair is None:
         return none()
     q, grid = _swept(cell.robot, test.q, pair, steps)
-    here = configure(cell.robot, q)
-    inside = _same_side(here, cell, pair)
-    q, grid = q[inside], grid[inside]
-    plane = _plane(configure(cell.robot, q), cell, pair)
-    size, std, direction = _softest(hypotheses, q)
-    found = np.column_stack([grid, plane, size, std, direction])
+    inside, plane = _seen(configure(cell.robot, q), cell, pair)
+    found = np.column_stack([grid[inside], plane[inside], *_softest(hypotheses, q[inside])])
     return pd.DataFrame(found, columns=WORKSPACE.names).astype({"row": "i4", "column": "i4"})
 
 
@@ -80,32 +76,22 @@ def _swept(robot: Robot, q: Array, pair: tuple[int, int], steps: int) -> tuple[A
     return np.vstack([q, swept]), np.vstack([[-1, -1], index])
 
 
-def _levers(here: Configuration, cell: Cell, pair: tuple[int, int]) -> tuple[Array, Array, Array]:
-    """Shoulder axis (m, 3) and the load point from shoulder and elbow (m, 3)."""
+def _seen(here: Configuration, cell: Cell, pair: tuple[int, int]) -> tuple[Bools, Array]:
+    """The arm in its plane.
+
+    Returns:
+        Where it is bent the same way as in the first row, (m,): one point, one configuration; reach
+        from the shoulder and height in F_b of the load point [m], (m, 2).
+    """
+    shoulder, elbow = pair
     point = here.points(cell.tool.load_point[None])[:, 0]
-    return (
-        here.axes[:, pair[0], :, 2],
-        point - here.origin[:, pair[0]],
-        point - here.origin[:, pair[1]],
-    )
-
-
-def _same_side(here: Configuration, cell: Cell, pair: tuple[int, int]) -> Bools:
-    """Where the arm is bent the same way as in the first row: one point, one configuration."""
-    axis, from_shoulder, from_elbow = _levers(here, cell, pair)
-    bend = np.einsum("mi,mi->m", axis, np.cross(from_shoulder, from_elbow))
-    return bend * bend[0] > 0
-
-
-def _plane(here: Configuration, cell: Cell, pair: tuple[int, int]) -> Array:
-    """Reach from the shoulder and height in F_b of the load point [m], shape (m, 2)."""
-    axis, from_shoulder, _ = _levers(here, cell, pair)
+    axis, from_shoulder = here.axes[:, shoulder, :, 2], point - here.origin[:, shoulder]
+    bend = np.einsum("mi,mi->m", axis, np.cross(from_shoulder, point - here.origin[:, elbow]))
     up = UP - axis[0] * (axis[0] @ UP)
-    up = up / np.linalg.norm(up) if np.linalg.norm(up) > 1e-6 else here.axes[0, pair[0], :, 0]
+    up = up / np.linalg.norm(up) if np.linalg.norm(up) > 1e-6 else here.axes[0, shoulder, :, 0]
     reach = np.cross(up, axis[0])
     reach = reach * (np.sign(from_shoulder[0] @ reach) or 1.0)
-    height = (here.points(cell.tool.load_point[None])[:, 0]) @ up
-    return np.stack([from_shoulder @ reach, height], axis=1)
+    return bend * bend[0] > 0, np.stack([from_shoulder @ reach, point @ up], axis=1)
 
 
 def _softest(hypotheses: Sequence[Hypothesis], q: Array) -> tuple[Array, Array, Array]:
@@ -113,7 +99,7 @@ def _softest(hypotheses: Sequence[Hypothesis], q: Array) -> tuple[Array, Array, 
     m = len(q)
     force = np.tile(_FORCE_N * np.eye(3), (m, 1))
     pulls = Pulls.at(np.repeat(q, 3, axis=0), force)
-    cells = [one.at(None) for one in hypotheses]
+    cells = [one.at() for one in hypotheses]
     each = [
         predict(cell, pulls, one.value).displacement.reshape(m, 3, 3) / _FORCE_N
         for cell, one in zip(cells, hypotheses, strict=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import timedelta
 from typing import Any
@@ -155,7 +155,7 @@ def _csv(head: str, rows: Iterable[Iterable[object]]) -> bytes:
 def readings(scene: Scene, draws: Draws, which: int = 0) -> Readings:
     """All readings of one drawn campaign in the order in which they were taken."""
     plan = scene.plan
-    named = [*_base_names(plan), *_unloaded_names(scene), *_loaded_names(scene)]
+    named = _names(scene)
     loaded = np.concatenate([draws.loaded[which], draws.chain[which]], axis=1)
     xyz = np.concatenate([a.reshape(-1, 3) for a in (draws.base[which], draws.zero[which], loaded)])
     times = (scene.schedule.base, scene.schedule.zero, scene.schedule.loaded)
@@ -171,29 +171,23 @@ def readings(scene: Scene, draws: Draws, which: int = 0) -> Readings:
     )
 
 
-def _base_names(plan: Plan) -> Iterator[tuple[str, str]]:
-    """Group and target of every base reading; as below, in the order of the draws."""
-    return itertools.product(("base_start", "base_end"), plan.base_frame)
+def _names(scene: Scene) -> list[tuple[str, str]]:
+    """Group and target of every reading, in the order of the draws.
 
-
-def _unloaded_names(scene: Scene) -> Iterator[tuple[str, str]]:
-    """Before the pulls the group has the number 0, after them one more than the last pull."""
-    after = np.bincount(scene.pulls.pose)[1:] + 1
-    for pose, last in zip(_pose_names(scene), after, strict=True):
-        for number in (0, last)[: scene.schedule.zero.shape[1]]:
-            yield from ((f"{pose}{number}_unloaded", target) for target in scene.plan.targets)
-
-
-def _loaded_names(scene: Scene) -> Iterator[tuple[str, str]]:
-    names = _pose_names(scene)
-    for pose, repeat in zip(scene.pulls.pose, scene.pulls.repeat, strict=True):
-        targets = [*scene.plan.targets, *_CHAIN]
-        yield from ((f"{names[pose - 1]}{repeat}_loaded", target) for target in targets)
-
-
-def _pose_names(scene: Scene) -> list[str]:
+    Before the pulls the group has the number 0, after them one more than the last pull.
+    """
+    base, targets, pulls = scene.plan.base_frame, scene.plan.targets, scene.pulls
     wide = max(2, len(str(len(scene.anchor))))
-    return [f"pose{number:0{wide}d}_rep" for number in range(1, len(scene.anchor) + 1)]
+    after = np.bincount(pulls.pose) + 1
+    numbers = [(k, (0, after[k])[: scene.schedule.zero.shape[1]]) for k in scene.stands.pose]
+    unloaded = [f"pose{k:0{wide}d}_rep{n}_unloaded" for k, both in numbers for n in both]
+    each = zip(pulls.pose, pulls.repeat, strict=True)
+    loaded = [f"pose{k:0{wide}d}_rep{n}_loaded" for k, n in each]
+    return [
+        *itertools.product(("base_start", "base_end"), base),
+        *itertools.product(unloaded, targets),
+        *itertools.product(loaded, [*targets, *_CHAIN]),
+    ]
 
 
 def _loads(scene: Scene, force: Sequence[str]) -> bytes:
@@ -250,6 +244,7 @@ def truth(scene: Scene, draws: Draws, done: list[dict[str, Any]]) -> dict[str, A
     """What is true of the first drawn campaign and what was done to it, in SI, JSON-able."""
     plan, robot, tool = scene.plan, scene.cell.robot, scene.cell.tool
     stiffness = 1 / scene.values[: robot.n]
+    pulled = (scene.pulls.pose, scene.pulls.repeat, draws.force_n[0])
     return {
         "format": 1,
         "campaign": plan.name,
@@ -283,10 +278,8 @@ def truth(scene: Scene, draws: Draws, done: list[dict[str, Any]]) -> dict[str, A
             "noise_scale": plan.scale.noise_scale,
         },
         "pulls": [
-            {"pose": int(pose), "repeat": int(repeat), "force_n": force}
-            for pose, repeat, force in zip(
-                scene.pulls.pose, scene.pulls.repeat, draws.force_n[0].tolist(), strict=True
-            )
+            {"pose": pose, "repeat": repeat, "force_n": force}
+            for pose, repeat, force in zip(*(one.tolist() for one in pulled), strict=True)
         ],
     }
 
