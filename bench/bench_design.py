@@ -168,7 +168,7 @@ class _Plans(Minimised):
         M = information(problem.experiment, at).reshape(k, m0, *2 * (problem.robot.n,)).sum(axis=1)
         figure = problem.criterion.figure(M)
         room = [s.value.reshape(k, m0).min(axis=1) for s in slacks(problem.limits, at)]
-        unseen = relative_std(M).max(axis=1) - problem.most_std
+        unseen = relative_std(M).max(axis=1) - problem.limits.max_relative_std
         out["F"] = np.where(np.isfinite(figure), figure, 1.0)
         out["G"] = np.column_stack([*(-r for r in room), np.minimum(unseen, 1e6)])
 

@@ -74,11 +74,7 @@ _Oracle = Callable[[Array, bool], Worst]
 
 
 def certify(
-    problem: Problem,
-    pool: Array,
-    rng: np.random.Generator,
-    rounds: int = 20,
-    starts: int = 128,
+    problem: Problem, pool: Array, rng: np.random.Generator, rounds: int = 20, starts: int = 128
 ) -> Iterator[Certificate]:
     """Lower bounds of the figure of every plan of the problem, each at least as good as the last.
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Locked
 from pipeline.design.scatter import Scatter, gram, weigh
-from pipeline.machine.robot import Robot, configure
+from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.configuration import cross, torque, velocity
 
 BLOCK = 1000
@@ -42,12 +42,10 @@ class Experiment(Locked):
 
 @dataclass(frozen=True, eq=False)
 class Station(Locked):
-    """Poses with their chain, in F_b; poses are the last axis.
+    """Poses with their chain, in F_b; poses are the last axis of arrays.
 
     Attributes:
-        twists: Unit joint screws, the axis first, shape (n, 6, m).
-        origin: Origins of the joint frames [m], shape (n, 3, m).
-        flange: Origin of the flange [m], shape (3, m).
+        configuration: Frames and screws of the joints, poses first.
         load_point: [m], shape (3, m).
         points: Measured points [m], shape (t, 3, m).
         chain_m: From load point to anchor, shape (m,).
@@ -58,9 +56,7 @@ class Station(Locked):
         A: Displacement per newton and unit of `Experiment.scale`, Eq. (7), shape (t, n, 3, m).
     """
 
-    twists: Array
-    origin: Array
-    flange: Array
+    configuration: Configuration
     load_point: Array
     points: Array
     chain_m: Array
@@ -86,11 +82,9 @@ def station(experiment: Experiment, q: Array, anchor: Array) -> Station:
     direction = chain / length[:, None]
     J = np.moveaxis(velocity(at.twists, points), 0, -1)
     tau = torque(at.twists, points[:, 0], direction).T
-    twists, points = np.moveaxis(at.twists, 0, -1), np.moveaxis(points, 0, -1)
+    points = np.moveaxis(points, 0, -1)
     return Station(
-        twists=twists,
-        origin=np.moveaxis(at.origin, 0, -1),
-        flange=at.flange_origin.T,
+        configuration=at,
         load_point=points[0],
         points=points[1:],
         chain_m=length,
@@ -150,7 +144,7 @@ def _pull_back(at: Station, G: Array) -> tuple[Array, Array]:
         By the joints, shape (n, m), and by the anchor, shape (3, m).
     """
     by_tau = (G * at.J).sum(axis=(0, 2))
-    omega = at.twists[:, :3]
+    omega = np.moveaxis(at.configuration.twists[..., :3], 0, -1)
     by_q = _turned(omega, at.J, G * at.tau[:, None])
     by_q += _turned(omega, at.J_load[None], (by_tau[:, None] * at.direction)[None])
     pulled = (by_tau[:, None] * at.J_load).sum(axis=0)

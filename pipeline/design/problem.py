@@ -42,7 +42,6 @@ class Problem(Locked):
         upper: Upper joint limits, shape (n,).
         anchor_lower: Of the anchor [m], shape (3,).
         anchor_upper: Of the anchor [m], shape (3,); equal where it is fixed.
-        most_std: Largest allowed standard uncertainty of a compliance over its nominal size.
         known: Information about the scaled compliances that is already there, shape (n, n).
     """
 
@@ -58,18 +57,12 @@ class Problem(Locked):
     upper: Array
     anchor_lower: Array
     anchor_upper: Array
-    most_std: float
     known: Array
 
     @property
     def free(self) -> Bools:
         """Which coordinates of the anchor are free, shape (3,)."""
         return self.anchor_upper > self.anchor_lower
-
-    @property
-    def readings(self) -> int:
-        """Pulls in all, n."""
-        return self.spec.plan.readings
 
     def as_printed(self, q: Array) -> Array:
         """Joint values (m, n) to 1e-6 m and 1e-6 degrees, inside their limits."""
@@ -86,7 +79,7 @@ def build(spec: ProblemFile, robot: Robot) -> Problem:
     Raises:
         InputError: The request cannot be met; says why and what to change.
     """
-    tool = _tool(spec)
+    tool = Tool.of(spec.tool)
     repeats = _shared_repeats(spec, robot)
     scale = robot.nominal_compliance
     scatter = _scatter(spec.noise, np.array(spec.pull.steps_n), repeats)
@@ -109,14 +102,8 @@ def build(spec: ProblemFile, robot: Robot) -> Problem:
         upper=upper,
         anchor_lower=ends[:, 0],
         anchor_upper=ends[:, 1],
-        most_std=spec.limits.max_relative_std,
         known=np.zeros((robot.n, robot.n)),
     )
-
-
-def _tool(spec: ProblemFile) -> Tool:
-    points = np.array([spec.tool[name] for name in spec.targets])
-    return Tool(np.array(spec.tool["load_point"]), np.array(spec.targets, dtype=object), points)
 
 
 def _shared_repeats(spec: ProblemFile, robot: Robot) -> int:

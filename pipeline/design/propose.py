@@ -12,7 +12,7 @@ from pipeline.design.bound import Certificate, certify
 from pipeline.design.discriminate import Sight, lens
 from pipeline.design.measurement import Measurement, of_mixed, of_plan, seen_by
 from pipeline.design.problem import Problem
-from pipeline.design.search import Effort, Plan, Progress, rounded, search, undetermined
+from pipeline.design.search import Effort, Plan, rounded, search, undetermined
 from pipeline.design.trade import Mixed, trade
 
 
@@ -74,21 +74,18 @@ def propose(problem: Problem, seed: int, effort: Effort | None = None) -> Iterat
     """
     effort = effort or Effort()
     for_search, for_bound, for_trade = np.random.default_rng(seed).spawn(3)
-    progress: Progress | None = None
     plan: Plan | None = None
     for progress in search(problem, for_search, effort):
         if progress.best is not None:
             plan = rounded(problem, progress.best)
             yield Proposal(problem, plan, None, f"round {progress.round} of {progress.rounds}")
-    assert progress is not None  # a search has at least one round
     if plan is None:
         raise undetermined(problem, progress.nearest)
     proposal = Proposal(problem, plan, None, "search")
-    pool, rounds, starts = progress.pool, effort.bounds, effort.directions
-    for certificate in certify(problem, pool, for_bound, rounds, starts):
-        proposal = replace(
-            proposal, certificate=certificate, done=f"bound, search {certificate.rounds}"
-        )
+    rounds, starts = effort.bounds, effort.directions
+    for certificate in certify(problem, progress.pool, for_bound, rounds, starts):
+        done = f"bound, search {certificate.rounds}"
+        proposal = replace(proposal, certificate=certificate, done=done)
         yield proposal
     if (asked := problem.spec.diagnosis) is not None:
         for mixed in trade(lens(problem), plan, asked, for_trade):

@@ -94,9 +94,7 @@ class Progress(Locked):
 
 
 def search(
-    problem: Problem,
-    rng: np.random.Generator,
-    effort: Effort | None = None,
+    problem: Problem, rng: np.random.Generator, effort: Effort | None = None
 ) -> Iterator[Progress]:
     """Look for the plan with the smallest figure; twice a round give the best so far.
 
@@ -124,7 +122,7 @@ def search(
         yield Progress(done, len(looks), best, _single(box, x), nearest)
         far = descend(hard, x, rounds=600)
         x = far.x[np.argsort(far.value)][:settled]
-        changed = _exchange(problem, x[:exchanged])
+        changed = _exchange(box, x[:exchanged])
         x = np.vstack([descend(hard, changed, rounds=600, gain=1e-11).x, x])
         best, nearest = _best(evaluate(problem, *box.opened(x)), best)
         yield Progress(done, len(looks), best, _single(box, x), nearest)
@@ -145,13 +143,13 @@ def objective(problem: Problem, weight: float) -> Function:
         weight: Of broken limits.
     """
     box, criterion, experiment = Box(problem, problem.poses), problem.criterion, problem.experiment
-    poses, n = problem.poses, len(problem.lower)
+    poses, n = problem.poses, problem.robot.n
 
     def function(x: Array) -> tuple[Array, Array]:
         at = box.stations(x)
         M = problem.known + information(experiment, at).reshape(len(x), poses, n, n).sum(axis=1)
         log_g, S = criterion.score(M)
-        unseen, slope = _unseen(M, problem.most_std * _STD_MARGIN)
+        unseen, slope = _unseen(problem, M)
         W = np.repeat(slope - S / 2, poses, axis=0)
         _, by_q, by_anchor = value_and_slope(experiment, at, W)
         broken, q_slope, anchor_slope = penalty(problem.limits, at)
@@ -161,30 +159,29 @@ def objective(problem: Problem, weight: float) -> Function:
     return function
 
 
-def _unseen(M: Array, most_std: float) -> tuple[Array, Array]:
+def _unseen(problem: Problem, M: Array) -> tuple[Array, Array]:
     """Penalty on compliances that stay too uncertain, (k,), and its slope in M, (k, n, n)."""
+    most_std = problem.limits.max_relative_std * _STD_MARGIN
     Q = linear.regular_inverse(M)
     variance = np.einsum("kii->ki", Q)
-    over = np.maximum(np.log(np.where(variance > 0, variance, np.inf)) - 2 * np.log(most_std), 0.0)
-    pull = 2 * SOFT * over / np.where(variance > 0, variance, np.inf)
+    variance = np.where(variance > 0, variance, np.inf)
+    over = np.maximum(np.log(variance) - 2 * np.log(most_std), 0.0)
+    pull = 2 * SOFT * over / variance
     return SOFT * (over**2).sum(axis=1), -np.einsum("kij,kj,kjl->kil", Q, pull, Q)
 
 
-def _exchange(problem: Problem, x: Array, most: int = 600) -> Array:
+def _exchange(box: Box, x: Array, most: int = 600) -> Array:
     """Swap single poses for poses of other plans, as long as a swap improves a plan.
 
     Args:
-        problem: The problem.
+        box: That of the plans.
         x: Unit coordinates of plans, best first, shape (k, d).
         most: How many poses of other plans are tried.
     """
-    box = Box(problem, problem.poses)
     q, anchor = box.opened(x)
-    pool = q.reshape(-1, q.shape[-1])[:most]
-    return box.closed(
-        np.array([_swapped(problem, a, b, pool) for a, b in zip(q, anchor, strict=True)]),
-        anchor,
-    )
+    problem, pool = box.problem, q.reshape(-1, q.shape[-1])[:most]
+    changed = [_swapped(problem, a, b, pool) for a, b in zip(q, anchor, strict=True)]
+    return box.closed(np.array(changed), anchor)
 
 
 def _swapped(problem: Problem, q: Array, anchor: Array, pool: Array, rounds: int = 4) -> Array:
@@ -207,8 +204,7 @@ def _swapped(problem: Problem, q: Array, anchor: Array, pool: Array, rounds: int
 
 
 def _loss(problem: Problem, M: Array) -> Array:
-    unseen, _ = _unseen(M, problem.most_std * _STD_MARGIN)
-    return unseen - problem.criterion.score(M)[0] / 2
+    return _unseen(problem, M)[0] - problem.criterion.score(M)[0] / 2
 
 
 def evaluate(problem: Problem, q: Array, anchor: Array) -> list[Plan]:
@@ -225,7 +221,7 @@ def evaluate(problem: Problem, q: Array, anchor: Array) -> list[Plan]:
     figure, std = problem.criterion.figure(M), criteria.relative_std(M)
     inside = ((q >= problem.lower) & (q <= problem.upper)).all(axis=(1, 2))
     good = kept(problem.limits, at).reshape(k, poses).all(axis=1) & inside
-    good &= (std <= problem.most_std).all(axis=1) & np.isfinite(figure)
+    good &= (std <= problem.limits.max_relative_std).all(axis=1) & np.isfinite(figure)
     return [Plan(q[i], anchor[i], M[i], float(figure[i]), std[i], bool(good[i])) for i in range(k)]
 
 
@@ -240,10 +236,10 @@ def undetermined(problem: Problem, nearest: Plan) -> InputError:
     worst = int(np.argmax(nearest.relative_std))
     joint, spec = problem.robot.joints[worst], problem.spec
     return InputError(
-        f"no plan of {problem.readings} readings at up to {max(spec.pull.steps_n):g} N determines "
-        f"every joint: the best one knows the compliance of {joint.name} to "
+        f"no plan of {spec.plan.readings} readings at up to {max(spec.pull.steps_n):g} N "
+        f"determines every joint: the best one knows the compliance of {joint.name} to "
         f"{nearest.relative_std[worst]:.2g} of its nominal size, "
-        f"limits.max_relative_std allows {problem.most_std:g}",
+        f"limits.max_relative_std allows {spec.limits.max_relative_std:g}",
         "pull harder, plan more readings, or allow more",
     )
 

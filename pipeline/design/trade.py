@@ -140,7 +140,7 @@ def _beginning(
     view: Lens, plan: Plan, asked: DiagnosisSpec, rng: np.random.Generator
 ) -> list[Visit]:
     """Poses of the plan in random order, some with the longer programmes, readings as planned."""
-    lengths = _lengths(asked, view.problem.readings)
+    lengths = _lengths(asked, view.problem.spec.plan.readings)
     order = rng.permutation(np.resize(np.arange(len(plan.q)), asked.poses))
     direction = station(view.problem.experiment, plan.q, plan.anchor).direction.T
     approach = crossed(direction, plan.q[:, 0])
@@ -222,7 +222,8 @@ def _exchanged(
         best = int(np.argmin(figure))
         better = figure[best] < now
     else:
-        good = (figure <= most) & (relative_std(M) <= view.problem.most_std).all(axis=1)
+        known = relative_std(M) <= view.problem.limits.max_relative_std
+        good = (figure <= most) & known.all(axis=1)
         if not good.any():
             return chosen
         others = products(chosen) - mine.columns.T @ mine.columns

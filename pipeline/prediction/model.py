@@ -281,10 +281,7 @@ def dumps(handed: Model) -> str:
             for j, spring in enumerate(springs)
         ],
         "hypothesis": [_hypothesis(one) for one in handed.hypotheses],
-        "tool": {
-            "load_point": tool.load_point.tolist(),
-            **dict(zip(tool.targets, tool.points.tolist(), strict=True)),
-        },
+        "tool": {name: at.tolist() for name, at in tool.named.items()},
     }
     return HEAD + toml.dumps(content | {"robot": tomllib.loads(robot.text)})
 
@@ -359,14 +356,12 @@ def parse(text: str, file: str = "model.toml") -> Model:
         said = problem.errors()[0]["msg"] if isinstance(problem, ValidationError) else problem
         raise InputError(f"is no model ({said})", _ANEW, file=file) from problem
     robot = parse_robot(toml.dumps(content.robot), file)
-    points = {name: np.array(at) for name, at in content.tool.items() if name != "load_point"}
-    names = np.array(list(points), dtype=object)
-    tool = Tool(np.array(content.tool["load_point"]), names, np.array(list(points.values())))
+    springs = paper_cell(robot, Tool.of(content.tool))
     return Model(
         content.campaign,
         content.verdict,
         content.recommended,
-        tuple(_read(one, paper_cell(robot, tool), file) for one in content.hypothesis),
+        tuple(_read(one, springs, file) for one in content.hypothesis),
         np.array([entry.stiffness is not None for entry in content.parameter]),
     )
 
@@ -414,16 +409,17 @@ def urdf(handed: Model) -> str:
         element = _joint(root, joint.name, parent, f"link_{joint.name}", robot.placement[j])
         element.set("type", "prismatic" if joint.prismatic else "revolute")
         ET.SubElement(element, "axis", xyz="0 0 1")
-        _limits(element, joint.lower, joint.upper)
+        # URDF wants finite limits, of effort and velocity too, which a robot file does not have
+        ends = {"lower": max(joint.lower, -_FAR), "upper": min(joint.upper, _FAR)}
+        ends |= {"effort": _FAR, "velocity": _FAR}
+        ET.SubElement(element, "limit", {name: repr(float(end)) for name, end in ends.items()})
         if stated := handed.stiffness(j):
             stiffness, std, unit = stated
             said = {"stiffness": repr(stiffness), "std": repr(std), "unit": unit}
             ET.SubElement(element, "elasticity", said)
         parent = f"link_{joint.name}"
     _joint(root, "flange", parent, "F_flange", robot.flange)
-    points = {"load_point": handed.tool.load_point}
-    points |= dict(zip(handed.tool.targets, handed.tool.points, strict=True))
-    for name, at in points.items():
+    for name, at in handed.tool.named.items():
         shift = np.eye(4)
         shift[:3, 3] = at
         _joint(root, f"to_{name}", "F_flange", name, shift)
@@ -445,12 +441,6 @@ def _joint(root: ET.Element, name: str, parent: str, child: str, at: Array) -> E
 
 _FAR = 1e6
 """Stands for infinity in a URDF [m], [rad], [N], [N m], [m/s] or [rad/s]."""
-
-
-def _limits(element: ET.Element, lower: float, upper: float) -> None:
-    """URDF wants finite limits, of effort and velocity too, which a robot file does not have."""
-    ends = {"lower": max(lower, -_FAR), "upper": min(upper, _FAR), "effort": _FAR, "velocity": _FAR}
-    ET.SubElement(element, "limit", {name: repr(float(end)) for name, end in ends.items()})
 
 
 def _row(values: Any) -> str:

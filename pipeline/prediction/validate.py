@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -10,7 +11,7 @@ import pandas as pd
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.diagnosis.average import Hypothesis
-from pipeline.machine.cell import Cell, columns, load
+from pipeline.machine.cell import Cell, jacobian
 from pipeline.machine.effect import Elastic, Pulls
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.tables import VALIDATION, frame
@@ -93,11 +94,9 @@ def _elastic(cell: Cell) -> Bools:
 
 def deflections(cell: Cell, q: Array, force: Array) -> Array:
     """A_i of Eq. (7) at joint values q (m, n) under force (m, 3), shape (m, t, 3, k)."""
-    pulls = Pulls.at(q, force)
-    loaded = load(cell, pulls, np.zeros(len(cell.parameters)))
-    return np.concatenate(
-        [columns(effect, loaded) for effect in cell.effects if isinstance(effect, Elastic)], axis=-1
-    )
+    yields = tuple(effect for effect in cell.effects if isinstance(effect, Elastic))
+    elastic = replace(cell, effects=yields, equilibrium="undeformed")
+    return jacobian(elastic, Pulls.at(q, force), np.zeros(len(elastic.parameters)))
 
 
 def _limits(cell: Cell) -> tuple[Array, Array]:

@@ -64,15 +64,11 @@ def arm_joints(robot: Robot, q: Array) -> tuple[int, int] | None:
 
 def _swept(robot: Robot, q: Array, pair: tuple[int, int], steps: int) -> tuple[Array, Array]:
     """The test pose, then the grid of the two joints: q (m, n) and grid indices (m, 2)."""
-    ranges = []
-    for j in pair:
-        low, high = robot.joints[j].lower, robot.joints[j].upper
-        low, high = max(low, q[j] - np.pi / 2), min(high, q[j] + np.pi / 2)
-        ranges.append(np.linspace(low, high, steps))
-    index = np.stack(np.meshgrid(range(steps), range(steps), indexing="ij"), axis=-1).reshape(-1, 2)
+    low, high = np.maximum(robot.lower, q - np.pi / 2), np.minimum(robot.upper, q + np.pi / 2)
+    index = np.indices((steps, steps)).reshape(2, -1).T
     swept = np.tile(q, (len(index), 1))
     for column, j in enumerate(pair):
-        swept[:, j] = ranges[column][index[:, column]]
+        swept[:, j] = np.linspace(low[j], high[j], steps)[index[:, column]]
     return np.vstack([q, swept]), np.vstack([[-1, -1], index])
 
 

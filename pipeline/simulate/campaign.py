@@ -206,30 +206,27 @@ def _joints(scene: Scene, logged: Array) -> bytes:
 
 def _campaign_toml(plan: Plan, robot: str) -> bytes:
     reader = READERS[plan.tracker.dialect]
-    tracker: dict[str, Any] = {"files": [f"tracker{reader.suffix}"]}
-    tracker |= {} if reader.says_unit else {"unit": plan.tracker.unit}
-    tracker |= {} if reader.says_names else {"assignment": "assignment.csv"}
-    tracker |= _stated(plan) if plan.tracker.stated else {"covariance": "none"}
-    scale = plan.scale
-    content: dict[str, Any] = {
+    content = {
         "format": 1,
         "name": plan.name,
         "robot": robot if robot in SHIPPED else "robot.toml",
-        "tracker": tracker,
+        "tracker": {
+            "files": [f"tracker{reader.suffix}"],
+            "unit": None if reader.says_unit else plan.tracker.unit,
+            "assignment": None if reader.says_names else "assignment.csv",
+            **(_stated(plan) if plan.tracker.stated else {"covariance": "none"}),
+        },
         "naming": {"measured": plan.targets, "chain": _CHAIN},
         "base_frame": plan.base_frame,
         "scale": {
             "file": "loads.csv",
-            "sigma_n": scale.sigma_n,
-            "sigma_rel": scale.sigma_rel,
-            "gain_sigma": scale.gain_sigma,
+            **plan.scale.model_dump(include={"sigma_n", "sigma_rel", "gain_sigma"}),
         },
         "joints": {"file": "joints.csv"},
         "tool": plan.tool,
+        "test_pose": plan.test_pose and plan.test_pose.model_dump(),
     }
-    if plan.test_pose is not None:
-        content["test_pose"] = plan.test_pose.model_dump()
-    return toml.dumps({key: value for key, value in content.items() if value != {}}).encode()
+    return toml.dumps(toml.given(content)).encode()
 
 
 def _stated(plan: Plan) -> dict[str, Any]:
@@ -242,7 +239,7 @@ def _stated(plan: Plan) -> dict[str, Any]:
 
 def truth(scene: Scene, draws: Draws, done: list[dict[str, Any]]) -> dict[str, Any]:
     """What is true of the first drawn campaign and what was done to it, in SI, JSON-able."""
-    plan, robot, tool = scene.plan, scene.cell.robot, scene.cell.tool
+    plan, robot = scene.plan, scene.cell.robot
     stiffness = 1 / scene.values[: robot.n]
     pulled = (scene.pulls.pose, scene.pulls.repeat, draws.force_n[0])
     return {
@@ -251,10 +248,8 @@ def truth(scene: Scene, draws: Draws, done: list[dict[str, Any]]) -> dict[str, A
         "robot": plan.robot,
         "plan": plan.model_dump(mode="json"),
         "stiffness": [
-            {"joint": i, "name": f"k_{joint.name}", "unit": joint.stiffness_unit, "value": value}
-            for i, (joint, value) in enumerate(
-                zip(robot.joints, stiffness.tolist(), strict=True), 1
-            )
+            {"joint": i + 1, "name": f"k_{joint.name}", "unit": joint.stiffness_unit, "value": k}
+            for i, (joint, k) in enumerate(zip(robot.joints, stiffness.tolist(), strict=True))
         ],
         "effects": [
             *(
@@ -264,10 +259,7 @@ def truth(scene: Scene, draws: Draws, done: list[dict[str, Any]]) -> dict[str, A
             *done,
         ],
         "equilibrium": scene.cell.equilibrium,
-        "tool": {
-            "load_point": tool.load_point.tolist(),
-            **dict(zip(tool.targets, tool.points.tolist(), strict=True)),
-        },
+        "tool": {name: at.tolist() for name, at in scene.cell.tool.named.items()},
         "tracker": {
             "position_m": list(plan.tracker.position),
             "axes": axes(plan).tolist(),

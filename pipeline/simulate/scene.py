@@ -118,10 +118,14 @@ def build(
         InputError: A pose or an effect of the plan cannot be.
     """
     for_poses, for_truth = rng.spawn(2)
-    points = np.array([plan.tool["load_point"], *(plan.tool[name] for name in plan.targets)])
-    q, anchor = _stand(plan, robot, points, for_poses)
+    tool = Tool.of(plan.tool)
+    q, anchor = _stand(plan, robot, tool, for_poses)
     planted = (*effects(plan.hidden.effects, robot), *hidden)
-    truth, values = _truth(plan, robot, points, planted, for_truth)
+    stiffness, points = _true(plan, robot, np.vstack([tool.load_point, tool.points]), for_truth)
+    truth = forward.paper_cell(robot, Tool(points[0], tool.targets, points[1:]))
+    truth = replace(truth, equilibrium=plan.hidden.equilibrium)
+    truth = truth.with_effects(*(one.effect for one in planted))
+    values = np.concatenate([1 / stiffness, *(one.values for one in planted)])
     each, repeats = plan.pulls.pose_steps_n or [plan.pulls.steps_n] * len(q), plan.pulls.repeats
     runs = [np.array(steps, dtype=float) for steps in each]  # each run starts slack
     count = repeats * np.array([len(run) for run in runs])
@@ -180,18 +184,18 @@ def _scattered(plan: Plan, points: Array, size: float, rng: np.random.Generator)
     return points + size * noise.tracker_errors(plan.tracker.model, points, rng)
 
 
-def _stand(
-    plan: Plan, robot: Robot, points: Array, rng: np.random.Generator
-) -> tuple[Array, Array]:
+def _stand(plan: Plan, robot: Robot, tool: Tool, rng: np.random.Generator) -> tuple[Array, Array]:
     """Joint values (p, n) and anchor (p, 3) of every pose."""
     anchors = default_anchors(robot) if plan.pulls.anchors is None else np.array(plan.pulls.anchors)
     if plan.poses.q is None:
         which = _in_turn(plan, len(anchors))
+        points = np.vstack([tool.load_point, tool.points])
         return draw_poses(robot, points, anchors, which, rng), anchors[which]
     q = _given(plan, robot)
     if plan.pulls.anchor is not None:
         return q, anchors[plan.pulls.anchor]
-    return q, anchors[nearest_in_reach(configure(robot, q).points(points)[:, 0], anchors)]
+    at = configure(robot, q).points(tool.load_point[None])
+    return q, anchors[nearest_in_reach(at[:, 0], anchors)]
 
 
 def _in_turn(plan: Plan, anchors: int) -> Ints:
@@ -233,14 +237,8 @@ def _given(plan: Plan, robot: Robot) -> Array:
     return q
 
 
-def _truth(
-    plan: Plan,
-    robot: Robot,
-    points: Array,
-    planted: tuple[Planted, ...],
-    rng: np.random.Generator,
-) -> tuple[Cell, Array]:
-    """The true cell and all its parameters."""
+def _true(plan: Plan, robot: Robot, points: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """True stiffnesses [N/m] or [N m/rad], (n,), and true points of the tool [m], (1 + t, 3)."""
     wish = plan.hidden
     stiffness = 1 / robot.nominal_compliance if wish.stiffness is None else np.array(wish.stiffness)
     if len(stiffness) != robot.n:
@@ -249,14 +247,9 @@ def _truth(
             "give one per joint",
             file="plan",
         )
-    stiffness = stiffness * rng.uniform(
-        1 - wish.stiffness_spread, 1 + wish.stiffness_spread, robot.n
-    )
-    points = points + wish.tool_sd_m * rng.standard_normal(points.shape)
-    tool = Tool(points[0], np.array(plan.targets, dtype=object), points[1:])
-    truth = replace(forward.paper_cell(robot, tool), equilibrium=wish.equilibrium)
-    truth = truth.with_effects(*(one.effect for one in planted))
-    return truth, np.concatenate([1 / stiffness, *(one.values for one in planted)])
+    off, spread = wish.tool_sd_m, wish.stiffness_spread
+    stiffness = stiffness * rng.uniform(1 - spread, 1 + spread, robot.n)
+    return stiffness, points + off * rng.standard_normal(points.shape)
 
 
 def _schedule(plan: Plan, count: Ints) -> Schedule:
@@ -401,12 +394,6 @@ def _zeros(scene: Scene) -> Array:
 def _base(scene: Scene) -> Array:
     """Base reflectors as read at start and end, in F_b, shape (2, b, 3)."""
     points = np.array(list(scene.plan.base_frame.values())).reshape(-1, 3)
-    pulls = scene.pulls.part(np.array([0, len(scene.pulls) - 1]))
-    return _observed(
-        scene,
-        pulls,
-        np.stack([points, points]),
-        scene.schedule.base,
-        list(scene.plan.base_frame),
-        instrument_only=True,
-    )
+    pulls, names = scene.pulls.part(np.array([0, -1])), list(scene.plan.base_frame)
+    both, times = np.stack([points, points]), scene.schedule.base
+    return _observed(scene, pulls, both, times, names, instrument_only=True)
