@@ -26,7 +26,7 @@ from pipeline.app.commands.design import problem_of
 from pipeline.base.arrays import Array
 from pipeline.design import search
 from pipeline.design.criteria import relative_std
-from pipeline.design.information import BLOCK, Experiment, information, station, value_and_slope
+from pipeline.design.information import Experiment, information, station, value_and_slope
 from pipeline.design.limits import slacks
 from pipeline.design.problem import Problem
 from pipeline.design.space import Box
@@ -39,6 +39,8 @@ LIMIT_S, SHOWN_S = 60.0, (10.0, 30.0, 60.0)
 PUBLISHED_MM = 0.990e-2
 POPULATIONS = (100, 400)
 POSES, LOOPED = 100_000, 2000
+BLOCK = 1000
+"""Poses computed at once: their intermediate arrays then stay in the processor's cache."""
 PICTURE = Path(__file__).parents[1] / "docs" / "figures" / "design-race.svg"
 Trace = tuple[Array, Array]
 """Seconds and the best figure [m] reached by then, both (k,)."""

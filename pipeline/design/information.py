@@ -16,9 +16,6 @@ from pipeline.design.scatter import Scatter, gram, weigh
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.configuration import cross, torque, velocity
 
-BLOCK = 1000
-"""Poses computed at once: their intermediate arrays then stay in the processor's cache."""
-
 
 @dataclass(frozen=True, eq=False)
 class Experiment(Locked):
