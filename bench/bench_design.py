@@ -26,7 +26,7 @@ from pipeline.app.commands.design import problem_of
 from pipeline.base.arrays import Array
 from pipeline.design import search
 from pipeline.design.criteria import relative_std
-from pipeline.design.information import BLOCK, Experiment, information, station, value_and_slope
+from pipeline.design.information import Experiment, information, station, value_and_slope
 from pipeline.design.limits import slacks
 from pipeline.design.problem import Problem
 from pipeline.design.space import Box
@@ -39,6 +39,8 @@ LIMIT_S, SHOWN_S = 60.0, (10.0, 30.0, 60.0)
 PUBLISHED_MM = 0.990e-2
 POPULATIONS = (100, 400)
 POSES, LOOPED = 100_000, 2000
+BLOCK = 1000
+"""Poses computed at once: their intermediate arrays then stay in the processor's cache."""
 PICTURE = Path(__file__).parents[1] / "docs" / "figures" / "design-race.svg"
 Trace = tuple[Array, Array]
 """Seconds and the best figure [m] reached by then, both (k,)."""
@@ -168,7 +170,7 @@ class _Plans(Minimised):
         M = information(problem.experiment, at).reshape(k, m0, *2 * (problem.robot.n,)).sum(axis=1)
         figure = problem.criterion.figure(M)
         room = [s.value.reshape(k, m0).min(axis=1) for s in slacks(problem.limits, at)]
-        unseen = relative_std(M).max(axis=1) - problem.most_std
+        unseen = relative_std(M).max(axis=1) - problem.limits.max_relative_std
         out["F"] = np.where(np.isfinite(figure), figure, 1.0)
         out["G"] = np.column_stack([*(-r for r in room), np.minimum(unseen, 1e6)])
 
@@ -291,7 +293,7 @@ class _Loop:
         dtau = np.einsum("ikj,i->kj", dJ[0], u) + J[0].T @ du
         A = np.array([(Jp * tau * scale).T for Jp in J[1:]])
         scatter = self.experiment.scatter
-        factor = scatter.alpha / scatter.covariance[0, 0]
+        factor = scatter.alpha / scatter.tracker[0, 0]
         back = 2 * factor * np.einsum("kl,tli->tki", self.W, A) * scale[:, None]
         value = factor * float(np.einsum("tki,kl,tli->", A, self.W, A))
         slope = np.zeros(len(q))

@@ -6,7 +6,6 @@ count of causes without a twin is given as well.
 """
 
 from collections.abc import Iterable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,7 @@ from pipeline.app.commands.design import problem_of
 from pipeline.design.discriminate import lens
 from pipeline.design.measurement import of_plan, seen_by
 from pipeline.design.problem import Problem
-from pipeline.design.propose import aim_of, propose
+from pipeline.design.propose import propose
 from pipeline.design.search import Effort, Plan, rounded, search
 from pipeline.design.trade import trade
 from pipeline.report.svg import BLUE, GREEN, MUTED, STYLE
@@ -73,8 +72,9 @@ def _optimum(problem: Problem) -> Plan:
 
 
 def _traded(problem: Problem, plan: Plan, allowed: float) -> Counts:
-    aim = replace(aim_of(problem), allowed=allowed, restarts=1)
-    *_, best = trade(lens(problem), plan, aim, np.random.default_rng(SEEDS[0]))
+    assert problem.spec.diagnosis is not None
+    asked = problem.spec.diagnosis.model_copy(update={"allowed": allowed})
+    *_, best = trade(lens(problem), plan, asked, np.random.default_rng(SEEDS[0]), restarts=1)
     return _counted(problem, list(best.named_from))
 
 

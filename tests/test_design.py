@@ -16,7 +16,7 @@ from pipeline.design.bound import Worst, bounds, certify
 from pipeline.design.curves import by_anchor, by_size
 from pipeline.design.descent import descend
 from pipeline.design.information import Experiment, information, station, value_and_slope
-from pipeline.design.limits import Limits, kept, penalty, slacks
+from pipeline.design.limits import kept, penalty, slacks
 from pipeline.design.made import make
 from pipeline.design.propose import propose
 from pipeline.design.scatter import Beam, Scatter
@@ -56,7 +56,7 @@ SCATTERS = {
         np.array([2.0, 1.0]),
         np.array([3.0, 5.0]),
         0.5,
-        beam=Beam(BEAM, tuple(TRACKER)),
+        Beam(BEAM, tuple(TRACKER)),
     ),
 }
 
@@ -143,7 +143,7 @@ def test_information_of_a_pose_is_that_of_its_dense_covariance(noise):
     for k in range(3):
         A = at.A[..., k].transpose(0, 2, 1).reshape(9, 7)
         points, d = at.points[..., k], A.sum(axis=1)
-        if scatter.beam:
+        if isinstance(scatter.tracker, Beam):
             blocks = []
             for point in points:
                 reach = np.linalg.norm(point - TRACKER)
@@ -152,7 +152,7 @@ def test_information_of_a_pose_is_that_of_its_dense_covariance(noise):
                 out = across**2 * (np.eye(3) - np.outer(e, e)) + along**2 * np.outer(e, e)
                 blocks.append(out)
         else:
-            blocks = [scatter.covariance] * 3
+            blocks = [scatter.tracker] * 3
         T = linalg.block_diag(*blocks)
         pulls = np.repeat(np.arange(len(scatter.force)), scatter.repeats.astype(int))
         V = np.kron(np.ones((len(pulls), len(pulls))), scatter.zero * T)
@@ -163,11 +163,11 @@ def test_information_of_a_pose_is_that_of_its_dense_covariance(noise):
 
 
 LIMITS = {
-    "chain": Limits(chain_m=(4.0, 5.0)),
-    "flange": Limits(chain_m=(0.0, 99.0), flange_above_m=2.0),
-    "effector": Limits(chain_m=(0.0, 99.0), effector_above_m=2.5),
-    "clearance": Limits(chain_m=(0.0, 99.0), chain_clearance_m=1.0),
-    "fold": Limits(chain_m=(0.0, 99.0), pull_within_rad=0.9),
+    "chain": spec.Limits(chain_m=(4.0, 5.0)),
+    "flange": spec.Limits(chain_m=(0.0, 99.0), flange_above_m=2.0),
+    "effector": spec.Limits(chain_m=(0.0, 99.0), effector_above_m=2.5),
+    "clearance": spec.Limits(chain_m=(0.0, 99.0), chain_clearance_m=1.0),
+    "fold": spec.Limits(chain_m=(0.0, 99.0), pull_within_deg=51.6),
 }
 
 
@@ -223,9 +223,7 @@ def made_criteria(rng, n):
     A = rng.normal(size=(2, 3, n))
     return [
         criteria.prediction(A, np.array([1.0, 2.0])),
-        criteria.determinant(n),
-        criteria.average(n),
-        criteria.extreme(n),
+        *criteria.CLASSIC.values(),
     ]
 
 

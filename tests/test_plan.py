@@ -18,10 +18,10 @@ from pipeline.design.known import information_of
 from pipeline.design.made import Made
 from pipeline.design.measurement import Measurement, of_plan, seen_by
 from pipeline.design.planfile import plan_content
-from pipeline.design.propose import Proposal, aim_of
+from pipeline.design.propose import Proposal
 from pipeline.design.schedule import crossed, pulls_at, starts
 from pipeline.design.search import Plan, evaluate
-from pipeline.design.trade import Aim, feasible_poses, trade
+from pipeline.design.trade import feasible_poses, products, trade
 from pipeline.machine.cell import jacobian, paper_cell
 from pipeline.machine.effects import Pulls
 from pipeline.machine.robot import load
@@ -242,17 +242,16 @@ def test_an_exchange_names_more_within_what_is_allowed(proposal):
     anchor = np.array([2.5, 6.0, -0.891])
     q = feasible_poses(made, anchor, np.random.default_rng(4), 8)
     plan = evaluate(made, q[None], anchor[None])[0]
-    view, aim = lens(made), aim_of(made)
-    aim = Aim(aim.allowed, aim.poses, aim.programmes, pool=40, restarts=1)
-    first, *_, last = trade(view, plan, aim, np.random.default_rng(1), sweeps=3, tried=24)
-    pulls = sum(len(aim.programmes[k]) for k in last.visits.programme)
+    view, asked, rng = lens(made), made.spec.diagnosis, np.random.default_rng(1)
+    first, *_, last = trade(view, plan, asked, rng, sweeps=3, tried=24, pool=40, restarts=1)
+    pulls = sum(len(visit.steps) for visit in last.visits)
 
     assert last.named > 0
     assert last.worth > first.worth
     assert last.figure <= 1.6 * plan.figure
     assert pulls == 8
-    assert len(last.visits.q) == 6
-    again = {s.name: s.named_from for s in sights(view, last.visits.products)}
+    assert len(last.visits) == 6
+    again = {s.name: s.named_from for s in sights(view, products(last.visits))}
     assert last.named == sum(size <= 1 for size in again.values())
 
 
@@ -264,7 +263,7 @@ def test_readings_that_cannot_be_shared_are_refused():
     plan = evaluate(made, q[None], anchor[None])[0]
 
     with pytest.raises(InputError, match="4 readings cannot be shared among 9 poses"):
-        next(trade(lens(made), plan, aim_of(made), np.random.default_rng(1), 1, 8))
+        next(trade(lens(made), plan, made.spec.diagnosis, np.random.default_rng(1), 1, 8))
 
 
 def test_the_sheet_says_what_to_do_and_what_to_expect(proposal):
@@ -392,12 +391,13 @@ def test_further_poses_build_on_what_is_known(written, realistic):
         limits={"max_relative_std": 9.0},
         diagnosis=None,
     )
-    further, known = added_to(base, find(root, "old"))
+    further = added_to(base, find(root, "old"))
+    known = further.known
     from pipeline.design.propose import propose
     from pipeline.design.search import Effort
 
     quick = Effort(first=0, rounds=1, poses=96, settled=8, exchanged=2, bounds=3, directions=24)
-    *_, last = propose(further, 3, quick, known)
+    *_, last = propose(further, 3, quick)
     alone = further.criterion.figure(known[None])[0]
 
     assert further.spec.name == "old_next"

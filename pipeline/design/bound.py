@@ -20,8 +20,8 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Locked
 from pipeline.design.criteria import Criterion
-from pipeline.design.descent import Function, descend
-from pipeline.design.information import information, station, value_and_slope
+from pipeline.design.descent import descend
+from pipeline.design.information import information, value_and_slope
 from pipeline.design.limits import penalty
 from pipeline.design.problem import Problem
 from pipeline.design.space import Box
@@ -74,12 +74,7 @@ _Oracle = Callable[[Array, bool], Worst]
 
 
 def certify(
-    problem: Problem,
-    pool: Array,
-    rng: np.random.Generator,
-    rounds: int = 20,
-    starts: int = 128,
-    known: Array | None = None,
+    problem: Problem, pool: Array, rng: np.random.Generator, rounds: int = 20, starts: int = 128
 ) -> Iterator[Certificate]:
     """Lower bounds of the figure of every plan of the problem, each at least as good as the last.
 
@@ -92,12 +87,10 @@ def certify(
         rng: Draws the starts.
         rounds: At most so many searches.
         starts: Random starts of each search, beside the poses that the design uses.
-        known: Information that is already there, shape (n, n).
     """
     oracle = _Directions(problem, rng, starts, pool)
-    q, anchor = Box(problem, 1).opened(pool)
-    first = information(problem.experiment, station(problem.experiment, q[:, 0], anchor))
-    yield from bounds(problem.criterion, first, problem.poses, oracle, rounds, known)
+    first = information(problem.experiment, Box(problem, 1).stations(pool))
+    yield from bounds(problem.criterion, first, problem.poses, oracle, rounds, problem.known)
 
 
 def bounds(
@@ -106,7 +99,7 @@ def bounds(
     poses: int,
     oracle: _Oracle,
     rounds: int = 20,
-    known: Array | None = None,
+    known: Array | float = 0.0,
     steps: int = 3000,
 ) -> Iterator[Certificate]:
     """Alternate between the best weights of some poses and the pose that would add most.
@@ -122,38 +115,37 @@ def bounds(
         known: Information that is already there, shape (n, n).
         steps: At most so many for the weights; fewer give a valid but lower bound.
     """
-    before = np.zeros(informations.shape[1:]) if known is None else known
     candidates, highest, continuous = informations, 0.0, np.inf
     deciding = Worst(np.inf, informations[:0], 0, 0.0)
     for done in range(1, rounds + 1):
-        weights = _best_weights(criterion, candidates, poses, before, steps)
-        M = before + poses * np.einsum("c,cij->ij", weights, candidates)
+        weights = _best_weights(criterion, candidates, poses, known, steps)
+        M = known + poses * np.einsum("c,cij->ij", weights, candidates)
         continuous = min(continuous, float(criterion.figure(M[None])[0]))
         Z = criterion.support(M[None])[0]
         worst = oracle(Z, False)
-        if _bound(Z, before, poses, worst) > highest:
+        if _bound(Z, known, poses, worst) > highest:
             worst = oracle(Z, True)
-        if _bound(Z, before, poses, worst) > highest:
-            highest, deciding = _bound(Z, before, poses, worst), worst
+        if _bound(Z, known, poses, worst) > highest:
+            highest, deciding = _bound(Z, known, poses, worst), worst
         yield Certificate(highest, continuous, done, deciding.starts, deciding.agreeing)
         if highest >= (1 - _GAP) * continuous:
             return
         candidates = np.concatenate([candidates[weights > 1e-6], worst.informations])
 
 
-def _bound(Z: Array, before: Array, poses: int, worst: Worst) -> float:
-    return float((np.sum(Z * before) + poses * worst.most) ** -0.5)
+def _bound(Z: Array, known: Array | float, poses: int, worst: Worst) -> float:
+    return float((np.sum(Z * known) + poses * worst.most) ** -0.5)
 
 
 def _best_weights(
-    criterion: Criterion, candidates: Array, poses: int, before: Array, steps: int
+    criterion: Criterion, candidates: Array, poses: int, known: Array | float, steps: int
 ) -> Array:
     """Weights (c,) of candidate poses for the best continuous design; multiplicative steps."""
     weights = np.full(len(candidates), 1 / len(candidates))
     flat = poses * candidates.reshape(len(candidates), -1)
     score = criterion.smooth or criterion.score
     for _ in range(steps):
-        M = before + (weights @ flat).reshape(before.shape)
+        M = known + (weights @ flat).reshape(candidates.shape[1:])
         S = score(M[None])[1][0]
         gain = flat @ S.ravel()
         average = weights @ gain
@@ -178,34 +170,25 @@ class _Directions:
         """Search from random poses and from the good ones of earlier searches."""
         starts = self.starts * (4 if hard else 1)
         start = np.vstack([self.rng.uniform(size=(starts, self.box.size)), self.kept])
-        scale = 1 / self._gain(start, Z)[0].max()
-        found = descend(self._function(Z * scale), start, rounds=250, gain=1e-7)
+        scale = -1 / self._loss(start, Z)[0].min()
+        found = descend(lambda x: self._loss(x, Z * scale), start, rounds=250, gain=1e-7)
         most = -float(found.value.min())
         order = np.argsort(found.value)
         self.kept = _distinct(found.x[order])[:48]
-        q, anchor = self.box.opened(self.kept)
-        at = station(self.problem.experiment, q[:, 0], anchor)
         return Worst(
             most=most / scale,
-            informations=information(self.problem.experiment, at),
+            informations=information(self.problem.experiment, self.box.stations(self.kept)),
             starts=len(start),
             agreeing=float(np.mean(found.value < -most * (1 - 1e-4))),
         )
 
-    def _gain(self, x: Array, Z: Array) -> tuple[Array, Array]:
-        q, anchor = self.box.opened(x)
-        at = station(self.problem.experiment, q[:, 0], anchor)
+    def _loss(self, x: Array, Z: Array) -> tuple[Array, Array]:
+        """Broken limits less trace(Z I), (k,), and its slope (k, d), at poses (k, d)."""
+        at = self.box.stations(x)
         gain, by_q, by_anchor = value_and_slope(self.problem.experiment, at, Z)
         broken, q_slope, anchor_slope = penalty(self.problem.limits, at, margin=0.0)
-        slopes = self.box.slopes(by_q - _WALL * q_slope, by_anchor - _WALL * anchor_slope)
-        return gain - _WALL * broken, slopes
-
-    def _function(self, Z: Array) -> Function:
-        def function(x: Array) -> tuple[Array, Array]:
-            gain, slope = self._gain(x, Z)
-            return -gain, -slope
-
-        return function
+        slopes = self.box.slopes(_WALL * q_slope - by_q, _WALL * anchor_slope - by_anchor)
+        return _WALL * broken - gain, slopes
 
 
 def _distinct(x: Array, apart: float = 1e-3) -> Array:

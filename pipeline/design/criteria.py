@@ -9,7 +9,7 @@ Table II shows: sigma sqrt(trace(A_0 M^-1 A_0')).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,49 +71,30 @@ def prediction(sensitivities: Array, weights: Array, name: str = "test_pose") ->
     return Criterion(name, "m", meaning, lambda M: _trace(C, M))
 
 
-def determinant(n: int) -> Criterion:
-    """D: geometric mean of the semi-axes of the confidence ellipsoid, det(M)^(-1 / 2n).
-
-    Of relative compliances and for one standard deviation.
-    """
-    meaning = "geometric mean of the relative uncertainties' ellipsoid"
-    return Criterion("D", "1", meaning, lambda M: _determinant(n, M))
-
-
-def average(n: int) -> Criterion:
-    """A: root mean square of the relative standard uncertainties, sqrt(trace(M^-1) / n)."""
-    C = np.eye(n) / n
-    return Criterion("A", "1", "rms relative uncertainty", lambda M: _trace(C, M))
-
-
-def extreme(n: int) -> Criterion:
-    """E: relative uncertainty of the worst determined mix of compliances, lambda_min(M)^(-1/2)."""
-    meaning = "relative uncertainty of the worst mix"
-    return Criterion("E", "1", meaning, _smallest, lambda M: _power_mean(n, M))
-
-
-def inverse(M: Array) -> Array:
-    """Inverse of information matrices (k, n, n); NaN where a matrix is singular."""
-    return linear.regular_inverse(M)
-
-
 def relative_std(M: Array) -> Array:
     """Standard uncertainty of each compliance in units of its scale, shape (k, n)."""
-    variance = np.einsum("kii->ki", inverse(M))
+    variance = np.einsum("kii->ki", linear.regular_inverse(M))
     return np.sqrt(np.where(variance > 0, variance, np.inf))
 
 
 def _trace(C: Array, M: Array) -> tuple[Array, Array]:
     """Inverse trace, g = 1 / trace(C M^-1), S = M^-1 C M^-1 / trace(C M^-1)."""
-    Q = inverse(M)
+    Q = linear.regular_inverse(M)
     spread = np.einsum("ij,kji->k", C, Q)
     spread = np.where(spread > 0, spread, np.nan)
     return -np.log(spread), Q @ C @ Q / spread[:, None, None]
 
 
-def _determinant(n: int, M: Array) -> tuple[Array, Array]:
+def _average(M: Array) -> tuple[Array, Array]:
+    """Inverse mean of the variances, g = n / trace(M^-1)."""
+    n = M.shape[-1]
+    return _trace(np.eye(n) / n, M)
+
+
+def _determinant(M: Array) -> tuple[Array, Array]:
     """Root of the determinant, g = det(M)^(1/n), S = M^-1 / n."""
-    return linear.log_det(M) / n, inverse(M) / n
+    n = M.shape[-1]
+    return linear.log_det(M) / n, linear.regular_inverse(M) / n
 
 
 def _smallest(M: Array) -> tuple[Array, Array]:
@@ -124,7 +105,7 @@ def _smallest(M: Array) -> tuple[Array, Array]:
     return np.log(least), v[:, :, None] * v[:, None] / least[:, None, None]
 
 
-def _power_mean(n: int, M: Array, power: int = 24) -> tuple[Array, Array]:
+def _power_mean(M: Array, power: int = 24) -> tuple[Array, Array]:
     """Power mean, g = (trace(M^-p) / n)^(-1/p), which tends to the smallest eigenvalue."""
     values, vectors = linear.directions(M)
     least = np.where(values[:, :1] > 0, values[:, :1], np.nan)
@@ -132,4 +113,22 @@ def _power_mean(n: int, M: Array, power: int = 24) -> tuple[Array, Array]:
     total = share.sum(axis=1, keepdims=True)
     weights = share / (total * values)
     S = np.einsum("kij,kj,klj->kil", vectors, weights, vectors)
-    return np.log(least[:, 0]) - np.log(total[:, 0] / n) / power, S
+    return np.log(least[:, 0]) - np.log(total[:, 0] / M.shape[-1]) / power, S
+
+
+CLASSIC: Mapping[str, Criterion] = {
+    criterion.name: criterion
+    for criterion in (
+        Criterion(
+            "D", "1", "geometric mean of the relative uncertainties' ellipsoid", _determinant
+        ),
+        Criterion("A", "1", "rms relative uncertainty", _average),
+        Criterion("E", "1", "relative uncertainty of the worst mix", _smallest, _power_mean),
+    )
+}
+"""Criteria of the relative compliances alone, by name.
+
+D: geometric mean of the semi-axes of the confidence ellipsoid for one standard deviation,
+det(M)^(-1 / 2n). A: root mean square of the relative standard uncertainties, sqrt(trace(M^-1) / n).
+E: relative uncertainty of the worst determined mix of compliances, lambda_min(M)^(-1/2).
+"""

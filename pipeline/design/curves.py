@@ -105,22 +105,22 @@ def by_anchor(
         starts: Random starts at each place.
     """
     rng = np.random.default_rng(seed)
-    best = [_held(problem, plan, axis, float(x), rng, starts) for x in at]
-    anchor = np.tile(plan.anchor, (len(at), 1))
-    anchor[:, axis] = at
-    there = evaluate(problem, np.repeat(plan.q[None], len(at), axis=0), anchor)
-    return ByAnchor(axis, at, np.array(best), np.array([p.figure for p in there]))
+    figures = np.array([_held(problem, plan, axis, x, rng, starts) for x in at])
+    return ByAnchor(axis, at, figures[:, 0], figures[:, 1])
 
 
 def _held(
     problem: Problem, plan: Plan, axis: int, x: float, rng: np.random.Generator, starts: int
-) -> float:
-    place = dict(zip(("x_m", "y_m", "z_m"), plan.anchor.tolist(), strict=True))
-    place[("x_m", "y_m", "z_m")[axis]] = x
+) -> tuple[float, float]:
+    """Best figure with that coordinate of the anchor, and the figure of the plan's own poses."""
+    anchor = plan.anchor.copy()
+    anchor[axis] = x
+    place = dict(zip(("x_m", "y_m", "z_m"), anchor.tolist(), strict=True))
     held = build(revised(problem.spec, {"anchor": place}), problem.robot)
     box = Box(held, held.poses)
-    mine = box.closed(plan.q[None], np.array([list(place.values())]))
+    mine = box.closed(plan.q[None], anchor[None])
     start = np.vstack([mine, rng.uniform(size=(starts, box.size))])
     found = descend(objective(held, HARD), np.clip(start, 0, 1), rounds=200, gain=1e-6)
     plans = evaluate(held, *box.opened(found.x))
-    return min((p.figure for p in plans if p.kept), default=float("nan"))
+    best = min((p.figure for p in plans if p.kept), default=float("nan"))
+    return best, evaluate(held, plan.q[None], anchor[None])[0].figure

@@ -29,12 +29,10 @@ class Found:
     Attributes:
         x: Shape (k, d).
         value: Shape (k,), in the order of the starts.
-        rounds: Points that the slowest start tried.
     """
 
     x: Array
     value: Array
-    rounds: int
 
 
 @dataclass(eq=False)
@@ -91,13 +89,12 @@ def descend(
         stalled=np.zeros(k, int),
     )
     _aim(state, np.arange(k))
-    done = 0
-    for done in range(1, rounds + 1):  # noqa: B007  read after the loop
+    for _ in range(rounds):
         rows = np.flatnonzero(state.stalled < patience)
         if not len(rows):
             break
         _try(function, state, rows, gain)
-    return Found(state.x, state.value, done)
+    return Found(state.x, state.value)
 
 
 def _try(function: Function, state: _State, rows: Ints, gain: float) -> None:

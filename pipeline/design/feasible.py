@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError
 from pipeline.design.descent import descend
 from pipeline.design.information import station
-from pipeline.design.limits import Limits, penalty, slacks
+from pipeline.design.limits import penalty, slacks
 from pipeline.design.problem import Problem
 from pipeline.design.space import Box
+from pipeline.design.spec import Limits
 
 _TRIED, _FOLLOWED = 2000, 64
 """Random poses, and how many of them, the nearest to the limits, are led inside."""
+
+_ANY_M = (0.0, 1e6)
+"""Shortest and longest chain [m] where its length does not matter."""
 
 
 def check_reachable(problem: Problem, rng: np.random.Generator) -> None:
@@ -46,14 +48,10 @@ def _shortfall(problem: Problem, limits: Limits, start: Array) -> float:
     box = Box(problem, 1)
 
     def worst(x: Array) -> Array:
-        q, anchor = box.opened(x)
-        at = station(problem.experiment, q[:, 0], anchor)
-        return np.min([slack.value for slack in slacks(limits, at)], axis=0)
+        return np.min([slack.value for slack in slacks(limits, box.stations(x))], axis=0)
 
     def function(x: Array) -> tuple[Array, Array]:
-        q, anchor = box.opened(x)
-        at = station(problem.experiment, q[:, 0], anchor)
-        broken, by_q, by_anchor = penalty(limits, at)
+        broken, by_q, by_anchor = penalty(limits, box.stations(x))
         return broken, box.slopes(by_q, by_anchor)
 
     room = worst(start)
@@ -64,11 +62,10 @@ def _shortfall(problem: Problem, limits: Limits, start: Array) -> float:
 
 
 def _one_by_one(limits: Limits) -> list[Limits]:
-    none = Limits(chain_m=(0.0, np.inf))
-    names = ("flange_above_m", "effector_above_m", "chain_clearance_m", "pull_within_rad")
+    names = ("flange_above_m", "effector_above_m", "chain_clearance_m", "pull_within_deg")
     rules = {name: getattr(limits, name) for name in names}
-    alone = [replace(none, **{name: at}) for name, at in rules.items() if at is not None]
-    return [replace(none, chain_m=limits.chain_m), *alone]
+    alone = [{name: at, "chain_m": _ANY_M} for name, at in rules.items() if at is not None]
+    return [Limits.model_validate(rule) for rule in ({"chain_m": limits.chain_m}, *alone)]
 
 
 def _refusal(problem: Problem, limits: Limits, short: float) -> InputError:

@@ -13,11 +13,8 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Locked
 from pipeline.design.scatter import Scatter, gram, weigh
-from pipeline.machine.robot import Robot, configure
-from pipeline.machine.robot.configuration import torque, velocity
-
-BLOCK = 1000
-"""Poses computed at once: their intermediate arrays then stay in the processor's cache."""
+from pipeline.machine.robot import Configuration, Robot, configure
+from pipeline.machine.robot.configuration import cross, torque, velocity
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,13 +39,10 @@ class Experiment(Locked):
 
 @dataclass(frozen=True, eq=False)
 class Station(Locked):
-    """Poses with their chain, in F_b; poses are the last axis.
+    """Poses with their chain, in F_b; poses are the last axis of arrays.
 
     Attributes:
-        omega: Axes of the joint screws, zero for sliding joints, shape (n, 3, m).
-        twists: Unit joint screws, shape (n, 6, m).
-        origin: Origins of the joint frames [m], shape (n, 3, m).
-        flange: Origin of the flange [m], shape (3, m).
+        configuration: Frames and screws of the joints, poses first.
         load_point: [m], shape (3, m).
         points: Measured points [m], shape (t, 3, m).
         chain_m: From load point to anchor, shape (m,).
@@ -59,10 +53,7 @@ class Station(Locked):
         A: Displacement per newton and unit of `Experiment.scale`, Eq. (7), shape (t, n, 3, m).
     """
 
-    omega: Array
-    twists: Array
-    origin: Array
-    flange: Array
+    configuration: Configuration
     load_point: Array
     points: Array
     chain_m: Array
@@ -88,12 +79,9 @@ def station(experiment: Experiment, q: Array, anchor: Array) -> Station:
     direction = chain / length[:, None]
     J = np.moveaxis(velocity(at.twists, points), 0, -1)
     tau = torque(at.twists, points[:, 0], direction).T
-    twists, points = np.moveaxis(at.twists, 0, -1), np.moveaxis(points, 0, -1)
+    points = np.moveaxis(points, 0, -1)
     return Station(
-        omega=twists[:, :3],
-        twists=twists,
-        origin=np.moveaxis(at.origin, 0, -1),
-        flange=at.flange_origin.T,
+        configuration=at,
         load_point=points[0],
         points=points[1:],
         chain_m=length,
@@ -107,7 +95,8 @@ def station(experiment: Experiment, q: Array, anchor: Array) -> Station:
 
 def information(experiment: Experiment, at: Station) -> Array:
     """Fisher information of all pulls at each pose about the scaled compliances, (m, n, n)."""
-    return experiment.scatter.inform(gram(at.A, experiment.scatter.see(at.points, at.A).weighted))
+    scatter = experiment.scatter
+    return scatter.inform(gram(at.A, scatter.weighted(at.points, at.A)))
 
 
 def value_and_slope(experiment: Experiment, at: Station, W: Array) -> tuple[Array, Array, Array]:
@@ -122,17 +111,17 @@ def value_and_slope(experiment: Experiment, at: Station, W: Array) -> tuple[Arra
         Sum of W * information, (m,), and its derivatives by joints (m, n) and anchor (m, 3).
     """
     scatter = experiment.scatter
-    seen = scatter.see(at.points, at.A)
+    weighted = scatter.weighted(at.points, at.A)
     if scatter.force_std.any():
-        total, V = scatter.combine(gram(at.A, seen.weighted), W)
-        back = weigh(seen.weighted, V)
+        total, V = scatter.combine(gram(at.A, weighted), W)
+        back = weigh(weighted, V)
     else:
         V = scatter.alpha * W
-        back = weigh(seen.weighted, V)
+        back = weigh(weighted, V)
         total = (back * at.A).sum(axis=(0, 1, 2))
     back *= 2 * experiment.scale[:, None, None]
     by_q, by_anchor = _pull_back(at, back)
-    by_points = scatter.slope(seen, at.A, V)
+    by_points = scatter.slope(at.points, at.A, V)
     if by_points is not None:
         by_q += np.einsum("tim,tnim->nm", by_points, at.J)
     return total, by_q.T, by_anchor.T
@@ -152,8 +141,9 @@ def _pull_back(at: Station, G: Array) -> tuple[Array, Array]:
         By the joints, shape (n, m), and by the anchor, shape (3, m).
     """
     by_tau = (G * at.J).sum(axis=(0, 2))
-    by_q = _turned(at.omega, at.J, G * at.tau[:, None])
-    by_q += _turned(at.omega, at.J_load[None], (by_tau[:, None] * at.direction)[None])
+    omega = np.moveaxis(at.configuration.twists[..., :3], 0, -1)
+    by_q = _turned(omega, at.J, G * at.tau[:, None])
+    by_q += _turned(omega, at.J_load[None], (by_tau[:, None] * at.direction)[None])
     pulled = (by_tau[:, None] * at.J_load).sum(axis=0)
     along = (at.direction * pulled).sum(axis=0)
     by_anchor = (pulled - along * at.direction) / at.chain_m
@@ -163,8 +153,8 @@ def _pull_back(at: Station, G: Array) -> tuple[Array, Array]:
 
 def _turned(omega: Array, J: Array, g: Array) -> Array:
     """Sum over points and k of g_k . dJ_k/dq_j, shape (n, m)."""
-    outward = cross(J, g).sum(axis=0)
-    inward = cross(g, omega)
+    outward = _cross(J, g).sum(axis=0)
+    inward = _cross(g, omega[None])
     by_q = np.empty_like(outward[:, 0])
     later, earlier = np.zeros_like(outward[0]), np.zeros_like(inward[:, 0])
     last = len(omega) - 1
@@ -177,12 +167,6 @@ def _turned(omega: Array, J: Array, g: Array) -> Array:
     return by_q
 
 
-def cross(a: Array, b: Array) -> Array:
+def _cross(a: Array, b: Array) -> Array:
     """Vector product over the last axis but one."""
-    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    x, y, z = a[..., 0, :], a[..., 1, :], a[..., 2, :]
-    u, v, w = b[..., 0, :], b[..., 1, :], b[..., 2, :]
-    np.subtract(y * w, z * v, out=out[..., 0, :])
-    np.subtract(z * u, x * w, out=out[..., 1, :])
-    np.subtract(x * v, y * u, out=out[..., 2, :])
-    return out
+    return np.moveaxis(cross(np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)), 0, -1)

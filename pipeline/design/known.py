@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.base.arrays import Array
+from pipeline.base.toml import given
 from pipeline.design.spec import ProblemFile, validated
 from pipeline.machine.cell import Cell
 from pipeline.reduction.measured import Measured
@@ -59,10 +60,7 @@ def _noise(settings: Settings) -> dict[str, Any] | None:
     tracker, scale = settings.tracker, settings.scale
     if tracker is None or scale is None:
         return None
-    force = {"scale_sigma_n": scale.sigma_n, "scale_sigma_rel": scale.sigma_rel}
-    if tracker.sigma_m is not None:
-        return {"reading_sigma_m": tracker.sigma_m} | force
-    if tracker.noise is not None:
-        noise = tracker.noise if isinstance(tracker.noise, str) else tracker.noise.model_dump()
-        return {"tracker": noise} | force
-    return None
+    reading = given({"reading_sigma_m": tracker.sigma_m, "tracker": tracker.model_dump()["noise"]})
+    if not reading:
+        return None
+    return reading | {"scale_sigma_n": scale.sigma_n, "scale_sigma_rel": scale.sigma_rel}

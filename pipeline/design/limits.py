@@ -12,29 +12,12 @@ from itertools import pairwise
 import numpy as np
 
 from pipeline.base.arrays import Array, Bools
-from pipeline.design.information import Station, cross
+from pipeline.design.information import Station
+from pipeline.design.spec import Limits
+from pipeline.machine.robot.configuration import velocity
 
 _MARGIN_M = 1e-3
 """The search stays this far inside, so that its penalty cannot end on the wrong side."""
-
-
-@dataclass(frozen=True)
-class Limits:
-    """Constraints on a pose and its chain; None where there is none.
-
-    Attributes:
-        chain_m: Shortest and longest chain from load point to anchor [m].
-        flange_above_m: Height that the flange keeps, z of F_b [m].
-        effector_above_m: Height that load point and reflectors keep, z of F_b [m].
-        chain_clearance_m: Distance of the chain from the arm, joint to joint up to the flange [m].
-        pull_within_rad: Largest angle between the pull and the line from flange to load point.
-    """
-
-    chain_m: tuple[float, float]
-    flange_above_m: float | None = None
-    effector_above_m: float | None = None
-    chain_clearance_m: float | None = None
-    pull_within_rad: float | None = None
 
 
 @dataclass(frozen=True)
@@ -59,7 +42,7 @@ def slacks(limits: Limits, at: Station) -> Iterator[Slack]:
     yield from _chain_length(limits.chain_m, at)
     if limits.flange_above_m is not None:
         rule = f"the flange above {limits.flange_above_m:g} m"
-        yield _height(rule, at, at.flange, limits.flange_above_m)
+        yield _height(rule, at, at.configuration.flange_origin.T, limits.flange_above_m)
     if limits.effector_above_m is not None:
         rule = f"the effector above {limits.effector_above_m:g} m"
         for point in (at.load_point, *at.points):
@@ -89,7 +72,7 @@ def penalty(limits: Limits, at: Station, margin: float = _MARGIN_M) -> tuple[Arr
 
 def _motion(at: Station, point: Array, carrier: int | None = None) -> Array:
     """Velocity of a point (3, m) that joints 0..carrier move, shape (n, 3, m)."""
-    moved = cross(at.omega, point[None]) + at.twists[:, 3:]
+    moved = np.moveaxis(velocity(at.configuration.twists, point.T[:, None])[:, 0], 0, -1)
     if carrier is not None:
         moved[carrier + 1 :] = 0.0
     return moved
@@ -109,10 +92,11 @@ def _chain_length(bounds: tuple[float, float], at: Station) -> Iterator[Slack]:
 
 def _fold(most: float, at: Station) -> Slack:
     """The chain leads away from the effector: cosine of the angle minus cosine of the limit."""
-    arm = at.load_point - at.flange
+    flange = at.configuration.flange_origin.T
+    arm = at.load_point - flange
     length = np.sqrt((arm * arm).sum(axis=0)).clip(1e-9)
     out = arm / length
-    turned = _motion(at, at.load_point) - _motion(at, at.flange)
+    turned = _motion(at, at.load_point) - _motion(at, flange)
     cosine = (out * at.direction).sum(axis=0)
     across = (at.direction - cosine * out) / length
     along = (out - cosine * at.direction) / at.chain_m
@@ -123,7 +107,7 @@ def _fold(most: float, at: Station) -> Slack:
 
 def _clearance(distance: float, at: Station) -> Iterator[Slack]:
     """Distance of the chain from each link; its slope is that of the two closest points."""
-    joints = [*at.origin, at.flange]
+    joints = [*np.moveaxis(at.configuration.origin, 0, -1), at.configuration.flange_origin.T]
     rule = f"the chain {distance:g} m clear of the arm"
     anchor = at.load_point + at.chain_m * at.direction
     for link, (a, b) in enumerate(pairwise(joints)):

@@ -44,7 +44,7 @@ class Made:
         certificate = proposal.certificate
         content = {
             "poses": printed(problem, measurement.q).tolist(),
-            "repeats": problem.repeats,
+            "repeats": problem.repeats if proposal.mixed is None else 1,
             "anchor": measurement.anchor.tolist(),
             "pull_n": measurement.hardest_n,
             f"epsilon{unit}": factor * proposal.figure,
@@ -53,7 +53,6 @@ class Made:
             "seconds": round(self.seconds, 3),
         }
         if proposal.mixed is not None:
-            content["repeats"] = 1
             content[f"pure_epsilon{unit}"] = factor * proposal.plan.figure
             content["named"] = proposal.mixed.named
         if proposal.mixed is not None or len(problem.spec.pull.steps_n) > 1:
@@ -72,13 +71,7 @@ class Made:
         return "\n\n".join("\n".join(part) for part in parts)
 
 
-def make(
-    problem: Problem,
-    seed: int,
-    effort: Effort,
-    say: Callable[[str], None],
-    known: Array | None = None,
-) -> Made:
+def make(problem: Problem, seed: int, effort: Effort, say: Callable[[str], None]) -> Made:
     """Search a plan; stopped by Ctrl-C, give the best so far.
 
     Args:
@@ -86,7 +79,6 @@ def make(
         seed: Determines the plan.
         effort: How hard to search.
         say: Takes one line of progress at a time.
-        known: Information that earlier readings gave, shape (n, n).
 
     Raises:
         InputError: No plan meets the request.
@@ -96,7 +88,7 @@ def make(
     best: Proposal | None = None
     interrupted = False
     try:
-        for best in propose(problem, seed, effort, known):
+        for best in propose(problem, seed, effort):
             say(f"{best.done}: {figures(best)}")
     except KeyboardInterrupt:
         if best is None:
@@ -126,20 +118,18 @@ def figures(proposal: Proposal) -> str:
 
 
 def _summary(made: Made) -> list[str]:
-    problem, proposal = made.proposal.problem, made.proposal
-    measurement = proposal.measurement
+    proposal, measurement = made.proposal, made.proposal.measurement
+    spec = proposal.problem.spec
     anchor = ", ".join(f"{x:.3f}" for x in measurement.anchor)
     lines = [
-        f"{problem.spec.name}: {problem.readings} readings in {len(measurement.q)} poses at up to "
-        f"{measurement.hardest_n:g} N, anchor at ({anchor}) m, "
-        f"{made.seconds:.1f} s",
-        f"{problem.criterion.meaning}: {figures(proposal)}",
+        f"{spec.name}: {spec.plan.readings} readings in {len(measurement.q)} poses at up to "
+        f"{measurement.hardest_n:g} N, anchor at ({anchor}) m, {made.seconds:.1f} s",
+        f"{proposal.problem.criterion.meaning}: {figures(proposal)}",
     ]
-    if proposal.certificate is not None:
-        certificate = proposal.certificate
+    if (found := proposal.certificate) is not None:
         lines.append(
-            f"the bound rests on a numerical search for the worst direction: {certificate.starts} "
-            f"starts, {percent(certificate.agreeing)} of them ended at its highest peak"
+            f"the bound rests on a numerical search for the worst direction: {found.starts} "
+            f"starts, {percent(found.agreeing)} of them ended at its highest peak"
         )
     return lines
 

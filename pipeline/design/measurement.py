@@ -32,11 +32,6 @@ class Measurement(Locked):
     steps: tuple[Array, ...]
 
     @property
-    def uniform(self) -> bool:
-        """All poses have the same load steps."""
-        return len({tuple(steps) for steps in self.steps}) == 1
-
-    @property
     def hardest_n(self) -> float:
         """The largest force of all load steps [N]."""
         return max(float(np.abs(steps).max()) for steps in self.steps)
@@ -51,31 +46,23 @@ def of_plan(problem: Problem, plan: Plan) -> Measurement:
     return Measurement(plan.q, plan.anchor, approach, (steps,) * len(plan.q))
 
 
-def of_mixed(problem: Problem, mixed: Mixed, programmes: tuple[Array, ...]) -> Measurement:
+def of_mixed(problem: Problem, mixed: Mixed) -> Measurement:
     """The measurement of a plan with power to diagnose, along the rail."""
     visits = mixed.visits
-    slides = problem.robot.prismatic
-    order = np.argsort(visits.q[:, 0]) if slides[0] else np.arange(len(visits.q))
-    shown = np.where(slides, visits.q, np.rad2deg(visits.q)).round(6)[order]
-    q = np.clip(np.where(slides, shown, np.deg2rad(shown)), problem.lower, problem.upper)
-    steps = tuple(programmes[k] for k in visits.programme[order])
-    return Measurement(q, visits.anchor, visits.approach[order], steps)
+    if problem.robot.joints[0].prismatic:
+        visits = tuple(visits[i] for i in np.argsort([visit.q[0] for visit in visits]))
+    q, approach = (np.array([getattr(v, name) for v in visits]) for name in ("q", "approach"))
+    steps = tuple(visit.steps for visit in visits)
+    return Measurement(problem.as_printed(q), mixed.anchor, approach, steps)
 
 
 def seen_by(view: Lens, measurement: Measurement) -> list[Sight]:
     """What a measurement sees of every cause, each pose at its own time."""
     start_s = starts(np.array([len(own) for own in measurement.steps]), len(view.cell.tool.targets))
-    programmes = [tuple(steps) for steps in measurement.steps]
     M = np.zeros((view.springs + len(view.typical),) * 2)
-    for steps in dict.fromkeys(programmes):
-        which = np.array([own == steps for own in programmes])
-        X = rows(
-            view,
-            measurement.q[which],
-            measurement.anchor,
-            measurement.approach[which],
-            np.array(steps),
-            start_s[which],
-        )
+    for steps in dict.fromkeys(tuple(own) for own in measurement.steps):
+        which = np.array([tuple(own) == steps for own in measurement.steps])
+        q, approach = measurement.q[which], measurement.approach[which]
+        X = rows(view, q, measurement.anchor, approach, np.array(steps), start_s[which])
         M += np.einsum("mri,mrj->ij", X, X)
     return sights(view, M)

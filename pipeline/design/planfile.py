@@ -9,7 +9,6 @@ import numpy as np
 from pipeline.base import toml
 from pipeline.design.made import figures, printed
 from pipeline.design.propose import Proposal
-from pipeline.machine.instrument import InstrumentNoise
 
 MADE_BY = "# Made by `pipeline design"
 """How a plan begins that a new design may replace."""
@@ -73,12 +72,9 @@ def _pulls(proposal: Proposal) -> dict[str, Any]:
 def _tracker(proposal: Proposal) -> dict[str, Any]:
     """The instrument; a sigma of a displacement is shared by its two readings."""
     noise = proposal.problem.spec.noise
-    position = {"position": list(noise.tracker_position_m)}
+    sigma_m = noise.reading_sigma_m
     if noise.displacement_sigma_m is not None:
         readings = 1.5 if noise.zero == "before_after" else 2.0
-        return position | {"sigma_m": noise.displacement_sigma_m / np.sqrt(readings)}
-    if noise.reading_sigma_m is not None:
-        return position | {"sigma_m": noise.reading_sigma_m}
-    if isinstance(noise.tracker, InstrumentNoise):
-        return position | {"noise": noise.tracker.model_dump()}
-    return position | {"noise": noise.tracker}
+        sigma_m = noise.displacement_sigma_m / np.sqrt(readings)
+    position, beam = list(noise.tracker_position_m), noise.model_dump()["tracker"]
+    return toml.given({"position": position, "sigma_m": sigma_m, "noise": beam})

@@ -12,13 +12,14 @@ from pipeline.base.errors import InputError, listed
 from pipeline.design import criteria
 from pipeline.design.criteria import Criterion
 from pipeline.design.information import Experiment
-from pipeline.design.limits import Limits
 from pipeline.design.scatter import Beam, Scatter
-from pipeline.design.spec import ProblemFile, Range
+from pipeline.design.spec import Limits, NoiseSpec, ProblemFile
 from pipeline.machine.cell import Tool, jacobian, paper_cell
 from pipeline.machine.effect import Pulls
-from pipeline.machine.instrument import PAPER_SHARE, PAPER_SIGMA_M, InstrumentNoise
-from pipeline.machine.robot import Robot, configure
+from pipeline.machine.instrument import PAPER_SHARE, PAPER_SIGMA_M
+from pipeline.machine.poses import from_log_units, rounded
+from pipeline.machine.robot import Joint, Robot, configure
+from pipeline.machine.robot.configuration import velocity
 
 _G_N_PER_KG = 9.81
 """Weight of a kilogram [N], in as many digits as a payload has."""
@@ -41,7 +42,7 @@ class Problem(Locked):
         upper: Upper joint limits, shape (n,).
         anchor_lower: Of the anchor [m], shape (3,).
         anchor_upper: Of the anchor [m], shape (3,); equal where it is fixed.
-        most_std: Largest allowed standard uncertainty of a compliance over its nominal size.
+        known: Information about the scaled compliances that is already there, shape (n, n).
     """
 
     spec: ProblemFile
@@ -56,17 +57,16 @@ class Problem(Locked):
     upper: Array
     anchor_lower: Array
     anchor_upper: Array
-    most_std: float
+    known: Array
 
     @property
     def free(self) -> Bools:
         """Which coordinates of the anchor are free, shape (3,)."""
         return self.anchor_upper > self.anchor_lower
 
-    @property
-    def readings(self) -> int:
-        """Pulls in all, n."""
-        return self.spec.plan.readings
+    def as_printed(self, q: Array) -> Array:
+        """Joint values (m, n) to 1e-6 m and 1e-6 degrees, inside their limits."""
+        return np.clip(rounded(self.robot, q), self.lower, self.upper)
 
 
 def build(spec: ProblemFile, robot: Robot) -> Problem:
@@ -79,41 +79,31 @@ def build(spec: ProblemFile, robot: Robot) -> Problem:
     Raises:
         InputError: The request cannot be met; says why and what to change.
     """
-    tool = _tool(spec)
+    tool = Tool.of(spec.tool)
     repeats = _shared_repeats(spec, robot)
-    scale = np.array([1 / joint.typical_stiffness for joint in robot.joints])
-    experiment = Experiment(robot, tool.load_point, tool.points, scale, _scatter(spec, repeats))
+    scale = robot.nominal_compliance
+    scatter = _scatter(spec.noise, np.array(spec.pull.steps_n), repeats)
+    experiment = Experiment(robot, tool.load_point, tool.points, scale, scatter)
     lower, upper = _joint_limits(spec, robot)
-    ends = np.array([_ends(spec.anchor.x_m), _ends(spec.anchor.y_m), _ends(spec.anchor.z_m)])
+    anchor = spec.anchor
+    ends = np.array([np.broadcast_to(at, 2) for at in (anchor.x_m, anchor.y_m, anchor.z_m)])
     _check_payload(spec)
     _check_every_joint_turns(robot, tool, lower, upper)
-    within = spec.limits.pull_within_deg
     return Problem(
         spec=spec,
         robot=robot,
         tool=tool,
         experiment=experiment,
         criterion=_criterion(spec, robot, tool, scale, lower, upper),
-        limits=Limits(
-            chain_m=spec.limits.chain_m,
-            flange_above_m=spec.limits.flange_above_m,
-            effector_above_m=spec.limits.effector_above_m,
-            chain_clearance_m=spec.limits.chain_clearance_m,
-            pull_within_rad=None if within is None else float(np.deg2rad(within)),
-        ),
+        limits=spec.limits,
         poses=spec.plan.poses,
         repeats=repeats,
         lower=lower,
         upper=upper,
         anchor_lower=ends[:, 0],
         anchor_upper=ends[:, 1],
-        most_std=spec.limits.max_relative_std,
+        known=np.zeros((robot.n, robot.n)),
     )
-
-
-def _tool(spec: ProblemFile) -> Tool:
-    points = np.array([spec.tool[name] for name in spec.targets])
-    return Tool(np.array(spec.tool["load_point"]), np.array(spec.targets, dtype=object), points)
 
 
 def _shared_repeats(spec: ProblemFile, robot: Robot) -> int:
@@ -137,47 +127,32 @@ def _shared_repeats(spec: ProblemFile, robot: Robot) -> int:
     return repeats
 
 
-def _scatter(spec: ProblemFile, repeats: int) -> Scatter:
-    noise, force = spec.noise, np.array(spec.pull.steps_n)
-    sigma = noise.displacement_sigma_m or noise.reading_sigma_m
-    covariance = None if sigma is None else sigma**2 * np.eye(3)
+def _scatter(noise: NoiseSpec, force: Array, repeats: int) -> Scatter:
+    sigma = noise.displacement_sigma_m or noise.reading_sigma_m or 0.0  # one of three is given
+    tracker: Array | Beam = sigma**2 * np.eye(3)
     if noise.tracker == "paper":
-        covariance = PAPER_SIGMA_M**2 * symmetric(PAPER_SHARE[None])[0]
-    beam = None
-    if isinstance(noise.tracker, InstrumentNoise):
-        beam = Beam(noise.tracker, noise.tracker_position_m)
+        tracker = PAPER_SIGMA_M**2 * symmetric(PAPER_SHARE[None])[0]
+    elif noise.tracker is not None:
+        tracker = Beam(noise.tracker, noise.tracker_position_m)
     zeros = 1.0 if noise.zero == "before" else 0.5
     return Scatter(
         force=force,
         repeats=np.full(len(force), float(repeats)),
         force_std=np.hypot(noise.scale_sigma_n, noise.scale_sigma_rel * force),
         zero=0.0 if noise.displacement_sigma_m is not None else zeros,
-        covariance=covariance,
-        beam=beam,
+        tracker=tracker,
     )
 
 
 def with_steps(problem: Problem, steps: Array) -> Experiment:
     """The experiment of a pose that is pulled once in each of these steps [N], signs ignored."""
-    noise, force = problem.spec.noise, np.abs(steps)
-    scatter = replace(
-        problem.experiment.scatter,
-        force=force,
-        repeats=np.ones(len(force)),
-        force_std=np.hypot(noise.scale_sigma_n, noise.scale_sigma_rel * force),
-    )
-    return replace(problem.experiment, scatter=scatter)
-
-
-def _ends(value: float | Range) -> Range:
-    return value if isinstance(value, tuple) else (value, value)
+    return replace(problem.experiment, scatter=_scatter(problem.spec.noise, np.abs(steps), 1))
 
 
 def _joint_limits(spec: ProblemFile, robot: Robot) -> tuple[Array, Array]:
     """The robot's limits, narrowed by the problem's; a joint without limits turns once."""
-    lower, upper = np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)
-    lower = np.where(np.isfinite(robot.lower), robot.lower, lower)
-    upper = np.where(np.isfinite(robot.upper), robot.upper, upper)
+    lower = np.where(np.isfinite(robot.lower), robot.lower, -np.pi)
+    upper = np.where(np.isfinite(robot.upper), robot.upper, np.pi)
     names = [joint.name for joint in robot.joints]
     for name, bounds in spec.limits.joints.items():
         if name not in names:
@@ -190,17 +165,14 @@ def _joint_limits(spec: ProblemFile, robot: Robot) -> tuple[Array, Array]:
         if lower[k] >= upper[k]:
             raise InputError(
                 f"limits.joints.{name} = {list(bounds)} leaves nothing of the robot's own limits",
-                f"give an interval that meets {_span(robot, k)}",
+                f"give an interval that meets {_span(robot.joints[k])}",
             )
     return lower, upper
 
 
-def _span(robot: Robot, k: int) -> str:
-    joint = robot.joints[k]
-    ends, unit = np.array([joint.lower, joint.upper]), "m"
-    if not joint.prismatic:
-        ends, unit = np.rad2deg(ends), "deg"
-    return f"{ends[0]:g} to {ends[1]:g} {unit}"
+def _span(joint: Joint) -> str:
+    unit, one = ("m", 1.0) if joint.prismatic else ("deg", np.rad2deg(1.0))
+    return f"{one * joint.lower:g} to {one * joint.upper:g} {unit}"
 
 
 def _check_payload(spec: ProblemFile) -> None:
@@ -219,9 +191,8 @@ def _check_every_joint_turns(robot: Robot, tool: Tool, lower: Array, upper: Arra
     """Refuse a load point that no force at no pose can turn some joint with."""
     rng = np.random.default_rng(0)
     at = configure(robot, rng.uniform(lower, upper, (64, robot.n)))
-    load = at.points(tool.load_point[None])[:, 0]
-    lever = np.cross(at.twists[..., :3], load[:, None]) + at.twists[..., 3:]
-    size = np.linalg.norm(lever, axis=-1).max(axis=0)
+    lever = velocity(at.twists, at.points(tool.load_point[None]))
+    size = np.linalg.norm(lever, axis=-1).max(axis=(0, 1))
     for joint, reach in zip(robot.joints, size, strict=True):
         if reach < 1e-6:
             raise InputError(
@@ -234,9 +205,8 @@ def _criterion(
     spec: ProblemFile, robot: Robot, tool: Tool, scale: Array, lower: Array, upper: Array
 ) -> Criterion:
     kind = spec.criterion.kind
-    if kind in ("D", "A", "E"):
-        make = {"D": criteria.determinant, "A": criteria.average, "E": criteria.extreme}[kind]
-        return make(robot.n)
+    if kind in criteria.CLASSIC:
+        return criteria.CLASSIC[kind]
     if kind == "test_pose":
         q = np.array([_in_radians(robot, pose.q) for pose in spec.test_pose])
         force = np.array([pose.force_n for pose in spec.test_pose])
@@ -257,7 +227,7 @@ def _in_radians(robot: Robot, values: list[float]) -> Array:
             f"a test pose has {len(values)} joint values, {robot.name} has {robot.n} joints",
             "give one value per joint, m for sliding and degrees for turning joints",
         )
-    return np.where(robot.prismatic, values, np.deg2rad(values))
+    return from_log_units(robot, np.array(values))
 
 
 def _workspace(spec: ProblemFile, lower: Array, upper: Array) -> tuple[Array, Array]:

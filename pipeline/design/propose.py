@@ -12,8 +12,8 @@ from pipeline.design.bound import Certificate, certify
 from pipeline.design.discriminate import Sight, lens
 from pipeline.design.measurement import Measurement, of_mixed, of_plan, seen_by
 from pipeline.design.problem import Problem
-from pipeline.design.search import Effort, Plan, Progress, found, rounded, search
-from pipeline.design.trade import Aim, Mixed, trade
+from pipeline.design.search import Effort, Plan, rounded, search, undetermined
+from pipeline.design.trade import Mixed, trade
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,12 +37,12 @@ class Proposal:
     @property
     def figure(self) -> float:
         """The criterion of what is to be measured, in its unit."""
-        return self.plan.figure if self.mixed is None else self.mixed.figure
+        return (self.mixed or self.plan).figure
 
     @property
     def relative_std(self) -> Array:
         """Standard uncertainty of each compliance over its nominal size, shape (n,)."""
-        return self.plan.relative_std if self.mixed is None else self.mixed.relative_std
+        return (self.mixed or self.plan).relative_std
 
     @property
     def efficiency(self) -> float | None:
@@ -54,52 +54,39 @@ class Proposal:
         """What is to be done."""
         if self.mixed is None:
             return of_plan(self.problem, self.plan)
-        return of_mixed(self.problem, self.mixed, aim_of(self.problem).programmes)
+        return of_mixed(self.problem, self.mixed)
 
     def sights(self) -> list[Sight]:
         """What the plan will and will not see."""
         return seen_by(lens(self.problem), self.measurement)
 
 
-def propose(
-    problem: Problem, seed: int, effort: Effort | None = None, known: Array | None = None
-) -> Iterator[Proposal]:
+def propose(problem: Problem, seed: int, effort: Effort | None = None) -> Iterator[Proposal]:
     """Search a plan, then bound how good any plan could be; each proposal replaces the last.
 
     Args:
         problem: What to plan.
         seed: Determines the plan.
         effort: How hard to search.
-        known: Information that earlier readings gave, shape (n, n).
 
     Raises:
         InputError: No plan meets the request; says why and what to change.
     """
     effort = effort or Effort()
     for_search, for_bound, for_trade = np.random.default_rng(seed).spawn(3)
-    progress: Progress | None = None
     plan: Plan | None = None
-    for progress in search(problem, for_search, effort, known):
+    for progress in search(problem, for_search, effort):
         if progress.best is not None:
-            plan = rounded(problem, progress.best, known)
+            plan = rounded(problem, progress.best)
             yield Proposal(problem, plan, None, f"round {progress.round} of {progress.rounds}")
-    assert progress is not None  # a search has at least one round
-    plan = plan or found(problem, progress)
+    if plan is None:
+        raise undetermined(problem, progress.nearest)
     proposal = Proposal(problem, plan, None, "search")
-    pool, rounds, starts = progress.pool, effort.bounds, effort.directions
-    for certificate in certify(problem, pool, for_bound, rounds, starts, known):
-        proposal = replace(
-            proposal, certificate=certificate, done=f"bound, search {certificate.rounds}"
-        )
+    rounds, starts = effort.bounds, effort.directions
+    for certificate in certify(problem, progress.pool, for_bound, rounds, starts):
+        done = f"bound, search {certificate.rounds}"
+        proposal = replace(proposal, certificate=certificate, done=done)
         yield proposal
-    if problem.spec.diagnosis is not None:
-        for mixed in trade(lens(problem), plan, aim_of(problem), for_trade):
+    if (asked := problem.spec.diagnosis) is not None:
+        for mixed in trade(lens(problem), plan, asked, for_trade):
             yield replace(proposal, mixed=mixed, done=f"exchange, {mixed.named} causes named")
-
-
-def aim_of(problem: Problem) -> Aim:
-    """What the problem's [diagnosis] allows."""
-    spec = problem.spec.diagnosis
-    assert spec is not None  # asked for where there is one
-    programmes = tuple(np.array(steps) for steps in spec.programmes)
-    return Aim(spec.allowed, spec.poses, programmes)

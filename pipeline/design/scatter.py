@@ -39,24 +39,18 @@ class Beam:
     noise: InstrumentNoise
     position: tuple[float, float, float]
 
+    def at(self, points: Array) -> tuple[Array, Array, Array, Array]:
+        """How points in F_b [m], shape (t, 3, m), are seen.
 
-@dataclass(frozen=True, eq=False)
-class Seen(Locked):
-    """A seen through the tracker; poses on the last axis.
-
-    Attributes:
-        weighted: T^-1 A, shape (t, n, 3, m).
-        beam: Unit vectors from tracker to points, shape (t, 3, m); None for a fixed covariance.
-        reach: Distances [m], shape (t, m).
-        across: 1 / variance across the beam and its derivative by the distance, (2, t, m).
-        along: The same along the beam.
-    """
-
-    weighted: Array
-    beam: Array | None = None
-    reach: Array | None = None
-    across: Array | None = None
-    along: Array | None = None
+        Returns:
+            Unit vectors from tracker to points, (t, 3, m), distances [m], (t, m), and 1 / variance
+            with its derivative by the distance, (2, t, m), across the beam and along it.
+        """
+        ray = points - np.array(self.position)[:, None]
+        reach = np.sqrt((ray * ray).sum(axis=1))
+        across = _inverse_square(self.noise.transverse_m, self.noise.transverse_per_m, reach)
+        along = _inverse_square(self.noise.range_m, self.noise.range_per_m, reach)
+        return ray / reach[:, None], reach, across, along
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,16 +63,15 @@ class Scatter(Locked):
         force_std: Standard uncertainty of the force at each step [N], shape (s,).
         zero: Variance of the pose's zero over that of a reading; 0 when displacements are
             taken to be independent, as the paper does.
-        covariance: Of a reading in F_b [m^2], shape (3, 3); or
-        beam: A tracker with scatter along and across its beam.
+        tracker: Covariance of a reading in F_b [m^2], shape (3, 3), or a tracker with scatter
+            along and across its beam.
     """
 
     force: Array
     repeats: Array
     force_std: Array
     zero: float
-    covariance: Array | None = None
-    beam: Beam | None = None
+    tracker: Array | Beam
 
     @property
     def pulls(self) -> float:
@@ -115,41 +108,30 @@ class Scatter(Locked):
         t, _, m = points.shape
         out = np.zeros((m, t, 3, t, 3))
         each = np.arange(t)
-        if self.beam is None:
-            assert self.covariance is not None  # one of the two is given
-            out[:, each, :, each] = self.covariance
-        else:
-            noise, position = self.beam.noise, np.array(self.beam.position)
-            ray = np.moveaxis(points, -1, 1) - position
-            six = beam_covariance(ray.reshape(-1, 3), noise)
+        if isinstance(self.tracker, Beam):
+            ray = np.moveaxis(points, -1, 1) - np.array(self.tracker.position)
+            six = beam_covariance(ray.reshape(-1, 3), self.tracker.noise)
             out[:, each, :, each] = symmetric(six).reshape(t, m, 3, 3)
+        else:
+            out[:, each, :, each] = self.tracker
         return out.reshape(m, 3 * t, 3 * t)
 
-    def see(self, points: Array, A: Array) -> Seen:
-        """T^-1 A, and what its derivative needs.
+    def weighted(self, points: Array, A: Array) -> Array:
+        """T^-1 A, shape (t, n, 3, m).
 
         Args:
             points: Measured points in F_b [m], shape (t, 3, m).
             A: Shape (t, n, 3, m).
         """
-        if self.beam is None:
-            return Seen(self._fixed(A))
-        noise, position = self.beam.noise, np.array(self.beam.position)
-        ray = points - position[:, None]
-        reach = np.sqrt((ray * ray).sum(axis=1))
-        beam = ray / reach[:, None]
-        across = _inverse_square(noise.transverse_m, noise.transverse_per_m, reach)
-        along = _inverse_square(noise.range_m, noise.range_per_m, reach)
+        if not isinstance(self.tracker, Beam):
+            C = self.tracker
+            if np.array_equal(C, C[0, 0] * np.eye(3)):
+                return A / C[0, 0]
+            return np.einsum("ij,tnjm->tnim", linear.inverse(C), A)
+        beam, _, across, along = self.tracker.at(points)
         inward = (A * beam[:, None]).sum(axis=2)
         extra = ((along[0] - across[0])[:, None] * inward)[:, :, None] * beam[:, None]
-        return Seen(A * across[0][:, None, None] + extra, beam, reach, across, along)
-
-    def _fixed(self, A: Array) -> Array:
-        C = self.covariance
-        assert C is not None  # one of the two is given
-        if np.array_equal(C, C[0, 0] * np.eye(3)):
-            return A / C[0, 0]
-        return np.einsum("ij,tnjm->tnim", linear.inverse(C), A)
+        return A * across[0][:, None, None] + extra
 
     def inform(self, N: Array) -> Array:
         """Information of the pulls of a pose from N = A' T^-1 A, shapes (m, n, n)."""
@@ -171,25 +153,23 @@ class Scatter(Locked):
         V = self.alpha * W - both[:, :, None] - both[:, None] - (slope * cost)[:, None, None]
         return self.alpha * (W * N).sum(axis=(1, 2)) - gamma * cost, V
 
-    def slope(self, seen: Seen, A: Array, V: Array) -> Array | None:
+    def slope(self, points: Array, A: Array, V: Array) -> Array | None:
         """Derivative of sum(V * A' T^-1 A) by the points through T, (t, 3, m), or None.
 
         Args:
-            seen: From `see`.
+            points: Measured points in F_b [m], shape (t, 3, m).
             A: Shape (t, n, 3, m).
             V: Shape (n, n) or (m, n, n).
         """
-        if seen.beam is None:
+        if not isinstance(self.tracker, Beam):
             return None
-        assert seen.across is not None  # all are there with the beam
-        assert seen.along is not None
+        e, reach, across, along = self.tracker.at(points)
         Q = np.einsum("tnim,tnjm->tijm", A, weigh(A, V))
-        e = seen.beam
         Qe = np.einsum("tijm,tjm->tim", Q, e)
         inside = (Qe * e).sum(axis=1)
         outside = np.einsum("tiim->tm", Q) - inside
-        stretch = seen.across[1] * outside + seen.along[1] * inside
-        turn = 2 * (seen.along[0] - seen.across[0]) / seen.reach
+        stretch = across[1] * outside + along[1] * inside
+        turn = 2 * (along[0] - across[0]) / reach
         return stretch[:, None] * e + turn[:, None] * (Qe - inside[:, None] * e)
 
 

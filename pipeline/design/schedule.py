@@ -6,23 +6,10 @@ import numpy as np
 
 from pipeline.base.arrays import Array
 from pipeline.design.information import Experiment, station
-from pipeline.machine.effect import Pulls
+from pipeline.machine.effect import Pulls, branches
 
 READING_S, TIGHTEN_S, POSE_S = 8.0, 60.0, 120.0
 """One reading, tightening or slackening the chain, driving to the next pose."""
-
-
-def branches(steps: Array) -> Array:
-    """Which way the turnbuckle is last turned before each step: +1 tightened, -1 slackened.
-
-    Args:
-        steps: Load steps [N]; negative where it is slackened to the first step from above.
-    """
-    out = np.sign(steps)
-    for k in range(1, len(steps)):
-        if steps[k] > 0:
-            out[k] = np.sign(steps[k] - abs(steps[k - 1])) or out[k - 1]
-    return out
 
 
 def starts(pulls: Array, targets: int = 3) -> Array:

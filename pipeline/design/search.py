@@ -6,10 +6,11 @@ The same seed gives the same plan; nothing here looks at a clock.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Locked
 from pipeline.base.errors import InputError
 from pipeline.design import criteria
@@ -93,10 +94,7 @@ class Progress(Locked):
 
 
 def search(
-    problem: Problem,
-    rng: np.random.Generator,
-    effort: Effort | None = None,
-    known: Array | None = None,
+    problem: Problem, rng: np.random.Generator, effort: Effort | None = None
 ) -> Iterator[Progress]:
     """Look for the plan with the smallest figure; twice a round give the best so far.
 
@@ -104,14 +102,13 @@ def search(
         problem: What to plan.
         rng: Draws the starts.
         effort: How hard to search.
-        known: Information that is already there, shape (n, n).
 
     Raises:
         InputError: No pose keeps the limits; says which limit excludes them.
     """
     effort = effort or Effort()
     box = Box(problem, problem.poses)
-    soft, hard = (objective(problem, weight, known) for weight in (SOFT, HARD))
+    soft, hard = (objective(problem, weight) for weight in (SOFT, HARD))
     check_reachable(problem, rng)
     best: Plan | None = None
     x = np.empty((0, box.size))
@@ -121,13 +118,13 @@ def search(
         start = rng.uniform(size=(max(32, poses // problem.poses), box.size))
         near = descend(soft, start, rounds=160, gain=1e-5)
         x = np.vstack([x, near.x[np.argsort(near.value)[:settled]]])
-        best, nearest = _best(evaluate(problem, *box.opened(x), known), best)
+        best, nearest = _best(evaluate(problem, *box.opened(x)), best)
         yield Progress(done, len(looks), best, _single(box, x), nearest)
         far = descend(hard, x, rounds=600)
         x = far.x[np.argsort(far.value)][:settled]
-        changed = _exchange(problem, x[:exchanged], known)
+        changed = _exchange(box, x[:exchanged])
         x = np.vstack([descend(hard, changed, rounds=600, gain=1e-11).x, x])
-        best, nearest = _best(evaluate(problem, *box.opened(x), known), best)
+        best, nearest = _best(evaluate(problem, *box.opened(x)), best)
         yield Progress(done, len(looks), best, _single(box, x), nearest)
 
 
@@ -135,31 +132,24 @@ def _best(plans: list[Plan], best: Plan | None) -> tuple[Plan | None, Plan]:
     """The best plan that keeps all limits, and the least bad of the others."""
     kept_ones = [p for p in (best, *plans) if p and p.kept]
     nearest = min(plans, key=lambda plan: float(plan.relative_std.max()))
-    return min(kept_ones, key=_figure, default=None), nearest
+    return min(kept_ones, key=lambda plan: plan.figure, default=None), nearest
 
 
-def _figure(plan: Plan) -> float:
-    return plan.figure
-
-
-def objective(problem: Problem, weight: float, known: Array | None = None) -> Function:
+def objective(problem: Problem, weight: float) -> Function:
     """Log of the figure plus penalties, with its slope, over unit coordinates of whole plans.
 
     Args:
         problem: The problem.
         weight: Of broken limits.
-        known: Information that is already there, shape (n, n).
     """
     box, criterion, experiment = Box(problem, problem.poses), problem.criterion, problem.experiment
-    poses, n = problem.poses, len(problem.lower)
-    before = np.zeros((n, n)) if known is None else known
+    poses, n = problem.poses, problem.robot.n
 
     def function(x: Array) -> tuple[Array, Array]:
-        q, anchor = box.opened(x)
-        at = station(experiment, q.reshape(-1, n), np.repeat(anchor, poses, axis=0))
-        M = before + information(experiment, at).reshape(len(x), poses, n, n).sum(axis=1)
+        at = box.stations(x)
+        M = problem.known + information(experiment, at).reshape(len(x), poses, n, n).sum(axis=1)
         log_g, S = criterion.score(M)
-        unseen, slope = _unseen(M, problem.most_std * _STD_MARGIN)
+        unseen, slope = _unseen(problem, M)
         W = np.repeat(slope - S / 2, poses, axis=0)
         _, by_q, by_anchor = value_and_slope(experiment, at, W)
         broken, q_slope, anchor_slope = penalty(problem.limits, at)
@@ -169,43 +159,39 @@ def objective(problem: Problem, weight: float, known: Array | None = None) -> Fu
     return function
 
 
-def _unseen(M: Array, most_std: float) -> tuple[Array, Array]:
+def _unseen(problem: Problem, M: Array) -> tuple[Array, Array]:
     """Penalty on compliances that stay too uncertain, (k,), and its slope in M, (k, n, n)."""
-    Q = criteria.inverse(M)
+    most_std = problem.limits.max_relative_std * _STD_MARGIN
+    Q = linear.regular_inverse(M)
     variance = np.einsum("kii->ki", Q)
-    over = np.maximum(np.log(np.where(variance > 0, variance, np.inf)) - 2 * np.log(most_std), 0.0)
-    pull = 2 * SOFT * over / np.where(variance > 0, variance, np.inf)
+    variance = np.where(variance > 0, variance, np.inf)
+    over = np.maximum(np.log(variance) - 2 * np.log(most_std), 0.0)
+    pull = 2 * SOFT * over / variance
     return SOFT * (over**2).sum(axis=1), -np.einsum("kij,kj,kjl->kil", Q, pull, Q)
 
 
-def _exchange(problem: Problem, x: Array, known: Array | None = None, most: int = 600) -> Array:
+def _exchange(box: Box, x: Array, most: int = 600) -> Array:
     """Swap single poses for poses of other plans, as long as a swap improves a plan.
 
     Args:
-        problem: The problem.
+        box: That of the plans.
         x: Unit coordinates of plans, best first, shape (k, d).
-        known: Information that is already there.
         most: How many poses of other plans are tried.
     """
-    box = Box(problem, problem.poses)
     q, anchor = box.opened(x)
-    pool = q.reshape(-1, q.shape[-1])[:most]
-    return box.closed(
-        np.array([_swapped(problem, a, b, pool, known) for a, b in zip(q, anchor, strict=True)]),
-        anchor,
-    )
+    problem, pool = box.problem, q.reshape(-1, q.shape[-1])[:most]
+    changed = [_swapped(problem, a, b, pool) for a, b in zip(q, anchor, strict=True)]
+    return box.closed(np.array(changed), anchor)
 
 
-def _swapped(
-    problem: Problem, q: Array, anchor: Array, pool: Array, known: Array | None, rounds: int = 4
-) -> Array:
+def _swapped(problem: Problem, q: Array, anchor: Array, pool: Array, rounds: int = 4) -> Array:
     experiment, limits = problem.experiment, problem.limits
     at = station(experiment, pool, anchor)
     there, cost = information(experiment, at), SOFT * penalty(limits, at)[0]
     for _ in range(rounds):
         at = station(experiment, q, anchor)
         here, own = information(experiment, at), SOFT * penalty(limits, at)[0]
-        total = here.sum(axis=0) + (0.0 if known is None else known)
+        total = here.sum(axis=0) + problem.known
         M = total - here[:, None] + there
         tried = _loss(problem, M.reshape(-1, *total.shape)).reshape(M.shape[:2])
         tried = tried + cost + own.sum() - own[:, None]
@@ -218,55 +204,42 @@ def _swapped(
 
 
 def _loss(problem: Problem, M: Array) -> Array:
-    unseen, _ = _unseen(M, problem.most_std * _STD_MARGIN)
-    return unseen - problem.criterion.score(M)[0] / 2
+    return _unseen(problem, M)[0] - problem.criterion.score(M)[0] / 2
 
 
-def evaluate(problem: Problem, q: Array, anchor: Array, known: Array | None = None) -> list[Plan]:
+def evaluate(problem: Problem, q: Array, anchor: Array) -> list[Plan]:
     """What plans are worth.
 
     Args:
         problem: The problem.
         q: Joint values of each plan [m] or [rad], shape (k, m_0, n).
         anchor: Anchors [m], shape (k, 3).
-        known: Information that is already there, shape (n, n).
     """
     k, poses, n = q.shape
     at = station(problem.experiment, q.reshape(-1, n), np.repeat(anchor, poses, axis=0))
-    M = information(problem.experiment, at).reshape(k, poses, n, n).sum(axis=1)
-    M = M if known is None else M + known
+    M = information(problem.experiment, at).reshape(k, poses, n, n).sum(axis=1) + problem.known
     figure, std = problem.criterion.figure(M), criteria.relative_std(M)
     inside = ((q >= problem.lower) & (q <= problem.upper)).all(axis=(1, 2))
     good = kept(problem.limits, at).reshape(k, poses).all(axis=1) & inside
-    good &= (std <= problem.most_std).all(axis=1) & np.isfinite(figure)
+    good &= (std <= problem.limits.max_relative_std).all(axis=1) & np.isfinite(figure)
     return [Plan(q[i], anchor[i], M[i], float(figure[i]), std[i], bool(good[i])) for i in range(k)]
 
 
-def rounded(problem: Problem, plan: Plan, known: Array | None = None) -> Plan:
+def rounded(problem: Problem, plan: Plan) -> Plan:
     """The plan as it is printed: 1e-6 m and 1e-6 degrees, a rail robot's poses along the rail."""
-    slides = problem.robot.prismatic
-    if slides[0]:
-        plan = replace(plan, q=plan.q[np.argsort(plan.q[:, 0])])
-    q = np.where(slides, plan.q, np.rad2deg(plan.q)).round(6)
-    q = np.clip(np.where(slides, q, np.deg2rad(q)), problem.lower, problem.upper)
-    return evaluate(problem, q[None], plan.anchor.round(6)[None], known)[0]
+    q = plan.q[np.argsort(plan.q[:, 0])] if problem.robot.joints[0].prismatic else plan.q
+    return evaluate(problem, problem.as_printed(q)[None], plan.anchor.round(6)[None])[0]
 
 
-def found(problem: Problem, progress: Progress) -> Plan:
-    """The best plan of a search.
-
-    Raises:
-        InputError: There is none: some joint stays undetermined.
-    """
-    if progress.best is not None:
-        return progress.best
-    worst = int(np.argmax(progress.nearest.relative_std))
+def undetermined(problem: Problem, nearest: Plan) -> InputError:
+    """What to say where even the least bad plan leaves some joint undetermined."""
+    worst = int(np.argmax(nearest.relative_std))
     joint, spec = problem.robot.joints[worst], problem.spec
-    raise InputError(
-        f"no plan of {problem.readings} readings at up to {max(spec.pull.steps_n):g} N determines "
-        f"every joint: the best one knows the compliance of {joint.name} to "
-        f"{progress.nearest.relative_std[worst]:.2g} of its nominal size, "
-        f"limits.max_relative_std allows {problem.most_std:g}",
+    return InputError(
+        f"no plan of {spec.plan.readings} readings at up to {max(spec.pull.steps_n):g} N "
+        f"determines every joint: the best one knows the compliance of {joint.name} to "
+        f"{nearest.relative_std[worst]:.2g} of its nominal size, "
+        f"limits.max_relative_std allows {spec.limits.max_relative_std:g}",
         "pull harder, plan more readings, or allow more",
     )
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.base.arrays import Array, Locked
+from pipeline.design.information import Station, station
 from pipeline.design.problem import Problem
 
 
@@ -35,6 +36,12 @@ class Box(Locked):
         anchor = np.broadcast_to(p.anchor_lower, (k, 3)).copy()
         anchor[:, p.free] += x[:, self.poses * n :] * (p.anchor_upper - p.anchor_lower)[p.free]
         return p.lower + inner * (p.upper - p.lower), anchor
+
+    def stations(self, x: Array) -> Station:
+        """Every pose of the plans at unit coordinates (k, d), k * poses of them."""
+        q, anchor = self.opened(x)
+        each = q.reshape(-1, q.shape[-1])
+        return station(self.problem.experiment, each, np.repeat(anchor, self.poses, axis=0))
 
     def closed(self, q: Array, anchor: Array) -> Array:
         """The inverse of `opened`."""

@@ -5,10 +5,11 @@ from __future__ import annotations
 from importlib import resources
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError, field_validator, model_validator
+import numpy as np
+from pydantic import Field, field_validator, model_validator
 
-from pipeline.base.errors import InputError, first_wrong, listed
-from pipeline.base.strict import NotNegative, Positive, Strict
+from pipeline.base.errors import listed
+from pipeline.base.strict import NotNegative, Positive, Strict, checked
 from pipeline.base.toml import loads, merged
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.reduction.settings import Point, TestPose
@@ -85,8 +86,20 @@ class NoiseSpec(Strict):
         return self
 
 
-class LimitSpec(Strict):
-    """What a pose may not do."""
+class Limits(Strict):
+    """What a pose and its chain may not do; None where there is no limit.
+
+    Attributes:
+        joints: Limits of single joints, inside the robot's own [m] or degrees.
+        flange_above_m: Height that the flange keeps, z of F_b [m].
+        effector_above_m: Height that load point and reflectors keep, z of F_b [m].
+        chain_m: Shortest and longest chain from load point to anchor [m].
+        chain_clearance_m: Distance of the chain from the arm, joint to joint up to the flange [m].
+        pull_within_deg: Largest angle between the pull and the line from flange to load point.
+        payload_kg: What the robot carries.
+        max_relative_std: Largest standard uncertainty of a compliance over its nominal size.
+        approach: Which way the carriage comes along the rail.
+    """
 
     joints: dict[str, Range] = Field(default_factory=dict)
     flange_above_m: float | None = None
@@ -97,6 +110,11 @@ class LimitSpec(Strict):
     payload_kg: Positive | None = None
     max_relative_std: Positive = 1.0
     approach: Literal["crossed", "up", "down"] = "crossed"
+
+    @property
+    def pull_within_rad(self) -> float | None:
+        """`pull_within_deg` in rad."""
+        return None if self.pull_within_deg is None else float(np.deg2rad(self.pull_within_deg))
 
 
 class DiagnosisSpec(Strict):
@@ -133,7 +151,7 @@ class ProblemFile(Strict):
     criterion: CriterionSpec = CriterionSpec()
     test_pose: list[WeightedPose] = Field(default_factory=list)
     noise: NoiseSpec = NoiseSpec(displacement_sigma_m=3e-5)
-    limits: LimitSpec = LimitSpec()
+    limits: Limits = Limits()
     diagnosis: DiagnosisSpec | None = None
 
     @model_validator(mode="after")
@@ -174,14 +192,8 @@ def validated(content: dict[str, Any], file: str = "problem.toml") -> ProblemFil
     Raises:
         InputError: An unknown word, a missing table or a value of the wrong kind.
     """
-    try:
-        return ProblemFile.model_validate(content)
-    except ValidationError as problem:
-        words, message = first_wrong(problem)
-        where = ".".join(words) or "the problem"
-        raise InputError(
-            f"{where}: {message}", "correct it as docs/design.md describes", file=file
-        ) from problem
+    way_out = "correct it as docs/design.md describes"
+    return checked(ProblemFile, content, file, "the problem", way_out)
 
 
 def revised(spec: ProblemFile, changes: dict[str, Any]) -> ProblemFile:

@@ -7,9 +7,8 @@ that separate more causes while the figure stays within what is allowed.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -23,64 +22,26 @@ from pipeline.design.problem import Problem, with_steps
 from pipeline.design.schedule import crossed, starts
 from pipeline.design.search import Plan
 from pipeline.design.space import Box
+from pipeline.design.spec import DiagnosisSpec
 
 
 @dataclass(frozen=True, eq=False)
-class Visits(Locked):
-    """Poses with what is done at each of them.
+class Visit(Locked):
+    """A pose with what is done there.
 
     Attributes:
-        q: Joint values [m] or [rad], shape (c, n).
-        anchor: Their common anchor [m], shape (3,).
-        approach: Which way the carriage came, +1 or -1, shape (c,).
-        programme: Index of the load steps of each, shape (c,).
-        informations: About the scaled compliances, shape (c, n, n).
-        columns: Whitened columns [springs | suspects] of each, c arrays of shape (R, W).
+        q: Joint values [m] or [rad], shape (n,).
+        approach: Which way the carriage came, +1 or -1.
+        steps: Load steps [N], shape (s,); negative where the turnbuckle is slackened to the step.
+        information: About the scaled compliances, shape (n, n).
+        columns: Whitened columns [springs | suspects], shape (R, W).
     """
 
     q: Array
-    anchor: Array
-    approach: Array
-    programme: Ints
-    informations: Array
-    columns: tuple[Array, ...]
-
-    @property
-    def products(self) -> Array:
-        """Products of the columns of all of them together, shape (W, W)."""
-        X = np.concatenate(self.columns)
-        return np.asarray(X.T @ X)
-
-    def taken(self, which: Ints) -> Visits:
-        """Some of them, in that order."""
-        return Visits(
-            self.q[which],
-            self.anchor,
-            self.approach[which],
-            self.programme[which],
-            self.informations[which],
-            tuple(self.columns[i] for i in which),
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class Aim:
-    """What may be given up for the diagnosis, and what a pose may be pulled with.
-
-    Attributes:
-        allowed: Largest figure over that of the pure optimum.
-        poses: Number of poses.
-        programmes: Load steps [N] that a pose may get; negative where the turnbuckle is slackened
-            to the step from above.
-        pool: Random poses that are offered.
-        restarts: Beginnings.
-    """
-
-    allowed: float
-    poses: int
-    programmes: tuple[Array, ...]
-    pool: int = 200
-    restarts: int = 2
+    approach: float
+    steps: Array
+    information: Array
+    columns: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,12 +50,14 @@ class Mixed(Locked):
 
     Attributes:
         visits: Its poses.
+        anchor: Their common anchor [m], shape (3,).
         figure: The criterion, in its unit.
         relative_std: Standard uncertainty of each compliance over its nominal size, shape (n,).
         named_from: Size from which each cause is separated from every rival, typical sizes, (g,).
     """
 
-    visits: Visits
+    visits: tuple[Visit, ...]
+    anchor: Array
     figure: float
     relative_std: Array
     named_from: Array
@@ -113,90 +76,109 @@ class Mixed(Locked):
 def trade(
     view: Lens,
     plan: Plan,
-    aim: Aim,
+    asked: DiagnosisSpec,
     rng: np.random.Generator,
     sweeps: int = 5,
     tried: int = 120,
+    pool: int = 200,
+    restarts: int = 2,
 ) -> Iterator[Mixed]:
     """Exchange poses of a plan until more causes can be named; best so far after every sweep.
 
     Args:
         view: The causes.
         plan: The pure optimum; its anchor stays.
-        aim: What may be given up, and what a pose may be pulled with.
+        asked: What may be given up, and what a pose may be pulled with.
         rng: Draws the poses and which exchanges are tried.
-        sweeps: Times that every pose is up for exchange, from each of `aim.restarts` beginnings.
+        sweeps: Times that every pose is up for exchange, from each beginning.
         tried: Exchanges tried for each, as many again of poses near its own.
+        pool: Random poses that are offered.
+        restarts: Beginnings.
     """
-    most = aim.allowed * plan.figure
-    offers = _offers(view, plan, aim, rng)
+    most = asked.allowed * plan.figure
+    offers = _offers(view, plan, asked, rng, pool)
     best: Mixed | None = None
-    for _ in range(aim.restarts):
-        chosen = _beginning(view, plan, aim, rng)
+    for _ in range(restarts):
+        chosen = _beginning(view, plan, asked, rng)
         for _ in range(sweeps):
-            for slot in rng.permutation(len(chosen.q)):
-                among = offers[len(aim.programmes[chosen.programme[slot]])]
-                some = among.taken(rng.integers(len(among.q), size=tried))
-                near = _near(view, chosen, int(slot), aim, rng, tried // 4)
-                chosen = _exchanged(view, chosen, int(slot), _joined([some, near]), most)
-            now = _mixed(view, chosen)
+            for slot in rng.permutation(len(chosen)):
+                among = offers[len(chosen[slot].steps)]
+                some = [among[i] for i in rng.integers(len(among), size=tried)]
+                near = _near(view, chosen[slot], plan.anchor, rng, tried // 4)
+                chosen = _exchanged(view, chosen, int(slot), [*some, *near], most)
+            now = Mixed(
+                visits=tuple(chosen),
+                anchor=plan.anchor,
+                figure=float(view.problem.criterion.figure(_information(chosen)[None])[0]),
+                relative_std=relative_std(_information(chosen)[None])[0],
+                named_from=named_from(view, products(chosen)[None])[0],
+            )
             if now.figure <= most and (best is None or now.worth > best.worth):
                 best = now
             if best is not None:
                 yield best
     if best is None:
         raise InputError(
-            f"no plan of {aim.poses} poses with these load steps stays within "
-            f"{aim.allowed:g} times the best figure",
+            f"no plan of {asked.poses} poses with these load steps stays within "
+            f"{asked.allowed:g} times the best figure",
             "allow more, or plan more poses with single pulls",
         )
 
 
-def _beginning(view: Lens, plan: Plan, aim: Aim, rng: np.random.Generator) -> Visits:
+def products(visits: Sequence[Visit]) -> Array:
+    """Products of the columns of several visits together, shape (W, W)."""
+    X = np.concatenate([visit.columns for visit in visits])
+    return np.asarray(X.T @ X)
+
+
+def _information(visits: Sequence[Visit]) -> Array:
+    """What several visits tell together about the scaled compliances, shape (n, n)."""
+    return np.sum([visit.information for visit in visits], axis=0)
+
+
+def _beginning(
+    view: Lens, plan: Plan, asked: DiagnosisSpec, rng: np.random.Generator
+) -> list[Visit]:
     """Poses of the plan in random order, some with the longer programmes, readings as planned."""
-    lengths = _lengths(aim, view.problem.readings)
-    order = rng.permutation(np.resize(np.arange(len(plan.q)), aim.poses))
-    by_length: dict[int, int] = {}
-    for k, steps in enumerate(aim.programmes):
-        by_length.setdefault(len(steps), k)
+    lengths = _lengths(asked, view.problem.spec.plan.readings)
+    order = rng.permutation(np.resize(np.arange(len(plan.q)), asked.poses))
     direction = station(view.problem.experiment, plan.q, plan.anchor).direction.T
     approach = crossed(direction, plan.q[:, 0])
-    parts = []
+    out = []
     for size in sorted(set(lengths)):
-        rows_ = order[np.flatnonzero(lengths == size)]
-        k = by_length[size]
-        programme = aim.programmes[k]
-        parts.append(visits(view, plan.q[rows_], plan.anchor, approach[rows_], k, programme))
-    return _joined(parts)
+        which = order[lengths == size]
+        steps = next(np.array(own) for own in asked.programmes if len(own) == size)
+        out += _visits(view, plan.q[which], plan.anchor, approach[which], steps)
+    return out
 
 
-def _lengths(aim: Aim, readings: int) -> Ints:
+def _lengths(asked: DiagnosisSpec, readings: int) -> Ints:
     """Pulls at each pose, short ones first, that make up the readings."""
-    sizes = sorted({len(steps) for steps in aim.programmes})
-    lengths = np.full(aim.poses, sizes[0])
-    for pose in range(aim.poses):
+    sizes = sorted({len(steps) for steps in asked.programmes})
+    lengths = np.full(asked.poses, sizes[0])
+    for pose in range(asked.poses):
         more = [n for n in sizes if lengths.sum() - lengths[pose] + n <= readings]
         lengths[pose] = more[-1] if more else sizes[0]
     if lengths.sum() != readings:
         raise InputError(
-            f"{readings} readings cannot be shared among {aim.poses} poses with "
+            f"{readings} readings cannot be shared among {asked.poses} poses with "
             f"{' or '.join(str(size) for size in sizes)} pulls each",
             "change diagnosis.poses or diagnosis.programmes",
         )
     return lengths
 
 
-def _offers(view: Lens, plan: Plan, aim: Aim, rng: np.random.Generator) -> dict[int, Visits]:
+def _offers(
+    view: Lens, plan: Plan, asked: DiagnosisSpec, rng: np.random.Generator, pool: int
+) -> dict[int, list[Visit]]:
     """Poses with every programme and approach, by the number of pulls."""
-    problem = view.problem
-    pool = feasible_poses(problem, plan.anchor, rng, aim.pool)
-    q = np.vstack([plan.q, pool])
-    out: dict[int, list[Visits]] = {}
-    for k, steps in enumerate(aim.programmes):
-        for way in _ways(problem):
-            part = visits(view, q, plan.anchor, np.full(len(q), way), k, steps)
-            out.setdefault(len(steps), []).append(part)
-    return {size: _joined(parts) for size, parts in out.items()}
+    q = np.vstack([plan.q, feasible_poses(view.problem, plan.anchor, rng, pool)])
+    out: dict[int, list[Visit]] = {len(steps): [] for steps in asked.programmes}
+    for steps in asked.programmes:
+        for way in _ways(view.problem):
+            approach = np.full(len(q), way)
+            out[len(steps)] += _visits(view, q, plan.anchor, approach, np.array(steps))
+    return out
 
 
 def _ways(problem: Problem) -> tuple[float, ...]:
@@ -206,109 +188,55 @@ def _ways(problem: Problem) -> tuple[float, ...]:
 
 
 def _near(
-    view: Lens, chosen: Visits, slot: int, aim: Aim, rng: np.random.Generator, count: int
-) -> Visits:
-    """Poses near one of a plan, with its own programme and approach, that keep the limits."""
+    view: Lens, visit: Visit, anchor: Array, rng: np.random.Generator, count: int
+) -> list[Visit]:
+    """Poses near one of a plan, with its own load steps and approach, that keep the limits."""
     problem = view.problem
     span = problem.upper - problem.lower
     reach = 10.0 ** rng.uniform(-2.5, -0.7, (count, 1))
-    q = chosen.q[slot] + reach * span * rng.standard_normal((count, len(span)))
+    q = visit.q + reach * span * rng.standard_normal((count, len(span)))
     q = np.clip(q, problem.lower, problem.upper)
-    q = q[kept(problem.limits, station(problem.experiment, q, chosen.anchor))]
-    k = int(chosen.programme[slot])
-    way = np.full(len(q), chosen.approach[slot])
-    return visits(view, q, chosen.anchor, way, k, aim.programmes[k])
+    q = q[kept(problem.limits, station(problem.experiment, q, anchor))]
+    return _visits(view, q, anchor, np.full(len(q), visit.approach), visit.steps)
 
 
-def _joined(parts: list[Visits]) -> Visits:
-    """Several sets of visits as one."""
-    return Visits(
-        q=np.concatenate([part.q for part in parts]),
-        anchor=parts[0].anchor,
-        approach=np.concatenate([part.approach for part in parts]),
-        programme=np.concatenate([part.programme for part in parts]),
-        informations=np.concatenate([part.informations for part in parts]),
-        columns=tuple(column for part in parts for column in part.columns),
-    )
-
-
-def visits(
-    view: Lens, q: Array, anchor: Array, approach: Array, programme: int, steps: Array
-) -> Visits:
+def _visits(view: Lens, q: Array, anchor: Array, approach: Array, steps: Array) -> list[Visit]:
     """Poses with the same load steps; times as if all plans had visits of this length."""
-    problem = view.problem
-    experiment = with_steps(problem, steps)
-    start_s = starts(np.full(max(problem.poses, 1), len(steps)))
-    start_s = np.full(len(q), start_s.mean())
-    return Visits(
-        q=q,
-        anchor=anchor,
-        approach=approach,
-        programme=np.full(len(q), programme),
-        informations=information(experiment, station(experiment, q, anchor)),
-        columns=tuple(rows(view, q, anchor, approach, steps, start_s)),
-    )
+    experiment = with_steps(view.problem, steps)
+    start_s = starts(np.full(view.problem.poses, len(steps))).mean()
+    informations = information(experiment, station(experiment, q, anchor))
+    columns = rows(view, q, anchor, approach, steps, np.full(len(q), start_s))
+    each = zip(q, approach, informations, columns, strict=True)
+    return [Visit(at, way, steps, known, X) for at, way, known, X in each]
 
 
-def _mixed(view: Lens, chosen: Visits) -> Mixed:
-    """What a set of visits is worth."""
-    M = chosen.informations.sum(axis=0)[None]
-    return Mixed(
-        visits=chosen,
-        figure=_figure(view.problem, chosen),
-        relative_std=relative_std(M)[0],
-        named_from=named_from(view, chosen.products[None])[0],
-    )
-
-
-def _figure(problem: Problem, chosen: Visits) -> float:
-    return float(problem.criterion.figure(chosen.informations.sum(axis=0)[None])[0])
-
-
-def _exchanged(view: Lens, chosen: Visits, slot: int, offers: Visits, most: float) -> Visits:
+def _exchanged(
+    view: Lens, chosen: list[Visit], slot: int, offers: list[Visit], most: float
+) -> list[Visit]:
     """The visits with the one at `slot` replaced by the best offer, if that is an improvement."""
-    problem = view.problem
-    rest = chosen.informations.sum(axis=0) - chosen.informations[slot]
-    M = rest + offers.informations
-    figure = np.nan_to_num(problem.criterion.figure(M), nan=np.inf)
-    now = _figure(problem, chosen)
+    criterion, mine, whole = view.problem.criterion, chosen[slot], _information(chosen)
+    M = whole - mine.information + np.array([offer.information for offer in offers])
+    figure = np.nan_to_num(criterion.figure(M), nan=np.inf)
+    now = criterion.figure(whole[None])[0]
     if now > most:  # first come within what is allowed
         best = int(np.argmin(figure))
-        return _with(chosen, slot, offers, best) if figure[best] < now else chosen
-    good = (figure <= most) & (relative_std(M) <= problem.most_std).all(axis=1)
-    if not good.any():
-        return chosen
-    offers = offers.taken(np.flatnonzero(good))
-    mine = chosen.columns[slot]
-    others = chosen.products - mine.T @ mine
-    worth = _worth(named_from(view, np.array([others + X.T @ X for X in offers.columns])))
-    best = int(np.argmax(worth))
-    if worth[best] <= _worth(named_from(view, chosen.products[None]))[0] + 1e-9:
-        return chosen
-    return _with(chosen, slot, offers, best)
+        better = figure[best] < now
+    else:
+        known = relative_std(M) <= view.problem.limits.max_relative_std
+        good = (figure <= most) & known.all(axis=1)
+        if not good.any():
+            return chosen
+        others = products(chosen) - mine.columns.T @ mine.columns
+        tried = [others + products([offers[i]]) for i in np.flatnonzero(good)]
+        worth = _worth(named_from(view, np.array(tried)))
+        best = int(np.flatnonzero(good)[np.argmax(worth)])
+        better = worth.max() > _worth(named_from(view, products(chosen)[None]))[0] + 1e-9
+    return [*chosen[:slot], offers[best], *chosen[slot + 1 :]] if better else chosen
 
 
 def _worth(named: Array) -> Array:
     """Near the number of causes that can be named; rises smoothly as one comes into reach."""
     return np.sum(1 / (1 + np.minimum(named, 1e3) ** 4), axis=1)
-
-
-def _with(chosen: Visits, slot: int, offers: Visits, which: int) -> Visits:
-    def put(ours: Any, theirs: Any) -> Any:
-        out = ours.copy()
-        out[slot] = theirs[which]
-        return out
-
-    columns = list(chosen.columns)
-    columns[slot] = offers.columns[which]
-    return Visits(
-        put(chosen.q, offers.q),
-        chosen.anchor,
-        put(chosen.approach, offers.approach),
-        put(chosen.programme, offers.programme),
-        put(chosen.informations, offers.informations),
-        tuple(columns),
-    )
 
 
 def feasible_poses(problem: Problem, anchor: Array, rng: np.random.Generator, count: int) -> Array:

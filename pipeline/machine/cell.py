@@ -5,7 +5,7 @@ Simulator, B of Eq. (19), score tests, extended model and pose design all use th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -41,6 +41,18 @@ class Tool(Locked):
     load_point: Array
     targets: Strings
     points: Array
+
+    @classmethod
+    def of(cls, points: Mapping[str, Sequence[float]]) -> Tool:
+        """From points by name [m]: load_point, and the reflectors in their order."""
+        targets = [name for name in points if name != "load_point"]
+        at = np.array([points[name] for name in targets])
+        return cls(np.array(points["load_point"]), np.array(targets, dtype=object), at)
+
+    @property
+    def named(self) -> dict[str, Array]:
+        """The points by name [m], load_point first."""
+        return {"load_point": self.load_point, **dict(zip(self.targets, self.points, strict=True))}
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
@@ -144,10 +145,7 @@ def _turned(points: Array, moved: Array) -> Array:
 def table(robot: Robot, path: Path, found: Compensation) -> bytes:
     """The offsets as CSV: joint offsets in the units of joints.csv, the rest in mm and degrees."""
     names, slides, joints = _axes(robot, path, found.joints)
-    head = [
-        "pose",
-        *(f"d_{name}_{'m' if s else 'deg'}" for name, s in zip(names, slides, strict=True)),
-    ]
+    head = [f"d_{name}_{'m' if s else 'deg'}" for name, s in zip(names, slides, strict=True)]
     head += [*(f"d{a}_mm" for a in "xyz"), *(f"r{a}_deg" for a in "xyz")]
     head += ["deflection_mm", "left_mm", *(f"std_{a}_mm" for a in "xyz")]
     body = np.column_stack(
@@ -160,11 +158,8 @@ def table(robot: Robot, path: Path, found: Compensation) -> bytes:
             1e3 * found.std,
         ]
     )
-    rows = [
-        f"{pose}," + ",".join(f"{value:.7f}" for value in row)
-        for pose, row in zip(path.pose.tolist(), body.tolist(), strict=True)
-    ]
-    return "\n".join([",".join(head), *rows, ""]).encode()
+    rows = pd.DataFrame(body, pd.Index(path.pose, name="pose"), head)
+    return rows.to_csv(float_format="%.7f", na_rep="nan", lineterminator="\n").encode()
 
 
 def _axes(robot: Robot, path: Path, joints: Array) -> tuple[list[str], Bools, Array]:

@@ -8,13 +8,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal, Protocol
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, Field, ValidationError
 
 from pipeline.base import toml
-from pipeline.base.arrays import Array, Bools, Locked
+from pipeline.base.arrays import Array, Bools, Locked, Parameter
 from pipeline.base.errors import InputError
 from pipeline.diagnosis.average import average
 from pipeline.machine.cell import Cell, Prediction, Tool, jacobian, paper_cell
@@ -22,13 +22,14 @@ from pipeline.machine.cell import predict as forward
 from pipeline.machine.effect import Effect, Noise, Observation, Pulls, Wrench
 from pipeline.machine.effects import catalogue
 from pipeline.machine.effects.nameless import nameless
-from pipeline.machine.robot import Joint, Robot
+from pipeline.machine.robot import Robot
 from pipeline.machine.robot.mdh import parse as parse_robot
+from pipeline.system.system import Estimate
 
 
 @dataclass(frozen=True, eq=False)
 class Deflection(Locked):
-    """How a point of the tool deflects.
+    """How points of the tool deflect.
 
     Attributes:
         displacement: Loaded minus unloaded [m], F_b, shape (m, 3).
@@ -66,20 +67,24 @@ class Hypothesis(Locked):
         """Standard uncertainty of `value`, shape (k,)."""
         return np.sqrt(np.diag(self.cov))
 
-    def at(self, point: Array | None) -> Cell:
-        """Its cell with a tool of one point, where the force acts and the displacement is seen."""
-        load = self.cell.tool.load_point if point is None else np.asarray(point, float)
-        return replace(self.cell, tool=Tool(load, np.array(["point"], dtype=object), load[None]))
+    def at(self, points: Array | None = None) -> Cell:
+        """Its cell with points (t, 3) as tool, the force at the first; its load point if None."""
+        seen = self.cell.tool.load_point[None] if points is None else points
+        names = np.array([str(k) for k in range(len(seen))], dtype=object)
+        return replace(self.cell, tool=Tool(seen[0], names, seen))
 
-    def spread(self, A: Array) -> Array:
-        """Covariance of A x, A of shape (m, 3, k); infinite where undetermined springs move it."""
+    def moved(self, cell: Cell, pulls: Pulls) -> Deflection:
+        """Every target of its cell, or of one with another tool, under every pull, m t of them."""
+        displacement = forward(cell, pulls, self.value).displacement.reshape(-1, 3)
+        A = jacobian(replace(cell, equilibrium="undeformed"), pulls, self.value)
+        A = A.reshape(-1, 3, len(self.value))
         known = np.isfinite(self.std)
         cov = A[..., known] @ self.cov[np.ix_(known, known)] @ np.swapaxes(A[..., known], 1, 2)
-        typical = np.array([p.typical for p in self.cell.parameters])
+        typical = np.array([p.typical for p in cell.parameters])
         lost = np.abs(A * typical)[..., ~known].max(axis=-1, initial=0.0) > _NOTHING_M
         m, axis = np.nonzero(lost)
         cov[m, axis, axis] = np.inf
-        return np.asarray(cov)
+        return Deflection(displacement, cov)
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,10 +136,16 @@ class Model(Locked):
         """The effector of the campaign."""
         return self.hypotheses[0].cell.tool
 
-    def states(self, joint: int) -> bool:
-        """Whether the stiffness of a joint is stated: it is determined, and positive."""
+    def stiffness(self, joint: int) -> tuple[float, float, str] | None:
+        """Stiffness of a joint, its standard uncertainty and unit [N/m] or [N m/rad].
+
+        None where it is not stated: not determined, or not positive.
+        """
+        x, std = float(self.value[joint]), float(self.std[joint])
         known = self.stated is None or bool(self.stated[joint])
-        return known and bool(np.isfinite(self.std[joint])) and float(self.value[joint]) > 0
+        if not (known and np.isfinite(std) and x > 0):
+            return None
+        return 1 / x, std / x**2, self.robot.joints[joint].stiffness_unit
 
     @cached_property
     def springs(self) -> tuple[Array, Array]:
@@ -169,21 +180,16 @@ class Model(Locked):
                 when not given.
         """
         pulls = Pulls.at(q, force)
-        moved, covs = [], []
-        for one in self.hypotheses:
-            cell = one.at(point)
-            moved.append(forward(cell, pulls, one.value).displacement[:, 0])
-            A = jacobian(replace(cell, equilibrium="undeformed"), pulls, one.value)[:, 0]
-            covs.append(one.spread(A))
-        return self._mixed(moved, covs)
+        points = None if point is None else np.atleast_2d(np.asarray(point, float))
+        return self._mixed([one.moved(one.at(points), pulls) for one in self.hypotheses])
 
-    def _mixed(self, moved: Sequence[Array], covs: Sequence[Array]) -> Deflection:
-        """The mixture of displacements (m, 3) with their covariances (m, 3, 3)."""
-        mean = self._mean(moved)
-        cov = np.zeros_like(covs[0])
-        for one, each, spread in zip(self.hypotheses, moved, covs, strict=True):
-            off = each - mean
-            cov += one.weight * (spread + off[:, :, None] * off[:, None, :])
+    def _mixed(self, moved: Sequence[Deflection]) -> Deflection:
+        """The mixture of what the hypotheses say."""
+        mean = self._mean([each.displacement for each in moved])
+        cov = np.zeros_like(moved[0].cov)
+        for one, each in zip(self.hypotheses, moved, strict=True):
+            off = each.displacement - mean
+            cov += one.weight * (each.cov + off[:, :, None] * off[:, None, :])
         return Deflection(mean, cov)
 
     def _mean(self, arrays: Sequence[Array]) -> Array:
@@ -203,16 +209,14 @@ class Model(Locked):
         Returns:
             Displacements [m], F_b, and standard uncertainties per axis [m], both shape (t, 3).
         """
-        pulls = Pulls.at(q, force)
-        moved, covs = [], []
+        pulls, moved = Pulls.at(q, force), []
         for one in self.hypotheses:
-            kinds = (one.cell, replace(one.cell, equilibrium="deformed"))
-            flat, bent = (forward(kind, pulls, one.value).displacement[0] for kind in kinds)
-            A = jacobian(replace(one.cell, equilibrium="undeformed"), pulls, one.value)[0]
-            more = bent - flat
-            moved.append(flat)
-            covs.append(one.spread(A) + more[:, :, None] * np.eye(3) * more[:, None, :])
-        found = self._mixed(moved, covs)
+            flat = one.moved(one.cell, pulls)
+            bent = forward(replace(one.cell, equilibrium="deformed"), pulls, one.value)
+            more = bent.displacement[0] - flat.displacement
+            left_out = more[:, :, None] * np.eye(3) * more[:, None, :]
+            moved.append(replace(flat, cov=flat.cov + left_out))
+        found = self._mixed(moved)
         return found.displacement, found.std
 
     def positions(self, q: Array, force: Array, points: Array) -> Prediction:
@@ -223,34 +227,17 @@ class Model(Locked):
             force: Force on the robot [N], F_b, shape (m, 3).
             points: In the flange frame [m], shape (t, 3).
         """
-        names = np.array([str(k) for k in range(len(points))], dtype=object)
-        tool, pulls = Tool(points[0], names, points), Pulls.at(q, force)
-        each = [forward(replace(one.cell, tool=tool), pulls, one.value) for one in self.hypotheses]
-        return Prediction(
-            *(
-                self._mean([getattr(one, field.name) for one in each])
-                for field in fields(Prediction)
-            )
-        )
+        pulls = Pulls.at(q, force)
+        each = [forward(one.at(points), pulls, one.value) for one in self.hypotheses]
+        names = [field.name for field in fields(Prediction)]
+        return Prediction(*(self._mean([getattr(one, name) for one in each]) for name in names))
 
 
 _NOTHING_M = 1e-9
 """A spring that moves a point less than this at its typical size does not act there."""
 
 
-class Known(Protocol):
-    """Parameters of a cell with their covariance."""
-
-    @property
-    def value(self) -> Array:
-        """Best estimate, shape (k,)."""
-
-    @property
-    def cov(self) -> Array:
-        """Covariance of `value`, shape (k, k)."""
-
-
-def part(weight: float, cell: Cell, estimate: Known) -> Hypothesis:
+def part(weight: float, cell: Cell, estimate: Estimate) -> Hypothesis:
     """What is handed over of an estimate: the machine without the measurement.
 
     Args:
@@ -281,6 +268,7 @@ def files(handed: Model) -> dict[str, bytes]:
 def dumps(handed: Model) -> str:
     """model.toml: values, uncertainty, covariance, tool and robot, SI throughout."""
     robot, tool = handed.robot, handed.tool
+    springs = _parameters(paper_cell(robot, tool).parameters, handed)
     content: dict[str, Any] = {
         "format": 2,
         "campaign": handed.campaign,
@@ -289,17 +277,11 @@ def dumps(handed: Model) -> str:
         "covariance": handed.cov.tolist(),
         "recommended": dict(handed.recommended),
         "parameter": [
-            {"name": p.name, "unit": p.unit, "value": float(x), "std": float(s)}
-            | (_stiffness(robot.joints[j], float(x), float(s)) if handed.states(j) else {})
-            for j, (p, x, s) in enumerate(
-                zip(paper_cell(robot, tool).parameters, handed.value, handed.std, strict=True)
-            )
+            spring | dict(zip(_STIFFNESS, handed.stiffness(j) or (), strict=False))
+            for j, spring in enumerate(springs)
         ],
         "hypothesis": [_hypothesis(one) for one in handed.hypotheses],
-        "tool": {
-            "load_point": tool.load_point.tolist(),
-            **dict(zip(tool.targets, tool.points.tolist(), strict=True)),
-        },
+        "tool": {name: at.tolist() for name, at in tool.named.items()},
     }
     return HEAD + toml.dumps(content | {"robot": tomllib.loads(robot.text)})
 
@@ -309,12 +291,19 @@ def _hypothesis(one: Hypothesis) -> dict[str, Any]:
         "weight": one.weight,
         "equilibrium": one.cell.equilibrium,
         "effects": [[e.label, e.form] for e in _beside_springs(one.cell)],
-        "parameter": [
-            {"name": p.name, "unit": p.unit, "value": float(x), "std": float(s)}
-            for p, x, s in zip(one.cell.parameters, one.value, one.std, strict=True)
-        ],
+        "parameter": _parameters(one.cell.parameters, one),
         "covariance": one.cov.tolist(),
     }
+
+
+_STIFFNESS = ("stiffness", "stiffness_std", "stiffness_unit")
+
+
+def _parameters(names: Sequence[Parameter], found: Model | Hypothesis) -> list[dict[str, Any]]:
+    return [
+        {"name": p.name, "unit": p.unit, "value": x, "std": s}
+        for p, x, s in zip(names, found.value.tolist(), found.std.tolist(), strict=True)
+    ]
 
 
 def _beside_springs(cell: Cell) -> tuple[Effect, ...]:
@@ -330,23 +319,13 @@ HEAD = """\
 """
 
 
-def _stiffness(joint: Joint, x: float, std: float) -> dict[str, Any]:
-    """The stiffness behind a joint's compliance."""
-    unit = joint.stiffness_unit
-    return {"stiffness": 1 / x, "stiffness_std": std / x**2, "stiffness_unit": unit}
-
-
 class _Parameter(BaseModel):
-    model_config = ConfigDict(extra="ignore")
-
     name: str
     value: float
     stiffness: float | None = None
 
 
 class _Hypothesis(BaseModel):
-    model_config = ConfigDict(extra="ignore")
-
     weight: float = 1.0
     equilibrium: str
     effects: list[tuple[str, str]]
@@ -355,8 +334,6 @@ class _Hypothesis(BaseModel):
 
 
 class _File(BaseModel):
-    model_config = ConfigDict(extra="ignore")
-
     format: Literal[2]
     campaign: str
     verdict: str
@@ -379,14 +356,12 @@ def parse(text: str, file: str = "model.toml") -> Model:
         said = problem.errors()[0]["msg"] if isinstance(problem, ValidationError) else problem
         raise InputError(f"is no model ({said})", _ANEW, file=file) from problem
     robot = parse_robot(toml.dumps(content.robot), file)
-    points = {name: np.array(at) for name, at in content.tool.items() if name != "load_point"}
-    names = np.array(list(points), dtype=object)
-    tool = Tool(np.array(content.tool["load_point"]), names, np.array(list(points.values())))
+    springs = paper_cell(robot, Tool.of(content.tool))
     return Model(
         content.campaign,
         content.verdict,
         content.recommended,
-        tuple(_read(one, paper_cell(robot, tool), file) for one in content.hypothesis),
+        tuple(_read(one, springs, file) for one in content.hypothesis),
         np.array([entry.stiffness is not None for entry in content.parameter]),
     )
 
@@ -434,13 +409,17 @@ def urdf(handed: Model) -> str:
         element = _joint(root, joint.name, parent, f"link_{joint.name}", robot.placement[j])
         element.set("type", "prismatic" if joint.prismatic else "revolute")
         ET.SubElement(element, "axis", xyz="0 0 1")
-        _limits(element, joint.lower, joint.upper)
-        _elasticity(element, handed, j)
+        # URDF wants finite limits, of effort and velocity too, which a robot file does not have
+        ends = {"lower": max(joint.lower, -_FAR), "upper": min(joint.upper, _FAR)}
+        ends |= {"effort": _FAR, "velocity": _FAR}
+        ET.SubElement(element, "limit", {name: repr(float(end)) for name, end in ends.items()})
+        if stated := handed.stiffness(j):
+            stiffness, std, unit = stated
+            said = {"stiffness": repr(stiffness), "std": repr(std), "unit": unit}
+            ET.SubElement(element, "elasticity", said)
         parent = f"link_{joint.name}"
     _joint(root, "flange", parent, "F_flange", robot.flange)
-    points = {"load_point": handed.tool.load_point}
-    points |= dict(zip(handed.tool.targets, handed.tool.points, strict=True))
-    for name, at in points.items():
+    for name, at in handed.tool.named.items():
         shift = np.eye(4)
         shift[:3, 3] = at
         _joint(root, f"to_{name}", "F_flange", name, shift)
@@ -462,26 +441,6 @@ def _joint(root: ET.Element, name: str, parent: str, child: str, at: Array) -> E
 
 _FAR = 1e6
 """Stands for infinity in a URDF [m], [rad], [N], [N m], [m/s] or [rad/s]."""
-
-
-def _limits(element: ET.Element, lower: float, upper: float) -> None:
-    """URDF wants finite limits, of effort and velocity too, which a robot file does not have."""
-    ends = {"lower": max(lower, -_FAR), "upper": min(upper, _FAR), "effort": _FAR, "velocity": _FAR}
-    ET.SubElement(element, "limit", {name: repr(float(end)) for name, end in ends.items()})
-
-
-def _elasticity(element: ET.Element, handed: Model, j: int) -> None:
-    joint, x = handed.robot.joints[j], float(handed.value[j])
-    if not handed.states(j):
-        return
-    std = float(handed.std[j])
-    ET.SubElement(
-        element,
-        "elasticity",
-        stiffness=repr(1 / x),
-        std=repr(std / x**2),
-        unit=joint.stiffness_unit,
-    )
 
 
 def _row(values: Any) -> str:

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.diagnosis.average import Hypothesis
-from pipeline.machine.cell import Cell, columns, load
+from pipeline.machine.cell import Cell, jacobian
 from pipeline.machine.effect import Elastic, Pulls
 from pipeline.reduction.pose_of_interest import Where
-from pipeline.system.system import Estimate
+from pipeline.tables import VALIDATION, frame
 
 AROUND_M, AROUND_RAD = 0.25, np.deg2rad(10.0)
 """Half width of the box around the test pose; the paper does not give its own."""
@@ -48,20 +48,34 @@ def validate(
         "global": rng.uniform(*_limits(cell), (poses, cell.robot.n)),
     }
     drawn = {
-        "covariance": [_full(one.estimate, rng, poses) for one in hypotheses],
-        "independent": [_each(one.estimate, cell.robot.n, rng, poses) for one in hypotheses],
+        "covariance": [_full(one, rng, poses) for one in hypotheses],
+        "independent": [_each(one, rng, poses) for one in hypotheses],
     }
     true = _true(hypotheses, rng, poses)
     out = []
     for name, q in sets.items():
         force = np.broadcast_to(test.force, (poses, 3))
-        predictions = [_Prediction.of(one, q, force) for one in hypotheses]
-        mean = sum(one.weight * one.mean for one in predictions)
+        A = [deflections(one.cell, q, force) for one in hypotheses]
+        own = [
+            A_h @ one.estimate.value[_elastic(one.cell)]
+            for A_h, one in zip(A, hypotheses, strict=True)
+        ]
+        mean = sum(one.weight * moved for one, moved in zip(hypotheses, own, strict=True))
         for kind, draws in drawn.items():
-            moved = [one.of_draw(x) for one, x in zip(predictions, draws, strict=True)]
+            moved = [
+                np.einsum("mtik,mk->mti", A_h, off) + at
+                for A_h, off, at in zip(A, draws, own, strict=True)
+            ]
             wrong = np.stack(moved)[true, np.arange(poses)] - mean
             mu = np.linalg.norm(wrong, axis=2) / np.linalg.norm(mean, axis=2)
-            out.append(_table(name, kind, mu, list(cell.tool.targets)))
+            rows = {
+                "set": name,
+                "draw": kind,
+                "index": np.repeat(np.arange(1, poses + 1), mu.shape[1]),
+                "target": list(cell.tool.targets) * poses,
+                "mu": mu.ravel(),
+            }
+            out.append(pd.DataFrame(rows))
     return pd.concat(out, ignore_index=True)
 
 
@@ -72,36 +86,6 @@ def _true(hypotheses: Sequence[Hypothesis], rng: np.random.Generator, poses: int
     return rng.choice(len(weights), poses, p=weights) if several else np.zeros(poses, np.int64)
 
 
-@dataclass(frozen=True, eq=False)
-class _Prediction(Locked):
-    """What one hypothesis says of the deflections at some poses.
-
-    Attributes:
-        weight: Its probability.
-        A: Of Eq. (7), shape (m, t, 3, k), for what yields under load.
-        mine: Which of its parameters that are.
-        value: Their estimate, shape (k,).
-        mean: The deflections [m], shape (m, t, 3).
-    """
-
-    weight: float
-    A: Array
-    mine: Bools
-    value: Array
-    mean: Array
-
-    @staticmethod
-    def of(one: Hypothesis, q: Array, force: Array) -> _Prediction:
-        """At joint values q (m, n) under force (m, 3)."""
-        A, mine = deflections(one.cell, q, force), _elastic(one.cell)
-        value = one.estimate.value[mine]
-        return _Prediction(one.weight, A, mine, value, A @ value)
-
-    def of_draw(self, x: Array) -> Array:
-        """Deflections with a draw of all parameters of its own at each pose, shape (m, t, 3)."""
-        return np.einsum("mtik,mk->mti", self.A, x[:, self.mine] - self.value) + self.mean
-
-
 def _elastic(cell: Cell) -> Bools:
     """Parameters of what yields under load, shape (k,)."""
     counts = [len(effect.parameters) for effect in cell.effects]
@@ -110,11 +94,9 @@ def _elastic(cell: Cell) -> Bools:
 
 def deflections(cell: Cell, q: Array, force: Array) -> Array:
     """A_i of Eq. (7) at joint values q (m, n) under force (m, 3), shape (m, t, 3, k)."""
-    pulls = Pulls.at(q, force)
-    loaded = load(cell, pulls, np.zeros(len(cell.parameters)))
-    return np.concatenate(
-        [columns(effect, loaded) for effect in cell.effects if isinstance(effect, Elastic)], axis=-1
-    )
+    yields = tuple(effect for effect in cell.effects if isinstance(effect, Elastic))
+    elastic = replace(cell, effects=yields, equilibrium="undeformed")
+    return jacobian(elastic, Pulls.at(q, force), np.zeros(len(elastic.parameters)))
 
 
 def _limits(cell: Cell) -> tuple[Array, Array]:
@@ -128,37 +110,25 @@ def _around(cell: Cell, test: Where, rng: np.random.Generator, poses: int) -> Ar
     return np.clip(test.q + rng.uniform(-half, half, (poses, len(half))), *_limits(cell))
 
 
-def _full(estimate: Estimate, rng: np.random.Generator, poses: int) -> Array:
+def _full(one: Hypothesis, rng: np.random.Generator, poses: int) -> Array:
+    """How far draws of what yields under load are off, one per pose, shape (m, k)."""
+    estimate, off = one.estimate, np.zeros((poses, len(one.estimate.value)))
     known = estimate.identifiable
-    x = np.tile(estimate.value, (poses, 1))
     std = estimate.std[known]  # compliances differ by powers of ten: factor the correlations
     half = std[:, None] * linear.factor(estimate.cov[np.ix_(known, known)] / np.outer(std, std))
-    x[:, known] += rng.standard_normal((poses, known.sum())) @ half.T
-    return x
+    off[:, known] = rng.standard_normal((poses, known.sum())) @ half.T
+    return off[:, _elastic(one.cell)]
 
 
-def _each(estimate: Estimate, springs: int, rng: np.random.Generator, poses: int) -> Array:
-    """Eq. (23): stiffnesses, each normal by itself; only those that have a positive value."""
-    x = np.tile(estimate.value, (poses, 1))
-    known = estimate.identifiable & (estimate.value > 0) & (np.arange(x.shape[1]) < springs)
-    k = 1 / estimate.value[known]
-    x[:, known] = 1 / (k + rng.standard_normal((poses, len(k))) * estimate.std[known] * k**2)
-    return x
+def _each(one: Hypothesis, rng: np.random.Generator, poses: int) -> Array:
+    """The same by Eq. (23): stiffnesses, each normal by itself, where they are positive."""
+    value, off = one.estimate.value, np.zeros((poses, len(one.estimate.value)))
+    known = one.estimate.identifiable & (value > 0) & (np.arange(len(value)) < one.cell.robot.n)
+    k, std = 1 / value[known], one.estimate.std[known]
+    off[:, known] = 1 / (k + rng.standard_normal((poses, len(k))) * std * k**2) - value[known]
+    return off[:, _elastic(one.cell)]
 
 
 def none() -> pd.DataFrame:
     """The table of a campaign that determines nothing."""
-    return _table("test_pose", "covariance", np.zeros((0, 0)), [])
-
-
-def _table(name: str, kind: str, mu: Array, targets: list[str]) -> pd.DataFrame:
-    m, t = mu.shape
-    return pd.DataFrame(
-        {
-            "set": name,
-            "draw": kind,
-            "index": np.repeat(np.arange(1, m + 1), t),
-            "target": targets * m,
-            "mu": mu.ravel(),
-        }
-    )
+    return frame(VALIDATION.empty_table())

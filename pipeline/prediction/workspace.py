@@ -10,11 +10,12 @@ import pandas as pd
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools
-from pipeline.machine.cell import Cell, Tool, jacobian, predict
+from pipeline.machine.cell import Cell, jacobian, predict
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.prediction.model import Hypothesis
 from pipeline.reduction.pose_of_interest import Where
+from pipeline.tables import WORKSPACE, frame
 
 _STEPS = 25
 """Values of each of the two joints that move the arm."""
@@ -46,12 +47,9 @@ def workspace(hypotheses: Sequence[Hypothesis], test: Where, steps: int = _STEPS
     if pair is None:
         return none()
     q, grid = _swept(cell.robot, test.q, pair, steps)
-    here = configure(cell.robot, q)
-    inside = _same_side(here, cell, pair)
-    q, grid = q[inside], grid[inside]
-    plane = _plane(configure(cell.robot, q), cell, pair)
-    size, std, direction = _softest(hypotheses, q)
-    return _table(plane, size, std, direction, grid)
+    inside, plane = _seen(configure(cell.robot, q), cell, pair)
+    found = np.column_stack([grid[inside], plane[inside], *_softest(hypotheses, q[inside])])
+    return pd.DataFrame(found, columns=WORKSPACE.names).astype({"row": "i4", "column": "i4"})
 
 
 def arm_joints(robot: Robot, q: Array) -> tuple[int, int] | None:
@@ -66,49 +64,30 @@ def arm_joints(robot: Robot, q: Array) -> tuple[int, int] | None:
 
 def _swept(robot: Robot, q: Array, pair: tuple[int, int], steps: int) -> tuple[Array, Array]:
     """The test pose, then the grid of the two joints: q (m, n) and grid indices (m, 2)."""
-    ranges = []
-    for j in pair:
-        low, high = robot.joints[j].lower, robot.joints[j].upper
-        low, high = max(low, q[j] - np.pi / 2), min(high, q[j] + np.pi / 2)
-        ranges.append(np.linspace(low, high, steps))
-    index = np.stack(np.meshgrid(range(steps), range(steps), indexing="ij"), axis=-1).reshape(-1, 2)
+    low, high = np.maximum(robot.lower, q - np.pi / 2), np.minimum(robot.upper, q + np.pi / 2)
+    index = np.indices((steps, steps)).reshape(2, -1).T
     swept = np.tile(q, (len(index), 1))
     for column, j in enumerate(pair):
-        swept[:, j] = ranges[column][index[:, column]]
+        swept[:, j] = np.linspace(low[j], high[j], steps)[index[:, column]]
     return np.vstack([q, swept]), np.vstack([[-1, -1], index])
 
 
-def _levers(here: Configuration, cell: Cell, pair: tuple[int, int]) -> tuple[Array, Array, Array]:
-    """Shoulder axis (m, 3) and the load point from shoulder and elbow (m, 3)."""
+def _seen(here: Configuration, cell: Cell, pair: tuple[int, int]) -> tuple[Bools, Array]:
+    """The arm in its plane.
+
+    Returns:
+        Where it is bent the same way as in the first row, (m,): one point, one configuration; reach
+        from the shoulder and height in F_b of the load point [m], (m, 2).
+    """
+    shoulder, elbow = pair
     point = here.points(cell.tool.load_point[None])[:, 0]
-    return (
-        here.axes[:, pair[0], :, 2],
-        point - here.origin[:, pair[0]],
-        point - here.origin[:, pair[1]],
-    )
-
-
-def _same_side(here: Configuration, cell: Cell, pair: tuple[int, int]) -> Bools:
-    """Where the arm is bent the same way as in the first row: one point, one configuration."""
-    axis, from_shoulder, from_elbow = _levers(here, cell, pair)
-    bend = np.einsum("mi,mi->m", axis, np.cross(from_shoulder, from_elbow))
-    return bend * bend[0] > 0
-
-
-def _plane(here: Configuration, cell: Cell, pair: tuple[int, int]) -> Array:
-    """Reach from the shoulder and height in F_b of the load point [m], shape (m, 2)."""
-    axis, from_shoulder, _ = _levers(here, cell, pair)
+    axis, from_shoulder = here.axes[:, shoulder, :, 2], point - here.origin[:, shoulder]
+    bend = np.einsum("mi,mi->m", axis, np.cross(from_shoulder, point - here.origin[:, elbow]))
     up = UP - axis[0] * (axis[0] @ UP)
-    up = up / np.linalg.norm(up) if np.linalg.norm(up) > 1e-6 else here.axes[0, pair[0], :, 0]
+    up = up / np.linalg.norm(up) if np.linalg.norm(up) > 1e-6 else here.axes[0, shoulder, :, 0]
     reach = np.cross(up, axis[0])
     reach = reach * (np.sign(from_shoulder[0] @ reach) or 1.0)
-    height = (here.points(cell.tool.load_point[None])[:, 0]) @ up
-    return np.stack([from_shoulder @ reach, height], axis=1)
-
-
-def _at_load_point(cell: Cell) -> Cell:
-    point = cell.tool.load_point
-    return replace(cell, tool=Tool(point, np.array(["load_point"], dtype=object), point[None]))
+    return bend * bend[0] > 0, np.stack([from_shoulder @ reach, point @ up], axis=1)
 
 
 def _softest(hypotheses: Sequence[Hypothesis], q: Array) -> tuple[Array, Array, Array]:
@@ -116,7 +95,7 @@ def _softest(hypotheses: Sequence[Hypothesis], q: Array) -> tuple[Array, Array, 
     m = len(q)
     force = np.tile(_FORCE_N * np.eye(3), (m, 1))
     pulls = Pulls.at(np.repeat(q, 3, axis=0), force)
-    cells = [_at_load_point(one.cell) for one in hypotheses]
+    cells = [one.at() for one in hypotheses]
     each = [
         predict(cell, pulls, one.value).displacement.reshape(m, 3, 3) / _FORCE_N
         for cell, one in zip(cells, hypotheses, strict=True)
@@ -137,26 +116,4 @@ def _softest(hypotheses: Sequence[Hypothesis], q: Array) -> tuple[Array, Array, 
 
 def none() -> pd.DataFrame:
     """The table of no model at all."""
-    return _table(
-        np.zeros((0, 2)),
-        np.zeros(0),
-        np.zeros(0),
-        np.zeros((0, 3)),
-        np.zeros((0, 2), dtype=np.int32),
-    )
-
-
-def _table(plane: Array, size: Array, std: Array, direction: Array, grid: Array) -> pd.DataFrame:
-    return pd.DataFrame(
-        {
-            "row": grid[:, 0].astype(np.int32),
-            "column": grid[:, 1].astype(np.int32),
-            "reach_m": plane[:, 0],
-            "height_m": plane[:, 1],
-            "worst_m_per_n": size,
-            "std_m_per_n": std,
-            "direction_x": direction[:, 0],
-            "direction_y": direction[:, 1],
-            "direction_z": direction[:, 2],
-        }
-    )
+    return frame(WORKSPACE.empty_table())

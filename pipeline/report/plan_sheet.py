@@ -16,8 +16,9 @@ from pipeline.design.information import station
 from pipeline.design.measurement import Measurement
 from pipeline.design.problem import Problem, with_steps
 from pipeline.design.propose import Proposal
-from pipeline.design.schedule import branches, pulls_at
+from pipeline.design.schedule import pulls_at
 from pipeline.machine.cell import paper_cell, predict
+from pipeline.machine.effect import branches
 from pipeline.machine.robot import Robot
 from pipeline.report import words
 from pipeline.report.record import (
@@ -74,7 +75,7 @@ def sheet(proposal: Proposal, extras: Extras, seconds: float) -> Report:
         kicker=f"Measurement sheet · {problem.robot.name}",
         heading=name,
         title=f"Measurement sheet {name} for {problem.robot.name}",
-        verdict=f"{problem.readings} readings in {len(measurement.q)} poses",
+        verdict=f"{problem.spec.plan.readings} readings in {len(measurement.q)} poses",
         tone="good" if proposal.certificate is not None else "attention",
         sentences=(worth(proposal), _visibility(extras.sights)),
         sections=(
@@ -161,7 +162,7 @@ def _driving(problem: Problem, measurement: Measurement) -> Section:
             *(_cell(value, 3) for value in q[number]),
             *((text_entry(_way(measurement.approach[number])),) if rail else ()),
             _cell(at.chain_m[number], 2),
-            _cell(at.flange[2, number], 2),
+            _cell(at.configuration.flange_origin[number, 2], 2),
         )
         for number in range(len(q))
     ]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +23,8 @@ from pipeline.simulate._words import amounts, parts
 KGF_N, LBF_N, INCH_M = 9.80665, 4.4482216152605, 0.0254
 """Newtons in a kilogram-force and a pound-force, metres in an inch; all exact by definition."""
 
+_METRES = {"inch": INCH_M, "m": 1.0}
+_NEWTONS = {"kgf": KGF_N, "lbf": LBF_N}
 _SISTER = {"kr500_rail": "kr500_rail_kuka", "kr500_rail_kuka": "kr500_rail"}
 
 
@@ -48,6 +51,10 @@ class Notebook(Locked):
     prismatic: Bools
     joints: Array
     controller: Array
+
+    def reread(self, **changes: Any) -> Notebook:
+        """The notebook with some columns of its readings changed."""
+        return replace(self, readings=replace(self.readings, **changes))
 
 
 _Act = Callable[[Notebook, str, Array, np.random.Generator], tuple[Notebook, str]]
@@ -109,14 +116,14 @@ def _outlier(
     direction = rng.standard_normal(3)
     position = notes.readings.position.copy()
     position[hit] += size * direction / np.linalg.norm(direction)
-    return replace(notes, readings=replace(notes.readings, position=position)), names[hit]
+    return notes.reread(position=position), names[hit]
 
 
 def _label_swap(
     notes: Notebook, where: str, size: Array, rng: np.random.Generator
 ) -> tuple[Notebook, str]:
     """Two targets of one group carry each other's names."""
-    groups = [g for g, t in zip(notes.readings.group, notes.readings.target, strict=True)]
+    groups = notes.readings.group
     of_pose = sorted({g for g in groups if g.endswith(("loaded", "unloaded"))})
     group = _known(where, of_pose) if where else str(rng.choice(of_pose))
     one, two = rng.choice(notes.targets, 2, replace=False)
@@ -125,7 +132,7 @@ def _label_swap(
         other.get(t, t) if g == group else t
         for g, t in zip(groups, notes.readings.target, strict=True)
     ]
-    return replace(notes, readings=replace(notes.readings, target=target)), group
+    return notes.reread(target=target), group
 
 
 def _known(where: str, names: Sequence[str]) -> str:
@@ -139,13 +146,10 @@ def _unit_mixup(
 ) -> tuple[Notebook, str]:
     """Numbers in one unit are labelled with another."""
     where = where or str(rng.choice(UNITS))
-    if where in ("inch", "m"):
-        factor = 1e-3 / (INCH_M if where == "inch" else 1.0)
-        readings = replace(notes.readings, position=notes.readings.position * factor)
-        return replace(notes, readings=readings), where
-    if where in ("kgf", "lbf"):
-        newton = KGF_N if where == "kgf" else LBF_N
-        return replace(notes, reading_n=notes.reading_n / newton), where
+    if where in _METRES:
+        return notes.reread(position=notes.readings.position * (1e-3 / _METRES[where])), where
+    if where in _NEWTONS:
+        return replace(notes, reading_n=notes.reading_n / _NEWTONS[where]), where
     joints = np.where(notes.prismatic, notes.joints, np.deg2rad(notes.joints))
     return replace(notes, joints=joints), where
 
@@ -155,33 +159,24 @@ def _sign_or_convention(
 ) -> tuple[Notebook, str]:
     """A sign or a convention is not the one that is stated."""
     misread_robot, misread_as = misread(parse(notes.robot_text, "robot.toml"))
-    possible = [
-        name
-        for name, can in (
-            ("controller_axes", notes.controller.shape[1] == notes.joints.shape[1]),
-            ("left_handed", True),
-            ("pull_reversed", True),
-            ("d_5", notes.robot in _SISTER),
-            (misread_as, True),
-        )
-        if can
-    ]
-    where = _known(where, possible) if where else str(rng.choice(possible))
-    if where == "controller_axes":
-        return replace(notes, joints=notes.controller), where
-    if where == "left_handed":
-        position = notes.readings.position * [1.0, -1.0, 1.0]
-        return replace(notes, readings=replace(notes.readings, position=position)), where
-    if where == misread_as:
-        return replace(notes, robot="robot.toml", robot_text=misread_robot), where
-    if where == "d_5":
-        return replace(notes, robot=_SISTER[notes.robot]), where
     other = {"Pl1": "Pl2", "Pl2": "Pl1"}
-    target = [other.get(t, t) for t in notes.readings.target]
-    return replace(notes, readings=replace(notes.readings, target=target)), where
+    wrong = {
+        "controller_axes": replace(notes, joints=notes.controller),
+        "left_handed": notes.reread(position=notes.readings.position * [1.0, -1.0, 1.0]),
+        "pull_reversed": notes.reread(target=[other.get(t, t) for t in notes.readings.target]),
+        "d_5": replace(notes, robot=_SISTER.get(notes.robot, notes.robot)),
+        misread_as: replace(notes, robot="robot.toml", robot_text=misread_robot),
+    }
+    if notes.controller.shape != notes.joints.shape:
+        del wrong["controller_axes"]
+    if notes.robot not in _SISTER:
+        del wrong["d_5"]
+    possible = list(wrong)
+    where = _known(where, possible) if where else str(rng.choice(possible))
+    return wrong[where], where
 
 
-UNITS = ("inch", "m", "kgf", "lbf", "rad")
+UNITS = (*_METRES, *_NEWTONS, "rad")
 _SIGNS = ("controller_axes", "left_handed", "pull_reversed", "d_5")
 CONVENTIONS = (*_SIGNS, "modified_dh", "standard_dh")
 BLUNDERS: Mapping[str, Blunder] = {

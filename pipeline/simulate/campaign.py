@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import timedelta
 from typing import Any
@@ -21,7 +21,7 @@ from pipeline.simulate.blunders import Notebook, controller_axes
 from pipeline.simulate.hidden import Planted, blunders
 from pipeline.simulate.noise import stated_covariance
 from pipeline.simulate.plan import Plan
-from pipeline.simulate.scene import Draws, Scene, build, draw
+from pipeline.simulate.scene import Draws, Scene, axes, build, draw
 
 _CHAIN = ["Pl1", "Pl2"]
 """Reflectors on the chain, which show where it pulls."""
@@ -68,10 +68,7 @@ def simulate(
     for one in blunders(plan.hidden.effects, robot):
         notes, where = one.blunder.act(notes, one.where, one.size, for_blunders)
         done.append(_effect(one.blunder.name, where, one.blunder.size, one.size))
-    sealed = truth(scene, draws)
-    return RawCampaign(
-        plan.name, written(scene, notes), sealed | {"effects": sealed["effects"] + done}
-    )
+    return RawCampaign(plan.name, written(scene, notes), truth(scene, draws, done))
 
 
 _TO_FILL = b"""
@@ -91,18 +88,14 @@ def prepared(plan: Plan, robot: Robot) -> dict[str, bytes]:
         InputError: A pose of the plan is out of limits, or no feasible one was found.
     """
     scene = build(plan, robot, np.random.default_rng(plan.seed))
-    q = scene.pulls.q[scene.pulls.repeat == 1]
-    rows = zip(scene.pulls.pose, scene.pulls.repeat, scene.pulls.branch, strict=True)
-    loads = [f"{pose},{repeat},,{'up' if way > 0 else 'down'}\n" for pose, repeat, way in rows]
-    toml_text = _campaign_toml(plan, plan.robot)
+    settings = _campaign_toml(plan, plan.robot)
     if "base_frame" not in plan.model_fields_set:
-        toml_text = (
-            _campaign_toml(plan.model_copy(update={"base_frame": {}}), plan.robot) + _TO_FILL
-        )
+        bare = plan.model_copy(update={"base_frame": {}})
+        settings = _campaign_toml(bare, plan.robot) + _TO_FILL
     files = {
-        "campaign.toml": toml_text,
-        "loads.csv": "".join(["pose,repeat,force_n,branch\n", *loads]).encode(),
-        "joints.csv": _joints(scene, in_log_units(robot, q)),
+        "campaign.toml": settings,
+        "loads.csv": _loads(scene, [""] * len(scene.pulls)),
+        "joints.csv": _joints(scene, in_log_units(robot, scene.stands.q)),
     }
     return files | ({} if plan.robot in SHIPPED else {"robot.toml": robot.text.encode()})
 
@@ -114,54 +107,55 @@ def raw_files(scene: Scene, draws: Draws, which: int = 0) -> dict[str, bytes]:
 
 def _notebook(scene: Scene, draws: Draws, which: int = 0) -> Notebook:
     """What the operator has to write down of one drawn campaign."""
-    q = scene.pulls.q[scene.pulls.repeat == 1]
+    robot, q = scene.cell.robot, scene.stands.q
     return Notebook(
         robot=scene.plan.robot,
-        robot_text=scene.robot.text,
+        robot_text=robot.text,
         targets=tuple(scene.plan.targets),
         readings=readings(scene, draws, which),
         reading_n=draws.reading_n[which],
-        prismatic=scene.robot.prismatic,
-        joints=in_log_units(scene.robot, q),
-        controller=controller_axes(scene.robot, q),
+        prismatic=robot.prismatic,
+        joints=in_log_units(robot, q),
+        controller=controller_axes(robot, q),
     )
 
 
 def written(scene: Scene, notes: Notebook) -> dict[str, bytes]:
     """The files of a notebook."""
     tracker = scene.plan.tracker
-    write = READERS[tracker.dialect].write if tracker.dialect in READERS else None
-    if write is None:
+    reader = READERS.get(tracker.dialect)
+    if reader is None or reader.write is None:
         known = ", ".join(WRITERS)
         raise UsageError(f'there is no dialect "{tracker.dialect}"; choose from {known}.')
+    shown = text_of(notes.reading_n[:, None], None if tracker.decimals is None else 2)
     files = {
         "campaign.toml": _campaign_toml(scene.plan, notes.robot),
-        _export_name(tracker.dialect): write(notes.readings, tracker.unit, tracker.decimals),
-        "loads.csv": _loads(scene, notes.reading_n),
+        f"tracker{reader.suffix}": reader.write(notes.readings, tracker.unit, tracker.decimals),
+        "loads.csv": _loads(scene, [force for (force,) in shown]),
         "joints.csv": _joints(scene, notes.joints),
     }
-    if not READERS[tracker.dialect].says_names:
+    if not reader.says_names:
         files["assignment.csv"] = _assignment(notes.readings)
     if notes.robot not in SHIPPED:
         files["robot.toml"] = notes.robot_text.encode()
     return files
 
 
-def _export_name(dialect: str) -> str:
-    return f"tracker{READERS[dialect].suffix}"
-
-
 def _assignment(readings: Readings) -> bytes:
     """Which reading is which, for exports that hold numbers only."""
-    named = zip(readings.group, readings.target, strict=True)
-    rows = [f"{order},{group},{target}\n" for order, (group, target) in enumerate(named, 1)]
-    return "".join(["order,group,target\n", *rows]).encode()
+    order = range(1, len(readings.group) + 1)
+    return _csv("order,group,target", zip(order, readings.group, readings.target, strict=True))
+
+
+def _csv(head: str, rows: Iterable[Iterable[object]]) -> bytes:
+    lines = [head, *(",".join(map(str, row)) for row in rows), ""]
+    return "\n".join(lines).encode()
 
 
 def readings(scene: Scene, draws: Draws, which: int = 0) -> Readings:
     """All readings of one drawn campaign in the order in which they were taken."""
     plan = scene.plan
-    named = [*_base_names(plan), *_unloaded_names(scene), *_loaded_names(scene)]
+    named = _names(scene)
     loaded = np.concatenate([draws.loaded[which], draws.chain[which]], axis=1)
     xyz = np.concatenate([a.reshape(-1, 3) for a in (draws.base[which], draws.zero[which], loaded)])
     times = (scene.schedule.base, scene.schedule.zero, scene.schedule.loaded)
@@ -177,77 +171,62 @@ def readings(scene: Scene, draws: Draws, which: int = 0) -> Readings:
     )
 
 
-def _base_names(plan: Plan) -> Iterator[tuple[str, str]]:
-    """Group and target of every base reading; as below, in the order of the draws."""
-    return itertools.product(("base_start", "base_end"), plan.base_frame)
+def _names(scene: Scene) -> list[tuple[str, str]]:
+    """Group and target of every reading, in the order of the draws.
 
-
-def _unloaded_names(scene: Scene) -> Iterator[tuple[str, str]]:
-    """Before the pulls the group has the number 0, after them one more than the last pull."""
-    after = np.bincount(scene.pose_of) + 1
-    for pose, last in zip(_pose_names(scene), after, strict=True):
-        for number in (0, last)[: scene.schedule.zero.shape[1]]:
-            yield from ((f"{pose}{number}_unloaded", target) for target in scene.plan.targets)
-
-
-def _loaded_names(scene: Scene) -> Iterator[tuple[str, str]]:
-    names = _pose_names(scene)
-    for pose, repeat in zip(scene.pose_of, scene.pulls.repeat, strict=True):
-        targets = [*scene.plan.targets, *_CHAIN]
-        yield from ((f"{names[pose]}{repeat}_loaded", target) for target in targets)
-
-
-def _pose_names(scene: Scene) -> list[str]:
+    Before the pulls the group has the number 0, after them one more than the last pull.
+    """
+    base, targets, pulls = scene.plan.base_frame, scene.plan.targets, scene.pulls
     wide = max(2, len(str(len(scene.anchor))))
-    return [f"pose{number:0{wide}d}_rep" for number in range(1, len(scene.anchor) + 1)]
+    after = np.bincount(pulls.pose) + 1
+    numbers = [(k, (0, after[k])[: scene.schedule.zero.shape[1]]) for k in scene.stands.pose]
+    unloaded = [f"pose{k:0{wide}d}_rep{n}_unloaded" for k, both in numbers for n in both]
+    each = zip(pulls.pose, pulls.repeat, strict=True)
+    loaded = [f"pose{k:0{wide}d}_rep{n}_loaded" for k, n in each]
+    return [
+        *itertools.product(("base_start", "base_end"), base),
+        *itertools.product(unloaded, targets),
+        *itertools.product(loaded, [*targets, *_CHAIN]),
+    ]
 
 
-def _loads(scene: Scene, reading_n: Array) -> bytes:
-    digits = None if scene.plan.tracker.decimals is None else 2
-    force = [row[0] for row in text_of(reading_n[:, None], digits)]
+def _loads(scene: Scene, force: Sequence[str]) -> bytes:
     branch = np.where(scene.pulls.branch > 0, "up", "down")
     rows = zip(scene.pulls.pose, scene.pulls.repeat, force, branch, strict=True)
-    body = [f"{pose},{repeat},{shown},{way}\n" for pose, repeat, shown, way in rows]
-    return "".join(["pose,repeat,force_n,branch\n", *body]).encode()
+    return _csv("pose,repeat,force_n,branch", rows)
 
 
 def _joints(scene: Scene, logged: Array) -> bytes:
-    joints = scene.robot.joints
+    joints, stands = scene.cell.robot.joints, scene.stands
     head = ["pose", *(f"{j.name}_{'m' if j.prismatic else 'deg'}" for j in joints), "approach"]
-    first = np.flatnonzero(scene.pulls.repeat == 1)
     q = text_of(logged, None if scene.plan.tracker.decimals is None else 6)
-    approach = scene.pulls.approach[first].astype(int)
-    rows = zip(scene.pulls.pose[first], q, approach, strict=True)
-    body = [f"{pose},{','.join(values)},{way}\n" for pose, values, way in rows]
-    return "".join([",".join(head) + "\n", *body]).encode()
+    rows = zip(stands.pose, q, stands.approach.astype(int), strict=True)
+    return _csv(",".join(head), ((pose, *values, way) for pose, values, way in rows))
 
 
 def _campaign_toml(plan: Plan, robot: str) -> bytes:
     reader = READERS[plan.tracker.dialect]
-    tracker: dict[str, Any] = {"files": [_export_name(plan.tracker.dialect)]}
-    tracker |= {} if reader.says_unit else {"unit": plan.tracker.unit}
-    tracker |= {} if reader.says_names else {"assignment": "assignment.csv"}
-    tracker |= _stated(plan) if plan.tracker.stated else {"covariance": "none"}
-    scale = plan.scale
-    content: dict[str, Any] = {
+    content = {
         "format": 1,
         "name": plan.name,
         "robot": robot if robot in SHIPPED else "robot.toml",
-        "tracker": tracker,
+        "tracker": {
+            "files": [f"tracker{reader.suffix}"],
+            "unit": None if reader.says_unit else plan.tracker.unit,
+            "assignment": None if reader.says_names else "assignment.csv",
+            **(_stated(plan) if plan.tracker.stated else {"covariance": "none"}),
+        },
         "naming": {"measured": plan.targets, "chain": _CHAIN},
         "base_frame": plan.base_frame,
         "scale": {
             "file": "loads.csv",
-            "sigma_n": scale.sigma_n,
-            "sigma_rel": scale.sigma_rel,
-            "gain_sigma": scale.gain_sigma,
+            **plan.scale.model_dump(include={"sigma_n", "sigma_rel", "gain_sigma"}),
         },
         "joints": {"file": "joints.csv"},
         "tool": plan.tool,
+        "test_pose": plan.test_pose and plan.test_pose.model_dump(),
     }
-    if plan.test_pose is not None:
-        content["test_pose"] = plan.test_pose.model_dump()
-    return toml.dumps({key: value for key, value in content.items() if value != {}}).encode()
+    return toml.dumps(toml.given(content)).encode()
 
 
 def _stated(plan: Plan) -> dict[str, Any]:
@@ -258,44 +237,41 @@ def _stated(plan: Plan) -> dict[str, Any]:
     return {"noise": model if isinstance(model, str) else model.model_dump()}
 
 
-def truth(scene: Scene, draws: Draws, which: int = 0) -> dict[str, Any]:
-    """What is true of one drawn campaign, in SI, JSON-able."""
-    plan, robot, tool = scene.plan, scene.robot, scene.cell.tool
+def truth(scene: Scene, draws: Draws, done: list[dict[str, Any]]) -> dict[str, Any]:
+    """What is true of the first drawn campaign and what was done to it, in SI, JSON-able."""
+    plan, robot = scene.plan, scene.cell.robot
     stiffness = 1 / scene.values[: robot.n]
+    pulled = (scene.pulls.pose, scene.pulls.repeat, draws.force_n[0])
     return {
         "format": 1,
         "campaign": plan.name,
         "robot": plan.robot,
         "plan": plan.model_dump(mode="json"),
         "stiffness": [
-            {"joint": i, "name": f"k_{joint.name}", "unit": joint.stiffness_unit, "value": value}
-            for i, (joint, value) in enumerate(
-                zip(robot.joints, stiffness.tolist(), strict=True), 1
-            )
+            {"joint": i + 1, "name": f"k_{joint.name}", "unit": joint.stiffness_unit, "value": k}
+            for i, (joint, k) in enumerate(zip(robot.joints, stiffness.tolist(), strict=True))
         ],
         "effects": [
-            _effect(one.effect.name, one.effect.where, one.effect.parameters, one.values)
-            for one in scene.planted
+            *(
+                _effect(one.effect.name, one.effect.where, one.effect.parameters, one.values)
+                for one in scene.planted
+            ),
+            *done,
         ],
         "equilibrium": scene.cell.equilibrium,
-        "tool": {
-            "load_point": tool.load_point.tolist(),
-            **dict(zip(tool.targets, tool.points.tolist(), strict=True)),
-        },
+        "tool": {name: at.tolist() for name, at in scene.cell.tool.named.items()},
         "tracker": {
-            "position_m": scene.tracker_origin.tolist(),
-            "axes": scene.tracker_axes.tolist(),
+            "position_m": list(plan.tracker.position),
+            "axes": axes(plan).tolist(),
             "noise_scale": plan.tracker.noise_scale,
         },
         "scale": {
-            "gain_error": float(draws.gain_error[which]),
+            "gain_error": float(draws.gain_error[0]),
             "noise_scale": plan.scale.noise_scale,
         },
         "pulls": [
-            {"pose": int(pose), "repeat": int(repeat), "force_n": force}
-            for pose, repeat, force in zip(
-                scene.pulls.pose, scene.pulls.repeat, draws.force_n[which].tolist(), strict=True
-            )
+            {"pose": pose, "repeat": repeat, "force_n": force}
+            for pose, repeat, force in zip(*(one.tolist() for one in pulled), strict=True)
         ],
     }
 

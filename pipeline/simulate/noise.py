@@ -37,12 +37,9 @@ def stated_covariance(model: float | InstrumentNoise | Literal["paper"], at: Arr
     """Covariances that the instrument's software states for readings (n, 3) [m^2], (n, 6)."""
     if isinstance(model, InstrumentNoise):
         return instrument.beam_covariance(at, model)
-    six = (
-        PAPER_SIGMA_M**2 * instrument.PAPER_SHARE
-        if model == "paper"
-        else model**2 * instrument.ISOTROPIC
-    )
-    return np.tile(six, (len(at), 1))
+    if model == "paper":
+        return np.tile(PAPER_SIGMA_M**2 * instrument.PAPER_SHARE, (len(at), 1))
+    return np.tile(model**2 * instrument.ISOTROPIC, (len(at), 1))
 
 
 def _paper_errors(shape: tuple[int, ...], rng: np.random.Generator) -> Array:

@@ -6,17 +6,13 @@ import re
 from datetime import datetime
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
-from pipeline.base.errors import InputError, UsageError, first_wrong
-from pipeline.base.strict import NotNegative, Positive, Strict
+from pipeline.base.errors import UsageError
+from pipeline.base.strict import NotNegative, Positive, Strict, checked
 from pipeline.base.toml import loads, merged
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.reduction.settings import Point, Scale, TestPose
-
-_Step = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-
-_SignedStep = Annotated[float, Field(allow_inf_nan=False)]
 
 TOOL: dict[str, Point] = {
     "load_point": (0.15, 0.0, 0.25),
@@ -77,9 +73,9 @@ class Pull(Strict):
         setting_sd_n: How closely the operator meets a step with the turnbuckle [N].
     """
 
-    steps_n: list[_Step] = Field(default=[1200.0, 3000.0, 2000.0], min_length=1)
+    steps_n: list[Positive] = Field(default=[1200.0, 3000.0, 2000.0], min_length=1)
     repeats: int = Field(default=1, ge=1)
-    pose_steps_n: list[list[_SignedStep]] | None = Field(default=None, min_length=1)
+    pose_steps_n: list[list[float]] | None = Field(default=None, min_length=1)
     zero: Literal["before", "before_after"] = "before_after"
     anchors: list[Point] | None = Field(default=None, min_length=1)
     anchor: list[int] | None = None
@@ -293,9 +289,4 @@ def revised(plan: Plan, changes: dict[str, Any]) -> Plan:
 
 
 def _validated(content: dict[str, Any], file: str) -> Plan:
-    try:
-        return Plan.model_validate(content)
-    except ValidationError as problem:
-        words, message = first_wrong(problem)
-        where = ".".join(words) or "the plan"
-        raise InputError(f"{where}: {message}", "correct the plan", file=file) from problem
+    return checked(Plan, content, file, "the plan", "correct the plan")

@@ -16,7 +16,7 @@ from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.base.errors import InputError
 from pipeline.machine import cell as forward
 from pipeline.machine.cell import Cell, Tool
-from pipeline.machine.effect import Noise, Observation, Pulls
+from pipeline.machine.effect import Noise, Observation, Pulls, branches
 from pipeline.machine.poses import (
     default_anchors,
     draw_poses,
@@ -54,33 +54,30 @@ class Scene(Locked):
 
     Attributes:
         plan: What it was made from.
-        robot: Its robot.
         cell: What is true: robot, true tool points, springs and planted effects.
         values: Parameters of all effects of `cell`, shape (k,).
         planted: The planted effects with their values.
-        pose_of: Index of the pose of each pull, shape (m,).
         pulls: Nominal pulls, the force as the scale is meant to show it along the chain, m of them.
         anchor: Where each pose's chain is attached [m], shape (p, 3).
         schedule: When what is read.
-        tracker_origin: Where the tracker stands [m], shape (3,).
-        tracker_axes: Axes of its frame as columns, shape (3, 3).
     """
 
     plan: Plan
-    robot: Robot
     cell: Cell
     values: Array
     planted: tuple[Planted, ...]
-    pose_of: Ints
     pulls: Pulls
     anchor: Array
     schedule: Schedule
-    tracker_origin: Array
-    tracker_axes: Array
+
+    @property
+    def stands(self) -> Pulls:
+        """The first pull of each pose."""
+        return self.pulls.part(np.flatnonzero(self.pulls.repeat == 1))
 
     def in_tracker(self, points: Array) -> Array:
         """Points of F_b (..., 3) in the frame of the tracker [m]."""
-        return (points - self.tracker_origin) @ self.tracker_axes
+        return (points - np.array(self.plan.tracker.position)) @ axes(self.plan)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,11 +118,17 @@ def build(
         InputError: A pose or an effect of the plan cannot be.
     """
     for_poses, for_truth = rng.spawn(2)
-    q, anchor = _stand(plan, robot, for_poses)
+    tool = Tool.of(plan.tool)
+    q, anchor = _stand(plan, robot, tool, for_poses)
     planted = (*effects(plan.hidden.effects, robot), *hidden)
-    truth, values = _truth(plan, robot, planted, for_truth)
-    steps = _steps(plan)
-    count = np.array([len(own) for own in steps])
+    stiffness, points = _true(plan, robot, np.vstack([tool.load_point, tool.points]), for_truth)
+    truth = forward.paper_cell(robot, Tool(points[0], tool.targets, points[1:]))
+    truth = replace(truth, equilibrium=plan.hidden.equilibrium)
+    truth = truth.with_effects(*(one.effect for one in planted))
+    values = np.concatenate([1 / stiffness, *(one.values for one in planted)])
+    each, repeats = plan.pulls.pose_steps_n or [plan.pulls.steps_n] * len(q), plan.pulls.repeats
+    runs = [np.array(steps, dtype=float) for steps in each]  # each run starts slack
+    count = repeats * np.array([len(run) for run in runs])
     schedule = _schedule(plan, count)
     pose_of = np.repeat(np.arange(len(q)), count)
     pulls = Pulls(
@@ -133,24 +136,20 @@ def build(
         repeat=np.concatenate([np.arange(1, k + 1) for k in count]),
         q=q[pose_of],
         force=np.zeros((len(pose_of), 3)),
-        branch=np.concatenate([_branch(plan, own) for own in steps]),
+        branch=np.concatenate([np.tile(branches(run), repeats) for run in runs]),
         approach=_approach(plan)[pose_of],
         time=schedule.loaded.mean(axis=1),
         time_zero=schedule.zero.mean(axis=(1, 2))[pose_of],
     )
-    shown = np.abs(np.concatenate(steps))
+    shown = np.abs(np.concatenate([np.tile(run, repeats) for run in runs]))
     return Scene(
         plan=plan,
-        robot=robot,
         cell=truth,
         values=values,
         planted=planted,
-        pose_of=pose_of,
         pulls=_along_chain(truth, values, pulls, shown, anchor[pose_of]),
         anchor=anchor,
         schedule=schedule,
-        tracker_origin=np.array(plan.tracker.position),
-        tracker_axes=_axes(plan),
     )
 
 
@@ -163,13 +162,13 @@ def draw(scene: Scene, rng: np.random.Generator, n: int = 1) -> Draws:
     for_scale, for_tracker = rng.spawn(2)
     reading, gain_error, acting = _scale(scene, for_scale, n)
     pulls, load_point, loaded = _pulled(scene, acting)
+    times = np.tile(scene.schedule.loaded, (n, 1))
     exact = [
         _base(scene)[None],
         _zeros(scene)[None],
-        _observed(scene, pulls, loaded, np.tile(scene.schedule.loaded, (n, 1)), plan.targets),
-        _chain(scene, pulls, load_point, n),
+        _observed(scene, pulls, loaded, times, plan.targets).reshape(n, m, -1, 3),
+        _chain(scene, pulls, load_point, n).reshape(n, m, -1, 3),
     ]
-    exact[2:] = [points.reshape(n, m, -1, 3) for points in exact[2:]]
     at = [scene.in_tracker(points) for points in exact]
     size = plan.tracker.noise_scale * _scaled(scene.cell, scene.values, "tracker")
     base, zero, loaded, chain = (
@@ -185,17 +184,18 @@ def _scattered(plan: Plan, points: Array, size: float, rng: np.random.Generator)
     return points + size * noise.tracker_errors(plan.tracker.model, points, rng)
 
 
-def _stand(plan: Plan, robot: Robot, rng: np.random.Generator) -> tuple[Array, Array]:
+def _stand(plan: Plan, robot: Robot, tool: Tool, rng: np.random.Generator) -> tuple[Array, Array]:
     """Joint values (p, n) and anchor (p, 3) of every pose."""
     anchors = default_anchors(robot) if plan.pulls.anchors is None else np.array(plan.pulls.anchors)
-    points = np.array([plan.tool["load_point"], *(plan.tool[name] for name in plan.targets)])
     if plan.poses.q is None:
         which = _in_turn(plan, len(anchors))
+        points = np.vstack([tool.load_point, tool.points])
         return draw_poses(robot, points, anchors, which, rng), anchors[which]
     q = _given(plan, robot)
     if plan.pulls.anchor is not None:
         return q, anchors[plan.pulls.anchor]
-    return q, anchors[nearest_in_reach(configure(robot, q).points(points)[:, 0], anchors)]
+    at = configure(robot, q).points(tool.load_point[None])
+    return q, anchors[nearest_in_reach(at[:, 0], anchors)]
 
 
 def _in_turn(plan: Plan, anchors: int) -> Ints:
@@ -237,10 +237,8 @@ def _given(plan: Plan, robot: Robot) -> Array:
     return q
 
 
-def _truth(
-    plan: Plan, robot: Robot, planted: tuple[Planted, ...], rng: np.random.Generator
-) -> tuple[Cell, Array]:
-    """The true cell and all its parameters."""
+def _true(plan: Plan, robot: Robot, points: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """True stiffnesses [N/m] or [N m/rad], (n,), and true points of the tool [m], (1 + t, 3)."""
     wish = plan.hidden
     stiffness = 1 / robot.nominal_compliance if wish.stiffness is None else np.array(wish.stiffness)
     if len(stiffness) != robot.n:
@@ -249,32 +247,9 @@ def _truth(
             "give one per joint",
             file="plan",
         )
-    stiffness = stiffness * rng.uniform(
-        1 - wish.stiffness_spread, 1 + wish.stiffness_spread, robot.n
-    )
-    points = np.array([plan.tool["load_point"], *(plan.tool[name] for name in plan.targets)])
-    points = points + wish.tool_sd_m * rng.standard_normal(points.shape)
-    tool = Tool(points[0], np.array(plan.targets, dtype=object), points[1:])
-    truth = replace(forward.paper_cell(robot, tool), equilibrium=wish.equilibrium)
-    truth = truth.with_effects(*(one.effect for one in planted))
-    return truth, np.concatenate([1 / stiffness, *(one.values for one in planted)])
-
-
-def _steps(plan: Plan) -> list[Array]:
-    """What the scale is to show at each pull of each pose; each run starts slack."""
-    pulls = plan.pulls
-    each = pulls.pose_steps_n or [pulls.steps_n] * plan.poses.number
-    return [np.tile(np.array(steps, dtype=float), pulls.repeats) for steps in each]
-
-
-def _branch(plan: Plan, steps: Array) -> Array:
-    """Which way the turnbuckle was last turned at each pull of a pose."""
-    run = steps[: len(steps) // plan.pulls.repeats]
-    branch = np.sign(run)
-    for k in range(1, len(run)):
-        if run[k] > 0:
-            branch[k] = np.sign(run[k] - abs(run[k - 1])) or branch[k - 1]
-    return np.tile(branch, plan.pulls.repeats)
+    off, spread = wish.tool_sd_m, wish.stiffness_spread
+    stiffness = stiffness * rng.uniform(1 - spread, 1 + spread, robot.n)
+    return stiffness, points + off * rng.standard_normal(points.shape)
 
 
 def _schedule(plan: Plan, count: Ints) -> Schedule:
@@ -299,8 +274,8 @@ def _schedule(plan: Plan, count: Ints) -> Schedule:
     )
 
 
-def _axes(plan: Plan) -> Array:
-    """Axes of the tracker's frame in F_b: yaw about z, then pitch about y, then roll about x."""
+def axes(plan: Plan) -> Array:
+    """Axes of the tracker's frame in F_b as columns: yaw about z, pitch about y, roll about x."""
     at = [plan.tracker.yaw_deg, plan.tracker.pitch_deg, plan.tracker.roll_deg]
     return Rotation.from_euler("ZYX", at, degrees=True).as_matrix()
 
@@ -329,7 +304,7 @@ def _pulled(scene: Scene, acting: Array) -> tuple[Pulls, Array, Array]:
     """
     n = len(acting)
     still, values = _still(scene)
-    anchor = np.tile(scene.anchor[scene.pose_of], (n, 1))
+    anchor = np.tile(scene.anchor[scene.pulls.pose - 1], (n, 1))
     nominal = np.linalg.norm(scene.pulls.force, axis=1)
     pulls = scene.pulls.under((acting / nominal)[..., None] * scene.pulls.force)
     at = forward.predict(still, pulls, values).load_point
@@ -409,7 +384,7 @@ def _chain(scene: Scene, pulls: Pulls, load_point: Array, n: int) -> Array:
 def _zeros(scene: Scene) -> Array:
     """Unloaded targets as read before and after the pulls, in F_b, shape (p, z, t, 3)."""
     still, values = _still(scene)
-    pulls = scene.pulls.part(np.flatnonzero(scene.pulls.repeat == 1))
+    pulls = scene.stands
     points = forward.predict(still, pulls, values).unloaded
     times = np.moveaxis(scene.schedule.zero, 1, 0)
     names = scene.plan.targets
@@ -419,12 +394,6 @@ def _zeros(scene: Scene) -> Array:
 def _base(scene: Scene) -> Array:
     """Base reflectors as read at start and end, in F_b, shape (2, b, 3)."""
     points = np.array(list(scene.plan.base_frame.values())).reshape(-1, 3)
-    pulls = scene.pulls.part(np.array([0, len(scene.pulls) - 1]))
-    return _observed(
-        scene,
-        pulls,
-        np.stack([points, points]),
-        scene.schedule.base,
-        list(scene.plan.base_frame),
-        instrument_only=True,
-    )
+    pulls, names = scene.pulls.part(np.array([0, -1])), list(scene.plan.base_frame)
+    both, times = np.stack([points, points]), scene.schedule.base
+    return _observed(scene, pulls, both, times, names, instrument_only=True)

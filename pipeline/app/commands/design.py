@@ -14,7 +14,6 @@ from pipeline.base import files
 from pipeline.base.errors import InputError, Interrupted, UsageError, listed
 
 if TYPE_CHECKING:
-    from pipeline.base.arrays import Array
     from pipeline.design.made import Made
     from pipeline.design.problem import Problem
     from pipeline.store.campaign import Campaign
@@ -59,10 +58,10 @@ def design(
         "criterion": {"kind": criterion},
     }
     campaign = campaigns.find(root, add_to) if add_to else None
-    asked, known = problem_of(problem, changes), None
+    asked = problem_of(problem, changes)
     if campaign is not None:
-        asked, known = added_to(asked, campaign)
-    made = make(asked, seed, Effort(rounds=rounds), at_work, known)
+        asked = added_to(asked, campaign)
+    made = make(asked, seed, Effort(rounds=rounds), at_work)
     if wanted or (wanted is None and not as_json):
         made = write(root, made, seed)
     typer.echo(made.as_json() if as_json else made.as_text())
@@ -95,8 +94,8 @@ def problem_of(name: str, changes: dict[str, Any]) -> Problem:
     return build(spec, load(spec.robot, folder))
 
 
-def added_to(problem: Problem, campaign: Campaign) -> tuple[Problem, Array]:
-    """The problem for further readings of a campaign, and the information of those it has.
+def added_to(problem: Problem, campaign: Campaign) -> Problem:
+    """The problem for further readings of a campaign, with the information of those it has.
 
     Raises:
         InputError: The campaign cannot be read, or problem and campaign do not fit together.
@@ -110,7 +109,8 @@ def added_to(problem: Problem, campaign: Campaign) -> tuple[Problem, Array]:
     raw = campaign.read()
     further = build(continued(problem.spec, raw.settings, f"{campaign.name}_next"), raw.robot)
     cell = paper_cell(raw.robot, further.tool)
-    return further, information_of(cell, reduce(raw, conformed).data, further.experiment.scale)
+    data = reduce(raw, conformed).data
+    return replace(further, known=information_of(cell, data, further.experiment.scale))
 
 
 def write(root: Path, made: Made, seed: int) -> Made:
