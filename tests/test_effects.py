@@ -458,6 +458,6 @@ def test_the_guide_shows_a_real_effect():
     """The example of docs/add-an-effect.md is the file of an effect, letter for letter."""
     root = Path(__file__).parents[1]
     shown = (root / "docs" / "add-an-effect.md").read_text("utf-8").split("```python\n")[1]
-    file = root / "pipeline" / "machine" / "effects" / "rail_roll.py"
+    file = root / "pipeline" / "machine" / "effects" / "tool_flex.py"
 
     assert shown.split("```")[0] == file.read_text("utf-8")

@@ -22,7 +22,6 @@ from pipeline.machine.effect import (
     Pulls,
     Reflectors,
     Wrench,
-    linear,
 )
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.configuration import cross, torque, velocity
@@ -104,7 +103,6 @@ def baseline(robot: Robot) -> tuple[Elastic, ...]:
             name="joint_compliance",
             noun="stiffness of the joint",
             place="joint",
-            where=None,
             parameters=tuple(
                 Parameter(
                     f"c_{joint.name}", joint.compliance_unit, 1 / joint.typical_stiffness, 0.0
@@ -116,7 +114,6 @@ def baseline(robot: Robot) -> tuple[Elastic, ...]:
             source="Eqs. (3) to (7)",
             carrier=tuple(range(1, robot.n + 1)),
             twists=lambda loaded: loaded.configuration.twists,
-            response=linear,
         ),
     )
 
@@ -293,15 +290,9 @@ def jacobian(cell: Cell, pulls: Pulls, values: Array) -> Array:
 
 def _jacobian(cell: Cell, pulls: Pulls, values: Array) -> Array:
     loaded = load(cell, pulls, values)
-    out, start = [], 0
-    for effect in cell.effects:
-        k = len(effect.parameters)
-        if isinstance(effect, Elastic) and cell.equilibrium == "undeformed":
-            out.append(columns(effect, loaded))
-        else:
-            out.append(_differences(cell, pulls, values, range(start, start + k)))
-        start += k
-    return np.concatenate(out, axis=-1)
+    firsts = np.cumsum([0, *(len(effect.parameters) for effect in cell.effects)]).tolist()
+    parts = zip(cell.effects, firsts[:-1], strict=True)
+    return np.concatenate([_derivative(cell, *part, loaded, values) for part in parts], axis=-1)
 
 
 def sensitivity(cell: Cell, pulls: Pulls, values: Array, effects: Sequence[Effect]) -> Array:
@@ -319,23 +310,23 @@ def sensitivity(cell: Cell, pulls: Pulls, values: Array, effects: Sequence[Effec
     loaded = load(cell, pulls, values)
     out = []
     for effect in effects:
-        n = len(effect.parameters)
-        if isinstance(effect, Noise):
-            out.append(np.zeros((*loaded.points.shape, n)))
-        elif isinstance(effect, Elastic) and cell.equilibrium == "undeformed":
-            out.append(columns(effect, loaded))
-        else:
-            more = np.concatenate([values, np.zeros(n)])
-            which = range(len(values), len(more))
-            out.append(_differences(cell.with_effects(effect), pulls, more, which))
+        more = np.append(values, np.zeros(len(effect.parameters)))
+        out.append(_derivative(cell.with_effects(effect), effect, len(values), loaded, more))
     return np.concatenate(out, axis=-1)
 
 
-def _differences(cell: Cell, pulls: Pulls, values: Array, which: range) -> Array:
+def _derivative(cell: Cell, effect: Effect, first: int, loaded: Loaded, values: Array) -> Array:
+    """Derivative of the displacements by the parameters of one effect, from `first` on."""
+    if isinstance(effect, Noise):
+        return np.zeros((*loaded.points.shape, len(effect.parameters)))
+    if isinstance(effect, Elastic) and cell.equilibrium == "undeformed":
+        return columns(effect, loaded)
     out = []
-    for k in which:
+    for k, parameter in enumerate(effect.parameters, first):
         step = np.zeros_like(values)
-        step[k] = 1e-3 * cell.parameters[k].typical
-        ahead, behind = (predict(cell, pulls, values + s).displacement for s in (step, -step))
+        step[k] = 1e-3 * parameter.typical
+        ahead, behind = (
+            predict(cell, loaded.pulls, values + s).displacement for s in (step, -step)
+        )
         out.append((ahead - behind) / (2 * step[k]))
     return np.stack(out, axis=-1)

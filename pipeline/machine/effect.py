@@ -123,7 +123,7 @@ class Effect:
 
     Attributes:
         name: A word of the list of causes, `rail_roll`.
-        where: Joint number, `upper_arm`, `forearm`, or None.
+        where: Joint number, `upper_arm`, `forearm`, or None where it can act in one place only.
         noun: What an engineer calls it, as a noun, so that it fits into any sentence.
         place: Where in the cell it acts: rail, joint, link, tool, shoulder, wrist, force, metrology
             or noise.
@@ -139,7 +139,7 @@ class Effect:
     """
 
     name: str
-    where: int | str | None
+    where: int | str | None = None
     noun: str
     place: str
     parameters: tuple[Parameter, ...]
@@ -174,6 +174,11 @@ class Effect:
         return f"joint {self.where}" if self.place == "joint" else str(self.where)
 
 
+def linear(loaded: Loaded, tau: Array) -> Array:
+    """The law of a linear spring: deflection per unit compliance is the torque."""
+    return tau
+
+
 def same_element(one: Effect, other: Effect) -> bool:
     """True when both are laws of one thing of the machine, such as how one gear turns."""
     return bool(one.element) and (one.element, one.where) == (other.element, other.where)
@@ -190,13 +195,14 @@ class Elastic(Effect):
         carrier: The joint 0..n that carries each virtual joint (0 is the rail's bed);
             virtual joints of one carrier come after its own motion.
         twists: loaded -> unit screws of the virtual joints in F_b, shape (m, v, 6).
-        response: loaded, tau (m, v) -> deflection per unit parameter, shape (m, v).
+        response: loaded, tau (m, v) -> deflection per unit parameter, shape (m, v); that of a
+            linear spring where nothing else is said.
         shared: Parameter of each virtual joint where several have one; empty for one each.
     """
 
     carrier: tuple[int, ...]
     twists: Callable[[Loaded], Array]
-    response: Callable[[Loaded, Array], Array]
+    response: Callable[[Loaded, Array], Array] = linear
     shared: tuple[int, ...] = ()
 
     @property
@@ -278,8 +284,3 @@ class Compound(Effect):
     def facets(self) -> tuple[Effect, ...]:
         """The places of the cell where it acts, all with the same parameters."""
         return self.acts
-
-
-def linear(loaded: Loaded, tau: Array) -> Array:
-    """The law of a linear spring: deflection per unit compliance is the torque."""
-    return tau

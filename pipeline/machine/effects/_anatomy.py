@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from pipeline.base.arrays import Array
@@ -46,6 +48,16 @@ def rail_axes(loaded: Loaded) -> tuple[Array, Array, Array]:
     along = loaded.configuration.axes[:, 0, :, 2]
     up = np.broadcast_to([0.0, 0.0, 1.0], along.shape)
     return along, np.cross(along, up), up
+
+
+def rail_ends(robot: Robot) -> tuple[float, float]:
+    """Where the rail begins and ends [m]; ten metres where its file does not say."""
+    return (robot.lower[0], robot.upper[0]) if np.isfinite(robot.upper[0]) else (0.0, 10.0)
+
+
+def harmonics(angle: Array, numbers: Sequence[int]) -> Array:
+    """cos(k a), sin(k a) of angles (m,) for each of some k, shape (m, 2 numbers)."""
+    return np.stack([wave(k * angle) for k in numbers for wave in (np.cos, np.sin)], axis=1)
 
 
 def carriage(loaded: Loaded) -> Array:

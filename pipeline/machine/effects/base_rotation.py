@@ -36,7 +36,6 @@ def effects(robot: Robot) -> tuple[Compound, ...]:
         "noun": "rotation of the base frame",
         "place": "metrology",
         "shows_unloaded": True,
-        "where": None,
         "parameters": _PARAMETERS,
         "signature": _SIGNATURE,
         "needs": _NEEDS,

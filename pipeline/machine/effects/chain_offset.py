@@ -28,7 +28,6 @@ def effects(robot: Robot) -> tuple[Wrench, ...]:
             name="chain_offset",
             noun="offset of the chain reflectors",
             place="force",
-            where=None,
             parameters=tuple(Parameter(f"d_{axis}_over_L", "1", 8e-3, -0.2, 0.2) for axis in "xyz"),
             signature="the force seems to act aslant, in a direction fixed in the tool; "
             "in proportion to the load",

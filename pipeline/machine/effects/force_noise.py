@@ -12,7 +12,6 @@ def effects(robot: Robot) -> tuple[Noise, ...]:
             name="force_noise",
             noun="force noise larger than stated",
             place="noise",
-            where=None,
             parameters=(Parameter("s_force", "1", 1.0, 0.0, 20.0),),
             signature="all coordinates of one reading are off together, along its displacement",
             needs="repeated pulls at one pose",

@@ -43,7 +43,6 @@ _SAID: dict[str, Any] = {
     "noun": "sag under the arm's own weight",
     "place": "metrology",
     "shows_unloaded": True,
-    "where": None,
     "parameters": (
         Parameter("m_upper_arm", "kg", 500.0, 0.0, 2000.0),
         Parameter("m_forearm", "kg", 400.0, 0.0, 2000.0),

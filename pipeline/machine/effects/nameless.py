@@ -29,7 +29,14 @@ from pipeline.machine.effects import (
     rail_roll,
     rail_vertical,
 )
-from pipeline.machine.effects._anatomy import compliance, joint_screw, rail, turning
+from pipeline.machine.effects._anatomy import (
+    compliance,
+    harmonics,
+    joint_screw,
+    rail,
+    rail_ends,
+    turning,
+)
 from pipeline.machine.effects.tracker_drift import HOUR_S
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.configuration import translation_along
@@ -37,16 +44,11 @@ from pipeline.machine.robot.configuration import translation_along
 _BEARING = 5e-9
 """Typical compliance of a bearing along an axis [m/N], that of loaded guide rollers."""
 
-_MOMENT_NM = 3000.0
-"""A moment on the guides of a rail that counts as large."""
+_LARGE = {"m/N": 1000.0, "rad/(N m)": 3000.0}
+"""A load on the guides of a rail that counts as large [N] or [N m], by the unit of compliance."""
 
-_GUIDES = {
-    "lateral": (rail_lateral, 5e-9),
-    "vertical": (rail_vertical, 2.5e-9),
-    "roll": (rail_roll, 1e-8),
-    "pitch": (rail_pitch, 5e-9),
-}
-"""The guides of the carriage with their typical compliances [m/N] or [rad/(N m)]."""
+_GUIDES = (rail_lateral, rail_vertical, rail_roll, rail_pitch)
+"""The guides of the carriage."""
 
 _Screws = Callable[[Loaded], Array]
 _Response = Callable[[Loaded, Array], Array]
@@ -55,7 +57,7 @@ _Response = Callable[[Loaded, Array], Array]
 def nameless(robot: Robot) -> tuple[Effect, ...]:
     """Everything of this file that the robot can have."""
     numbers = turning(robot)
-    guides = _GUIDES if rail(robot) else ()
+    guides = [guide for file in _GUIDES for guide in file.effects(robot)]
     return (
         *(_bearing(robot, joint) for joint in _own_bearings(robot, numbers)),
         *(_cross_talk(robot, *pair) for pair in _coupled(numbers)),
@@ -92,17 +94,17 @@ def _effect(
     signed: bool = True,
     shared: tuple[int, ...] = (),
 ) -> Elastic:
-    unit = "1"  # a size relative to what is typical: nobody is told it
+    said = name.replace("_", " ")
     return Elastic(
         name=name,
         where=where,
-        noun=name.replace("_", " "),
+        noun=said,
         place="joint",
-        parameters=tuple(
-            Parameter(f"{name}_{where}_{k}", unit, size, -20 * size if signed else 0.0, 20 * size)
+        parameters=tuple(  # of unit 1, relative to what is typical: nobody is told it
+            Parameter(f"{name}_{where}_{k}", "1", size, -20 * size if signed else 0.0, 20 * size)
             for k, size in enumerate(sizes)
         ),
-        signature=f"{name.replace('_', ' ')} {where}",
+        signature=f"{said} {where}",
         needs="",
         source="",
         carrier=carrier,
@@ -140,9 +142,7 @@ def _cross_talk(robot: Robot, one: int, other: int) -> Effect:
 
 def _angle(robot: Robot, joint: int) -> Effect:
     def response(loaded: Loaded, torque: Array) -> Array:
-        angle = loaded.configuration.q[:, joint - 1]
-        waves = [wave(k * angle) for k in (1, 2) for wave in (np.cos, np.sin)]
-        return np.asarray(torque * np.stack(waves, axis=1))
+        return torque * harmonics(loaded.configuration.q[:, joint - 1], (1, 2))
 
     sizes = (0.05 * compliance(robot, joint),) * 4
     return _effect("compliance_by_angle", joint, sizes, (joint,) * 4, _screw(joint, 4), response)
@@ -157,29 +157,32 @@ def _warming(robot: Robot, joint: int) -> Effect:
     return _effect("compliance_by_time", joint, size, (joint,), _screw(joint, 1), response)
 
 
-def _along_the_rail(robot: Robot, guide: str) -> Effect:
-    file, size = _GUIDES[guide]
-    low, high = (robot.lower[0], robot.upper[0]) if np.isfinite(robot.upper[0]) else (0.0, 10.0)
+def _along_the_rail(robot: Robot, guide: Elastic) -> Effect:
+    low, high = rail_ends(robot)
 
     def response(loaded: Loaded, load: Array) -> Array:
         phase = np.pi * (loaded.configuration.q[:, 0] - low) / (high - low)
-        waves = [np.ones_like(phase), *(w(k * phase) for k in (1, 2) for w in (np.cos, np.sin))]
-        return np.asarray(load * np.stack(waves, axis=1))
+        return load * np.insert(harmonics(phase, (1, 2)), 0, 1.0, axis=1)
 
     def screws(loaded: Loaded) -> Array:
-        return file.screw(loaded).repeat(5, axis=1)
+        return guide.twists(loaded).repeat(5, axis=1)
 
-    return _effect("guide_along_the_rail", guide, (size,) * 5, (1,) * 5, screws, response)
+    sizes = (guide.parameters[0].typical,) * 5
+    return _effect("guide_along_the_rail", _short(guide), sizes, (1,) * 5, screws, response)
 
 
-def _contact(guide: str) -> Effect:
-    file, size = _GUIDES[guide]
-    large = 1000.0 if guide in ("lateral", "vertical") else _MOMENT_NM
+def _contact(guide: Elastic) -> Effect:
+    (spring,) = guide.parameters
 
     def response(loaded: Loaded, load: Array) -> Array:
-        return np.sign(load) * np.sqrt(np.abs(load) * large)
+        return np.sign(load) * np.sqrt(np.abs(load) * _LARGE[spring.unit])
 
-    return _effect("guide_contact", guide, (size,), (1,), file.screw, response)
+    sizes = (spring.typical,)
+    return _effect("guide_contact", _short(guide), sizes, (1,), guide.twists, response)
+
+
+def _short(guide: Elastic) -> str:
+    return guide.name.removeprefix("rail_")
 
 
 def _play(gear: Elastic) -> Effect:

@@ -59,7 +59,6 @@ def _effect(form: str, rest: float, law: Callable[[Array, Array], Array]) -> Ela
         name="rail_backlash",
         noun="backlash of the rail drive",
         place="rail",
-        where=None,
         form=form,
         tolerance=0.1,
         parameters=(Parameter("b_rail", "m", 2e-4, 0.0, 2e-3),),

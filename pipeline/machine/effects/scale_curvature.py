@@ -20,7 +20,6 @@ def effects(robot: Robot) -> tuple[Wrench, ...]:
             name="scale_curvature",
             noun="curvature of the spring scale",
             place="force",
-            where=None,
             parameters=(Parameter("e_scale", "1", 0.005, -0.1, 0.1),),
             signature="displacement over force changes with the force alike at every pose, "
             "whichever joint turns",

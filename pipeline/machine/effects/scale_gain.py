@@ -17,7 +17,6 @@ def effects(robot: Robot) -> tuple[Wrench, ...]:
             name="scale_gain",
             noun="wrong gain of the spring scale",
             place="force",
-            where=None,
             parameters=(Parameter("g_scale", "1", 0.01, -0.2, 0.2),),
             signature="all stiffnesses shift by the same percentage; nothing else shows",
             needs="a known dead weight on the scale",

@@ -18,7 +18,6 @@ def effects(robot: Robot) -> tuple[Wrench, ...]:
             name="scale_zero",
             noun="wrong zero of the spring scale",
             place="force",
-            where=None,
             parameters=(Parameter("f_zero", "N", 20.0, -300.0, 300.0),),
             signature="displacement over force has an offset at zero force, the same at every pose",
             needs="three load levels, or the scale read with nothing on it",

@@ -12,7 +12,6 @@ def effects(robot: Robot) -> tuple[Noise, ...]:
             name="tracker_noise",
             noun="tracker noise larger than stated",
             place="noise",
-            where=None,
             parameters=(Parameter("s_tracker", "1", 0.3, 0.0, 20.0),),
             signature="all residuals are larger than stated, without a pattern",
             needs="repeated readings of one state",

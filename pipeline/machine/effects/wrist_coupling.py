@@ -34,7 +34,6 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
             name="wrist_coupling",
             noun="coupling of the wrist joints",
             place="wrist",
-            where=None,
             parameters=tuple(parameter(*pair) for pair in pairs),
             signature="a wrist joint without torque turns when its neighbour is loaded",
             needs="poses that load one wrist joint at a time",
