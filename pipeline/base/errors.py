@@ -5,7 +5,8 @@ The core raises these; only the command line turns them into a sentence and an e
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -61,6 +62,19 @@ class InputError(PipelineError):
         self.file, self.line, self.thing, self.way_out = file, line, thing, way_out
         self.passing = passing
         super().__init__(f"{place(file, line)}{thing}; {way_out}.")
+
+
+@contextmanager
+def at(file: str | None = None, line: int | None = None) -> Iterator[None]:
+    """Where the input is that is read here: errors about it that name no file get this place."""
+    try:
+        yield
+    except InputError as wrong:
+        if wrong.file is not None:
+            raise
+        line = wrong.line or line
+        thing, way_out, passing = wrong.thing, wrong.way_out, wrong.passing
+        raise InputError(thing, way_out, file=file, line=line, passing=passing) from wrong
 
 
 class CannotWrite(PipelineError):

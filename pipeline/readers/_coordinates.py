@@ -10,7 +10,6 @@ import numpy as np
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError
 
-_UNITS = ("mm", "m", "in")
 _INCH = 0.0254
 """An inch [m], by definition."""
 _METRES = {"mm": 1e-3, "m": 1.0, "in": _INCH, "um": 1e-6}
@@ -163,9 +162,7 @@ def _jacobian(si: Array, meaning: Meaning) -> Array:
     return np.moveaxis(np.array(rows), 2, 0)
 
 
-def settled(
-    stated: str | None, said: str | None, what: str, example: str, file: str, line: int | None
-) -> str:
+def settled(stated: str | None, said: str | None, what: str, example: str) -> str:
     """What an export states itself, else what campaign.toml says in [tracker].
 
     Args:
@@ -181,22 +178,16 @@ def settled(
         raise InputError(
             f"the export does not say its {what}",
             f"write {example} into [tracker] of campaign.toml",
-            file=file,
-            line=line,
         )
     if stated and said and stated != said:
         raise InputError(
             f"the export says {stated} for its {what} but campaign.toml says {said}",
             f"remove {example.split(' =')[0]} from [tracker], it is for exports that do not say",
-            file=file,
-            line=line,
         )
     return stated or said or ""
 
 
-def settled_vertical(
-    stated: str | None, said: str | None, values: Array, angle: str, file: str, line: int | None
-) -> str:
+def settled_vertical(stated: str | None, said: str | None, values: Array, angle: str) -> str:
     """Whether vertical angles count from the zenith or from the horizon.
 
     Where nobody says it, the angles may: below 0 there is no zenith angle, above 90 degrees no
@@ -212,4 +203,4 @@ def settled_vertical(
         if degrees.min() >= 0 and 90 < degrees.max() <= 180:
             return "zenith"
     what = 'vertical = "zenith" (or "elevation")'
-    return settled(stated, said, "vertical angle's zero", what, file, line)
+    return settled(stated, said, "vertical angle's zero", what)

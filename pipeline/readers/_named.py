@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from pipeline.base.errors import InputError
+from pipeline.readers._cells import bare
 from pipeline.readers._layout import DELIMITERS
 
 UNIT_WORDS = {
@@ -100,10 +101,8 @@ class Header:
 
 def named(title: str) -> Named:
     """What a column is, judged by its title."""
-    bare = title.strip().strip('"').strip()
-    unit = None
-    rest = bare
-    for inside in _IN_BRACKETS.findall(bare):
+    unit, rest = None, bare(title)
+    for inside in _IN_BRACKETS.findall(rest):
         word = inside.lower()
         if word in UNIT_WORDS or word in ANGLE_WORDS:
             unit = UNIT_WORDS.get(word) or ANGLE_WORDS[word]
@@ -112,7 +111,7 @@ def named(title: str) -> Named:
     if unit is None and len(words) > 1 and words[-1] in _SHORT_UNITS:
         word = words.pop()
         unit = UNIT_WORDS.get(word) or ANGLE_WORDS[word]
-    return Named(bare, _role(words), unit)
+    return Named(bare(title), _role(words), unit)
 
 
 def _role(words: Sequence[str]) -> str:
@@ -172,7 +171,7 @@ def find(lines: Sequence[str]) -> Header | None:
     return None
 
 
-def one_unit(found: Header, roles: Sequence[str], file: str) -> str | None:
+def one_unit(found: Header, roles: Sequence[str]) -> str | None:
     """The unit that some columns state, None where none does.
 
     Raises:
@@ -183,9 +182,6 @@ def one_unit(found: Header, roles: Sequence[str], file: str) -> str | None:
     if len(units) > 1:
         titles = ", ".join(column.title for column in columns)
         raise InputError(
-            f"the columns {titles} have different units",
-            "export all of them in the same unit",
-            file=file,
-            line=found.line or None,
+            f"the columns {titles} have different units", "export all of them in the same unit"
         )
     return units.pop() if units else None

@@ -12,12 +12,12 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
-from pipeline.base.errors import InputError, listed
+from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings, sifted
+from pipeline.base.errors import InputError, at, listed
 from pipeline.machine.robot import Robot
-from pipeline.readers import _header
+from pipeline.readers._cells import bare
 from pipeline.readers._delimited import rows
-from pipeline.readers._layout import Field, Kind, Layout, Rows
+from pipeline.readers._layout import DELIMITERS, Field, Kind, Layout, Rows
 from pipeline.readers._text import text
 
 _Rejection = tuple[str, int | None, str]
@@ -63,13 +63,8 @@ class Log(Locked):
         bad = np.flatnonzero(~good).tolist()
         reasons = [reason] * len(good) if isinstance(reason, str) else reason
         left_out = tuple((self.file, int(self.line[k]), reasons[k]) for k in bad)
-        return Log(
-            self.file,
-            {name: values[good] for name, values in self.number.items()},
-            {name: values[good] for name, values in self.word.items()},
-            self.line[good],
-            self.rejected + left_out,
-        )
+        number, word = sifted(self.number, good), sifted(self.word, good)
+        return Log(self.file, number, word, self.line[good], self.rejected + left_out)
 
 
 @dataclass(frozen=True)
@@ -145,7 +140,7 @@ def _controller(robot: Robot) -> list[Quantity]:
 
 
 def _has(header: Sequence[str], wanted: Sequence[Quantity]) -> bool:
-    return all(_header.suffixed(header, q.stem, list(q.units)) for q in wanted)
+    return all(_suffixed(header, q) for q in wanted)
 
 
 def _known_approach(log: Log) -> Log:
@@ -199,16 +194,17 @@ def table(name: str, data: bytes, wanted: Sequence[Quantity]) -> Log:
     Raises:
         InputError: Empty, a needed column is missing, or it has no unit.
     """
-    file = text(name, data)
-    first, header = file.first()
-    delimiter = _header.delimiter_of(header)
-    titles = _header.names(header, delimiter)
-    _header.unique(titles, name, first)
-    there = [(q, *column) for q in wanted if (column := _column(titles, q, name, first))]
-    known = {title: Field(title, q.kind, q.needed) for q, title, _ in there}
-    other = {title: Field(title, "any" if title else "blank", False) for title in titles}
-    fields = tuple((other | known)[title] for title in titles)
-    log = _log(name, rows(file, Layout(fields, delimiter, first + 1)), there)
+    with at(name):
+        file = text(name, data)
+        first, header = file.first()
+        delimiter, titles = _titles(header)
+        with at(line=first):
+            _unique(titles)
+            there = [(q, *column) for q in wanted if (column := _column(titles, q))]
+        known = {title: Field(title, q.kind, q.needed) for q, title, _ in there}
+        other = {title: Field(title, "any" if title else "blank", False) for title in titles}
+        fields = tuple((other | known)[title] for title in titles)
+        log = _log(name, rows(file, Layout(fields, delimiter, first + 1)), there)
     return _possible(log, [q.stem for q in wanted if q.units])
 
 
@@ -231,27 +227,45 @@ def _possible(log: Log, names: Sequence[str]) -> Log:
 
 def columns(name: str, data: bytes) -> list[str]:
     """Names of the columns in the header of a delimited table."""
-    _, header = text(name, data).first()
-    return _header.names(header, _header.delimiter_of(header))
+    with at(name):
+        return _titles(text(name, data).first()[1])[1]
 
 
-def _column(titles: Sequence[str], q: Quantity, file: str, line: int) -> tuple[str, float] | None:
+def _titles(header: str) -> tuple[str, list[str]]:
+    """The delimiter of a header line and its column names, in lower case and without quotes."""
+    delimiter = max(DELIMITERS, key=header.count)
+    return delimiter, [bare(title).lower() for title in header.split(delimiter)]
+
+
+def _unique(titles: Sequence[str]) -> None:
+    """No two columns may have the same name.
+
+    Raises:
+        InputError: Two have.
+    """
+    twice = sorted({title for title in titles if title and titles.count(title) > 1})
+    if twice:
+        raise InputError(f"there are two columns {listed(twice)}", "remove or rename one")
+
+
+def _suffixed(titles: Sequence[str], q: Quantity) -> tuple[str, str | None] | None:
+    """The column of a quantity and the unit in its name: `x_mm`, `mm`; None where it has none."""
+    of_unit = {f"{q.stem}_{unit}".lower(): unit for unit in q.units} | {q.stem.lower(): None}
+    return next(((name, of_unit[name]) for name in titles if name in of_unit), None)
+
+
+def _column(titles: Sequence[str], q: Quantity) -> tuple[str, float] | None:
     """The column of a quantity and its factor to SI, or None where it has none and needs none."""
-    found = _header.suffixed(titles, q.stem, list(q.units))
+    found = _suffixed(titles, q)
     examples = [f"{q.stem}_{unit}" for unit in q.units] or [q.stem]
     if found is None and q.needed:
         raise InputError(
             f"there is no column {examples[0]} among {listed(titles)}",
             "add it to the header and to every row",
-            file=file,
-            line=line,
         )
     if found and q.units and found[1] is None:
         raise InputError(
-            f"column {found[0]} does not say its unit",
-            f"call it {' or '.join(examples)}",
-            file=file,
-            line=line,
+            f"column {found[0]} does not say its unit", f"call it {' or '.join(examples)}"
         )
     return (found[0], q.units[found[1]] if found[1] else 1.0) if found else None
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.base.arrays import Array
-from pipeline.base.errors import InputError
+from pipeline.base.errors import InputError, at
 from pipeline.readers import _named, _time, plain
 from pipeline.readers._cells import cells_or_none, is_number
 from pipeline.readers._coordinates import AXES, Meaning, settled, uncertainties
@@ -28,7 +28,6 @@ from pipeline.readers._reader import (
     STANDARD,
     USUAL_FACTORS,
     Export,
-    Found,
     Hints,
     Reader,
     Readings,
@@ -41,7 +40,7 @@ from pipeline.readers._reader import (
 from pipeline.readers._text import SAMPLE_LINES, Text
 
 _COMMENT = "//"
-_NUMBERS = tuple(Field(place, "number") for place in ("1", "2", "3"))
+_AXES = ("1", "2", "3")
 _PARTS = ("collection", "group", "target")
 KIND_WORDS = {"cartesian": "cartesian", "spherical": "spherical", "polar": "spherical"}
 KIND_WORDS |= {"cylindrical": "cylindrical"}
@@ -89,23 +88,19 @@ def read(text: Text, hints: Hints) -> Export:
     sample = [line for _, line in text.lines(first, SAMPLE_LINES) if _is_row(line)]
     shape = _shape(sample, comments)
     assert shape is not None  # recognised before
-    fields = (*_name_fields(shape.names), *_NUMBERS, *_rest_fields(shape))
+    fields = (
+        *_name_fields(shape.names),
+        *(Field(axis, "number") for axis in _AXES),
+        *_rest_fields(shape),
+    )
     layout = Layout(
         fields, shape.delimiter, first, hints.decimal, _COMMENT, shape.form, shape.compound
     )
     table = rows(text, layout)
-    meaning = _meaning(comments, hints, table, text.name, first)
-    found = Found(
-        dialect=READER.name,
-        rows=table,
-        meaning=meaning,
-        axes=("1", "2", "3"),
-        group="group" if "group" in shape.names else None,
-        target="target",
-        covariance=_covariance(table, shape, hints, meaning.unit, text.name),
-        unused=tuple(n.title for n in shape.rest if not n.role or n.role == "rms"),
-    )
-    return export(text, hints, found)
+    meaning = _meaning(comments, hints, table, first)
+    covariances = _covariances(table, shape, hints, meaning.unit)
+    unused = [n.title for n in shape.rest if not n.role or n.role == "rms"]
+    return export(text, hints, READER.name, table, meaning, _AXES, covariances, unused)
 
 
 def _is_row(line: str) -> bool:
@@ -189,29 +184,31 @@ def _rest_fields(shape: _Shape) -> list[Field]:
     return out
 
 
-def _meaning(comments: Sequence[str], hints: Hints, table: Rows, file: str, line: int) -> Meaning:
+def _meaning(comments: Sequence[str], hints: Hints, table: Rows, line: int) -> Meaning:
     head = [comment for comment in comments if comment.lstrip().startswith(_COMMENT)]
-    unit = settled_unit(_only(_units(head), "units of length", file), hints, file, line)
-    stated = _only(_kinds(head), "kinds of coordinates", file)
+    lengths = _only(_units(head), "units of length")
+    stated = _only(_kinds(head), "kinds of coordinates")
     if stated is None and hints.coordinates is None:
         stated = "cartesian"
-    kind = settled(stated, hints.coordinates, "coordinates", 'coordinates = "..."', file, line)
+    with at(line=line):
+        unit = settled_unit(lengths, hints)
+        kind = settled(stated, hints.coordinates, "coordinates", 'coordinates = "..."')
     if kind == "cartesian":
         return Meaning(unit)
     words = {word for comment in head for word in re.findall(r"[a-z°]+", comment.lower())}
-    angles = _only({ANGLE_WORDS[word] for word in words if word in ANGLE_WORDS}, "angles", file)
+    angles = _only({ANGLE_WORDS[word] for word in words if word in ANGLE_WORDS}, "angles")
     zeros = words & {"zenith", "elevation"} if kind == "spherical" else set()
-    said = _only(zeros, "vertical angles", file)
+    said = _only(zeros, "vertical angles")
     third = np.asarray(table.columns["3"])
-    return settled_angles(Meaning(unit, kind), (angles, said), third, hints, file, line)
+    with at(line=line):
+        return settled_angles(Meaning(unit, kind), (angles, said), third, hints)
 
 
-def _only(found: set[str], what: str, file: str) -> str | None:
+def _only(found: set[str], what: str) -> str | None:
     if len(found) > 1:
         raise InputError(
             f"the header names several {what} ({', '.join(sorted(found))})",
             "export it again or correct the header",
-            file=file,
         )
     return next(iter(found), None)
 
@@ -240,13 +237,13 @@ def _kinds(comments: Sequence[str]) -> set[str]:
     return found
 
 
-def _covariance(table: Rows, shape: _Shape, hints: Hints, unit: str, file: str) -> dict[str, Array]:
+def _covariances(table: Rows, shape: _Shape, hints: Hints, unit: str) -> dict[str, Array]:
     """Covariances that the header names: per axis, expanded or standard, and the RMS of a point."""
     out = {}
     header = Header(0, shape.delimiter, shape.rest)
 
     def said(roles: Sequence[str]) -> list[Array]:
-        own = _named.one_unit(header, roles, file)
+        own = _named.one_unit(header, roles)
         return [uncertainties(np.asarray(table.columns[role]), own, unit) for role in roles]
 
     for prefix, kind in (("std", STANDARD), ("u95", EXPANDED)):
