@@ -163,14 +163,12 @@ def inspect(path: Path, unit: str | None, csv: bool = False) -> Outcome:
 
 def _hints(folder: Campaign, unit: str | None) -> Any:
     from pipeline.readers import Hints
-    from pipeline.reduction.ingest import hints
     from pipeline.reduction.settings import parse
 
-    if not (folder.folder / "campaign.toml").is_file():
-        return Hints(unit=unit)
-    tracker = parse(folder.content("campaign.toml").decode("utf-8-sig")).tracker
-    said = hints(tracker) if tracker else Hints()
-    return replace(said, unit=unit or said.unit)
+    said = Hints()
+    if (folder.folder / "campaign.toml").is_file():
+        said = parse(folder.content("campaign.toml").decode("utf-8-sig")).tracker or said
+    return said.model_copy(update={"unit": unit or said.unit})
 
 
 def status(root: Path) -> Iterator[Outcome]:

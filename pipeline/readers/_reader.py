@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
+from typing import Annotated, Literal
 
 import numpy as np
 import pyarrow as pa
+from pydantic import Field
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked, sifted
 from pipeline.base.errors import InputError
+from pipeline.base.strict import Positive, Strict
 from pipeline.readers._cells import text_of
 from pipeline.readers._coordinates import (
     Meaning,
@@ -40,49 +43,53 @@ USUAL_FACTORS = {STANDARD: 1.0, EXPANDED: 2.0}
 """k of uncertainties where campaign.toml does not say; 2 is 95 % (GUM 6.3.3, Leica's U(95))."""
 
 
-@dataclass(frozen=True)
-class Columns:
+_Role = Literal[
+    "group", "target", "time", "delete", "x", "y", "z", "range", "azimuth", "vertical",
+    "sx", "sy", "sz", "u95_x", "u95_y", "u95_z", "cxx", "cxy", "cxz", "cyy", "cyz", "czz",
+]  # fmt: skip
+_Column = Annotated[int, Field(ge=1)] | Annotated[str, Field(min_length=1)]
+
+
+class Columns(Strict):
     """[tracker.mapping]: columns of any delimited table, by header name or by number from 1.
 
     Attributes:
-        columns: Name or number of the column by role: group, target, name, x, y, z, time,
-            and sx, sy, sz, or cxx ... czz for uncertainties.
+        columns: Name or number of the column by role; sx, sy, sz and cxx ... czz are uncertainties.
         delimiter: One character, or None to find it.
         header: Line of the header, 0 for none, or None to find it.
         comment: Start of lines that are no rows.
         time_format: A `strptime` form, or None for the forms we know.
     """
 
-    columns: Mapping[str, str | int]
-    delimiter: str | None = None
-    header: int | None = None
-    comment: str | None = None
+    columns: dict[_Role, _Column] = Field(min_length=3)
+    delimiter: Annotated[str, Field(min_length=1, max_length=1)] | None = None
+    header: Annotated[int, Field(ge=0)] | None = None
+    comment: Annotated[str, Field(min_length=1)] | None = None
     time_format: str | None = None
 
 
-@dataclass(frozen=True)
-class Hints:
+class Hints(Strict):
     """What campaign.toml says in [tracker] about exports that do not say it themselves.
 
     Attributes:
-        unit: `mm`, `m` or `in`.
-        decimal: The decimal mark, `.` or `,`.
-        coordinates: `cartesian`, `spherical` or `cylindrical`.
-        angle: `deg`, `rad` or `gon`.
-        vertical: `zenith` or `elevation`.
-        coverage_factor: k of stated uncertainties.
+        unit: Of length.
+        decimal: The decimal mark.
+        coordinates: Their kind.
+        angle: Unit of angles.
+        vertical: Where vertical angles are zero.
         covariance: Which of several covariances to use, or `none`.
+        coverage_factor: k of stated uncertainties.
         names: Expression with the parts group and target, for names that hold both.
         mapping: Columns of a table in no dialect of its own.
     """
 
-    unit: str | None = None
-    decimal: str | None = None
-    coordinates: str | None = None
-    angle: str | None = None
-    vertical: str | None = None
-    coverage_factor: float | None = None
-    covariance: str | None = None
+    unit: Literal["mm", "m", "in"] | None = None
+    decimal: Literal[".", ","] | None = None
+    coordinates: Literal["cartesian", "spherical", "cylindrical"] | None = None
+    angle: Literal["deg", "rad", "gon"] | None = None
+    vertical: Literal["zenith", "elevation"] | None = None
+    covariance: Literal["a-priori", "standard", "expanded", "rms", "none"] | None = None
+    coverage_factor: Positive | None = None
     names: str | None = None
     mapping: Columns | None = None
 

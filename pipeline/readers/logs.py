@@ -6,7 +6,7 @@ All are delimited tables with a header whose column names carry the units.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -56,13 +56,17 @@ class Log(Locked):
     line: Ints
     rejected: tuple[_Rejection, ...]
 
-    def only(self, good: Bools, reason: str | Sequence[str]) -> Log:
-        """The rows that are good; the others are rejected, for one reason or each for its own."""
-        if good.all():
+    def only(self, good: Bools, reason: str) -> Log:
+        """The rows that are good; the others are rejected, all for one reason."""
+        return self.without(dict.fromkeys(np.flatnonzero(~good).tolist(), reason))
+
+    def without(self, why: Mapping[int, str]) -> Log:
+        """All rows but some, which are rejected, each for its reason."""
+        if not why:
             return self
-        bad = np.flatnonzero(~good).tolist()
-        reasons = [reason] * len(good) if isinstance(reason, str) else reason
-        left_out = tuple((self.file, int(self.line[k]), reasons[k]) for k in bad)
+        good = np.ones(len(self.line), dtype=bool)
+        good[list(why)] = False
+        left_out = tuple((self.file, int(self.line[k]), why[k]) for k in sorted(why))
         number, word = sifted(self.number, good), sifted(self.word, good)
         return Log(self.file, number, word, self.line[good], self.rejected + left_out)
 
@@ -105,11 +109,11 @@ def loads(name: str, data: bytes) -> Log:
     return once(log, ["pose", "repeat"])
 
 
-def joints(name: str, data: bytes, robot: Robot) -> tuple[Log, Array]:
+def joints(name: str, data: bytes, robot: Robot) -> Log:
     """The controller's joint log, by the names of the robot's joints or of its controller's axes.
 
     Returns:
-        The log with its poses, and the joint values [m] or [rad], shape (n, joints).
+        The log with its poses and a number for each joint of the robot [m] or [rad].
 
     Raises:
         InputError: A joint is missing; the file cannot be read.
@@ -121,10 +125,16 @@ def joints(name: str, data: bytes, robot: Robot) -> tuple[Log, Array]:
     approach = Quantity("approach", {}, needed=False)
     log = _whole_numbers(table(name, data, [POSE, *wanted, approach]))
     log = once(_known_approach(log), ["pose"])
-    q = np.column_stack([log.number[quantity.stem] for quantity in wanted])
-    if from_controller:
-        q = q @ robot.controller_matrix.T + robot.controller_offset
-    return log, q
+    if not from_controller:
+        return log
+    axes_q = np.column_stack([log.number[axis.stem] for axis in axes])
+    q = axes_q @ robot.controller_matrix.T + robot.controller_offset
+    return replace(log, number=log.number | {j.name: q[:, k] for k, j in enumerate(robot.joints)})
+
+
+def joint_values(log: Log, robot: Robot) -> Array:
+    """Joint values of a joint log [m] or [rad], shape (n, joints)."""
+    return np.column_stack([log.number[joint.name] for joint in robot.joints])
 
 
 def _own(robot: Robot) -> list[Quantity]:
@@ -151,12 +161,13 @@ def _known_approach(log: Log) -> Log:
     return log.only(known, "approach is neither 1 nor -1; correct it or leave it empty")
 
 
-def within_limits(log: Log, q: Array, robot: Robot) -> None:
-    """Joint values [m] or [rad], shape (n, joints), lie within the robot's limits.
+def within_limits(log: Log, robot: Robot) -> None:
+    """The values of a joint log lie within the robot's limits.
 
     Raises:
         InputError: One of them does not.
     """
+    q = joint_values(log, robot)
     outside = (q < robot.lower - LIMIT_SLACK) | (q > robot.upper + LIMIT_SLACK)
     if not outside.any():
         return
@@ -284,8 +295,7 @@ def once(log: Log, key: Sequence[str]) -> Log:
     """Rows whose key comes once: equal ones are kept once, contradicting ones not at all."""
     rows = pd.DataFrame({**log.number, **log.word})
     twice = rows[rows.duplicated(list(key), keep=False)]
-    good = np.ones(len(rows), dtype=bool)
-    reasons = [""] * len(rows)
+    why: dict[int, str] = {}
     for _, same in twice.groupby(list(key), sort=False):
         agree = len(same.drop_duplicates()) == 1
         line = log.line[same.index]
@@ -294,6 +304,5 @@ def once(log: Log, key: Sequence[str]) -> Log:
             if agree
             else f"lines {listed(map(str, line))} contradict each other; keep the right one"
         )
-        for k in same.index[agree:]:
-            good[k], reasons[k] = False, reason
-    return log.only(good, reasons)
+        why |= dict.fromkeys(same.index[agree:].tolist(), reason)
+    return log.without(why)

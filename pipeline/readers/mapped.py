@@ -12,14 +12,10 @@ from pipeline.readers._text import Text, squeezed
 
 NAME = "table by [tracker.mapping]"
 _ROLES = {
-    "group": "group", "target": "target", "time": "time", "delete": "delete",
-    "x": "x", "y": "y", "z": "z",
-    "range": "range", "azimuth": "azimuth", "vertical": "vertical",
     **{f"s{axis}": f"std {axis}" for axis in "xyz"},
     **{f"u95_{axis}": f"u95 {axis}" for axis in "xyz"},
-    **{name: name for name in _tables.COVARIANCE},
-}  # fmt: skip
-"""Words of [tracker.mapping.columns]."""
+}
+"""Words of [tracker.mapping.columns] that are not those of a header."""
 
 
 def read(text: Text, hints: Hints) -> Export:
@@ -41,24 +37,24 @@ def _header(text: Text, mapping: Columns) -> Header:
     sample = text.line(line or _first(text, mapping))
     delimiter = mapping.delimiter or max(DELIMITERS, key=sample.count)
     titles = [bare(title) for title in sample.split(delimiter)]
-    roles: dict[int, str] = {}
-    for word, column in mapping.columns.items():
+    words: dict[int, str] = {}
+    for said, column in mapping.columns.items():
         with at(line=line or None):
-            place = _place(word, column, titles)
-        if place in roles:
+            place = _place(said, column, titles)
+        if place in words:
             raise InputError(
-                f"columns.{word} and columns.{roles[place]} are the same column",
+                f"columns.{said} and columns.{words[place]} are the same column",
                 "correct one of them in [tracker.mapping.columns]",
                 file="campaign.toml",
             )
-        roles[place] = word
+        words[place] = said
     return Header(
         line or _first(text, mapping) - 1,
         delimiter,
         tuple(
             Named(
                 title if line else f"column {place + 1}",
-                _ROLES.get(roles.get(place, ""), ""),
+                _ROLES.get(word := words.get(place, ""), word),
                 _named.named(title).unit if line else None,
             )
             for place, title in enumerate(titles)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime
 import re
 from collections.abc import Sequence
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import Field, ValidationError, field_validator, model_validator
@@ -15,7 +15,9 @@ from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError, first_wrong
 from pipeline.base.strict import NotNegative, Positive, Strict
 from pipeline.machine.instrument import InstrumentNoise
+from pipeline.machine.poses import from_log_units
 from pipeline.machine.robot import Robot
+from pipeline.readers import Hints
 from pipeline.readers.logs import LIMIT_SLACK
 
 BASE_REFLECTORS = 3
@@ -23,40 +25,12 @@ BASE_REFLECTORS = 3
 
 Point = tuple[float, float, float]
 
-_Role = Literal[
-    "group", "target", "time", "delete", "x", "y", "z", "range", "azimuth", "vertical",
-    "sx", "sy", "sz", "u95_x", "u95_y", "u95_z", "cxx", "cxy", "cxz", "cyy", "cyz", "czz",
-]  # fmt: skip
-_Column = Annotated[int, Field(ge=1)] | Annotated[str, Field(min_length=1)]
 
-
-class TableMapping(Strict):
-    """Columns of an export in no dialect of its own, by header name or by number from 1."""
-
-    columns: dict[_Role, _Column] = Field(min_length=3)
-    delimiter: Annotated[str, Field(min_length=1, max_length=1)] | None = None
-    header: Annotated[int, Field(ge=0)] | None = None
-    comment: Annotated[str, Field(min_length=1)] | None = None
-    time_format: str | None = None
-
-
-class Tracker(Strict):
-    """The tracker's exports and its noise; without noise it is estimated from the residuals.
-
-    What follows `files` is for exports that do not say it themselves.
-    """
+class Tracker(Hints):
+    """The tracker's exports and its noise; without noise it is estimated from the residuals."""
 
     files: list[str] = Field(min_length=1)
-    unit: Literal["mm", "m", "in"] | None = None
-    decimal: Literal[".", ","] | None = None
-    coordinates: Literal["cartesian", "spherical", "cylindrical"] | None = None
-    angle: Literal["deg", "rad", "gon"] | None = None
-    vertical: Literal["zenith", "elevation"] | None = None
-    covariance: Literal["a-priori", "standard", "expanded", "rms", "none"] | None = None
-    coverage_factor: Positive | None = None
-    names: str | None = None
     assignment: str | None = None
-    mapping: TableMapping | None = None
     sigma_m: Positive | None = None
     noise: InstrumentNoise | Literal["paper"] | None = None
 
@@ -166,7 +140,7 @@ class TestPose(Strict):
                 f"give one value per joint: {', '.join(joint.name for joint in robot.joints)}",
                 file="campaign.toml",
             )
-        return np.where(robot.prismatic, self.q, np.deg2rad(self.q))
+        return from_log_units(robot, np.array(self.q))
 
     def within_limits(self, robot: Robot) -> None:
         """The robot can stand there.
