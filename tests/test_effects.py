@@ -237,7 +237,7 @@ def test_a_bending_link_is_a_clamped_beam(bench, where, near, far):
     loaded = replace(loaded, load_point=end, force=1000.0 * across, points=end[:, None])
 
     moved = forward.columns(beam, loaded)[:, 0, :, 0]
-    turned = np.sum(beam.twists(loaded)[:, 0, :3] * hinge, axis=1)
+    turned = np.sum(beam.screws(loaded)[:, 0, :3] * hinge, axis=1)
 
     c = 1.0  # L / EI
     np.testing.assert_allclose(moved, 1000 * c * length[:, None] ** 2 / 3 * across, atol=1e-6)

@@ -113,7 +113,6 @@ def baseline(robot: Robot) -> tuple[Elastic, ...]:
             needs="poses whose pull turns every joint",
             source="Eqs. (3) to (7)",
             carrier=tuple(range(1, robot.n + 1)),
-            twists=lambda loaded: loaded.configuration.twists,
         ),
     )
 
@@ -161,7 +160,7 @@ def columns(effect: Elastic, loaded: Loaded) -> Array:
     Returns:
         Shape (m, t, 3, k).
     """
-    twists = effect.twists(loaded)
+    twists = effect.screws(loaded)
     response = effect.response(loaded, torque(twists, loaded.load_point, loaded.force))
     moved = velocity(twists, loaded.points).swapaxes(2, 3) * response[:, None, None, :]
     if not effect.shared:
@@ -211,7 +210,7 @@ def _undeformed(cell: Cell, loaded: Loaded, values: Array) -> tuple[Array, Array
 def _deformed(cell: Cell, loaded: Loaded, values: Array, rounds: int = 30) -> tuple[Array, Array]:
     """Equilibrium on the deflected robot, by products of exponentials of the virtual screws."""
     parts = _elastic(cell, values)
-    twists = np.concatenate([effect.twists(loaded) for effect, _ in parts], axis=1)
+    twists = np.concatenate([effect.screws(loaded) for effect, _ in parts], axis=1)
     order = np.argsort(np.concatenate([effect.carrier for effect, _ in parts]), kind="stable")
     ends = np.cumsum([len(effect.carrier) for effect, _ in parts])[:-1]
     m, k = twists.shape[:2]

@@ -194,16 +194,25 @@ class Elastic(Effect):
     Attributes:
         carrier: The joint 0..n that carries each virtual joint (0 is the rail's bed);
             virtual joints of one carrier come after its own motion.
-        twists: loaded -> unit screws of the virtual joints in F_b, shape (m, v, 6).
+        twists: loaded -> unit screws of the virtual joints in F_b, shape (m, v, 6); None where
+            each turns or slides as the joint that carries it.
         response: loaded, tau (m, v) -> deflection per unit parameter, shape (m, v); that of a
             linear spring where nothing else is said.
         shared: Parameter of each virtual joint where several have one; empty for one each.
     """
 
     carrier: tuple[int, ...]
-    twists: Callable[[Loaded], Array]
+    twists: Callable[[Loaded], Array] | None = None
     response: Callable[[Loaded, Array], Array] = linear
     shared: tuple[int, ...] = ()
+
+    def screws(self, loaded: Loaded) -> Array:
+        """Unit screws of the virtual joints in F_b, shape (m, v, 6)."""
+        if self.twists is not None:
+            return self.twists(loaded)
+        at = np.array(self.carrier) - 1
+        neighbours = (np.diff(at) == 1).all()  # a slice of an array is no copy
+        return loaded.configuration.twists[:, slice(at[0], at[-1] + 1) if neighbours else at]
 
     @property
     def parameter_of(self) -> tuple[int, ...]:

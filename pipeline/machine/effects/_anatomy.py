@@ -72,11 +72,6 @@ def clamp(robot: Robot, joint: int) -> str:
     return "; reflectors on the flange, as an effector that turns in its clamp looks the same"
 
 
-def joint_screw(loaded: Loaded, joint: int) -> Array:
-    """Unit screw of a joint as one virtual joint, shape (m, 1, 6)."""
-    return loaded.configuration.twists[:, joint - 1 : joint]
-
-
 def direction(loaded: Loaded) -> Array:
     """Unit vector of the pull on the robot, zero where nothing pulls, shape (m, 3)."""
     size = np.linalg.norm(loaded.force, axis=1, keepdims=True)

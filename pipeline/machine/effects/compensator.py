@@ -7,7 +7,7 @@ centre has.
 
 from pipeline.base.arrays import Array, Parameter
 from pipeline.machine.effect import Elastic, Loaded
-from pipeline.machine.effects._anatomy import arm, compliance, harmonics, joint_screw
+from pipeline.machine.effects._anatomy import arm, compliance, harmonics
 from pipeline.machine.robot import Robot
 
 _HARMONICS = {"one harmonic": (1,), "two harmonics": (1, 2)}
@@ -41,6 +41,5 @@ def _effect(robot: Robot, shoulder: int, form: str) -> Elastic:
         source="equivalent spring beside the gear: Klimchik et al., compensator models "
         "(arXiv 1311.6810); some percent of the joint's compliance",
         carrier=(shoulder,) * len(names),
-        twists=lambda loaded: joint_screw(loaded, shoulder).repeat(len(names), axis=1),
         response=response,
     )

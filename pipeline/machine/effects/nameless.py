@@ -30,9 +30,9 @@ from pipeline.machine.effects import (
     rail_vertical,
 )
 from pipeline.machine.effects._anatomy import (
+    arm,
     compliance,
     harmonics,
-    joint_screw,
     rail,
     rail_ends,
     turning,
@@ -57,11 +57,12 @@ _Response = Callable[[Loaded, Array], Array]
 def nameless(robot: Robot) -> tuple[Effect, ...]:
     """Everything of this file that the robot can have."""
     numbers = turning(robot)
+    shoulder = (arm(robot) or (None,))[0]
     guides = [guide for file in _GUIDES for guide in file.effects(robot)]
     return (
         *(_bearing(robot, joint) for joint in _own_bearings(robot, numbers)),
         *(_cross_talk(robot, *pair) for pair in _coupled(numbers)),
-        *(_angle(robot, joint) for joint in numbers if joint != _shoulder(numbers)),
+        *(_angle(robot, joint) for joint in numbers if joint != shoulder),
         *(_warming(robot, joint) for joint in range(1, robot.n + 1)),
         *(_along_the_rail(robot, guide) for guide in guides),
         *(_contact(guide) for guide in guides),
@@ -80,17 +81,13 @@ def _coupled(numbers: Sequence[int]) -> list[tuple[int, int]]:
     return [pair for pair in itertools.pairwise(numbers) if not set(pair) <= wrist]
 
 
-def _shoulder(numbers: Sequence[int]) -> int | None:
-    return numbers[1] if len(numbers) == 6 else None
-
-
 def _effect(
     name: str,
     where: int | str,
     sizes: tuple[float, ...],
     carrier: tuple[int, ...],
-    screws: _Screws,
     response: _Response,
+    screws: _Screws | None = None,
     signed: bool = True,
     shared: tuple[int, ...] = (),
 ) -> Elastic:
@@ -120,21 +117,17 @@ def _bearing(robot: Robot, joint: int) -> Effect:
         axes = here.flange_axes if joint > robot.n else here.frame(joint)[0]
         return np.stack([translation_along(axes[:, :, axis]) for axis in range(3)], axis=1)
 
-    carrier = (min(joint, robot.n),) * 3
-    return _effect(
-        "bearing_translation", joint, (_BEARING,) * 3, carrier, screws, linear, signed=False
-    )
+    carrier, sizes = (min(joint, robot.n),) * 3, (_BEARING,) * 3
+    return _effect("bearing_translation", joint, sizes, carrier, linear, screws, signed=False)
 
 
 def _cross_talk(robot: Robot, one: int, other: int) -> Effect:
     size = 0.05 * float(np.sqrt(compliance(robot, one) * compliance(robot, other)))
-    at = [one - 1, other - 1]
     return _effect(
         "cross_talk",
         f"{one}-{other}",
         (size,),
         (one, other),
-        lambda loaded: loaded.configuration.twists[:, at],
         lambda loaded, torque: torque[:, ::-1],
         shared=(0, 0),
     )
@@ -145,7 +138,7 @@ def _angle(robot: Robot, joint: int) -> Effect:
         return torque * harmonics(loaded.configuration.q[:, joint - 1], (1, 2))
 
     sizes = (0.05 * compliance(robot, joint),) * 4
-    return _effect("compliance_by_angle", joint, sizes, (joint,) * 4, _screw(joint, 4), response)
+    return _effect("compliance_by_angle", joint, sizes, (joint,) * 4, response)
 
 
 def _warming(robot: Robot, joint: int) -> Effect:
@@ -154,7 +147,7 @@ def _warming(robot: Robot, joint: int) -> Effect:
         return torque * hours[:, None]
 
     size = (0.05 * compliance(robot, joint),)
-    return _effect("compliance_by_time", joint, size, (joint,), _screw(joint, 1), response)
+    return _effect("compliance_by_time", joint, size, (joint,), response)
 
 
 def _along_the_rail(robot: Robot, guide: Elastic) -> Effect:
@@ -165,10 +158,10 @@ def _along_the_rail(robot: Robot, guide: Elastic) -> Effect:
         return load * np.insert(harmonics(phase, (1, 2)), 0, 1.0, axis=1)
 
     def screws(loaded: Loaded) -> Array:
-        return guide.twists(loaded).repeat(5, axis=1)
+        return guide.screws(loaded).repeat(5, axis=1)
 
     sizes = (guide.parameters[0].typical,) * 5
-    return _effect("guide_along_the_rail", _short(guide), sizes, (1,) * 5, screws, response)
+    return _effect("guide_along_the_rail", _short(guide), sizes, (1,) * 5, response, screws)
 
 
 def _contact(guide: Elastic) -> Effect:
@@ -178,7 +171,7 @@ def _contact(guide: Elastic) -> Effect:
         return np.sign(load) * np.sqrt(np.abs(load) * _LARGE[spring.unit])
 
     sizes = (spring.typical,)
-    return _effect("guide_contact", _short(guide), sizes, (1,), guide.twists, response)
+    return _effect("guide_contact", _short(guide), sizes, (1,), response, guide.twists)
 
 
 def _short(guide: Elastic) -> str:
@@ -189,11 +182,5 @@ def _play(gear: Elastic) -> Effect:
     """Moves what the gear of the last joint moves: only reflectors on the flange tell the two."""
     sizes = tuple(p.typical for p in gear.parameters)
     where = f"{gear.where} {gear.form}"
-    play = _effect(
-        "effector_play", where, sizes, gear.carrier, gear.twists, gear.response, signed=False
-    )
+    play = _effect("effector_play", where, sizes, gear.carrier, gear.response, signed=False)
     return replace(play, signature="the effector turning in its clamp")
-
-
-def _screw(joint: int, times: int) -> _Screws:
-    return lambda loaded: joint_screw(loaded, joint).repeat(times, axis=1)

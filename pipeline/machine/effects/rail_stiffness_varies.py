@@ -13,7 +13,6 @@ from pipeline.machine.effect import Elastic, Loaded
 from pipeline.machine.effects._anatomy import (
     compliance,
     harmonics,
-    joint_screw,
     rail,
     rail_ends,
 )
@@ -67,6 +66,5 @@ def _effect(robot: Robot, form: str, names: tuple[str, ...], response: _Response
         needs=_NEEDS,
         source=_SOURCE,
         carrier=(1,) * len(names),
-        twists=lambda loaded: joint_screw(loaded, 1).repeat(len(names), axis=1),
         response=response,
     )
