@@ -20,6 +20,7 @@ ANGLE_WORDS = {
     "deg": "deg", "degree": "deg", "degrees": "deg", "°": "deg",
     "rad": "rad", "radian": "rad", "radians": "rad", "gon": "gon", "gons": "gon",
 }  # fmt: skip
+_UNIT_WORDS = UNIT_WORDS | ANGLE_WORDS
 
 _AXES = {
     "x": "x", "y": "y", "z": "z",
@@ -29,20 +30,11 @@ _AXES = {
     "inclination": "elevation",
 }  # fmt: skip
 _FILLING = {
-    "coordinate",
-    "coord",
-    "koordinate",
-    "pos",
-    "position",
-    "angle",
-    "value",
-    "actual",
-    "measured",
-}
+    "coordinate", "coord", "koordinate", "pos", "position", "angle", "value", "actual", "measured",
+}  # fmt: skip
 _STANDARD_WORDS = {
-    *("std", "stddev", "sigma", "uncertainty", "sd", "unc"),
-    *("u", "1", "dev", "standard", "deviation"),
-}
+    "std", "stddev", "sigma", "uncertainty", "sd", "unc", "u", "1", "dev", "standard", "deviation",
+}  # fmt: skip
 _TIMES = ({"time"}, {"timestamp"}, {"date", "time"}, {"datetime"}, {"date"}, {"time", "stamp"})
 _NAMES = {
     "collection": "collection", "group": "group", "group name": "group", "groupname": "group",
@@ -103,14 +95,12 @@ def named(title: str) -> Named:
     """What a column is, judged by its title."""
     unit, rest = None, bare(title)
     for inside in _IN_BRACKETS.findall(rest):
-        word = inside.lower()
-        if word in UNIT_WORDS or word in ANGLE_WORDS:
-            unit = UNIT_WORDS.get(word) or ANGLE_WORDS[word]
+        if inside.lower() in _UNIT_WORDS:
+            unit = _UNIT_WORDS[inside.lower()]
             rest = re.sub(rf"[\[(]\s*{re.escape(inside)}\s*[\])]", " ", rest)
     words = re.findall(r"[^\W\d_]+|[0-9]+", rest.lower())
     if unit is None and len(words) > 1 and words[-1] in _SHORT_UNITS:
-        word = words.pop()
-        unit = UNIT_WORDS.get(word) or ANGLE_WORDS[word]
+        unit = _UNIT_WORDS[words.pop()]
     return Named(bare(title), _role(words), unit)
 
 

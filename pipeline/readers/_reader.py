@@ -13,7 +13,7 @@ from pydantic import Field
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked, sifted
 from pipeline.base.errors import InputError
-from pipeline.base.strict import Positive, Strict
+from pipeline.base.strict import Positive, Strict, with_parts
 from pipeline.readers._cells import text_of
 from pipeline.readers._coordinates import (
     Meaning,
@@ -90,7 +90,7 @@ class Hints(Strict):
     vertical: Literal["zenith", "elevation"] | None = None
     covariance: Literal["a-priori", "standard", "expanded", "rms", "none"] | None = None
     coverage_factor: Positive | None = None
-    names: str | None = None
+    names: Annotated[str, with_parts("group", "target")] | None = None
     mapping: Columns | None = None
 
 

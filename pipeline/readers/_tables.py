@@ -20,6 +20,7 @@ from pipeline.readers._layout import Field, Kind, Layout, Rows
 from pipeline.readers._named import Header, Named, find, in_context, named, one_unit
 from pipeline.readers._reader import (
     EXPANDED,
+    RMS,
     STANDARD,
     USUAL_FACTORS,
     Export,
@@ -33,6 +34,10 @@ from pipeline.readers._text import Text
 
 _VERTICALS = ("vertical", "zenith", "elevation")
 COVARIANCE = ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")
+_UNCERTAINTIES = {
+    EXPANDED: ("u95 x", "u95 y", "u95 z"),
+    STANDARD: ("std x", "std y", "std z"),
+}
 _SEARCHED = 1000
 """How many rows are searched for the first one with a time; without any it is ISO 8601."""
 _NOT_DELETED = ("", "-", "0", "no", "false", "n")
@@ -93,9 +98,11 @@ def read(
     with at(line=header.line or None):
         meaning = _meaning(header, hints, table, kind, axes)
         table = _not_deleted(table)
-        covariances = _covariances(table, header, hints, meaning.unit)
+        for roles in (*_UNCERTAINTIES.values(), COVARIANCE):
+            _all_or_none(header, roles)
+        found = covariances(table, header, hints, meaning.unit)
     unused = [c.title for c in header.columns if c.title and not _used(c, axes)]
-    readings = export(text, hints, dialect, table, meaning, axes, covariances, unused)
+    readings = export(text, hints, dialect, table, meaning, axes, found, unused)
     again = _again(text, header, readings.rejected)
     return replace(readings, rejected=(*_above(text, header), *again))
 
@@ -281,7 +288,7 @@ def _meaning(header: Header, hints: Hints, table: Rows, kind: str, axes: Sequenc
     return settled_angles(Meaning(unit, kind), stated, third, hints)
 
 
-def _all_or_none(header: Header, roles: Sequence[str]) -> bool:
+def _all_or_none(header: Header, roles: Sequence[str]) -> None:
     there = [role for role in roles if header.has(role)]
     if there and len(there) < len(roles):
         lacking = listed(role for role in roles if role not in there)
@@ -289,18 +296,21 @@ def _all_or_none(header: Header, roles: Sequence[str]) -> bool:
             f"the uncertainties lack {lacking}",
             "correct the titles of their columns, or remove all of them",
         )
-    return bool(there)
 
 
-def _covariances(table: Rows, header: Header, hints: Hints, unit: str) -> dict[str, Array]:
+def covariances(table: Rows, header: Header, hints: Hints, unit: str) -> dict[str, Array]:
     """Covariances by kind, in the units of the coordinates; NaN where a cell is empty."""
+
+    def said(*roles: str) -> list[Array]:
+        own = one_unit(header, roles)
+        return [uncertainties(table.floats(role), own, unit) for role in roles]
+
     out = {}
-    for prefix, kind in (("u95", EXPANDED), ("std", STANDARD)):
-        roles = [f"{prefix} {axis}" for axis in "xyz"]
-        if _all_or_none(header, roles):
-            own = one_unit(header, roles)
-            std = [uncertainties(table.floats(role), own, unit) for role in roles]
-            out[kind] = diagonal(std, hints.coverage_factor or USUAL_FACTORS[kind])
-    if _all_or_none(header, COVARIANCE):
+    for kind, roles in _UNCERTAINTIES.items():
+        if header.has(*roles):
+            out[kind] = diagonal(said(*roles), hints.coverage_factor or USUAL_FACTORS[kind])
+    if header.has(*COVARIANCE):
         out[STANDARD] = np.column_stack([table.floats(role) for role in COVARIANCE])
+    if "rms" in table.columns:
+        out[RMS] = diagonal([said("rms")[0] / np.sqrt(3.0)] * 3)
     return out

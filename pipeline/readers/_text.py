@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 
 from pipeline.base.arrays import Ints, Locked
 from pipeline.base.errors import InputError
 from pipeline.base.threads import spread
-
-T = TypeVar("T")
 
 _MAX_BYTES = 2_000_000_000
 """Bytes of a file at most: 25 million readings, and Arrow's offsets fit into 32 bits."""
@@ -144,7 +141,8 @@ def _starts(data: bytes) -> Ints:
     def look(begin: int) -> Ints:
         return np.flatnonzero(whole[begin : begin + _CHUNK] == ord("\n")) + begin + 1
 
-    ends = _in_pieces(look, len(data))
+    begins = range(0, len(data), _CHUNK)
+    ends = spread(look, begins, much=len(begins) >= _MANY_PIECES)
     end = [] if data.endswith(b"\n") else [np.array([len(data)])]
     return np.concatenate([np.zeros(1, dtype=np.int64), *ends, *end])
 
@@ -156,12 +154,6 @@ def _lone_return(data: bytes, starts: Ints) -> bool:
     ends = starts[1:] if data.endswith(b"\n") else starts[1:-1]
     before = np.frombuffer(data, dtype=np.uint8)[ends[ends > 1] - 2]
     return data.count(b"\r") > int(np.count_nonzero(before == ord("\r")))
-
-
-def _in_pieces(work: Callable[[int], T], size: int) -> list[T]:
-    """Work done on every `_CHUNK` of `size` bytes."""
-    begins = range(0, size, _CHUNK)
-    return spread(work, begins, much=len(begins) >= _MANY_PIECES)
 
 
 def _short_lines(starts: Ints) -> None:

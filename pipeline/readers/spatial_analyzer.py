@@ -14,24 +14,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError, at
-from pipeline.readers import _named, _time, plain
+from pipeline.readers import _named, _tables, _time, plain
 from pipeline.readers._cells import cells_or_none, is_number
-from pipeline.readers._coordinates import AXES, Meaning, settled, uncertainties
+from pipeline.readers._coordinates import AXES, Meaning, settled
 from pipeline.readers._delimited import rows
 from pipeline.readers._layout import DELIMITERS, Field, Kind, Layout, Rows
 from pipeline.readers._named import ANGLE_WORDS, UNIT_WORDS, Header, Named
 from pipeline.readers._reader import (
-    EXPANDED,
-    RMS,
-    STANDARD,
-    USUAL_FACTORS,
     Export,
     Hints,
     Reader,
     Readings,
-    diagonal,
     export,
     settled_angles,
     settled_unit,
@@ -98,7 +92,9 @@ def read(text: Text, hints: Hints) -> Export:
     )
     table = rows(text, layout)
     meaning = _meaning(comments, hints, table, first)
-    covariances = _covariances(table, shape, hints, meaning.unit)
+    covariances = _tables.covariances(
+        table, Header(0, shape.delimiter, shape.rest), hints, meaning.unit
+    )
     unused = [n.title for n in shape.rest if not n.role or n.role == "rms"]
     return export(text, hints, READER.name, table, meaning, _AXES, covariances, unused)
 
@@ -235,24 +231,6 @@ def _kinds(comments: Sequence[str]) -> set[str]:
             }
             found |= {kind for kind, axes in AXES.items() if set(axes) <= roles}
     return found
-
-
-def _covariances(table: Rows, shape: _Shape, hints: Hints, unit: str) -> dict[str, Array]:
-    """Covariances that the header names: per axis, expanded or standard, and the RMS of a point."""
-    out = {}
-    header = Header(0, shape.delimiter, shape.rest)
-
-    def said(roles: Sequence[str]) -> list[Array]:
-        own = _named.one_unit(header, roles)
-        return [uncertainties(np.asarray(table.columns[role]), own, unit) for role in roles]
-
-    for prefix, kind in (("std", STANDARD), ("u95", EXPANDED)):
-        axes = [f"{prefix} {axis}" for axis in "xyz"]
-        if header.has(*axes):
-            out[kind] = diagonal(said(axes), hints.coverage_factor or USUAL_FACTORS[kind])
-    if header.has("rms"):
-        out[RMS] = diagonal([said(["rms"])[0] / np.sqrt(3.0)] * 3)
-    return out
 
 
 def write(readings: Readings, unit: str, digits: int | None) -> bytes:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime
 import re
 from collections.abc import Sequence
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, ValidationError, field_validator, model_validator
@@ -13,7 +13,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from pipeline.base import toml
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError, first_wrong
-from pipeline.base.strict import NotNegative, Positive, Strict
+from pipeline.base.strict import NotNegative, Positive, Strict, with_parts
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.poses import from_log_units
 from pipeline.machine.robot import Robot
@@ -33,14 +33,6 @@ class Tracker(Hints):
     assignment: str | None = None
     sigma_m: Positive | None = None
     noise: InstrumentNoise | Literal["paper"] | None = None
-
-    @field_validator("names")
-    @classmethod
-    def names_both_parts(cls, pattern: str | None) -> str | None:
-        """The expression must compile and name group and target."""
-        if pattern is not None and not {"group", "target"} <= _parts(pattern):
-            raise ValueError("needs the named parts (?P<group>...), (?P<target>...)")
-        return pattern
 
     @model_validator(mode="after")
     def one_noise(self) -> Tracker:
@@ -65,20 +57,17 @@ class Tracker(Hints):
                 )
 
 
+_GROUP = r"pose(?P<pose>[0-9]+)_rep(?P<repeat>[0-9]+)_(?P<state>unloaded|loaded)"
+
+
 class Naming(Strict):
     """How group and target names are read."""
 
-    group: str = r"pose(?P<pose>[0-9]+)_rep(?P<repeat>[0-9]+)_(?P<state>unloaded|loaded)"
+    group: Annotated[str, with_parts("pose", "repeat", "state")] = (
+        r"pose(?P<pose>[0-9]+)_rep(?P<repeat>[0-9]+)_(?P<state>unloaded|loaded)"
+    )
     measured: list[str] = Field(default=["P1", "P2", "P3"], min_length=1)
     chain: list[str] = Field(default=["Pl1", "Pl2"], min_length=2, max_length=2)
-
-    @field_validator("group")
-    @classmethod
-    def names_its_parts(cls, pattern: str) -> str:
-        """The pattern must compile and name pose, repeat and state."""
-        if not {"pose", "repeat", "state"} <= _parts(pattern):
-            raise ValueError("needs the named parts (?P<pose>...), (?P<repeat>...), (?P<state>...)")
-        return pattern
 
 
 class Scale(Strict):
@@ -207,14 +196,6 @@ class Settings(Strict):
         if self.displacements is not None and "measured" not in self.naming.model_fields_set:
             return [name for name in self.tool if name != "load_point"]
         return self.naming.measured
-
-
-def _parts(pattern: str) -> set[str]:
-    """Names of the parts of a regular expression."""
-    try:
-        return set(re.compile(pattern).groupindex)
-    except re.error as problem:
-        raise ValueError(f"not a regular expression ({problem})") from problem
 
 
 def parse(text: str) -> Settings:
