@@ -109,17 +109,14 @@ def _assigned(export: Export, names: _Names, name: str) -> Export:
         )
     found = [names[int(order)] for order in export.order]
     own = export.target
-    for k, (_, target) in enumerate(found):
-        if own is not None and own[k].as_py() != target:
+    for k, (_, name_there) in enumerate(found):
+        if own is not None and own[k].as_py() != name_there:
             raise InputError(
-                f"the export calls this reading {own[k].as_py()}, {name} calls it {target}",
+                f"the export calls this reading {own[k].as_py()}, {name} calls it {name_there}",
                 "correct the assignment",
                 file=export.file,
                 line=int(export.line[k]),
             )
-    group, target_names = ([pair[k] for pair in found] for k in (0, 1))
-    return replace(
-        export,
-        group=pa.array(group, pa.string()).dictionary_encode(),
-        target=pa.array(target_names, pa.string()).dictionary_encode(),
-    )
+    columns = (pa.array([pair[k] for pair in found], pa.string()) for k in (0, 1))
+    group, target = (column.dictionary_encode() for column in columns)
+    return replace(export, group=group, target=target)

@@ -36,8 +36,7 @@ from pipeline.readers._text import SAMPLE_LINES, Text
 _COMMENT = "//"
 _AXES = ("1", "2", "3")
 _PARTS = ("collection", "group", "target")
-KIND_WORDS = {"cartesian": "cartesian", "spherical": "spherical", "polar": "spherical"}
-KIND_WORDS |= {"cylindrical": "cylindrical"}
+KIND_WORDS = {kind: kind for kind in AXES} | {"polar": "spherical"}
 _SHORT_UNIT = re.compile(r"\bunits?\s*[:=]?\s*(mm|m|in)\b|[\[(](mm|m|in)[\])]", re.IGNORECASE)
 
 
@@ -181,17 +180,21 @@ def _rest_fields(shape: _Shape) -> list[Field]:
 
 
 def _meaning(comments: Sequence[str], hints: Hints, table: Rows, line: int) -> Meaning:
+    """What the header says of the numbers; short units count behind `units` or in brackets."""
     head = [comment for comment in comments if comment.lstrip().startswith(_COMMENT)]
-    lengths = _only(_units(head), "units of length")
-    stated = _only(_kinds(head), "kinds of coordinates")
+    words = {word for comment in head for word in re.findall(r"[a-z°]+", comment.lower())}
+    lengths = {UNIT_WORDS[word] for word in words if len(word) > 2 and word in UNIT_WORDS}
+    short = {unit for comment in head for pair in _SHORT_UNIT.findall(comment) for unit in pair}
+    unit = _only(lengths | {unit.lower() for unit in short if unit}, "units of length")
+    kinds = {KIND_WORDS[word] for word in words if word in KIND_WORDS} | _kinds_by_titles(head)
+    stated = _only(kinds, "kinds of coordinates")
     if stated is None and hints.coordinates is None:
         stated = "cartesian"
     with at(line=line):
-        unit = settled_unit(lengths, hints)
+        unit = settled_unit(unit, hints)
         kind = settled(stated, hints.coordinates, "coordinates", 'coordinates = "..."')
     if kind == "cartesian":
         return Meaning(unit)
-    words = {word for comment in head for word in re.findall(r"[a-z°]+", comment.lower())}
     angles = _only({ANGLE_WORDS[word] for word in words if word in ANGLE_WORDS}, "angles")
     zeros = words & {"zenith", "elevation"} if kind == "spherical" else set()
     said = _only(zeros, "vertical angles")
@@ -209,21 +212,10 @@ def _only(found: set[str], what: str) -> str | None:
     return next(iter(found), None)
 
 
-def _units(comments: Sequence[str]) -> set[str]:
-    """Units of length in the header; short ones count only behind `units` or in brackets."""
+def _kinds_by_titles(comments: Sequence[str]) -> set[str]:
+    """Kinds of coordinates that the header names by its column titles."""
     found = set()
     for comment in comments:
-        words = re.findall(r"[a-z]+", comment.lower())
-        found |= {UNIT_WORDS[word] for word in words if len(word) > 2 and word in UNIT_WORDS}
-        found |= {short.lower() for pair in _SHORT_UNIT.findall(comment) for short in pair if short}
-    return found
-
-
-def _kinds(comments: Sequence[str]) -> set[str]:
-    """Kinds of coordinates that the header names, in words or by its column titles."""
-    found = set()
-    for comment in comments:
-        found |= {KIND_WORDS[w] for w in re.findall(r"[a-z]+", comment.lower()) if w in KIND_WORDS}
         for delimiter in DELIMITERS:
             cut = _named.header(comment.strip().removeprefix(_COMMENT), 0, delimiter)
             roles = {

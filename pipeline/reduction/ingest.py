@@ -7,7 +7,7 @@ is left out and listed with its reason.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from typing import Any
 
@@ -38,21 +38,21 @@ class Ingested:
     """What a raw campaign holds, as tables that keep their promise.
 
     Attributes:
-        readings: Table READINGS; empty for a campaign that arrives reduced.
-        loads: Table LOADS; empty for a campaign that arrives reduced.
         joints: Table `tables.joints(robot)`.
         rejected: Table REJECTED.
+        readings: Table READINGS; empty for a campaign that arrives reduced.
+        loads: Table LOADS; empty for a campaign that arrives reduced.
         displacements: Table DISPLACEMENTS of a campaign that arrives reduced, else None.
         forces: Table FORCES of a campaign that arrives reduced, else None.
         doubt: Why the values are implausible, where that was not to stop the reading.
     """
 
-    readings: pa.Table
-    loads: pa.Table
     joints: pa.Table
     rejected: pa.Table
-    displacements: pa.Table | None
-    forces: pa.Table | None
+    readings: pa.Table = field(default_factory=tables.READINGS.empty_table)
+    loads: pa.Table = field(default_factory=tables.LOADS.empty_table)
+    displacements: pa.Table | None = None
+    forces: pa.Table | None = None
     doubt: InputError | None = None
 
 
@@ -141,8 +141,6 @@ def _raw(
         loads=_loads(loads),
         joints=_joints(joints, robot),
         rejected=_rejected([*whole.rejected, *loads.rejected, *joints.rejected]),
-        displacements=None,
-        forces=None,
         doubt=doubt,
     )
 
@@ -353,8 +351,6 @@ def _reduced(
     if not len(moved.line):
         raise _nothing_left(causes or moved.rejected)
     return Ingested(
-        readings=tables.READINGS.empty_table(),
-        loads=tables.LOADS.empty_table(),
         joints=_joints(joints, robot),
         rejected=_rejected([*moved.rejected, *forces.rejected, *joints.rejected]),
         displacements=_displacements(moved, said.sigma_m),

@@ -6,7 +6,8 @@ import json
 from dataclasses import asdict
 from typing import Any
 
-from pipeline.machine.effects import Effect, catalogue
+from pipeline.machine.effect import Effect
+from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import Robot
 
 
