@@ -151,6 +151,10 @@ class Effect:
     element: str = ""
     shows_unloaded: bool = False
 
+    def everywhere(self, robot: Robot) -> tuple[Effect, ...]:
+        """An entry of the catalogue: the effect, the same on any robot."""
+        return (self,)
+
     @property
     def facets(self) -> tuple[Effect, ...]:
         """The places of the cell where it acts, all with the same parameters."""
