@@ -125,16 +125,13 @@ def _decimal(fields: list[Field], cells: list[pa.Array], line: Ints) -> str:
     commas, points = np.sum(comma & ~point & ~grouped), np.sum(point & ~comma)
     if grouped.any() and not commas and not points:
         row, k = np.argwhere(grouped)[0]
-        raise _doubtful(int(line[row]), numeric[k][int(row)].as_py())
+        cell = numeric[k][int(row)].as_py()
+        raise InputError(
+            f'"{cell}" may be {cell.replace(",", ".", 1)} or {cell.replace(",", "")}',
+            'say which with decimal = "," or decimal = "." in [tracker] of campaign.toml',
+            line=int(line[row]),
+        )
     return "," if commas > points else "."
-
-
-def _doubtful(line: int, cell: str) -> InputError:
-    return InputError(
-        f'"{cell}" may be {cell.replace(",", ".", 1)} or {cell.replace(",", "")}',
-        'say which with decimal = "," or decimal = "." in [tracker] of campaign.toml',
-        line=line,
-    )
 
 
 # --- what cells say -------------------------------------------------------------------------------

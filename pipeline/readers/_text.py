@@ -93,6 +93,8 @@ def text(name: str, data: bytes) -> Text:
         if data.startswith(begin):
             raise InputError(f"the file is {what}", "save it as CSV or text")
     data, encoding = _as_utf8(data)
+    if b"\0" in data:
+        raise InputError("the file is not text (it holds zero bytes)", "export it as text")
     if not data or data.isspace():
         raise InputError("the file is empty", "export it again")
     starts = _starts(data)
@@ -108,12 +110,12 @@ def _as_utf8(data: bytes) -> tuple[bytes, str]:
         if data.startswith(mark):
             return _recoded(data[len(mark) :], encoding)
     if data.isascii():
-        return _without_nul(data), "ascii"
+        return data, "ascii"
     try:
         data.decode("utf-8")
     except UnicodeDecodeError:
         return _recoded(data, "cp1252")
-    return _without_nul(data), "utf-8"
+    return data, "utf-8"
 
 
 def _recoded(data: bytes, encoding: str) -> tuple[bytes, str]:
@@ -125,13 +127,7 @@ def _recoded(data: bytes, encoding: str) -> tuple[bytes, str]:
         raise InputError(
             f"not valid {encoding} at byte {problem.start}", "export it again as UTF-8"
         ) from problem
-    return _without_nul(text.encode("utf-8")), encoding
-
-
-def _without_nul(data: bytes) -> bytes:
-    if b"\0" in data:
-        raise InputError("the file is not text (it holds zero bytes)", "export it as text")
-    return data
+    return text.encode("utf-8"), encoding
 
 
 def _starts(data: bytes) -> Ints:
