@@ -31,14 +31,13 @@ class Locked:
 
 def sifted(columns: Mapping[str, Any], good: Bools) -> dict[str, Any]:
     """The good rows of columns of numpy or Arrow; one that is None stays None."""
-    return {
-        name: column[good]
-        if isinstance(column, np.ndarray)
-        else None
-        if column is None
-        else column.filter(good)
-        for name, column in columns.items()
-    }
+
+    def rows(column: Any) -> Any:
+        if column is None:
+            return None
+        return column[good] if isinstance(column, np.ndarray) else column.filter(good)
+
+    return {name: rows(column) for name, column in columns.items()}
 
 
 @dataclass(frozen=True)

@@ -187,10 +187,8 @@ def displacements(name: str, data: bytes) -> Log:
     """Displacements of an already reduced campaign: pose, repeat, target, dx, dy, dz [m]."""
     target = Quantity("target", {}, "name")
     axes = [Quantity(axis, _LENGTH) for axis in ("dx", "dy", "dz")]
-    return once(
-        _whole_numbers(table(name, data, [POSE, _REPEAT, target, *axes])),
-        ["pose", "repeat", "target"],
-    )
+    log = _whole_numbers(table(name, data, [POSE, _REPEAT, target, *axes]))
+    return once(log, ["pose", "repeat", "target"])
 
 
 def forces(name: str, data: bytes) -> Log:

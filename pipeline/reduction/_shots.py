@@ -248,8 +248,9 @@ def known(shots: Shots, settings: Settings) -> Shots:
         f"is none of {listed(settings.base_frame)}; rename the group or the target"
     )
     unused = np.flatnonzero((shots.role == STRANGE) | ((shots.slot < 0) & (shots.role != BASE)))
-    which = {True: strange, False: lost}
-    return shots.without({k: which[shots.role[k] == STRANGE] for k in unused.tolist()})
+    return shots.without(
+        {k: strange if shots.role[k] == STRANGE else lost for k in unused.tolist()}
+    )
 
 
 def once(shots: Shots, width: int) -> Shots:

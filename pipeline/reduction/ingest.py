@@ -150,7 +150,7 @@ def _exports(settings: Settings, tracker: Tracker, raw: Mapping[str, bytes]) -> 
     others = {settings.joints.file, "campaign.toml", tracker.assignment}
     others |= {settings.scale.file} if settings.scale else set()
     globbed = {name for name in raw for glob in tracker.files if fnmatchcase(name, glob)}
-    found = sorted(globbed - others | {*raw} & {*tracker.files})
+    found = sorted((globbed - others) | ({*raw} & {*tracker.files}))
     tracker.none_missing(found)
     exports = {name: readers.read(name, raw[name], tracker) for name in found}
     if tracker.assignment:
