@@ -5,8 +5,9 @@ All are delimited tables with a header whose column names carry the units.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -60,6 +61,11 @@ class Log(Locked):
         """The rows that are good; the others are rejected, all for one reason."""
         return self.without(dict.fromkeys(np.flatnonzero(~good).tolist(), reason))
 
+    def where(self, name: str, good: Callable[[Any], Bools], reason: str) -> Log:
+        """The rows whose cell of a column, where there is such a column, is good."""
+        column = (self.number | self.word).get(name)
+        return self if column is None else self.only(good(column), reason)
+
     def without(self, why: Mapping[int, str]) -> Log:
         """All rows but some, which are rejected, each for its reason."""
         if not why:
@@ -103,9 +109,8 @@ def loads(name: str, data: bytes) -> Log:
     log = log.only(
         log.number["force"] > 0, "the force is not above zero; correct or remove the row"
     )
-    if "branch" in log.word:
-        known = np.isin(log.word["branch"], [*_BRANCHES, ""])
-        log = log.only(known, "branch is neither up nor down; correct it or leave it empty")
+    reason = "branch is neither up nor down; correct it or leave it empty"
+    log = log.where("branch", lambda words: np.isin(words, [*_BRANCHES, ""]), reason)
     return once(log, ["pose", "repeat"])
 
 
@@ -124,7 +129,9 @@ def joints(name: str, data: bytes, robot: Robot) -> Log:
     wanted = axes if from_controller else own
     approach = Quantity("approach", {}, needed=False)
     log = _whole_numbers(table(name, data, [POSE, *wanted, approach]))
-    log = once(_known_approach(log), ["pose"])
+    reason = "approach is neither 1 nor -1; correct it or leave it empty"
+    log = log.where("approach", lambda way: np.isin(way, [1, -1, 0]) | np.isnan(way), reason)
+    log = once(log, ["pose"])
     if not from_controller:
         return log
     axes_q = np.column_stack([log.number[axis.stem] for axis in axes])
@@ -151,14 +158,6 @@ def _controller(robot: Robot) -> list[Quantity]:
 
 def _has(header: Sequence[str], wanted: Sequence[Quantity]) -> bool:
     return all(_suffixed(header, q) for q in wanted)
-
-
-def _known_approach(log: Log) -> Log:
-    if "approach" not in log.number:
-        return log
-    approach = log.number["approach"]
-    known = np.isin(approach, [1, -1, 0]) | np.isnan(approach)
-    return log.only(known, "approach is neither 1 nor -1; correct it or leave it empty")
 
 
 def within_limits(log: Log, robot: Robot) -> None:
@@ -228,9 +227,9 @@ def _log(file: str, read: Rows, columns: Sequence[tuple[Quantity, str, float]]) 
 
 def _possible(log: Log, names: Sequence[str]) -> Log:
     """Only rows with values that an instrument may show."""
-    for name in [name for name in names if name in log.number]:
+    for name in names:
         reason = f"{name} is larger than any instrument shows; correct or remove the row"
-        log = log.only(~(np.abs(log.number[name]) > _LARGEST), reason)
+        log = log.where(name, lambda values: ~(np.abs(values) > _LARGEST), reason)
     return log
 
 
@@ -281,11 +280,12 @@ def _column(titles: Sequence[str], q: Quantity) -> tuple[str, float] | None:
 
 def _whole_numbers(log: Log) -> Log:
     """Only rows whose pose and repeat are whole numbers, not negative."""
+
+    def whole(values: Array) -> Bools:
+        return (values >= 0) & (values == np.round(values)) & (values < BEYOND)
+
     for name in ("pose", "repeat"):
-        if name in log.number:
-            values = log.number[name]
-            whole = (values >= 0) & (values == np.round(values)) & (values < BEYOND)
-            log = log.only(whole, f"{name} is not a whole number; correct or remove the row")
+        log = log.where(name, whole, f"{name} is not a whole number; correct or remove the row")
     return log
 
 

@@ -84,13 +84,14 @@ def _coupled(numbers: Sequence[int]) -> list[tuple[int, int]]:
 def _effect(
     name: str,
     where: int | str,
-    sizes: tuple[float, ...],
+    size: float,
     carrier: tuple[int, ...],
-    response: _Response,
+    response: _Response = linear,
     screws: _Screws | None = None,
     signed: bool = True,
     shared: tuple[int, ...] = (),
 ) -> Elastic:
+    """An effect whose parameters, one for each virtual joint or one shared, are all of one size."""
     said = name.replace("_", " ")
     return Elastic(
         name=name,
@@ -99,7 +100,7 @@ def _effect(
         place="joint",
         parameters=tuple(  # of unit 1, relative to what is typical: nobody is told it
             Parameter(f"{name}_{where}_{k}", "1", size, -20 * size if signed else 0.0, 20 * size)
-            for k, size in enumerate(sizes)
+            for k in sorted({*shared} or range(len(carrier)))
         ),
         signature=f"{said} {where}",
         needs="",
@@ -117,8 +118,8 @@ def _bearing(robot: Robot, joint: int) -> Effect:
         axes = here.flange_axes if joint > robot.n else here.frame(joint)[0]
         return np.stack([translation_along(axes[:, :, axis]) for axis in range(3)], axis=1)
 
-    carrier, sizes = (min(joint, robot.n),) * 3, (_BEARING,) * 3
-    return _effect("bearing_translation", joint, sizes, carrier, linear, screws, signed=False)
+    carrier = (min(joint, robot.n),) * 3
+    return _effect("bearing_translation", joint, _BEARING, carrier, screws=screws, signed=False)
 
 
 def _cross_talk(robot: Robot, one: int, other: int) -> Effect:
@@ -126,7 +127,7 @@ def _cross_talk(robot: Robot, one: int, other: int) -> Effect:
     return _effect(
         "cross_talk",
         f"{one}-{other}",
-        (size,),
+        size,
         (one, other),
         lambda loaded, torque: torque[:, ::-1],
         shared=(0, 0),
@@ -137,8 +138,8 @@ def _angle(robot: Robot, joint: int) -> Effect:
     def response(loaded: Loaded, torque: Array) -> Array:
         return torque * harmonics(loaded.configuration.q[:, joint - 1], (1, 2))
 
-    sizes = (0.05 * compliance(robot, joint),) * 4
-    return _effect("compliance_by_angle", joint, sizes, (joint,) * 4, response)
+    size = 0.05 * compliance(robot, joint)
+    return _effect("compliance_by_angle", joint, size, (joint,) * 4, response)
 
 
 def _warming(robot: Robot, joint: int) -> Effect:
@@ -146,7 +147,7 @@ def _warming(robot: Robot, joint: int) -> Effect:
         hours = np.nan_to_num(loaded.pulls.time) / HOUR_S
         return torque * hours[:, None]
 
-    size = (0.05 * compliance(robot, joint),)
+    size = 0.05 * compliance(robot, joint)
     return _effect("compliance_by_time", joint, size, (joint,), response)
 
 
@@ -160,8 +161,8 @@ def _along_the_rail(robot: Robot, guide: Elastic) -> Effect:
     def screws(loaded: Loaded) -> Array:
         return guide.screws(loaded).repeat(5, axis=1)
 
-    sizes = (guide.parameters[0].typical,) * 5
-    return _effect("guide_along_the_rail", _short(guide), sizes, (1,) * 5, response, screws)
+    size = guide.parameters[0].typical
+    return _effect("guide_along_the_rail", _short(guide), size, (1,) * 5, response, screws)
 
 
 def _contact(guide: Elastic) -> Effect:
@@ -170,8 +171,7 @@ def _contact(guide: Elastic) -> Effect:
     def response(loaded: Loaded, load: Array) -> Array:
         return np.sign(load) * np.sqrt(np.abs(load) * _LARGE[spring.unit])
 
-    sizes = (spring.typical,)
-    return _effect("guide_contact", _short(guide), sizes, (1,), response, guide.twists)
+    return _effect("guide_contact", _short(guide), spring.typical, (1,), response, guide.twists)
 
 
 def _short(guide: Elastic) -> str:
@@ -180,7 +180,7 @@ def _short(guide: Elastic) -> str:
 
 def _play(gear: Elastic) -> Effect:
     """Moves what the gear of the last joint moves: only reflectors on the flange tell the two."""
-    sizes = tuple(p.typical for p in gear.parameters)
+    size = gear.parameters[0].typical
     where = f"{gear.where} {gear.form}"
-    play = _effect("effector_play", where, sizes, gear.carrier, gear.response, signed=False)
+    play = _effect("effector_play", where, size, gear.carrier, gear.response, signed=False)
     return replace(play, signature="the effector turning in its clamp")
