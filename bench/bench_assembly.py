@@ -5,7 +5,7 @@ import pinocchio as pin
 
 from bench.timing import ratio
 from pipeline.machine.cell import Tool, jacobian, paper_cell
-from pipeline.machine.effects import Pulls
+from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import load
 from pipeline.machine.robot.model import model
 from pipeline.reduction.bring import conformed

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from pipeline.machine.cell import Tool, jacobian, paper_cell, predict
-from pipeline.machine.effects import Pulls
+from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import load
 from pipeline.machine.robot.model import model
 

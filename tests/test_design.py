@@ -22,7 +22,7 @@ from pipeline.design.propose import propose
 from pipeline.design.scatter import Beam, Scatter
 from pipeline.design.search import Effort, evaluate, objective
 from pipeline.machine.cell import Tool, jacobian, paper_cell
-from pipeline.machine.effects import Pulls
+from pipeline.machine.effect import Pulls
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import SHIPPED, load
 from pipeline.machine.robot.model import model

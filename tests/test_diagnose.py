@@ -49,13 +49,12 @@ def reduced(files):
         np.array(settings.tool["load_point"]), np.array(settings.measured, dtype=object), points
     )
     data = measured(
+        settings,
         KR500,
-        tool.targets,
+        registration,
         frame(got.joints),
         frame(forces(settings, placed, frame(got.loads))),
         frame(displacements(settings, placed)),
-        registration.cov[:3, :3],
-        settings.scale.gain_sigma,
     )
     return paper_cell(KR500, tool), data
 

@@ -237,7 +237,7 @@ def test_a_bending_link_is_a_clamped_beam(bench, where, near, far):
     loaded = replace(loaded, load_point=end, force=1000.0 * across, points=end[:, None])
 
     moved = forward.columns(beam, loaded)[:, 0, :, 0]
-    turned = np.sum(beam.twists(loaded)[:, 0, :3] * hinge, axis=1)
+    turned = np.sum(beam.screws(loaded)[:, 0, :3] * hinge, axis=1)
 
     c = 1.0  # L / EI
     np.testing.assert_allclose(moved, 1000 * c * length[:, None] ** 2 / 3 * across, atol=1e-6)
@@ -458,6 +458,6 @@ def test_the_guide_shows_a_real_effect():
     """The example of docs/add-an-effect.md is the file of an effect, letter for letter."""
     root = Path(__file__).parents[1]
     shown = (root / "docs" / "add-an-effect.md").read_text("utf-8").split("```python\n")[1]
-    file = root / "pipeline" / "machine" / "effects" / "rail_roll.py"
+    file = root / "pipeline" / "machine" / "effects" / "tool_flex.py"
 
     assert shown.split("```")[0] == file.read_text("utf-8")

@@ -10,8 +10,7 @@ from pipeline.answer.contract import Which
 from pipeline.base.arrays import Parameter
 from pipeline.diagnosis.isolability import twins
 from pipeline.machine import effects
-from pipeline.machine.effect import linear
-from pipeline.machine.effects import Elastic
+from pipeline.machine.effect import Elastic, linear
 from pipeline.machine.effects._anatomy import carriage
 from pipeline.machine.effects.listing import as_text
 from pipeline.machine.robot import load

@@ -23,7 +23,7 @@ from pipeline.design.schedule import crossed, pulls_at, starts
 from pipeline.design.search import Plan, evaluate
 from pipeline.design.trade import feasible_poses, products, trade
 from pipeline.machine.cell import jacobian, paper_cell
-from pipeline.machine.effects import Pulls
+from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import load
 from pipeline.report.plan_sheet import Extras, _log, expected, sheet
 from pipeline.run import reduce

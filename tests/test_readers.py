@@ -248,7 +248,9 @@ def test_dates_and_times_of_day_in_two_columns():
 def test_tables_with_runs_of_blanks():
     """Delimiter = " " takes any number of blanks for one."""
     text = "  P1   1.5  -2.5\t3.5  \n P2 4 5  6\n"
-    hints = Hints(unit="mm", mapping=Columns({"target": 1, "x": 2, "y": 3, "z": 4}, delimiter=" "))
+    hints = Hints(
+        unit="mm", mapping=Columns(columns={"target": 1, "x": 2, "y": 3, "z": 4}, delimiter=" ")
+    )
     export = readers.read("t", text.encode(), hints)
 
     assert export.target.to_pylist() == ["P1", "P2"]
@@ -272,13 +274,15 @@ def test_tables_with_runs_of_blanks():
         (
             "odd_table.txt",
             Hints(
-                unit="mm", angle="gon", mapping=Columns({"x": "Nr", "y": 9, "z": 7}, comment="#")
+                unit="mm",
+                angle="gon",
+                mapping=Columns(columns={"x": "Nr", "y": 9, "z": 7}, comment="#"),
             ),
             "no column 9",
         ),
         (
             "odd_table.txt",
-            Hints(unit="mm", mapping=Columns({"x": "Nr", "y": "XX", "z": 7}, comment="#")),
+            Hints(unit="mm", mapping=Columns(columns={"x": "Nr", "y": "XX", "z": 7}, comment="#")),
             'no column "XX"',
         ),
     ],
@@ -539,7 +543,9 @@ def test_covariances_of_angles_become_those_of_coordinates(kind, vertical):
     columns |= {"group": 10, "target": 11} | {
         f"c{ab}": k for k, ab in enumerate(("xx", "xy", "xz", "yy", "yz", "zz"), 4)
     }
-    hints = Hints(unit="mm", angle="deg", vertical=vertical, mapping=Columns(columns, header=0))
+    hints = Hints(
+        unit="mm", angle="deg", vertical=vertical, mapping=Columns(columns=columns, header=0)
+    )
     six = [4e-4, 1e-5, -2e-5, 9e-8, 1e-8, 6e-8]
 
     def at(values):

@@ -14,7 +14,8 @@ import pytest
 from pipeline.base.arrays import Parameter
 from pipeline.base.errors import InputError, UsageError
 from pipeline.machine.cell import Tool, paper_cell, predict
-from pipeline.machine.effects import Noise, Observation, Wrench, catalogue
+from pipeline.machine.effect import Noise, Observation, Wrench
+from pipeline.machine.effects import catalogue
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import load
 from pipeline.readers import WRITERS

@@ -9,7 +9,7 @@ from pipeline.base.arrays import Parameter
 from pipeline.base.errors import InputError
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.machine.cell import Tool, paper_cell
-from pipeline.machine.effects import Pulls
+from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import configure, load
 from pipeline.prediction.validate import deflections, validate
 from pipeline.reduction.pose_of_interest import Where, place_of_interest

@@ -20,7 +20,8 @@ from pipeline.answer.recommended import Values
 from pipeline.answer.sentences import sentences
 from pipeline.answer.stiffness import budget_entries, stiffness_entries
 from pipeline.answer.words import because
-from pipeline.machine.effects import Effect, Observation, catalogue
+from pipeline.machine.effect import Effect, Observation
+from pipeline.machine.effects import catalogue
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.store.campaign import versions
 

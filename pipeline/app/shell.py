@@ -137,12 +137,10 @@ def inspect(path: Path, unit: str | None, csv: bool = False) -> Outcome:
 
 def _hints(folder: Campaign, unit: str | None) -> Any:
     from pipeline.readers import Hints
-    from pipeline.reduction.ingest import hints
 
     there = (folder.folder / "campaign.toml").is_file()
-    tracker = folder.settings().tracker if there else None
-    said = hints(tracker) if tracker else Hints()
-    return replace(said, unit=unit or said.unit)
+    said = (folder.settings().tracker if there else None) or Hints()
+    return said.model_copy(update={"unit": unit or said.unit})
 
 
 def status(root: Path) -> Iterator[Outcome]:

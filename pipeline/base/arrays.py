@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +27,17 @@ class Locked:
                 view = value.view()
                 view.flags.writeable = False
                 object.__setattr__(self, field.name, view)
+
+
+def sifted(columns: Mapping[str, Any], good: Bools) -> dict[str, Any]:
+    """The good rows of columns of numpy or Arrow; one that is None stays None."""
+
+    def rows(column: Any) -> Any:
+        if column is None:
+            return None
+        return column[good] if isinstance(column, np.ndarray) else column.filter(good)
+
+    return {name: rows(column) for name, column in columns.items()}
 
 
 @dataclass(frozen=True)

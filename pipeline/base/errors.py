@@ -5,7 +5,8 @@ The core raises these; only the command line turns them into a sentence and an e
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -66,6 +67,18 @@ class InputError(PipelineError):
     def parts(self) -> dict[str, Any]:
         """All that it was made of, by name; enough to make it again."""
         return dict(vars(self))
+
+
+@contextmanager
+def at(file: str | None = None, line: int | None = None) -> Iterator[None]:
+    """Where the input is that is read here: errors about it that name no file get this place."""
+    try:
+        yield
+    except InputError as wrong:
+        if wrong.file is not None:
+            raise
+        placed = wrong.parts | {"file": file, "line": wrong.line or line}
+        raise InputError(**placed) from wrong
 
 
 class CannotWrite(PipelineError):

@@ -10,7 +10,7 @@ from pipeline.base.arrays import Parameter
 from pipeline.diagnosis.facts import Amplitude
 from pipeline.diagnosis.identify import Case, of_model
 from pipeline.machine.cell import predict
-from pipeline.machine.effects import Elastic
+from pipeline.machine.effect import Elastic
 from pipeline.system.elimination import coefficients, eliminate
 from pipeline.system.whitened import Whitened
 

@@ -20,7 +20,7 @@ from scipy import special
 
 from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.machine.cell import Cell
-from pipeline.machine.effects import Effect
+from pipeline.machine.effect import Effect
 from pipeline.system.estimate import identifiable
 from pipeline.system.system import Estimate, System
 

@@ -12,7 +12,7 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
 from pipeline.diagnosis.facts import BlindSpot
 from pipeline.diagnosis.isolability import Twins
-from pipeline.machine.effects import Effect, Wrench
+from pipeline.machine.effect import Effect, Wrench
 from pipeline.system.elimination import eliminate
 from pipeline.system.whitened import Whitened
 

@@ -13,7 +13,7 @@ from pipeline.diagnosis.identify import NAMELESS, Case, Found
 from pipeline.diagnosis.isolability import Twins
 from pipeline.diagnosis.unloaded_fit import student
 from pipeline.machine.cell import predict
-from pipeline.machine.effects import Effect, Noise, Pulls
+from pipeline.machine.effect import Effect, Noise, Pulls
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.system import alarms
 from pipeline.system.system import Scatter

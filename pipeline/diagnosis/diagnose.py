@@ -20,7 +20,8 @@ from pipeline.diagnosis.suspect_statistics import clues, misfits
 from pipeline.diagnosis.undecided import next_poses
 from pipeline.diagnosis.unloaded_geometry import as_stiff, corrected, standing
 from pipeline.machine.cell import Cell
-from pipeline.machine.effects import Effect, Noise, catalogue
+from pipeline.machine.effect import Effect, Noise
+from pipeline.machine.effects import catalogue
 from pipeline.machine.effects.nameless import nameless
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.pose_of_interest import Where

@@ -17,7 +17,7 @@ from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools
 from pipeline.diagnosis.blindspots import needed
 from pipeline.diagnosis.facts import Drift
-from pipeline.machine.effects import Effect, Observation
+from pipeline.machine.effect import Effect, Observation
 from pipeline.machine.effects.tracker_drift import HOUR_S, LAWS
 from pipeline.reduction.register import XYZ, Registration
 from pipeline.system import alarms

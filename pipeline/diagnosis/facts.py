@@ -12,7 +12,7 @@ from pipeline.base.arrays import Array, Bools, Locked, Parameter
 from pipeline.base.linear import rms
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.faults.mistake import Mistake
-from pipeline.machine.effects import Effect, Observation
+from pipeline.machine.effect import Effect, Observation
 from pipeline.system.system import Estimate, Scatter
 
 ROUGH = 1.6

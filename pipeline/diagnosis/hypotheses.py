@@ -14,7 +14,7 @@ from pipeline.base.arrays import Array
 from pipeline.diagnosis.average import LEAST, Hypothesis, weighed
 from pipeline.diagnosis.identify import Case, Found, remainder
 from pipeline.machine.cell import predict
-from pipeline.machine.effects import Effect
+from pipeline.machine.effect import Effect
 from pipeline.system.assemble import TRACKED, assemble
 from pipeline.system.estimate import identifiable, solve
 from pipeline.system.linearised import Linearised, Model

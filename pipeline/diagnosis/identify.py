@@ -12,7 +12,7 @@ from scipy import special
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.diagnosis.facts import ROUGH
 from pipeline.machine.cell import Cell
-from pipeline.machine.effects import Effect
+from pipeline.machine.effect import Effect
 from pipeline.reduction.measured import Measured
 from pipeline.system.detect import Lack, Threshold, lack_of_fit, threshold
 from pipeline.system.elimination import coefficients, eliminate

@@ -12,7 +12,8 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array
 from pipeline.machine.cell import Cell, Tool, paper_cell, sensitivity
-from pipeline.machine.effects import Effect, Pulls, catalogue
+from pipeline.machine.effect import Effect, Pulls
+from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import Robot
 
 _SAME = 1e-8

@@ -21,7 +21,7 @@ from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.diagnosis.facts import APART, Proposal
 from pipeline.diagnosis.identify import Case
 from pipeline.machine.cell import sensitivity
-from pipeline.machine.effects import Effect, Pulls
+from pipeline.machine.effect import Effect, Pulls
 from pipeline.machine.poses import default_anchors, draw_poses
 from pipeline.machine.robot import configure
 from pipeline.system.elimination import eliminate

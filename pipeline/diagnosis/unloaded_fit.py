@@ -13,7 +13,7 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.linear import rms
 from pipeline.diagnosis.facts import Fit, Line
 from pipeline.machine.cell import Cell, predict
-from pipeline.machine.effects import Effect, Pulls
+from pipeline.machine.effect import Effect, Pulls
 from pipeline.reduction.measured import Measured
 
 _TOOL_M = 5e-3

@@ -18,7 +18,7 @@ from pipeline.diagnosis.facts import NOTHING, Fit, Gain, Standing
 from pipeline.diagnosis.improvement import interval
 from pipeline.diagnosis.unloaded_fit import Fits, Unloaded, fitted, unloaded
 from pipeline.machine.cell import Cell, load
-from pipeline.machine.effects import Effect, Geometry, Observation
+from pipeline.machine.effect import Effect, Geometry, Observation
 from pipeline.reduction.measured import Measured
 from pipeline.system.system import Estimate
 
@@ -80,7 +80,7 @@ def as_stiff(cell: Cell, estimate: Estimate) -> Cell:
     """The cell with the stiffnesses that were identified, which set the sag under gravity."""
     known = estimate.identifiable & (estimate.value > 0)
     joints = tuple(
-        replace(joint, stiffness=float(1 / x)) if told else joint
+        joint.with_stiffness(float(1 / x)) if told else joint
         for joint, x, told in zip(cell.robot.joints, estimate.value, known, strict=True)
     )
     return replace(cell, robot=replace(cell.robot, joints=joints))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pipeline.faults import FAULTS
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake
-from pipeline.machine.effects import Effect
+from pipeline.machine.effect import Effect
 from pipeline.reduction.bring import Reduced
 from pipeline.reduction.case import Case
 from pipeline.system.system import Estimate

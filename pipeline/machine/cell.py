@@ -22,7 +22,6 @@ from pipeline.machine.effect import (
     Pulls,
     Reflectors,
     Wrench,
-    linear,
 )
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.configuration import cross, torque, velocity
@@ -116,7 +115,6 @@ def baseline(robot: Robot) -> tuple[Elastic, ...]:
             name="joint_compliance",
             noun="stiffness of the joint",
             place="joint",
-            where=None,
             parameters=tuple(
                 Parameter(
                     f"c_{joint.name}", joint.compliance_unit, 1 / joint.typical_stiffness, 0.0
@@ -127,8 +125,6 @@ def baseline(robot: Robot) -> tuple[Elastic, ...]:
             needs="poses whose pull turns every joint",
             source="Eqs. (3) to (7)",
             carrier=tuple(range(1, robot.n + 1)),
-            twists=lambda loaded: loaded.configuration.twists,
-            response=linear,
         ),
     )
 
@@ -176,7 +172,7 @@ def columns(effect: Elastic, loaded: Loaded) -> Array:
     Returns:
         Shape (m, t, 3, k).
     """
-    twists = effect.twists(loaded)
+    twists = effect.screws(loaded)
     response = effect.response(loaded, torque(twists, loaded.load_point, loaded.force))
     moved = velocity(twists, loaded.points).swapaxes(2, 3) * response[:, None, None, :]
     if not effect.shared:
@@ -226,7 +222,7 @@ def _undeformed(cell: Cell, loaded: Loaded, values: Array) -> tuple[Array, Array
 def _deformed(cell: Cell, loaded: Loaded, values: Array, rounds: int = 30) -> tuple[Array, Array]:
     """Equilibrium on the deflected robot, by products of exponentials of the virtual screws."""
     parts = _elastic(cell, values)
-    twists = np.concatenate([effect.twists(loaded) for effect, _ in parts], axis=1)
+    twists = np.concatenate([effect.screws(loaded) for effect, _ in parts], axis=1)
     order = np.argsort(np.concatenate([effect.carrier for effect, _ in parts]), kind="stable")
     ends = np.cumsum([len(effect.carrier) for effect, _ in parts])[:-1]
     m, k = twists.shape[:2]
@@ -305,15 +301,9 @@ def jacobian(cell: Cell, pulls: Pulls, values: Array) -> Array:
 
 def _jacobian(cell: Cell, pulls: Pulls, values: Array) -> Array:
     loaded = load(cell, pulls, values)
-    out, start = [], 0
-    for effect in cell.effects:
-        k = len(effect.parameters)
-        if isinstance(effect, Elastic) and cell.equilibrium == "undeformed":
-            out.append(columns(effect, loaded))
-        else:
-            out.append(_differences(cell, pulls, values, range(start, start + k)))
-        start += k
-    return np.concatenate(out, axis=-1)
+    firsts = np.cumsum([0, *(len(effect.parameters) for effect in cell.effects)]).tolist()
+    parts = zip(cell.effects, firsts[:-1], strict=True)
+    return np.concatenate([_derivative(cell, *part, loaded, values) for part in parts], axis=-1)
 
 
 def sensitivity(cell: Cell, pulls: Pulls, values: Array, effects: Sequence[Effect]) -> Array:
@@ -331,23 +321,23 @@ def sensitivity(cell: Cell, pulls: Pulls, values: Array, effects: Sequence[Effec
     loaded = load(cell, pulls, values)
     out = []
     for effect in effects:
-        n = len(effect.parameters)
-        if isinstance(effect, Noise):
-            out.append(np.zeros((*loaded.points.shape, n)))
-        elif isinstance(effect, Elastic) and cell.equilibrium == "undeformed":
-            out.append(columns(effect, loaded))
-        else:
-            more = np.concatenate([values, np.zeros(n)])
-            which = range(len(values), len(more))
-            out.append(_differences(cell.with_effects(effect), pulls, more, which))
+        more = np.append(values, np.zeros(len(effect.parameters)))
+        out.append(_derivative(cell.with_effects(effect), effect, len(values), loaded, more))
     return np.concatenate(out, axis=-1)
 
 
-def _differences(cell: Cell, pulls: Pulls, values: Array, which: range) -> Array:
+def _derivative(cell: Cell, effect: Effect, first: int, loaded: Loaded, values: Array) -> Array:
+    """Derivative of the displacements by the parameters of one effect, from `first` on."""
+    if isinstance(effect, Noise):
+        return np.zeros((*loaded.points.shape, len(effect.parameters)))
+    if isinstance(effect, Elastic) and cell.equilibrium == "undeformed":
+        return columns(effect, loaded)
     out = []
-    for k in which:
+    for k, parameter in enumerate(effect.parameters, first):
         step = np.zeros_like(values)
-        step[k] = 1e-3 * cell.parameters[k].typical
-        ahead, behind = (predict(cell, pulls, values + s).displacement for s in (step, -step))
+        step[k] = 1e-3 * parameter.typical
+        ahead, behind = (
+            predict(cell, loaded.pulls, values + s).displacement for s in (step, -step)
+        )
         out.append((ahead - behind) / (2 * step[k]))
     return np.stack(out, axis=-1)

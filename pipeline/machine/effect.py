@@ -136,7 +136,7 @@ class Effect:
 
     Attributes:
         name: A word of the list of causes, `rail_roll`.
-        where: Joint number, `upper_arm`, `forearm`, or None.
+        where: Joint number, `upper_arm`, `forearm`, or None where it can act in one place only.
         noun: What an engineer calls it, as a noun, so that it fits into any sentence.
         place: Where in the cell it acts: rail, joint, link, tool, shoulder, wrist, force, metrology
             or noise.
@@ -152,7 +152,7 @@ class Effect:
     """
 
     name: str
-    where: int | str | None
+    where: int | str | None = None
     noun: str
     place: str
     parameters: tuple[Parameter, ...]
@@ -163,6 +163,10 @@ class Effect:
     tolerance: float = 0.03
     element: str = ""
     shows_unloaded: bool = False
+
+    def everywhere(self, robot: Robot) -> tuple[Effect, ...]:
+        """An entry of the catalogue: the effect, the same on any robot."""
+        return (self,)
 
     @property
     def facets(self) -> tuple[Effect, ...]:
@@ -187,6 +191,11 @@ class Effect:
         return f"joint {self.where}" if self.place == "joint" else str(self.where)
 
 
+def linear(loaded: Loaded, tau: Array) -> Array:
+    """The law of a linear spring: deflection per unit compliance is the torque."""
+    return tau
+
+
 def same_element(one: Effect, other: Effect) -> bool:
     """True when both are laws of one thing of the machine, such as how one gear turns."""
     return bool(one.element) and (one.element, one.where) == (other.element, other.where)
@@ -202,15 +211,25 @@ class Elastic(Effect):
     Attributes:
         carrier: The joint 0..n that carries each virtual joint (0 is the rail's bed);
             virtual joints of one carrier come after its own motion.
-        twists: loaded -> unit screws of the virtual joints in F_b, shape (m, v, 6).
-        response: loaded, tau (m, v) -> deflection per unit parameter, shape (m, v).
+        twists: loaded -> unit screws of the virtual joints in F_b, shape (m, v, 6); None where
+            each turns or slides as the joint that carries it.
+        response: loaded, tau (m, v) -> deflection per unit parameter, shape (m, v); that of a
+            linear spring where nothing else is said.
         shared: Parameter of each virtual joint where several have one; empty for one each.
     """
 
     carrier: tuple[int, ...]
-    twists: Callable[[Loaded], Array]
-    response: Callable[[Loaded, Array], Array]
+    twists: Callable[[Loaded], Array] | None = None
+    response: Callable[[Loaded, Array], Array] = linear
     shared: tuple[int, ...] = ()
+
+    def screws(self, loaded: Loaded) -> Array:
+        """Unit screws of the virtual joints in F_b, shape (m, v, 6)."""
+        if self.twists is not None:
+            return self.twists(loaded)
+        at = np.array(self.carrier) - 1
+        neighbours = (np.diff(at) == 1).all()  # a slice of an array is no copy
+        return loaded.configuration.twists[:, slice(at[0], at[-1] + 1) if neighbours else at]
 
     @property
     def parameter_of(self) -> tuple[int, ...]:
@@ -291,8 +310,3 @@ class Compound(Effect):
     def facets(self) -> tuple[Effect, ...]:
         """The places of the cell where it acts, all with the same parameters."""
         return self.acts
-
-
-def linear(loaded: Loaded, tau: Array) -> Array:
-    """The law of a linear spring: deflection per unit compliance is the torque."""
-    return tau

@@ -75,17 +75,17 @@ def read(name: str, data: bytes, robot: Robot) -> Path:
     Raises:
         InputError: Any row or column is not as it should be: a path with a hole is no path.
     """
-    log, q = logs.joints(name, data, robot)
+    log = logs.joints(name, data, robot)
     force = logs.table(name, data, [logs.POSE, *(logs.Quantity(a, logs.FORCE) for a in _FORCES)])
     for _, line, reason in (*log.rejected, *force.rejected):
         thing, _, way_out = reason.partition("; ")
         raise InputError(thing, way_out or "correct the row", file=name, line=line)
-    if not len(q):
+    if not len(log.line):
         raise InputError("has no points", "write one row per point of the path", file=name)
     own = {f"{joint.name}_{unit}" for joint in robot.joints for unit in ("m", "mm", "deg", "rad")}
     return Path(
         pose=log.number["pose"].astype(np.int64),
-        q=q,
+        q=logs.joint_values(log, robot),
         force=np.column_stack([force.number[axis] for axis in _FORCES]),
         controller=not own & set(logs.columns(name, data)),
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pipeline.base.errors import InputError, listed
+from pipeline.base.errors import InputError, at, listed
 from pipeline.readers import emscon, leica_6dof, mapped, plain, spatial_analyzer, tracker_pilot, xyz
 from pipeline.readers._cells import text_of
 from pipeline.readers._names import split
@@ -53,7 +53,6 @@ def recognise(file: Text) -> Reader:
         thing,
         "describe its columns in [tracker.mapping] of campaign.toml, or export it as CSV with the "
         "columns group,target,x_mm,y_mm,z_mm,time",
-        file=file.name,
         line=1,
     )
 
@@ -69,6 +68,8 @@ def read(name: str, data: bytes, hints: Hints | None = None) -> Export:
     Raises:
         InputError: The file cannot be read or trusted as a whole.
     """
-    file, hints = text(name, data), hints or Hints()
-    found = mapped.read(file, hints) if hints.mapping else recognise(file).read(file, hints)
-    return split(found, hints.names)
+    hints = hints or Hints()
+    with at(name):
+        file = text(name, data)
+        read_by = mapped.read if hints.mapping else recognise(file).read
+        return split(read_by(file, hints), hints.names)

@@ -43,6 +43,11 @@ def cells_or_none(line: str, delimiter: str) -> list[str] | None:
         return None
 
 
+def bare(title: str) -> str:
+    """A column's title without quotes and the blanks around and inside them."""
+    return title.strip().strip('"').strip()
+
+
 def is_number(cell: str) -> bool:
     """Whether a cell holds a number, with whatever decimal mark."""
     return NUMBER.fullmatch(cell.replace(",", ".", 1)) is not None

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.base.arrays import Array
+from pipeline.base.covariance import flat, symmetric
 from pipeline.base.errors import InputError
 
-_UNITS = ("mm", "m", "in")
 _INCH = 0.0254
 """An inch [m], by definition."""
-_METRES = {"mm": 1e-3, "m": 1.0, "in": _INCH, "um": 1e-6}
-"""Units of length [m]."""
+_IN_A_METRE = {"mm": 1e3, "m": 1.0, "um": 1e6}
+"""How many of the other units of length there are in a metre."""
 _ANGLES = {"deg": np.pi / 180.0, "rad": 1.0, "gon": np.pi / 200.0}
 """Units of angles [rad]."""
 AXES = {
@@ -45,23 +45,18 @@ class Meaning:
 
 def metres(values: Array, unit: str) -> Array:
     """Lengths in metres; mm are divided by 1000, which rounds once, 0.001 would round twice."""
-    if unit in ("mm", "um"):
-        return values / (1000.0 if unit == "mm" else 1e6)
-    return values * _INCH if unit == "in" else values
+    return values * _INCH if unit == "in" else values / _IN_A_METRE[unit]
 
 
 def uncertainties(values: Array, stated: str | None, unit: str) -> Array:
     """Uncertainties of a column that may state another unit, in the unit of the coordinates."""
-    if stated not in _METRES or stated == unit:
-        return values
-    return values * (_METRES[stated] / _METRES[unit])
+    same = stated == unit or stated not in ("in", *_IN_A_METRE)
+    return values if same else _in_unit(metres(values, str(stated)), unit)
 
 
 def _in_unit(values: Array, unit: str) -> Array:
     """Lengths in metres in another unit."""
-    if unit == "mm":
-        return values * 1000.0
-    return values / _INCH if unit == "in" else values
+    return values / _INCH if unit == "in" else values * _IN_A_METRE[unit]
 
 
 def cartesian(numbers: Sequence[Array], meaning: Meaning) -> Array:
@@ -76,11 +71,11 @@ def cartesian(numbers: Sequence[Array], meaning: Meaning) -> Array:
         return out
     si = _si(np.column_stack(numbers), meaning)
     radius, azimuth = si[:, 0], si[:, 1]
-    flat, out[:, 2] = radius, si[:, 2]
+    reach, out[:, 2] = radius, si[:, 2]
     if meaning.kind == "spherical":
         level, up = _flat_and_up(si[:, 2], meaning)
-        flat, out[:, 2] = radius * level, radius * up
-    out[:, 0], out[:, 1] = flat * np.cos(azimuth), flat * np.sin(azimuth)
+        reach, out[:, 2] = radius * level, radius * up
+    out[:, 0], out[:, 1] = reach * np.cos(azimuth), reach * np.sin(azimuth)
     return out
 
 
@@ -89,12 +84,11 @@ def raw(position: Array, meaning: Meaning) -> Array:
     if meaning.kind == "cartesian":
         return _in_unit(position, meaning.unit)
     x, y, z = position.T
-    azimuth = np.arctan2(y, x)
+    reach, azimuth = np.hypot(x, y), np.arctan2(y, x)
     if meaning.kind == "cylindrical":
-        return _from_si(np.column_stack([np.hypot(x, y), azimuth, z]), meaning)
-    flat = np.hypot(x, y)
-    vertical = np.arctan2(flat, z) if meaning.vertical == "zenith" else np.arctan2(z, flat)
-    return _from_si(np.column_stack([np.hypot(flat, z), azimuth, vertical]), meaning)
+        return _from_si(np.column_stack([reach, azimuth, z]), meaning)
+    vertical = np.arctan2(reach, z) if meaning.vertical == "zenith" else np.arctan2(z, reach)
+    return _from_si(np.column_stack([np.hypot(reach, z), azimuth, vertical]), meaning)
 
 
 def covariance(six: Array, values: Array, meaning: Meaning) -> Array:
@@ -113,13 +107,8 @@ def covariance(six: Array, values: Array, meaning: Meaning) -> Array:
         return metres(metres(six, meaning.unit), meaning.unit)
     J = _jacobian(_si(values, meaning), meaning)
     scale = _from_si(np.ones((1, 3)), meaning)[0]
-    C = _full(six) / np.multiply.outer(scale, scale)
-    out: Array = J @ C @ J.transpose(0, 2, 1)
-    return np.asarray(out[:, (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)])
-
-
-def _full(six: Array) -> Array:
-    return six[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3)
+    C = symmetric(six) / np.multiply.outer(scale, scale)
+    return flat(J @ C @ J.transpose(0, 2, 1))
 
 
 def _angles(meaning: Meaning) -> list[int]:
@@ -135,7 +124,7 @@ def _si(values: Array, meaning: Meaning) -> Array:
 
 def _from_si(values: Array, meaning: Meaning) -> Array:
     angles = _angles(meaning)
-    out = _in_unit(values, meaning.unit).copy()
+    out = _in_unit(values, meaning.unit)
     out[:, angles] = values[:, angles] / _ANGLES[meaning.angle or "rad"]
     return out
 
@@ -153,19 +142,17 @@ def _jacobian(si: Array, meaning: Meaning) -> Array:
     if meaning.kind == "cylindrical":
         rows = [[c, -radius * s, none], [s, radius * c, none], [none, none, none + 1.0]]
     else:
-        flat, up = _flat_and_up(third, meaning)
+        level, up = _flat_and_up(third, meaning)
         turn = 1.0 if meaning.vertical == "zenith" else -1.0
         rows = [
-            [flat * c, -radius * flat * s, turn * radius * up * c],
-            [flat * s, radius * flat * c, turn * radius * up * s],
-            [up, none, -turn * radius * flat],
+            [level * c, -radius * level * s, turn * radius * up * c],
+            [level * s, radius * level * c, turn * radius * up * s],
+            [up, none, -turn * radius * level],
         ]
     return np.moveaxis(np.array(rows), 2, 0)
 
 
-def settled(
-    stated: str | None, said: str | None, what: str, example: str, file: str, line: int | None
-) -> str:
+def settled(stated: str | None, said: str | None, what: str, example: str) -> str:
     """What an export states itself, else what campaign.toml says in [tracker].
 
     Args:
@@ -181,22 +168,16 @@ def settled(
         raise InputError(
             f"the export does not say its {what}",
             f"write {example} into [tracker] of campaign.toml",
-            file=file,
-            line=line,
         )
     if stated and said and stated != said:
         raise InputError(
             f"the export says {stated} for its {what} but campaign.toml says {said}",
             f"remove {example.split(' =')[0]} from [tracker], it is for exports that do not say",
-            file=file,
-            line=line,
         )
     return stated or said or ""
 
 
-def settled_vertical(
-    stated: str | None, said: str | None, values: Array, angle: str, file: str, line: int | None
-) -> str:
+def settled_vertical(stated: str | None, said: str | None, values: Array, angle: str) -> str:
     """Whether vertical angles count from the zenith or from the horizon.
 
     Where nobody says it, the angles may: below 0 there is no zenith angle, above 90 degrees no
@@ -212,4 +193,4 @@ def settled_vertical(
         if degrees.min() >= 0 and 90 < degrees.max() <= 180:
             return "zenith"
     what = 'vertical = "zenith" (or "elevation")'
-    return settled(stated, said, "vertical angle's zero", what, file, line)
+    return settled(stated, said, "vertical angle's zero", what)

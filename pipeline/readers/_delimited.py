@@ -14,7 +14,7 @@ import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from pipeline.base.arrays import Bools, Ints, Locked
+from pipeline.base.arrays import Bools, Ints, Locked, sifted
 from pipeline.base.errors import InputError
 from pipeline.base.threads import MUCH, spread
 from pipeline.readers import _time
@@ -60,10 +60,10 @@ def rows(text: Text, layout: Layout) -> Rows:
     fields = [field for field in layout.fields if field.kind != "any"]
     much = len(found.line) > MUCH
     cells = spread(_trimmed, found.columns, much)
-    layout = replace(layout, decimal=layout.decimal or _decimal(text, fields, cells, found.line))
+    layout = replace(layout, decimal=layout.decimal or _decimal(fields, cells, found.line))
     columns = spread(lambda k: _parsed(fields[k], cells[k], layout), range(len(fields)), much)
     good = np.logical_and.reduce([column.good for column in columns])
-    _zones_alike(columns, good, text.name)
+    _zones_alike(columns, good)
     rejected = [*found.rejected, *_why_not(columns, found.line, good, layout)]
     line = found.line[good]
     if len(line) and cut_off(text, layout, line):
@@ -76,7 +76,7 @@ def _kept(columns: list[_Column], line: Ints, good: Bools, rejected: list[tuple[
     """The good rows, numbered among all."""
     values = {c.field.name: c.values for c in columns if c.field.kind != "blank"}
     if not good.all():
-        values = {name: column.filter(pa.array(good)) for name, column in values.items()}
+        values = sifted(values, good)
     others = np.array([number for number, _ in rejected], dtype=np.int64)
     order = np.arange(1, len(line) + 1) + np.searchsorted(others, line)
     return Rows(values, line, order, tuple(rejected))
@@ -98,20 +98,18 @@ def _letters(cells: pa.StringArray) -> npt.NDArray[np.uint8]:
     return np.frombuffer(cells.buffers()[2] or b"", dtype=np.uint8)
 
 
-def _zones_alike(columns: list[_Column], good: Bools, file: str) -> None:
+def _zones_alike(columns: list[_Column], good: Bools) -> None:
     for column in columns:
         if column.zoned is None:
             continue
         zoned = column.zoned[good & np.asarray(column.values.is_valid())]
         if zoned.any() and not zoned.all():
             raise InputError(
-                "some times have a zone and some have none",
-                "export all times in the same form",
-                file=file,
+                "some times have a zone and some have none", "export all times in the same form"
             )
 
 
-def _decimal(text: Text, fields: list[Field], cells: list[pa.Array], line: Ints) -> str:
+def _decimal(fields: list[Field], cells: list[pa.Array], line: Ints) -> str:
     """The decimal mark of a file: the one that most of its numbers have.
 
     Raises:
@@ -127,17 +125,13 @@ def _decimal(text: Text, fields: list[Field], cells: list[pa.Array], line: Ints)
     commas, points = np.sum(comma & ~point & ~grouped), np.sum(point & ~comma)
     if grouped.any() and not commas and not points:
         row, k = np.argwhere(grouped)[0]
-        raise _doubtful(text, int(line[row]), numeric[k][int(row)].as_py())
+        cell = numeric[k][int(row)].as_py()
+        raise InputError(
+            f'"{cell}" may be {cell.replace(",", ".", 1)} or {cell.replace(",", "")}',
+            'say which with decimal = "," or decimal = "." in [tracker] of campaign.toml',
+            line=int(line[row]),
+        )
     return "," if commas > points else "."
-
-
-def _doubtful(text: Text, line: int, cell: str) -> InputError:
-    return InputError(
-        f'"{cell}" may be {cell.replace(",", ".", 1)} or {cell.replace(",", "")}',
-        'say which with decimal = "," or decimal = "." in [tracker] of campaign.toml',
-        file=text.name,
-        line=line,
-    )
 
 
 # --- what cells say -------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 import pyarrow as pa
 
-from pipeline.base.arrays import Array, Ints, Locked
+from pipeline.base.arrays import Array, Bools, Ints, Locked, sifted
 from pipeline.readers import _time
 
 DELIMITERS = (",", ";", "\t", "|")
@@ -76,6 +76,14 @@ class Rows(Locked):
     line: Ints
     order: Ints
     rejected: tuple[tuple[int, str], ...]
+
+    def only(self, good: Bools, why_not: str) -> Rows:
+        """The rows that are good; the others are rejected for one reason."""
+        if good.all():
+            return self
+        lost = tuple((int(line), why_not) for line in self.line[~good])
+        columns, rejected = sifted(self.columns, good), (*self.rejected, *lost)
+        return Rows(columns, self.line[good], self.order[good], rejected)
 
     def floats(self, name: str) -> Array:
         """A column of numbers, NaN where a cell is empty, shape (n,)."""

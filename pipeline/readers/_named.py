@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from pipeline.base.errors import InputError
+from pipeline.readers._cells import bare
 from pipeline.readers._layout import DELIMITERS
 
 UNIT_WORDS = {
@@ -19,6 +20,7 @@ ANGLE_WORDS = {
     "deg": "deg", "degree": "deg", "degrees": "deg", "°": "deg",
     "rad": "rad", "radian": "rad", "radians": "rad", "gon": "gon", "gons": "gon",
 }  # fmt: skip
+_UNIT_WORDS = UNIT_WORDS | ANGLE_WORDS
 
 _AXES = {
     "x": "x", "y": "y", "z": "z",
@@ -28,20 +30,11 @@ _AXES = {
     "inclination": "elevation",
 }  # fmt: skip
 _FILLING = {
-    "coordinate",
-    "coord",
-    "koordinate",
-    "pos",
-    "position",
-    "angle",
-    "value",
-    "actual",
-    "measured",
-}
+    "coordinate", "coord", "koordinate", "pos", "position", "angle", "value", "actual", "measured",
+}  # fmt: skip
 _STANDARD_WORDS = {
-    *("std", "stddev", "sigma", "uncertainty", "sd", "unc"),
-    *("u", "1", "dev", "standard", "deviation"),
-}
+    "std", "stddev", "sigma", "uncertainty", "sd", "unc", "u", "1", "dev", "standard", "deviation",
+}  # fmt: skip
 _TIMES = ({"time"}, {"timestamp"}, {"date", "time"}, {"datetime"}, {"date"}, {"time", "stamp"})
 _NAMES = {
     "collection": "collection", "group": "group", "group name": "group", "groupname": "group",
@@ -100,19 +93,15 @@ class Header:
 
 def named(title: str) -> Named:
     """What a column is, judged by its title."""
-    bare = title.strip().strip('"').strip()
-    unit = None
-    rest = bare
-    for inside in _IN_BRACKETS.findall(bare):
-        word = inside.lower()
-        if word in UNIT_WORDS or word in ANGLE_WORDS:
-            unit = UNIT_WORDS.get(word) or ANGLE_WORDS[word]
+    unit, rest = None, bare(title)
+    for inside in _IN_BRACKETS.findall(rest):
+        if inside.lower() in _UNIT_WORDS:
+            unit = _UNIT_WORDS[inside.lower()]
             rest = re.sub(rf"[\[(]\s*{re.escape(inside)}\s*[\])]", " ", rest)
     words = re.findall(r"[^\W\d_]+|[0-9]+", rest.lower())
     if unit is None and len(words) > 1 and words[-1] in _SHORT_UNITS:
-        word = words.pop()
-        unit = UNIT_WORDS.get(word) or ANGLE_WORDS[word]
-    return Named(bare, _role(words), unit)
+        unit = _UNIT_WORDS[words.pop()]
+    return Named(bare(title), _role(words), unit)
 
 
 def _role(words: Sequence[str]) -> str:
@@ -172,7 +161,7 @@ def find(lines: Sequence[str]) -> Header | None:
     return None
 
 
-def one_unit(found: Header, roles: Sequence[str], file: str) -> str | None:
+def one_unit(found: Header, roles: Sequence[str]) -> str | None:
     """The unit that some columns state, None where none does.
 
     Raises:
@@ -183,9 +172,6 @@ def one_unit(found: Header, roles: Sequence[str], file: str) -> str | None:
     if len(units) > 1:
         titles = ", ".join(column.title for column in columns)
         raise InputError(
-            f"the columns {titles} have different units",
-            "export all of them in the same unit",
-            file=file,
-            line=found.line or None,
+            f"the columns {titles} have different units", "export all of them in the same unit"
         )
     return units.pop() if units else None

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from datetime import datetime
+from typing import Annotated, Literal
 
 import numpy as np
 import pyarrow as pa
+from pydantic import Field
 
-from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.base.arrays import Array, Bools, Ints, Locked, sifted
 from pipeline.base.errors import InputError
+from pipeline.base.strict import Positive, Strict, with_parts
 from pipeline.readers._cells import text_of
 from pipeline.readers._coordinates import (
     Meaning,
@@ -40,50 +43,54 @@ USUAL_FACTORS = {STANDARD: 1.0, EXPANDED: 2.0}
 """k of uncertainties where campaign.toml does not say; 2 is 95 % (GUM 6.3.3, Leica's U(95))."""
 
 
-@dataclass(frozen=True)
-class Columns:
+_Role = Literal[
+    "group", "target", "time", "delete", "x", "y", "z", "range", "azimuth", "vertical",
+    "sx", "sy", "sz", "u95_x", "u95_y", "u95_z", "cxx", "cxy", "cxz", "cyy", "cyz", "czz",
+]  # fmt: skip
+_Column = Annotated[int, Field(ge=1)] | Annotated[str, Field(min_length=1)]
+
+
+class Columns(Strict):
     """[tracker.mapping]: columns of any delimited table, by header name or by number from 1.
 
     Attributes:
-        columns: Name or number of the column by role: group, target, name, x, y, z, time,
-            and sx, sy, sz, or cxx ... czz for uncertainties.
+        columns: Name or number of the column by role; sx, sy, sz and cxx ... czz are uncertainties.
         delimiter: One character, or None to find it.
         header: Line of the header, 0 for none, or None to find it.
         comment: Start of lines that are no rows.
         time_format: A `strptime` form, or None for the forms we know.
     """
 
-    columns: Mapping[str, str | int]
-    delimiter: str | None = None
-    header: int | None = None
-    comment: str | None = None
+    columns: dict[_Role, _Column] = Field(min_length=3)
+    delimiter: Annotated[str, Field(min_length=1, max_length=1)] | None = None
+    header: Annotated[int, Field(ge=0)] | None = None
+    comment: Annotated[str, Field(min_length=1)] | None = None
     time_format: str | None = None
 
 
-@dataclass(frozen=True)
-class Hints:
+class Hints(Strict):
     """What campaign.toml says in [tracker] about exports that do not say it themselves.
 
     Attributes:
-        unit: `mm`, `m` or `in`.
-        decimal: The decimal mark, `.` or `,`.
-        coordinates: `cartesian`, `spherical` or `cylindrical`.
-        angle: `deg`, `rad` or `gon`.
-        vertical: `zenith` or `elevation`.
-        coverage_factor: k of stated uncertainties.
+        unit: Of length.
+        decimal: The decimal mark.
+        coordinates: Their kind.
+        angle: Unit of angles.
+        vertical: Where vertical angles are zero.
         covariance: Which of several covariances to use, or `none`.
+        coverage_factor: k of stated uncertainties.
         names: Expression with the parts group and target, for names that hold both.
         mapping: Columns of a table in no dialect of its own.
     """
 
-    unit: str | None = None
-    decimal: str | None = None
-    coordinates: str | None = None
-    angle: str | None = None
-    vertical: str | None = None
-    coverage_factor: float | None = None
-    covariance: str | None = None
-    names: str | None = None
+    unit: Literal["mm", "m", "in"] | None = None
+    decimal: Literal[".", ","] | None = None
+    coordinates: Literal["cartesian", "spherical", "cylindrical"] | None = None
+    angle: Literal["deg", "rad", "gon"] | None = None
+    vertical: Literal["zenith", "elevation"] | None = None
+    covariance: Literal["a-priori", "standard", "expanded", "rms", "none"] | None = None
+    coverage_factor: Positive | None = None
+    names: Annotated[str, with_parts("group", "target")] | None = None
     mapping: Columns | None = None
 
 
@@ -124,6 +131,10 @@ class Export(Locked):
     rows: int
     unused: tuple[str, ...]
     rejected: tuple[tuple[int, str], ...]
+
+
+_OF_EACH = ("group", "target", "position", "covariance", "time", "line", "order")
+"""What of an `Export` has one row for each reading."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,92 +186,69 @@ class Reader:
     general: bool = False
 
 
-@dataclass(frozen=True, eq=False)
-class Found(Locked):
-    """What a dialect found in a file, to be turned into readings.
+def export(
+    text: Text,
+    hints: Hints,
+    dialect: str,
+    rows: Rows,
+    meaning: Meaning,
+    axes: Sequence[str],
+    covariances: Mapping[str, Array] | None = None,
+    unused: Sequence[str] = (),
+) -> Export:
+    """Readings in SI of what a dialect found in a file.
 
-    Attributes:
+    Args:
+        text: The file.
+        hints: What campaign.toml adds.
         dialect: Its name.
-        rows: The typed rows.
+        rows: The typed rows; of the columns `group`, `target` (or `reflector`) and `time` those
+            that the file has.
         meaning: Of the three numbers.
         axes: Names of the columns with the three numbers.
-        group: Column with the group, or None.
-        target: Column with the target, or None.
-        covariance: Six numbers in the units of the file by kind, each shape (n, 6).
-        keep: Rows to keep, shape (n,), or None for all.
-        why_not: Why the others are not kept.
+        covariances: Six numbers in the units of the file by kind, each shape (n, 6).
         unused: Columns that were not looked at.
     """
-
-    dialect: str
-    rows: Rows
-    meaning: Meaning
-    axes: tuple[str, str, str]
-    group: str | None = None
-    target: str | None = None
-    covariance: Mapping[str, Array] = field(default_factory=dict)
-    keep: Bools | None = None
-    why_not: str = ""
-    unused: tuple[str, ...] = ()
-
-
-def export(text: Text, hints: Hints, found: Found) -> Export:
-    """Readings in SI of what a dialect found."""
-    rows = found.rows
-    numbers = [np.asarray(rows.columns[axis]) for axis in found.axes]
-    kind = _chosen(list(found.covariance), hints, text.name)
-    C = covariance(found.covariance[kind], np.array(numbers).T, found.meaning) if kind else None
-    n = len(rows.line)
-    time = rows.columns.get("time", pa.nulls(n, pa.timestamp("us")))
-    group, target = (rows.columns[name] if name else None for name in (found.group, found.target))
+    columns, n = rows.columns, len(rows.line)
+    numbers = [np.asarray(columns[axis]) for axis in axes]
+    kind = _chosen(covariances or {}, hints)
+    C = (
+        covariance(covariances[kind], np.array(numbers).T, meaning)
+        if covariances and kind
+        else None
+    )
     everything = Export(
         file=text.name,
-        dialect=found.dialect,
+        dialect=dialect,
         encoding=text.encoding,
-        meaning=found.meaning,
-        group=group,
-        target=target,
-        position=cartesian(numbers, found.meaning),
+        meaning=meaning,
+        group=columns.get("group"),
+        target=columns.get("target", columns.get("reflector")),
+        position=cartesian(numbers, meaning),
         covariance=C,
         covariance_kind=kind,
-        time=time,
+        time=columns.get("time", pa.nulls(n, pa.timestamp("us"))),
         line=rows.line,
         order=rows.order,
         rows=n + len(rows.rejected),
-        unused=found.unused,
+        unused=tuple(unused),
         rejected=rows.rejected,
     )
-    if found.keep is not None:
-        everything = kept(everything, found.keep, found.why_not)
-    columns = everything.position.T
-    if all(x.min(initial=0) >= -_FARTHEST_M and x.max(initial=0) <= _FARTHEST_M for x in columns):
+    xyz = everything.position.T
+    if all(x.min(initial=0) >= -_FARTHEST_M and x.max(initial=0) <= _FARTHEST_M for x in xyz):
         return everything
-    near = np.logical_and.reduce([np.abs(axis) <= _FARTHEST_M for axis in columns])
+    near = np.logical_and.reduce([np.abs(x) <= _FARTHEST_M for x in xyz])
     return kept(everything, near, _TOO_FAR)
 
 
 def kept(readings: Export, keep: Bools, why_not: str) -> Export:
     """The readings to keep; the others are rejected for one reason."""
-    mask = pa.array(keep)
-    group, target = (
-        names if names is None else names.filter(mask)
-        for names in (readings.group, readings.target)
-    )
+    of_each = sifted({name: getattr(readings, name) for name in _OF_EACH}, keep)
     left_out = tuple((int(line), why_not) for line in readings.line[~keep])
-    return replace(
-        readings,
-        group=group,
-        target=target,
-        position=readings.position[keep],
-        covariance=None if readings.covariance is None else readings.covariance[keep],
-        time=readings.time.filter(mask),
-        line=readings.line[keep],
-        order=readings.order[keep],
-        rejected=(*readings.rejected, *left_out),
-    )
+    return replace(readings, **of_each, rejected=(*readings.rejected, *left_out))
 
 
-def _chosen(kinds: Sequence[str], hints: Hints, file: str) -> str | None:
+def _chosen(kinds: Collection[str], hints: Hints) -> str | None:
     """Which of the covariances of a file is used.
 
     Raises:
@@ -274,18 +262,17 @@ def _chosen(kinds: Sequence[str], hints: Hints, file: str) -> str | None:
         raise InputError(
             f"the export has no {hints.covariance} covariance, only {', '.join(kinds)}",
             "correct covariance in [tracker] of campaign.toml",
-            file=file,
         )
     return hints.covariance if kinds else None
 
 
-def settled_unit(stated: str | None, hints: Hints, file: str, line: int | None = None) -> str:
+def settled_unit(stated: str | None, hints: Hints) -> str:
     """The unit of length of an export: what it says itself, else what campaign.toml says.
 
     Raises:
         InputError: Nobody says, or the two contradict each other.
     """
-    return settled(stated, hints.unit, "unit of length", 'unit = "mm" (or "m", "in")', file, line)
+    return settled(stated, hints.unit, "unit of length", 'unit = "mm" (or "m", "in")')
 
 
 def settled_angles(
@@ -293,8 +280,6 @@ def settled_angles(
     stated: tuple[str | None, str | None],
     third: Array,
     hints: Hints,
-    file: str,
-    line: int | None,
 ) -> Meaning:
     """The same with unit and zero of angles, where coordinates of its kind have some.
 
@@ -310,10 +295,10 @@ def settled_angles(
     if meaning.kind == "cartesian":
         return meaning
     example = 'angle = "deg" (or "rad", "gon")'
-    angle = settled(stated[0], hints.angle, "unit of angles", example, file, line)
+    angle = settled(stated[0], hints.angle, "unit of angles", example)
     if meaning.kind == "cylindrical":
         return replace(meaning, angle=angle)
-    vertical = settled_vertical(stated[1], hints.vertical, third, angle, file, line)
+    vertical = settled_vertical(stated[1], hints.vertical, third, angle)
     return replace(meaning, angle=angle, vertical=vertical)
 
 

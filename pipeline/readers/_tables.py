@@ -10,8 +10,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from pipeline.base.arrays import Array, Bools
-from pipeline.base.errors import InputError, listed
+from pipeline.base.arrays import Array
+from pipeline.base.errors import InputError, at, listed
 from pipeline.readers import _time
 from pipeline.readers._cells import cells_or_none, shown
 from pipeline.readers._coordinates import AXES, Meaning, uncertainties
@@ -20,10 +20,10 @@ from pipeline.readers._layout import Field, Kind, Layout, Rows
 from pipeline.readers._named import Header, Named, find, in_context, named, one_unit
 from pipeline.readers._reader import (
     EXPANDED,
+    RMS,
     STANDARD,
     USUAL_FACTORS,
     Export,
-    Found,
     Hints,
     diagonal,
     export,
@@ -34,6 +34,10 @@ from pipeline.readers._text import Text
 
 _VERTICALS = ("vertical", "zenith", "elevation")
 COVARIANCE = ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")
+_UNCERTAINTIES = {
+    EXPANDED: ("u95 x", "u95 y", "u95 z"),
+    STANDARD: ("std x", "std y", "std z"),
+}
 _SEARCHED = 1000
 """How many rows are searched for the first one with a time; without any it is ISO 8601."""
 _NOT_DELETED = ("", "-", "0", "no", "false", "n")
@@ -74,36 +78,31 @@ def read(
     Raises:
         InputError: Unit, angles or kind of coordinates are not stated.
     """
-    _once(header, text.name)
-    _nearly(header, text.name)
-    _group_needs_target(header, text.name)
-    kind, axes = _kind(header, hints, text.name)
+    with at(line=header.line or None):
+        _once(header)
+        _nearly(header)
+        _group_needs_target(header)
+        kind, axes = _kind(header, hints)
+        form = form or _form(text, header, comment)
     layout = Layout(
         fields=tuple(_field(c, k, axes, header.has("date")) for k, c in enumerate(header.columns)),
         delimiter=header.delimiter,
         first=header.line + 1,
         decimal=hints.decimal,
         comment=comment,
-        moment=form or _form(text, header, comment),
+        moment=form,
     )
     table = rows(text, layout)
     if header.has("date"):
         table = _dated(table, layout.moment)
-    keep, why_not = _kept(table, header)
-    meaning = _meaning(header, hints, table, kind, axes, text.name)
-    found = Found(
-        dialect=dialect,
-        rows=table,
-        meaning=meaning,
-        axes=axes,
-        group="group" if header.has("group") else None,
-        target=next((role for role in ("target", "reflector") if header.has(role)), None),
-        covariance=_covariances(table, header, hints, meaning.unit, text.name),
-        keep=keep,
-        why_not=why_not,
-        unused=tuple(c.title for c in header.columns if c.title and not _used(c, axes)),
-    )
-    readings = export(text, hints, found)
+    with at(line=header.line or None):
+        meaning = _meaning(header, hints, table, kind, axes)
+        table = _not_deleted(table)
+        for roles in (*_UNCERTAINTIES.values(), COVARIANCE):
+            _all_or_none(header, roles)
+        found = covariances(table, header, hints, meaning.unit)
+    unused = [c.title for c in header.columns if c.title and not _used(c, axes)]
+    readings = export(text, hints, dialect, table, meaning, axes, found, unused)
     again = _again(text, header, readings.rejected)
     return replace(readings, rejected=(*_above(text, header), *again))
 
@@ -128,7 +127,6 @@ def _again(
             raise InputError(
                 "another header begins here, with other columns or units",
                 "split the export there into two files and list them in [tracker] files",
-                file=text.name,
                 line=number,
             )
         out.append((number, reason))
@@ -142,14 +140,8 @@ def _dated(table: Rows, form: str) -> Rows:
     cells = pc.utf8_trim_whitespace(pc.binary_join_element_wise(days, clocks, " "))
     times, _ = _time.moments(cells, form)
     keep = np.asarray(pc.or_(times.is_valid(), pc.equal(cells, "")))
-    reason = "date and time are no time in the form of the others; correct or remove the row"
-    lost = tuple((int(line), reason) for line in table.line[~keep])
-    columns = {**table.columns, "time": times}
-    return Rows(
-        {name: column.filter(pa.array(keep)) for name, column in columns.items()},
-        table.line[keep],
-        table.order[keep],
-        (*table.rejected, *lost),
+    return replace(table, columns={**table.columns, "time": times}).only(
+        keep, "date and time are no time in the form of the others; correct or remove the row"
     )
 
 
@@ -163,17 +155,15 @@ def _above(text: Text, header: Header) -> list[tuple[int, str]]:
     ]
 
 
-def _group_needs_target(header: Header, file: str) -> None:
+def _group_needs_target(header: Header) -> None:
     if header.has("group") and not header.has("target") and not header.has("reflector"):
         raise InputError(
             f"there is no column target among {listed(c.title for c in header.columns)}",
             "add it, or say which column it is in [tracker.mapping] of campaign.toml",
-            file=file,
-            line=header.line or None,
         )
 
 
-def _once(header: Header, file: str) -> None:
+def _once(header: Header) -> None:
     roles = [column.role for column in header.columns if column.role]
     twice = [role for role in dict.fromkeys(roles) if roles.count(role) > 1]
     if twice:
@@ -181,12 +171,10 @@ def _once(header: Header, file: str) -> None:
         raise InputError(
             f"the columns {listed(titles)} both look like the {twice[0]}",
             "remove or rename one, or say which in [tracker.mapping] of campaign.toml",
-            file=file,
-            line=header.line or None,
         )
 
 
-def _nearly(header: Header, file: str) -> None:
+def _nearly(header: Header) -> None:
     """No column may almost have the name of one that is missing: it would be lost unnoticed."""
     for column in header.columns:
         if column.role or not column.title:
@@ -196,12 +184,10 @@ def _nearly(header: Header, file: str) -> None:
             raise InputError(
                 f'column "{shown(column.title)}" is not known, but looks like "{near[0]}"',
                 "correct its name, or say what it is in [tracker.mapping] of campaign.toml",
-                file=file,
-                line=header.line or None,
             )
 
 
-def _kind(header: Header, hints: Hints, file: str) -> tuple[str, tuple[str, str, str]]:
+def _kind(header: Header, hints: Hints) -> tuple[str, tuple[str, str, str]]:
     """Kind of coordinates and the names of their columns.
 
     Raises:
@@ -218,8 +204,6 @@ def _kind(header: Header, hints: Hints, file: str) -> tuple[str, tuple[str, str,
     raise InputError(
         f"there is no column {lacking}_mm among {listed(c.title for c in header.columns)}",
         "add it to the header and to every row",
-        file=file,
-        line=header.line or None,
     )
 
 
@@ -252,7 +236,7 @@ def _form(text: Text, header: Header, comment: str | None) -> str:
     """How the times are written, told from the first row that has one."""
     rows = _sample(text, header, comment)
     if not header.has("time"):
-        _no_times_elsewhere(next(rows, []), header, text.name)
+        _no_times_elsewhere(next(rows, []), header)
         return _time.ISO
     first = next(filter(None, (_moment(cells, header) for cells in rows)), "")
     return _time.form_of(first) or _time.ISO
@@ -273,66 +257,60 @@ def _moment(cells: Sequence[str], header: Header) -> str:
     return f"{day} {clock.lstrip(_time.APOSTROPHE)}".strip() if clock else ""
 
 
-def _no_times_elsewhere(cells: Sequence[str], header: Header, file: str) -> None:
+def _no_times_elsewhere(cells: Sequence[str], header: Header) -> None:
     """Without a time column, no other column may hold times: they would be lost unnoticed."""
     for column, cell in zip(header.columns, cells, strict=False):
         if not column.role and _time.form_of(cell):
             raise InputError(
                 f'column "{shown(column.title)}" holds times, but is not called time',
                 "call it time, or say what it is in [tracker.mapping] of campaign.toml",
-                file=file,
-                line=header.line or None,
             )
 
 
-def _kept(table: Rows, header: Header) -> tuple[Bools | None, str]:
+def _not_deleted(table: Rows) -> Rows:
     """Rows that the operator did not mark as deleted."""
-    if not header.has("delete"):
-        return None, ""
-    marks = table.columns["delete"]
+    marks = table.columns.get("delete")
+    if marks is None:
+        return table
     kept = [str(mark).lower() in _NOT_DELETED for mark in marks.dictionary.to_pylist()]
-    mask = (
-        np.array(kept, dtype=bool)[np.asarray(marks.indices)] if len(marks) else np.zeros(0, bool)
+    return table.only(
+        np.array(kept, dtype=bool)[np.asarray(marks.indices)],
+        "the operator marked it as deleted; clear the mark if it is to be used",
     )
-    return mask, "the operator marked it as deleted; clear the mark if it is to be used"
 
 
-def _meaning(
-    header: Header, hints: Hints, table: Rows, kind: str, axes: Sequence[str], file: str
-) -> Meaning:
-    line = header.line or None
+def _meaning(header: Header, hints: Hints, table: Rows, kind: str, axes: Sequence[str]) -> Meaning:
     angular = {"cartesian": [], "spherical": list(axes[1:]), "cylindrical": [axes[1]]}[kind]
     lengths = [axis for axis in axes if axis not in angular]
-    unit = settled_unit(one_unit(header, lengths, file), hints, file, line)
-    stated = one_unit(header, angular, file), axes[2] if axes[2] in _VERTICALS[1:] else None
+    unit = settled_unit(one_unit(header, lengths), hints)
+    stated = one_unit(header, angular), axes[2] if axes[2] in _VERTICALS[1:] else None
     third = np.asarray(table.columns[axes[2]])
-    return settled_angles(Meaning(unit, kind), stated, third, hints, file, line)
+    return settled_angles(Meaning(unit, kind), stated, third, hints)
 
 
-def _all_or_none(header: Header, roles: Sequence[str], file: str) -> bool:
+def _all_or_none(header: Header, roles: Sequence[str]) -> None:
     there = [role for role in roles if header.has(role)]
     if there and len(there) < len(roles):
         lacking = listed(role for role in roles if role not in there)
         raise InputError(
             f"the uncertainties lack {lacking}",
             "correct the titles of their columns, or remove all of them",
-            file=file,
-            line=header.line or None,
         )
-    return bool(there)
 
 
-def _covariances(
-    table: Rows, header: Header, hints: Hints, unit: str, file: str
-) -> dict[str, Array]:
+def covariances(table: Rows, header: Header, hints: Hints, unit: str) -> dict[str, Array]:
     """Covariances by kind, in the units of the coordinates; NaN where a cell is empty."""
+
+    def said(*roles: str) -> list[Array]:
+        own = one_unit(header, roles)
+        return [uncertainties(table.floats(role), own, unit) for role in roles]
+
     out = {}
-    for prefix, kind in (("u95", EXPANDED), ("std", STANDARD)):
-        roles = [f"{prefix} {axis}" for axis in "xyz"]
-        if _all_or_none(header, roles, file):
-            own = one_unit(header, roles, file)
-            std = [uncertainties(table.floats(role), own, unit) for role in roles]
-            out[kind] = diagonal(std, hints.coverage_factor or USUAL_FACTORS[kind])
-    if _all_or_none(header, COVARIANCE, file):
+    for kind, roles in _UNCERTAINTIES.items():
+        if header.has(*roles):
+            out[kind] = diagonal(said(*roles), hints.coverage_factor or USUAL_FACTORS[kind])
+    if header.has(*COVARIANCE):
         out[STANDARD] = np.column_stack([table.floats(role) for role in COVARIANCE])
+    if "rms" in table.columns:
+        out[RMS] = diagonal([said("rms")[0] / np.sqrt(3.0)] * 3)
     return out

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 
 from pipeline.base.arrays import Ints, Locked
 from pipeline.base.errors import InputError
 from pipeline.base.threads import spread
-
-T = TypeVar("T")
 
 _MAX_BYTES = 2_000_000_000
 """Bytes of a file at most: 25 million readings, and Arrow's offsets fit into 32 bits."""
@@ -91,53 +88,46 @@ def text(name: str, data: bytes) -> Text:
         raise InputError(
             f"the file has {len(data) / 1e9:.1f} GB, more than the {_MAX_BYTES / 1e9:.0f} GB read",
             "split it into several exports and list them in [tracker] files",
-            file=name,
         )
     for begin, what in _OTHER_PROGRAMS.items():
         if data.startswith(begin):
-            raise InputError(f"the file is {what}", "save it as CSV or text", file=name)
-    data, encoding = _as_utf8(name, data)
+            raise InputError(f"the file is {what}", "save it as CSV or text")
+    data, encoding = _as_utf8(data)
+    if b"\0" in data:
+        raise InputError("the file is not text (it holds zero bytes)", "export it as text")
     if not data or data.isspace():
-        raise InputError("the file is empty", "export it again", file=name)
+        raise InputError("the file is empty", "export it again")
     starts = _starts(data)
     if _lone_return(data, starts):  # Arrow takes it for a line end, so do we
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
         starts = _starts(data)
-    _short_lines(name, starts)
+    _short_lines(starts)
     return Text(name, data, encoding, starts)
 
 
-def _as_utf8(name: str, data: bytes) -> tuple[bytes, str]:
+def _as_utf8(data: bytes) -> tuple[bytes, str]:
     for mark, encoding in _MARKS.items():
         if data.startswith(mark):
-            return _recoded(name, data[len(mark) :], encoding)
+            return _recoded(data[len(mark) :], encoding)
     if data.isascii():
-        return _without_nul(name, data), "ascii"
+        return data, "ascii"
     try:
         data.decode("utf-8")
     except UnicodeDecodeError:
-        return _recoded(name, data, "cp1252")
-    return _without_nul(name, data), "utf-8"
+        return _recoded(data, "cp1252")
+    return data, "utf-8"
 
 
-def _recoded(name: str, data: bytes, encoding: str) -> tuple[bytes, str]:
+def _recoded(data: bytes, encoding: str) -> tuple[bytes, str]:
     try:
         text = data.decode(encoding)
     except UnicodeDecodeError as problem:
         if encoding == "cp1252":  # five bytes have no meaning there, in latin-1 all have
-            return _recoded(name, data, "latin-1")
+            return _recoded(data, "latin-1")
         raise InputError(
-            f"not valid {encoding} at byte {problem.start}", "export it again as UTF-8", file=name
+            f"not valid {encoding} at byte {problem.start}", "export it again as UTF-8"
         ) from problem
-    return _without_nul(name, text.encode("utf-8")), encoding
-
-
-def _without_nul(name: str, data: bytes) -> bytes:
-    if b"\0" in data:
-        raise InputError(
-            "the file is not text (it holds zero bytes)", "export it as text", file=name
-        )
-    return data
+    return text.encode("utf-8"), encoding
 
 
 def _starts(data: bytes) -> Ints:
@@ -147,7 +137,8 @@ def _starts(data: bytes) -> Ints:
     def look(begin: int) -> Ints:
         return np.flatnonzero(whole[begin : begin + _CHUNK] == ord("\n")) + begin + 1
 
-    ends = _in_pieces(look, len(data))
+    begins = range(0, len(data), _CHUNK)
+    ends = spread(look, begins, much=len(begins) >= _MANY_PIECES)
     end = [] if data.endswith(b"\n") else [np.array([len(data)])]
     return np.concatenate([np.zeros(1, dtype=np.int64), *ends, *end])
 
@@ -161,20 +152,13 @@ def _lone_return(data: bytes, starts: Ints) -> bool:
     return data.count(b"\r") > int(np.count_nonzero(before == ord("\r")))
 
 
-def _in_pieces(work: Callable[[int], T], size: int) -> list[T]:
-    """Work done on every `_CHUNK` of `size` bytes."""
-    begins = range(0, size, _CHUNK)
-    return spread(work, begins, much=len(begins) >= _MANY_PIECES)
-
-
-def _short_lines(name: str, starts: Ints) -> None:
+def _short_lines(starts: Ints) -> None:
     length = np.diff(starts)
     longest = int(length.argmax())
     if length[longest] > _MAX_LINE_BYTES:
         raise InputError(
             f"the line has {length[longest]} bytes, more than the {_MAX_LINE_BYTES} allowed",
             "check that this is a text export with one reading per line",
-            file=name,
             line=longest + 1,
         )
 

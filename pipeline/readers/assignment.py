@@ -13,10 +13,9 @@ from dataclasses import replace
 import numpy as np
 import pyarrow as pa
 
-from pipeline.base.errors import InputError
-from pipeline.readers import _header
+from pipeline.base.errors import InputError, at
 from pipeline.readers._reader import Export
-from pipeline.readers.logs import Log, Quantity, once, table
+from pipeline.readers.logs import Log, Quantity, columns, once, table
 
 BASE = "base"
 _Names = dict[int, tuple[str, str]]
@@ -34,18 +33,19 @@ def assigned(exports: Mapping[str, Export], name: str, data: bytes) -> dict[str,
         InputError: A reading has no assignment, or one that contradicts its own name.
     """
     nameless = [file for file, export in exports.items() if export.group is None]
-    names = _names(name, data, nameless)
-    return {
-        file: _assigned(export, names.get(file, {}), name) if export.group is None else export
-        for file, export in exports.items()
-    }
+    with at(name):
+        names = _names(name, data, nameless)
+        return {
+            file: _assigned(export, names.get(file, {}), name) if export.group is None else export
+            for file, export in exports.items()
+        }
 
 
 def _names(name: str, data: bytes, files: list[str]) -> dict[str, _Names]:
     words = [Quantity(w, {}, "name", needed=False) for w in ("file", "group", "state")]
     numbers = [Quantity(n, {}, needed=False) for n in ("pose", "repeat")]
     wanted = [Quantity("order", {}), Quantity("target", {}, "name"), *words, *numbers]
-    log = once(table(name, data, wanted), ["order", *(["file"] if _has_file(data) else [])])
+    log = once(table(name, data, wanted), ["order", *({"file"} & {*columns(name, data)})])
     if log.rejected:
         file, line, reason = log.rejected[0]
         thing, _, way_out = reason.rpartition("; ")
@@ -54,23 +54,17 @@ def _names(name: str, data: bytes, files: list[str]) -> dict[str, _Names]:
         raise InputError(
             f"{len(files)} exports have no names, but the assignment has no column file",
             "add the column with the name of the export",
-            file=name,
             line=1,
         )
     out: dict[str, _Names] = {}
-    groups = _groups(log, name)
+    groups = _groups(log)
     for k, order in enumerate(log.number["order"]):
         file = str(log.word["file"][k]) if "file" in log.word else (files or [""])[0]
         out.setdefault(file, {})[int(order)] = (groups[k], str(log.word["target"][k]))
     return out
 
 
-def _has_file(data: bytes) -> bool:
-    first = data.decode("latin-1").lstrip().partition("\n")[0]
-    return "file" in _header.names(first, _header.delimiter_of(first))
-
-
-def _groups(log: Log, name: str) -> list[str]:
+def _groups(log: Log) -> list[str]:
     """Group of each row, its own or made of pose, repeat and state."""
     if "group" in log.word:
         return [str(group) for group in log.word["group"]]
@@ -78,7 +72,6 @@ def _groups(log: Log, name: str) -> list[str]:
         raise InputError(
             "there is neither a column group nor the columns pose, repeat and state",
             "add the one or the others",
-            file=name,
             line=1,
         )
     columns = log.number["pose"], log.number["repeat"], log.word["state"]
@@ -87,7 +80,6 @@ def _groups(log: Log, name: str) -> list[str]:
         raise InputError(
             "pose, repeat and state are not all given, or state is neither loaded nor unloaded",
             "fill in all three, or leave all three empty for a base reflector",
-            file=name,
             line=int(log.line[groups.index(None)]),
         )
     return [str(group) for group in groups]
@@ -114,21 +106,17 @@ def _assigned(export: Export, names: _Names, name: str) -> Export:
         raise InputError(
             f"{name} does not say what row {missing[0]} of {export.file} is",
             "number its rows from 1 on without a gap",
-            file=name,
         )
     found = [names[int(order)] for order in export.order]
     own = export.target
-    for k, (_, target) in enumerate(found):
-        if own is not None and own[k].as_py() != target:
+    for k, (_, name_there) in enumerate(found):
+        if own is not None and own[k].as_py() != name_there:
             raise InputError(
-                f"the export calls this reading {own[k].as_py()}, {name} calls it {target}",
+                f"the export calls this reading {own[k].as_py()}, {name} calls it {name_there}",
                 "correct the assignment",
                 file=export.file,
                 line=int(export.line[k]),
             )
-    group, target_names = ([pair[k] for pair in found] for k in (0, 1))
-    return replace(
-        export,
-        group=pa.array(group, pa.string()).dictionary_encode(),
-        target=pa.array(target_names, pa.string()).dictionary_encode(),
-    )
+    columns = (pa.array([pair[k] for pair in found], pa.string()) for k in (0, 1))
+    group, target = (column.dictionary_encode() for column in columns)
+    return replace(export, group=group, target=target)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pipeline.base.arrays import Array
-from pipeline.base.errors import InputError, listed
+from pipeline.base.errors import InputError, at, listed
 from pipeline.readers._cells import text_of
 from pipeline.readers._coordinates import Meaning, raw, settled
 from pipeline.readers._delimited import rows
@@ -20,7 +20,6 @@ from pipeline.readers._reader import (
     A_PRIORI,
     STANDARD,
     Export,
-    Found,
     Hints,
     Reader,
     Readings,
@@ -72,21 +71,21 @@ def read(text: Text, hints: Hints) -> Export:
     """
     first, header = text.first()
     titles = _titles(header)
-    _check(titles, text.name, first)
+    with at(line=first):
+        _check(titles)
     table = rows(text, Layout(_fields(titles), ",", first + 1, hints.decimal))
-    covariances = {kind: _six(table, titles, start) for kind, start in _KINDS.items()}
-    found = Found(
-        dialect=READER.name,
-        rows=table,
-        meaning=_meaning(table, titles, hints, text.name, first),
-        axes=_VALUES,
-        covariance={kind: C for kind, C in covariances.items() if C is not None},
-        unused=tuple(title for title in titles if title in (*_POINTING, *_WEATHER)),
-    )
-    return export(text, hints, found)
+    covariances = {
+        kind: _six(table, titles, start)
+        for kind, start in _KINDS.items()
+        if {f"{start}Std{k}" for k in (1, 2, 3)} <= {*titles}
+    }
+    with at(line=first):
+        meaning = _meaning(table, titles, hints)
+    unused = [title for title in titles if title in (*_POINTING, *_WEATHER)]
+    return export(text, hints, READER.name, table, meaning, _VALUES, covariances, unused)
 
 
-def _check(titles: Sequence[str], file: str, line: int) -> None:
+def _check(titles: Sequence[str]) -> None:
     """The columns are those of the structure, whole and each once."""
     known = {*_VALUES, *_STATISTICS, *_POINTING, *_WEATHER, ""}
     strange = [title for title in titles if title not in known]
@@ -94,14 +93,10 @@ def _check(titles: Sequence[str], file: str, line: int) -> None:
         raise InputError(
             f"the columns are not those of SingleMeasResultT or 2T ({listed(strange or titles)})",
             "export it again, or describe the table in [tracker.mapping] of campaign.toml",
-            file=file,
-            line=line,
         )
     twice = [title for title in titles if title and titles.count(title) > 1]
     if twice:
-        raise InputError(
-            f"there are two columns {twice[0]}", "remove one of them", file=file, line=line
-        )
+        raise InputError(f"there are two columns {twice[0]}", "remove one of them")
 
 
 def _fields(titles: Sequence[str]) -> tuple[Field, ...]:
@@ -113,10 +108,8 @@ def _fields(titles: Sequence[str]) -> tuple[Field, ...]:
     )
 
 
-def _six(table: Rows, titles: Sequence[str], start: str) -> Array | None:
-    """xx, xy, xz, yy, yz, zz of one kind, None without; the older structure has no covariances."""
-    if not {f"{start}Std{k}" for k in (1, 2, 3)} <= set(titles):
-        return None
+def _six(table: Rows, titles: Sequence[str], start: str) -> Array:
+    """xx, xy, xz, yy, yz, zz of one kind; the older structure has no covariances."""
     n = len(table.line)
 
     def column(name: str) -> Array:
@@ -127,13 +120,13 @@ def _six(table: Rows, titles: Sequence[str], start: str) -> Array | None:
     return np.column_stack([s1**2, c12, c13, s2**2, c23, s3**2])
 
 
-def _meaning(table: Rows, titles: Sequence[str], hints: Hints, file: str, line: int) -> Meaning:
-    unit = settled_unit(None, hints, file, line)
+def _meaning(table: Rows, titles: Sequence[str], hints: Hints) -> Meaning:
+    unit = settled_unit(None, hints)
     stated = "cartesian" if _lengths_only(table, titles) else None
     example = 'coordinates = "cartesian" (or "spherical", "cylindrical")'
-    kind = hints.coordinates or settled(stated, None, "coordinate system", example, file, line)
+    kind = hints.coordinates or settled(stated, None, "coordinate system", example)
     third = np.asarray(table.columns[_VALUES[2]])
-    return settled_angles(Meaning(unit, kind), (None, None), third, hints, file, line)
+    return settled_angles(Meaning(unit, kind), (None, None), third, hints)
 
 
 def _lengths_only(table: Rows, titles: Sequence[str]) -> bool:

@@ -5,19 +5,20 @@ All are delimited tables with a header whose column names carry the units.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
-from pipeline.base.errors import InputError, listed
+from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings, sifted
+from pipeline.base.errors import InputError, at, listed
 from pipeline.machine.robot import Robot
-from pipeline.readers import _header
+from pipeline.readers._cells import bare
 from pipeline.readers._delimited import rows
-from pipeline.readers._layout import Field, Kind, Layout, Rows
+from pipeline.readers._layout import DELIMITERS, Field, Kind, Layout, Rows
 from pipeline.readers._text import text
 
 _Rejection = tuple[str, int | None, str]
@@ -56,20 +57,24 @@ class Log(Locked):
     line: Ints
     rejected: tuple[_Rejection, ...]
 
-    def only(self, good: Bools, reason: str | Sequence[str]) -> Log:
-        """The rows that are good; the others are rejected, for one reason or each for its own."""
-        if good.all():
+    def only(self, good: Bools, reason: str) -> Log:
+        """The rows that are good; the others are rejected, all for one reason."""
+        return self.without(dict.fromkeys(np.flatnonzero(~good).tolist(), reason))
+
+    def where(self, name: str, good: Callable[[Any], Bools], reason: str) -> Log:
+        """The rows whose cell of a column, where there is such a column, is good."""
+        column = (self.number | self.word).get(name)
+        return self if column is None else self.only(good(column), reason)
+
+    def without(self, why: Mapping[int, str]) -> Log:
+        """All rows but some, which are rejected, each for its reason."""
+        if not why:
             return self
-        bad = np.flatnonzero(~good).tolist()
-        reasons = [reason] * len(good) if isinstance(reason, str) else reason
-        left_out = tuple((self.file, int(self.line[k]), reasons[k]) for k in bad)
-        return Log(
-            self.file,
-            {name: values[good] for name, values in self.number.items()},
-            {name: values[good] for name, values in self.word.items()},
-            self.line[good],
-            self.rejected + left_out,
-        )
+        good = np.ones(len(self.line), dtype=bool)
+        good[list(why)] = False
+        left_out = tuple((self.file, int(self.line[k]), why[k]) for k in sorted(why))
+        number, word = sifted(self.number, good), sifted(self.word, good)
+        return Log(self.file, number, word, self.line[good], self.rejected + left_out)
 
 
 @dataclass(frozen=True)
@@ -104,17 +109,16 @@ def loads(name: str, data: bytes) -> Log:
     log = log.only(
         log.number["force"] > 0, "the force is not above zero; correct or remove the row"
     )
-    if "branch" in log.word:
-        known = np.isin(log.word["branch"], [*_BRANCHES, ""])
-        log = log.only(known, "branch is neither up nor down; correct it or leave it empty")
+    reason = "branch is neither up nor down; correct it or leave it empty"
+    log = log.where("branch", lambda words: np.isin(words, [*_BRANCHES, ""]), reason)
     return once(log, ["pose", "repeat"])
 
 
-def joints(name: str, data: bytes, robot: Robot) -> tuple[Log, Array]:
+def joints(name: str, data: bytes, robot: Robot) -> Log:
     """The controller's joint log, by the names of the robot's joints or of its controller's axes.
 
     Returns:
-        The log with its poses, and the joint values [m] or [rad], shape (n, joints).
+        The log with its poses and a number for each joint of the robot [m] or [rad].
 
     Raises:
         InputError: A joint is missing; the file cannot be read.
@@ -125,11 +129,19 @@ def joints(name: str, data: bytes, robot: Robot) -> tuple[Log, Array]:
     wanted = axes if from_controller else own
     approach = Quantity("approach", {}, needed=False)
     log = _whole_numbers(table(name, data, [POSE, *wanted, approach]))
-    log = once(_known_approach(log), ["pose"])
-    q = np.column_stack([log.number[quantity.stem] for quantity in wanted])
-    if from_controller:
-        q = q @ robot.controller_matrix.T + robot.controller_offset
-    return log, q
+    reason = "approach is neither 1 nor -1; correct it or leave it empty"
+    log = log.where("approach", lambda way: np.isin(way, [1, -1, 0]) | np.isnan(way), reason)
+    log = once(log, ["pose"])
+    if not from_controller:
+        return log
+    axes_q = np.column_stack([log.number[axis.stem] for axis in axes])
+    q = axes_q @ robot.controller_matrix.T + robot.controller_offset
+    return replace(log, number=log.number | {j.name: q[:, k] for k, j in enumerate(robot.joints)})
+
+
+def joint_values(log: Log, robot: Robot) -> Array:
+    """Joint values of a joint log [m] or [rad], shape (n, joints)."""
+    return np.column_stack([log.number[joint.name] for joint in robot.joints])
 
 
 def _own(robot: Robot) -> list[Quantity]:
@@ -145,23 +157,16 @@ def _controller(robot: Robot) -> list[Quantity]:
 
 
 def _has(header: Sequence[str], wanted: Sequence[Quantity]) -> bool:
-    return all(_header.suffixed(header, q.stem, list(q.units)) for q in wanted)
+    return all(_suffixed(header, q) for q in wanted)
 
 
-def _known_approach(log: Log) -> Log:
-    if "approach" not in log.number:
-        return log
-    approach = log.number["approach"]
-    known = np.isin(approach, [1, -1, 0]) | np.isnan(approach)
-    return log.only(known, "approach is neither 1 nor -1; correct it or leave it empty")
-
-
-def within_limits(log: Log, q: Array, robot: Robot) -> None:
-    """Joint values [m] or [rad], shape (n, joints), lie within the robot's limits.
+def within_limits(log: Log, robot: Robot) -> None:
+    """The values of a joint log lie within the robot's limits.
 
     Raises:
         InputError: One of them does not.
     """
+    q = joint_values(log, robot)
     outside = (q < robot.lower - LIMIT_SLACK) | (q > robot.upper + LIMIT_SLACK)
     if not outside.any():
         return
@@ -181,10 +186,8 @@ def displacements(name: str, data: bytes) -> Log:
     """Displacements of an already reduced campaign: pose, repeat, target, dx, dy, dz [m]."""
     target = Quantity("target", {}, "name")
     axes = [Quantity(axis, _LENGTH) for axis in ("dx", "dy", "dz")]
-    return once(
-        _whole_numbers(table(name, data, [POSE, _REPEAT, target, *axes])),
-        ["pose", "repeat", "target"],
-    )
+    log = _whole_numbers(table(name, data, [POSE, _REPEAT, target, *axes]))
+    return once(log, ["pose", "repeat", "target"])
 
 
 def forces(name: str, data: bytes) -> Log:
@@ -199,16 +202,17 @@ def table(name: str, data: bytes, wanted: Sequence[Quantity]) -> Log:
     Raises:
         InputError: Empty, a needed column is missing, or it has no unit.
     """
-    file = text(name, data)
-    first, header = file.first()
-    delimiter = _header.delimiter_of(header)
-    titles = _header.names(header, delimiter)
-    _header.unique(titles, name, first)
-    there = [(q, *column) for q in wanted if (column := _column(titles, q, name, first))]
-    known = {title: Field(title, q.kind, q.needed) for q, title, _ in there}
-    other = {title: Field(title, "any" if title else "blank", False) for title in titles}
-    fields = tuple((other | known)[title] for title in titles)
-    log = _log(name, rows(file, Layout(fields, delimiter, first + 1)), there)
+    with at(name):
+        file = text(name, data)
+        first, header = file.first()
+        delimiter, titles = _titles(header)
+        with at(line=first):
+            _unique(titles)
+            there = [(q, *column) for q in wanted if (column := _column(titles, q))]
+        known = {title: Field(title, q.kind, q.needed) for q, title, _ in there}
+        other = {title: Field(title, "any" if title else "blank", False) for title in titles}
+        fields = tuple((other | known)[title] for title in titles)
+        log = _log(name, rows(file, Layout(fields, delimiter, first + 1)), there)
     return _possible(log, [q.stem for q in wanted if q.units])
 
 
@@ -223,46 +227,65 @@ def _log(file: str, read: Rows, columns: Sequence[tuple[Quantity, str, float]]) 
 
 def _possible(log: Log, names: Sequence[str]) -> Log:
     """Only rows with values that an instrument may show."""
-    for name in [name for name in names if name in log.number]:
+    for name in names:
         reason = f"{name} is larger than any instrument shows; correct or remove the row"
-        log = log.only(~(np.abs(log.number[name]) > _LARGEST), reason)
+        log = log.where(name, lambda values: ~(np.abs(values) > _LARGEST), reason)
     return log
 
 
 def columns(name: str, data: bytes) -> list[str]:
     """Names of the columns in the header of a delimited table."""
-    _, header = text(name, data).first()
-    return _header.names(header, _header.delimiter_of(header))
+    with at(name):
+        return _titles(text(name, data).first()[1])[1]
 
 
-def _column(titles: Sequence[str], q: Quantity, file: str, line: int) -> tuple[str, float] | None:
+def _titles(header: str) -> tuple[str, list[str]]:
+    """The delimiter of a header line and its column names, in lower case and without quotes."""
+    delimiter = max(DELIMITERS, key=header.count)
+    return delimiter, [bare(title).lower() for title in header.split(delimiter)]
+
+
+def _unique(titles: Sequence[str]) -> None:
+    """No two columns may have the same name.
+
+    Raises:
+        InputError: Two have.
+    """
+    twice = sorted({title for title in titles if title and titles.count(title) > 1})
+    if twice:
+        raise InputError(f"there are two columns {listed(twice)}", "remove or rename one")
+
+
+def _suffixed(titles: Sequence[str], q: Quantity) -> tuple[str, str | None] | None:
+    """The column of a quantity and the unit in its name: `x_mm`, `mm`; None where it has none."""
+    of_unit = {f"{q.stem}_{unit}".lower(): unit for unit in q.units} | {q.stem.lower(): None}
+    return next(((name, of_unit[name]) for name in titles if name in of_unit), None)
+
+
+def _column(titles: Sequence[str], q: Quantity) -> tuple[str, float] | None:
     """The column of a quantity and its factor to SI, or None where it has none and needs none."""
-    found = _header.suffixed(titles, q.stem, list(q.units))
+    found = _suffixed(titles, q)
     examples = [f"{q.stem}_{unit}" for unit in q.units] or [q.stem]
     if found is None and q.needed:
         raise InputError(
             f"there is no column {examples[0]} among {listed(titles)}",
             "add it to the header and to every row",
-            file=file,
-            line=line,
         )
     if found and q.units and found[1] is None:
         raise InputError(
-            f"column {found[0]} does not say its unit",
-            f"call it {' or '.join(examples)}",
-            file=file,
-            line=line,
+            f"column {found[0]} does not say its unit", f"call it {' or '.join(examples)}"
         )
     return (found[0], q.units[found[1]] if found[1] else 1.0) if found else None
 
 
 def _whole_numbers(log: Log) -> Log:
     """Only rows whose pose and repeat are whole numbers, not negative."""
+
+    def whole(values: Array) -> Bools:
+        return (values >= 0) & (values == np.round(values)) & (values < BEYOND)
+
     for name in ("pose", "repeat"):
-        if name in log.number:
-            values = log.number[name]
-            whole = (values >= 0) & (values == np.round(values)) & (values < BEYOND)
-            log = log.only(whole, f"{name} is not a whole number; correct or remove the row")
+        log = log.where(name, whole, f"{name} is not a whole number; correct or remove the row")
     return log
 
 
@@ -270,8 +293,7 @@ def once(log: Log, key: Sequence[str]) -> Log:
     """Rows whose key comes once: equal ones are kept once, contradicting ones not at all."""
     rows = pd.DataFrame({**log.number, **log.word})
     twice = rows[rows.duplicated(list(key), keep=False)]
-    good = np.ones(len(rows), dtype=bool)
-    reasons = [""] * len(rows)
+    why: dict[int, str] = {}
     for _, same in twice.groupby(list(key), sort=False):
         agree = len(same.drop_duplicates()) == 1
         line = log.line[same.index]
@@ -280,6 +302,5 @@ def once(log: Log, key: Sequence[str]) -> Log:
             if agree
             else f"lines {listed(map(str, line))} contradict each other; keep the right one"
         )
-        for k in same.index[agree:]:
-            good[k], reasons[k] = False, reason
-    return log.only(good, reasons)
+        why |= dict.fromkeys(same.index[agree:].tolist(), reason)
+    return log.without(why)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from pipeline.base.errors import InputError, listed
+from pipeline.base.errors import InputError, at, listed
 from pipeline.readers import _named, _tables
+from pipeline.readers._cells import bare
 from pipeline.readers._layout import DELIMITERS
 from pipeline.readers._named import Header, Named
 from pipeline.readers._reader import Columns, Export, Hints
@@ -11,14 +12,10 @@ from pipeline.readers._text import Text, squeezed
 
 NAME = "table by [tracker.mapping]"
 _ROLES = {
-    "group": "group", "target": "target", "time": "time", "delete": "delete",
-    "x": "x", "y": "y", "z": "z",
-    "range": "range", "azimuth": "azimuth", "vertical": "vertical",
     **{f"s{axis}": f"std {axis}" for axis in "xyz"},
     **{f"u95_{axis}": f"u95 {axis}" for axis in "xyz"},
-    **{name: name for name in _tables.COVARIANCE},
-}  # fmt: skip
-"""Words of [tracker.mapping.columns]."""
+}
+"""Words of [tracker.mapping.columns] that are not those of a header."""
 
 
 def read(text: Text, hints: Hints) -> Export:
@@ -39,26 +36,30 @@ def _header(text: Text, mapping: Columns) -> Header:
     line = _header_line(text, mapping)
     sample = text.line(line or _first(text, mapping))
     delimiter = mapping.delimiter or max(DELIMITERS, key=sample.count)
-    titles = [title.strip().strip('"').strip() for title in sample.split(delimiter)]
-    roles: dict[int, str] = {}
-    for word, column in mapping.columns.items():
-        place = _place(word, column, titles, text.name, line)
-        if place in roles:
+    titles = [bare(title) for title in sample.split(delimiter)]
+    words: dict[int, str] = {}
+    for said, column in mapping.columns.items():
+        with at(line=line or None):
+            place = _place(said, column, titles)
+        if place in words:
             raise InputError(
-                f"columns.{word} and columns.{roles[place]} are the same column",
+                f"columns.{said} and columns.{words[place]} are the same column",
                 "correct one of them in [tracker.mapping.columns]",
                 file="campaign.toml",
             )
-        roles[place] = word
-    columns = []
-    for place, title in enumerate(titles):
-        unit = _named.named(title).unit if line else None
-        columns.append(
+        words[place] = said
+    return Header(
+        line or _first(text, mapping) - 1,
+        delimiter,
+        tuple(
             Named(
-                title if line else f"column {place + 1}", _ROLES.get(roles.get(place, ""), ""), unit
+                title if line else f"column {place + 1}",
+                _ROLES.get(word := words.get(place, ""), word),
+                _named.named(title).unit if line else None,
             )
-        )
-    return Header(line or _first(text, mapping) - 1, delimiter, tuple(columns))
+            for place, title in enumerate(titles)
+        ),
+    )
 
 
 def _first(text: Text, mapping: Columns) -> int:
@@ -81,21 +82,18 @@ def _header_line(text: Text, mapping: Columns) -> int:
             raise InputError(
                 f"the file has no line {mapping.header} for its header",
                 "correct header in [tracker.mapping] of campaign.toml",
-                file=text.name,
             )
         return mapping.header
     by_name = any(isinstance(column, str) for column in mapping.columns.values())
     return _first(text, mapping) if by_name else 0
 
 
-def _place(word: str, column: str | int, titles: list[str], file: str, line: int) -> int:
+def _place(word: str, column: str | int, titles: list[str]) -> int:
     if isinstance(column, int):
         if column > len(titles):
             raise InputError(
                 f"there is no column {column} for {word}, only {len(titles)}",
                 "correct [tracker.mapping.columns] of campaign.toml",
-                file=file,
-                line=line or None,
             )
         return column - 1
     fitting = [k for k, title in enumerate(titles) if title.lower() == column.strip().lower()]
@@ -104,7 +102,5 @@ def _place(word: str, column: str | int, titles: list[str], file: str, line: int
         raise InputError(
             f'there {many} "{column}" for {word} among {listed(titles)}',
             "correct [tracker.mapping.columns] of campaign.toml, numbers from 1 work too",
-            file=file,
-            line=line or None,
         )
     return fitting[0]

@@ -40,7 +40,6 @@ def read(text: Text, hints: Hints) -> Export:
         raise InputError(
             f"there is no column {listed(titles)}",
             "add it to the header and to every row",
-            file=text.name,
             line=line,
         )
     return _tables.read(text, hints, header, READER.name)

@@ -14,25 +14,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.base.arrays import Array
-from pipeline.base.errors import InputError
-from pipeline.readers import _named, _time, plain
+from pipeline.base.errors import InputError, at
+from pipeline.readers import _named, _tables, _time, plain
 from pipeline.readers._cells import cells_or_none, is_number
-from pipeline.readers._coordinates import AXES, Meaning, settled, uncertainties
+from pipeline.readers._coordinates import AXES, Meaning, settled
 from pipeline.readers._delimited import rows
 from pipeline.readers._layout import DELIMITERS, Field, Kind, Layout, Rows
 from pipeline.readers._named import ANGLE_WORDS, UNIT_WORDS, Header, Named
 from pipeline.readers._reader import (
-    EXPANDED,
-    RMS,
-    STANDARD,
-    USUAL_FACTORS,
     Export,
-    Found,
     Hints,
     Reader,
     Readings,
-    diagonal,
     export,
     settled_angles,
     settled_unit,
@@ -41,10 +34,9 @@ from pipeline.readers._reader import (
 from pipeline.readers._text import SAMPLE_LINES, Text
 
 _COMMENT = "//"
-_NUMBERS = tuple(Field(place, "number") for place in ("1", "2", "3"))
+_AXES = ("1", "2", "3")
 _PARTS = ("collection", "group", "target")
-KIND_WORDS = {"cartesian": "cartesian", "spherical": "spherical", "polar": "spherical"}
-KIND_WORDS |= {"cylindrical": "cylindrical"}
+KIND_WORDS = {kind: kind for kind in AXES} | {"polar": "spherical"}
 _SHORT_UNIT = re.compile(r"\bunits?\s*[:=]?\s*(mm|m|in)\b|[\[(](mm|m|in)[\])]", re.IGNORECASE)
 
 
@@ -89,23 +81,21 @@ def read(text: Text, hints: Hints) -> Export:
     sample = [line for _, line in text.lines(first, SAMPLE_LINES) if _is_row(line)]
     shape = _shape(sample, comments)
     assert shape is not None  # recognised before
-    fields = (*_name_fields(shape.names), *_NUMBERS, *_rest_fields(shape))
+    fields = (
+        *_name_fields(shape.names),
+        *(Field(axis, "number") for axis in _AXES),
+        *_rest_fields(shape),
+    )
     layout = Layout(
         fields, shape.delimiter, first, hints.decimal, _COMMENT, shape.form, shape.compound
     )
     table = rows(text, layout)
-    meaning = _meaning(comments, hints, table, text.name, first)
-    found = Found(
-        dialect=READER.name,
-        rows=table,
-        meaning=meaning,
-        axes=("1", "2", "3"),
-        group="group" if "group" in shape.names else None,
-        target="target",
-        covariance=_covariance(table, shape, hints, meaning.unit, text.name),
-        unused=tuple(n.title for n in shape.rest if not n.role or n.role == "rms"),
+    meaning = _meaning(comments, hints, table, first)
+    covariances = _tables.covariances(
+        table, Header(0, shape.delimiter, shape.rest), hints, meaning.unit
     )
-    return export(text, hints, found)
+    unused = [n.title for n in shape.rest if not n.role or n.role == "rms"]
+    return export(text, hints, READER.name, table, meaning, _AXES, covariances, unused)
 
 
 def _is_row(line: str) -> bool:
@@ -189,48 +179,43 @@ def _rest_fields(shape: _Shape) -> list[Field]:
     return out
 
 
-def _meaning(comments: Sequence[str], hints: Hints, table: Rows, file: str, line: int) -> Meaning:
+def _meaning(comments: Sequence[str], hints: Hints, table: Rows, line: int) -> Meaning:
+    """What the header says of the numbers; short units count behind `units` or in brackets."""
     head = [comment for comment in comments if comment.lstrip().startswith(_COMMENT)]
-    unit = settled_unit(_only(_units(head), "units of length", file), hints, file, line)
-    stated = _only(_kinds(head), "kinds of coordinates", file)
+    words = {word for comment in head for word in re.findall(r"[a-z°]+", comment.lower())}
+    lengths = {UNIT_WORDS[word] for word in words if len(word) > 2 and word in UNIT_WORDS}
+    short = {unit for comment in head for pair in _SHORT_UNIT.findall(comment) for unit in pair}
+    unit = _only(lengths | {unit.lower() for unit in short if unit}, "units of length")
+    kinds = {KIND_WORDS[word] for word in words if word in KIND_WORDS} | _kinds_by_titles(head)
+    stated = _only(kinds, "kinds of coordinates")
     if stated is None and hints.coordinates is None:
         stated = "cartesian"
-    kind = settled(stated, hints.coordinates, "coordinates", 'coordinates = "..."', file, line)
+    with at(line=line):
+        unit = settled_unit(unit, hints)
+        kind = settled(stated, hints.coordinates, "coordinates", 'coordinates = "..."')
     if kind == "cartesian":
         return Meaning(unit)
-    words = {word for comment in head for word in re.findall(r"[a-z°]+", comment.lower())}
-    angles = _only({ANGLE_WORDS[word] for word in words if word in ANGLE_WORDS}, "angles", file)
+    angles = _only({ANGLE_WORDS[word] for word in words if word in ANGLE_WORDS}, "angles")
     zeros = words & {"zenith", "elevation"} if kind == "spherical" else set()
-    said = _only(zeros, "vertical angles", file)
+    said = _only(zeros, "vertical angles")
     third = np.asarray(table.columns["3"])
-    return settled_angles(Meaning(unit, kind), (angles, said), third, hints, file, line)
+    with at(line=line):
+        return settled_angles(Meaning(unit, kind), (angles, said), third, hints)
 
 
-def _only(found: set[str], what: str, file: str) -> str | None:
+def _only(found: set[str], what: str) -> str | None:
     if len(found) > 1:
         raise InputError(
             f"the header names several {what} ({', '.join(sorted(found))})",
             "export it again or correct the header",
-            file=file,
         )
     return next(iter(found), None)
 
 
-def _units(comments: Sequence[str]) -> set[str]:
-    """Units of length in the header; short ones count only behind `units` or in brackets."""
+def _kinds_by_titles(comments: Sequence[str]) -> set[str]:
+    """Kinds of coordinates that the header names by its column titles."""
     found = set()
     for comment in comments:
-        words = re.findall(r"[a-z]+", comment.lower())
-        found |= {UNIT_WORDS[word] for word in words if len(word) > 2 and word in UNIT_WORDS}
-        found |= {short.lower() for pair in _SHORT_UNIT.findall(comment) for short in pair if short}
-    return found
-
-
-def _kinds(comments: Sequence[str]) -> set[str]:
-    """Kinds of coordinates that the header names, in words or by its column titles."""
-    found = set()
-    for comment in comments:
-        found |= {KIND_WORDS[w] for w in re.findall(r"[a-z]+", comment.lower()) if w in KIND_WORDS}
         for delimiter in DELIMITERS:
             cut = _named.header(comment.strip().removeprefix(_COMMENT), 0, delimiter)
             roles = {
@@ -238,24 +223,6 @@ def _kinds(comments: Sequence[str]) -> set[str]:
             }
             found |= {kind for kind, axes in AXES.items() if set(axes) <= roles}
     return found
-
-
-def _covariance(table: Rows, shape: _Shape, hints: Hints, unit: str, file: str) -> dict[str, Array]:
-    """Covariances that the header names: per axis, expanded or standard, and the RMS of a point."""
-    out = {}
-    header = Header(0, shape.delimiter, shape.rest)
-
-    def said(roles: Sequence[str]) -> list[Array]:
-        own = _named.one_unit(header, roles, file)
-        return [uncertainties(np.asarray(table.columns[role]), own, unit) for role in roles]
-
-    for prefix, kind in (("std", STANDARD), ("u95", EXPANDED)):
-        axes = [f"{prefix} {axis}" for axis in "xyz"]
-        if header.has(*axes):
-            out[kind] = diagonal(said(axes), hints.coverage_factor or USUAL_FACTORS[kind])
-    if header.has("rms"):
-        out[RMS] = diagonal([said(["rms"])[0] / np.sqrt(3.0)] * 3)
-    return out
 
 
 def write(readings: Readings, unit: str, digits: int | None) -> bytes:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from pipeline.base.errors import at
 from pipeline.readers import _named
 from pipeline.readers._cells import cells_or_none, is_number
 from pipeline.readers._coordinates import Meaning, settled
@@ -11,7 +12,6 @@ from pipeline.readers._delimited import rows
 from pipeline.readers._layout import Field, Layout
 from pipeline.readers._reader import (
     Export,
-    Found,
     Hints,
     Reader,
     Readings,
@@ -54,18 +54,11 @@ def read(text: Text, hints: Hints) -> Export:
     fields = [*(Field(name, "name") for name in names), *(Field(axis, "number") for axis in _AXES)]
     if line.rstrip().endswith(";"):
         fields.append(Field("end", "blank", needed=False))
-    unit = settled_unit(None, hints, text.name, first)
+    with at(line=first):
+        meaning = Meaning(settled_unit(None, hints))
+        settled("cartesian", hints.coordinates, "coordinates", 'coordinates = "..."')
     table = rows(text, Layout(tuple(fields), ";", first, hints.decimal))
-    settled("cartesian", hints.coordinates, "coordinates", 'coordinates = "..."', text.name, first)
-    found = Found(
-        dialect=READER.name,
-        rows=table,
-        meaning=Meaning(unit),
-        axes=_AXES,
-        group="group" if "group" in names else None,
-        target="target" if names else None,
-    )
-    return export(text, hints, found)
+    return export(text, hints, READER.name, table, meaning, _AXES)
 
 
 def write(readings: Readings, unit: str, digits: int | None) -> bytes:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,23 +12,6 @@ from pipeline.readers.logs import Log
 from pipeline.reduction._index import found, numbered, pull_number
 from pipeline.reduction._shots import Rejection, Shots
 from pipeline.reduction.settings import Settings
-
-
-@dataclass(frozen=True, eq=False)
-class Complete(Locked):
-    """What can be used.
-
-    Attributes:
-        shots: Readings to keep, shape (n,).
-        loads: Rows of the load log to keep, shape (l,).
-        why_not_load: Reason for each row of the load log that is not kept, empty otherwise.
-        rejected: Readings left out, and those that should be there and are not.
-    """
-
-    shots: Bools
-    loads: Bools
-    why_not_load: list[str]
-    rejected: list[Rejection]
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,28 +31,24 @@ class _States(Locked):
     load: Ints
 
 
-def complete(shots: Shots, settings: Settings, loads: Log, joints: Log) -> Complete:
-    """Leave out what has no counterpart, and only that."""
+def complete(shots: Shots, settings: Settings, loads: Log, joints: Log) -> tuple[Shots, Log]:
+    """Readings and loads without what has no counterpart, and only that.
+
+    Rejected are also the readings that should be there and are not.
+    """
     states = _states(shots, len(settings.measured), loads, joints)
     why = _why_not(shots, settings, states, loads.file, joints.file)
     dropped = np.zeros(len(shots.pose), dtype=bool)
     dropped[list(why)] = True
-    out = np.zeros(len(shots), dtype=bool)
-    if why:
-        state = shots.slot >= 0
-        out[state] = dropped[shots.slot[state]]
-    rejected: list[Rejection] = []
-    for k in np.flatnonzero(out):
-        rejected += shots.rejections(np.array([k]), why[int(shots.slot[k])])
-    lone = _without_zero(shots, states) & ~out
-    for k in np.flatnonzero(lone):
-        name, pose = shots.target[int(k)].as_py(), shots.pose[shots.slot[k]]
-        rejected += shots.rejections(
-            np.array([k]), f"{name} was not read unloaded in pose {pose}; measure its zero"
-        )
-    rejected += _absent(shots, settings, states, dropped)
-    kept, why_not_load = _loads(shots, states, dropped, why, loads)
-    return Complete(~out & ~lone, kept, why_not_load, rejected)
+    out = np.append(dropped, False)[shots.slot]  # -1, a base reading, takes the last
+    lost = {k: why[int(shots.slot[k])] for k in np.flatnonzero(out).tolist()}
+    for k in np.flatnonzero(_without_zero(shots, states) & ~out).tolist():
+        name, pose = shots.target[k].as_py(), shots.pose[shots.slot[k]]
+        lost[k] = f"{name} was not read unloaded in pose {pose}; measure its zero"
+    absent = _absent(shots, settings, states, dropped)
+    left = shots.without(lost)
+    left = replace(left, rejected=(*left.rejected, *absent))
+    return left, _loads(shots, states, dropped, why, loads)
 
 
 def _states(shots: Shots, t: int, loads: Log, joints: Log) -> _States:
@@ -99,38 +78,25 @@ def _why_not(
     loaded = shots.loaded
     why: dict[int, str] = {}
 
-    def because(which: Bools, text: str) -> None:
+    def because(which: Bools, text: str, repeat: bool = True) -> None:
         for k in np.flatnonzero(which & read).tolist():
-            why.setdefault(k, text.format(pose=shots.pose[k], repeat=shots.repeat[k]))
+            pull = f" repeat {shots.repeat[k]}" if repeat else ""
+            why.setdefault(k, f"pose {shots.pose[k]}{pull} has no {text}")
 
-    because(
-        ~states.joints,
-        "pose {pose} has no row in " + _literal(joint_file) + "; add its joint values",
-    )
+    because(~states.joints, f"row in {joint_file}; add its joint values", repeat=False)
     because(
         loaded & ~states.zero.any(axis=1),
-        "pose {pose} has no unloaded reading; measure its zero or correct its group",
+        "unloaded reading; measure its zero or correct its group",
+        repeat=False,
     )
     for k, name in enumerate(settings.naming.chain):
         because(
             loaded & ~chain & ~states.present[:, t + k],
-            "pose {pose} repeat {repeat} has no loaded reading of " + _literal(name) + ", so the "
-            "direction of the pull is unknown; measure it",
+            f"loaded reading of {name}, so the direction of the pull is unknown; measure it",
         )
-    because(
-        loaded & (states.load < 0),
-        "pose {pose} repeat {repeat} has no force in " + _literal(load_file) + "; add the row",
-    )
-    because(
-        loaded & ~usable,
-        "pose {pose} repeat {repeat} has no target read both unloaded and loaded; measure it",
-    )
+    because(loaded & (states.load < 0), f"force in {load_file}; add the row")
+    because(loaded & ~usable, "target read both unloaded and loaded; measure it")
     return why
-
-
-def _literal(name: str) -> str:
-    """A name from a file, safe inside a format string."""
-    return name.replace("{", "{{").replace("}", "}}")
 
 
 def _without_zero(shots: Shots, states: _States) -> Bools:
@@ -160,24 +126,21 @@ def _absent(shots: Shots, settings: Settings, states: _States, dropped: Bools) -
             f"{shots.named(int(s))} has no reading of {listed(names)}, the other targets are used; "
             "measure it again if it matters"
         )
-        out += shots.rejections(np.array([at[int(s)]]), reason)
+        out.append(shots.rejection(at[int(s)], reason))
     return out
 
 
-def _loads(
-    shots: Shots, states: _States, dropped: Bools, why: dict[int, str], loads: Log
-) -> tuple[Bools, list[str]]:
-    """Rows of the load log with a usable pull, and why the others are none."""
+def _loads(shots: Shots, states: _States, dropped: Bools, why: dict[int, str], loads: Log) -> Log:
+    """Rows of the load log with a usable pull."""
     kept = np.zeros(len(loads.line), dtype=bool)
     read = states.present.any(axis=1) & (states.load >= 0)
     kept[states.load[read & ~dropped]] = True
     reason = {int(states.load[s]): why[s] for s in np.flatnonzero(read & dropped).tolist()}
     pose, repeat = loads.number["pose"], loads.number["repeat"]
-    why_not = [""] * len(kept)
     for k in np.flatnonzero(~kept).tolist():
-        why_not[k] = reason.get(
-            k,
+        unread = (
             f"pose {pose[k]:.0f} repeat {repeat[k]:.0f} has no loaded tracker reading; "
-            "measure it or remove the row",
+            "measure it or remove the row"
         )
-    return kept, why_not
+        reason.setdefault(k, unread)
+    return loads.without({k: reason[k] for k in np.flatnonzero(~kept).tolist()})

@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.base.arrays import Array, Bools, Ints, Locked, sifted
 from pipeline.base.errors import InputError, listed
 from pipeline.base.threads import MUCH, spread
 from pipeline.readers import Export
@@ -39,6 +39,9 @@ _NEAR = 0.2
 
 Rejection = tuple[str, int | None, str]
 
+_OF_EACH = ("file", "line", "group", "target", "position", "covariance", "time", "role", "slot")
+"""What of `Shots` has one row for each reading."""
+
 
 @dataclass(frozen=True, eq=False)
 class Shots(Locked):
@@ -58,6 +61,7 @@ class Shots(Locked):
         pose: Pose of each slot, shape (s,).
         repeat: Pull of each slot, shape (s,).
         loaded: Whether a slot is a loaded state, shape (s,).
+        rejected: What was left out.
     """
 
     files: tuple[str, ...]
@@ -73,28 +77,21 @@ class Shots(Locked):
     pose: Ints
     repeat: Ints
     loaded: Bools
+    rejected: tuple[Rejection, ...]
 
     def __len__(self) -> int:
         """Number of readings."""
         return len(self.line)
 
-    def only(self, good: Bools) -> Shots:
-        """The readings that are good."""
-        if good.all():
+    def without(self, why: Mapping[int, str]) -> Shots:
+        """All readings but some, which are rejected, each for its reason."""
+        if not why:
             return self
-        mask = pa.array(good)
-        return replace(
-            self,
-            file=self.file[good],
-            line=self.line[good],
-            group=self.group.filter(mask),
-            target=self.target.filter(mask),
-            position=self.position[good],
-            covariance=None if self.covariance is None else self.covariance[good],
-            time=self.time.filter(mask),
-            role=self.role[good],
-            slot=self.slot[good],
-        )
+        good = np.ones(len(self), dtype=bool)
+        good[list(why)] = False
+        of_each = sifted({name: getattr(self, name) for name in _OF_EACH}, good)
+        left_out = tuple(self.rejection(k, why[k]) for k in sorted(why))
+        return replace(self, **of_each, rejected=self.rejected + left_out)
 
     def counted(self, width: int) -> Ints:
         """How often each target with a role was read in each slot, shape (s, width)."""
@@ -111,9 +108,9 @@ class Shots(Locked):
         """File and line of a reading."""
         return f"{self.files[self.file[k]]}:{self.line[k]}"
 
-    def rejections(self, which: Ints, reason: str) -> list[Rejection]:
-        """The same reason for some readings."""
-        return [(self.files[self.file[k]], int(self.line[k]), reason) for k in which]
+    def rejection(self, k: int, reason: str) -> Rejection:
+        """Why a reading is left out."""
+        return self.files[self.file[k]], int(self.line[k]), reason
 
 
 def gather(exports: Mapping[str, Export], settings: Settings) -> Shots:
@@ -142,7 +139,13 @@ def gather(exports: Mapping[str, Export], settings: Settings) -> Shots:
         pose=pose,
         repeat=repeat,
         loaded=loaded,
+        rejected=unread(exports),
     )
+
+
+def unread(exports: Mapping[str, Export]) -> tuple[Rejection, ...]:
+    """What of all files could not be read."""
+    return tuple((file, line, why) for file, e in exports.items() for line, why in e.rejected)
 
 
 def _joined(parts: Sequence[pa.DictionaryArray]) -> pa.DictionaryArray:
@@ -234,25 +237,23 @@ def _roles(names: Sequence[str], settings: Settings) -> Ints:
     return np.array([place.get(name, STRANGE) for name in names], dtype=np.int64)
 
 
-def known(shots: Shots, settings: Settings) -> tuple[Shots, list[Rejection]]:
+def known(shots: Shots, settings: Settings) -> Shots:
     """Only readings of reflectors whose use is known."""
-    base = settings.base_frame
-    strange = shots.role == STRANGE
-    lost = ~strange & (shots.slot < 0) & (shots.role != BASE)
-    rejected = shots.rejections(
-        np.flatnonzero(strange),
+    strange = (
         "this target is neither in naming.measured nor in naming.chain nor in [base_frame]; "
-        "add it there or rename it",
+        "add it there or rename it"
     )
-    rejected += shots.rejections(
-        np.flatnonzero(lost),
+    lost = (
         "the group does not match naming.group, so it holds base reflectors only, and this target "
-        f"is none of {listed(base)}; rename the group or the target",
+        f"is none of {listed(settings.base_frame)}; rename the group or the target"
     )
-    return shots.only(~strange & ~lost), rejected
+    unused = np.flatnonzero((shots.role == STRANGE) | ((shots.slot < 0) & (shots.role != BASE)))
+    return shots.without(
+        {k: strange if shots.role[k] == STRANGE else lost for k in unused.tolist()}
+    )
 
 
-def once(shots: Shots, width: int) -> tuple[Shots, list[Rejection]]:
+def once(shots: Shots, width: int) -> Shots:
     """Readings that are there once; equal ones are kept once, contradicting ones not at all.
 
     Base reflectors may be read as often as one likes; only true copies are dropped there.
@@ -260,28 +261,24 @@ def once(shots: Shots, width: int) -> tuple[Shots, list[Rejection]]:
     Args:
         width: Number of roles.
     """
-    repeated = np.flatnonzero(_repeated(shots, width)).tolist()
-    good = np.ones(len(shots), dtype=bool)
-    rejected: list[Rejection] = []
+    why: dict[int, str] = {}
     same: dict[tuple[object, ...], list[int]] = {}
-    for k in repeated:
+    for k in np.flatnonzero(_repeated(shots, width)).tolist():
         same.setdefault(_identity(shots, k), []).append(k)
     for rows in same.values():
         first, *more = rows
         equal = all((shots.position[k] == shots.position[first]).all() for k in more)
         for k in more if equal else rows if more else ():
-            good[k] = False
             other = shots.place(first if k != first else more[0])
-            reason = (
+            why[k] = (
                 f"repeats {other}; remove one of them"
                 if equal
                 else f"contradicts {other}, the same target in the same state; keep the right one"
             )
-            rejected += shots.rejections(np.array([k]), reason)
-    return shots.only(good), rejected
+    return shots.without(why)
 
 
-def weighed(shots: Shots, stated: bool) -> tuple[Shots, list[Rejection]]:
+def weighed(shots: Shots, stated: bool) -> Shots:
     """Only readings of targets and chain that have a covariance, if any of them has one.
 
     Whether the noise is known is settled here for all that follows: for every reading or for none.
@@ -290,16 +287,15 @@ def weighed(shots: Shots, stated: bool) -> tuple[Shots, list[Rejection]]:
         stated: Whether campaign.toml gives a noise to those that have none of their own.
     """
     if stated or shots.covariance is None:
-        return shots, []
+        return shots
     ours = shots.role >= 0
     own = np.isfinite(shots.covariance).all(axis=1)
-    lacking = ours & ~own
     if not (ours & own).any():
-        return shots, []
+        return shots
     reason = (
         "this reading has no uncertainty, as others have; export it or state sigma_m in [tracker]"
     )
-    return shots.only(~lacking), shots.rejections(np.flatnonzero(lacking), reason)
+    return shots.without(dict.fromkeys(np.flatnonzero(ours & ~own).tolist(), reason))
 
 
 def _repeated(shots: Shots, width: int) -> Bools:

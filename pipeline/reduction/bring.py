@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 import pandas as pd
 import pyarrow as pa
 
@@ -85,22 +84,14 @@ def to_displacements(case: Case, keep: Keep = conformed, step: Step = plain) -> 
 
 def bring(case: Case, keep: Keep = conformed, step: Step = plain) -> Reduced:
     """From readings in the tracker's frame to forces and displacements in F_b, as arrays."""
-    settings, robot = case.settings, case.robot
     got = to_displacements(case, keep, step)
-    registration = got.registration
-    gain = settings.scale.gain_sigma if settings.scale else 0.0
-    rotation = registration.cov[:3, :3]
-    off = np.where(robot.prismatic, settings.joints.sigma_m, settings.joints.sigma_rad)
-    points = settings.tool_uncertainty.sigma_m
-    names = case.tool.targets
-    told = registration.from_scatter
-    pulled, moved = got.forces, got.displacements
-    data = measured(robot, names, case.joints, pulled, moved, rotation, gain, points, off, told)
+    tables = case.joints, got.forces, got.displacements
+    data = measured(case.settings, case.robot, got.registration, *tables)
     shown = {
         "readings": case.readings,
         "rejected": case.rejected,
         "registration": got.base,
-        "forces": pulled,
-        "displacements": moved,
+        "forces": got.forces,
+        "displacements": got.displacements,
     }
-    return Reduced(data, registration, got.placed, shown)
+    return Reduced(data, got.registration, got.placed, shown)

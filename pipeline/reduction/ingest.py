@@ -7,12 +7,13 @@ is left out and listed with its reason.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
+from typing import Any
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
-import pyarrow.compute as pc
 
 from pipeline import readers, tables
 from pipeline.base.arrays import Array, Bools, Ints
@@ -22,12 +23,12 @@ from pipeline.base.threads import MUCH, both
 from pipeline.machine import instrument
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import Robot
-from pipeline.readers import Columns, Export, Hints, logs
+from pipeline.readers import Export, logs
 from pipeline.readers.assignment import assigned
 from pipeline.reduction import _pulls, _shots
-from pipeline.reduction._index import numbered
+from pipeline.reduction._index import numbered, pull_number
 from pipeline.reduction._shots import Rejection, Shots
-from pipeline.reduction.settings import BASE_REFLECTORS, Scale, Settings, Tracker
+from pipeline.reduction.settings import BASE_REFLECTORS, Displacements, Settings, Tracker
 
 _SIX = covariance_columns()
 
@@ -37,23 +38,21 @@ class Ingested:
     """What a raw campaign holds, as tables that keep their promise.
 
     Attributes:
-        readings: Table READINGS; empty for a campaign that arrives reduced.
-        loads: Table LOADS; empty for a campaign that arrives reduced.
         joints: Table `tables.joints(robot)`.
         rejected: Table REJECTED.
+        readings: Table READINGS; empty for a campaign that arrives reduced.
+        loads: Table LOADS; empty for a campaign that arrives reduced.
         displacements: Table DISPLACEMENTS of a campaign that arrives reduced, else None.
         forces: Table FORCES of a campaign that arrives reduced, else None.
-        dialects: Dialect recognised in each tracker export.
         doubt: Why the values are implausible, where that was not to stop the reading.
     """
 
-    readings: pa.Table
-    loads: pa.Table
     joints: pa.Table
     rejected: pa.Table
-    displacements: pa.Table | None
-    forces: pa.Table | None
-    dialects: dict[str, str]
+    readings: pa.Table = field(default_factory=tables.READINGS.empty_table)
+    loads: pa.Table = field(default_factory=tables.LOADS.empty_table)
+    displacements: pa.Table | None = None
+    forces: pa.Table | None = None
     doubt: InputError | None = None
 
 
@@ -75,13 +74,11 @@ def ingest(
     if settings.test_pose is not None:
         settings.test_pose.within_limits(robot)
     log = settings.joints.file
-    joints, q = logs.joints(log, _file(raw, log, "[joints]"), robot)
-    doubt = _doubt(lambda: logs.within_limits(joints, q, robot), plausible)
-    if settings.tracker and settings.scale:
-        return _raw(
-            settings, settings.tracker, settings.scale, robot, raw, joints, q, plausible, doubt
-        )
-    return _reduced(settings, robot, raw, joints, q, doubt)
+    joints = logs.joints(log, _file(raw, log, "[joints]"), robot)
+    doubt = _doubt(lambda: logs.within_limits(joints, robot), plausible)
+    if settings.displacements:
+        return _reduced(settings, settings.displacements, robot, raw, joints, doubt)
+    return _raw(settings, robot, raw, joints, plausible, doubt)
 
 
 def _doubt(check: Callable[[], None], plausible: bool) -> InputError | None:
@@ -110,15 +107,15 @@ def _file(raw: Mapping[str, bytes], name: str, said: str) -> bytes:
 
 def _raw(
     settings: Settings,
-    tracker: Tracker,
-    scale: Scale,
     robot: Robot,
     raw: Mapping[str, bytes],
     joints: logs.Log,
-    q: Array,
     plausible: bool,
     doubt: InputError | None,
 ) -> Ingested:
+    tracker, scale = settings.tracker, settings.scale
+    assert tracker is not None  # there are no displacements
+    assert scale is not None
     log = _file(raw, scale.file, "[scale]")
     loads, exports = both(
         lambda: logs.loads(scale.file, log),
@@ -126,53 +123,36 @@ def _raw(
         much=len(log) > MUCH,
     )
     _some_reading(exports)
-    shots, strange = _shots.known(_shots.gather(exports, settings), settings)
+    shots = _shots.known(_shots.gather(exports, settings), settings)
     doubt = _doubt(lambda: _shots.check_units(shots, settings), plausible) or doubt
-    shots, copies = _shots.once(shots, len(settings.measured) + 2)
-    shots, bare = _shots.weighed(shots, tracker.noise is not None or tracker.sigma_m is not None)
-    _three_base_reflectors(shots, settings)
-    _some_pull(shots, settings)
-    unread = [(file, n, why) for file, e in exports.items() for n, why in e.rejected]
-    causes: list[Rejection] = [*unread, *strange, *copies, *bare, *loads.rejected, *joints.rejected]
-    complete = _pulls.complete(shots, settings, loads, joints)
-    shots, loads = shots.only(complete.shots), loads.only(complete.loads, complete.why_not_load)
-    seen = np.bincount(shots.slot + 1, minlength=len(shots.pose) + 1)[1:] > 0
-    used = np.isin(joints.number["pose"], numbered(shots.pose[seen])[0])
-    reason = "no usable reading has this pose; measure it or remove the row"
-    q, joints = q[used], joints.only(used, reason)
+    once = _shots.once(shots, len(settings.measured) + 2)
+    weighed = _shots.weighed(once, tracker.noise is not None or tracker.sigma_m is not None)
+    _three_base_reflectors(weighed, settings)
+    _some_pull(weighed, settings)
+    causes = [*weighed.rejected, *loads.rejected, *joints.rejected]
+    whole, loads = _pulls.complete(weighed, settings, loads, joints)
+    seen = np.bincount(whole.slot + 1, minlength=len(whole.pose) + 1)[1:] > 0
+    used = np.isin(joints.number["pose"], numbered(whole.pose[seen])[0])
+    joints = joints.only(used, "no usable reading has this pose; measure it or remove the row")
     if not len(loads.line):
-        raise _nothing_left(causes or complete.rejected)
-    rejected = [*causes, *complete.rejected, *loads.rejected, *joints.rejected]
+        raise _nothing_left(causes or whole.rejected)
     return Ingested(
-        readings=_readings(shots, tracker),
+        readings=_readings(whole, tracker),
         loads=_loads(loads),
-        joints=_joints(joints, q, robot),
-        rejected=_rejected(rejected),
-        displacements=None,
-        forces=None,
-        dialects={name: export.dialect for name, export in exports.items()},
+        joints=_joints(joints, robot),
+        rejected=_rejected([*whole.rejected, *loads.rejected, *joints.rejected]),
         doubt=doubt,
     )
 
 
-def _tracker_files(settings: Settings, names: Sequence[str]) -> list[str]:
-    """Which of some file names are tracker exports, sorted; a glob never takes the other logs."""
-    others = {settings.joints.file, "campaign.toml"}
-    others |= {settings.scale.file} if settings.scale else set()
-    others |= {settings.tracker.assignment or ""} if settings.tracker else set()
-    patterns = settings.tracker.files if settings.tracker else []
-    return sorted(
-        name
-        for name in names
-        if name in patterns or (name not in others and any(fnmatchcase(name, p) for p in patterns))
-    )
-
-
 def _exports(settings: Settings, tracker: Tracker, raw: Mapping[str, bytes]) -> dict[str, Export]:
-    found = _tracker_files(settings, list(raw))
+    """The tracker exports by name; a glob never takes the other logs."""
+    others = {settings.joints.file, "campaign.toml", tracker.assignment}
+    others |= {settings.scale.file} if settings.scale else set()
+    globbed = {name for name in raw for glob in tracker.files if fnmatchcase(name, glob)}
+    found = sorted((globbed - others) | ({*raw} & {*tracker.files}))
     tracker.none_missing(found)
-    said = hints(tracker)
-    exports = {name: readers.read(name, raw[name], said) for name in found}
+    exports = {name: readers.read(name, raw[name], tracker) for name in found}
     if tracker.assignment:
         table = _file(raw, tracker.assignment, "assignment in [tracker]")
         return assigned(exports, tracker.assignment, table)
@@ -187,17 +167,9 @@ def _exports(settings: Settings, tracker: Tracker, raw: Mapping[str, bytes]) -> 
     return exports
 
 
-def hints(tracker: Tracker) -> Hints:
-    """What [tracker] adds to exports that do not say it themselves."""
-    said = tracker.model_dump(exclude={"files", "assignment", "mapping", "sigma_m", "noise"})
-    mapping = tracker.mapping
-    return Hints(**said, mapping=Columns(**mapping.model_dump()) if mapping else None)
-
-
 def _some_reading(exports: Mapping[str, Export]) -> None:
     if not any(len(export.line) for export in exports.values()):
-        unread = [(file, n, why) for file, e in exports.items() for n, why in e.rejected]
-        if unread:
+        if unread := _shots.unread(exports):
             raise _nothing_left(unread)
         raise InputError(
             "there is no reading in it, nothing but a header",
@@ -235,11 +207,12 @@ def _readings(shots: Shots, tracker: Tracker) -> pa.Table:
     covariance, source = _covariance(shots, tracker)
     slot = pa.array(shots.slot, mask=shots.slot < 0)
     pose, repeat, loaded = (
-        _int32(of_slot).take(slot) for of_slot in (shots.pose, shots.repeat, shots.loaded)
+        pa.array(of_slot.astype(np.int32)).take(slot)
+        for of_slot in (shots.pose, shots.repeat, shots.loaded)
     )
     columns = {
-        "file": _files(shots),
-        "line": pa.array(shots.line),
+        "file": _chosen(shots.file, shots.files),
+        "line": shots.line,
         "group": shots.group.cast(pa.string()),
         "target": shots.target,
         "pose": pose,
@@ -253,10 +226,6 @@ def _readings(shots: Shots, tracker: Tracker) -> pa.Table:
     return tables.conform(pa.table(columns), tables.READINGS)
 
 
-def _files(shots: Shots) -> pa.DictionaryArray:
-    return pa.DictionaryArray.from_arrays(shots.file.astype(np.int32), list(shots.files))
-
-
 def _column(values: Array) -> pa.Array:
     return pa.array(np.ascontiguousarray(values))
 
@@ -265,14 +234,14 @@ def _covariance(shots: Shots, tracker: Tracker) -> tuple[list[Array], pa.Diction
     """Covariance of every reading, six columns, and where each is from."""
     stated, source = _stated_covariance(shots, tracker)
     if shots.covariance is None:
-        return stated, _alternatives(np.zeros(len(shots), bool), [source])
+        return stated, _chosen(np.zeros(len(shots)), [source])
     own: Bools = np.asarray(np.isfinite(shots.covariance).all(axis=1))
     columns = [np.where(own, shots.covariance[:, k], stated[k]) for k in range(6)]
-    return columns, _alternatives(own, [source, "file"])
+    return columns, _chosen(own, [source, "file"])
 
 
-def _alternatives(which: Bools, words: Sequence[str]) -> pa.DictionaryArray:
-    """The second of two words where `which`, else the first."""
+def _chosen(which: Array | Ints | Bools, words: Sequence[str]) -> pa.DictionaryArray:
+    """Of some words the one with each number."""
     return pa.DictionaryArray.from_arrays(which.astype(np.int32), list(words))
 
 
@@ -294,51 +263,39 @@ def _alike(six: Array, n: int) -> list[Array]:
 
 
 def _loads(loads: logs.Log) -> pa.Table:
-    none = pa.nulls(len(loads.line), pa.string())
-    branch = pa.array(loads.word.get("branch", none), pa.string())
     columns = {
-        "pose": _int32(loads.number["pose"]),
-        "repeat": _int32(loads.number["repeat"]),
-        "force_n": pa.array(loads.number["force"]),
-        "branch": pc.if_else(pc.equal(branch, ""), None, branch).dictionary_encode(),
+        **_pulls_of(loads),
+        "force_n": loads.number["force"],
+        "branch": [branch or None for branch in loads.word.get("branch", [""] * len(loads.line))],
         **_source(loads),
     }
     return tables.conform(pa.table(columns), tables.LOADS)
 
 
-def _joints(joints: logs.Log, q: Array, robot: Robot) -> pa.Table:
-    approach = joints.number.get("approach", np.zeros(len(q)))
+def _joints(joints: logs.Log, robot: Robot) -> pa.Table:
+    values = {tables.joint_column(j.name, j.prismatic): joints.number[j.name] for j in robot.joints}
+    approach = joints.number.get("approach", np.zeros(len(joints.line)))
     columns = {
-        "pose": _int32(joints.number["pose"]),
-        **{
-            tables.joint_column(joint.name, joint.prismatic): pa.array(
-                np.ascontiguousarray(q[:, j])
-            )
-            for j, joint in enumerate(robot.joints)
-        },
-        "approach": _int32(np.nan_to_num(approach)),
+        "pose": joints.number["pose"],
+        **values,
+        "approach": np.nan_to_num(approach),
         **_source(joints),
     }
     return tables.conform(pa.table(columns), tables.joints(robot))
 
 
-def _source(log: logs.Log) -> dict[str, pa.Array]:
-    return {"file": pa.repeat(log.file, len(log.line)), "line": pa.array(log.line)}
+def _pulls_of(log: logs.Log) -> dict[str, Array]:
+    return {name: log.number[name] for name in ("pose", "repeat")}
 
 
-def _int32(values: Array | Ints | Bools) -> pa.Array:
-    return pa.array(values.astype(np.int32))
+def _source(log: logs.Log) -> dict[str, pa.Array | Ints]:
+    return {"file": pa.repeat(log.file, len(log.line)), "line": log.line}
 
 
 def _rejected(rejected: Sequence[Rejection]) -> pa.Table:
     ordered = sorted(dict.fromkeys(rejected), key=lambda r: (r[0], r[1] or 0, r[2]))
-    file, line, reason = zip(*ordered, strict=True) if ordered else ((), (), ())
-    columns = {
-        "file": pa.array(file, pa.string()),
-        "line": pa.array(line, pa.int64()),
-        "reason": pa.array(reason, pa.string()),
-    }
-    return tables.conform(pa.table(columns), tables.REJECTED)
+    rows = [dict(zip(tables.REJECTED.names, row, strict=True)) for row in ordered]
+    return pa.Table.from_pylist(rows, tables.REJECTED)
 
 
 def _nothing_left(rejected: Sequence[Rejection]) -> InputError:
@@ -360,14 +317,12 @@ def _nothing_left(rejected: Sequence[Rejection]) -> InputError:
 
 def _reduced(
     settings: Settings,
+    said: Displacements,
     robot: Robot,
     raw: Mapping[str, bytes],
     joints: logs.Log,
-    q: Array,
     doubt: InputError | None,
 ) -> Ingested:
-    said = settings.displacements
-    assert said
     moved = logs.displacements(said.file, _file(raw, said.file, "[displacements]"))
     forces = logs.forces(said.forces, _file(raw, said.forces, "[displacements]"))
     moved = moved.only(
@@ -385,68 +340,47 @@ def _reduced(
     )
     pulled, pulling = _keys(moved), _keys(forces)
     moved = moved.only(
-        np.array([pull in set(pulling) for pull in pulled], dtype=bool),
-        f"this pull has no force in {forces.file}; add the row",
+        np.isin(pulled, pulling), f"this pull has no force in {forces.file}; add the row"
     )
     forces = forces.only(
-        np.array([pull in set(pulled) for pull in pulling], dtype=bool),
+        np.isin(pulling, pulled),
         f"this pull has no displacement in {moved.file}; add it or remove the row",
     )
     used = np.isin(poses, moved.number["pose"])
-    q, joints = (
-        q[used],
-        joints.only(used, "no displacement has this pose; add it or remove the row"),
-    )
+    joints = joints.only(used, "no displacement has this pose; add it or remove the row")
     if not len(moved.line):
         raise _nothing_left(causes or moved.rejected)
-    rejected = [*moved.rejected, *forces.rejected, *joints.rejected]
     return Ingested(
-        readings=tables.READINGS.empty_table(),
-        loads=tables.LOADS.empty_table(),
-        joints=_joints(joints, q, robot),
-        rejected=_rejected(rejected),
+        joints=_joints(joints, robot),
+        rejected=_rejected([*moved.rejected, *forces.rejected, *joints.rejected]),
         displacements=_displacements(moved, said.sigma_m),
         forces=_forces(forces),
-        dialects={},
         doubt=doubt,
     )
 
 
-def _keys(log: logs.Log) -> list[tuple[float, float]]:
-    return list(zip(log.number["pose"].tolist(), log.number["repeat"].tolist(), strict=True))
+def _keys(log: logs.Log) -> Ints:
+    return pull_number(*(values.astype(np.int64) for values in _pulls_of(log).values()))
 
 
 def _displacements(moved: logs.Log, sigma_m: float | None) -> pa.Table:
     """Covariance of a displacement as that of its loaded reading, NaN where none is stated."""
-    n = len(moved.line)
     loaded = np.nan if sigma_m is None else sigma_m**2
     columns = {
-        "pose": _int32(moved.number["pose"]),
-        "repeat": _int32(moved.number["repeat"]),
-        "target": pa.array(moved.word["target"].tolist(), pa.string()),
-        **{f"{axis}_m": pa.array(moved.number[axis]) for axis in ("dx", "dy", "dz")},
-        **{
-            f"loaded_{name}": pa.array(np.full(n, loaded * c))
-            for name, c in zip(_SIX, instrument.ISOTROPIC, strict=True)
-        },
-        **{f"zero_{name}": pa.array(np.zeros(n)) for name in _SIX},
-        **{f"zero_{axis}_m": pa.array(np.full(n, np.nan)) for axis in "xyz"},
-        "zero_count": _int32(np.zeros(n)),
-        "zero_time_s": pa.array(np.zeros(n)),
+        **_pulls_of(moved),
+        "target": moved.word["target"],
+        **{f"{axis}_m": moved.number[axis] for axis in ("dx", "dy", "dz")},
+        **{f"loaded_{n}": loaded * c for n, c in zip(_SIX, instrument.ISOTROPIC, strict=True)},
+        **{f"zero_{axis}_m": np.nan for axis in "xyz"},
     }
-    return tables.conform(pa.table(columns), tables.DISPLACEMENTS)
+    return _conform(columns, tables.DISPLACEMENTS)
 
 
 def _forces(forces: logs.Log) -> pa.Table:
-    n = len(forces.line)
-    nothing = [
-        name for name in tables.FORCES.names if name.startswith("u") or name == "reading_std_n"
-    ]
-    columns = {
-        "pose": _int32(forces.number["pose"]),
-        "repeat": _int32(forces.number["repeat"]),
-        **{f"{axis}_n": pa.array(forces.number[axis]) for axis in ("fx", "fy", "fz")},
-        **{name: pa.array(np.zeros(n)) for name in [*nothing, "time_s"]},
-        "branch": _int32(np.zeros(n)),
-    }
-    return tables.conform(pa.table(columns), tables.FORCES)
+    axes = {f"{axis}_n": forces.number[axis] for axis in ("fx", "fy", "fz")}
+    return _conform({**_pulls_of(forces), **axes}, tables.FORCES)
+
+
+def _conform(columns: Mapping[str, Any], promise: pa.Schema) -> pa.Table:
+    """Columns as promised; those that are not given are zero."""
+    return tables.conform(pd.DataFrame({**dict.fromkeys(promise.names, 0), **columns}), promise)

@@ -12,6 +12,8 @@ from pipeline.base import covariance
 from pipeline.base.arrays import Array, Ints, Locked, Strings
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import Robot
+from pipeline.reduction.register import Registration
+from pipeline.reduction.settings import Settings
 
 _FORCE = ["fx_n", "fy_n", "fz_n"]
 _DELTA = ["dx_m", "dy_m", "dz_m"]
@@ -81,31 +83,24 @@ class Measured(Locked):
 
 
 def measured(
+    settings: Settings,
     robot: Robot,
-    targets: Strings,
+    registration: Registration,
     joints: pd.DataFrame,
     forces: pd.DataFrame,
     displacements: pd.DataFrame,
-    rotation_cov: Array,
-    gain_std: float,
-    tool_std: float = 0.0,
-    joint_std: Array | None = None,
-    rotation_found: bool = False,
 ) -> Measured:
     """Join the tables of a campaign into arrays; rows without a partner are left out.
 
     Args:
-        robot: The robot, for the names of its joints.
-        targets: Names of the tool's targets, shape (t,).
+        settings: Names of the tool's targets, and the uncertainties of scale, tool and joints.
+        robot: The robot, for its joints.
+        registration: Where the tracker stands, and how well that is known.
         joints: Table of joint values, `tables.joints(robot)`.
         forces: Table FORCES.
         displacements: Table DISPLACEMENTS.
-        rotation_cov: As in `Measured`.
-        gain_std: As in `Measured`.
-        tool_std: As in `Measured`.
-        joint_std: As in `Measured`; none where not given.
-        rotation_found: As in `Measured`.
     """
+    targets, off = settings.measured, settings.joints
     pulls = forces.merge(joints, on="pose").sort_values(["pose", "repeat"], ignore_index=True)
     key = pd.MultiIndex.from_frame(pulls[["pose", "repeat"]])
     rows = displacements[displacements["target"].isin(targets)]
@@ -138,12 +133,12 @@ def measured(
         zero=np.asarray(rows.groupby(["pose", "target"]).ngroup(), dtype=np.int64),
         reading_std=pulls["reading_std_n"].to_numpy(float),
         direction_cov=covariance.matrices(pulls, covariance.columns("u", "")),
-        rotation_cov=rotation_cov,
-        gain_std=gain_std,
+        rotation_cov=registration.cov[:3, :3],
+        gain_std=settings.scale.gain_sigma if settings.scale else 0.0,
         noise_stated=stated,
-        tool_std=tool_std,
-        joint_std=np.zeros(robot.n) if joint_std is None else joint_std,
-        rotation_found=rotation_found,
+        tool_std=settings.tool_uncertainty.sigma_m,
+        joint_std=np.where(robot.prismatic, off.sigma_m, off.sigma_rad),
+        rotation_found=registration.from_scatter,
     )
 
 

@@ -13,9 +13,11 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from pipeline.base import toml
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError, first_wrong
-from pipeline.base.strict import NotNegative, Positive, Strict
+from pipeline.base.strict import NotNegative, Positive, Strict, with_parts
 from pipeline.machine.instrument import InstrumentNoise
+from pipeline.machine.poses import from_log_units
 from pipeline.machine.robot import Robot
+from pipeline.readers import Hints
 from pipeline.readers.logs import LIMIT_SLACK
 
 BASE_REFLECTORS = 3
@@ -23,50 +25,14 @@ BASE_REFLECTORS = 3
 
 Point = tuple[float, float, float]
 
-_Role = Literal[
-    "group", "target", "time", "delete", "x", "y", "z", "range", "azimuth", "vertical",
-    "sx", "sy", "sz", "u95_x", "u95_y", "u95_z", "cxx", "cxy", "cxz", "cyy", "cyz", "czz",
-]  # fmt: skip
-_Column = Annotated[int, Field(ge=1)] | Annotated[str, Field(min_length=1)]
 
-
-class TableMapping(Strict):
-    """Columns of an export in no dialect of its own, by header name or by number from 1."""
-
-    columns: dict[_Role, _Column] = Field(min_length=3)
-    delimiter: Annotated[str, Field(min_length=1, max_length=1)] | None = None
-    header: Annotated[int, Field(ge=0)] | None = None
-    comment: Annotated[str, Field(min_length=1)] | None = None
-    time_format: str | None = None
-
-
-class Tracker(Strict):
-    """The tracker's exports and its noise; without noise it is estimated from the residuals.
-
-    What follows `files` is for exports that do not say it themselves.
-    """
+class Tracker(Hints):
+    """The tracker's exports and its noise; without noise it is estimated from the residuals."""
 
     files: list[str] = Field(min_length=1)
-    unit: Literal["mm", "m", "in"] | None = None
-    decimal: Literal[".", ","] | None = None
-    coordinates: Literal["cartesian", "spherical", "cylindrical"] | None = None
-    angle: Literal["deg", "rad", "gon"] | None = None
-    vertical: Literal["zenith", "elevation"] | None = None
-    covariance: Literal["a-priori", "standard", "expanded", "rms", "none"] | None = None
-    coverage_factor: Positive | None = None
-    names: str | None = None
     assignment: str | None = None
-    mapping: TableMapping | None = None
     sigma_m: Positive | None = None
     noise: InstrumentNoise | Literal["paper"] | None = None
-
-    @field_validator("names")
-    @classmethod
-    def names_both_parts(cls, pattern: str | None) -> str | None:
-        """The expression must compile and name group and target."""
-        if pattern is not None and not {"group", "target"} <= _parts(pattern):
-            raise ValueError("needs the named parts (?P<group>...), (?P<target>...)")
-        return pattern
 
     @model_validator(mode="after")
     def one_noise(self) -> Tracker:
@@ -91,20 +57,17 @@ class Tracker(Strict):
                 )
 
 
+_GROUP = r"pose(?P<pose>[0-9]+)_rep(?P<repeat>[0-9]+)_(?P<state>unloaded|loaded)"
+
+
 class Naming(Strict):
     """How group and target names are read."""
 
-    group: str = r"pose(?P<pose>[0-9]+)_rep(?P<repeat>[0-9]+)_(?P<state>unloaded|loaded)"
+    group: Annotated[str, with_parts("pose", "repeat", "state")] = (
+        r"pose(?P<pose>[0-9]+)_rep(?P<repeat>[0-9]+)_(?P<state>unloaded|loaded)"
+    )
     measured: list[str] = Field(default=["P1", "P2", "P3"], min_length=1)
     chain: list[str] = Field(default=["Pl1", "Pl2"], min_length=2, max_length=2)
-
-    @field_validator("group")
-    @classmethod
-    def names_its_parts(cls, pattern: str) -> str:
-        """The pattern must compile and name pose, repeat and state."""
-        if not {"pose", "repeat", "state"} <= _parts(pattern):
-            raise ValueError("needs the named parts (?P<pose>...), (?P<repeat>...), (?P<state>...)")
-        return pattern
 
 
 class Scale(Strict):
@@ -166,7 +129,7 @@ class TestPose(Strict):
                 f"give one value per joint: {', '.join(joint.name for joint in robot.joints)}",
                 file="campaign.toml",
             )
-        return np.where(robot.prismatic, self.q, np.deg2rad(self.q))
+        return from_log_units(robot, np.array(self.q))
 
     def within_limits(self, robot: Robot) -> None:
         """The robot can stand there.
@@ -233,14 +196,6 @@ class Settings(Strict):
         if self.displacements is not None and "measured" not in self.naming.model_fields_set:
             return [name for name in self.tool if name != "load_point"]
         return self.naming.measured
-
-
-def _parts(pattern: str) -> set[str]:
-    """Names of the parts of a regular expression."""
-    try:
-        return set(re.compile(pattern).groupindex)
-    except re.error as problem:
-        raise ValueError(f"not a regular expression ({problem})") from problem
 
 
 def parse(text: str) -> Settings:

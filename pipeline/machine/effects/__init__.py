@@ -2,18 +2,7 @@
 
 from collections.abc import Callable
 
-from pipeline.machine.effect import (
-    Compound,
-    Effect,
-    Elastic,
-    Geometry,
-    Loaded,
-    Noise,
-    Observation,
-    Pulls,
-    Reflectors,
-    Wrench,
-)
+from pipeline.machine.effect import Effect
 from pipeline.machine.effects import (
     base_rotation,
     chain_offset,
@@ -80,18 +69,3 @@ CATALOGUE: tuple[Callable[[Robot], tuple[Effect, ...]], ...] = (
 def catalogue(robot: Robot) -> tuple[Effect, ...]:
     """Every effect that may be missing from the model of this robot."""
     return tuple(effect for entry in CATALOGUE for effect in entry(robot))
-
-
-__all__ = [
-    "Compound",
-    "Effect",
-    "Elastic",
-    "Geometry",
-    "Loaded",
-    "Noise",
-    "Observation",
-    "Pulls",
-    "Reflectors",
-    "Wrench",
-    "catalogue",
-]

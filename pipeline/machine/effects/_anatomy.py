@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from pipeline.base.arrays import Array
@@ -48,6 +50,16 @@ def rail_axes(loaded: Loaded) -> tuple[Array, Array, Array]:
     return along, np.cross(along, up), up
 
 
+def rail_ends(robot: Robot) -> tuple[float, float]:
+    """Where the rail begins and ends [m]; ten metres where its file does not say."""
+    return (robot.lower[0], robot.upper[0]) if np.isfinite(robot.upper[0]) else (0.0, 10.0)
+
+
+def harmonics(angle: Array, numbers: Sequence[int]) -> Array:
+    """cos(k a), sin(k a) of angles (m,) for each of some k, shape (m, 2 numbers)."""
+    return np.stack([wave(k * angle) for k in numbers for wave in (np.cos, np.sin)], axis=1)
+
+
 def carriage(loaded: Loaded) -> Array:
     """Origin of the carriage [m], shape (m, 3), in F_b."""
     return loaded.configuration.origin[:, 0]
@@ -58,11 +70,6 @@ def clamp(robot: Robot, joint: int) -> str:
     if joint != turning(robot)[-1]:
         return ""
     return "; reflectors on the flange, as an effector that turns in its clamp looks the same"
-
-
-def joint_screw(loaded: Loaded, joint: int) -> Array:
-    """Unit screw of a joint as one virtual joint, shape (m, 1, 6)."""
-    return loaded.configuration.twists[:, joint - 1 : joint]
 
 
 def direction(loaded: Loaded) -> Array:

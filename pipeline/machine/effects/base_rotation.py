@@ -9,14 +9,6 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
 from pipeline.machine.effect import Compound, Loaded, Observation, Wrench
-from pipeline.machine.robot import Robot
-
-_PARAMETERS = tuple(Parameter(f"e_{axis}", "rad", 2e-3, -0.1, 0.1) for axis in "xyz")
-_SIGNATURE = "displacements and forces are turned together against the robot; lengths stay"
-_NEEDS = (
-    "more base reflectors, or the unloaded absolute positions with the tool's coordinates known"
-)
-_SOURCE = "e x dp - A(e x f) x; 2 mrad with base reflectors whose nominal coordinates are poor"
 
 
 def observe(loaded: Loaded, points: Array, time: Array, values: Array) -> Array:
@@ -29,18 +21,17 @@ def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
     return loaded.load_point, loaded.force - np.cross(values, loaded.force)
 
 
-def effects(robot: Robot) -> tuple[Compound, ...]:
-    """One effect, on any robot."""
-    said: dict[str, Any] = {
-        "name": "base_rotation",
-        "noun": "rotation of the base frame",
-        "place": "metrology",
-        "shows_unloaded": True,
-        "where": None,
-        "parameters": _PARAMETERS,
-        "signature": _SIGNATURE,
-        "needs": _NEEDS,
-        "source": _SOURCE,
-    }
-    acts = (Wrench(**said, wrench=wrench), Observation(**said, observe=observe))
-    return (Compound(**said, acts=acts),)
+_SAID: dict[str, Any] = {
+    "name": "base_rotation",
+    "noun": "rotation of the base frame",
+    "place": "metrology",
+    "shows_unloaded": True,
+    "parameters": tuple(Parameter(f"e_{axis}", "rad", 2e-3, -0.1, 0.1) for axis in "xyz"),
+    "signature": "displacements and forces are turned together against the robot; lengths stay",
+    "needs": "more base reflectors, or the unloaded absolute positions with the tool's coordinates "
+    "known",
+    "source": "e x dp - A(e x f) x; 2 mrad with base reflectors whose nominal coordinates are poor",
+}
+_ACTS = (Wrench(**_SAID, wrench=wrench), Observation(**_SAID, observe=observe))
+
+effects = Compound(**_SAID, acts=_ACTS).everywhere

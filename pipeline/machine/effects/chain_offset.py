@@ -9,7 +9,6 @@ import numpy as np
 from pipeline.base.arrays import Array, Parameter
 from pipeline.machine.effect import Loaded, Wrench
 from pipeline.machine.effects._anatomy import direction
-from pipeline.machine.robot import Robot
 
 
 def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
@@ -21,19 +20,14 @@ def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
     return loaded.load_point, size * true / np.where(size > 0, length, 1.0)
 
 
-def effects(robot: Robot) -> tuple[Wrench, ...]:
-    """One effect, on any robot."""
-    return (
-        Wrench(
-            name="chain_offset",
-            noun="offset of the chain reflectors",
-            place="force",
-            where=None,
-            parameters=tuple(Parameter(f"d_{axis}_over_L", "1", 8e-3, -0.2, 0.2) for axis in "xyz"),
-            signature="the force seems to act aslant, in a direction fixed in the tool; "
-            "in proportion to the load",
-            needs="one pose repeated with the last joint turned by 180 degrees",
-            source="5 mm over 0.6 m of chain, an estimate",
-            wrench=wrench,
-        ),
-    )
+effects = Wrench(
+    name="chain_offset",
+    noun="offset of the chain reflectors",
+    place="force",
+    parameters=tuple(Parameter(f"d_{axis}_over_L", "1", 8e-3, -0.2, 0.2) for axis in "xyz"),
+    signature="the force seems to act aslant, in a direction fixed in the tool; "
+    "in proportion to the load",
+    needs="one pose repeated with the last joint turned by 180 degrees",
+    source="5 mm over 0.6 m of chain, an estimate",
+    wrench=wrench,
+).everywhere

@@ -32,7 +32,6 @@ def effects(robot: Robot) -> tuple[Wrench, ...]:
             name="chain_weight",
             noun="weight of the chain",
             place="force",
-            where=None,
             form=form,
             parameters=(Parameter("w_chain", "N", 50.0, 0.0, 600.0),),
             signature="a constant pull downwards; along the chain as much of it as hangs between "

@@ -5,11 +5,9 @@ of a spring or gas strut beside the gear; or with the second one, which a strut 
 centre has.
 """
 
-import numpy as np
-
 from pipeline.base.arrays import Array, Parameter
 from pipeline.machine.effect import Elastic, Loaded
-from pipeline.machine.effects._anatomy import arm, compliance, joint_screw
+from pipeline.machine.effects._anatomy import arm, compliance, harmonics
 from pipeline.machine.robot import Robot
 
 _HARMONICS = {"one harmonic": (1,), "two harmonics": (1, 2)}
@@ -25,19 +23,16 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
 
 def _effect(robot: Robot, shoulder: int, form: str) -> Elastic:
     c = compliance(robot, shoulder)
-    harmonics = _HARMONICS[form]
-    names = [f"c_comp_{part}{k if k > 1 else ''}" for k in harmonics for part in ("cos", "sin")]
+    numbers = _HARMONICS[form]
+    names = [f"c_comp_{part}{k if k > 1 else ''}" for k in numbers for part in ("cos", "sin")]
 
     def response(loaded: Loaded, torque: Array) -> Array:
-        angle = loaded.configuration.q[:, shoulder - 1]
-        waves = [wave(k * angle) for k in harmonics for wave in (np.cos, np.sin)]
-        return np.asarray(torque * np.stack(waves, axis=1))
+        return torque * harmonics(loaded.configuration.q[:, shoulder - 1], numbers)
 
     return Elastic(
         name="compensator",
         noun="gravity compensator",
         place="shoulder",
-        where=None,
         form=form,
         tolerance=0.1,
         parameters=tuple(Parameter(name, "rad/(N m)", 0.05 * c, -c, c) for name in names),
@@ -46,6 +41,5 @@ def _effect(robot: Robot, shoulder: int, form: str) -> Elastic:
         source="equivalent spring beside the gear: Klimchik et al., compensator models "
         "(arXiv 1311.6810); some percent of the joint's compliance",
         carrier=(shoulder,) * len(names),
-        twists=lambda loaded: joint_screw(loaded, shoulder).repeat(len(names), axis=1),
         response=response,
     )

@@ -31,7 +31,6 @@ def effects(robot: Robot) -> tuple[Compound, ...]:
     elastic = Elastic(
         **_SAID,
         carrier=tuple(joint for link in masses.links for joint in link.chain),
-        twists=masses.twists,
         response=masses.response,
         shared=tuple(k for k, link in enumerate(masses.links) for _ in link.chain),
     )
@@ -43,7 +42,6 @@ _SAID: dict[str, Any] = {
     "noun": "sag under the arm's own weight",
     "place": "metrology",
     "shows_unloaded": True,
-    "where": None,
     "parameters": (
         Parameter("m_upper_arm", "kg", 500.0, 0.0, 2000.0),
         Parameter("m_forearm", "kg", 400.0, 0.0, 2000.0),
@@ -112,10 +110,6 @@ class _Masses:
         for link, mass in zip(self.links, values, strict=True):
             sag[:, link.at] += link.torque(now, mass)
         return np.asarray(pulls.q + robot.nominal_compliance * sag)
-
-    def twists(self, loaded: Loaded) -> Array:
-        """The screws about which the links' joints turn."""
-        return loaded.configuration.twists[:, [j for link in self.links for j in link.at]]
 
     def response(self, loaded: Loaded, tau: Array) -> Array:
         """How far 1 kg turns each joint on, as the pull deflects the others."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
 from pipeline.machine.effect import Elastic, Loaded
-from pipeline.machine.effects._anatomy import compliance, joint_screw, rated_torque, turning
+from pipeline.machine.effects._anatomy import compliance, rated_torque, turning
 from pipeline.machine.robot import Robot
 
 _EXPONENT = {"cubic": 2, "quadratic": 1}
@@ -49,6 +49,5 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
         source="the torsion curve of a strain-wave or cycloidal gear steepens with torque; "
         "15 % at rated torque is an estimate, rated torque taken as 1 mrad of twist",
         carrier=(joint,),
-        twists=lambda loaded: joint_screw(loaded, joint),
         response=response,
     )

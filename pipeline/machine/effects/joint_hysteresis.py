@@ -13,7 +13,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Ints, Parameter
 from pipeline.machine.effect import Elastic, Loaded
-from pipeline.machine.effects._anatomy import clamp, joint_screw, rated_torque, turning
+from pipeline.machine.effects._anatomy import clamp, rated_torque, turning
 from pipeline.machine.robot import Robot
 
 _SLIDES_OVER = {"sliding, tight": 0.05, "sliding": 0.15, "sliding, wide": 0.4}
@@ -56,7 +56,6 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
         + clamp(robot, joint),
         source="Coulomb friction, Masing's rule, Dahl's model; 50 urad is an estimate",
         carrier=(joint,),
-        twists=lambda loaded: joint_screw(loaded, joint),
         response=response,
     )
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from pipeline.base.arrays import Parameter
 from pipeline.machine.effect import Elastic
-from pipeline.machine.effects._anatomy import clamp, joint_screw, rated_torque, turning
+from pipeline.machine.effects._anatomy import clamp, rated_torque, turning
 from pipeline.machine.robot import Robot
 
 _WIDTH = {"narrow": 0.03, "wide": 0.08}
@@ -34,6 +34,5 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
         + clamp(robot, joint),
         source="RV reducers: lost motion within 1 arcmin (290 urad) at +-3 % of rated torque",
         carrier=(joint,),
-        twists=lambda loaded: joint_screw(loaded, joint),
         response=lambda loaded, torque: np.tanh(torque / full),
     )

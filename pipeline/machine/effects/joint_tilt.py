@@ -9,7 +9,7 @@ base at the other end of the link's offset, or between.
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
-from pipeline.machine.effect import Elastic, Loaded, linear
+from pipeline.machine.effect import Elastic, Loaded
 from pipeline.machine.effects._anatomy import compliance, turning
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.configuration import rotation_about
@@ -69,5 +69,4 @@ def _effect(robot: Robot, joint: int, form: str, below: float) -> Elastic:
         "full joint compliance after Klimchik et al., Complete stiffness model (2014)",
         carrier=(joint, joint),
         twists=screws,
-        response=linear,
     )

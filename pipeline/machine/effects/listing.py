@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from typing import Any
 
-from pipeline.machine.effects import Effect, catalogue
+from pipeline.machine.effect import Effect
+from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import Robot
 
 
@@ -25,16 +27,7 @@ def _entry(effect: Effect) -> dict[str, Any]:
         "where": effect.where,
         "acts_on": sorted({type(facet).__name__.lower() for facet in effect.facets}),
         "forms": [],
-        "parameters": [
-            {
-                "name": p.name,
-                "unit": p.unit,
-                "typical": p.typical,
-                "lower": p.lower,
-                "upper": p.upper,
-            }
-            for p in effect.parameters
-        ],
+        "parameters": [asdict(parameter) for parameter in effect.parameters],
         "signature": effect.signature,
         "needs": effect.needs,
         "source": effect.source,

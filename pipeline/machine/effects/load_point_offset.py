@@ -39,7 +39,6 @@ def _said(form: str) -> dict[str, Any]:
         "name": "load_point_offset",
         "noun": "offset of the load point or the targets",
         "place": "force",
-        "where": None,
         "form": form,
         "parameters": tuple(Parameter(f"dl_{axis}", "m", 5e-3, -0.5, 0.5) for axis in "xyz"),
         "signature": "torques of the wrist are off by the force times a lever fixed in the tool, "

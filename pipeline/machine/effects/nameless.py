@@ -29,7 +29,14 @@ from pipeline.machine.effects import (
     rail_roll,
     rail_vertical,
 )
-from pipeline.machine.effects._anatomy import compliance, joint_screw, rail, turning
+from pipeline.machine.effects._anatomy import (
+    arm,
+    compliance,
+    harmonics,
+    rail,
+    rail_ends,
+    turning,
+)
 from pipeline.machine.effects.tracker_drift import HOUR_S
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.configuration import translation_along
@@ -37,16 +44,11 @@ from pipeline.machine.robot.configuration import translation_along
 _BEARING = 5e-9
 """Typical compliance of a bearing along an axis [m/N], that of loaded guide rollers."""
 
-_MOMENT_NM = 3000.0
-"""A moment on the guides of a rail that counts as large."""
+_LARGE = {"m/N": 1000.0, "rad/(N m)": 3000.0}
+"""A load on the guides of a rail that counts as large [N] or [N m], by the unit of compliance."""
 
-_GUIDES = {
-    "lateral": (rail_lateral, 5e-9),
-    "vertical": (rail_vertical, 2.5e-9),
-    "roll": (rail_roll, 1e-8),
-    "pitch": (rail_pitch, 5e-9),
-}
-"""The guides of the carriage with their typical compliances [m/N] or [rad/(N m)]."""
+_GUIDES = (rail_lateral, rail_vertical, rail_roll, rail_pitch)
+"""The guides of the carriage."""
 
 _Screws = Callable[[Loaded], Array]
 _Response = Callable[[Loaded, Array], Array]
@@ -55,11 +57,12 @@ _Response = Callable[[Loaded, Array], Array]
 def nameless(robot: Robot) -> tuple[Effect, ...]:
     """Everything of this file that the robot can have."""
     numbers = turning(robot)
-    guides = _GUIDES if rail(robot) else ()
+    shoulder = (arm(robot) or (None,))[0]
+    guides = [guide for file in _GUIDES for guide in file.effects(robot)]
     return (
         *(_bearing(robot, joint) for joint in _own_bearings(robot, numbers)),
         *(_cross_talk(robot, *pair) for pair in _coupled(numbers)),
-        *(_angle(robot, joint) for joint in numbers if joint != _shoulder(numbers)),
+        *(_angle(robot, joint) for joint in numbers if joint != shoulder),
         *(_warming(robot, joint) for joint in range(1, robot.n + 1)),
         *(_along_the_rail(robot, guide) for guide in guides),
         *(_contact(guide) for guide in guides),
@@ -78,31 +81,28 @@ def _coupled(numbers: Sequence[int]) -> list[tuple[int, int]]:
     return [pair for pair in itertools.pairwise(numbers) if not set(pair) <= wrist]
 
 
-def _shoulder(numbers: Sequence[int]) -> int | None:
-    return numbers[1] if len(numbers) == 6 else None
-
-
 def _effect(
     name: str,
     where: int | str,
-    sizes: tuple[float, ...],
+    size: float,
     carrier: tuple[int, ...],
-    screws: _Screws,
-    response: _Response,
+    response: _Response = linear,
+    screws: _Screws | None = None,
     signed: bool = True,
     shared: tuple[int, ...] = (),
 ) -> Elastic:
-    unit = "1"  # a size relative to what is typical: nobody is told it
+    """An effect whose parameters, one for each virtual joint or one shared, are all of one size."""
+    said = name.replace("_", " ")
     return Elastic(
         name=name,
         where=where,
-        noun=name.replace("_", " "),
+        noun=said,
         place="joint",
-        parameters=tuple(
-            Parameter(f"{name}_{where}_{k}", unit, size, -20 * size if signed else 0.0, 20 * size)
-            for k, size in enumerate(sizes)
+        parameters=tuple(  # of unit 1, relative to what is typical: nobody is told it
+            Parameter(f"{name}_{where}_{k}", "1", size, -20 * size if signed else 0.0, 20 * size)
+            for k in sorted({*shared} or range(len(carrier)))
         ),
-        signature=f"{name.replace('_', ' ')} {where}",
+        signature=f"{said} {where}",
         needs="",
         source="",
         carrier=carrier,
@@ -119,20 +119,16 @@ def _bearing(robot: Robot, joint: int) -> Effect:
         return np.stack([translation_along(axes[:, :, axis]) for axis in range(3)], axis=1)
 
     carrier = (min(joint, robot.n),) * 3
-    return _effect(
-        "bearing_translation", joint, (_BEARING,) * 3, carrier, screws, linear, signed=False
-    )
+    return _effect("bearing_translation", joint, _BEARING, carrier, screws=screws, signed=False)
 
 
 def _cross_talk(robot: Robot, one: int, other: int) -> Effect:
     size = 0.05 * float(np.sqrt(compliance(robot, one) * compliance(robot, other)))
-    at = [one - 1, other - 1]
     return _effect(
         "cross_talk",
         f"{one}-{other}",
-        (size,),
+        size,
         (one, other),
-        lambda loaded: loaded.configuration.twists[:, at],
         lambda loaded, torque: torque[:, ::-1],
         shared=(0, 0),
     )
@@ -140,12 +136,10 @@ def _cross_talk(robot: Robot, one: int, other: int) -> Effect:
 
 def _angle(robot: Robot, joint: int) -> Effect:
     def response(loaded: Loaded, torque: Array) -> Array:
-        angle = loaded.configuration.q[:, joint - 1]
-        waves = [wave(k * angle) for k in (1, 2) for wave in (np.cos, np.sin)]
-        return np.asarray(torque * np.stack(waves, axis=1))
+        return torque * harmonics(loaded.configuration.q[:, joint - 1], (1, 2))
 
-    sizes = (0.05 * compliance(robot, joint),) * 4
-    return _effect("compliance_by_angle", joint, sizes, (joint,) * 4, _screw(joint, 4), response)
+    size = 0.05 * compliance(robot, joint)
+    return _effect("compliance_by_angle", joint, size, (joint,) * 4, response)
 
 
 def _warming(robot: Robot, joint: int) -> Effect:
@@ -153,44 +147,40 @@ def _warming(robot: Robot, joint: int) -> Effect:
         hours = np.nan_to_num(loaded.pulls.time) / HOUR_S
         return torque * hours[:, None]
 
-    size = (0.05 * compliance(robot, joint),)
-    return _effect("compliance_by_time", joint, size, (joint,), _screw(joint, 1), response)
+    size = 0.05 * compliance(robot, joint)
+    return _effect("compliance_by_time", joint, size, (joint,), response)
 
 
-def _along_the_rail(robot: Robot, guide: str) -> Effect:
-    file, size = _GUIDES[guide]
-    low, high = (robot.lower[0], robot.upper[0]) if np.isfinite(robot.upper[0]) else (0.0, 10.0)
+def _along_the_rail(robot: Robot, guide: Elastic) -> Effect:
+    low, high = rail_ends(robot)
 
     def response(loaded: Loaded, load: Array) -> Array:
         phase = np.pi * (loaded.configuration.q[:, 0] - low) / (high - low)
-        waves = [np.ones_like(phase), *(w(k * phase) for k in (1, 2) for w in (np.cos, np.sin))]
-        return np.asarray(load * np.stack(waves, axis=1))
+        return load * np.insert(harmonics(phase, (1, 2)), 0, 1.0, axis=1)
 
     def screws(loaded: Loaded) -> Array:
-        return file.screw(loaded).repeat(5, axis=1)
+        return guide.screws(loaded).repeat(5, axis=1)
 
-    return _effect("guide_along_the_rail", guide, (size,) * 5, (1,) * 5, screws, response)
+    size = guide.parameters[0].typical
+    return _effect("guide_along_the_rail", _short(guide), size, (1,) * 5, response, screws)
 
 
-def _contact(guide: str) -> Effect:
-    file, size = _GUIDES[guide]
-    large = 1000.0 if guide in ("lateral", "vertical") else _MOMENT_NM
+def _contact(guide: Elastic) -> Effect:
+    (spring,) = guide.parameters
 
     def response(loaded: Loaded, load: Array) -> Array:
-        return np.sign(load) * np.sqrt(np.abs(load) * large)
+        return np.sign(load) * np.sqrt(np.abs(load) * _LARGE[spring.unit])
 
-    return _effect("guide_contact", guide, (size,), (1,), file.screw, response)
+    return _effect("guide_contact", _short(guide), spring.typical, (1,), response, guide.twists)
+
+
+def _short(guide: Elastic) -> str:
+    return guide.name.removeprefix("rail_")
 
 
 def _play(gear: Elastic) -> Effect:
     """Moves what the gear of the last joint moves: only reflectors on the flange tell the two."""
-    sizes = tuple(p.typical for p in gear.parameters)
+    size = gear.parameters[0].typical
     where = f"{gear.where} {gear.form}"
-    play = _effect(
-        "effector_play", where, sizes, gear.carrier, gear.twists, gear.response, signed=False
-    )
+    play = _effect("effector_play", where, size, gear.carrier, gear.response, signed=False)
     return replace(play, signature="the effector turning in its clamp")
-
-
-def _screw(joint: int, times: int) -> _Screws:
-    return lambda loaded: joint_screw(loaded, joint).repeat(times, axis=1)

@@ -17,7 +17,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
 from pipeline.machine.effect import Elastic, Loaded
-from pipeline.machine.effects._anatomy import joint_screw, rail
+from pipeline.machine.effects._anatomy import rail
 from pipeline.machine.robot import Robot
 
 _FULL_PLAY_FORCE_N = 150.0
@@ -59,7 +59,6 @@ def _effect(form: str, rest: float, law: Callable[[Array, Array], Array]) -> Ela
         name="rail_backlash",
         noun="backlash of the rail drive",
         place="rail",
-        where=None,
         form=form,
         tolerance=0.1,
         parameters=(Parameter("b_rail", "m", 2e-4, 0.0, 2e-3),),
@@ -70,6 +69,5 @@ def _effect(form: str, rest: float, law: Callable[[Array, Array], Array]) -> Ela
         source="play of 0.20 to 0.24 mm set with +-400 N: operating manual of a rack-driven "
         "linear unit of this class (KUKA KL 1500-3)",
         carrier=(1,),
-        twists=lambda loaded: joint_screw(loaded, 1),
         response=travel,
     )

@@ -10,7 +10,12 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
 from pipeline.machine.effect import Elastic, Loaded
-from pipeline.machine.effects._anatomy import compliance, joint_screw, rail
+from pipeline.machine.effects._anatomy import (
+    compliance,
+    harmonics,
+    rail,
+    rail_ends,
+)
 from pipeline.machine.robot import Robot
 
 _Response = Callable[[Loaded, Array], Array]
@@ -33,13 +38,13 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
 def _waves(robot: Robot, pitch: float) -> Elastic:
     def response(loaded: Loaded, force: Array) -> Array:
         phase = 2 * np.pi * loaded.configuration.q[:, 0] / pitch
-        return np.asarray(force * np.stack([np.cos(phase), np.sin(phase)], axis=1))
+        return force * harmonics(phase, (1,))
 
     return _effect(robot, f"supports every {pitch:g} m", ("c_rail_cos", "c_rail_sin"), response)
 
 
 def _steady(robot: Robot) -> Elastic:
-    low, high = (robot.lower[0], robot.upper[0]) if np.isfinite(robot.upper[0]) else (0.0, 10.0)
+    low, high = rail_ends(robot)
 
     def response(loaded: Loaded, force: Array) -> Array:
         along = (loaded.configuration.q[:, :1] - (low + high) / 2) / ((high - low) / 2)
@@ -54,7 +59,6 @@ def _effect(robot: Robot, form: str, names: tuple[str, ...], response: _Response
         name="rail_stiffness_varies",
         noun="stiffness of the rail drive that varies along the rail",
         place="rail",
-        where=None,
         form=form,
         tolerance=0.15,
         parameters=tuple(Parameter(name, "m/N", 0.4 * c, -4 * c, 4 * c) for name in names),
@@ -62,6 +66,5 @@ def _effect(robot: Robot, form: str, names: tuple[str, ...], response: _Response
         needs=_NEEDS,
         source=_SOURCE,
         carrier=(1,) * len(names),
-        twists=lambda loaded: joint_screw(loaded, 1).repeat(len(names), axis=1),
         response=response,
     )

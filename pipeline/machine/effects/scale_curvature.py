@@ -4,7 +4,6 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
 from pipeline.machine.effect import Loaded, Wrench
-from pipeline.machine.robot import Robot
 
 
 def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
@@ -13,19 +12,14 @@ def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
     return loaded.load_point, loaded.force * (1 + values[0] * size / 1000.0)
 
 
-def effects(robot: Robot) -> tuple[Wrench, ...]:
-    """One effect, on any robot."""
-    return (
-        Wrench(
-            name="scale_curvature",
-            noun="curvature of the spring scale",
-            place="force",
-            where=None,
-            parameters=(Parameter("e_scale", "1", 0.005, -0.1, 0.1),),
-            signature="displacement over force changes with the force alike at every pose, "
-            "whichever joint turns",
-            needs="two known dead weights on the scale",
-            source="1 % of full scale at 2 kN, data sheets of mechanical dynamometers",
-            wrench=wrench,
-        ),
-    )
+effects = Wrench(
+    name="scale_curvature",
+    noun="curvature of the spring scale",
+    place="force",
+    parameters=(Parameter("e_scale", "1", 0.005, -0.1, 0.1),),
+    signature="displacement over force changes with the force alike at every pose, "
+    "whichever joint turns",
+    needs="two known dead weights on the scale",
+    source="1 % of full scale at 2 kN, data sheets of mechanical dynamometers",
+    wrench=wrench,
+).everywhere

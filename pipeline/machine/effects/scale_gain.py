@@ -2,7 +2,6 @@
 
 from pipeline.base.arrays import Array, Parameter
 from pipeline.machine.effect import Loaded, Wrench
-from pipeline.machine.robot import Robot
 
 
 def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
@@ -10,18 +9,13 @@ def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
     return loaded.load_point, loaded.force * (1 + values[0])
 
 
-def effects(robot: Robot) -> tuple[Wrench, ...]:
-    """One effect, on any robot."""
-    return (
-        Wrench(
-            name="scale_gain",
-            noun="wrong gain of the spring scale",
-            place="force",
-            where=None,
-            parameters=(Parameter("g_scale", "1", 0.01, -0.2, 0.2),),
-            signature="all stiffnesses shift by the same percentage; nothing else shows",
-            needs="a known dead weight on the scale",
-            source="calibration: crane scales 0.1 % of full scale, mechanical ones 1 %",
-            wrench=wrench,
-        ),
-    )
+effects = Wrench(
+    name="scale_gain",
+    noun="wrong gain of the spring scale",
+    place="force",
+    parameters=(Parameter("g_scale", "1", 0.01, -0.2, 0.2),),
+    signature="all stiffnesses shift by the same percentage; nothing else shows",
+    needs="a known dead weight on the scale",
+    source="calibration: crane scales 0.1 % of full scale, mechanical ones 1 %",
+    wrench=wrench,
+).everywhere

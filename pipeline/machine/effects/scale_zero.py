@@ -3,7 +3,6 @@
 from pipeline.base.arrays import Array, Parameter
 from pipeline.machine.effect import Loaded, Wrench
 from pipeline.machine.effects._anatomy import direction
-from pipeline.machine.robot import Robot
 
 
 def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
@@ -11,18 +10,13 @@ def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
     return loaded.load_point, loaded.force + values[0] * direction(loaded)
 
 
-def effects(robot: Robot) -> tuple[Wrench, ...]:
-    """One effect, on any robot."""
-    return (
-        Wrench(
-            name="scale_zero",
-            noun="wrong zero of the spring scale",
-            place="force",
-            where=None,
-            parameters=(Parameter("f_zero", "N", 20.0, -300.0, 300.0),),
-            signature="displacement over force has an offset at zero force, the same at every pose",
-            needs="three load levels, or the scale read with nothing on it",
-            source="equals a preload that is there when the zero is measured; 20 N is an estimate",
-            wrench=wrench,
-        ),
-    )
+effects = Wrench(
+    name="scale_zero",
+    noun="wrong zero of the spring scale",
+    place="force",
+    parameters=(Parameter("f_zero", "N", 20.0, -300.0, 300.0),),
+    signature="displacement over force has an offset at zero force, the same at every pose",
+    needs="three load levels, or the scale read with nothing on it",
+    source="equals a preload that is there when the zero is measured; 20 N is an estimate",
+    wrench=wrench,
+).everywhere

@@ -3,7 +3,7 @@
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
-from pipeline.machine.effect import Elastic, Loaded, linear
+from pipeline.machine.effect import Elastic, Loaded
 from pipeline.machine.effects._anatomy import compliance
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.configuration import rotation_about
@@ -23,7 +23,6 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
             name="tool_flex",
             noun="give of the tool or its flange",
             place="tool",
-            where=None,
             parameters=tuple(
                 Parameter(f"c_tool_{axis}", "rad/(N m)", c / 6, 0.0, 5 * c) for axis in "xy"
             ),
@@ -33,6 +32,5 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
             source="rotation column at the flange; 3e6 N m/rad is an estimate",
             carrier=(robot.n, robot.n),
             twists=_screws,
-            response=linear,
         ),
     )

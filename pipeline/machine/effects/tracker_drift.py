@@ -38,7 +38,6 @@ def _effect(form: str, letter: str, unit: str, typical: float, most: float) -> O
         name="tracker_drift",
         noun="drift of the tracker",
         place="metrology",
-        where=None,
         form=form,
         tolerance=0.2,
         parameters=tuple(

@@ -2,21 +2,14 @@
 
 from pipeline.base.arrays import Parameter
 from pipeline.machine.effect import Noise
-from pipeline.machine.robot import Robot
 
-
-def effects(robot: Robot) -> tuple[Noise, ...]:
-    """One effect, on any robot."""
-    return (
-        Noise(
-            name="tracker_noise",
-            noun="tracker noise larger than stated",
-            place="noise",
-            where=None,
-            parameters=(Parameter("s_tracker", "1", 0.3, 0.0, 20.0),),
-            signature="all residuals are larger than stated, without a pattern",
-            needs="repeated readings of one state",
-            source="laser trackers in a warm hall against their certificate; 30 % is an estimate",
-            source_scaled=("tracker", "zero", "direction"),
-        ),
-    )
+effects = Noise(
+    name="tracker_noise",
+    noun="tracker noise larger than stated",
+    place="noise",
+    parameters=(Parameter("s_tracker", "1", 0.3, 0.0, 20.0),),
+    signature="all residuals are larger than stated, without a pattern",
+    needs="repeated readings of one state",
+    source="laser trackers in a warm hall against their certificate; 30 % is an estimate",
+    source_scaled=("tracker", "zero", "direction"),
+).everywhere

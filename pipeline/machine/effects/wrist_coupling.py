@@ -19,7 +19,6 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
         return ()
     a, b, c = numbers[-3:]
     pairs = ((a, b), (b, c), (a, c))
-    moved = [joint - 1 for pair in pairs for joint in pair]
     swapped = [1, 0, 3, 2, 5, 4]
 
     def parameter(one: int, other: int) -> Parameter:
@@ -34,13 +33,11 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
             name="wrist_coupling",
             noun="coupling of the wrist joints",
             place="wrist",
-            where=None,
             parameters=tuple(parameter(*pair) for pair in pairs),
             signature="a wrist joint without torque turns when its neighbour is loaded",
             needs="poses that load one wrist joint at a time",
             source="off-diagonal joint compliance; 5 % is an estimate",
-            carrier=tuple(joint + 1 for joint in moved),
-            twists=lambda loaded: loaded.configuration.twists[:, moved],
+            carrier=tuple(joint for pair in pairs for joint in pair),
             response=response,
             shared=(0, 0, 1, 1, 2, 2),
         ),

@@ -42,10 +42,7 @@ class Configuration(Locked):
         return self.flange_origin[:, None, :] + np.einsum("mij,tj->mti", self.flange_axes, tool)
 
     def frame(self, joint: int) -> tuple[Array, Array]:
-        """Rotation (m, 3, 3) and origin (m, 3) of the frame of joint 1..n; 0 is F_b itself."""
-        if joint == 0:
-            m = len(self.q)
-            return np.broadcast_to(np.eye(3), (m, 3, 3)), np.zeros((m, 3))
+        """Rotation (m, 3, 3) and origin (m, 3) of the frame of joint 1..n."""
         return self.axes[:, joint - 1], self.origin[:, joint - 1]
 
 

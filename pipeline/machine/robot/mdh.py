@@ -29,10 +29,13 @@ CONVENTIONS = {
 """What the letters of a row mean. Khalil's d is Craig's a; Khalil's r is Craig's d."""
 
 
-class JointRow(BaseModel):
-    """One `[[joint]]` of a robot file; lengths [m], angles in degrees or radians by suffix."""
+class Joint(BaseModel):
+    """One `[[joint]]` of a robot file; lengths [m], angles in degrees or radians by suffix.
 
-    model_config = ConfigDict(extra="forbid")
+    Columns of joints.csv are called after its name: `r1_m`, `theta2_deg`.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
     name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9]*$")
     type: Literal["revolute", "prismatic"]
@@ -51,7 +54,7 @@ class JointRow(BaseModel):
     centre_of_mass_m: tuple[float, float, float] | None = None
 
     @model_validator(mode="after")
-    def units_fit_the_type(self) -> JointRow:
+    def units_fit_the_type(self) -> Joint:
         """A prismatic joint has limits in m and N/m, a revolute one in degrees and N m/rad."""
         wrong = (
             (self.lower_deg, self.upper_deg, self.stiffness_nm_per_rad)
@@ -69,18 +72,50 @@ class JointRow(BaseModel):
         return self
 
     @property
+    def prismatic(self) -> bool:
+        """True for a sliding joint (m, N), False for a turning one (rad, N m)."""
+        return self.type == "prismatic"
+
+    @property
     def lower(self) -> float:
         """Lower limit [m] or [rad]."""
-        if self.type == "prismatic":
-            return -np.inf if self.lower_m is None else self.lower_m
-        return -np.inf if self.lower_deg is None else float(np.deg2rad(self.lower_deg))
+        return self._limit(self.lower_m, self.lower_deg, -np.inf)
 
     @property
     def upper(self) -> float:
         """Upper limit [m] or [rad]."""
-        if self.type == "prismatic":
-            return np.inf if self.upper_m is None else self.upper_m
-        return np.inf if self.upper_deg is None else float(np.deg2rad(self.upper_deg))
+        return self._limit(self.upper_m, self.upper_deg, np.inf)
+
+    def _limit(self, metres: float | None, degrees: float | None, none: float) -> float:
+        given = metres if self.prismatic else degrees
+        if given is None:
+            return none
+        return given if self.prismatic else float(np.deg2rad(given))
+
+    @property
+    def stiffness(self) -> float | None:
+        """Nominal stiffness [N/m] or [N m/rad], None when unknown."""
+        return self.stiffness_n_per_m or self.stiffness_nm_per_rad
+
+    def with_stiffness(self, stiffness: float) -> Joint:
+        """The same with another stiffness [N/m] or [N m/rad]."""
+        key = "stiffness_n_per_m" if self.prismatic else "stiffness_nm_per_rad"
+        return self.model_copy(update={key: stiffness})
+
+    @property
+    def stiffness_unit(self) -> str:
+        """Unit of its stiffness."""
+        return "N/m" if self.prismatic else "N m/rad"
+
+    @property
+    def compliance_unit(self) -> str:
+        """Unit of its compliance."""
+        return "m/N" if self.prismatic else "rad/(N m)"
+
+    @property
+    def typical_stiffness(self) -> float:
+        """The nominal stiffness, or the usual size for industrial arms of this class."""
+        return self.stiffness or (5e7 if self.prismatic else 1e6)
 
 
 class Controller(BaseModel):
@@ -104,46 +139,8 @@ class RobotFile(BaseModel):
     convention: Literal["khalil", "craig", "standard"]
     source: str
     assumptions: list[str] = []
-    joint: list[JointRow] = Field(min_length=1)
+    joint: list[Joint] = Field(min_length=1)
     controller: Controller | None = None
-
-
-@dataclass(frozen=True)
-class Joint:
-    """One joint of the model.
-
-    Attributes:
-        name: `r1`, `theta2`; columns of joints.csv are `r1_m`, `theta2_deg`.
-        prismatic: True for a sliding joint (m, N), False for a turning one (rad, N m).
-        lower: Lower limit [m] or [rad].
-        upper: Upper limit [m] or [rad].
-        stiffness: Nominal stiffness [N/m] or [N m/rad], None when unknown.
-        mass: Mass of the link behind it [kg], None when unknown.
-        centre_of_mass: Of that link, in its frame [m], None when unknown.
-    """
-
-    name: str
-    prismatic: bool
-    lower: float
-    upper: float
-    stiffness: float | None
-    mass: float | None
-    centre_of_mass: tuple[float, float, float] | None
-
-    @property
-    def stiffness_unit(self) -> str:
-        """Unit of its stiffness."""
-        return "N/m" if self.prismatic else "N m/rad"
-
-    @property
-    def compliance_unit(self) -> str:
-        """Unit of its compliance."""
-        return "m/N" if self.prismatic else "rad/(N m)"
-
-    @property
-    def typical_stiffness(self) -> float:
-        """The nominal stiffness, or the usual size for industrial arms of this class."""
-        return self.stiffness or (5e7 if self.prismatic else 1e6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,7 +207,7 @@ def _screw_z(theta: float, r: float) -> Array:
     return np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, r], [0, 0, 0, 1.0]])
 
 
-def _letters(row: JointRow, convention: str) -> tuple[float, float]:
+def _letters(row: Joint, convention: str) -> tuple[float, float]:
     """The row's shift along x and along z [m], whatever letters its convention uses."""
     if convention == "khalil":
         if row.a_m is not None:
@@ -221,7 +218,7 @@ def _letters(row: JointRow, convention: str) -> tuple[float, float]:
     return row.a_m or 0.0, row.d_m
 
 
-def placements(rows: list[JointRow], convention: str) -> tuple[Array, Array]:
+def placements(rows: list[Joint], convention: str) -> tuple[Array, Array]:
     """Constant joint placements of a table, and the flange.
 
     Args:
@@ -263,26 +260,14 @@ def parse(text: str, file: str) -> Robot:
         ) from problem
     except ValueError as problem:
         raise InputError(str(problem), "correct the row or the convention", file=file) from problem
-    joints = tuple(
-        Joint(
-            name=row.name,
-            prismatic=row.type == "prismatic",
-            lower=row.lower,
-            upper=row.upper,
-            stiffness=row.stiffness_n_per_m or row.stiffness_nm_per_rad,
-            mass=row.mass_kg,
-            centre_of_mass=row.centre_of_mass_m,
-        )
-        for row in content.joint
-    )
-    names = [joint.name for joint in joints]
+    names = [joint.name for joint in content.joint]
     if len(set(names)) < len(names):
         raise InputError(f"joint names {listed(names)} are not unique", "rename one", file=file)
-    axes, matrix, offset = _controller(content.controller, len(joints), file)
+    axes, matrix, offset = _controller(content.controller, len(names), file)
     return Robot(
         name=content.name,
         description=content.description,
-        joints=joints,
+        joints=tuple(content.joint),
         placement=placement,
         flange=flange,
         controller=axes,

@@ -36,10 +36,10 @@ def model(robot: Robot, points: dict[str, Array] | None = None) -> pin.Model:
     for j, joint in enumerate(robot.joints):
         motion = pin.JointModelPZ() if joint.prismatic else pin.JointModelRZ()
         parent = built.addJoint(parent, motion, pin.SE3(robot.placement[j].copy()), joint.name)
-        if joint.mass:
-            lever = np.array(joint.centre_of_mass or (0.0, 0.0, 0.0))
+        if joint.mass_kg:
+            lever = np.array(joint.centre_of_mass_m or (0.0, 0.0, 0.0))
             built.appendBodyToJoint(
-                parent, pin.Inertia(joint.mass, lever, np.zeros((3, 3))), pin.SE3.Identity()
+                parent, pin.Inertia(joint.mass_kg, lever, np.zeros((3, 3))), pin.SE3.Identity()
             )
     flange = pin.SE3(robot.flange.copy())
     built.addFrame(pin.Frame("flange", parent, 0, flange, pin.FrameType.OP_FRAME))

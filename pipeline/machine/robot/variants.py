@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from pipeline.base import toml
-from pipeline.machine.robot.mdh import JointRow, Robot, RobotFile, placements
+from pipeline.machine.robot.mdh import Joint, Robot, RobotFile, placements
 
 _LENGTHS = {"a_m": "a", "d_m": "d", "r_m": "r"}
 _VISIBLE_M = 0.01
@@ -49,12 +49,12 @@ def _with_row(robot: Robot, file: RobotFile, j: int, change: dict[str, float]) -
     return _with_rows(robot, rows, file.convention)
 
 
-def _with_rows(robot: Robot, rows: list[JointRow], convention: str) -> Robot:
+def _with_rows(robot: Robot, rows: list[Joint], convention: str) -> Robot:
     placement, flange = placements(rows, convention)
     return replace(robot, placement=placement, flange=flange)
 
 
-def _other_convention(file: RobotFile) -> tuple[list[JointRow], str, str]:
+def _other_convention(file: RobotFile) -> tuple[list[Joint], str, str]:
     """The same letters under the other convention; Khalil's d and r are Craig's a and d."""
     rows = file.joint
     if file.convention == "standard":
