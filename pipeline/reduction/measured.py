@@ -13,7 +13,7 @@ from pipeline.base.arrays import Array, Ints, Locked, Strings
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import Robot
 from pipeline.reduction.register import Registration
-from pipeline.reduction.settings import Settings
+from pipeline.reduction.settings import Scale, Settings
 
 _FORCE = ["fx_n", "fy_n", "fz_n"]
 _DELTA = ["dx_m", "dy_m", "dz_m"]
@@ -36,7 +36,7 @@ class Measured(Locked):
         reading_std: Standard uncertainty of the scale readings [N], shape (m,).
         direction_cov: Covariance of the direction cosines, shape (m, 3, 3).
         rotation_cov: Covariance of the registration's rotation [rad^2], shape (3, 3).
-        gain_std: Relative standard uncertainty of the scale's gain.
+        scale: What is stated of the scale.
         noise_stated: False: the covariances of readings are relative, 1 m^2 each, and so are those
             of zeros and directions.
         rotation_found: Whether `rotation_cov` rests on the scatter of the base reflectors.
@@ -58,7 +58,7 @@ class Measured(Locked):
     reading_std: Array
     direction_cov: Array
     rotation_cov: Array
-    gain_std: float
+    scale: Scale
     noise_stated: bool
     tool_std: float = 0.0
     joint_std: Array = field(default_factory=lambda: np.zeros(0))
@@ -134,7 +134,7 @@ def measured(
         reading_std=pulls["reading_std_n"].to_numpy(float),
         direction_cov=covariance.matrices(pulls, covariance.columns("u", "")),
         rotation_cov=registration.cov[:3, :3],
-        gain_std=settings.scale.gain_sigma if settings.scale else 0.0,
+        scale=settings.scale or Scale(),
         noise_stated=stated,
         tool_std=settings.tool_uncertainty.sigma_m,
         joint_std=np.where(robot.prismatic, off.sigma_m, off.sigma_rad),

@@ -76,30 +76,53 @@ def errors(cell: Cell, data: Measured, values: Array) -> Errors:
         _Block("tracker", False, covariance.factors(data.loaded_cov), np.arange(d), d),
         _Block("zero", False, covariance.factors(data.zero_cov), data.zero, data.zero.max() + 1),
     ]
-    force = data.pulls.force
-    size = np.linalg.norm(force, axis=1, keepdims=True)
-    reading = (force / size * data.reading_std[:, None])[:, None, :]
-    gain = force[:, None, :] * data.gain_std
     unit = 1.0 if data.noise_stated or data.found_m else _SMALL_M
-    direction = np.swapaxes(covariance.factors(data.direction_cov), 1, 2) * size[:, None, :] * unit
-    moved = _moved(cell, data, values, np.concatenate([reading, direction, gain], axis=1))
+    modes = _of_force(data, unit)
+    ends = np.cumsum([mode.shape[1] for mode in modes.values()])[:-1]
+    moved = np.split(_moved(cell, data, values, np.concatenate([*modes.values()], 1)), ends, 2)
+    pulled = dict(zip(modes, moved, strict=True))
     turn = covariance.factors(data.rotation_cov[None])[0].T
+    everywhere = {
+        "registration": _turned(cell, data, values, turn),
+        **{source: part for source, part in pulled.items() if source not in _OF_PULL},
+        "geometry": _geometry(cell, data, values),
+    }
     blocks += [
-        _Block("force_reading", False, moved[..., :1], data.pull, m),
-        _Block("direction", False, moved[..., 1:4] / unit, data.pull, m),
-        _Block("registration", True, _turned(cell, data, values, turn), np.zeros(d, int), 1),
-        _Block("force_gain", True, moved[..., 4:], np.zeros(d, int), 1),
-        _Block("geometry", True, _geometry(cell, data, values), np.zeros(d, int), 1),
+        _Block("force_reading", False, pulled["force_reading"], data.pull, m),
+        _Block("direction", False, pulled["direction"] / unit, data.pull, m),
     ]
+    once = np.zeros(d, int)
+    blocks += [_Block(source, True, part, once, 1) for source, part in everywhere.items()]
     if data.bends and cell.equilibrium == "undeformed":
         bent = second_order(cell, data, values)[..., None]
-        blocks.append(_Block("second_order", True, bent, np.zeros(d, int), 1))
+        blocks.append(_Block("second_order", True, bent, once, 1))
     parts = [_sparse(block) for block in blocks]
     return Errors(
         G=scipy.sparse.hstack([part for part, *_ in parts], format="csr"),
         source=np.concatenate([source for _, source, _ in parts]),
         common=np.concatenate([common for *_, common in parts]),
     )
+
+
+_OF_PULL = ("force_reading", "direction")
+"""Errors of the force that are other ones in every pull."""
+
+
+def _of_force(data: Measured, unit: float) -> dict[str, Array]:
+    """What each source of error may change of each force by its standard uncertainty, (m, r, 3).
+
+    In newtons; directions times `unit`.
+    """
+    force = data.pulls.force
+    size = np.linalg.norm(force, axis=1, keepdims=True)
+    along = (force / size)[:, None]
+    return {
+        "force_reading": along * data.reading_std[:, None, None],
+        "direction": np.swapaxes(covariance.factors(data.direction_cov), 1, 2)
+        * size[:, None]
+        * unit,
+        "force_gain": force[:, None] * data.scale.gain_sigma,
+    }
 
 
 @dataclass(frozen=True, eq=False)
