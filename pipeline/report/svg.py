@@ -13,8 +13,6 @@ from matplotlib import rc_context
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure as Canvas
 
-from pipeline.report.margins import Margins
-
 INK, MUTED, GRID = "#1a1c21", "#5b6270", "#d4d8de"
 BLUE, RED, GREEN, PURPLE = "#0072b2", "#c8500a", "#00785a", "#8a4f7e"
 SERIES = (BLUE, RED, GREEN, PURPLE)
@@ -70,7 +68,6 @@ STYLE: Any = {
 _ON_THE_PAGE: Any = STYLE | {
     "figure.facecolor": "none",
     "axes.facecolor": "none",
-    "figure.constrained_layout.use": False,
 }
 
 _SHAPES = {"use", "path"}
@@ -100,7 +97,7 @@ def drawn(name: str, draw: Callable[[Canvas], Mapping[str, Sequence[str]]]) -> D
     text = io.StringIO()
     nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
     with rc_context(_ON_THE_PAGE):
-        canvas = Canvas(layout=Margins())
+        canvas = Canvas()
         tips = draw(canvas)
         # Figure.savefig would draw everything once more for the layout.
         FigureCanvasSVG(canvas).print_svg(text, metadata=nothing)  # type: ignore[no-untyped-call]

@@ -42,7 +42,7 @@ def _draw_evidence(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     axes.set_yticks(at, [f"{s} (identified)" if n else s for s, n in zip(said, named, strict=True)])
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
-    axes.set_xlabel("Evidence, natural log of the odds")
+    axes.set_xlabel("Evidence, natural log of the odds", loc="right")
     rows = zip(said, size, named, strict=True)
     return {"evidence": [f"{s}: {plain(v, 2)}{', identified' if n else ''}" for s, v, n in rows]}
 

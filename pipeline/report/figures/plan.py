@@ -139,7 +139,7 @@ def sight_chart(sights: list[Sight], name: str = "sights") -> Drawing:
         axes.set_yticks(at, names, fontsize=6.5)
         axes.set_ylim(-1, len(shown))
         axes.grid(axis="y", visible=False)
-        axes.set_xlabel("Smallest size [typical sizes]; at the right edge: no size")
+        axes.set_xlabel("Smallest size [typical sizes]; at the right edge: no size", loc="right")
         legend_above(axes, 2)
         return {
             "noticed": [
