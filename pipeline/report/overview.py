@@ -38,6 +38,7 @@ from pipeline.report.record import (
     Section,
     Table,
     Text,
+    present,
     section_of,
 )
 
@@ -72,7 +73,7 @@ def overview(answers: Sequence[Answer]) -> Report:
             *_change_sentences(changed, several),
             *_not_compared(by_robot),
         ),
-        sections=tuple(section for section in sections if section is not None),
+        sections=present(sections),
         elsewhere="Each campaign's own page has the whole of its story.",
     )
 

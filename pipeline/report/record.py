@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, TypeVar
 
 from pipeline.base.quantities import MISSING, known, typeset
+
+_Part = TypeVar("_Part")
 
 
 @dataclass(frozen=True)
@@ -98,9 +100,14 @@ class Section:
     blocks: tuple[Block, ...]
 
 
+def present(parts: Iterable[_Part | None]) -> tuple[_Part, ...]:
+    """Those that are there."""
+    return tuple(part for part in parts if part is not None)
+
+
 def section_of(key: str, title: str, blocks: Iterable[Block | None]) -> Section | None:
     """A part with the blocks that are there, None when none is."""
-    kept = tuple(block for block in blocks if block is not None)
+    kept: tuple[Block, ...] = present(blocks)
     return Section(key, title, kept) if kept else None
 
 
