@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,12 @@ Tips = dict[str, list[str]]
 """By id of an artist, the words of each of its marks in drawing order."""
 
 MARKERS = ("o", "s", "^", "D", "v", "P")
+
+
+def dots(axes: Axes, key: str, x: Any, y: Any, said: Iterable[str], **style: Any) -> Tips:
+    """Marks in a plot, and what each of them says."""
+    axes.scatter(x, y, gid=key, **style)
+    return {key: list(said)}
 
 
 def integer_ticks(axes: Axes, at: np.ndarray, names: Sequence[int]) -> None:

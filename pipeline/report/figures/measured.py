@@ -9,10 +9,10 @@ from matplotlib.figure import Figure as Canvas
 from pipeline.answer.contract import Answer
 from pipeline.base.linear import rms
 from pipeline.base.quantities import plain
-from pipeline.report.figures.marks import Tips, legend_above
+from pipeline.report.figures.marks import Tips, dots, each_row, legend_above
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure
-from pipeline.report.summaries import MM, Tables, has, thinned
+from pipeline.report.summaries import MM, Tables, finite, thinned
 from pipeline.report.svg import MUTED, SERIES
 
 _KEY = ["pose", "repeat", "target"]
@@ -30,8 +30,7 @@ def _rows(tables: Tables) -> pd.DataFrame:
     rows = tables["residuals"].merge(moved, on=[*_KEY, "axis"])
     rows["measured"] = MM * rows["measured_m"]
     rows["predicted"] = rows["measured"] - MM * rows["left_out_m"]
-    known = np.flatnonzero(np.isfinite(rows["predicted"].to_numpy(float)))
-    return rows.iloc[known].reset_index(drop=True)
+    return finite(rows, "predicted")
 
 
 def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
@@ -41,18 +40,17 @@ def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     axes = canvas.subplots()
     ends = [rows["measured"].min(), rows["measured"].max()]
     axes.plot(ends, ends, color=MUTED, linewidth=0.8, zorder=1)
-    tips = {}
+    tips: Tips = {}
     for axis, colour, marker in zip("xyz", SERIES, "os^", strict=False):
         mine = rows[rows["axis"] == axis]
-        axes.scatter(
-            mine["measured"], mine["predicted"], s=12, color=colour, marker=marker,
-            linewidths=0, label=axis, gid=f"measured-{axis}", zorder=2,
-        )  # fmt: skip
-        tips[f"measured-{axis}"] = [
-            f"pose {row['pose']}, pull {row['repeat']}, {row['target']} {axis}: measured "
-            f"{plain(row['measured'])} mm, predicted {plain(row['predicted'])} mm"
-            for row in mine.to_dict("records")
+        said = [
+            f"pose {r.pose}, pull {r.repeat}, {r.target} {axis}: measured "
+            f"{plain(r.measured)} mm, predicted {plain(r.predicted)} mm"
+            for r in each_row(mine)
         ]
+        style = {"s": 12, "color": colour, "marker": marker, "linewidths": 0, "zorder": 2}
+        at = mine["measured"], mine["predicted"]
+        tips |= dots(axes, f"measured-{axis}", *at, said, label=axis, **style)
     axes.set_xlabel("Measured displacement [mm]")
     axes.set_ylabel("Predicted from the other poses [mm]")
     legend_above(axes, 3)
@@ -60,8 +58,6 @@ def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
 
 
 def _write(answer: Answer, tables: Tables) -> Figure | None:
-    if not (has(tables, "residuals") and has(tables, "displacements")):
-        return None
     rows = _rows(tables)
     if rows.empty:
         return None
@@ -81,4 +77,4 @@ def _write(answer: Answer, tables: Tables) -> Figure | None:
     )
 
 
-MEASURED = Plot("measured", _write, _draw)
+MEASURED = Plot("measured", ("residuals", "displacements"), _write, _draw)

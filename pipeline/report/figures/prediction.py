@@ -7,14 +7,10 @@ from matplotlib.figure import Figure as Canvas
 
 from pipeline.answer.contract import Answer
 from pipeline.base.quantities import percent, plain
-from pipeline.report.figures.marks import Tips, legend_above
+from pipeline.report.figures.marks import Tips, dots, legend_above
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure
-from pipeline.report.summaries import (
-    Tables,
-    has,
-    prediction_error,
-)
+from pipeline.report.summaries import Tables, prediction_error
 from pipeline.report.svg import GRID, SERIES
 
 
@@ -22,21 +18,22 @@ def _draw_prediction(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """Share of the validation poses below each relative error."""
     errors = prediction_error(tables["validation"])
     axes = canvas.subplots()
-    tips = {}
+    tips: Tips = {}
     steps = np.linspace(0, 1, 41)
     for index, ((where, draw_from), mu) in enumerate(errors.items()):
-        at, key = 100 * np.quantile(mu, steps), f"mu-{index}"
+        at = 100 * np.quantile(mu, steps)
         if at[4] <= 0:  # no stiffness had a value to draw about, and zero has no logarithm
             continue
         name = f"{_SETS.get(where, where)}, {_DRAWS.get(draw_from, draw_from)}"
         style = "-" if draw_from == "covariance" else "--"
         colour = SERIES[list(_SETS).index(where) if where in _SETS else 2]
         axes.plot(at, 100 * steps, style, color=colour, linewidth=1.6, label=name)
-        axes.scatter(at[4:-1:4], 100 * steps[4:-1:4], s=9, color=colour, linewidths=0, gid=key)
-        tips[key] = [
-            f"{name}: {plain(100 * s)} % of the poses below {percent(v / 100)}"
-            for s, v in zip(steps[4:-1:4], at[4:-1:4], strict=True)
+        shown, shares = at[4:-1:4], 100 * steps[4:-1:4]
+        said = [
+            f"{name}: {plain(share)} % of the poses below {percent(v / 100)}"
+            for share, v in zip(shares, shown, strict=True)
         ]
+        tips |= dots(axes, f"mu-{index}", shown, shares, said, s=9, color=colour, linewidths=0)
     axes.set_xscale("log")
     axes.minorticks_off()
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
@@ -53,9 +50,7 @@ _SETS = {"test_pose": "around the test pose", "global": "over the workspace"}
 _DRAWS = {"covariance": "full covariance", "independent": "independent"}
 
 
-def _write_prediction(answer: Answer, tables: Tables) -> Figure | None:
-    if not has(tables, "validation"):
-        return None
+def _write_prediction(answer: Answer, tables: Tables) -> Figure:
     errors = prediction_error(tables["validation"])
     said = " ".join(
         f"{_SETS.get(where, where).capitalize()} half of the poses are predicted within "
@@ -72,4 +67,4 @@ def _write_prediction(answer: Answer, tables: Tables) -> Figure | None:
     )
 
 
-PREDICTION = Plot("prediction", _write_prediction, _draw_prediction)
+PREDICTION = Plot("prediction", ("validation",), _write_prediction, _draw_prediction)

@@ -119,7 +119,7 @@ def _write_stiffness(answer: Answer, tables: Tables) -> Figure | None:
     )
 
 
-STIFFNESS = Plot("stiffness", _write_stiffness, _draw_stiffness)
+STIFFNESS = Plot("stiffness", (), _write_stiffness, _draw_stiffness)
 
 # --- over the campaigns --------------------------------------------------------------------
 
@@ -133,7 +133,7 @@ def draw_history(canvas: Canvas, answers: Sequence[Answer]) -> Tips:
     found = trends(answers)
     canvas.set_size_inches(5.6, 0.7 + 0.85 * len(found))
     views = canvas.subplots(len(found), 1, sharex=True, squeeze=False)[:, 0]
-    tips = {}
+    tips: Tips = {}
     for index, (view, joint) in enumerate(zip(views, found, strict=True)):
         key, points = f"history-{index}", _points(answers, joint.name)
         colour = RED if joint.sure else BLUE
