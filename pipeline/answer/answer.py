@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from pipeline.answer import contract
 from pipeline.answer.contract import Answer
 from pipeline.answer.diagnosis import diagnosis_entry, noise_entry
@@ -19,8 +21,9 @@ from pipeline.answer.prediction import deflection_entries, validation_entry
 from pipeline.answer.recommended import Values
 from pipeline.answer.sentences import sentences
 from pipeline.answer.stiffness import budget_entries, stiffness_entries
-from pipeline.answer.words import because
-from pipeline.machine.effects import Effect, Observation, catalogue
+from pipeline.answer.words import BECAUSE
+from pipeline.machine.effects import Observation, catalogue
+from pipeline.prediction import model as handover
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.store.campaign import versions
 
@@ -29,6 +32,7 @@ def answer(found: Findings) -> Answer:
     """The answer to a campaign."""
     given, raw, where = found.given, found.raw, found.where
     values, springs = _values_entry(found.told, where), _values_entry(found.springs, where)
+    said = (joint.finding for joint in values.stiffness if joint.finding)
     return Answer(
         format=1,
         campaign=found.campaign,
@@ -36,7 +40,13 @@ def answer(found: Findings) -> Answer:
         robot=raw.settings.robot,
         measured=measured_on(raw.settings, given.reduced.shown["readings"]),
         verdict_sentence=tuple(sentences(found, values, springs)),
-        recommended=_recommended_entry(found),
+        recommended=contract.Recommended(
+            model=found.row.model,
+            data=found.row.data,
+            reason=found.row.reason,
+            why=BECAUSE[found.row.reason],
+            hypotheses=_hypothesis_entries(found.told.values),
+        ),
         stiffness=values.stiffness,
         fit=values.fit,
         validation=values.validation,
@@ -47,7 +57,7 @@ def answer(found: Findings) -> Answer:
         budget=budget_entries(values.stiffness),
         noise=noise_entry(found.right.noise, found.right.estimate),
         rejected=rejected_entries(given.case.rejected),
-        findings=(*_registration_findings(found), *_said_of(values)),
+        findings=(*_registration_findings(found), *said),
         registration=registration_entry(given.reduced.registration),
         model=contract.Forward(
             equilibrium=contract.Equilibrium(found.told.values.first.cell.equilibrium)
@@ -56,11 +66,6 @@ def answer(found: Findings) -> Answer:
         inputs=input_entries(raw),
         versions=versions(),
     )
-
-
-def _said_of(values: contract.Values) -> list[str]:
-    """What there is to know of the stiffnesses."""
-    return [joint.finding for joint in values.stiffness if joint.finding]
 
 
 def _registration_findings(found: Findings) -> list[str]:
@@ -72,28 +77,21 @@ def _registration_findings(found: Findings) -> list[str]:
     return registration_findings(found.given.reduced.registration, drifts)
 
 
-def _recommended_entry(found: Findings) -> contract.Recommended:
-    """Which values stand at the top, and why."""
-    row = found.row
-    return contract.Recommended(
-        model=row.model,
-        data=row.data,
-        reason=row.reason,
-        why=because(row.reason),
-        hypotheses=_hypothesis_entries(found.told.values),
-    )
+def _stated(values: Values, model: handover.Model, where: Where) -> dict[str, Any]:
+    """Stiffnesses, fit and deflection at the test pose of one model."""
+    fitted = values.fitted
+    return {
+        "stiffness": stiffness_entries(fitted.case.cell, values.hypotheses),
+        "fit": fit_entry(fitted.case.cell, fitted.data, values.first.estimate),
+        "test_pose_deflection": deflection_entries(model, where),
+    }
 
 
 def _values_entry(told: Told, where: Where) -> contract.Values:
-    """Stiffnesses, fit, validation and deflection at the test pose of one model."""
-    values = told.values
-    fitted, left = values.fitted, values.left_out_m
-    return contract.Values(
-        stiffness=stiffness_entries(fitted.case.cell, values.hypotheses),
-        fit=fit_entry(fitted.case.cell, fitted.data, values.first.estimate),
-        validation=None if told.checked is None else validation_entry(told.checked, left, where),
-        test_pose_deflection=deflection_entries(told.model, where),
-    )
+    """The same with its validation."""
+    left, checked = told.values.left_out_m, told.checked
+    validation = None if checked is None else validation_entry(checked, left, where)
+    return contract.Values(validation=validation, **_stated(told.values, told.model, where))
 
 
 def _hypothesis_entries(values: Values) -> tuple[contract.Weighed, ...]:
@@ -102,15 +100,17 @@ def _hypothesis_entries(values: Values) -> tuple[contract.Weighed, ...]:
     return tuple(
         contract.Weighed(
             weight=one.weight,
-            causes=tuple(_believed(effect, effect.label in known) for effect in one.effects),
+            causes=tuple(
+                contract.Believed(
+                    name=effect.name,
+                    where=effect.where,
+                    form=effect.form or None,
+                    in_catalogue=effect.label in known,
+                )
+                for effect in one.effects
+            ),
         )
         for one in values.hypotheses
-    )
-
-
-def _believed(effect: Effect, known: bool) -> contract.Believed:
-    return contract.Believed(
-        name=effect.name, where=effect.where, form=effect.form or None, in_catalogue=known
     )
 
 
@@ -119,10 +119,5 @@ def _extended_entry(found: Findings) -> contract.Extended | None:
     own = found.extended
     if own is None:
         return None
-    fitted = own.fitted
     model = own.model(found.campaign, found.verdict, found.row)
-    return contract.Extended(
-        stiffness=stiffness_entries(fitted.case.cell, own.hypotheses),
-        fit=fit_entry(fitted.case.cell, fitted.data, own.first.estimate),
-        test_pose_deflection=deflection_entries(model, found.where),
-    )
+    return contract.Extended(**_stated(own, model, found.where))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 import numpy as np
 
 from pipeline.answer import contract
@@ -9,7 +11,16 @@ from pipeline.answer.contract import Equilibrium, NoiseFrom, Predicted
 from pipeline.answer.findings import Findings
 from pipeline.answer.numbers import finite, left_out_mm
 from pipeline.answer.words import why
-from pipeline.diagnosis.facts import Alone, Amplitude, BlindSpot, Cause, Diagnosis, Named, Proposal
+from pipeline.diagnosis.facts import (
+    Alone,
+    Amplitude,
+    BlindSpot,
+    Cause,
+    Diagnosis,
+    Facts,
+    Named,
+    Proposal,
+)
 from pipeline.diagnosis.verdict import findings, verdict
 from pipeline.faults.mistake import Mistake
 from pipeline.machine.robot import Robot
@@ -23,40 +34,37 @@ def diagnosis_entry(found: Findings) -> contract.Diagnosis:
 
     Scatter that the repeats have found already joins the causes.
     """
-    said = entry(found.diagnosis, found.right.case.robot)
+    said = entry(found.diagnosis, found.right.case.robot, found.facts)
     named = {cause.name for cause in said.causes}
     noisy = [cause for cause in _noise_causes(found.right.noise) if cause.name not in named]
-    causes = (*_data_causes(found), *said.causes, *noisy)
-    reasons = tuple(row.finding for row in findings(found.facts))
-    own = {"verdict": found.verdict, "why": why(found.facts), "reasons": reasons}
-    return said.model_copy(update={**own, "causes": causes})
+    return said.model_copy(update={"causes": (*_data_causes(found), *said.causes, *noisy)})
 
 
-def entry(said: Diagnosis, robot: Robot) -> contract.Diagnosis:
-    """What the diagnosis says of data without mistakes."""
+def entry(said: Diagnosis, robot: Robot, whole: Facts | None = None) -> contract.Diagnosis:
+    """What the diagnosis says of data without mistakes.
+
+    Args:
+        said: The diagnosis.
+        robot: The robot.
+        whole: What the verdict follows from; that of the diagnosis alone unless stated.
+    """
+    facts, (before_m, after_m) = whole or said.facts, said.stood_off_m
     return contract.Diagnosis(
-        verdict=verdict(said.facts),
-        why=why(said.facts),
-        reasons=tuple(row.finding for row in findings(said.facts)),
+        verdict=verdict(facts),
+        why=why(facts),
+        reasons=tuple(row.finding for row in findings(facts)),
         causes=tuple(map(_cause, said.causes)),
         alone=tuple(map(_alone, said.alone)),
-        unloaded_off_mm=_finite_mm(*said.stood_off_m),
+        unloaded_off_mm=(finite(1e3 * before_m), finite(1e3 * after_m)),
         blind_spots=tuple(map(_blind, said.blind_spots)),
         next_poses=tuple(_pose(proposal, robot) for proposal in said.next_poses),
         refused=said.refused,
-        misfit_sits_at=tuple(
-            contract.MisfitPlace(place=m.place, share=m.share, p_value=m.p_value)
-            for m in said.misfits
-        ),
+        misfit_sits_at=tuple(contract.MisfitPlace(**asdict(one)) for one in said.misfits),
         detection=_detection(said),
         scatter=_scatter(said.scatter),
         equilibrium=Equilibrium(said.equilibrium),
         noise_floor_mm=said.noise_floor_m * 1e3,
     )
-
-
-def _finite_mm(before_m: float, after_m: float) -> tuple[float | None, float | None]:
-    return finite(1e3 * before_m), finite(1e3 * after_m)
 
 
 def _detection(said: Diagnosis) -> contract.Detection:

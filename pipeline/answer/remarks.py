@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from pipeline.answer.contract import JointType, Odd, Remark, Stiffness
+from pipeline.answer.words import listed
 from pipeline.base.quantities import with_std
 
 
@@ -35,11 +36,8 @@ def _sentence(remark: Remark, joints: Sequence[Stiffness]) -> str:
     first = joints[0]
     if remark.odd is Odd.NEGATIVE:
         return f"The compliance of {first.joint_name} is negative {_negative(first)}"
-    return f"{_each([joint.name for joint in joints])} {_predicate(remark, first)}"
-
-
-def _each(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"Each of {', '.join(names[:-1])} and {names[-1]}"
+    each = "Each of " if len(joints) > 1 else ""
+    return f"{each}{listed([joint.name for joint in joints])} {_predicate(remark, first)}"
 
 
 def _negative(joint: Stiffness) -> str:
