@@ -132,7 +132,7 @@ def _left_out_mm(answer: Answer) -> float | None:
 def _who(cause: Cause) -> str:
     """A cause, with those that it could as well be."""
     rivals = [rival for rival in cause.rivals if rival.probability > LIKELY]
-    return " or ".join(words.cause(one.name, one.where) for one in (cause, *rivals))
+    return " or ".join(map(words.placed, (cause, *rivals)))
 
 
 def _robot(place: int, name: str, answers: Sequence[Answer]) -> Sequence[Block | None]:

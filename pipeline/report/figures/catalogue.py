@@ -8,7 +8,6 @@ from pipeline.answer.contract import Answer
 from pipeline.answer.history import robots
 from pipeline.report.figures import (
     causes,
-    measured,
     places,
     prediction,
     residuals,
@@ -24,7 +23,7 @@ from pipeline.report.svg import Drawing, drawn
 CATALOGUE: tuple[Plot, ...] = (
     stiffness.STIFFNESS,
     prediction.PREDICTION,
-    measured.MEASURED,
+    prediction.MEASURED,
     causes.GAIN,
     causes.EVIDENCE,
     causes.SEPARABILITY,
