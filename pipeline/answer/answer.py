@@ -6,7 +6,7 @@ from typing import Any
 
 from pipeline.answer import contract
 from pipeline.answer.contract import Answer
-from pipeline.answer.diagnosis import diagnosis_entry, noise_entry
+from pipeline.answer.diagnosis import diagnosis_entry, noise_entry, placed
 from pipeline.answer.findings import Findings, Told
 from pipeline.answer.fit import fit_entry
 from pipeline.answer.inputs import (
@@ -32,6 +32,8 @@ def answer(found: Findings) -> Answer:
     """The answer to a campaign."""
     given, raw, where = found.given, found.raw, found.where
     values, springs = _values_entry(found.told, where), _values_entry(found.springs, where)
+    base = given.reduced.registration
+    fits = registration_entry(base)
     said = (joint.finding for joint in values.stiffness if joint.finding)
     return Answer(
         format=1,
@@ -47,18 +49,15 @@ def answer(found: Findings) -> Answer:
             why=BECAUSE[found.row.reason],
             hypotheses=_hypothesis_entries(found.told.values),
         ),
-        stiffness=values.stiffness,
-        fit=values.fit,
-        validation=values.validation,
-        test_pose_deflection=values.test_pose_deflection,
+        **dict(values),
         diagnosis=diagnosis_entry(found),
         joint_springs=springs,
         extended=_extended_entry(found),
         budget=budget_entries(values.stiffness),
         noise=noise_entry(found.right.noise, found.right.estimate),
         rejected=rejected_entries(given.case.rejected),
-        findings=(*_registration_findings(found), *said),
-        registration=registration_entry(given.reduced.registration),
+        findings=(*registration_findings(base, fits, _tracker_drifts(found)), *said),
+        registration=fits,
         model=contract.Forward(
             equilibrium=contract.Equilibrium(found.told.values.first.cell.equilibrium)
         ),
@@ -68,13 +67,10 @@ def answer(found: Findings) -> Answer:
     )
 
 
-def _registration_findings(found: Findings) -> list[str]:
-    """What there is to know of the base reflectors."""
-    drifts = any(
-        isinstance(cause.effect, Observation) and cause.effect.instrument
-        for cause in found.diagnosis.causes
-    )
-    return registration_findings(found.given.reduced.registration, drifts)
+def _tracker_drifts(found: Findings) -> bool:
+    """A drift of the tracker is named."""
+    effects = [cause.effect for cause in found.diagnosis.causes]
+    return any(isinstance(one, Observation) and one.instrument for one in effects)
 
 
 def _stated(values: Values, model: handover.Model, where: Where) -> dict[str, Any]:
@@ -101,12 +97,7 @@ def _hypothesis_entries(values: Values) -> tuple[contract.Weighed, ...]:
         contract.Weighed(
             weight=one.weight,
             causes=tuple(
-                contract.Believed(
-                    name=effect.name,
-                    where=effect.where,
-                    form=effect.form or None,
-                    in_catalogue=effect.label in known,
-                )
+                contract.Believed(**placed(effect), in_catalogue=effect.label in known)
                 for effect in one.effects
             ),
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from pipeline.diagnosis.facts import (
 )
 from pipeline.diagnosis.verdict import findings, verdict
 from pipeline.faults.mistake import Mistake
+from pipeline.machine.effects import Effect
 from pipeline.machine.robot import Robot
 from pipeline.system.estimate import left_out
 from pipeline.system.system import Estimate, Scatter
@@ -88,13 +90,16 @@ def _scatter(found: Scatter) -> contract.Scatter:
     )
 
 
+def placed(effect: Effect) -> dict[str, Any]:
+    """Name, place and law of an effect."""
+    return {"name": effect.name, "where": effect.where, "form": effect.form or None}
+
+
 def _cause(cause: Cause) -> contract.Cause:
     effect = cause.effect
     return contract.Cause(
-        name=effect.name,
-        where=effect.where,
+        **placed(effect),
         location=effect.location,
-        form=effect.form or None,
         probability=cause.probability,
         parameters=tuple(map(_amplitude, cause.amplitudes)),
         p_value=cause.p_value,
@@ -129,9 +134,7 @@ def _unnamed(one: Named) -> contract.Unnamed:
 
 def _alone(one: Alone) -> contract.Alone:
     return contract.Alone(
-        name=one.effect.name,
-        where=one.effect.where,
-        form=one.effect.form or None,
+        **placed(one.effect),
         probability=one.probability,
         reduction=one.reduction,
         ci95=one.ci95,

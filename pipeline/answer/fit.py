@@ -35,17 +35,19 @@ def _second_order_mm(cell: Cell, data: Measured, estimate: Estimate) -> float:
     return rms_mm(second_order(cell, data, x))
 
 
+_RESTS_ON = "Uncertainties, chi-squared and its p-value rest on the noise"
+
+_STATEMENTS = {
+    "stated": f"{_RESTS_ON} stated in campaign.toml.",
+    "replicates": f"{_RESTS_ON} found in the data: repeated zeros and pulls, and the effector's "
+    "own triangle.",
+}
+
+
 def noise_statement(estimate: Estimate) -> str:
     """One sentence on where the noise comes from and what depends on it."""
-    if estimate.noise_from == "stated":
-        return (
-            "Uncertainties, chi-squared and its p-value rest on the noise stated in campaign.toml."
-        )
-    if estimate.noise_from == "replicates":
-        return (
-            "Uncertainties, chi-squared and its p-value rest on the noise found in the data: "
-            "repeated zeros and pulls, and the effector's own triangle."
-        )
+    if estimate.noise_from in _STATEMENTS:
+        return _STATEMENTS[estimate.noise_from]
     std = 1e3 * estimate.residual_std_m
     more = (
         "; a laser tracker measures better than that, so the model does not fit as well as a "
