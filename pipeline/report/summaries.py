@@ -200,15 +200,12 @@ def arrows(tables: Tables) -> pd.DataFrame:
 
 def registration_by_target(registration: pd.DataFrame) -> pd.DataFrame:
     """Per base reflector [mm]: target, readings, mean dx, dy, dz, rms and largest distance."""
-    mm = registration[["target"]].copy()
-    mm[["dx", "dy", "dz"]] = MM * registration[AXES].to_numpy(float)
-    mm["distance"] = np.linalg.norm(mm[["dx", "dy", "dz"]], axis=1)
-    groups = mm.groupby("target")
-    out = groups[["dx", "dy", "dz"]].mean()
+    mm = MM * registration.set_index("target")[AXES].set_axis(["dx", "dy", "dz"], axis=1)
+    mm["distance"] = np.linalg.norm(mm, axis=1)
+    groups = mm.groupby(level="target")
+    out = groups[["dx", "dy", "dz"]].mean().assign(rms=groups["distance"].agg(rms))
     out.insert(0, "readings", groups.size())
-    out["rms"] = groups["distance"].agg(rms)
-    out["largest"] = groups["distance"].max()
-    return out.reset_index()
+    return out.assign(largest=groups["distance"].max()).reset_index()
 
 
 def prediction_error(validation: pd.DataFrame) -> dict[tuple[str, str], Array]:

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from operator import attrgetter
 from typing import Any
-
-import pandas as pd
 
 from pipeline.answer.contract import Answer, NoiseComponent, Registration, Rejected, Stiffness
 from pipeline.base.quantities import p_value, plain
 from pipeline.report import words
 from pipeline.report.columns import Cells, measured, number, roughly, said, table_of
 from pipeline.report.figures.catalogue import figures
+from pipeline.report.figures.marks import each_row
 from pipeline.report.record import Column, Entry, Section, Table, Text, entry, section_of
 from pipeline.report.summaries import Tables, has, registration_by_target
 
@@ -88,14 +87,9 @@ def _reflectors(tables: Tables) -> Table | None:
         number("Readings", lambda row: row.readings, str),
         *(number(f"{name} [mm]", attrgetter(part), roughly) for name, part in parts.items()),
     ]
-    rows = _rows(registration_by_target(tables["registration"]))
+    rows = each_row(registration_by_target(tables["registration"]))
     title = "Base reflectors: measured minus nominal, base frame"
     return table_of("registration", title, columns, rows)
-
-
-def _rows(table: pd.DataFrame) -> Iterator[Any]:
-    """Rows with their columns as attributes."""
-    return table.itertuples()
 
 
 def _registration_text(given: Registration) -> Text:
