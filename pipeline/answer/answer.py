@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from pipeline.answer import contract
 from pipeline.answer.contract import Answer
 from pipeline.answer.diagnosis import diagnosis_entry, noise_entry, placed
-from pipeline.answer.findings import Findings, Told
-from pipeline.answer.fit import fit_entry
+from pipeline.answer.findings import Findings
 from pipeline.answer.inputs import (
     assumptions,
     input_entries,
@@ -17,21 +14,19 @@ from pipeline.answer.inputs import (
     registration_findings,
     rejected_entries,
 )
-from pipeline.answer.prediction import deflection_entries, validation_entry
 from pipeline.answer.recommended import Values
 from pipeline.answer.sentences import sentences
-from pipeline.answer.stiffness import budget_entries, stiffness_entries
+from pipeline.answer.stiffness import budget_entries
+from pipeline.answer.values import stated, values_entry
 from pipeline.answer.words import BECAUSE
 from pipeline.machine.effects import Observation, catalogue
-from pipeline.prediction import model as handover
-from pipeline.reduction.pose_of_interest import Where
 from pipeline.store.campaign import versions
 
 
 def answer(found: Findings) -> Answer:
     """The answer to a campaign."""
     given, raw, where = found.given, found.raw, found.where
-    values, springs = _values_entry(found.told, where), _values_entry(found.springs, where)
+    values, springs = values_entry(found.told, where), values_entry(found.springs, where)
     base = given.reduced.registration
     fits = registration_entry(base)
     said = (joint.finding for joint in values.stiffness if joint.finding)
@@ -73,23 +68,6 @@ def _tracker_drifts(found: Findings) -> bool:
     return any(isinstance(one, Observation) and one.instrument for one in effects)
 
 
-def _stated(values: Values, model: handover.Model, where: Where) -> dict[str, Any]:
-    """Stiffnesses, fit and deflection at the test pose of one model."""
-    fitted = values.fitted
-    return {
-        "stiffness": stiffness_entries(fitted.case.cell, values.hypotheses),
-        "fit": fit_entry(fitted.case.cell, fitted.data, values.first.estimate),
-        "test_pose_deflection": deflection_entries(model, where),
-    }
-
-
-def _values_entry(told: Told, where: Where) -> contract.Values:
-    """The same with its validation."""
-    left, checked = told.values.left_out_m, told.checked
-    validation = None if checked is None else validation_entry(checked, left, where)
-    return contract.Values(validation=validation, **_stated(told.values, told.model, where))
-
-
 def _hypothesis_entries(values: Values) -> tuple[contract.Weighed, ...]:
     """What the values are averaged over, with the weight of each."""
     known = {effect.label for effect in catalogue(values.fitted.case.robot)}
@@ -111,4 +89,4 @@ def _extended_entry(found: Findings) -> contract.Extended | None:
     if own is None:
         return None
     model = own.model(found.campaign, found.verdict, found.row)
-    return contract.Extended(**_stated(own, model, found.where))
+    return contract.Extended(**stated(own, model, found.where))

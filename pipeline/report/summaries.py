@@ -107,8 +107,7 @@ def courses(tables: Tables) -> tuple[pd.DataFrame, list[Course]]:
 
 
 def _varies(values: pd.Series[float]) -> bool:
-    known = values.to_numpy(float)[np.isfinite(values.to_numpy(float))]
-    return len(np.unique(known)) > 3
+    return values[np.isfinite(values)].nunique() > 3
 
 
 def _course(rows: pd.DataFrame, column: str, name: str, unit: str) -> Course:
@@ -139,8 +138,7 @@ def finite(table: pd.DataFrame, *columns: str) -> pd.DataFrame:
 
 def whitened(residuals: pd.DataFrame) -> Array:
     """Residuals in standard deviations, the finite ones, shape (M,)."""
-    values: Array = residuals["whitened"].to_numpy(float)
-    return values[np.isfinite(values)]
+    return finite(residuals, "whitened")["whitened"].to_numpy(float)
 
 
 def _places(tables: Tables) -> pd.DataFrame:

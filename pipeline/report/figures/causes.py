@@ -62,8 +62,7 @@ def _draw_separability(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
         tips |= dots(axes, f"apart-{step}", columns[here], rows[here], said, label=label, **style)
     axes.set_yticks(range(1, n), names[1:], fontsize=6)
     axes.set_xticks(range(n - 1), names[:-1], fontsize=6, rotation=90)
-    axes.set_ylim(n - 0.4, 0.4)
-    axes.set_xlim(-0.6, n - 1.4)
+    axes.set(xlim=(-0.6, n - 1.4), ylim=(n - 0.4, 0.4))
     axes.grid(visible=False)
     axes.legend(loc="upper right", title="Apart by")
     return {key: said for key, said in tips.items() if said}
@@ -87,10 +86,8 @@ def _draw_gain(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
         style = {"color": colour, "marker": marker, "s": 18, "zorder": 3}
         tips |= dots(axes, key, at, mm, said, label=name, **style)
     integer_ticks(axes, at, numbers)
-    axes.set_ylim(0)
     axes.grid(axis="x", visible=False)
-    axes.set_xlabel("Pose left out")
-    axes.set_ylabel("Rms error per coordinate [mm]")
+    axes.set(xlabel="Pose left out", ylabel="Rms error per coordinate [mm]", ylim=(0, None))
     legend_above(axes, 2)
     return tips
 

@@ -63,11 +63,9 @@ def _view(
     axes.plot(chain[:, h], chain[:, v], color=RED, linewidth=1.4, linestyle="--", label="chain")
     axes.scatter(anchor[h], anchor[v], color=RED, marker="s", s=22, zorder=3)
     middle, half = (low + high) / 2, float(max(high[h] - low[h], high[v] - low[v])) / 2
-    axes.set_xlim(middle[h] - half, middle[h] + half)
-    axes.set_ylim(middle[v] - half, middle[v] + half)
-    axes.set_aspect("equal")
-    axes.set_xlabel(f"{'xyz'[h]} [m]")
-    axes.set_ylabel(f"{'xyz'[v]} [m]")
+    across, up = ((middle[axis] - half, middle[axis] + half) for axis in plane)
+    axes.set(xlim=across, ylim=up, aspect="equal")
+    axes.set(xlabel=f"{'xyz'[h]} [m]", ylabel=f"{'xyz'[v]} [m]")
 
 
 def size_curves(curves: BySize, scale: float, label: str, name: str = "size") -> Drawing:
@@ -84,9 +82,7 @@ def size_curves(curves: BySize, scale: float, label: str, name: str = "size") ->
             said = [f"{m0} poses, {n} readings: {plain(f, 4)}" for n, f in zip(x, y, strict=True)]
             style = {"color": colour, "marker": marker, "s": 24, "label": f"{m0} poses"}
             tips |= dots(axes, f"poses-{m0}", x, y, said, **style)
-        axes.set_xlabel("Readings n")
-        axes.set_ylabel(label)
-        axes.set_ylim(0)
+        axes.set(xlabel="Readings n", ylabel=label, ylim=(0, None))
         axes.legend(loc="upper right")
         return tips
 
@@ -106,9 +102,7 @@ def anchor_curve(curve: ByAnchor, scale: float, label: str, name: str = "anchor"
         said = [f"{x:.2f} m: {plain(y, 4)}" for x, y in pairs if np.isfinite(y)]
         style = {"color": BLUE, "s": 20, "label": "poses chosen anew"}
         tips = dots(axes, "best", curve.at, best, said, **style)
-        axes.set_xlabel(f"{'xyz'[curve.axis]} of the anchor [m]")
-        axes.set_ylabel(label)
-        axes.set_ylim(0)
+        axes.set(xlabel=f"{'xyz'[curve.axis]} of the anchor [m]", ylabel=label, ylim=(0, None))
         axes.legend(loc="lower right")
         return tips
 

@@ -51,8 +51,7 @@ def _draw_measured(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
         style = {"s": 12, "color": colour, "marker": marker, "linewidths": 0, "zorder": 2}
         at = mine["measured"], mine["predicted"]
         tips |= dots(axes, f"measured-{axis}", *at, said, label=axis, **style)
-    axes.set_xlabel("Measured displacement [mm]")
-    axes.set_ylabel("Predicted from the other poses [mm]")
+    axes.set(xlabel="Measured displacement [mm]", ylabel="Predicted from the other poses [mm]")
     legend_above(axes, 3)
     return tips
 
@@ -100,8 +99,7 @@ def _draw_prediction(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     axes.set_xscale("log")
     axes.minorticks_off()
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
-    axes.set_xlabel("Relative error of the predicted deflection [%]")
-    axes.set_ylabel("Poses below [%]")
+    axes.set(xlabel="Relative error of the predicted deflection [%]", ylabel="Poses below [%]")
     axes.grid(color=GRID, linewidth=0.6)
     legend_above(axes, 2)
     return tips

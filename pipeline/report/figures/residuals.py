@@ -43,9 +43,7 @@ def _draw_pose_rms(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
         tips |= dots(axes, "left", at[seen], left_out[seen], said, label="left out", **style)
     integer_ticks(axes, at, number.tolist())
     axes.grid(axis="x", visible=False)
-    axes.set_ylim(0)
-    axes.set_xlabel("Pose")
-    axes.set_ylabel("Rms residual per coordinate [mm]")
+    axes.set(xlabel="Pose", ylabel="Rms residual per coordinate [mm]", ylim=(0, None))
     legend_above(axes, 2)
     return tips
 
@@ -64,8 +62,7 @@ def _draw_residual_force(canvas: Canvas, answer: Answer, tables: Tables) -> Tips
         style = {"color": colour, "marker": marker, "s": 11, "alpha": 0.7, "linewidths": 0}
         at = part["force_n"], part["mm"]
         tips |= dots(axes, f"axis-{axis}", *at, said, label=axis, **style)
-    axes.set_xlabel("Size of the pull [N]")
-    axes.set_ylabel("Residual, base frame [mm]")
+    axes.set(xlabel="Size of the pull [N]", ylabel="Residual, base frame [mm]")
     legend_above(axes, 3)
     return tips
 
@@ -96,8 +93,7 @@ def _draw_residual_course(canvas: Canvas, answer: Answer, tables: Tables) -> Tip
             ]
             style = {"color": colour, "marker": marker, "s": size, "linewidths": 0}
             tips |= dots(view, f"{one.column}-{column}", at, mm, said, label=name, **style)
-        view.set_xlabel(f"{capital(one.name)} [{one.unit}]")
-        view.set_ylabel("Residual [mm]")
+        view.set(xlabel=f"{capital(one.name)} [{one.unit}]", ylabel="Residual [mm]")
     legend_above(views[0], 2)
     return tips
 
@@ -114,8 +110,7 @@ def _draw_whitened(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     at = np.linspace(edges[0], edges[-1], 241)
     normal = len(values) * 0.5 * np.exp(-(at**2) / 2) / np.sqrt(2 * np.pi)
     axes.plot(at, normal, color=RED, linewidth=1.6, label="noise as assumed")
-    axes.set_xlabel("Residual [standard deviations]")
-    axes.set_ylabel("Coordinates")
+    axes.set(xlabel="Residual [standard deviations]", ylabel="Coordinates")
     axes.yaxis.set_major_locator(MaxNLocator(6, integer=True))
     axes.grid(axis="x", visible=False)
     legend_above(axes, 2)

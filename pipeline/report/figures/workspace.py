@@ -44,8 +44,7 @@ def _map(canvas: Canvas, soft: pd.DataFrame, levels: Array) -> Tips:
         here["reach_m"], here["height_m"], s=60, marker="X", color=RED, edgecolors=INK, gid="here"
     )
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("Reach from the shoulder axis [m]")
-    axes.set_ylabel("Height [m]")
+    axes.set(xlabel="Reach from the shoulder axis [m]", ylabel="Height [m]")
     return {
         "soft": [_softness(r) for r in each_row(swept)],
         "here": ["test pose: " + _softness(here)],
