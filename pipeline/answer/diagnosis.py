@@ -38,7 +38,9 @@ def diagnosis_entry(found: Findings) -> contract.Diagnosis:
     """
     said = entry(found.diagnosis, found.right.case.robot, found.facts)
     named = {cause.name for cause in said.causes}
-    noisy = [cause for cause in _noise_causes(found.right.noise) if cause.name not in named]
+    noise = found.right.noise
+    larger = np.flatnonzero(noise.larger).tolist()
+    noisy = [_noisy(noise, i) for i in larger if NAMES[noise.name[i]] not in named]
     return said.model_copy(update={"causes": (*_data_causes(found), *said.causes, *noisy)})
 
 
@@ -238,12 +240,8 @@ def noise_entry(found: Components, estimate: Estimate) -> contract.Noise:
     )
 
 
-def _noise_causes(found: Components) -> list[contract.Cause]:
-    """The noise components that are larger than stated, as causes."""
-    return [_noisy(found, i) for i in range(len(found.name)) if found.larger[i]]
-
-
 def _noisy(found: Components, i: int) -> contract.Cause:
+    """A noise component that is larger than stated, as a cause."""
     name, p = found.name[i], float(found.p_value[i])
     excess = contract.Amplitude(
         name=f"s_{name.split('_')[0]}",

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import ClassVar, TypeVar
+from dataclasses import dataclass, field
+from typing import TypeVar
 
 from pipeline.base.quantities import MISSING, known, typeset
 
@@ -45,7 +45,7 @@ class Column:
 class Table:
     """A table with its heading and a note below."""
 
-    kind: ClassVar[str] = "table"
+    kind: str = field(default="table", init=False)
     name: str
     title: str
     columns: tuple[Column, ...]
@@ -57,7 +57,7 @@ class Table:
 class Text:
     """A paragraph; a `finding` is something to act on."""
 
-    kind: ClassVar[str] = "text"
+    kind: str = field(default="text", init=False)
     text: str
     tone: str = "plain"
 
@@ -77,7 +77,7 @@ class Figure:
         alt: What it shows and says, for who cannot see it.
     """
 
-    kind: ClassVar[str] = "figure"
+    kind: str = field(default="figure", init=False)
     name: str
     title: str
     caption: str

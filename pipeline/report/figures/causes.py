@@ -94,8 +94,7 @@ def _draw_gain(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
 
 def _cause_in_words(suspect: Any) -> str:
     """A row of table DIAGNOSIS in words."""
-    where = str(suspect["where"])
-    return words.from_label(f"{suspect['name']}:{where}" if where else str(suspect["name"]))
+    return words.from_label(f"{suspect['name']}:{suspect['where']}")
 
 
 def _write_gain(answer: Answer, tables: Tables) -> Figure | None:

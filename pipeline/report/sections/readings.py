@@ -94,16 +94,14 @@ def _reflectors(tables: Tables) -> Table | None:
 
 def _registration_text(given: Registration) -> Text:
     rotation, translation = max(given.rotation_std_rad), max(given.translation_std_m)
-    told = [
+    tested = "" if given.p_value is None else f" ({p_value(given.p_value)})"
+    chi2 = f" chi² is {plain(given.chi2, 4)} for {given.dof} degrees of freedom{tested}."
+    return Text(
         f"The base reflectors fit their nominals to {plain(given.rms_mm)} mm rms, "
-        f"{plain(given.max_mm)} mm at worst."
-    ]
-    if given.chi2 is not None:
-        tested = "" if given.p_value is None else f" ({p_value(given.p_value)})"
-        told.append(f"chi² is {plain(given.chi2, 4)} for {given.dof} degrees of freedom{tested}.")
-    told.append(f"The standard uncertainty of its orientation is {plain(1e6 * rotation, 2)} µrad.")
-    told.append(f"That of its origin is {plain(1e6 * translation, 2)} µm.")
-    return Text(" ".join(told))
+        f"{plain(given.max_mm)} mm at worst.{'' if given.chi2 is None else chi2} The standard "
+        f"uncertainty of its orientation is {plain(1e6 * rotation, 2)} µrad. That of its origin is "
+        f"{plain(1e6 * translation, 2)} µm."
+    )
 
 
 def rejected(answer: Answer) -> Section | None:
