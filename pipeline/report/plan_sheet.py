@@ -99,9 +99,9 @@ def sheet(proposal: Proposal, extras: Extras, seconds: float) -> Report:
 def worth(proposal: Proposal) -> str:
     """The figure of a plan and its certificate, in one sentence."""
     criterion, certificate = proposal.problem.criterion, proposal.certificate
-    said = f"The {criterion.meaning} is {_figure(proposal, proposal.figure)}"
+    told = f"The {criterion.meaning} is {_figure(proposal, proposal.figure)}"
     if certificate is None:
-        return f"{said}; the search was interrupted before any bound was known."
+        return f"{told}; the search was interrupted before any bound was known."
     bound = _figure(proposal, certificate.figure)
     pure = ""
     if proposal.mixed is not None:
@@ -112,7 +112,7 @@ def worth(proposal: Proposal) -> str:
         )
     share = percent(certificate.figure / proposal.plan.figure, 4)
     whose = "this one" if proposal.mixed is None else "the best plan for this alone"
-    return f"{said}{pure}. No plan can be below {bound}: {whose} is {share} efficient."
+    return f"{told}{pure}. No plan can be below {bound}: {whose} is {share} efficient."
 
 
 def _figure(proposal: Proposal, value: float) -> str:
@@ -199,10 +199,10 @@ def _axes(robot: Robot, q: Array) -> Table | None:
 
 def _pulling(problem: Problem, measurement: Measurement) -> list[Section | None]:
     moved = expected(problem, measurement)
-    return [_pull(problem, measurement, pose, moved) for pose in range(len(measurement.q))]
+    return [_pose(problem, measurement, pose, moved) for pose in range(len(measurement.q))]
 
 
-def _pull(
+def _pose(
     problem: Problem, measurement: Measurement, pose: int, moved: list[Array]
 ) -> Section | None:
     name = f"Pose {pose + 1}"
@@ -313,15 +313,15 @@ def _curves(proposal: Proposal, extras: Extras) -> list[Block]:
     what = capital(proposal.problem.criterion.meaning)
     out: list[Block] = []
     if extras.sizes is not None:
-        said = f"{what} of the best plan found, by poses and readings."
-        out.append(Figure("size", "More poses, more readings", said, f"Curves: {said}"))
+        told = f"{what} of the best plan found, by poses and readings."
+        out.append(Figure("size", "More poses, more readings", told, f"Curves: {told}"))
     if extras.anchors is not None:
         axis = "xyz"[extras.anchors.axis]
-        said = (
+        told = (
             f"{what} against {axis} of the anchor: with the poses of this "
             f"plan, and with poses chosen anew for each place."
         )
-        out.append(Figure("anchor", "Where the anchor may stand", said, f"Two curves: {said}"))
+        out.append(Figure("anchor", "Where the anchor may stand", told, f"Two curves: {told}"))
     return out
 
 

@@ -46,7 +46,10 @@ def pose_rms(residuals: pd.DataFrame) -> pd.DataFrame:
 
 
 def gain(examined: pd.DataFrame) -> pd.DataFrame:
-    """Rms error of each pose left out [mm]: pose, before (springs alone), after (with causes)."""
+    """Rms error of each pose left out [mm]: pose, before (springs alone), after (with causes).
+
+    Poses that the others do not predict are left out.
+    """
     return _rms_of_poses(examined, before="left_out_m", after="left_out_extended_m").dropna()
 
 

@@ -29,10 +29,10 @@ def _comparable(answer: Answer) -> list[Stiffness]:
 
 
 def _interval(joints: Sequence[Stiffness], unit: Array | float) -> Array:
-    """Values and 95 % limits in a unit, shape (3, n); who may have no compliance has no limit."""
-    known = np.array([(joint.value, *joint.ci95) for joint in joints], dtype=float).reshape(-1, 3)
-    known[:, 2] = np.nan_to_num(known[:, 2], nan=np.inf, posinf=np.inf)
-    return known.T / unit
+    """Values and 95 % limits in a unit, shape (3, n); a compliance may be zero: no upper limit."""
+    told = np.array([(joint.value, *joint.ci95) for joint in joints], dtype=float).reshape(-1, 3)
+    value, low, high = told.T / unit
+    return np.array([value, low, np.where(np.isnan(high), np.inf, high)])
 
 
 def _beside(answer: Answer, joints: Sequence[Stiffness]) -> Array:

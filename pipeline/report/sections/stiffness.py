@@ -103,9 +103,7 @@ def _value_columns(factor: float, letter: str) -> list[Cells[Stiffness]]:
         (Column("Stiffness ± standard uncertainty", numeric=True), lambda j: _value(j, factor)),
         (Column("95 % interval", numeric=True), lambda joint: _interval(joint, factor)),
         said("Unit", lambda joint: prefixed(joint.unit, letter)),
-        number(
-            "Relative uncertainty [%]", lambda j: j.relative_std, lambda x: roughly(scaled(x, 0.01))
-        ),
+        number("Relative uncertainty [%]", lambda j: scaled(j.relative_std, 0.01), roughly),
     ]
 
 
