@@ -13,7 +13,7 @@ from pipeline.answer import contract
 from pipeline.answer.contract import Answer, Reason
 from pipeline.answer.history import previous
 from pipeline.answer.recommended import row_of
-from pipeline.answer.words import because
+from pipeline.answer.words import BECAUSE
 from pipeline.base import files
 from pipeline.base.errors import UsageError
 from pipeline.diagnosis.finding import Verdict
@@ -50,7 +50,9 @@ def read(campaign: Campaign) -> Answer:
         UsageError: There is none, or an earlier version wrote it without what is needed now.
     """
     try:
-        return _answer(campaign.result())
+        content = _brought_up_to_date(campaign.result())
+        # a key that only another version knows is left out
+        return Answer.model_validate(content, strict=False, extra="ignore")
     except (ValueError, LookupError, TypeError, AttributeError) as problem:
         raise UsageError(
             f"{campaign.name} has a result of an earlier version: run `pipeline run "
@@ -61,11 +63,6 @@ def read(campaign: Campaign) -> Answer:
 def done(campaign: Campaign, key: str) -> Answer | None:
     """The answer of an earlier run with the same key whose outputs are all intact."""
     return read(campaign) if campaign.done(key) else None
-
-
-def _answer(content: dict[str, Any]) -> Answer:
-    """What result.json says; a key that only another version knows is left out."""
-    return Answer.model_validate(_brought_up_to_date(content), strict=False, extra="ignore")
 
 
 def _brought_up_to_date(content: dict[str, Any]) -> dict[str, Any]:
@@ -88,7 +85,7 @@ def _brought_up_to_date(content: dict[str, Any]) -> dict[str, Any]:
 def _joint_springs_alone(verdict: Verdict) -> dict[str, Any]:
     """Which values an answer stood for when there were no others."""
     row = row_of(Reason.ADEQUATE if verdict is Verdict.ADEQUATE else Reason.UNEXPLAINED)
-    alone = {"model": row.model, "data": row.data, "reason": row.reason, "why": because(row.reason)}
+    alone = {"model": row.model, "data": row.data, "reason": row.reason, "why": BECAUSE[row.reason]}
     return {**alone, "hypotheses": [{"weight": 1.0, "causes": []}]}
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+from typing import Any
+
 import numpy as np
 
 from pipeline.answer import contract
@@ -9,9 +12,19 @@ from pipeline.answer.contract import Equilibrium, NoiseFrom, Predicted
 from pipeline.answer.findings import Findings
 from pipeline.answer.numbers import finite, left_out_mm
 from pipeline.answer.words import why
-from pipeline.diagnosis.facts import Alone, Amplitude, BlindSpot, Cause, Diagnosis, Named, Proposal
+from pipeline.diagnosis.facts import (
+    Alone,
+    Amplitude,
+    BlindSpot,
+    Cause,
+    Diagnosis,
+    Facts,
+    Named,
+    Proposal,
+)
 from pipeline.diagnosis.verdict import findings, verdict
 from pipeline.faults.mistake import Mistake
+from pipeline.machine.effect import Effect
 from pipeline.machine.robot import Robot
 from pipeline.system.estimate import left_out
 from pipeline.system.system import Estimate, Scatter
@@ -23,40 +36,39 @@ def diagnosis_entry(found: Findings) -> contract.Diagnosis:
 
     Scatter that the repeats have found already joins the causes.
     """
-    said = entry(found.diagnosis, found.right.case.robot)
+    said = entry(found.diagnosis, found.right.case.robot, found.facts)
     named = {cause.name for cause in said.causes}
-    noisy = [cause for cause in _noise_causes(found.right.noise) if cause.name not in named]
-    causes = (*_data_causes(found), *said.causes, *noisy)
-    reasons = tuple(row.finding for row in findings(found.facts))
-    own = {"verdict": found.verdict, "why": why(found.facts), "reasons": reasons}
-    return said.model_copy(update={**own, "causes": causes})
+    noise = found.right.noise
+    larger = np.flatnonzero(noise.larger).tolist()
+    noisy = [_noisy(noise, i) for i in larger if NAMES[noise.name[i]] not in named]
+    return said.model_copy(update={"causes": (*_data_causes(found), *said.causes, *noisy)})
 
 
-def entry(said: Diagnosis, robot: Robot) -> contract.Diagnosis:
-    """What the diagnosis says of data without mistakes."""
+def entry(said: Diagnosis, robot: Robot, whole: Facts | None = None) -> contract.Diagnosis:
+    """What the diagnosis says of data without mistakes.
+
+    Args:
+        said: The diagnosis.
+        robot: The robot.
+        whole: What the verdict follows from; that of the diagnosis alone unless stated.
+    """
+    facts, (before_m, after_m) = whole or said.facts, said.stood_off_m
     return contract.Diagnosis(
-        verdict=verdict(said.facts),
-        why=why(said.facts),
-        reasons=tuple(row.finding for row in findings(said.facts)),
+        verdict=verdict(facts),
+        why=why(facts),
+        reasons=tuple(row.finding for row in findings(facts)),
         causes=tuple(map(_cause, said.causes)),
         alone=tuple(map(_alone, said.alone)),
-        unloaded_off_mm=_finite_mm(*said.stood_off_m),
+        unloaded_off_mm=(finite(1e3 * before_m), finite(1e3 * after_m)),
         blind_spots=tuple(map(_blind, said.blind_spots)),
         next_poses=tuple(_pose(proposal, robot) for proposal in said.next_poses),
         refused=said.refused,
-        misfit_sits_at=tuple(
-            contract.MisfitPlace(place=m.place, share=m.share, p_value=m.p_value)
-            for m in said.misfits
-        ),
+        misfit_sits_at=tuple(contract.MisfitPlace(**asdict(one)) for one in said.misfits),
         detection=_detection(said),
         scatter=_scatter(said.scatter),
         equilibrium=Equilibrium(said.equilibrium),
         noise_floor_mm=said.noise_floor_m * 1e3,
     )
-
-
-def _finite_mm(before_m: float, after_m: float) -> tuple[float | None, float | None]:
-    return finite(1e3 * before_m), finite(1e3 * after_m)
 
 
 def _detection(said: Diagnosis) -> contract.Detection:
@@ -80,13 +92,16 @@ def _scatter(found: Scatter) -> contract.Scatter:
     )
 
 
+def placed(effect: Effect) -> dict[str, Any]:
+    """Name, place and law of an effect."""
+    return {"name": effect.name, "where": effect.where, "form": effect.form or None}
+
+
 def _cause(cause: Cause) -> contract.Cause:
     effect = cause.effect
     return contract.Cause(
-        name=effect.name,
-        where=effect.where,
+        **placed(effect),
         location=effect.location,
-        form=effect.form or None,
         probability=cause.probability,
         parameters=tuple(map(_amplitude, cause.amplitudes)),
         p_value=cause.p_value,
@@ -121,9 +136,7 @@ def _unnamed(one: Named) -> contract.Unnamed:
 
 def _alone(one: Alone) -> contract.Alone:
     return contract.Alone(
-        name=one.effect.name,
-        where=one.effect.where,
-        form=one.effect.form or None,
+        **placed(one.effect),
         probability=one.probability,
         reduction=one.reduction,
         ci95=one.ci95,
@@ -227,12 +240,8 @@ def noise_entry(found: Components, estimate: Estimate) -> contract.Noise:
     )
 
 
-def _noise_causes(found: Components) -> list[contract.Cause]:
-    """The noise components that are larger than stated, as causes."""
-    return [_noisy(found, i) for i in range(len(found.name)) if found.larger[i]]
-
-
 def _noisy(found: Components, i: int) -> contract.Cause:
+    """A noise component that is larger than stated, as a cause."""
     name, p = found.name[i], float(found.p_value[i])
     excess = contract.Amplitude(
         name=f"s_{name.split('_')[0]}",

@@ -15,7 +15,6 @@ from pipeline.prediction import model as handover
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.store.campaign import Raw
 from pipeline.system.fit import Fitted
-from pipeline.system.system import Estimate
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,8 +72,3 @@ class Findings:
     def verdict(self) -> Verdict:
         """Of the campaign."""
         return verdict(self.facts)
-
-    @property
-    def estimate(self) -> Estimate:
-        """The joint springs from the data as given."""
-        return self.given.estimate

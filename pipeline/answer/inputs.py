@@ -12,6 +12,7 @@ from scipy import special
 from pipeline.answer import contract
 from pipeline.answer.contract import Input, Rejected
 from pipeline.base import files
+from pipeline.base.arrays import Array
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.reduction.register import Registration
 from pipeline.reduction.settings import Settings
@@ -35,12 +36,8 @@ def measured_on(settings: Settings, readings: pd.DataFrame | None) -> str | None
 def rejected_entries(rejected: pd.DataFrame) -> tuple[Rejected, ...]:
     """What was left out, where it stands and why."""
     return tuple(
-        Rejected(
-            file=row["file"],
-            line=None if pd.isna(row["line"]) else int(row["line"]),
-            reason=row["reason"],
-        )
-        for row in rejected.to_dict("records")
+        Rejected(file=file, line=None if pd.isna(line) else int(line), reason=reason)
+        for file, line, reason in rejected[["file", "line", "reason"]].itertuples(index=False)
     )
 
 
@@ -54,10 +51,9 @@ def input_entries(raw: Raw) -> tuple[Input, ...]:
 
 def registration_entry(registration: Registration) -> contract.Registration | None:
     """How well the base reflectors fit; None when the readings are in F_b already."""
-    table = registration.table
-    if table.empty:
+    if registration.table.empty:
         return None
-    miss = np.linalg.norm(table[["dx_m", "dy_m", "dz_m"]].to_numpy(), axis=1)
+    miss = _miss_m(registration)
     std = np.sqrt(np.diag(registration.cov))
     chi2, dof = registration.chi2, registration.dof
     return contract.Registration(
@@ -71,14 +67,21 @@ def registration_entry(registration: Registration) -> contract.Registration | No
     )
 
 
-def registration_findings(registration: Registration, drifts: bool) -> list[str]:
+def _miss_m(registration: Registration) -> Array:
+    """How far each base reading is off its nominal [m], shape (k,)."""
+    return np.linalg.norm(registration.table[["dx_m", "dy_m", "dz_m"]].to_numpy(), axis=1)
+
+
+def registration_findings(
+    registration: Registration, told: contract.Registration | None, drifts: bool
+) -> list[str]:
     """A sentence when the base reflectors disagree by more than chance explains.
 
     Args:
         registration: How they fit.
+        told: The same as the answer has it.
         drifts: A drift of the tracker is named: no single reflector is to blame.
     """
-    told = registration_entry(registration)
     if told is None or told.p_value is None or told.p_value >= MISFIT_P:
         return []
     if drifts:
@@ -86,12 +89,10 @@ def registration_findings(registration: Registration, drifts: bool) -> list[str]
             f"The base reflectors do not fit their nominal coordinates (p = "
             f"{told.p_value:.1g}): the tracker moved while they were read, see its drift below."
         ]
-    table = registration.table
-    miss = np.linalg.norm(table[["dx_m", "dy_m", "dz_m"]].to_numpy(), axis=1)
-    worst = table.iloc[int(np.argmax(miss))]
+    worst = registration.table.iloc[int(np.argmax(_miss_m(registration)))]
     return [
         f"The base reflectors do not fit their nominal coordinates (p = {told.p_value:.1g}): "
-        f"{worst['target']} in {worst['group']} is off by {1e3 * miss.max():.3g} mm; check "
+        f"{worst['target']} in {worst['group']} is off by {told.max_mm:.3g} mm; check "
         f"[base_frame] and whether the tracker or a reflector moved."
     ]
 

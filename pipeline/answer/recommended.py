@@ -43,9 +43,24 @@ class Basis:
     beside: bool = True
 
     @property
+    def named(self) -> bool:
+        """The diagnosis names causes."""
+        return self.verdict in (Verdict.EXPLAINED, Verdict.AMBIGUOUS)
+
+    @property
     def causes(self) -> bool:
         """Causes hold that change the springs."""
-        return self.verdict in (Verdict.EXPLAINED, Verdict.AMBIGUOUS) and self.modelled
+        return self.named and self.modelled
+
+    @property
+    def explained(self) -> bool:
+        """One of them is certain."""
+        return self.causes and self.verdict == Verdict.EXPLAINED
+
+    @property
+    def unexplained(self) -> bool:
+        """Nothing known explains the readings."""
+        return self.verdict == Verdict.UNEXPLAINED
 
     @classmethod
     def of(cls, facts: Facts, diagnosis: Diagnosis) -> Basis:
@@ -62,70 +77,34 @@ class Row:
 
     Attributes:
         reason: Its name.
-        holds: When it applies.
         model: Whose values.
-        data: From which data.
+        data: From which data: the corrected ones if these hold a mistake, only then.
+        holds: When it applies to such data.
     """
 
     reason: Reason
-    holds: Callable[[Basis], bool]
     model: Which
     data: Data
+    holds: Callable[[Basis], bool]
 
+
+_SPRINGS, _EXTENDED, _AVERAGED = Which
+_GIVEN, _CORRECTED = Data
 
 TABLE: tuple[Row, ...] = (
-    Row(
-        Reason.MISTAKE_AND_RIVALS,
-        lambda f: f.mistakes and f.causes and f.rivals,
-        Which.AVERAGED,
-        Data.CORRECTED,
-    ),
-    Row(
-        Reason.MISTAKE_AND_CAUSE, lambda f: f.mistakes and f.causes, Which.EXTENDED, Data.CORRECTED
-    ),
-    Row(
-        Reason.MISTAKE_AND_UNEXPLAINED,
-        lambda f: f.mistakes and f.verdict == Verdict.UNEXPLAINED,
-        Which.JOINT_SPRINGS,
-        Data.CORRECTED,
-    ),
-    Row(
-        Reason.MISTAKE_SPRINGS_UNTOUCHED,
-        lambda f: f.mistakes and f.verdict != Verdict.ADEQUATE,
-        Which.JOINT_SPRINGS,
-        Data.CORRECTED,
-    ),
-    Row(Reason.MISTAKE, lambda f: f.mistakes, Which.JOINT_SPRINGS, Data.CORRECTED),
-    Row(Reason.WEIGHED_ANEW, lambda f: f.causes and not f.beside, Which.EXTENDED, Data.AS_GIVEN),
-    Row(
-        Reason.CAUSE_AND_RIVALS,
-        lambda f: f.causes and f.rivals and f.verdict == Verdict.EXPLAINED,
-        Which.AVERAGED,
-        Data.AS_GIVEN,
-    ),
-    Row(
-        Reason.CAUSE_IDENTIFIED,
-        lambda f: f.causes and f.verdict == Verdict.EXPLAINED,
-        Which.EXTENDED,
-        Data.AS_GIVEN,
-    ),
-    Row(Reason.RIVALS, lambda f: f.causes and f.rivals, Which.AVERAGED, Data.AS_GIVEN),
-    Row(Reason.CAUSE_DOUBTFUL, lambda f: f.causes, Which.EXTENDED, Data.AS_GIVEN),
-    Row(
-        Reason.SPRINGS_UNTOUCHED,
-        lambda f: f.verdict in (Verdict.EXPLAINED, Verdict.AMBIGUOUS),
-        Which.JOINT_SPRINGS,
-        Data.AS_GIVEN,
-    ),
-    Row(
-        Reason.UNEXPLAINED,
-        lambda f: f.verdict == Verdict.UNEXPLAINED,
-        Which.JOINT_SPRINGS,
-        Data.AS_GIVEN,
-    ),
-    Row(
-        Reason.ADEQUATE, lambda f: f.verdict == Verdict.ADEQUATE, Which.JOINT_SPRINGS, Data.AS_GIVEN
-    ),
+    Row(Reason.MISTAKE_AND_RIVALS, _AVERAGED, _CORRECTED, lambda f: f.causes and f.rivals),
+    Row(Reason.MISTAKE_AND_CAUSE, _EXTENDED, _CORRECTED, lambda f: f.causes),
+    Row(Reason.MISTAKE_AND_UNEXPLAINED, _SPRINGS, _CORRECTED, lambda f: f.unexplained),
+    Row(Reason.MISTAKE_SPRINGS_UNTOUCHED, _SPRINGS, _CORRECTED, lambda f: f.named),
+    Row(Reason.MISTAKE, _SPRINGS, _CORRECTED, lambda f: f.verdict == Verdict.ADEQUATE),
+    Row(Reason.WEIGHED_ANEW, _EXTENDED, _GIVEN, lambda f: f.causes and not f.beside),
+    Row(Reason.CAUSE_AND_RIVALS, _AVERAGED, _GIVEN, lambda f: f.explained and f.rivals),
+    Row(Reason.CAUSE_IDENTIFIED, _EXTENDED, _GIVEN, lambda f: f.explained),
+    Row(Reason.RIVALS, _AVERAGED, _GIVEN, lambda f: f.causes and f.rivals),
+    Row(Reason.CAUSE_DOUBTFUL, _EXTENDED, _GIVEN, lambda f: f.causes),
+    Row(Reason.SPRINGS_UNTOUCHED, _SPRINGS, _GIVEN, lambda f: f.named),
+    Row(Reason.UNEXPLAINED, _SPRINGS, _GIVEN, lambda f: f.unexplained),
+    Row(Reason.ADEQUATE, _SPRINGS, _GIVEN, lambda f: f.verdict == Verdict.ADEQUATE),
 )
 """First match wins."""
 
@@ -137,7 +116,8 @@ def row_of(reason: str) -> Row:
 
 def decide(basis: Basis) -> Row:
     """The row of `TABLE` that holds."""
-    return next(row for row in TABLE if row.holds(basis))
+    data = _CORRECTED if basis.mistakes else _GIVEN
+    return next(row for row in TABLE if row.data == data and row.holds(basis))
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,8 +185,8 @@ def recommend(row: Row, given: Fitted, right: Fitted, diagnosis: Diagnosis) -> V
         right: The joint springs from the data without mistakes; the same where there are none.
         diagnosis: Of the data without mistakes.
     """
-    fitted = right if row.data == Data.CORRECTED else given
-    if row.model == Which.JOINT_SPRINGS:
+    fitted = right if row.data == _CORRECTED else given
+    if row.model == _SPRINGS:
         return joint_springs(fitted)
     return Values(fitted, diagnosis.hypotheses, _left_out(diagnosis))
 

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from pipeline.answer.contract import JointType, Odd, Remark, Stiffness
+from pipeline.answer.words import listed
 from pipeline.base.quantities import with_std
 
 
@@ -30,60 +31,41 @@ def _own(remark: Remark, joint: Stiffness) -> object:
     return joint.joint_type if remark.odd is Odd.MIXED else joint.joint
 
 
+_SENTENCES = {
+    Odd.NO_LEVER: "{those} is not identifiable: in every pose the line of pull has no lever about "
+    "joint {joint}; attach the chain off that joint's axis.",
+    Odd.MIXED: "{those} is not identifiable: these poses mix it with another joint; add {work}.",
+    Odd.NEGATIVE: "The compliance of {joint} is negative ({compliance}), which no spring can be: "
+    "the model misses something that acts there, so no stiffness is stated.",
+    Odd.UNCERTAIN: "{those} is not identifiable: its compliance is {compliance}; add {work}, or "
+    "pull harder.",
+    Odd.ZERO_BESIDE_A_CAUSE: "{those} has no upper limit: its compliance is {compliance}, but "
+    "beside one of the possible causes it may be zero.",
+    Odd.MAY_BE_ZERO: "{those} has no upper limit: its compliance of {compliance} may be zero; add "
+    "{work}, or pull harder.",
+    Odd.LOST: "{those} is not identifiable: the data do not exclude {others} in the place of "
+    "{cause}, and beside it these poses do not tell it from the joint.",
+    Odd.SCATTERED: "{those} is not identifiable: how large it is depends on whether the cause is "
+    "{cause} or {others}, which the data do not exclude.",
+    Odd.DEPENDS: "{those} depends on whether the cause is {cause} or {others}, which the data do "
+    "not exclude; its interval holds for each.",
+}
+
+_WORK = {
+    JointType.PRISMATIC: "pulls along the rail",
+    JointType.REVOLUTE: "pulls with a lever about its axis",
+}
+"""The pulls that would determine a joint better."""
+
+
 def _sentence(remark: Remark, joints: Sequence[Stiffness]) -> str:
     """One remark on one joint, or on several of which it holds alike."""
-    first = joints[0]
-    if remark.odd is Odd.NEGATIVE:
-        return f"The compliance of {first.joint_name} is negative {_negative(first)}"
-    return f"{_each([joint.name for joint in joints])} {_predicate(remark, first)}"
-
-
-def _each(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"Each of {', '.join(names[:-1])} and {names[-1]}"
-
-
-def _negative(joint: Stiffness) -> str:
-    return (
-        f"({_compliance(joint)}), which no spring can be: the model misses something that acts "
-        "there, so no stiffness is stated."
+    first, each = joints[0], "Each of " if len(joints) > 1 else ""
+    return _SENTENCES[remark.odd].format(
+        those=each + listed([joint.name for joint in joints]),
+        joint=first.joint_name,
+        work=_WORK[first.joint_type],
+        compliance=f"{with_std(first.compliance, first.compliance_std)} {first.compliance_unit}",
+        cause=remark.cause,
+        others=" or ".join(remark.others),
     )
-
-
-def _predicate(remark: Remark, joint: Stiffness) -> str:
-    if remark.cause is not None:
-        return _beside_causes(remark.odd, remark.cause, " or ".join(remark.others))
-    work, compliance = _work(joint), _compliance(joint)
-    return {
-        Odd.NO_LEVER: "is not identifiable: in every pose the line of pull has no lever about "
-        f"joint {joint.joint_name}; attach the chain off that joint's axis.",
-        Odd.MIXED: f"is not identifiable: these poses mix it with another joint; add {work}.",
-        Odd.UNCERTAIN: f"is not identifiable: its compliance is {compliance}; add {work}, or pull "
-        "harder.",
-        Odd.ZERO_BESIDE_A_CAUSE: f"has no upper limit: its compliance is {compliance}, but beside "
-        "one of the possible causes it may be zero.",
-        Odd.MAY_BE_ZERO: f"has no upper limit: its compliance of {compliance} may be zero; add "
-        f"{work}, or pull harder.",
-    }[remark.odd]
-
-
-def _beside_causes(odd: Odd, cause: str, others: str) -> str:
-    """What to say of a spring that depends on which of two causes is true."""
-    return {
-        Odd.LOST: f"is not identifiable: the data do not exclude {others} in the place of {cause}, "
-        "and beside it these poses do not tell it from the joint.",
-        Odd.SCATTERED: "is not identifiable: how large it is depends on whether the cause is "
-        f"{cause} or {others}, which the data do not exclude.",
-        Odd.DEPENDS: f"depends on whether the cause is {cause} or {others}, which the data do not "
-        "exclude; its interval holds for each.",
-    }[odd]
-
-
-def _work(joint: Stiffness) -> str:
-    """The pulls that would determine a joint better."""
-    if joint.joint_type is JointType.PRISMATIC:
-        return "pulls along the rail"
-    return "pulls with a lever about its axis"
-
-
-def _compliance(joint: Stiffness) -> str:
-    return f"{with_std(joint.compliance, joint.compliance_std)} {joint.compliance_unit}"

@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.answer.contract import Deflection, Stiffness, Values, Which
 from pipeline.answer.findings import Findings
 from pipeline.answer.numbers import left_out_mm
-from pipeline.answer.words import because, why
+from pipeline.answer.words import BECAUSE, listed, why
 from pipeline.base.quantities import common_prefix, plain, prefixed, scaled, with_std
 from pipeline.system.estimate import fits
 from pipeline.system.system import Estimate
@@ -30,24 +30,23 @@ def sentences(found: Findings, mine: Values, springs: Values) -> list[str]:
         mine: The values that the answer stands for.
         springs: Those of the joint springs on the data as given.
     """
-    other = _other(found)
     said = [_verdict(found)]
-    if other:
+    if other := _other(found, "joint springs alone", "the data as given"):
         moves = _moved(mine.stiffness, springs.stiffness)
-        said += [f"Compared with {other}, {move}." for move in moves]
+        said += [f"Compared with {' and '.join(other)}, {move}." for move in moves]
         said += _deflection(mine.test_pose_deflection, springs.test_pose_deflection, found)
     return [*said, _rest(found, mine.stiffness)]
 
 
-def _other(found: Findings) -> str:
-    """What the answer is not: joint springs alone, data as given, both, or nothing."""
-    alone = [] if found.row.model == Which.JOINT_SPRINGS else ["joint springs alone"]
-    return " and ".join([*alone, *(["the data as given"] if found.mistakes else [])])
+def _other(found: Findings, springs: str, data: str) -> list[str]:
+    """What the answer is not, in these words: joint springs alone, data as given, or neither."""
+    alone = [] if found.row.model == Which.JOINT_SPRINGS else [springs]
+    return [*alone, *([data] if found.mistakes else [])]
 
 
 def _verdict(found: Findings) -> str:
     """What holds, and which model the values are from."""
-    said, values = why(found.facts), because(found.row.reason)
+    said, values = why(found.facts), BECAUSE[found.row.reason]
     estimate = found.told.values.fitted.estimate
     if found.mistakes:
         return f"{said} {values}"
@@ -89,7 +88,7 @@ def _moved(mine: Sequence[Stiffness], springs: Sequence[Stiffness]) -> Iterable[
             off.append((abs(math.log(a.value / b.value)), a, b))
     far = sorted(off, key=lambda one: -one[0])[:_TOLD]
     if far:
-        yield _listed([_move(a, b) for _, a, b in far])
+        yield listed([_move(a, b) for _, a, b in far])
 
 
 def _sigmas(a: Stiffness, b: Stiffness) -> float:
@@ -106,10 +105,6 @@ def _move(mine: Stiffness, springs: Stiffness) -> str:
         with_std(scaled(one.value, factor), scaled(one.std, factor)) for one in (springs, mine)
     )
     return f"{mine.name} moves from {before} to {after} {prefixed(mine.unit, letter)}"
-
-
-def _listed(words: Sequence[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
 def _deflection(
@@ -131,8 +126,7 @@ def _deflection(
 
 def _instead(found: Findings) -> str:
     """How the other values beside the answer's were computed."""
-    alone = [] if found.row.model == Which.JOINT_SPRINGS else ["with joint springs alone"]
-    return ", ".join([*alone, *(["from the data as given"] if found.mistakes else [])])
+    return ", ".join(_other(found, "with joint springs alone", "from the data as given"))
 
 
 def _rest(found: Findings, stiffness: Sequence[Stiffness]) -> str:
@@ -147,7 +141,7 @@ def _estimated(stiffness: Sequence[Stiffness]) -> str:
     lost = [joint.name for joint in stiffness if joint.value is None]
     half = [joint.name for joint in good if joint.ci95[1] is None]
     some = f"{len(good)} of {len(stiffness)}" if lost else "All"
-    limits = f" (not {_listed(lost)})" if lost else ""
+    limits = f" (not {listed(lost)})" if lost else ""
     limits += f", {', '.join(half)} without an upper limit" if half else ""
     return f"{some} stiffnesses are estimated{limits}"
 

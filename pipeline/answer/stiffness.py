@@ -36,19 +36,14 @@ def stiffness_entries(cell: Cell, hypotheses: Sequence[Hypothesis]) -> tuple[Sti
     parts = _parts(hypotheses, cell.robot.n)
     lever = np.linalg.norm(hypotheses[0].system.B, axis=0)
     depends = dependences(hypotheses)
-    silent = [
-        _stiffness(joint, found, k, _budget(found, parts, k))
-        for k, joint in enumerate(cell.robot.joints)
-    ]
-    return tuple(
-        _with_remarks(joint, _odd(found, k, lever[k]), [one for one in depends if one.spring == k])
-        for k, joint in enumerate(silent)
-    )
-
-
-def _with_remarks(joint: Stiffness, odd: Odd | None, on: Sequence[Dependence]) -> Stiffness:
-    told = joint.model_copy(update={"remarks": tuple(_remarks(joint, odd, on))})
-    return told.model_copy(update={"finding": remarks.finding(told)})
+    out = []
+    for k, joint in enumerate(cell.robot.joints):
+        silent = _stiffness(joint, found, k, _budget(found, parts, k))
+        on = [one for one in depends if one.spring == k]
+        said = tuple(_remarks(silent, _odd(found, k, lever[k]), on))
+        told = silent.model_copy(update={"remarks": said})
+        out.append(told.model_copy(update={"finding": remarks.finding(told)}))
+    return tuple(out)
 
 
 def _parts(hypotheses: Sequence[Hypothesis], n: int) -> dict[str, Array]:

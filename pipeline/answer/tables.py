@@ -12,8 +12,6 @@ from pipeline.diagnosis.average import Springs
 from pipeline.system.system import Estimate, System
 from pipeline.system.whiten import whitener
 
-_Known = Estimate | Springs
-
 _AXES = np.array(["x", "y", "z"], dtype=object)
 
 
@@ -67,7 +65,7 @@ def residuals_table(system: System, estimate: Estimate, left_out_m: Array) -> pd
     )
 
 
-def estimate_table(names: Sequence[Parameter], found: _Known) -> pd.DataFrame:
+def estimate_table(names: Sequence[Parameter], found: Estimate | Springs) -> pd.DataFrame:
     """Table ESTIMATE."""
     return pd.DataFrame(
         {

@@ -37,9 +37,10 @@ def capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def because(reason: Reason) -> str:
-    """Why the answer stands for these values."""
-    return _REASONS[reason]
+def listed(words: Sequence[str]) -> str:
+    """One after the other, with "and" before the last."""
+    *first, last = words
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def _mistake(facts: Facts) -> str:
@@ -57,11 +58,6 @@ def _identified(facts: Facts) -> str:
         f"With {names} in the model, {left:.1f} times the scatter of the readings is left, no more "
         "than the laws of the causes may be in error."
     )
-
-
-def _scatter(facts: Facts) -> str:
-    more = " and ".join(cause.effect.noun for cause in facts.scatter)
-    return f"Nothing but {more}: the readings scatter more, and the joint springs stay."
 
 
 def _predicts_worse(facts: Facts) -> str:
@@ -90,10 +86,6 @@ def _remainder(facts: Facts) -> str:
     return f"Beside {names} something remains that no known cause explains."
 
 
-def _outside(facts: Facts) -> str:
-    return f"{_names(facts.causes)} come{_ending(facts)} nearest, but {_looks_like(facts)}"
-
-
 def _looks_like(facts: Facts) -> str:
     assert facts.outside is not None
     return (
@@ -110,21 +102,6 @@ def _outside_possible(facts: Facts) -> str:
     )
 
 
-def _gain_uncertain(facts: Facts) -> str:
-    s = _ending(facts)
-    return (
-        f"{_names(facts.causes)} fit{s}, but {'does' if s else 'do'} not predict left-out poses "
-        "better for certain."
-    )
-
-
-def _two_laws(facts: Facts) -> str:
-    return (
-        f"Joint {two_laws(facts)} turns by a law of its own: {_names(facts.causes)} describe it "
-        "only together."
-    )
-
-
 def _rivals(facts: Facts) -> str:
     sure = [cause for cause in facts.causes if certain(cause)]
     first = f"{_names(sure)} {'is' if len(sure) == 1 else 'are'} certain. " if sure else ""
@@ -138,13 +115,6 @@ def _or(cause: Cause) -> str:
     others = [f"{r.effect.called} ({100 * r.probability:.0f} %)" for r in cause.rivals[:_RIVALS]]
     twin = "its twin, which no pull tells from it" if cause.twins else "what is like it"
     return " and ".join([mine, *(others or [twin])])
-
-
-def _scale_scatters(facts: Facts) -> str:
-    return (
-        "What the causes leave is scatter only if the scale scatters "
-        f"{facts.scale_ratio * facts.tracker_ratio:.2g} times as much as stated."
-    )
 
 
 def _off_the_table(facts: Facts) -> str:
@@ -178,16 +148,8 @@ def _turn(drift: Drift) -> str:
     return f"{turn * HOUR_S:.2g} urad/h" if steady else f"{turn:.2g} urad"
 
 
-def _tracker_knocked(facts: Facts) -> str:
-    return (
-        f"{_tracker_moved(facts)} As they were read, a tracker that was knocked once would look "
-        "the same."
-    )
-
-
 def _names(causes: Sequence[Cause]) -> str:
-    *first, last = [cause.effect.called for cause in causes]
-    return f"{', '.join(first)} and {last}" if first else last
+    return listed([cause.effect.called for cause in causes])
 
 
 def _ending(facts: Facts) -> str:
@@ -197,7 +159,10 @@ def _ending(facts: Facts) -> str:
 
 _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
     Finding.TRACKER_MOVED: _tracker_moved,
-    Finding.TRACKER_MOVED_OR_KNOCKED: _tracker_knocked,
+    Finding.TRACKER_MOVED_OR_KNOCKED: lambda facts: (
+        f"{_tracker_moved(facts)} As they were read, a tracker that was knocked once would look "
+        "the same."
+    ),
     Finding.STANDS_ELSEWHERE: _stands_elsewhere,
     Finding.STANDS_ELSEWHERE_OR_RIVAL: _stands_elsewhere,
     Finding.REFLECTORS_LOOSE: lambda _: (
@@ -208,24 +173,38 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
     ),
     Finding.PREDICTS_WORSE: _predicts_worse,
     Finding.REMAINDER: _remainder,
-    Finding.OUTSIDE_CATALOGUE: _outside,
-    Finding.GAIN_UNCERTAIN: _gain_uncertain,
-    Finding.TWO_LAWS: _two_laws,
+    Finding.OUTSIDE_CATALOGUE: lambda facts: (
+        f"{_names(facts.causes)} come{_ending(facts)} nearest, but {_looks_like(facts)}"
+    ),
+    Finding.GAIN_UNCERTAIN: lambda facts: (
+        f"{_names(facts.causes)} {'fits, but does' if len(facts.causes) == 1 else 'fit, but do'} "
+        "not predict left-out poses better for certain."
+    ),
+    Finding.TWO_LAWS: lambda facts: (
+        f"Joint {two_laws(facts)} turns by a law of its own: {_names(facts.causes)} describe it "
+        "only together."
+    ),
     Finding.RIVALS: _rivals,
     Finding.OUTSIDE_CATALOGUE_POSSIBLE: _outside_possible,
-    Finding.SCALE_SCATTERS: _scale_scatters,
+    Finding.SCALE_SCATTERS: lambda facts: (
+        "What the causes leave is scatter only if the scale scatters "
+        f"{facts.scale_ratio * facts.tracker_ratio:.2g} times as much as stated."
+    ),
     Finding.BEYOND_CERTIFICATE: lambda _: (
         "The residuals are larger than any certificate may be wrong."
     ),
     Finding.OFF_THE_TABLE: _off_the_table,
     Finding.BEYOND_A_TRACKER: lambda _: "No known cause explains the misfit.",
     Finding.CAUSE_IDENTIFIED: _identified,
-    Finding.SCATTER: _scatter,
+    Finding.SCATTER: lambda facts: (
+        f"Nothing but {' and '.join(cause.effect.noun for cause in facts.scatter)}: the readings "
+        "scatter more, and the joint springs stay."
+    ),
     Finding.NOTHING: lambda _: "The joint springs explain what was measured.",
 }
 """All but a mistake in the data, which is told before everything else."""
 
-_REASONS: Mapping[Reason, str] = {
+BECAUSE: Mapping[Reason, str] = {
     Reason.MISTAKE_AND_RIVALS: (
         "All values are from the corrected data, averaged by probability over the models that "
         "may hold."

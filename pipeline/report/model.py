@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pipeline.answer.contract import Answer
 from pipeline.report import words
-from pipeline.report.record import Report
+from pipeline.report.record import Report, present
 from pipeline.report.sections.diagnosis import diagnosis
 from pipeline.report.sections.method import method
 from pipeline.report.sections.prediction import test_pose, validation
@@ -50,7 +50,7 @@ def compose(
         verdict=title,
         tone=tone,
         sentences=answer.verdict_sentence,
-        sections=tuple(s for s in sections if s is not None),
+        sections=present(sections),
         elsewhere="The same stands in index.html and report.pdf, the numbers in result.json.",
         run_time=None if run_time_s is None else f"{run_time_s:.1f} s",
     )

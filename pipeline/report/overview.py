@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from urllib.parse import quote
 
 from pipeline.answer.contract import Answer, Cause, Stiffness
@@ -35,9 +35,9 @@ from pipeline.report.record import (
     Entry,
     Figure,
     Report,
-    Section,
     Table,
     Text,
+    present,
     section_of,
 )
 
@@ -72,7 +72,7 @@ def overview(answers: Sequence[Answer]) -> Report:
             *_change_sentences(changed, several),
             *_not_compared(by_robot),
         ),
-        sections=tuple(section for section in sections if section is not None),
+        sections=present(sections),
         elsewhere="Each campaign's own page has the whole of its story.",
     )
 
@@ -131,7 +131,7 @@ def _left_out_mm(answer: Answer) -> float | None:
 def _who(cause: Cause) -> str:
     """A cause, with those that it could as well be."""
     rivals = [rival for rival in cause.rivals if rival.probability > LIKELY]
-    return " or ".join(words.cause(one.name, one.where) for one in (cause, *rivals))
+    return " or ".join(map(words.placed, (cause, *rivals)))
 
 
 def _robot(place: int, name: str, answers: Sequence[Answer]) -> Sequence[Block | None]:
@@ -222,8 +222,16 @@ def comparison(
     """
     found = changes(before, after, independent=covariances is not None)
     surely = [c.name for c in found if c.sure]
-    test = _test(before, after, covariances)
-    verdict = "Not tested" if covariances is None else "They differ" if surely else "They agree"
+    if covariances is None:
+        verdict, tone, told = "Not tested", "neutral", not_tested
+    elif surely:
+        verdict, tone = "They differ", "attention"
+        differ = "differs" if len(surely) == 1 else "differ"
+        told = f"{', '.join(surely)} {differ} by more than chance explains."
+    else:
+        verdict, tone = "They agree", "good"
+        told = "No stiffness differs by more than chance explains."
+    sentences = (told, *_together(before, after, covariances))
     title = f"{names[0]} beside {names[1]}"
     each = zip(names, models, strict=True)
     titles = [f"{name}: {model}" if model else name for name, model in each]
@@ -233,41 +241,25 @@ def comparison(
         heading=title,
         title=f"Joint stiffness: {title}",
         verdict=verdict,
-        tone="neutral" if covariances is None else "attention" if surely else "good",
-        sentences=tuple(
-            _comparison_sentences(found, surely, test, "" if covariances else not_tested)
-        ),
-        sections=(Section("joints", "Joint by joint", (table,)),) if table else (),
+        tone=tone,
+        sentences=sentences if found else ("They have no joint in common.",),
+        sections=present([section_of("joints", "Joint by joint", [table])]),
     )
 
 
-def _test(
+def _together(
     before: Sequence[Stiffness], after: Sequence[Stiffness], covariances: tuple[Array, Array] | None
-) -> str:
+) -> Iterator[str]:
+    """The test of all joints together, where both have the same."""
     if covariances is None or [j.name for j in before] != [j.name for j in after]:
-        return ""
+        return
     chi2, dof = together(before, after, *covariances)
     p = chance(chi2, dof)
-    if p is None:
-        return ""
-    return (
-        f"All joints together, correlations included: chi² {plain(chi2)} for {dof} ({p_value(p)})."
-    )
-
-
-def _comparison_sentences(
-    found: Sequence[Change], surely: list[str], test: str, not_tested: str
-) -> list[str]:
-    if not found:
-        return ["They have no joint in common."]
-    if not_tested:
-        return [not_tested]
-    told = (
-        f"{', '.join(surely)} differ{'s' if len(surely) == 1 else ''} by more than chance explains."
-        if surely
-        else "No stiffness differs by more than chance explains."
-    )
-    return [told, test] if test else [told]
+    if p is not None:
+        yield (
+            f"All joints together, correlations included: chi² {plain(chi2)} for {dof} "
+            f"({p_value(p)})."
+        )
 
 
 def _comparison_table(

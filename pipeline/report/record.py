@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, field
+from typing import TypeVar
 
 from pipeline.base.quantities import MISSING, known, typeset
+
+_Part = TypeVar("_Part")
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ class Column:
 class Table:
     """A table with its heading and a note below."""
 
-    kind: ClassVar[str] = "table"
+    kind: str = field(default="table", init=False)
     name: str
     title: str
     columns: tuple[Column, ...]
@@ -55,7 +57,7 @@ class Table:
 class Text:
     """A paragraph; a `finding` is something to act on."""
 
-    kind: ClassVar[str] = "text"
+    kind: str = field(default="text", init=False)
     text: str
     tone: str = "plain"
 
@@ -75,7 +77,7 @@ class Figure:
         alt: What it shows and says, for who cannot see it.
     """
 
-    kind: ClassVar[str] = "figure"
+    kind: str = field(default="figure", init=False)
     name: str
     title: str
     caption: str
@@ -98,9 +100,14 @@ class Section:
     blocks: tuple[Block, ...]
 
 
+def present(parts: Iterable[_Part | None]) -> tuple[_Part, ...]:
+    """Those that are there."""
+    return tuple(part for part in parts if part is not None)
+
+
 def section_of(key: str, title: str, blocks: Iterable[Block | None]) -> Section | None:
     """A part with the blocks that are there, None when none is."""
-    kept = tuple(block for block in blocks if block is not None)
+    kept: tuple[Block, ...] = present(blocks)
     return Section(key, title, kept) if kept else None
 
 

@@ -86,10 +86,7 @@ def pdf(report: Report, drawings: Mapping[str, str]) -> bytes:
     import matplotlib
     import typst
 
-    said = asdict(report) | {"title": report.title, "version": __version__}
-    for section, spoken in zip(said["sections"], report.sections, strict=True):
-        for block, record in zip(section["blocks"], spoken.blocks, strict=True):
-            block["kind"] = record.kind
+    said = asdict(report) | {"version": __version__}
     fonts = f"{matplotlib.get_data_path()}/fonts/ttf"  # the face that the figures are set in
     compiled = typst.compile(  # type: ignore[call-overload]  # its own stub lacks bytes
         _text("page.typ").encode(),

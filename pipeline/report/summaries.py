@@ -21,10 +21,9 @@ MOST = 3000
 AXES = ["dx_m", "dy_m", "dz_m"]
 
 
-def has(tables: Tables, name: str) -> bool:
-    """Whether a table is there and not empty."""
-    table = tables.get(name)
-    return table is not None and len(table) > 0
+def has(tables: Tables, *names: str) -> bool:
+    """Whether all these tables are there and not empty."""
+    return all(name in tables and len(tables[name]) > 0 for name in names)
 
 
 def rms(values: pd.Series[float] | Array) -> float:
@@ -34,23 +33,35 @@ def rms(values: pd.Series[float] | Array) -> float:
     return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
 
 
-def pose_rms(residuals: pd.DataFrame) -> pd.DataFrame:
-    """Rms residual of each pose [mm]: pose, fitted, left_out."""
-    mm = residuals.assign(
-        fitted=MM * residuals["residual_m"], left_out=MM * residuals["left_out_m"]
-    )
-    by_pose: pd.DataFrame = mm.groupby("pose")[["fitted", "left_out"]].agg(rms)
+def _rms_of_poses(table: pd.DataFrame, **columns: str) -> pd.DataFrame:
+    """Rms of each pose [mm]: pose, and for each name that of a column [m]."""
+    mm = table.assign(**{name: MM * table[column] for name, column in columns.items()})
+    by_pose: pd.DataFrame = mm.groupby("pose")[list(columns)].agg(rms)
     return by_pose.reset_index()
 
 
-def residual_force(residuals: pd.DataFrame, forces: pd.DataFrame) -> pd.DataFrame:
+def pose_rms(residuals: pd.DataFrame) -> pd.DataFrame:
+    """Rms residual of each pose [mm]: pose, fitted, left_out."""
+    return _rms_of_poses(residuals, fitted="residual_m", left_out="left_out_m")
+
+
+def gain(examined: pd.DataFrame) -> pd.DataFrame:
+    """Rms error of each pose left out [mm]: pose, before (springs alone), after (with causes).
+
+    Poses that the others do not predict are left out.
+    """
+    return _rms_of_poses(examined, before="left_out_m", after="left_out_extended_m").dropna()
+
+
+def residual_force(tables: Tables) -> pd.DataFrame:
     """Residuals [mm] beside the size of their pull [N]: pose, repeat, target, axis, force_n, mm."""
+    residuals, forces = tables["residuals"], tables["forces"]
     size = np.linalg.norm(forces[["fx_n", "fy_n", "fz_n"]].to_numpy(float), axis=1)
     joined = residuals.merge(
         forces[["pose", "repeat"]].assign(force_n=size), on=["pose", "repeat"], how="inner"
     )
     joined["mm"] = MM * joined["residual_m"]
-    return _finite(joined, ["mm"])
+    return finite(joined, "mm")
 
 
 @dataclass(frozen=True)
@@ -99,12 +110,11 @@ def courses(tables: Tables) -> tuple[pd.DataFrame, list[Course]]:
 
 
 def _varies(values: pd.Series[float]) -> bool:
-    known = values.to_numpy(float)[np.isfinite(values.to_numpy(float))]
-    return len(np.unique(known)) > 3
+    return values[np.isfinite(values)].nunique() > 3
 
 
 def _course(rows: pd.DataFrame, column: str, name: str, unit: str) -> Course:
-    known = _finite(rows, [column, "mm"])
+    known = finite(rows, column, "mm")
     step = pd.qcut(known[column].rank(method="first"), 6, labels=False)
     mean = known.groupby([step, "axis"])["mm"].transform("mean").to_numpy(float)
     squares = float(np.sum(known["mm"].to_numpy(float) ** 2))
@@ -123,18 +133,18 @@ def thinned(table: pd.DataFrame, size: Array, most: int = MOST) -> pd.DataFrame:
     return table.iloc[np.sort(np.concatenate([largest, even]))].reset_index(drop=True)
 
 
-def _finite(table: pd.DataFrame, columns: list[str]) -> pd.DataFrame:
-    keep = np.isfinite(table[columns].to_numpy(float)).all(axis=1)
+def finite(table: pd.DataFrame, *columns: str) -> pd.DataFrame:
+    """The rows in which all these columns are finite."""
+    keep = np.isfinite(table[list(columns)].to_numpy(float)).all(axis=1)
     return table.iloc[np.flatnonzero(keep)].reset_index(drop=True)
 
 
 def whitened(residuals: pd.DataFrame) -> Array:
     """Residuals in standard deviations, the finite ones, shape (M,)."""
-    values: Array = residuals["whitened"].to_numpy(float)
-    return values[np.isfinite(values)]
+    return finite(residuals, "whitened")["whitened"].to_numpy(float)
 
 
-def places(tables: Tables) -> pd.DataFrame:
+def _places(tables: Tables) -> pd.DataFrame:
     """Where the reflectors are: pose, repeat, target, x, y, z [m], F_b; as measured, or nominal.
 
     A campaign that arrived already reduced has no positions of its own.
@@ -145,18 +155,9 @@ def places(tables: Tables) -> pd.DataFrame:
     return measured
 
 
-def gain(examined: pd.DataFrame) -> pd.DataFrame:
-    """Rms error of each pose left out [mm]: pose, before (springs alone), after (with causes)."""
-    mm = examined.assign(
-        before=MM * examined["left_out_m"], after=MM * examined["left_out_extended_m"]
-    )
-    by_pose: pd.DataFrame = mm.groupby("pose")[["before", "after"]].agg(rms)
-    return by_pose.reset_index()
-
-
 def suspects(diagnosis: pd.DataFrame, most: int = 12) -> pd.DataFrame:
     """The suspects with the most evidence, best first: name, where, log_evidence, named."""
-    told = diagnosis[np.isfinite(diagnosis["log_evidence"].to_numpy(float))]
+    told = finite(diagnosis, "log_evidence")
     return told.sort_values("log_evidence", ascending=False, kind="stable").head(most)
 
 
@@ -177,14 +178,14 @@ def separability(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(sigmas[np.ix_(shown, shown)], index=names, columns=names)
 
 
-def arrows(residuals: pd.DataFrame, places: pd.DataFrame, forces: pd.DataFrame) -> pd.DataFrame:
+def arrows(tables: Tables) -> pd.DataFrame:
     """Residual vector of every reflector under the strongest pull of each pose.
 
     Returns:
         pose, repeat, target, x, y, z (unloaded position [m], F_b), rx, ry, rz [mm]; empty where the
         positions are not known.
     """
-    sized = residual_force(residuals, forces)
+    sized = residual_force(tables)
     strongest = sized.loc[sized.groupby("pose")["force_n"].idxmax(), ["pose", "repeat"]]
     vectors = (
         sized.merge(strongest, on=["pose", "repeat"])
@@ -194,21 +195,18 @@ def arrows(residuals: pd.DataFrame, places: pd.DataFrame, forces: pd.DataFrame) 
         .reset_index()
     )
     key = ["pose", "repeat", "target"]
-    placed = vectors.merge(places.drop_duplicates(key)[[*key, *"xyz"]], on=key)
-    return _finite(placed, [*"xyz", "rx", "ry", "rz"])
+    placed = vectors.merge(_places(tables).drop_duplicates(key)[[*key, *"xyz"]], on=key)
+    return finite(placed, *"xyz", "rx", "ry", "rz")
 
 
 def registration_by_target(registration: pd.DataFrame) -> pd.DataFrame:
     """Per base reflector [mm]: target, readings, mean dx, dy, dz, rms and largest distance."""
-    mm = registration[["target"]].copy()
-    mm[["dx", "dy", "dz"]] = MM * registration[AXES].to_numpy(float)
-    mm["distance"] = np.linalg.norm(mm[["dx", "dy", "dz"]], axis=1)
-    groups = mm.groupby("target")
-    out = groups[["dx", "dy", "dz"]].mean()
+    mm = MM * registration.set_index("target")[AXES].set_axis(["dx", "dy", "dz"], axis=1)
+    mm["distance"] = np.linalg.norm(mm, axis=1)
+    groups = mm.groupby(level="target")
+    out = groups[["dx", "dy", "dz"]].mean().assign(rms=groups["distance"].agg(rms))
     out.insert(0, "readings", groups.size())
-    out["rms"] = groups["distance"].agg(rms)
-    out["largest"] = groups["distance"].max()
-    return out.reset_index()
+    return out.assign(largest=groups["distance"].max()).reset_index()
 
 
 def prediction_error(validation: pd.DataFrame) -> dict[tuple[str, str], Array]:

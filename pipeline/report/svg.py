@@ -13,8 +13,6 @@ from matplotlib import rc_context
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure as Canvas
 
-from pipeline.report.margins import Margins
-
 INK, MUTED, GRID = "#1a1c21", "#5b6270", "#d4d8de"
 BLUE, RED, GREEN, PURPLE = "#0072b2", "#c8500a", "#00785a", "#8a4f7e"
 SERIES = (BLUE, RED, GREEN, PURPLE)
@@ -30,10 +28,7 @@ _VARIABLES = {
     INK: "--fig-ink",
     MUTED: "--fig-muted",
     GRID: "--fig-grid",
-    BLUE: "--fig-1",
-    RED: "--fig-2",
-    GREEN: "--fig-3",
-    PURPLE: "--fig-4",
+    **{colour: f"--fig-{place}" for place, colour in enumerate(SERIES, 1)},
 }
 """The page's own variable for each colour, so that it can be dark."""
 
@@ -53,25 +48,18 @@ STYLE: Any = {
     "grid.color": GRID,
     "grid.linewidth": 0.6,
     "text.color": INK,
-    "xtick.color": MUTED,
-    "ytick.color": MUTED,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
+    **{f"{axis}tick.color": MUTED for axis in "xy"},
+    **{f"{axis}tick.labelcolor": INK for axis in "xy"},
+    **{f"{axis}tick.major.size": 0 for axis in "xy"},
     "xtick.bottom": False,
     "ytick.left": False,
-    "xtick.major.size": 0,
-    "ytick.major.size": 0,
     "legend.frameon": False,
     "legend.fontsize": 8,
     "figure.figsize": (5.6, 3.1),
     "figure.constrained_layout.use": True,
 }
 
-_ON_THE_PAGE: Any = STYLE | {
-    "figure.facecolor": "none",
-    "axes.facecolor": "none",
-    "figure.constrained_layout.use": False,
-}
+_ON_THE_PAGE: Any = STYLE | {"figure.facecolor": "none", "axes.facecolor": "none"}
 
 _SHAPES = {"use", "path"}
 
@@ -99,15 +87,15 @@ def drawn(name: str, draw: Callable[[Canvas], Mapping[str, Sequence[str]]]) -> D
     """
     text = io.StringIO()
     nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
-    with rc_context(_ON_THE_PAGE):
-        canvas = Canvas(layout=Margins())
+    with rc_context(_ON_THE_PAGE | {"svg.hashsalt": name}):
+        canvas = Canvas()
         tips = draw(canvas)
         # Figure.savefig would draw everything once more for the layout.
         FigureCanvasSVG(canvas).print_svg(text, metadata=nothing)  # type: ignore[no-untyped-call]
-    return Drawing(text.getvalue(), _inline(text.getvalue(), name, tips))
+    return Drawing(text.getvalue(), _inline(text.getvalue(), tips))
 
 
-def _inline(svg: str, name: str, tips: Mapping[str, Sequence[str]]) -> str:
+def _inline(svg: str, tips: Mapping[str, Sequence[str]]) -> str:
     root = ET.fromstring(svg)
     for artist, words in tips.items():
         _attach(root, artist, words)
@@ -119,18 +107,13 @@ def _inline(svg: str, name: str, tips: Mapping[str, Sequence[str]]) -> str:
     for key in ("width", "height", "version"):
         root.attrib.pop(key, None)
     text = ET.tostring(root, encoding="unicode")
-    used = set(re.findall(r'href="#([^"]*)"|url\(#([^)]*)\)', text))
-    used = {a or b for a, b in used}
-    text = re.sub(r' id="([^"]*)"', lambda m: f' id="{name}-{m[1]}"' if m[1] in used else "", text)
-    text = re.sub(r"url\(#", f"url(#{name}-", text)
-    text = re.sub(r'href="#', f'href="#{name}-', text)
+    used = {a or b for a, b in re.findall(r'href="#([^"]*)"|url\(#([^)]*)\)', text)}
+    text = re.sub(r' id="([^"]*)"', lambda m: m[0] if m[1] in used else "", text)
     text = re.sub(r"font-family: [^;\"]*", "font-family: inherit", text)
     text = re.sub(r"<style[^>]*>.*?</style>", "", text, flags=re.DOTALL)
-    return re.sub(r"#[0-9a-f]{6}\b", lambda m: _variable(m[0]), text)
-
-
-def _variable(colour: str) -> str:
-    return f"var({_VARIABLES[colour]})" if colour in _VARIABLES else colour
+    for colour, variable in _VARIABLES.items():
+        text = text.replace(colour, f"var({variable})")
+    return text
 
 
 def _attach(root: ET.Element, artist: str, words: Sequence[str]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 
-from pipeline.answer.contract import Answer, Data, Values, Which
+from pipeline.answer.contract import Answer, Data, Placed, Values, Which
 from pipeline.machine.effect import in_place
 
 
@@ -52,24 +52,25 @@ def cause(name: str, where: int | str | None) -> str:
     return nouns().get(name, name.replace("_", " ")) + in_place(where)
 
 
-def label(name: str, where: object) -> str:
+def placed(one: Placed) -> str:
+    """The same of a cause of the answer."""
+    return cause(one.name, one.where)
+
+
+def label(one: Placed) -> str:
     """The machine-readable name, `joint_tilt 2`."""
-    return name if where is None else f"{name} {where}"
+    return one.name if one.where is None else f"{one.name} {one.where}"
 
 
 def from_label(text: str) -> str:
     """A cause in words from its label, `joint_tilt:2` or `joint_tilt`."""
     name, _, where = text.partition(":")
-    return cause(name, _where(where))
+    return cause(name, int(where) if where.isdigit() else where or None)
 
 
 def from_twins(text: str) -> str:
     """Causes that nothing tells apart, `joint_tilt:7 = tool_flex`, in words."""
     return " = ".join(from_label(label) for label in text.split(" = "))
-
-
-def _where(text: str | None) -> int | str | None:
-    return int(text) if text and text.isdigit() else text or None
 
 
 def source(name: str) -> str:

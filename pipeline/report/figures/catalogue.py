@@ -8,7 +8,6 @@ from pipeline.answer.contract import Answer
 from pipeline.answer.history import robots
 from pipeline.report.figures import (
     causes,
-    measured,
     places,
     prediction,
     residuals,
@@ -17,14 +16,14 @@ from pipeline.report.figures import (
 )
 from pipeline.report.figures.plot import Plot
 from pipeline.report.figures.stiffness import draw_history
-from pipeline.report.record import Figure
-from pipeline.report.summaries import Tables
+from pipeline.report.record import Figure, present
+from pipeline.report.summaries import Tables, has
 from pipeline.report.svg import Drawing, drawn
 
 CATALOGUE: tuple[Plot, ...] = (
     stiffness.STIFFNESS,
     prediction.PREDICTION,
-    measured.MEASURED,
+    prediction.MEASURED,
     causes.GAIN,
     causes.EVIDENCE,
     causes.SEPARABILITY,
@@ -42,8 +41,8 @@ _PLOTS = {plot.name: plot for plot in CATALOGUE}
 
 def figures(names: Sequence[str], answer: Answer, tables: Tables) -> list[Figure]:
     """The figures of these names that this campaign has data for."""
-    written = [_PLOTS[name].write(answer, tables) for name in names]
-    return [figure for figure in written if figure is not None]
+    plots = [_PLOTS[name] for name in names]
+    return list(present(one.write(answer, tables) for one in plots if has(tables, *one.needs)))
 
 
 def draw(name: str, answer: Answer, tables: Tables) -> Drawing:

@@ -11,16 +11,10 @@ from pipeline.answer.contract import Answer
 from pipeline.base.quantities import plain
 from pipeline.diagnosis.facts import APART
 from pipeline.report import words
-from pipeline.report.figures.marks import Tips, integer_ticks, legend_above
+from pipeline.report.figures.marks import Tips, dots, integer_ticks, legend_above
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure
-from pipeline.report.summaries import (
-    Tables,
-    gain,
-    has,
-    separability,
-    suspects,
-)
+from pipeline.report.summaries import Tables, gain, separability, suspects
 from pipeline.report.svg import BLUE, MUTED, RED, SHADES
 
 _APART_STEPS = (1.0, 2.0, APART, 10.0)
@@ -42,7 +36,7 @@ def _draw_evidence(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     axes.set_yticks(at, [f"{s} (identified)" if n else s for s, n in zip(said, named, strict=True)])
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
-    axes.set_xlabel("Evidence, natural log of the odds")
+    axes.set_xlabel("Evidence, natural log of the odds", loc="right")
     rows = zip(said, size, named, strict=True)
     return {"evidence": [f"{s}: {plain(v, 2)}{', identified' if n else ''}" for s, v, n in rows]}
 
@@ -57,72 +51,55 @@ def _draw_separability(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     sigmas = apart.to_numpy()[rows, columns]
     steps = np.searchsorted(_APART_STEPS, sigmas, "right")
     size = min(0.13, 3.4 / n) * 72  # of a square, in points
+    tips: Tips = {}
     for step, shade in enumerate(_APART_SHADES):
-        here = steps == step
+        here = np.flatnonzero(steps == step)
         low, high = [0, *_APART_STEPS][step], [*_APART_STEPS, None][step]
-        said = f"{low:g} to {high:g} σ" if high else f"above {low:g} σ"
-        key = f"apart-{step}"
-        axes.scatter(
-            columns[here],
-            rows[here],
-            s=(0.9 * size) ** 2,
-            marker="s",
-            color=shade,
-            linewidths=0,
-            gid=key,
-            label=said,
-        )
+        label = f"{low:g} to {high:g} σ" if high else f"above {low:g} σ"
+        style = {"s": (0.9 * size) ** 2, "marker": "s", "color": shade, "linewidths": 0}
+        pairs = zip(rows[here], columns[here], sigmas[here], strict=True)
+        said = [f"{names[i]} or {names[j]}: {plain(apart, 2)} σ" for i, j, apart in pairs]
+        tips |= dots(axes, f"apart-{step}", columns[here], rows[here], said, label=label, **style)
     axes.set_yticks(range(1, n), names[1:], fontsize=6)
     axes.set_xticks(range(n - 1), names[:-1], fontsize=6, rotation=90)
-    axes.set_ylim(n - 0.4, 0.4)
-    axes.set_xlim(-0.6, n - 1.4)
+    axes.set(xlim=(-0.6, n - 1.4), ylim=(n - 0.4, 0.4))
     axes.grid(visible=False)
     axes.legend(loc="upper right", title="Apart by")
-    tips = {}
-    for step in range(len(_APART_SHADES)):
-        here = np.flatnonzero(steps == step)
-        tips[f"apart-{step}"] = [
-            f"{names[rows[i]]} or {names[columns[i]]}: {plain(sigmas[i], 2)} σ" for i in here
-        ]
     return {key: said for key, said in tips.items() if said}
 
 
 def _draw_gain(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """Error at every pose left out, without and with the identified causes."""
-    poses = gain(tables["examined"]).dropna()
+    poses = gain(tables["examined"])
     axes = canvas.subplots()
-    at = np.arange(len(poses))
+    at, numbers = np.arange(len(poses)), poses["pose"].astype(int).tolist()
     before, after = poses["before"].to_numpy(), poses["after"].to_numpy()
     axes.vlines(at, before, after, color=MUTED, linewidth=0.8)
-    tips = {}
+    tips: Tips = {}
     kinds = (
         ("before", before, MUTED, "o", "joint springs"),
         ("after", after, RED, "D", "with causes"),
     )
     for key, mm, colour, marker, name in kinds:
-        axes.scatter(at, mm, color=colour, marker=marker, s=18, gid=key, label=name, zorder=3)
-        pairs = zip(poses["pose"].astype(int), mm, strict=True)
-        tips[key] = [f"pose {pose} left out, {name}: {plain(v)} mm" for pose, v in pairs]
-    integer_ticks(axes, at, poses["pose"].astype(int).tolist())
-    axes.set_ylim(0)
+        pairs = zip(numbers, mm, strict=True)
+        said = [f"pose {pose} left out, {name}: {plain(v)} mm" for pose, v in pairs]
+        style = {"color": colour, "marker": marker, "s": 18, "zorder": 3}
+        tips |= dots(axes, key, at, mm, said, label=name, **style)
+    integer_ticks(axes, at, numbers)
     axes.grid(axis="x", visible=False)
-    axes.set_xlabel("Pose left out")
-    axes.set_ylabel("Rms error per coordinate [mm]")
+    axes.set(xlabel="Pose left out", ylabel="Rms error per coordinate [mm]", ylim=(0, None))
     legend_above(axes, 2)
     return tips
 
 
 def _cause_in_words(suspect: Any) -> str:
     """A row of table DIAGNOSIS in words."""
-    where = str(suspect["where"])
-    return words.from_label(f"{suspect['name']}:{where}" if where else str(suspect["name"]))
+    return words.from_label(f"{suspect['name']}:{suspect['where']}")
 
 
 def _write_gain(answer: Answer, tables: Tables) -> Figure | None:
-    if not (answer.diagnosis.causes and has(tables, "examined")):
-        return None
-    poses = gain(tables["examined"]).dropna()
-    if poses.empty:
+    poses = gain(tables["examined"])
+    if poses.empty or not answer.diagnosis.causes:
         return None
     better = int((poses["after"] < poses["before"]).sum())
     worst = poses.iloc[int(poses["before"].argmax())]
@@ -140,8 +117,6 @@ def _write_gain(answer: Answer, tables: Tables) -> Figure | None:
 
 
 def _write_evidence(answer: Answer, tables: Tables) -> Figure | None:
-    if not has(tables, "diagnosis"):
-        return None
     best = suspects(tables["diagnosis"])
     if best.empty or best["log_evidence"].iloc[0] < 3:
         return None
@@ -166,8 +141,6 @@ def _apart(sigmas: float) -> str:
 
 
 def _write_separability(answer: Answer, tables: Tables) -> Figure | None:
-    if not has(tables, "separability"):
-        return None
     apart, whole = separability(tables["separability"]), tables["separability"]["cause"].nunique()
     if len(apart) < 2:
         return None
@@ -190,6 +163,6 @@ def _write_separability(answer: Answer, tables: Tables) -> Figure | None:
     )
 
 
-GAIN = Plot("gain", _write_gain, _draw_gain)
-EVIDENCE = Plot("evidence", _write_evidence, _draw_evidence)
-SEPARABILITY = Plot("separability", _write_separability, _draw_separability)
+GAIN = Plot("gain", ("examined",), _write_gain, _draw_gain)
+EVIDENCE = Plot("evidence", ("diagnosis",), _write_evidence, _draw_evidence)
+SEPARABILITY = Plot("separability", ("separability",), _write_separability, _draw_separability)

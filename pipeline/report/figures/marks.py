@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,14 +11,16 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure as Canvas
 
-from pipeline.report.margins import LINE, Margins
-
 Tips = dict[str, list[str]]
 """By id of an artist, the words of each of its marks in drawing order."""
 
 MARKERS = ("o", "s", "^", "D", "v", "P")
-_LEGEND_ROW = 1.1 * 8 * LINE
-"""Height of a row of a legend [pt]."""
+
+
+def dots(axes: Axes, key: str, x: Any, y: Any, said: Iterable[str], **style: Any) -> Tips:
+    """Marks in a plot, and what each of them says."""
+    axes.scatter(x, y, gid=key, **style)
+    return {key: list(said)}
 
 
 def integer_ticks(axes: Axes, at: np.ndarray, names: Sequence[int]) -> None:
@@ -43,20 +45,17 @@ def legend_above(axes: Axes, columns: int) -> None:
         markerscale=1.6,
         handletextpad=0.4,
     )
-    Margins.of(axes.get_figure(root=True)).keep_above(axes, -(-len(at) // columns) * _LEGEND_ROW)
 
 
 def legend_below(canvas: Canvas) -> None:
     """One legend for all plots of a figure, at its lower edge."""
     handles, labels = canvas.axes[0].get_legend_handles_labels()
-    canvas.legend(handles, labels, loc="lower center", ncols=len(labels), handlelength=1.6)
-    Margins.of(canvas).keep_below(_LEGEND_ROW + 6)
+    canvas.legend(handles, labels, loc="outside lower center", ncols=len(labels), handlelength=1.6)
 
 
 def title(axes: Axes, name: str) -> None:
     """What a plot shows, on top of it at the left."""
     axes.set_title(name, fontsize=8.5, loc="left", y=1.0, pad=4)
-    Margins.of(axes.get_figure(root=True)).keep_above(axes, 4 + LINE * 8.5)
 
 
 def each_row(table: pd.DataFrame) -> Iterator[Any]:

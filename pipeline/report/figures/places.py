@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -11,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from pipeline.answer.contract import Answer
 from pipeline.base.quantities import plain
-from pipeline.report.figures.marks import MARKERS, Tips, each_row, legend_above, title
+from pipeline.report.figures.marks import MARKERS, Tips, dots, each_row, legend_above, title
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure
 from pipeline.report.summaries import (
@@ -20,8 +22,6 @@ from pipeline.report.summaries import (
     MOST,
     Tables,
     arrows,
-    has,
-    places,
     registration_by_target,
     thinned,
 )
@@ -30,7 +30,7 @@ from pipeline.report.svg import INK, MUTED, RED, SERIES
 
 def _draw_arrows(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """Residual vectors at the poses, from above and from the side."""
-    vectors = arrows(tables["residuals"], places(tables), tables["forces"])
+    vectors = arrows(tables)
     size = np.linalg.norm(vectors[_RESIDUAL].to_numpy(float), axis=1)
     usual = float(np.quantile(size, 0.8))  # one outlier must not make all others invisible
     vectors, longest = thinned(vectors, size, MOST // 5), size.max()
@@ -68,21 +68,11 @@ def _views(canvas: Canvas, vectors: pd.DataFrame, scale: float) -> tuple[np.ndar
 
 def _arrows(view: Axes, vectors: pd.DataFrame, up: str, scale: float, wide: bool) -> Quiver:
     """The residuals in the plane of y and another axis."""
-    quiver = view.quiver(
-        vectors["y"],
-        vectors[up],
-        vectors["ry"],
-        vectors[f"r{up}"],
-        angles="xy",
-        scale_units="xy",
-        scale=scale,
-        width=0.0032 if wide else 0.006,
-        color=RED,
-    )
-    view.scatter(vectors["y"], vectors[up], s=5, color=INK, linewidths=0)
-    view.update_datalim(
-        vectors[["y", up]].to_numpy() + vectors[["ry", f"r{up}"]].to_numpy() / scale
-    )
+    at, along = (vectors[columns].to_numpy(float).T for columns in (["y", up], ["ry", f"r{up}"]))
+    style: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "color": RED}
+    quiver = view.quiver(*at, *along, scale=scale, width=0.0032 if wide else 0.006, **style)
+    view.scatter(at[0], at[1], s=5, color=INK, linewidths=0)
+    view.update_datalim((at + along / scale).T)
     view.autoscale_view()
     view.set_aspect("equal", adjustable="datalim")
     view.set_ylabel(f"{up} [m]")
@@ -93,16 +83,8 @@ def _arrows(view: Axes, vectors: pd.DataFrame, up: str, scale: float, wide: bool
 def _key(canvas: Canvas, arrows: Quiver, length: float) -> None:
     """How long an arrow of so many millimetres is."""
     height = canvas.get_size_inches()[1]
-    canvas.axes[0].quiverkey(
-        arrows,
-        0.86,
-        1 - 0.13 / height,
-        length,
-        f"{length:g} mm",
-        labelpos="E",
-        coordinates="figure",
-        color=RED,
-    )
+    style = {"labelpos": "E", "coordinates": "figure", "color": RED}
+    canvas.axes[0].quiverkey(arrows, 0.86, 1 - 0.13 / height, length, f"{length:g} mm", **style)
 
 
 def _round_down(value: float) -> float:
@@ -119,27 +101,18 @@ def _draw_registration(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     views = canvas.subplots(3, 1, sharex=True, sharey=True)
     targets = list(dict.fromkeys(readings["target"]))
     at = readings["at"].to_numpy()
-    tips = {}
+    tips: Tips = {}
     for view, axis in zip(views, "xyz", strict=True):
         mm = MM * readings[f"d{axis}_m"].to_numpy(float)
         view.axhline(0, color=MUTED, linewidth=0.8)
         for index, target in enumerate(targets):
             here = (readings["target"] == target).to_numpy() & np.isfinite(mm)
+            pairs = zip(at[here], mm[here], strict=True)
+            said = [f"reading {n}, {target}: d{axis} = {plain(v)} mm" for n, v in pairs]
+            style = {"color": SERIES[index % len(SERIES)], "marker": MARKERS[index % len(MARKERS)]}
+            style |= {"label": f" {target}"}  # legends leave out what begins with an underscore
             key = f"base-{axis}-{index}"
-            view.scatter(
-                at[here],
-                mm[here],
-                s=14,
-                color=SERIES[index % len(SERIES)],
-                marker=MARKERS[index % len(MARKERS)],
-                linewidths=0,
-                gid=key,
-                label=f" {target}",  # legends leave out what begins with an underscore
-            )
-            tips[key] = [
-                f"reading {n}, {target}: d{axis} = {plain(v)} mm"
-                for n, v in zip(at[here], mm[here], strict=True)
-            ]
+            tips |= dots(view, key, at[here], mm[here], said, s=14, linewidths=0, **style)
         view.margins(y=0.25)
         view.set_ylabel(f"d{axis} [mm]")
     views[-1].set_xlabel("Reading of a base reflector, in order")
@@ -150,12 +123,10 @@ def _draw_registration(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
 
 
 def _write_arrows(answer: Answer, tables: Tables) -> Figure | None:
-    if not all(has(tables, name) for name in ("residuals", "displacements", "forces")):
-        return None
-    vectors = arrows(tables["residuals"], places(tables), tables["forces"])
+    vectors = arrows(tables)
     if vectors.empty:
         return None
-    size = np.linalg.norm(vectors[["rx", "ry", "rz"]].to_numpy(float), axis=1)
+    size = np.linalg.norm(vectors[_RESIDUAL].to_numpy(float), axis=1)
     worst = vectors.iloc[int(size.argmax())]
     said = (
         f"The longest of {len(vectors)} arrows is {plain(size.max())} mm, at {worst['target']} in "
@@ -171,9 +142,7 @@ def _write_arrows(answer: Answer, tables: Tables) -> Figure | None:
     )
 
 
-def _write_registration(answer: Answer, tables: Tables) -> Figure | None:
-    if not has(tables, "registration"):
-        return None
+def _write_registration(answer: Answer, tables: Tables) -> Figure:
     by_target = registration_by_target(tables["registration"])
     worst = by_target.iloc[int(by_target["largest"].argmax())]
     said = (
@@ -188,5 +157,5 @@ def _write_registration(answer: Answer, tables: Tables) -> Figure | None:
     )
 
 
-ARROWS = Plot("arrows", _write_arrows, _draw_arrows)
-REGISTRATION = Plot("registration", _write_registration, _draw_registration)
+ARROWS = Plot("arrows", ("residuals", "displacements", "forces"), _write_arrows, _draw_arrows)
+REGISTRATION = Plot("registration", ("registration",), _write_registration, _draw_registration)

@@ -14,11 +14,13 @@ from pipeline.design.measurement import Measurement
 from pipeline.design.problem import Problem
 from pipeline.machine.robot import configure
 from pipeline.report import words
-from pipeline.report.figures.marks import MARKERS, Tips, legend_above, legend_below, title
+from pipeline.report.figures.marks import MARKERS, Tips, dots, legend_above, legend_below, title
 from pipeline.report.svg import BLUE, GREEN, INK, MUTED, RED, SERIES, Drawing, drawn
 
 _AROUND_M = 1.0
 """Room around robot and anchor in the pictures."""
+_EDGE = 30.0
+"""Typical sizes at the right edge, where a cause stands that is seen at no size."""
 
 
 def pose_picture(problem: Problem, measurement: Measurement, number: int) -> Drawing:
@@ -61,11 +63,9 @@ def _view(
     axes.plot(chain[:, h], chain[:, v], color=RED, linewidth=1.4, linestyle="--", label="chain")
     axes.scatter(anchor[h], anchor[v], color=RED, marker="s", s=22, zorder=3)
     middle, half = (low + high) / 2, float(max(high[h] - low[h], high[v] - low[v])) / 2
-    axes.set_xlim(middle[h] - half, middle[h] + half)
-    axes.set_ylim(middle[v] - half, middle[v] + half)
-    axes.set_aspect("equal")
-    axes.set_xlabel(f"{'xyz'[h]} [m]")
-    axes.set_ylabel(f"{'xyz'[v]} [m]")
+    across, up = ((middle[axis] - half, middle[axis] + half) for axis in plane)
+    axes.set(xlim=across, ylim=up, aspect="equal")
+    axes.set(xlabel=f"{'xyz'[h]} [m]", ylabel=f"{'xyz'[v]} [m]")
 
 
 def size_curves(curves: BySize, scale: float, label: str, name: str = "size") -> Drawing:
@@ -73,20 +73,16 @@ def size_curves(curves: BySize, scale: float, label: str, name: str = "size") ->
 
     def draw(canvas: Canvas) -> Tips:
         axes = canvas.subplots()
-        tips = {}
+        tips: Tips = {}
         for k, m0 in enumerate(curves.poses):
             known = np.isfinite(curves.figure[k])
             x, y = curves.readings[known], scale * curves.figure[k, known]
             colour, marker = SERIES[k % len(SERIES)], MARKERS[k % len(MARKERS)]
             axes.plot(x, y, color=colour, linewidth=1.2)
-            key = f"poses-{m0}"
-            axes.scatter(x, y, color=colour, marker=marker, s=24, gid=key, label=f"{m0} poses")
-            tips[key] = [
-                f"{m0} poses, {n} readings: {plain(f, 4)}" for n, f in zip(x, y, strict=True)
-            ]
-        axes.set_xlabel("Readings n")
-        axes.set_ylabel(label)
-        axes.set_ylim(0)
+            said = [f"{m0} poses, {n} readings: {plain(f, 4)}" for n, f in zip(x, y, strict=True)]
+            style = {"color": colour, "marker": marker, "s": 24, "label": f"{m0} poses"}
+            tips |= dots(axes, f"poses-{m0}", x, y, said, **style)
+        axes.set(xlabel="Readings n", ylabel=label, ylim=(0, None))
         axes.legend(loc="upper right")
         return tips
 
@@ -102,17 +98,13 @@ def anchor_curve(curve: ByAnchor, scale: float, label: str, name: str = "anchor"
         axes.plot(curve.at, kept, color=MUTED, linewidth=1.2, label="poses of the plan kept")
         best = scale * curve.figure
         axes.plot(curve.at, best, color=BLUE, linewidth=1.2)
-        axes.scatter(curve.at, best, color=BLUE, s=20, gid="best", label="poses chosen anew")
-        axes.set_xlabel(f"{'xyz'[curve.axis]} of the anchor [m]")
-        axes.set_ylabel(label)
-        axes.set_ylim(0)
+        pairs = zip(curve.at, best, strict=True)
+        said = [f"{x:.2f} m: {plain(y, 4)}" for x, y in pairs if np.isfinite(y)]
+        style = {"color": BLUE, "s": 20, "label": "poses chosen anew"}
+        tips = dots(axes, "best", curve.at, best, said, **style)
+        axes.set(xlabel=f"{'xyz'[curve.axis]} of the anchor [m]", ylabel=label, ylim=(0, None))
         axes.legend(loc="lower right")
-        said = [
-            f"{x:.2f} m: {plain(y, 4)}"
-            for x, y in zip(curve.at, best, strict=True)
-            if np.isfinite(y)
-        ]
-        return {"best": said}
+        return tips
 
     return drawn(name, draw)
 
@@ -126,29 +118,24 @@ def sight_chart(sights: list[Sight], name: str = "sights") -> Drawing:
         canvas.set_size_inches(5.6, 0.9 + 0.15 * len(shown))
         axes = canvas.subplots()
         at = np.arange(len(shown))
-        edge = 30.0
-        noticed = np.minimum([s.detected_from for s in shown], edge)
-        named = np.minimum([s.named_from for s in shown], edge)
+        sizes = np.array([(s.detected_from, s.named_from) for s in shown]).T
+        inside = np.minimum(sizes, _EDGE)
         axes.axvline(1, color=MUTED, linewidth=1, linestyle="--")
-        axes.hlines(at, noticed, named, color=MUTED, linewidth=0.8)
-        axes.scatter(noticed, at, color=GREEN, s=13, gid="noticed", label="noticed", zorder=3)
-        axes.scatter(named, at, color=BLUE, marker="D", s=13, gid="named", label="named", zorder=3)
+        axes.hlines(at, *inside, color=MUTED, linewidth=0.8)
+        kinds = zip(("noticed", "named"), sizes, inside, (GREEN, BLUE), "oD", strict=True)
+        tips: Tips = {}
+        for key, each, x, colour, marker in kinds:
+            said = [f"{n}: {key} from {plain(size)}" for n, size in zip(names, each, strict=True)]
+            style = {"color": colour, "marker": marker, "s": 13, "zorder": 3}
+            tips |= dots(axes, key, x, at, said, label=key, **style)
         axes.set_xscale("log")
-        axes.set_xlim(0.005, edge * 1.15)
+        axes.set_xlim(0.005, _EDGE * 1.15)
         axes.set_xticks([0.01, 0.1, 1, 10], ["0.01", "0.1", "1", "10"])
         axes.set_yticks(at, names, fontsize=6.5)
         axes.set_ylim(-1, len(shown))
         axes.grid(axis="y", visible=False)
-        axes.set_xlabel("Smallest size [typical sizes]; at the right edge: no size")
+        axes.set_xlabel("Smallest size [typical sizes]; at the right edge: no size", loc="right")
         legend_above(axes, 2)
-        return {
-            "noticed": [
-                f"{n}: noticed from {plain(s.detected_from)}"
-                for n, s in zip(names, shown, strict=True)
-            ],
-            "named": [
-                f"{n}: named from {plain(s.named_from)}" for n, s in zip(names, shown, strict=True)
-            ],
-        }
+        return tips
 
     return drawn(name, draw)

@@ -19,11 +19,13 @@ class Plot:
 
     Attributes:
         name: File name without ending.
+        needs: Tables without which there is no such figure.
         write: Title, caption and alternative text with the numbers of a campaign in them; None
             where the campaign has no data for it.
         draw: Draws it, and gives what its marks say, by the name of their group.
     """
 
     name: str
+    needs: tuple[str, ...]
     write: Callable[[Answer, Tables], Figure | None]
     draw: Callable[[Canvas, Answer, Tables], Tips]

@@ -1,47 +1,105 @@
-"""How far a predicted deflection can be off."""
+"""Displacements measured and predicted, and how far a predicted deflection can be off."""
 
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure as Canvas
 
 from pipeline.answer.contract import Answer
+from pipeline.base.linear import rms
 from pipeline.base.quantities import percent, plain
-from pipeline.report.figures.marks import Tips, legend_above
+from pipeline.report.figures.marks import Tips, dots, each_row, legend_above
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure
-from pipeline.report.summaries import (
-    Tables,
-    has,
-    prediction_error,
-)
-from pipeline.report.svg import GRID, SERIES
+from pipeline.report.summaries import MM, Tables, finite, prediction_error, thinned
+from pipeline.report.svg import GRID, MUTED, SERIES
+
+_KEY = ["pose", "repeat", "target"]
+
+
+def _rows(tables: Tables) -> pd.DataFrame:
+    """Coordinates that the other poses predict: pose, repeat, target, axis, and both values [mm].
+
+    Predicted is measured minus the residual of the pose when it is left out of the estimate.
+    """
+    moved = tables["displacements"].melt(
+        _KEY, ["dx_m", "dy_m", "dz_m"], var_name="axis", value_name="measured_m"
+    )
+    moved["axis"] = moved["axis"].str[1]
+    rows = tables["residuals"].merge(moved, on=[*_KEY, "axis"])
+    rows["measured"] = MM * rows["measured_m"]
+    rows["predicted"] = rows["measured"] - MM * rows["left_out_m"]
+    return finite(rows, "predicted")
+
+
+def _draw_measured(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
+    """One point per coordinate on the line of equality, axes of F_b apart."""
+    every = _rows(tables)
+    rows = thinned(every, (every["measured"] - every["predicted"]).to_numpy(float))
+    axes = canvas.subplots()
+    ends = [rows["measured"].min(), rows["measured"].max()]
+    axes.plot(ends, ends, color=MUTED, linewidth=0.8, zorder=1)
+    tips: Tips = {}
+    for axis, colour, marker in zip("xyz", SERIES, "os^", strict=False):
+        mine = rows[rows["axis"] == axis]
+        said = [
+            f"pose {r.pose}, pull {r.repeat}, {r.target} {axis}: measured "
+            f"{plain(r.measured)} mm, predicted {plain(r.predicted)} mm"
+            for r in each_row(mine)
+        ]
+        style = {"s": 12, "color": colour, "marker": marker, "linewidths": 0, "zorder": 2}
+        at = mine["measured"], mine["predicted"]
+        tips |= dots(axes, f"measured-{axis}", *at, said, label=axis, **style)
+    axes.set(xlabel="Measured displacement [mm]", ylabel="Predicted from the other poses [mm]")
+    legend_above(axes, 3)
+    return tips
+
+
+def _write_measured(answer: Answer, tables: Tables) -> Figure | None:
+    rows = _rows(tables)
+    if rows.empty:
+        return None
+    miss = np.abs((rows["measured"] - rows["predicted"]).to_numpy(float))
+    worst = rows.iloc[int(np.argmax(miss))]
+    said = (
+        f"Displacements reach {plain(float(rows['measured'].abs().max()))} mm and are predicted to "
+        f"{plain(rms(miss))} mm rms; the largest error is {plain(float(miss.max()))} mm, at "
+        f"{worst['target']} {worst['axis']} in pose {worst['pose']}."
+    )
+    return Figure(
+        "measured",
+        "Measured against predicted displacements",
+        f"{said} Each pose is predicted by the model that is estimated from all the others; a "
+        "point on the line is predicted exactly.",
+        f"Every displacement coordinate, measured and predicted. {said}",
+    )
 
 
 def _draw_prediction(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """Share of the validation poses below each relative error."""
     errors = prediction_error(tables["validation"])
     axes = canvas.subplots()
-    tips = {}
+    tips: Tips = {}
     steps = np.linspace(0, 1, 41)
     for index, ((where, draw_from), mu) in enumerate(errors.items()):
-        at, key = 100 * np.quantile(mu, steps), f"mu-{index}"
+        at = 100 * np.quantile(mu, steps)
         if at[4] <= 0:  # no stiffness had a value to draw about, and zero has no logarithm
             continue
         name = f"{_SETS.get(where, where)}, {_DRAWS.get(draw_from, draw_from)}"
         style = "-" if draw_from == "covariance" else "--"
         colour = SERIES[list(_SETS).index(where) if where in _SETS else 2]
         axes.plot(at, 100 * steps, style, color=colour, linewidth=1.6, label=name)
-        axes.scatter(at[4:-1:4], 100 * steps[4:-1:4], s=9, color=colour, linewidths=0, gid=key)
-        tips[key] = [
-            f"{name}: {plain(100 * s)} % of the poses below {percent(v / 100)}"
-            for s, v in zip(steps[4:-1:4], at[4:-1:4], strict=True)
+        shown, shares = at[4:-1:4], 100 * steps[4:-1:4]
+        said = [
+            f"{name}: {plain(share)} % of the poses below {percent(v / 100)}"
+            for share, v in zip(shares, shown, strict=True)
         ]
+        tips |= dots(axes, f"mu-{index}", shown, shares, said, s=9, color=colour, linewidths=0)
     axes.set_xscale("log")
     axes.minorticks_off()
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
-    axes.set_xlabel("Relative error of the predicted deflection [%]")
-    axes.set_ylabel("Poses below [%]")
+    axes.set(xlabel="Relative error of the predicted deflection [%]", ylabel="Poses below [%]")
     axes.grid(color=GRID, linewidth=0.6)
     legend_above(axes, 2)
     return tips
@@ -53,9 +111,7 @@ _SETS = {"test_pose": "around the test pose", "global": "over the workspace"}
 _DRAWS = {"covariance": "full covariance", "independent": "independent"}
 
 
-def _write_prediction(answer: Answer, tables: Tables) -> Figure | None:
-    if not has(tables, "validation"):
-        return None
+def _write_prediction(answer: Answer, tables: Tables) -> Figure:
     errors = prediction_error(tables["validation"])
     said = " ".join(
         f"{_SETS.get(where, where).capitalize()} half of the poses are predicted within "
@@ -72,4 +128,5 @@ def _write_prediction(answer: Answer, tables: Tables) -> Figure | None:
     )
 
 
-PREDICTION = Plot("prediction", _write_prediction, _draw_prediction)
+PREDICTION = Plot("prediction", ("validation",), _write_prediction, _draw_prediction)
+MEASURED = Plot("measured", ("residuals", "displacements"), _write_measured, _draw_measured)

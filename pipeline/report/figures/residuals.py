@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator
 
 from pipeline.answer.contract import Answer
+from pipeline.answer.words import capital
 from pipeline.base.quantities import percent, plain
-from pipeline.report.figures.marks import MARKERS, Tips, each_row, integer_ticks, legend_above
+from pipeline.report.figures.marks import MARKERS, Tips, dots, each_row, integer_ticks, legend_above
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure
 from pipeline.report.summaries import (
     MOST,
     Tables,
     courses,
-    has,
+    finite,
     pose_rms,
     residual_force,
     thinned,
@@ -28,64 +31,45 @@ def _draw_pose_rms(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """A bar for each pose, and a diamond for the pose left out."""
     poses = pose_rms(tables["residuals"])
     axes = canvas.subplots()
-    at = np.arange(len(poses))
+    at, number = np.arange(len(poses)), poses["pose"].astype(int).to_numpy()
     fitted, left_out = poses["fitted"].to_numpy(), poses["left_out"].to_numpy()
     axes.bar(at, fitted, color=BLUE, alpha=0.8, width=0.7, gid="fitted", label="in the estimate")
+    tips = {"fitted": [f"pose {p}: {plain(v)} mm" for p, v in zip(number, fitted, strict=True)]}
     seen = np.isfinite(left_out)
     if seen.any():
-        axes.scatter(
-            at[seen],
-            left_out[seen],
-            color=RED,
-            marker="D",
-            s=18,
-            gid="left",
-            label="left out",
-            zorder=3,
-        )
-    integer_ticks(axes, at, poses["pose"].astype(int).tolist())
-    axes.grid(axis="x", visible=False)
-    axes.set_ylim(0)
-    axes.set_xlabel("Pose")
-    axes.set_ylabel("Rms residual per coordinate [mm]")
-    legend_above(axes, 2)
-    number = poses["pose"].astype(int)
-    tips = {"fitted": [f"pose {p}: {plain(v)} mm" for p, v in zip(number, fitted, strict=True)]}
-    if seen.any():
         pairs = zip(number[seen], left_out[seen], strict=True)
-        tips["left"] = [f"pose {p}, left out: {plain(v)} mm" for p, v in pairs]
+        said = [f"pose {p}, left out: {plain(v)} mm" for p, v in pairs]
+        style = {"color": RED, "marker": "D", "s": 18, "zorder": 3}
+        tips |= dots(axes, "left", at[seen], left_out[seen], said, label="left out", **style)
+    integer_ticks(axes, at, number.tolist())
+    axes.grid(axis="x", visible=False)
+    axes.set(xlabel="Pose", ylabel="Rms residual per coordinate [mm]", ylim=(0, None))
+    legend_above(axes, 2)
     return tips
 
 
 def _draw_residual_force(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """Every residual coordinate over the size of its pull."""
-    points = residual_force(tables["residuals"], tables["forces"])
+    points = residual_force(tables)
     points = thinned(points, points["mm"].to_numpy(float))
     axes = canvas.subplots()
     axes.axhline(0, color=MUTED, linewidth=0.8)
-    tips = {}
+    tips: Tips = {}
     for (axis, part), colour, marker in zip(points.groupby("axis"), SERIES, MARKERS, strict=False):
-        key = f"axis-{axis}"
-        axes.scatter(
-            part["force_n"],
-            part["mm"],
-            color=colour,
-            marker=marker,
-            s=11,
-            alpha=0.7,
-            linewidths=0,
-            gid=key,
-            label=f"{axis}",
-        )
-        tips[key] = [
-            f"pose {r.pose}, pull {r.repeat}, {r.target} {r.axis}: "
-            f"{plain(r.mm)} mm at {plain(r.force_n)} N"
-            for r in each_row(part)
+        said = [
+            f"{_coordinate(r)}: {plain(r.mm)} mm at {plain(r.force_n)} N" for r in each_row(part)
         ]
-    axes.set_xlabel("Size of the pull [N]")
-    axes.set_ylabel("Residual, base frame [mm]")
+        style = {"color": colour, "marker": marker, "s": 11, "alpha": 0.7, "linewidths": 0}
+        at = part["force_n"], part["mm"]
+        tips |= dots(axes, f"axis-{axis}", *at, said, label=axis, **style)
+    axes.set(xlabel="Size of the pull [N]", ylabel="Residual, base frame [mm]")
     legend_above(axes, 3)
     return tips
+
+
+def _coordinate(row: Any) -> str:
+    """Which coordinate a row is of."""
+    return f"pose {row.pose}, pull {row.repeat}, {row.target} {row.axis}"
 
 
 def _draw_residual_course(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
@@ -93,28 +77,23 @@ def _draw_residual_course(canvas: Canvas, answer: Answer, tables: Tables) -> Tip
     rows, told = courses(tables)
     canvas.set_size_inches(5.6, 0.5 + 1.5 * len(told))
     views = canvas.subplots(len(told), 1, sharey=True, squeeze=False)[:, 0]
-    kinds = [("mm", "o", BLUE, "joint springs")]
+    kinds = [("mm", "o", 10, BLUE, "joint springs")]
     if not np.allclose(rows["mm"], rows["mm_extended"], equal_nan=True):
-        kinds.append(("mm_extended", "D", RED, "with the identified causes"))
-    tips = {}
+        kinds.append(("mm_extended", "D", 7, RED, "with the identified causes"))
+    tips: Tips = {}
     for view, one in zip(views, told, strict=True):
-        known = rows[np.isfinite(rows[[one.column, "mm"]].to_numpy(float)).all(axis=1)]
+        known = finite(rows, one.column, "mm")
         known = thinned(known, known["mm"].to_numpy(float), MOST // 40)
         view.axhline(0, color=MUTED, linewidth=0.8)
-        for column, marker, colour, name in kinds:
-            key = f"{one.column}-{column}"
-            size = 10 if column == "mm" else 7
+        for column, marker, size, colour, name in kinds:
             at, mm = known[one.column], known[column]
-            view.scatter(
-                at, mm, color=colour, marker=marker, s=size, linewidths=0, gid=key, label=name
-            )
-            tips[key] = [
-                f"pose {r.pose}, pull {r.repeat}, {r.target} {r.axis}: {plain(y)} mm at "
-                f"{plain(x)} {one.unit}, {name}"
+            said = [
+                f"{_coordinate(r)}: {plain(y)} mm at {plain(x)} {one.unit}, {name}"
                 for r, x, y in zip(each_row(known), at, mm, strict=True)
             ]
-        view.set_xlabel(f"{one.name[0].upper()}{one.name[1:]} [{one.unit}]")
-        view.set_ylabel("Residual [mm]")
+            style = {"color": colour, "marker": marker, "s": size, "linewidths": 0}
+            tips |= dots(view, f"{one.column}-{column}", at, mm, said, label=name, **style)
+        view.set(xlabel=f"{capital(one.name)} [{one.unit}]", ylabel="Residual [mm]")
     legend_above(views[0], 2)
     return tips
 
@@ -126,21 +105,12 @@ def _draw_whitened(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     edges = np.arange(-np.ceil(reach), np.ceil(reach) + 0.25, 0.5)
     count, _ = np.histogram(np.clip(values, edges[0], edges[-1]), edges)
     axes = canvas.subplots()
-    axes.bar(
-        edges[:-1],
-        count,
-        width=0.5,
-        align="edge",
-        color=BLUE,
-        alpha=0.75,
-        gid="count",
-        label="readings",
-    )
+    style: dict[str, Any] = {"width": 0.5, "align": "edge", "color": BLUE, "alpha": 0.75}
+    axes.bar(edges[:-1], count, gid="count", label="readings", **style)
     at = np.linspace(edges[0], edges[-1], 241)
     normal = len(values) * 0.5 * np.exp(-(at**2) / 2) / np.sqrt(2 * np.pi)
     axes.plot(at, normal, color=RED, linewidth=1.6, label="noise as assumed")
-    axes.set_xlabel("Residual [standard deviations]")
-    axes.set_ylabel("Coordinates")
+    axes.set(xlabel="Residual [standard deviations]", ylabel="Coordinates")
     axes.yaxis.set_major_locator(MaxNLocator(6, integer=True))
     axes.grid(axis="x", visible=False)
     legend_above(axes, 2)
@@ -148,9 +118,7 @@ def _draw_whitened(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     return {"count": [f"{a:g} to {a + 0.5:g} σ: {n}" for a, n in bars]}
 
 
-def _write_pose_rms(answer: Answer, tables: Tables) -> Figure | None:
-    if not has(tables, "residuals"):
-        return None
+def _write_pose_rms(answer: Answer, tables: Tables) -> Figure:
     poses = pose_rms(tables["residuals"])
     worst = poses.iloc[int(poses["fitted"].argmax())]
     said = (
@@ -169,9 +137,7 @@ def _write_pose_rms(answer: Answer, tables: Tables) -> Figure | None:
 
 
 def _write_residual_force(answer: Answer, tables: Tables) -> Figure | None:
-    if not (has(tables, "residuals") and has(tables, "forces")):
-        return None
-    points = residual_force(tables["residuals"], tables["forces"])
+    points = residual_force(tables)
     if points.empty:
         return None
     low, high = points["force_n"].min(), points["force_n"].max()
@@ -189,7 +155,7 @@ def _write_residual_force(answer: Answer, tables: Tables) -> Figure | None:
 
 
 def _write_residual_course(answer: Answer, tables: Tables) -> Figure | None:
-    if not has(tables, "examined") or "residual_extended_m" not in tables["examined"]:
+    if "residual_extended_m" not in tables["examined"]:
         return None
     _, told = courses(tables)
     if not told:
@@ -211,8 +177,6 @@ def _write_residual_course(answer: Answer, tables: Tables) -> Figure | None:
 
 
 def _write_whitened(answer: Answer, tables: Tables) -> Figure | None:
-    if not has(tables, "residuals"):
-        return None
     values = whitened(tables["residuals"])
     if not len(values):
         return None
@@ -231,7 +195,11 @@ def _write_whitened(answer: Answer, tables: Tables) -> Figure | None:
     )
 
 
-POSE_RMS = Plot("pose-rms", _write_pose_rms, _draw_pose_rms)
-RESIDUAL_FORCE = Plot("residual-force", _write_residual_force, _draw_residual_force)
-RESIDUAL_COURSE = Plot("residual-course", _write_residual_course, _draw_residual_course)
-WHITENED = Plot("whitened", _write_whitened, _draw_whitened)
+POSE_RMS = Plot("pose-rms", ("residuals",), _write_pose_rms, _draw_pose_rms)
+RESIDUAL_FORCE = Plot(
+    "residual-force", ("residuals", "forces"), _write_residual_force, _draw_residual_force
+)
+RESIDUAL_COURSE = Plot(
+    "residual-course", ("examined",), _write_residual_course, _draw_residual_course
+)
+WHITENED = Plot("whitened", ("residuals",), _write_whitened, _draw_whitened)

@@ -28,10 +28,11 @@ def _comparable(answer: Answer) -> list[Stiffness]:
     return [joint for joint in answer.stiffness if joint.value is not None and joint.nominal]
 
 
-def _limits(joint: Stiffness) -> tuple[float, float]:
-    """The 95 % interval; a compliance that may be zero has no upper limit."""
-    low, high = joint.ci95
-    return np.nan if low is None else low, np.inf if high is None else high
+def _interval(joints: Sequence[Stiffness], unit: Array | float) -> Array:
+    """Values and 95 % limits in a unit, shape (3, n); a compliance may be zero: no upper limit."""
+    told = np.array([(joint.value, *joint.ci95) for joint in joints], dtype=float).reshape(-1, 3)
+    value, low, high = told.T / unit
+    return np.array([value, low, np.where(np.isnan(high), np.inf, high)])
 
 
 def _beside(answer: Answer, joints: Sequence[Stiffness]) -> Array:
@@ -48,8 +49,7 @@ def _draw_stiffness(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     axes = canvas.subplots()
     at = np.arange(len(joints))
     nominal = np.array([joint.nominal for joint in joints], dtype=float)
-    share = 100 * np.array([joint.value for joint in joints], dtype=float) / nominal
-    low, high = 100 * np.array(list(map(_limits, joints))).T / nominal
+    share, low, high = _interval(joints, nominal / 100)
     other = 100 * _beside(answer, joints) / nominal
     axes.axvline(100, color=MUTED, linewidth=1, linestyle="--")
     endless = ~np.isfinite(high)
@@ -119,7 +119,7 @@ def _write_stiffness(answer: Answer, tables: Tables) -> Figure | None:
     )
 
 
-STIFFNESS = Plot("stiffness", _write_stiffness, _draw_stiffness)
+STIFFNESS = Plot("stiffness", (), _write_stiffness, _draw_stiffness)
 
 # --- over the campaigns --------------------------------------------------------------------
 
@@ -133,7 +133,7 @@ def draw_history(canvas: Canvas, answers: Sequence[Answer]) -> Tips:
     found = trends(answers)
     canvas.set_size_inches(5.6, 0.7 + 0.85 * len(found))
     views = canvas.subplots(len(found), 1, sharex=True, squeeze=False)[:, 0]
-    tips = {}
+    tips: Tips = {}
     for index, (view, joint) in enumerate(zip(views, found, strict=True)):
         key, points = f"history-{index}", _points(answers, joint.name)
         colour = RED if joint.sure else BLUE
@@ -156,8 +156,7 @@ def _draw_course(view: Axes, name: str, points: _Points, colour: str, key: str) 
     joints = [joint for _, _, joint in points]
     factor, letter = common_prefix(joint.value for joint in joints)
     at = np.array([number for number, _, _ in points])
-    value = np.array([joint.value for joint in joints], dtype=float) / factor
-    low, high = np.array([_limits(joint) for joint in joints]).reshape(-1, 2).T / factor
+    value, low, high = _interval(joints, factor)
     endless = ~np.isfinite(high)
     top = np.concatenate([value, high[~endless]]).max(initial=0.0)
     view.vlines(at, low, np.where(endless, top, high), color=colour, linewidth=1.6)

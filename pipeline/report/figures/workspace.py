@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -17,21 +18,8 @@ from pipeline.report import words
 from pipeline.report.figures.marks import Tips, each_row
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure
-from pipeline.report.summaries import (
-    Tables,
-    has,
-)
+from pipeline.report.summaries import Tables, has
 from pipeline.report.svg import GRID, INK, RED, SHADES
-
-
-def _draw_workspace(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
-    """The map of the answer's values."""
-    return _map(canvas, tables["workspace"], _levels_of(tables))
-
-
-def _draw_workspace_joint_springs(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
-    """The map with joint springs alone, data as given."""
-    return _map(canvas, tables["workspace_joint_springs"], _levels_of(tables))
 
 
 def _levels_of(tables: Tables) -> Array:
@@ -56,8 +44,7 @@ def _map(canvas: Canvas, soft: pd.DataFrame, levels: Array) -> Tips:
         here["reach_m"], here["height_m"], s=60, marker="X", color=RED, edgecolors=INK, gid="here"
     )
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("Reach from the shoulder axis [m]")
-    axes.set_ylabel("Height [m]")
+    axes.set(xlabel="Reach from the shoulder axis [m]", ylabel="Height [m]")
     return {
         "soft": [_softness(r) for r in each_row(swept)],
         "here": ["test pose: " + _softness(here)],
@@ -79,11 +66,9 @@ def _triangles(swept: pd.DataFrame) -> Array:
     return whole[:, [0, 1, 2, 1, 3, 2]].reshape(-1, 3)
 
 
-def _told(name: str, model: str, tables: Tables) -> Figure | None:
-    table = name.replace("-", "_")
-    if not has(tables, table) or len(tables[table]) < 20:
+def _told(name: str, model: str | None, soft: pd.DataFrame) -> Figure | None:
+    if model is None or len(soft) < 20:
         return None
-    soft = tables[table]
     here, worst = soft.iloc[0], soft.iloc[int(soft["worst_m_per_n"].to_numpy().argmax())]
     size = 1e6 * soft["worst_m_per_n"]
     axis = "xyz"[int(np.abs(here[[f"direction_{a}" for a in "xyz"]].to_numpy(float)).argmax())]
@@ -103,16 +88,21 @@ def _told(name: str, model: str, tables: Tables) -> Figure | None:
     )
 
 
-def _write_workspace(answer: Answer, tables: Tables) -> Figure | None:
-    return _told("workspace", words.values_of(answer), tables)
-
-
-def _write_workspace_joint_springs(answer: Answer, tables: Tables) -> Figure | None:
+def _springs_beside(answer: Answer) -> str | None:
     other = words.beside(answer)
-    return _told("workspace-joint-springs", other[0], tables) if other else None
+    return other[0] if other else None
 
 
-WORKSPACE = Plot("workspace", _write_workspace, _draw_workspace)
-WORKSPACE_JOINT_SPRINGS = Plot(
-    "workspace-joint-springs", _write_workspace_joint_springs, _draw_workspace_joint_springs
-)
+def _plot(name: str, model: Callable[[Answer], str | None]) -> Plot:
+    """The map of one model's values, which are called so; None where there is no such model."""
+    table = name.replace("-", "_")
+    return Plot(
+        name,
+        (table,),
+        lambda answer, tables: _told(name, model(answer), tables[table]),
+        lambda canvas, _, tables: _map(canvas, tables[table], _levels_of(tables)),
+    )
+
+
+WORKSPACE = _plot("workspace", words.values_of)
+WORKSPACE_JOINT_SPRINGS = _plot("workspace-joint-springs", _springs_beside)

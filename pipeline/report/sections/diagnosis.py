@@ -11,7 +11,6 @@ from pipeline.answer.contract import (
     Cause,
     Evidence,
     Gain,
-    Placed,
     Predicted,
     Rival,
     Unnamed,
@@ -53,7 +52,7 @@ def _shared_gain(causes: Sequence[Cause]) -> str:
     return _gain_sentences("all causes", causes[0]) if len(causes) > 1 and len(worth) == 1 else ""
 
 
-def _cause(place: int, one: Cause, with_gain: bool) -> list[Block]:
+def _cause(place: int, one: Cause, with_gain: bool) -> list[Block | None]:
     facts = [
         _evidence_sentences(one.evidence) if one.evidence else "",
         f"It shows like this: {one.signature}." if one.signature else "",
@@ -63,27 +62,18 @@ def _cause(place: int, one: Cause, with_gain: bool) -> list[Block]:
         _gain_sentences("it", one) if with_gain else "",
         f"What would settle it: {one.needs}." if one.needs else "",
     ]
-    blocks: list[Block | None] = [
-        Text(f"Cause {place}: {_in_words(one)} ({_label(one)}).", "finding"),
+    return [
+        Text(f"Cause {place}: {words.placed(one)} ({words.label(one)}).", "finding"),
         Text(" ".join(fact for fact in facts if fact)),
         _rivals(place, one.rivals),
     ]
-    return [block for block in blocks if block is not None]
-
-
-def _in_words(one: Placed) -> str:
-    return words.cause(one.name, one.where)
-
-
-def _label(one: Placed) -> str:
-    return words.label(one.name, one.where)
 
 
 def _alone(single: Sequence[Alone]) -> Table | None:
     """What each of the likeliest causes does if it is the only one."""
     columns: list[Cells[Alone]] = [
-        said("Cause", _in_words),
-        said("Name", _label),
+        said("Cause", words.placed),
+        said("Name", words.label),
         number("Probability", lambda one: one.probability, probability),
         number("Cross-validation error falls by", lambda one: one.reduction, percent),
         said("95 % interval", lambda one: " to ".join(map(percent, one.ci95))),
@@ -156,8 +146,8 @@ def _test_pose_changes(gain: Gain) -> Iterator[str]:
 
 def _rivals(place: int, rivals: Sequence[Rival]) -> Table | None:
     columns: list[Cells[Rival]] = [
-        said("Rival", _in_words),
-        said("Name", _label),
+        said("Rival", words.placed),
+        said("Name", words.label),
         number("Probability", lambda one: one.probability, probability),
     ]
     return table_of(f"rivals-{place}", f"What else cause {place} could be", columns, rivals)

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from operator import attrgetter
 from typing import Any
-
-import pandas as pd
 
 from pipeline.answer.contract import Answer, NoiseComponent, Registration, Rejected, Stiffness
 from pipeline.base.quantities import p_value, plain
 from pipeline.report import words
 from pipeline.report.columns import Cells, measured, number, roughly, said, table_of
 from pipeline.report.figures.catalogue import figures
+from pipeline.report.figures.marks import each_row
 from pipeline.report.record import Column, Entry, Section, Table, Text, entry, section_of
 from pipeline.report.summaries import Tables, has, registration_by_target
 
@@ -88,28 +87,21 @@ def _reflectors(tables: Tables) -> Table | None:
         number("Readings", lambda row: row.readings, str),
         *(number(f"{name} [mm]", attrgetter(part), roughly) for name, part in parts.items()),
     ]
-    rows = _rows(registration_by_target(tables["registration"]))
+    rows = each_row(registration_by_target(tables["registration"]))
     title = "Base reflectors: measured minus nominal, base frame"
     return table_of("registration", title, columns, rows)
 
 
-def _rows(table: pd.DataFrame) -> Iterator[Any]:
-    """Rows with their columns as attributes."""
-    return table.itertuples()
-
-
 def _registration_text(given: Registration) -> Text:
     rotation, translation = max(given.rotation_std_rad), max(given.translation_std_m)
-    told = [
+    tested = "" if given.p_value is None else f" ({p_value(given.p_value)})"
+    chi2 = f" chi² is {plain(given.chi2, 4)} for {given.dof} degrees of freedom{tested}."
+    return Text(
         f"The base reflectors fit their nominals to {plain(given.rms_mm)} mm rms, "
-        f"{plain(given.max_mm)} mm at worst."
-    ]
-    if given.chi2 is not None:
-        tested = "" if given.p_value is None else f" ({p_value(given.p_value)})"
-        told.append(f"chi² is {plain(given.chi2, 4)} for {given.dof} degrees of freedom{tested}.")
-    told.append(f"The standard uncertainty of its orientation is {plain(1e6 * rotation, 2)} µrad.")
-    told.append(f"That of its origin is {plain(1e6 * translation, 2)} µm.")
-    return Text(" ".join(told))
+        f"{plain(given.max_mm)} mm at worst.{'' if given.chi2 is None else chi2} The standard "
+        f"uncertainty of its orientation is {plain(1e6 * rotation, 2)} µrad. That of its origin is "
+        f"{plain(1e6 * translation, 2)} µm."
+    )
 
 
 def rejected(answer: Answer) -> Section | None:

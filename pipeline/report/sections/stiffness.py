@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 from pipeline.answer import remarks
 from pipeline.answer.contract import Answer, Believed, Fit, Stiffness, Weighed
@@ -22,7 +21,7 @@ from pipeline.base.quantities import (
     with_std,
 )
 from pipeline.report import words
-from pipeline.report.columns import Cells, measured, number, said, table_of
+from pipeline.report.columns import Cells, measured, number, roughly, said, table_of
 from pipeline.report.figures.catalogue import figures
 from pipeline.report.record import (
     Column,
@@ -38,14 +37,14 @@ from pipeline.report.record import (
 
 def stiffness(answer: Answer, previous: Answer | None) -> Section | None:
     """The table of stiffnesses with what is odd about them."""
-    since = _since(answer, previous)
+    since, before = _since(answer, previous), previous.campaign if previous else ""
     return section_of(
         "stiffness",
         "Joint stiffnesses",
         [
             *(Text(finding, "finding") for finding in _findings(answer)),
-            *(_changed(change, since.campaign) for change in since.changes if change.sure),
-            _stiffness_table(answer, since),
+            *(_changed(change, before) for change in since if change.sure),
+            _stiffness_table(answer, since, before),
             _hypotheses_table(answer.recommended.hypotheses),
             *figures(("stiffness",), answer, {}),
             _compliance_table(answer.stiffness),
@@ -54,18 +53,11 @@ def stiffness(answer: Answer, previous: Answer | None) -> Section | None:
     )
 
 
-@dataclass(frozen=True)
-class _Since:
-    """What has changed since the previous campaign of the robot, as far as one can be compared."""
-
-    campaign: str
-    changes: tuple[Change, ...]
-
-
-def _since(answer: Answer, previous: Answer | None) -> _Since:
+def _since(answer: Answer, previous: Answer | None) -> list[Change]:
+    """What has changed since the previous campaign of the robot, as far as it can be compared."""
     if previous is None or not trusted(answer):
-        return _Since("", ())
-    return _Since(previous.campaign, tuple(changes(previous.stiffness, answer.stiffness)))
+        return []
+    return changes(previous.stiffness, answer.stiffness)
 
 
 def _findings(answer: Answer) -> Iterator[str]:
@@ -86,13 +78,13 @@ def _changed(change: Change, campaign: str) -> Text:
     )
 
 
-def _stiffness_table(answer: Answer, since: _Since) -> Table | None:
+def _stiffness_table(answer: Answer, since: Sequence[Change], before: str) -> Table | None:
     factor, letter = common_prefix(joint.value for joint in answer.stiffness)
     columns = [
         *_value_columns(factor, letter),
         *_nominal_columns(answer.stiffness, factor),
         *_beside_columns(answer, factor),
-        *_change_columns(since),
+        *_change_columns(since, before),
     ]
     note = (
         "Stiffness is one over the estimated compliance; its interval is that of the compliance, "
@@ -102,23 +94,23 @@ def _stiffness_table(answer: Answer, since: _Since) -> Table | None:
     return table_of("stiffness", title, columns, answer.stiffness, note)
 
 
+_JOINT: Cells[Stiffness] = (Column("Joint"), lambda j: text_entry(j.name, sort=j.joint))
+
+
 def _value_columns(factor: float, letter: str) -> list[Cells[Stiffness]]:
     return [
-        (Column("Joint"), lambda joint: text_entry(joint.name, sort=joint.joint)),
-        (
-            Column("Stiffness ± standard uncertainty", numeric=True),
-            lambda joint: _value(joint, factor) if joint.identifiable else Entry("not determined"),
-        ),
+        _JOINT,
+        (Column("Stiffness ± standard uncertainty", numeric=True), lambda j: _value(j, factor)),
         (Column("95 % interval", numeric=True), lambda joint: _interval(joint, factor)),
         said("Unit", lambda joint: prefixed(joint.unit, letter)),
-        (Column("Relative uncertainty [%]", numeric=True), _relative),
+        number("Relative uncertainty [%]", lambda j: scaled(j.relative_std, 0.01), roughly),
     ]
 
 
-def _value(joint: Stiffness | None, factor: float) -> Entry:
-    if joint is None or joint.value is None:
-        return Entry(MISSING)
-    value = joint.value / factor
+def _value(joint: Stiffness, factor: float) -> Entry:
+    if not joint.identifiable:
+        return Entry("not determined")
+    value = scaled(joint.value, factor)
     return entry(with_std(value, scaled(joint.std, factor)), value)
 
 
@@ -129,25 +121,20 @@ def _interval(joint: Stiffness, factor: float) -> Entry:
     return entry(interval((low, high), scaled(joint.std, factor)), low)
 
 
-def _relative(joint: Stiffness) -> Entry:
-    return entry(plain(scaled(joint.relative_std, 0.01), 2), joint.relative_std)
-
-
 def _nominal_columns(joints: Sequence[Stiffness], factor: float) -> list[Cells[Stiffness]]:
     """Beside the robot file's stiffnesses; nothing where it states none."""
     if all(joint.nominal is None for joint in joints):
         return []
     return [
         number("Nominal", lambda joint: joint.nominal, lambda k: plain(scaled(k, factor))),
-        (Column("Of nominal [%]", numeric=True), _of_nominal),
+        measured("Of nominal [%]", _of_nominal),
     ]
 
 
-def _of_nominal(joint: Stiffness) -> Entry:
-    if not joint.nominal or joint.value is None:
-        return Entry(MISSING)
-    share = 100 * joint.value / joint.nominal
-    return entry(with_std(share, scaled(joint.std, joint.nominal / 100)), share)
+def _of_nominal(joint: Stiffness) -> tuple[float | None, float | None]:
+    if not joint.nominal:
+        return None, None
+    return scaled(joint.value, joint.nominal / 100), scaled(joint.std, joint.nominal / 100)
 
 
 def _beside_columns(answer: Answer, factor: float) -> list[Cells[Stiffness]]:
@@ -156,23 +143,14 @@ def _beside_columns(answer: Answer, factor: float) -> list[Cells[Stiffness]]:
     if other is None:
         return []
     name, springs = other
-    own = {joint.name: joint for joint in springs.stiffness}
-    column = Column(capital(name), numeric=True)
-    return [(column, lambda joint: _value(own.get(joint.name), factor))]
+    own = {j.name: (scaled(j.value, factor), scaled(j.std, factor)) for j in springs.stiffness}
+    return [measured(capital(name), lambda joint: own.get(joint.name, (None, None)))]
 
 
-def _change_columns(since: _Since) -> list[Cells[Stiffness]]:
-    own = {change.name: change for change in since.changes}
-    if not own:
-        return []
-    column = Column(f"Change since {since.campaign} [%]", numeric=True)
-    return [(column, lambda joint: _change(own.get(joint.name)))]
-
-
-def _change(change: Change | None) -> Entry:
-    if change is None:
-        return Entry(MISSING)
-    return entry(with_std(change.percent, change.percent_std), change.percent)
+def _change_columns(since: Sequence[Change], before: str) -> list[Cells[Stiffness]]:
+    own = {change.name: (change.percent, change.percent_std) for change in since}
+    title = f"Change since {before} [%]"
+    return [measured(title, lambda joint: own.get(joint.name, (None, None)))] if own else []
 
 
 def _hypotheses_table(hypotheses: Sequence[Weighed]) -> Table | None:
@@ -186,13 +164,13 @@ def _hypotheses_table(hypotheses: Sequence[Weighed]) -> Table | None:
 
 
 def _believed(cause: Believed) -> str:
-    name = words.cause(cause.name, cause.where) + (f" ({cause.form})" if cause.form else "")
+    name = words.placed(cause) + (f" ({cause.form})" if cause.form else "")
     return name if cause.in_catalogue else f"something without a name like {name}"
 
 
 def _compliance_table(joints: Sequence[Stiffness]) -> Table | None:
     columns: list[Cells[Stiffness]] = [
-        (Column("Joint"), lambda joint: text_entry(joint.name, sort=joint.joint)),
+        _JOINT,
         measured("Compliance ± standard uncertainty", lambda j: (j.compliance, j.compliance_std)),
         said("Unit", lambda joint: prefixed(joint.compliance_unit, "")),
     ]

@@ -1,0 +1,129 @@
+"""What is stated of one model: its stiffnesses, how well it fits, how far it can be trusted."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from pipeline.answer import contract
+from pipeline.answer.contract import Deflection, Drawn, Fit, NoiseFrom, Validation
+from pipeline.answer.findings import Told
+from pipeline.answer.numbers import finite, left_out_mm, rms_mm
+from pipeline.answer.recommended import Values
+from pipeline.answer.stiffness import stiffness_entries
+from pipeline.base.arrays import Array
+from pipeline.machine.cell import Cell
+from pipeline.prediction.model import Model
+from pipeline.reduction.measured import Measured
+from pipeline.reduction.pose_of_interest import Where
+from pipeline.system.assemble import second_order
+from pipeline.system.estimate import fits
+from pipeline.system.system import Estimate
+
+
+def stated(values: Values, model: Model, where: Where) -> dict[str, Any]:
+    """Stiffnesses, fit and deflection at the test pose of one model."""
+    fitted = values.fitted
+    return {
+        "stiffness": stiffness_entries(fitted.case.cell, values.hypotheses),
+        "fit": fit_entry(fitted.case.cell, fitted.data, values.first.estimate),
+        "test_pose_deflection": deflection_entries(model, where),
+    }
+
+
+def values_entry(told: Told, where: Where) -> contract.Values:
+    """The same with its validation."""
+    left, checked = told.values.left_out_m, told.checked
+    validation = None if checked is None else validation_entry(checked, left, where)
+    return contract.Values(validation=validation, **stated(told.values, told.model, where))
+
+
+def fit_entry(cell: Cell, data: Measured, estimate: Estimate) -> Fit:
+    """How well the model meets the data."""
+    return Fit(
+        rms_mm=rms_mm(estimate.residual),
+        chi2=estimate.chi2,
+        dof=estimate.dof,
+        p_value=estimate.p_value,
+        noise_from=NoiseFrom(estimate.noise_from),
+        residual_std_mm=1e3 * estimate.residual_std_m,
+        second_order_rms_mm=_second_order_mm(cell, data, estimate),
+        noise_statement=noise_statement(estimate),
+    )
+
+
+def _second_order_mm(cell: Cell, data: Measured, estimate: Estimate) -> float:
+    """How far the deflected robot's geometry would move the targets, rms [mm]; c = B x omits it."""
+    n = len(cell.parameters)  # the springs stand first
+    known = estimate.identifiable[:n] & (estimate.value[:n] > 0)
+    x = np.where(known, estimate.value[:n], cell.robot.nominal_compliance)
+    return rms_mm(second_order(cell, data, x))
+
+
+_RESTS_ON = "Uncertainties, chi-squared and its p-value rest on the noise"
+
+_STATEMENTS = {
+    "stated": f"{_RESTS_ON} stated in campaign.toml.",
+    "replicates": f"{_RESTS_ON} found in the data: repeated zeros and pulls, and the effector's "
+    "own triangle.",
+}
+
+
+def noise_statement(estimate: Estimate) -> str:
+    """One sentence on where the noise comes from and what depends on it."""
+    if estimate.noise_from in _STATEMENTS:
+        return _STATEMENTS[estimate.noise_from]
+    std = 1e3 * estimate.residual_std_m
+    more = (
+        "; a laser tracker measures better than that, so the model does not fit as well as a "
+        "tracker measures"
+        if not fits(estimate)
+        else ""
+    )
+    return (
+        f"No noise is stated, so every uncertainty rests on the residuals' own scatter of "
+        f"{std:.3f} mm; there is no independent test of the model{more}."
+    )
+
+
+def validation_entry(checked: pd.DataFrame, left_out_m: Array, where: Where) -> Validation:
+    """Means of Eq. (22) per target, from the full covariance and as in Eq. (23).
+
+    Args:
+        checked: Table VALIDATION.
+        left_out_m: Residuals of poses that were left out [m]; NaN where nothing predicts them.
+        where: The test pose.
+    """
+    full = _drawn(checked, "covariance")
+    return Validation(
+        test_pose=full.test_pose,
+        global_=full.global_,
+        held_out_rms_mm=left_out_mm(left_out_m),
+        independent=_drawn(checked, "independent"),
+        poses=int(checked["index"].max()),
+        test_pose_stated=where.stated,
+    )
+
+
+def _drawn(checked: pd.DataFrame, draw: str) -> Drawn:
+    """The means where the stiffnesses are drawn in one way."""
+    drawn = checked[checked["draw"] == draw]
+    near, far = (drawn[drawn["set"] == name] for name in ("test_pose", "global"))
+    return Drawn(test_pose=_means(near), global_=_means(far))
+
+
+def _means(rows: pd.DataFrame) -> dict[str, float]:
+    """Of each target, in their order."""
+    means = rows.groupby("target", sort=False)["mu"].mean()
+    return {str(target): float(mean) for target, mean in means.items()}
+
+
+def deflection_entries(model: Model, where: Where) -> tuple[Deflection, ...]:
+    """Predicted deflection at the test pose with its standard uncertainty."""
+    moved, std = (1e3 * part for part in model.deflection(where.q, where.force))
+    return tuple(
+        Deflection(target=name, dx_mm=x, dy_mm=y, dz_mm=z, std_mm=(finite(a), finite(b), finite(c)))
+        for name, (x, y, z), (a, b, c) in zip(model.tool.targets, moved.tolist(), std, strict=True)
+    )
