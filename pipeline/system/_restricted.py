@@ -39,7 +39,7 @@ class Blocks(Locked):
         unit = float(np.sqrt(np.mean(system.c**2))) or 1.0
         Q = linear.orthonormal(X)
         y, wide = np.zeros((p, s)), np.zeros((p, s, Q.shape[1]))
-        y[index, place], wide[index, place] = system.c / unit, Q
+        y[index, place], wide[index, place] = (system.c - Q @ (Q.T @ system.c)) / unit, Q
         source = system.errors.source.astype(str)
         rest = ~np.isin(source, [name for group in groups for name in group])
         parts = np.zeros((len(groups) + 1, p, s, s))
