@@ -349,13 +349,14 @@ def test_noise_found_before_is_not_scaled_again(rng):
     assert found.quantile == pytest.approx(stats.t.ppf(0.975, 21))
 
 
-def test_rows_that_fit_exactly_have_no_scatter(rng):
-    """As many rows as determined parameters, one without data: no NaN, and nothing is hidden."""
+@pytest.mark.parametrize("moved", [1.0, 0.0])
+def test_rows_that_fit_exactly_have_no_scatter(rng, moved):
+    """One row more than determined parameters, nothing left: no NaN, and the dark one is dark."""
     made = system(rng, poses=(2, 1), stated=False)
-    dark = replace(made, B=made.B * [1, 1, 0], c=made.B[:, :2] @ X[:2])
+    dark = replace(made, B=made.B * [1, 1, 0], c=moved * made.B[:, :2] @ X[:2])
     found = solve(dark, np.zeros(3))
 
-    assert found.value[:2] == pytest.approx(X[:2])
+    assert found.value[:2] == pytest.approx(moved * X[:2])
     assert found.dof == 1
     assert np.isinf(found.std[2])
     assert found.std[:2] == pytest.approx([0, 0], abs=1e-9 * X[0])
