@@ -444,9 +444,13 @@ def test_the_weights_are_those_at_the_solution(rng):
     assert system_.c == pytest.approx(data.delta.ravel(), abs=1e-15)
 
 
-def test_a_spring_that_hardens_is_solved_to_the_end(rng):
-    """Exact data of a cell that is not linear in its parameters give them back."""
-    effect = next(e for e in catalogue(KR500) if e.name == "joint_hardening")
+@pytest.mark.parametrize("name", ["joint_hardening", "scale_zero"])
+def test_a_model_beyond_springs_is_solved_to_the_end(rng, name):
+    """A spring that hardens; a force that is off, which multiplies all springs: the truth is found.
+
+    Without the term that makes c linear about where the solution stands the second comes out wrong.
+    """
+    effect = next(e for e in catalogue(KR500) if e.name == name)
     cell = CELL.with_effects(effect)
     typical = np.array([p.typical for p in cell.parameters])
     truth = np.append(KR500.nominal_compliance, 0.7 * typical[7:])
