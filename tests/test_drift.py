@@ -249,16 +249,18 @@ def test_motion_and_uncertainty_are_those_of_dense_least_squares(scale):
     dof = 48 - 12 - 6
     std = np.sqrt(np.diag(cov) * max(1.0, left / dof))
     assert found.effect.form == "steady"
-    assert found.velocity == pytest.approx(x[:3], rel=1e-6)
-    assert found.turn == pytest.approx(x[3:], rel=1e-6)
-    assert found.std == pytest.approx(std[:3], rel=1e-6)
-    assert found.turn_std == pytest.approx(std[3:], rel=1e-6)
+    assert found.velocity == pytest.approx(x[:3], rel=1e-6, abs=0)
+    assert found.turn == pytest.approx(x[3:], rel=1e-6, abs=0)
+    assert found.std == pytest.approx(std[:3], rel=1e-6, abs=0)
+    assert found.turn_std == pytest.approx(std[3:], rel=1e-6, abs=0)
     variance = max(1.3**2, left / dof)
     p = stats.chi2.sf((alone - left) / variance, 6)
-    assert np.log(found.p_value) == pytest.approx(np.log(p), rel=1e-6)
+    assert np.log(found.p_value) == pytest.approx(np.log(p), rel=1e-6, abs=0)
     assert found.hours == pytest.approx(np.ptp(since()) / 3600)
     moved_by = motion(np.full(16, np.ptp(since())), x[:3], x[3:], off)
-    assert found.moved_m == pytest.approx(np.sqrt((moved_by**2).sum(axis=1).mean()), rel=1e-6)
+    assert found.moved_m == pytest.approx(
+        np.sqrt((moved_by**2).sum(axis=1).mean()), rel=1e-6, abs=0
+    )
 
 
 def test_readings_worse_than_stated_make_the_motion_less_certain():
@@ -269,8 +271,10 @@ def test_readings_worse_than_stated_make_the_motion_less_certain():
     found, (_, cov, left, alone) = told(off, C), by_hand(off, C, since())
 
     assert left / 30 > 4
-    assert found.std == pytest.approx(np.sqrt(np.diag(cov) * left / 30)[:3], rel=1e-6)
-    assert found.p_value == pytest.approx(stats.chi2.sf((alone - left) / (left / 30), 6), rel=1e-6)
+    assert found.std == pytest.approx(np.sqrt(np.diag(cov) * left / 30)[:3], rel=1e-6, abs=0)
+    assert found.p_value == pytest.approx(
+        stats.chi2.sf((alone - left) / (left / 30), 6), rel=1e-6, abs=0
+    )
     assert not found.named
 
 
@@ -303,8 +307,8 @@ def test_a_tracker_that_warms_up_is_told_from_one_that_drifts():
     assert steady.named
     assert not warm.undecided
     x, cov, left, _ = by_hand(settles + noise, C, 1 - np.exp(-since() / 3600))
-    assert warm.velocity == pytest.approx(x[:3], rel=1e-6)
-    assert warm.std == pytest.approx(np.sqrt(np.diag(cov) * max(1, left / 30))[:3], rel=1e-6)
+    assert warm.velocity == pytest.approx(x[:3], rel=1e-6, abs=0)
+    assert warm.std == pytest.approx(np.sqrt(np.diag(cov) * max(1, left / 30))[:3], rel=1e-6, abs=0)
 
 
 def test_readings_that_only_scatter_accuse_as_rarely_as_promised():
