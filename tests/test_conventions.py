@@ -105,8 +105,6 @@ def base_swapped(one, other):
 
 FOUND = {
     "mm": in_unit(1e3),
-    "deg": with_joints(np.rad2deg, "_rad"),
-    "joints_mm": with_joints(lambda x: x * 1e3, "_m"),
     "joints_m": with_joints(lambda x: x / 1e3, "_m"),
     "left_handed": mirrored,
     "all groups": written(["P2", "P3", "P1"]),
@@ -119,6 +117,8 @@ UNDONE = [
     *[("inch", in_unit(f)) for f in (1 / 25.4, 1 / 25.4e-3)],
     ("mm", in_unit(25.4)),
     ("rad", with_joints(np.deg2rad, "_rad")),
+    ("deg", with_joints(np.rad2deg, "_rad")),
+    ("joints_mm", with_joints(lambda x: x * 1e3, "_m")),
     ("controller_axes", as_controller),
     *[(f"theta{k}_reversed", turned_round(f"theta{k}")) for k in (2, 4, 5, 7)],
     ("r1_reversed", turned_round("r1")),

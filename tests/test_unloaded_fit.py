@@ -63,7 +63,7 @@ def read(rng, offset=0.0, joint_std=None, scale=1.0):
     q[:, 2] += offset
     at = stands(q, POINTS + 2e-4 * rng.standard_normal((3, 3)))
     at = at + np.cross(np.linalg.cholesky(data.rotation_cov) @ rng.standard_normal(3), at)
-    at = at + 1e-3 * rng.standard_normal(3)
+    at = at + 3.0 * rng.standard_normal(3)  # the base stands anywhere
     C = data.zero_cov[np.unique(data.zero, return_index=True)[1]]
     at = at + scale * (np.linalg.cholesky(C) @ rng.standard_normal((27, 3, 1)))[..., 0]
     return replace(data, unloaded=at[data.zero], joint_std=std)
