@@ -472,6 +472,16 @@ def test_scales_are_where_the_dense_likelihood_is_largest(seed):
     )  # fmt: skip
     assert found.scale == pytest.approx(np.exp(best.x), rel=1e-3)
     assert found.dof == int(kept.sum()) - 1
+    step, H = 1e-2 * np.eye(2), np.empty((2, 2))
+    for i, j in np.ndindex(2, 2):
+        H[i, j] = sum(
+            a * b * likelihood(made, np.exp(best.x + a * step[i] + b * step[j]))
+            for a in (-1, 1)
+            for b in (-1, 1)
+        ) / (4 * 1e-4)  # fmt: skip
+    information = np.sqrt(np.diag(2 * np.linalg.inv(H)))
+    assert (found.std >= 0.99 * information).all()
+    assert (found.std < 2 * information).all()
     worse = optimize.minimize_scalar(lambda t: likelihood(made, [np.exp(t), 1.0]))
     drop = worse.fun - best.fun
     assert found.p_value[1] >= 0.5 * stats.chi2.sf(drop, 1) * (1 - 1e-6)
