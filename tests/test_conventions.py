@@ -236,6 +236,16 @@ def test_a_wrong_unit_takes_the_files_covariances_along_and_no_others():
     assert right[XYZ].to_numpy() == pytest.approx(1e3 * rows[XYZ].to_numpy())
 
 
+def test_a_mirrored_frame_mirrors_the_covariances():
+    """Readings that scatter along slanted axes come back with the axes they had."""
+    half = 1e-5 * np.random.default_rng(3).standard_normal((len(good().readings), 3, 3))
+    six = covariance.flat(half @ half.swapaxes(1, 2))
+    slanted = with_readings(good(), **dict(zip(covariance.columns(), six.T, strict=True)))
+    mirror = next(h for h in hypotheses(slanted) if h.where == "left_handed")
+
+    same(mirror.correct(mirrored(slanted)), slanted)
+
+
 def test_a_beam_is_as_long_as_the_corrected_unit_says():
     """Noise stated by range and angle is computed again where the readings then are."""
     beam = InstrumentNoise(range_m=8e-6, transverse_m=1e-5, transverse_per_m=6e-6)
