@@ -119,13 +119,16 @@ def test_ends_that_are_about_as_far_are_not_exchanged():
 
 
 def test_the_readings_are_aligned_though_some_are_misnamed():
-    """Two states of five with exchanged names: the rigid motion is that of good readings."""
+    """Or stand half a metre away: the rigid motion is that of the good readings."""
     R, t = aligned(good())
     swap = {"P1": "P2", "P2": "P1"}
     other = aligned(written(["pose02_rep0_unloaded", "pose04_rep0_unloaded"], swap))
 
     assert other[0] == pytest.approx(R, abs=1e-4)
     assert other[1] == pytest.approx(t, abs=1e-3)
+    away = aligned(moved("pose03_rep0_unloaded", "P1", [0.5, 0.5, 0.5]))
+    assert away[0] == pytest.approx(R, abs=1e-4)
+    assert away[1] == pytest.approx(t, abs=1e-3)
     assert pytest.approx(np.eye(3)) == R @ R.T
 
 
