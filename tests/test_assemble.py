@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pipeline.machine.cell import paper_cell
+from pipeline.machine.cell import paper_cell, predict
+from pipeline.machine.effects import catalogue
 from pipeline.reduction.bring import conformed
+from pipeline.reduction.settings import Scale
 from pipeline.run import reduce, tool
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
-from pipeline.system.assemble import assemble
+from pipeline.system.assemble import assemble, by_force, second_order
 
 
 @pytest.fixture(scope="module")
@@ -119,3 +121,205 @@ def test_every_loaded_reading_errs_by_itself(cell, data):
     G = block(cell, data, "tracker")
 
     assert pytest.approx(3e-5**2 * np.eye(len(G)), abs=1e-22) == G @ G.T
+
+
+def tilted(rng, shape, size):
+    """Covariances of any direction, standard uncertainties about `size`."""
+    half = size * rng.standard_normal((*shape, 3, 3))
+    return half @ half.swapaxes(-1, -2)
+
+
+def test_readings_err_in_the_directions_they_are_stated_to(cell, data):
+    """Tilted covariances: V of each displacement is its own, plus its zero's, which pulls share."""
+    rng = np.random.default_rng(2)
+    loaded = tilted(rng, (len(data.pull),), 3e-5)
+    zero = tilted(rng, (data.zero.max() + 1,), 2e-5)[data.zero]
+    asked = replace(data, loaded_cov=loaded, zero_cov=zero)
+
+    own, shared = (block(cell, asked, source) for source in ("tracker", "zero"))
+
+    own, shared = own @ own.T, shared @ shared.T
+    for i in range(len(data.pull)):
+        for j in range(len(data.pull)):
+            at = np.ix_(range(3 * i, 3 * i + 3), range(3 * j, 3 * j + 3))
+            same = data.zero[i] == data.zero[j]
+            assert own[at] == pytest.approx(loaded[i] * (i == j), rel=1e-9, abs=1e-18)
+            assert shared[at] == pytest.approx(zero[i] * same, rel=1e-9, abs=1e-18)
+
+
+def test_a_tilted_direction_errs_along_its_own_axes(cell, data):
+    """Draw the directions of one pull: c - B x scatters as its columns say, and no other pull's."""
+    rng, pull = np.random.default_rng(9), 5
+    cov = np.zeros_like(data.direction_cov)
+    cov[pull] = tilted(rng, (), 1e-4)
+    G = block(cell, replace(data, direction_cov=cov), "direction")
+
+    size, drawn = np.linalg.norm(data.pulls.force[pull]), []
+    for off in np.linalg.cholesky(cov[pull]).T:  # three turns of the chain that span it
+        force = data.pulls.force.copy()
+        force[pull] += size * off
+        drawn.append(misfit(cell, with_force(data, force)) - misfit(cell, data))
+
+    assert pytest.approx(np.array(drawn).T @ np.array(drawn), rel=1e-6, abs=1e-18) == G @ G.T
+
+
+def test_every_wrong_point_of_the_tool_is_a_column_of_its_own(cell, data):
+    """The model with one coordinate a sigma off, load point first: what it leaves more of c."""
+    G = block(cell, replace(data, tool_std=1e-4), "geometry")
+    here, columns = misfit(cell, data), []
+    for point in range(4):
+        for axis in range(3):
+            points = np.vstack([cell.tool.load_point, cell.tool.points])
+            points[point, axis] += 1e-4
+            tool_ = replace(cell.tool, load_point=points[0], points=points[1:])
+            columns.append(misfit(replace(cell, tool=tool_), data) - here)
+    felt = [column for column in columns if np.abs(column).max() > 0]
+
+    assert pytest.approx(np.array(felt).T, abs=1e-15) == G
+
+
+def test_every_wrong_zero_of_a_joint_is_a_column_of_its_own(cell, data):
+    """The log of one joint off by its own sigma, in all poses alike; a sure joint has no column."""
+    std = np.array([1e-3, 0.0, 1e-4, 2e-4, 0.0, 3e-4, 1e-4])
+    G = block(cell, replace(data, joint_std=std), "geometry")
+    here, columns = misfit(cell, data), []
+    for joint in np.flatnonzero(std):
+        q = data.pulls.q.copy()
+        q[:, joint] += std[joint]
+        columns.append(misfit(cell, replace(data, pulls=replace(data.pulls, q=q))) - here)
+    felt = [column for column in columns if np.abs(column).max() > 0]
+
+    assert len(felt) >= 4
+    assert pytest.approx(np.array(felt).T, abs=1e-15) == G
+
+
+def test_what_is_surely_known_has_no_column(cell, data):
+    """Without uncertainty of geometry, gain, scale or frame none of them is a source."""
+    sure = replace(
+        data, scale=Scale(), rotation_cov=np.zeros((3, 3)), reading_std=0 * data.reading_std
+    )
+    errors = assemble(cell, sure, cell.robot.nominal_compliance).errors
+
+    assert set(errors.source) == {"tracker", "zero", "direction"}
+    assert not errors.common.any()
+
+
+def test_only_what_moves_all_poses_is_common(cell, data):
+    """Frame, gain and geometry; everything else stays within one pose."""
+    asked = replace(data, tool_std=1e-4, joint_std=np.full(7, 1e-4), bends=True)
+    system = assemble(cell, asked, cell.robot.nominal_compliance)
+    errors, pose = system.errors, system.rows.pose
+    poses = [len(set(pose[np.flatnonzero(column)])) for column in errors.G.toarray().T]
+
+    assert set(errors.source[errors.common]) == {
+        "registration", "force_gain", "geometry", "second_order",
+    }  # fmt: skip
+    assert {n for n, common in zip(poses, errors.common, strict=True) if not common} == {1}
+    assert min(n for n, common in zip(poses, errors.common, strict=True) if common) > 1
+
+
+def test_what_the_deflected_robot_does_more_is_one_column(cell, data):
+    """Data of a robot that deflects: c - B x, as an error of the undeformed model, to its sign."""
+    x = cell.robot.nominal_compliance
+    bent = predict(replace(cell, equilibrium="deformed"), data.pulls, x).displacement
+    real = replace(data, delta=bent[data.pull, data.target], bends=True)
+
+    G = block(cell, real, "second_order")
+
+    assert G.shape[1] == 1
+    assert np.abs(G).max() > 1e-8
+    assert misfit(cell, real) == pytest.approx(G[:, 0], abs=1e-15)
+    deflected = assemble(replace(cell, equilibrium="deformed"), real, x).errors
+    assert "second_order" not in deflected.source
+
+
+def test_a_spring_that_came_out_wild_bends_as_its_table_says(cell, data):
+    """Negative, or beyond twenty typical compliances: it is not taken for what the robot does."""
+    x = cell.robot.nominal_compliance
+    wild = x.copy()
+    typical = np.array([p.typical for p in cell.parameters])
+    wild[1], wild[4] = -x[1], 21 * typical[4]
+    near = x.copy()
+    near[4] = 19 * typical[4]
+
+    assert second_order(cell, data, wild) == pytest.approx(second_order(cell, data, x), abs=1e-18)
+    assert np.abs(second_order(cell, data, near) - second_order(cell, data, x)).max() > 1e-8
+
+
+def test_a_noise_that_nobody_stated_scales_what_the_tracker_gave(cell, data):
+    """Relative columns times s are those of the noise s; the scale's and the frame's are in metres.
+
+    Directions are asked at 10 um, whatever their unit.
+    """
+    unit = data.scaled(1 / 3e-5)
+    relative = replace(unit, noise_stated=False)
+    found, x = relative.in_metres(3e-5), cell.robot.nominal_compliance
+    loose, tight = (assemble(cell, one, x) for one in (relative, found))
+
+    assert loose.relative
+    assert not tight.relative
+    assert set(loose.errors.source) == set(tight.errors.source)
+    for source in set(tight.errors.source):
+        V, found_V, stated_V = (
+            (G @ G.T).toarray()
+            for G in (
+                one.errors.G[:, one.errors.source == source]
+                for one in (loose, tight, assemble(cell, data, x))
+            )
+        )
+        unit_m = 3e-5 if source in ("tracker", "zero", "direction") else 1.0
+        near = {"rel": 1e-6, "abs": 1e-8 * found_V.max()}
+        assert found_V == pytest.approx(V * unit_m**2, **near)
+        assert found_V == pytest.approx(stated_V, **near)
+
+
+def test_each_row_is_the_coordinate_it_says(cell, data):
+    """One coordinate of one displacement changed: the row of that name changes, and no other."""
+    x = cell.robot.nominal_compliance
+    before = assemble(cell, data, x)
+    rows = before.rows
+    for displacement, axis in ((0, 2), (7, 0), (len(data.pull) - 1, 1)):
+        delta = data.delta.copy()
+        delta[displacement, axis] += 1e-3
+        (row,) = np.flatnonzero(assemble(cell, replace(data, delta=delta), x).c != before.c)
+        pull = data.pull[displacement]
+        assert (rows.pose[row], rows.repeat[row]) == (
+            data.pulls.pose[pull],
+            data.pulls.repeat[pull],
+        )
+        assert (rows.pull[row], rows.axis[row]) == (pull, axis)
+        assert rows.target[row] == data.name[displacement]
+    order = np.lexsort((rows.axis, rows.target.astype(str), rows.repeat, rows.pose))
+    assert order.tolist() == list(range(len(rows)))
+
+
+def test_a_model_that_is_not_linear_is_met_where_it_stands(cell, data):
+    """The model leaves c - B x0 at x0, and B is what a small step of each parameter adds."""
+    effect = next(e for e in catalogue(cell.robot) if e.name == "rail_backlash")
+    wide = cell.with_effects(effect)
+    typical = np.array([p.typical for p in wide.parameters])
+    x = np.append(cell.robot.nominal_compliance, 0.6 * typical[7:])
+
+    def displaced(values):
+        return predict(wide, data.pulls, values).displacement[data.pull, data.target].ravel()
+
+    system = assemble(wide, data, x)
+
+    assert system.c - system.B @ x == pytest.approx(data.delta.ravel() - displaced(x), abs=1e-15)
+    for k, size in enumerate(typical):
+        step = np.zeros(len(x))
+        step[k] = 1e-3 * size
+        slope = (displaced(x + step) - displaced(x - step)) / (2e-3 * size)
+        assert system.B[:, k] == pytest.approx(slope, rel=1e-6, abs=1e-6 * np.abs(slope).max())
+
+
+def test_a_newton_more_moves_the_reflectors_along_the_pull(cell, data):
+    """`by_force` is the model's answer to forces that are 1 N larger, minus the one to those."""
+    x, force = cell.robot.nominal_compliance, data.pulls.force
+    longer = force + force / np.linalg.norm(force, axis=1, keepdims=True)
+    more, here = (
+        predict(cell, with_force(data, one).pulls, x).displacement[data.pull, data.target].ravel()
+        for one in (longer, force)
+    )
+
+    assert by_force(cell, data, x) == pytest.approx(more - here, rel=1e-6, abs=1e-15)

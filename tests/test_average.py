@@ -6,9 +6,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import scipy.sparse
+from scipy import optimize, stats
 
 from pipeline.answer.stiffness import stiffness_entries
-from pipeline.diagnosis.average import LEAST, LIKELY, Hypothesis, dependences, springs, weighed
+from pipeline.diagnosis.average import (
+    LEAST,
+    LIKELY,
+    Hypothesis,
+    average,
+    dependences,
+    springs,
+    weighed,
+)
 from pipeline.diagnosis.hypotheses import _likely
 from pipeline.diagnosis.identify import Rival, Stranger
 from pipeline.machine.cell import baseline
@@ -251,3 +260,167 @@ def test_the_laws_of_a_cause_share_its_probability():
     assert (first.suspects, second.suspects) == ((0,), (1,))
     assert [first.weight, second.weight] == pytest.approx([0.8, 0.2])
     assert second.instead == ()  # another law, not another cause
+
+
+def moments(weights, values, covs):
+    """Mean and covariance of a mixture from its first two moments, entry by entry."""
+    n = values.shape[1]
+    mean = np.array([sum(w * x[i] for w, x in zip(weights, values, strict=True)) for i in range(n)])
+    second = sum(
+        w * (C + np.outer(x, x)) for w, x, C in zip(weights, values, covs, strict=True)
+    )  # fmt: skip
+    return mean, second - np.outer(mean, mean)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_average_is_the_mixture_of_its_moments(seed):
+    """E[x] and E[x x'] - E[x] E[x]' of two to six components, correlations included."""
+    rng = np.random.default_rng(seed)
+    h = 2 + seed
+    weights, values = rng.dirichlet(np.ones(h)), rng.standard_normal((h, 3))
+    half = rng.standard_normal((h, 3, 3))
+    covs = half @ half.swapaxes(1, 2)
+
+    mean, cov = average(weights, values, covs)
+
+    expected = moments(weights, values, covs)
+    assert mean == pytest.approx(expected[0])
+    assert cov == pytest.approx(expected[1])
+    order = rng.permutation(h)
+    again = average(weights[order], values[order], covs[order])
+    assert again[0] == pytest.approx(mean)
+    assert again[1] == pytest.approx(cov)
+
+
+def test_a_component_that_leaves_an_entry_undetermined_has_no_say_in_it():
+    """Its value there is no value: the mean is that of the others by their weights; 1 is lost."""
+    rng = np.random.default_rng(1)
+    weights, values = np.array([0.5, 0.2, 0.3]), rng.standard_normal((3, 3))
+    covs = np.stack([0.1 * np.eye(3)] * 3)
+    covs[1, 1, 1] = covs[0, 2, 2] = covs[1, 2, 2] = covs[2, 2, 2] = np.inf
+    wild = values.copy()
+    wild[1, 1] = 1e6
+
+    (mean, cov), (other, wider) = (average(weights, x, covs) for x in (values, wild))
+
+    assert mean[1] == other[1] == pytest.approx((0.5 * values[0, 1] + 0.3 * values[2, 1]) / 0.8)
+    assert mean[[0, 2]] == pytest.approx(weights @ values[:, [0, 2]])
+    assert np.isinf(np.diag(cov)).tolist() == np.isinf(np.diag(wider)).tolist()
+    assert np.isinf(np.diag(cov)).tolist() == [False, True, True]
+    assert cov[0, 0] == pytest.approx(
+        moments(weights, values[:, :1], np.full((3, 1, 1), 0.1))[1][0, 0]
+    )
+
+
+def low_and_high(several):
+    """Ends of the interval of joint 1 over its nominal compliance."""
+    found = springs(several)
+    return found.low[0] / X[0], found.high[0] / X[0]
+
+
+def test_both_ends_of_the_interval_are_quantiles_of_the_mixture():
+    """Softer on one side and stiffer on the other, 4 % each: each end cuts off 2.5 %."""
+    parts = [(0.92, 1.0), (0.04, 0.7), (0.04, 1.3)]
+    several = [
+        hypothesis(w, f, instead=name)
+        for (w, f), name in zip(parts, (None, "joint_tilt:6", "tool_flex"), strict=True)
+    ]
+
+    def share(x):
+        """Of the mixture below x; each part is known to 1 % of nominal."""
+        return sum(w * stats.norm.cdf(x, f, 0.01) for w, f in parts)
+
+    ends = [optimize.brentq(lambda x, p=p: share(x) - p, 0.5, 1.5) for p in (0.025, 0.975)]
+
+    assert ends[0] < 0.75
+    assert ends[1] > 1.25
+    assert low_and_high(several) == pytest.approx(ends, abs=1e-6)
+
+
+def test_few_degrees_of_freedom_widen_their_own_hypothesis():
+    """Student's quantile of 3 degrees of freedom makes the part as wide as its own interval."""
+    first, other = hypothesis(0.97, 1.0), hypothesis(0.03, 1.3, instead="tool_flex")
+    t = float(stats.t.ppf(0.975, 3))
+    other = replace(other, estimate=replace(other.estimate, quantile=t))
+    wide = 0.01 * t / stats.norm.ppf(0.975)
+
+    def share(x):
+        return 0.97 * stats.norm.cdf(x, 1.0, 0.01 * 1.96 / stats.norm.ppf(0.975)) + (
+            0.03 * stats.norm.cdf(x, 1.3, wide)
+        )
+
+    end = optimize.brentq(lambda x: share(x) - 0.975, 0.9, 1.6)
+    assert low_and_high([first, other])[1] == pytest.approx(end, abs=1e-6)
+    likely = [replace(first, weight=0.9), replace(other, weight=0.1)]
+    assert low_and_high(likely)[1] >= 1.3 + t * 0.01 - 1e-12
+    alone = replace(first, estimate=replace(first.estimate, quantile=t))
+    assert low_and_high([alone]) == pytest.approx((1 - 0.01 * t, 1 + 0.01 * t))
+
+
+def test_an_interval_holds_what_is_just_likely_and_not_what_is_not():
+    """Five per cent is the line: above it, the whole interval of the hypothesis is held."""
+    for weight, held in ((1.2 * LIKELY, True), (0.4 * LIKELY, False)):
+        pair = [hypothesis(1 - weight, 1.0), hypothesis(weight, 1.3, instead="tool_flex")]
+        assert bool(low_and_high(pair)[1] >= 1.3 + 0.0195) is held
+
+
+def test_what_is_lost_has_no_interval():
+    """Beside a likely rival that leaves joint 6 open, joint 6 has none; the others have one."""
+    pair = [hypothesis(0.6), hypothesis(0.4, 1.1, lost=5, instead="tool_flex")]
+    found = springs(pair)
+
+    assert np.isinf([found.low[5], found.high[5]]).all()
+    kept = np.arange(7) != 5
+    assert np.isfinite(found.low[kept]).all()
+    assert found.value[5] == pytest.approx(X[5], rel=1e-6, abs=0)
+    assert found.value[kept] == pytest.approx(1.04 * X[kept], rel=1e-6, abs=0)
+    rare = springs([hypothesis(0.96), hypothesis(0.04, 1.5, lost=5, instead="tool_flex")])
+    assert rare.high[5] == pytest.approx(1.0196 * X[5], rel=1e-3, abs=0)
+    assert rare.high[4] > 1.4 * X[4]
+
+
+def test_a_stiffness_that_no_single_hypothesis_doubts_may_be_doubtful_together():
+    """Each of two knows it to 1 %, at values three times apart: the mixture does not."""
+    pair = [hypothesis(0.5, 0.2), hypothesis(0.5, 3.4, instead="tool_flex")]
+
+    assert all(one.estimate.identifiable[:7].all() for one in pair)
+    assert not springs(pair).identifiable.any()
+    assert springs([hypothesis(0.5, 1.0), hypothesis(0.5, 1.1)]).identifiable.all()
+    vague = hypothesis(0.1, relative=0.6, instead="tool_flex")
+    assert not springs([hypothesis(0.9), vague]).identifiable.any()
+
+
+@pytest.mark.parametrize(
+    ("factor", "relative", "weight", "told"),
+    [
+        (1.006, 0.01, 0.3, True),
+        (1.004, 0.01, 0.3, False),
+        (0.994, 0.01, 0.3, True),
+        (1.0, 0.0151, 0.3, True),
+        (1.0, 0.0149, 0.3, False),
+        (1.1, 0.01, 0.9 * LIKELY, False),
+    ],
+    ids=["softer", "the same", "stiffer", "less sure", "as sure", "unlikely"],
+)
+def test_half_a_standard_uncertainty_is_a_dependence(factor, relative, weight, told):
+    """Moved by more, or known half as well again: a spring depends on which cause is true."""
+    pair = [
+        hypothesis(1 - weight),
+        hypothesis(weight, factor, relative=relative, instead="joint_tilt:6"),
+    ]
+
+    found = dependences(pair)
+
+    assert [one.spring for one in found] == (list(range(7)) if told else [])
+    assert all((d.cause, d.rival, d.lost) == ("joint_tilt:5", "joint_tilt:6", False) for d in found)
+
+
+def test_weights_that_are_kept_stay_in_proportion():
+    """What is left out gives its weight to the others; the first stays though it is nothing."""
+    rare = hypothesis(0.5 * LEAST, instead="joint_tilt:7")
+    kept = weighed([hypothesis(0.2), hypothesis(0.6, instead="tool_flex"), rare])
+
+    assert [one.weight for one in kept] == pytest.approx([0.25, 0.75])
+    assert weighed([hypothesis(0.0)])[0].weight == 1.0
+    order = weighed([hypothesis(0.1), hypothesis(0.3), hypothesis(0.6)])
+    assert [one.weight for one in order] == pytest.approx([0.1, 0.6, 0.3])

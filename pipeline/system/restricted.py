@@ -52,14 +52,14 @@ class Blocks(Locked):
         """
         blocks, errors = Rows.of(system.rows.pose), system.errors
         unit = float(np.sqrt(np.mean(system.c**2))) or 1.0
-        y, Q = system.c / unit, linear.orthonormal(X)
+        Q = linear.orthonormal(X)
+        y = (system.c - Q @ (Q.T @ system.c)) / unit  # they count in no pose's score
         A = errors.G[:, errors.common].toarray() / unit
         source, own = errors.source.astype(str), ~errors.common
         rest = ~np.isin(source, [name for group in groups for name in group])
         masks = [np.isin(source, group) for group in groups] + [rest]
         parts = np.stack([blocks.covariance(errors.G[:, mask & own]) for mask in masks]) / unit**2
-        left = max(float(np.sum((y - Q @ (Q.T @ y)) ** 2)), _NOTHING)
-        rough = 0.5 * np.log(left / max(np.einsum("kpii->", parts[:-1]), _NOTHING))
+        rough = 0.5 * np.log(max(y @ y, _NOTHING) / max(np.einsum("kpii->", parts[:-1]), _NOTHING))
         which, at = np.nonzero(~blocks.there)
         parts[-1, which, at, at] = 1.0  # padding: independent rows of zeros
         return cls(

@@ -1,0 +1,121 @@
+"""Covariances in six columns: their places, turns and factors against plain 3x3 matrices."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.spatial.transform import Rotation
+
+from pipeline.base import covariance
+from pipeline.base.errors import InputError
+
+TURN = Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix()
+
+
+@pytest.fixture
+def matrices():
+    """Nine covariances of any shape."""
+    half = np.random.default_rng(4).standard_normal((9, 3, 3))
+    return half @ half.swapaxes(1, 2)
+
+
+def six(matrices):
+    """Their six columns, each by its own name: xy is row 0, column 1."""
+    place = {"x": 0, "y": 1, "z": 2}
+    return [matrices[:, place[pair[0]], place[pair[1]]].copy() for pair in covariance.PAIRS]
+
+
+def test_every_number_has_its_place(matrices):
+    """From columns to matrices and back, by whatever way, nothing is exchanged."""
+    columns = six(matrices)
+    table = pd.DataFrame(dict(zip(covariance.columns(), columns, strict=True)))
+    named = table.set_axis([f"u{pair}" for pair in covariance.PAIRS], axis=1)[::1]
+
+    for found in (
+        covariance.full(columns),
+        covariance.symmetric(np.column_stack(columns)),
+        covariance.matrices(table[sorted(table, reverse=True)]),
+        covariance.matrices(named, covariance.columns("u", "")),
+    ):
+        np.testing.assert_array_equal(found, matrices)
+    np.testing.assert_array_equal(covariance.flat(matrices), np.column_stack(columns))
+    assert covariance.columns() == ["cxx_m2", "cxy_m2", "cxz_m2", "cyy_m2", "cyz_m2", "czz_m2"]
+
+
+def test_a_turned_covariance_is_that_of_turned_draws(matrices):
+    """R C R', of covariances that differ and of one that all readings share."""
+    alike = np.repeat(matrices[:1], 5, axis=0)
+    half = matrices.copy()
+    half[:, 0, 0] = half[:, 0, 0].max()  # one of six columns is alike
+
+    for given in (matrices, alike, half):
+        found = covariance.full(covariance.turned(six(given), TURN))
+        for C, turned in zip(given, found, strict=True):
+            draws = TURN @ np.linalg.cholesky(C)  # columns that span it, each of them turned
+            assert turned == pytest.approx(draws @ draws.T, rel=1e-12)
+
+
+def test_a_turn_leaves_what_has_no_direction_and_only_that():
+    """A ball stays the ball it was, to the last bit; of equal variances with a slant none does."""
+    ball = [np.full(4, value) for value in (2.0, 0.0, 0.0, 2.0, 0.0, 2.0)]
+    np.testing.assert_array_equal(covariance.turned(ball, TURN), ball)
+
+    for slanted in ([2.0, 0.5, 0, 2, 0, 2], [2, 0, 0, 2, 0, 3.0], [2, 0, 0, 2, -0.3, 2]):
+        columns = [np.full(4, float(value)) for value in slanted]
+        found = covariance.full(covariance.turned(columns, TURN))
+        expected = TURN @ covariance.full(columns) @ TURN.T
+        assert found == pytest.approx(expected, rel=1e-12)
+
+
+AXES = [*np.eye(3), [1, 2, -2], [0, 3, 4], *np.random.default_rng(1).standard_normal((15, 3))]
+
+
+@pytest.mark.parametrize("axis", AXES, ids=range(len(AXES)))
+def test_what_has_no_scatter_along_any_one_axis_is_singular(matrices, axis):
+    """The rest of the readings is not, though its scatter be 100 000 times less one way."""
+    axis = np.array(axis) / np.linalg.norm(axis)
+    away = np.eye(3) - np.outer(axis, axis)
+    flat = matrices.copy() * 1e-10
+    flat[4] = away @ flat[4] @ away
+    flat[6] = (away + 1e-10 * np.outer(axis, axis)) * 1e-10
+    assert np.flatnonzero(covariance.singular(six(flat))).tolist() == [4]
+
+    everywhere = np.repeat(flat[4:5], 3, axis=0)
+    assert covariance.singular(six(everywhere)).tolist() == [True] * 3
+    assert covariance.singular(six(flat[:0])).shape == (0,)
+
+
+def test_a_factor_gives_the_covariance_back(matrices):
+    """L L' = C, also for one that scatters along one axis only."""
+    line = np.outer([1.0, -2.0, 0.5], [1.0, -2.0, 0.5])
+    C = np.concatenate([matrices, line[None]])
+    L = covariance.factors(C)
+
+    assert pytest.approx(C, rel=1e-12, abs=1e-12) == L @ L.swapaxes(1, 2)
+
+
+def test_columns_that_are_one_array_are_worked_on_once():
+    """Two arrays in six columns: two calls, and each column gets the answer of its own array."""
+    two, asked = [np.arange(4.0), np.arange(4.0) + 1], []
+
+    def total(column):
+        asked.append(column)
+        return float(column.sum())
+
+    done = covariance.each([two[0], two[1], two[1], two[0], two[1], two[0]], total)
+
+    assert done == [6.0, 10.0, 10.0, 6.0, 10.0, 6.0]
+    assert len(asked) == 2
+
+
+def test_all_readings_have_an_uncertainty_or_none(matrices):
+    """One number missing makes the whole covariance of a reading unknown, and that is refused."""
+    columns = six(matrices)
+    assert covariance.stated(covariance.known(columns))
+    columns[4][[2, 7]] = np.nan
+
+    known = covariance.known(columns)
+
+    assert np.flatnonzero(~known).tolist() == [2, 7]
+    with pytest.raises(InputError, match="2 of 9 readings have no uncertainty"):
+        covariance.stated(known)
+    assert not covariance.stated(np.zeros(5, dtype=bool))

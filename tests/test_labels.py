@@ -1,0 +1,143 @@
+"""Names that two reflectors of one state carry for each other: planted, found and put back."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from pipeline.faults.labels import aligned, chain_distances, labels
+from pipeline.reduction.bring import conformed, plain
+from pipeline.run import ingested
+from pipeline.simulate import Plan, simulate
+from pipeline.store.campaign import in_memory
+
+XYZ = ["x_m", "y_m", "z_m"]
+PLAN = Plan(name="good", seed=11, poses={"count": 5}, pulls={"steps_n": [1500.0, 3000.0]})
+
+
+@cache
+def good():
+    """A campaign of five poses, two pulls in each, in which nothing is wrong."""
+    return ingested(in_memory(simulate(PLAN).files), conformed, plain, plausible=False)
+
+
+def written(group, names):
+    """The campaign with targets of some groups under other names."""
+    rows = good().readings
+    mine = rows["group"].isin([group] if isinstance(group, str) else group)
+    said = [names.get(t, t) if m else t for t, m in zip(rows["target"], mine, strict=True)]
+    return replace(good(), readings=rows.assign(target=said))
+
+
+def moved(group, target, by):
+    """The campaign with one reading elsewhere [m]."""
+    rows = good().readings.copy()
+    row = (rows["group"] == group) & (rows["target"] == target)
+    assert row.sum() == 1
+    rows.loc[row, XYZ] = rows.loc[row, XYZ].to_numpy(float) + by
+    return replace(good(), readings=rows)
+
+
+RING, BACK = {"P1": "P2", "P2": "P3", "P3": "P1"}, {"P1": "P3", "P3": "P2", "P2": "P1"}
+
+
+@pytest.mark.parametrize(
+    ("group", "names"),
+    [
+        ("pose02_rep0_unloaded", {"P1": "P2", "P2": "P1"}),
+        ("pose02_rep0_unloaded", RING),
+        ("pose02_rep0_unloaded", BACK),
+        ("pose05_rep2_loaded", {"P1": "P3", "P3": "P1"}),
+        ("pose05_rep2_loaded", BACK),
+        ("pose05_rep2_loaded", {"Pl1": "Pl2", "Pl2": "Pl1"}),
+    ],
+    ids=["two", "ring", "ring back", "two loaded", "ring loaded", "chain"],
+)
+def test_names_exchanged_in_one_state_are_found_and_put_back(group, names):
+    """Unloaded or under load, two or three of them: each reading gets its own name again."""
+    bad = written(group, names)
+
+    (found,) = labels(bad)
+
+    assert (found.name, found.where) == ("label_swap", group)
+    right = found.correct(bad).readings
+    assert (right["target"].astype(str) == good().readings["target"].astype(str)).all()
+    assert found.before > found.after
+    assert all(name in found.evidence for name in names)
+
+
+def test_good_names_are_left_alone():
+    """Nothing is found where nothing is wrong, nor with too few poses to tell."""
+    assert labels(good()) == []
+    few = good().joints["pose"] <= 2
+    bad = written("pose02_rep0_unloaded", {"P1": "P2", "P2": "P1"})
+    assert labels(replace(bad, joints=good().joints[few])) == []
+
+
+def test_two_states_are_two_findings():
+    """Each with its own names, and each is put right by itself."""
+    bad = written(["pose01_rep1_loaded", "pose04_rep0_unloaded"], {"P2": "P3", "P3": "P2"})
+
+    found = labels(bad)
+
+    assert [one.where for one in found] == ["pose01_rep1_loaded", "pose04_rep0_unloaded"]
+    (left,) = labels(found[0].correct(bad))
+    assert left.where == "pose04_rep0_unloaded"
+    assert labels(found[1].correct(found[0].correct(bad))) == []
+
+
+def test_a_reading_that_is_only_off_is_no_exchange():
+    """Half a metre from everything, or twenty millimetres from its place: another test's."""
+    assert labels(moved("pose03_rep0_unloaded", "P1", [0.5, 0.5, 0.5])) == []
+    assert labels(moved("pose03_rep0_unloaded", "P1", [0.01, -0.01, 0.014])) == []
+
+
+def test_a_chain_that_is_the_wrong_way_round_everywhere_is_no_exchange():
+    """That is how the ends were named; in most groups, likewise."""
+    loaded = [g for g in good().readings["group"].unique() if g.endswith("_loaded")]
+    swap = {"Pl1": "Pl2", "Pl2": "Pl1"}
+
+    assert labels(written(loaded, swap)) == []
+    assert labels(written(loaded[:-3], swap)) == []
+    assert {one.where for one in labels(written(loaded[:3], swap))} == set(loaded[:3])
+
+
+def test_ends_that_are_about_as_far_are_not_exchanged():
+    """The first end must be 30 mm farther from the load point than the second."""
+    table = chain_distances(good(), *aligned(good())).set_index("group")
+    group = table.index[0]
+    gap = table["far"][group] - table["near"][group]
+    rows = good().readings.set_index(["group", "target"])
+    near, far = (rows.loc[(group, end), XYZ].to_numpy(float) for end in ("Pl1", "Pl2"))
+    along = (far - near) / np.linalg.norm(far - near)
+
+    assert gap > 0.03
+    assert labels(moved(group, "Pl1", (gap + 0.02) * along)) == []
+    (found,) = labels(moved(group, "Pl1", (gap + 0.04) * along))
+    assert found.where == group
+
+
+def test_the_readings_are_aligned_though_some_are_misnamed():
+    """Or stand half a metre away: the rigid motion is that of the good readings."""
+    R, t = aligned(good())
+    swap = {"P1": "P2", "P2": "P1"}
+    other = aligned(written(["pose02_rep0_unloaded", "pose04_rep0_unloaded"], swap))
+
+    assert other[0] == pytest.approx(R, abs=1e-4)
+    assert other[1] == pytest.approx(t, abs=1e-3)
+    away = aligned(moved("pose03_rep0_unloaded", "P1", [0.5, 0.5, 0.5]))
+    assert away[0] == pytest.approx(R, abs=1e-4)
+    assert away[1] == pytest.approx(t, abs=1e-3)
+    assert pytest.approx(np.eye(3)) == R @ R.T
+
+
+def test_distances_of_the_chain_are_from_the_load_point():
+    """Loaded groups only, in metres; without alignment nobody knows."""
+    table = chain_distances(good(), *aligned(good()))
+    rows = good().readings
+    assert sorted(table["group"]) == sorted(g for g in rows["group"].unique() if "_loaded" in g)
+    ends = rows[rows["target"].isin(["Pl1", "Pl2"])].groupby("group")[XYZ]
+    apart = ends.agg(np.ptp).pow(2).sum(axis=1).pow(0.5).loc[table["group"]]
+    assert (table["far"] - table["near"]).to_numpy() == pytest.approx(apart.to_numpy(), rel=0.05)
+    assert aligned(replace(good(), joints=good().joints[:2])) is None
