@@ -72,6 +72,20 @@ def test_the_gain_moves_all_pulls_together(cell, data):
     assert change == pytest.approx(block(cell, data, "force_gain")[:, 0], abs=1e-12)
 
 
+def test_the_zero_of_the_scale_moves_all_pulls_by_the_same_force(cell, data):
+    """Two newtons of tare: every force longer by as much, and the model asked again."""
+    wrong = replace(data, scale=Scale(zero_sigma_n=2.0))
+    errors = assemble(cell, wrong, cell.robot.nominal_compliance).errors
+    (column,) = errors.G[:, errors.source == "force_zero"].toarray().T
+
+    size = np.linalg.norm(data.pulls.force, axis=1, keepdims=True)
+    longer = replace(data.pulls, force=data.pulls.force * (1 + 2.0 / size))
+    x = cell.robot.nominal_compliance
+    more = predict(cell, longer, x).displacement - predict(cell, data.pulls, x).displacement
+    assert column == pytest.approx(-more[data.pull, data.target].ravel(), rel=1e-9, abs=1e-15)
+    assert errors.common[errors.source == "force_zero"].all()
+
+
 def test_a_turned_tracker_turns_displacements_and_forces(cell, data):
     """The registration's columns are those of small rotations, however they are combined."""
     G = block(cell, data, "registration")

@@ -77,6 +77,7 @@ class Scale(Strict):
     sigma_n: NotNegative = 0.0
     sigma_rel: NotNegative = 0.0
     gain_sigma: NotNegative = 0.0
+    zero_sigma_n: NotNegative = 0.0
 
 
 class JointLog(Strict):

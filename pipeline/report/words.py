@@ -24,6 +24,7 @@ SOURCES = {
     "zero": "zero of each pose",
     "force_reading": "scale readings",
     "force_gain": "gain of the scale",
+    "force_zero": "zero of the scale",
     "law": "law of the identified causes",
     "second_order": "deflected geometry, which c = B x leaves out",
     "direction": "direction of the chain",

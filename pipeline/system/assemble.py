@@ -122,6 +122,7 @@ def _of_force(data: Measured, unit: float) -> dict[str, Array]:
         * size[:, None]
         * unit,
         "force_gain": force[:, None] * data.scale.gain_sigma,
+        "force_zero": along * data.scale.zero_sigma_n,
     }
 
 
