@@ -22,7 +22,20 @@ def test_every_rate_is_used_where_a_test_is_made():
             if named and node.value.id == "alarms":
                 used.add(node.attr)
 
-    assert used == {"SUSPECT", "LACK_OF_FIT", "READING", "DRIFT", "SCATTER", "COMPONENT"}
+    assert used - {"PLANNED"} == {
+        "SUSPECT",
+        "LACK_OF_FIT",
+        "READING",
+        "DRIFT",
+        "SCATTER",
+        "COMPONENT",
+    }
+
+
+def test_a_plan_is_judged_by_the_rate_of_a_campaign():
+    """One suspect of many has its share of the family's rate, and no rate of its own."""
+    assert alarms.PLANNED < alarms.SUSPECT / 40
+    assert alarms.PLANNED > alarms.SUSPECT / 200
 
 
 def test_five_families_of_readings_are_tested():

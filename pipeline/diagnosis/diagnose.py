@@ -31,7 +31,7 @@ from pipeline.system.elimination import eliminate
 from pipeline.system.estimate import fits
 from pipeline.system.linearised import Linearised
 from pipeline.system.noise import scatter
-from pipeline.system.system import Estimate, Scatter
+from pipeline.system.system import Estimate, Scatter, System
 from pipeline.system.variance import Components, variance_components
 from pipeline.system.whitened import Whitened
 
@@ -211,11 +211,8 @@ def case_of(
     start = plain.model((), estimate.value)
     seen = plain.linearised(start)
     system = seen.system
-    if noise is None:
-        residual = seen.y - seen.B @ start.values
-        found = variance_components(pure_error(system, residual, data, Zeros.none(), plain.cell))
-        tracker = (float(found.scale[0]) / (data.found_m or 1.0), float(found.std[0]))
-    spread = scatter(plain.whitened(seen), system, noise.left if noise else tracker)
+    tracker = _of_pulls(plain, seen, system) if noise is None else noise.left
+    spread = scatter(plain.whitened(seen), system, tracker)
     larger = spread.tracker_p < alarms.SCATTER
     case = replace(
         plain,
@@ -225,6 +222,14 @@ def case_of(
         nameless=nameless(cell.robot),
     )
     return replace(case, cell=replace(case.cell, equilibrium=_bent(case, seen))), spread
+
+
+def _of_pulls(case: Case, seen: Linearised, system: System) -> tuple[float, float]:
+    """`Components.left` of a campaign's pulls, its repeated zeros not being known."""
+    residual = seen.y - seen.B @ seen.model.values
+    contrasts = pure_error(system, residual, case.data, Zeros.none(), case.cell)
+    found = variance_components(contrasts)
+    return float(found.scale[0]) / (case.data.found_m or 1.0), float(found.std[0])
 
 
 def _bent(case: Case, seen: Linearised) -> str:

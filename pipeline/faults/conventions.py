@@ -226,6 +226,11 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
             partial(replace, robot=robot),
             table=True,
         )
+    yield from _names(case)
+
+
+def _names(case: Case) -> Iterator[Hypothesis]:
+    """Names that stand for each other in the whole campaign."""
     for names in itertools.permutations(case.settings.measured):
         if list(names) != case.settings.measured:
             yield Hypothesis(

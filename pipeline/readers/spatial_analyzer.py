@@ -8,9 +8,11 @@ target alone. What is appended has a meaning only where the header names it.
 
 from __future__ import annotations
 
+import itertools
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -32,6 +34,8 @@ from pipeline.readers._reader import (
     written,
 )
 from pipeline.readers._text import SAMPLE_LINES, Text
+
+_T = TypeVar("_T")
 
 _COMMENT = "//"
 _AXES = ("1", "2", "3")
@@ -182,11 +186,12 @@ def _rest_fields(shape: _Shape) -> list[Field]:
 def _meaning(comments: Sequence[str], hints: Hints, table: Rows, line: int) -> Meaning:
     """What the header says of the numbers; short units count behind `units` or in brackets."""
     head = [comment for comment in comments if comment.lstrip().startswith(_COMMENT)]
-    words = {word for comment in head for word in re.findall(r"[a-z°]+", comment.lower())}
-    lengths = {UNIT_WORDS[word] for word in words if len(word) > 2 and word in UNIT_WORDS}
-    short = {unit for comment in head for pair in _SHORT_UNIT.findall(comment) for unit in pair}
-    unit = _only(lengths | {unit.lower() for unit in short if unit}, "units of length")
-    kinds = {KIND_WORDS[word] for word in words if word in KIND_WORDS} | _kinds_by_titles(head)
+    text = "\n".join(head)
+    words = set(re.findall(r"[a-z°]+", text.lower()))
+    long = {word: unit for word, unit in UNIT_WORDS.items() if len(word) > 2}
+    short = set(itertools.chain(*_SHORT_UNIT.findall(text))) - {""}
+    unit = _only(_said(words, long) | set(map(str.lower, short)), "units of length")
+    kinds = _said(words, KIND_WORDS) | _kinds_by_titles(head)
     stated = _only(kinds, "kinds of coordinates")
     if stated is None and hints.coordinates is None:
         stated = "cartesian"
@@ -195,12 +200,17 @@ def _meaning(comments: Sequence[str], hints: Hints, table: Rows, line: int) -> M
         kind = settled(stated, hints.coordinates, "coordinates", 'coordinates = "..."')
     if kind == "cartesian":
         return Meaning(unit)
-    angles = _only({ANGLE_WORDS[word] for word in words if word in ANGLE_WORDS}, "angles")
+    angles = _only(_said(words, ANGLE_WORDS), "angles")
     zeros = words & {"zenith", "elevation"} if kind == "spherical" else set()
     said = _only(zeros, "vertical angles")
     third = np.asarray(table.columns["3"])
     with at(line=line):
         return settled_angles(Meaning(unit, kind), (angles, said), third, hints)
+
+
+def _said(words: set[str], known: Mapping[str, _T]) -> set[_T]:
+    """What those words mean that are known."""
+    return {known[word] for word in words & known.keys()}
 
 
 def _only(found: set[str], what: str) -> str | None:

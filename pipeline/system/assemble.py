@@ -72,40 +72,28 @@ def errors(cell: Cell, data: Measured, values: Array) -> Errors:
     where it counts, what c = B x leaves out: the geometry of the deflected robot, once.
     """
     d, m = len(data.pull), len(data.pulls)
-    blocks = [
-        _Block("tracker", False, covariance.factors(data.loaded_cov), np.arange(d), d),
-        _Block("zero", False, covariance.factors(data.zero_cov), data.zero, data.zero.max() + 1),
-    ]
     unit = 1.0 if data.noise_stated or data.found_m else _SMALL_M
     modes = _of_force(data, unit)
     ends = np.cumsum([mode.shape[1] for mode in modes.values()])[:-1]
     moved = np.split(_moved(cell, data, values, np.concatenate([*modes.values()], 1)), ends, 2)
     pulled = dict(zip(modes, moved, strict=True))
     turn = covariance.factors(data.rotation_cov[None])[0].T
-    everywhere = {
-        "registration": _turned(cell, data, values, turn),
-        **{source: part for source, part in pulled.items() if source not in _OF_PULL},
-        "geometry": _geometry(cell, data, values),
-    }
-    blocks += [
-        _Block("force_reading", False, pulled["force_reading"], data.pull, m),
-        _Block("direction", False, pulled["direction"] / unit, data.pull, m),
+    blocks = [
+        _Block("tracker", False, covariance.factors(data.loaded_cov), np.arange(d), d),
+        _Block("zero", False, covariance.factors(data.zero_cov), data.zero, data.zero.max() + 1),
+        _Block("force_reading", False, pulled.pop("force_reading"), data.pull, m),
+        _Block("direction", False, pulled.pop("direction") / unit, data.pull, m),
     ]
-    once = np.zeros(d, int)
-    blocks += [_Block(source, True, part, once, 1) for source, part in everywhere.items()]
+    once = {"registration": _turned(cell, data, values, turn)} | pulled
+    once["geometry"] = _geometry(cell, data, values)
     if data.bends and cell.equilibrium == "undeformed":
-        bent = second_order(cell, data, values)[..., None]
-        blocks.append(_Block("second_order", True, bent, once, 1))
+        once["second_order"] = second_order(cell, data, values)[..., None]
+    blocks += [_Block(source, True, part, np.zeros(d, int), 1) for source, part in once.items()]
     parts = [_sparse(block) for block in blocks]
+    G, source, common = zip(*parts, strict=True)
     return Errors(
-        G=scipy.sparse.hstack([part for part, *_ in parts], format="csr"),
-        source=np.concatenate([source for _, source, _ in parts]),
-        common=np.concatenate([common for *_, common in parts]),
+        scipy.sparse.hstack(G, format="csr"), np.concatenate(source), np.concatenate(common)
     )
-
-
-_OF_PULL = ("force_reading", "direction")
-"""Errors of the force that are other ones in every pull."""
 
 
 def _of_force(data: Measured, unit: float) -> dict[str, Array]:
