@@ -9,7 +9,7 @@ import numpy as np
 from scipy import stats
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.base.linear import rms
 from pipeline.diagnosis.facts import Fit, Line
 from pipeline.machine.cell import Cell, predict
@@ -81,7 +81,7 @@ class Unloaded(Locked):
         rows = np.concatenate([np.repeat(kept, 3), np.ones(len(self.known) - 3 * len(kept), bool)])
         return replace(
             self,
-            pulls=_only(self.pulls, kept),
+            pulls=self.pulls.part(np.flatnonzero(kept)),
             pose=self.pose[kept],
             target=self.target[kept],
             at=self.at[kept],
@@ -139,7 +139,7 @@ def unloaded(cell: Cell, data: Measured, scale: float) -> Unloaded | None:
     cov = data.zero_cov[first] * scale**2
     zeros = Unloaded(
         cell=bare,
-        pulls=_only(still, data.pull[first]),
+        pulls=still.part(data.pull[first]),
         pose=pose,
         target=data.target[first],
         at=data.unloaded[first],
@@ -183,10 +183,6 @@ def _by_joint(zeros: Unloaded, here: Array) -> Array:
         moved = replace(zeros, pulls=replace(zeros.pulls, q=zeros.pulls.q + turn))
         slopes.append((moved.stands((), np.zeros(0)) - here) / 1e-6)
     return np.stack(slopes, axis=2)
-
-
-def _only(pulls: Pulls, which: Bools | Ints) -> Pulls:
-    return replace(pulls, **{name: value[which] for name, value in vars(pulls).items()})
 
 
 def fitted(zeros: Unloaded, effects: Sequence[Effect], rounds: int = 4) -> Fit:

@@ -49,11 +49,11 @@ def threshold(
     e = rng.standard_normal((draws, inside))
     rest = np.sum(e**2, axis=1) + rng.chisquare(max(dof - inside, 1), draws)
     least = np.ones(draws)
-    for basis in bases:
-        k = basis.shape[1]
-        T = np.sum((e @ basis) ** 2, axis=1)
-        left = dof - k
-        least = np.minimum(least, special.fdtrc(k, left, (T / k) / ((rest - T) / left)))
+    rank = np.array([basis.shape[1] for basis in bases])
+    T = np.add.reduceat((e @ np.hstack(bases)) ** 2, np.cumsum(rank) - rank, axis=1)
+    for k in np.unique(rank):  # of suspects of one rank the largest drop counts
+        most, left = T[:, rank == k].max(axis=1), dof - k
+        least = np.minimum(least, special.fdtrc(k, left, (most / k) / ((rest - most) / left)))
     tests = np.log1p(-0.02) / np.log1p(-np.quantile(least, 0.02))
     return Threshold(-np.expm1(np.log1p(-alarms.SUSPECT) / tests), float(tests))
 
