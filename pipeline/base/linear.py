@@ -199,17 +199,6 @@ def left(G: Array, whole: Array, least: float = LEFT) -> tuple[Array, Ints]:
     return np.asarray(root @ np.swapaxes(root, -1, -2) / outer), kept.sum(axis=-1)
 
 
-def drop(N: Array, g: Array) -> tuple[Array, Array]:
-    """How much r'r falls when columns D join the residual r: g'N+g, (...), and their sizes N+g.
-
-    Args:
-        N: Products D'D of the columns, what is fitted along taken out, shape (..., k, k).
-        g: D'r, shape (..., k).
-    """
-    size = np.einsum("...ij,...j->...i", inverse(N), g)
-    return np.einsum("...i,...i->...", size, g), size
-
-
 def solve(A: Array, y: Array) -> Array:
     """Solution x of the regular A x = y, shapes (..., k, k) and (..., k) or (..., k, j)."""
     one = y.ndim < A.ndim

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -80,7 +80,7 @@ def _sized(problem: Problem, poses: int, readings: int) -> Problem:
         "pull": {"steps_n": [max(problem.spec.pull.steps_n)]},
         "limits": {"max_relative_std": 1e3},
     }
-    return build(revised(problem.spec, changes), problem.robot)
+    return replace(build(revised(problem.spec, changes), problem.robot), known=problem.known)
 
 
 def _best(problem: Problem, seed: int, effort: Effort) -> float:
@@ -117,6 +117,7 @@ def _held(
     anchor[axis] = x
     place = dict(zip(("x_m", "y_m", "z_m"), anchor.tolist(), strict=True))
     held = build(revised(problem.spec, {"anchor": place}), problem.robot)
+    held = replace(held, known=problem.known)
     box = Box(held, held.poses)
     mine = box.closed(plan.q[None], anchor[None])
     start = np.vstack([mine, rng.uniform(size=(starts, box.size))])

@@ -24,7 +24,7 @@ def amplitudes(case: Case, view: Whitened) -> list[tuple[Amplitude, ...]]:
     """
     base = view.base
     value = coefficients(view.M, base)
-    dof = view.rows_left - (len(base) - view.first)
+    dof = view.dof(base)
     rest = float(eliminate(view.M, base)[-1, -1])
     variance = np.diag(linear.covariance(view.M[np.ix_(base, base)]))
     std = np.sqrt(np.where(np.isinf(variance), np.inf, variance * max(rest / dof, 0.0)))

@@ -13,7 +13,7 @@ from pipeline.base.arrays import Array, Ints
 from pipeline.diagnosis.facts import BlindSpot
 from pipeline.diagnosis.isolability import Twins
 from pipeline.machine.effect import Effect, Wrench
-from pipeline.system.elimination import eliminate
+from pipeline.system.beside import left_beside
 from pipeline.system.whitened import Whitened
 
 _POWER = 0.8
@@ -40,10 +40,9 @@ def visible(M: Array, base: Ints, at: Ints, p: float) -> Array:
         at: Columns of each suspect, -1 where it has fewer, shape (n, k).
         p: Level of the test.
     """
-    S, there = eliminate(M, base), at >= 0
-    N = S[..., at[:, :, None], at[:, None, :]] * (there[:, :, None] & there[:, None, :])
-    rank = linear.left(N, M[..., at, at] * there)[1]
-    strength = np.einsum("...ii->...", N) / there.sum(axis=1)
+    _, N, whole = left_beside(M, base, at)
+    rank = linear.left(N, whole)[1]
+    strength = np.einsum("...ii->...", N) / np.sum(at >= 0, axis=1)
     seen = (rank > 0) & (strength > 0)
     least = needed(np.maximum(rank, 1), p) / np.where(seen, strength, 1.0)
     return np.where(seen, np.sqrt(least), np.inf)

@@ -239,7 +239,7 @@ def remainder(view: Whitened) -> float | None:
     if not view.tells_scatter:
         return None
     base = view.base
-    rest = float(eliminate(view.M, base)[-1, -1]) / _dof(view, base)
+    rest = float(eliminate(view.M, base)[-1, -1]) / view.dof(base)
     noise = max(view.scatter / view.scatter_dof, ROUNDING)
     return float(np.sqrt(max(rest, ROUNDING) / noise))
 
@@ -319,10 +319,6 @@ def _grow(case: Case, end: _Stand, limit: Threshold, refused: dict[str, None]) -
         tried.add(tuple(sorted(better.model.accepted)))
         end = _stand(case, better, better.model.accepted)
     return end
-
-
-def _dof(view: Whitened, base: Ints) -> int:
-    return view.rows_left - (len(base) - view.first)
 
 
 def by_label(suspects: Sequence[Effect]) -> dict[str, list[int]]:

@@ -8,17 +8,17 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
 from pipeline.diagnosis.facts import APART, DETECTED
 from pipeline.diagnosis.isolability import Twins
-from pipeline.system.elimination import eliminate
+from pipeline.system.beside import left_beside
 from pipeline.system.whitened import Whitened
 
 
 def separation(M: Array, base: Ints, at: Ints) -> Array:
     """Sigmas between suspects at typical size, shape (..., n, n).
 
-    Entry (a, b) is what a typical a leaves when base and b are fitted; (a, a) when only the base
-    is:
+    Entry (a, b) is what a leaves when base and b are fitted, (a, a) when only the base is, root
+    mean square over its k parameters, each at typical size by itself:
 
-        d_ab^2 = 1' S_aa 1 - h' S_bb^+ h,    h = S_ba 1,    d_aa^2 = 1' S_aa 1,
+        d_ab^2 = trace(S_aa - S_ab S_bb^+ S_ba) / k,    d_aa^2 = trace(S_aa) / k,
 
     S the products of whitened columns with the base taken out, parameters in typical sizes: the
     root of the noncentrality of the test of a beside b (Baarda, A Testing Procedure for Use in
@@ -29,17 +29,16 @@ def separation(M: Array, base: Ints, at: Ints) -> Array:
         base: Columns that are estimated in any case.
         at: Columns of each of n suspects, -1 where it has fewer, shape (n, k).
     """
-    S, there = eliminate(M, base), at >= 0
-    N = S[..., at[:, :, None], at[:, None, :]] * (there[:, :, None] & there[:, None, :])
-    inverse, _ = linear.left(N, M[..., at, at] * there)
-    typical = np.zeros((M.shape[-1], len(at)))
-    np.add.at(typical, (at, np.arange(len(at))[:, None]), there)
-    moved = S @ typical
-    h = moved[..., at, :] * there[..., None]
-    alone = np.einsum("...wa,wa->...a", moved, typical)
-    left = alone[..., None] - np.einsum("...bia,...bia->...ab", h, inverse @ h)
+    S, N, whole = left_beside(M, base, at)
+    H = S[..., at, :] * (at >= 0)[..., None]
+    taken = np.einsum("...biw,...biw->...bw", H, linear.left(N, whole)[0] @ H)
+    mean = np.zeros((M.shape[-1], len(at)))
+    np.add.at(mean, (at, np.arange(len(at))[:, None]), at >= 0)
+    mean = mean / mean.sum(axis=0)
+    alone = np.einsum("...ww->...w", S)
+    left = np.swapaxes((alone[..., None, :] - taken) @ mean, -1, -2)
     each = np.arange(len(at))
-    left[..., each, each] = alone
+    left[..., each, each] = alone @ mean
     return np.asarray(np.sqrt(np.maximum(left, 0.0)))
 
 

@@ -11,6 +11,7 @@ from scipy import stats
 
 from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array
+from pipeline.base.errors import InputError
 from pipeline.faults.base_reading import shifts
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, outlying
@@ -30,8 +31,9 @@ misfit less probable than alarms.READING is no rival."""
 def base_target(case: Case, registration: Registration, scale: float) -> list[Mistake]:
     """The target of [base_frame] that the others contradict, if no other removal explains it.
 
-    All readings of a target are shifted together beside where the tracker stands; p is multiplied
-    by the number of targets (Bonferroni). The one that leaves least is registered without.
+    All readings of a target are shifted together while the tracker's pose is estimated as well; p
+    is multiplied by the number of targets (Bonferroni). The one that leaves
+    least is registered without.
 
     Args:
         case: The campaign.
@@ -49,8 +51,10 @@ def base_target(case: Case, registration: Registration, scale: float) -> list[Mi
     best, rival = (int(k) for k in np.argsort(left, kind="stable")[:2])
     if not np.isfinite(left[rival]):
         return []
-    rest, shift = _freed(case, registration, str(names[best]))
-    rest, dof = rest / scale**2, registration.dof - 3
+    free = _freed(case, registration, str(names[best]))
+    if free is None:
+        return []
+    rest, shift, dof = free[0] / scale**2, free[1], registration.dof - 3
     drop, size = chi2 / scale**2 - rest, float(np.linalg.norm(shift))
     p = len(names) * float(stats.chi2.sf(drop, 3))
     fits = stats.chi2.sf(rest, dof) > _AGREE
@@ -61,13 +65,18 @@ def base_target(case: Case, registration: Registration, scale: float) -> list[Mi
     return [_finding(str(names[best]), size, sigmas, after, p)]
 
 
-def _freed(case: Case, registration: Registration, name: str) -> tuple[float, Array]:
+def _freed(case: Case, registration: Registration, name: str) -> tuple[float, Array] | None:
     """Weighted sum of squares with the nominal place of a target free, and its shift [m], F_b.
 
     The registration without the target, plus sum_i (p_i - p)' V_i (p_i - p) of its own readings in
     F_b about their weighted mean p = (sum V_i)^-1 sum V_i p_i, V_i = (R C_i R')^-1; shift p - p_0.
+
+    None where the others do not determine the registration, as nearly on one line.
     """
-    lost = register(_without_target(case, name).settings, case.readings)
+    try:
+        lost = register(_without_target(case, name).settings, case.readings)
+    except InputError:
+        return None
     rows = case.readings.loc[registration.table.index[registration.table["target"] == name]]
     at = rows[XYZ].to_numpy(float) @ lost.R.T + lost.t
     V = linear.inverse(lost.R @ covariance.matrices(rows) @ lost.R.T)

@@ -150,7 +150,7 @@ def _distance(chain: _Chain) -> _Off | None:
         among_all, off = off.drop, _each(hung, y)
         level = np.flatnonzero(off.drop >= 0.998 * off.drop.max())
         best = int(level[np.argmax(among_all[level])])  # of two in a pose that unlike all others
-    variance = off.variance(1.0 if chain.stated else 1e-30)
+    variance = off.variance(1.0) if chain.stated else off.variance()
     p = len(y) * float(off.p(variance)[best])
     size_m = float(np.abs(off.size[best, 0]) * chain.std[best])
     if p > alarms.READING / _TESTS or size_m < _SHORT_M:
@@ -216,8 +216,8 @@ def _turns(chain: _Chain, pulls: Ints, course: Array) -> tuple[Array, Array, Arr
     left = 2 * np.maximum(poses.count - 3, 1)[:, None]
     apart = np.sqrt(off.drop / 2 / np.maximum((own - off.drop) / left, 1e-30))
     size = np.linalg.norm(off.size, axis=2)
-    sigmas = np.sqrt(off.drop / np.maximum(off.variance(), 1e-30))
-    p_value = off.p(off.variance(1e-30))
+    sigmas = np.sqrt(off.drop / off.variance())
+    p_value = off.p()
     return tuple(poses.rows(one) for one in (p_value, apart, size, sigmas))  # type: ignore[return-value]
 
 

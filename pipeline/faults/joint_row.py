@@ -158,7 +158,7 @@ def _laid(read: _Stand, out: Sequence[int]) -> _Laid:
         here = used | (read.zero & (read.pose == k))
         base = _base(X, away, here) if k in out else others
         mine = np.repeat(read.pose[here] == k, 3)
-        free = base.beside_all(np.eye(len(mine))[:, mine])
+        free = base.free(mine)
         stands[k] = np.sqrt(free.drop / max(mine.sum(), 1))
         usual[k] = np.sqrt(others.rest / max(others.dof, 1) if k in out else free.variance())
     return _Laid(R, t, off, away, stands, usual)

@@ -94,7 +94,7 @@ class Shifted(Locked):
     def springs(self, system: System) -> Base:
         """Springs, causes and common errors."""
         B = np.zeros((len(self.stack.c), system.B.shape[1]))
-        B[: len(system.B)] = system.B * [p.typical for p in system.parameters]
+        B[: len(system.B)] = system.B * system.typical
         return self.white.base(B, self.stack.c)
 
     def poses_free(self, data: Measured) -> Base:
@@ -150,10 +150,11 @@ def outlier(
     for base, shifts, must_fit in ((0, springs, True), (1, poses, True), (1, poses, False)):
         best = int(np.argmax(shifts.drop))
         left = float(shifts.variance()[best])
-        variance, known_from = left, shifts.dof - 3
+        dof = max(shifts.dof - int(shifts.rank[best]), 1)
+        variance, known_from = left, dof
         if system.noise_stated:
             variance = max(left, 1.0)  # a certificate may be modest, chance no outlier
-            if stats.f.sf(left / scale**2, shifts.dof - 3, contrasts) < _FITS:
+            if stats.f.sf(left / scale**2, dof, contrasts) < _FITS:
                 if must_fit:
                     continue
                 variance, known_from = _DOMINANT * left, contrasts

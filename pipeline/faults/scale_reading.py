@@ -89,8 +89,9 @@ def scale_outlier(
     given_again = replace(freed, g=freed.N[..., 0] * off, rest=freed.rest + drop)
     p = float(_chance(given_again, system)[best])
     alone = drop > _DOMINATES**2 * float(np.delete(freed.drop, best).max())
-    rows = np.eye(len(system.rows))[:, system.rows.pull == best]
-    # the pull left out as a whole: each of its rows is free
+    mine = np.flatnonzero(system.rows.pull == best)
+    rows = np.zeros((len(system.rows), len(mine)))
+    rows[mine, np.arange(len(mine))] = 1.0  # the pull left out as a whole: each of its rows is free
     alone &= bool(base.beside_all(white(rows)).drop < _LEFT * drop)
     if p > alarms.READING or not alone:
         return []
@@ -103,15 +104,15 @@ def _freed(
     """The model's columns, and beside them every pull's reading set free, one at a time [1/N]."""
     columns = np.zeros((len(system.rows), len(data.pulls)))
     columns[np.arange(len(columns)), system.rows.pull] = by_force(cell, data, estimate.value)
-    typical = np.array([p.typical for p in system.parameters])
+    typical = system.typical
     base = Base.of(white(system.B) * typical, white(estimate.residual))
     return base, base.beside(white(columns)[None, ..., None]).of_block(0)
 
 
 def _chance(freed: Beside, system: System) -> Array:
     """Probability of each drop, times their number; where a noise is stated, s is 1 at least."""
-    least = 1.0 if system.noise_stated else 1e-30
-    return np.asarray(len(freed.drop) * freed.p(freed.variance(least)))
+    variance = freed.variance(1.0) if system.noise_stated else freed.variance()
+    return np.asarray(len(freed.drop) * freed.p(variance))
 
 
 def _fitting(cell: Cell, data: Measured, values: Array, pull: int, scale: Scale) -> float | None:

@@ -30,6 +30,9 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.system.blocks import Blocks
 from pipeline.system.elimination import eliminate
 
+_NOTHING = 1e-30
+"""A variance that is rounding [1]."""
+
 
 @dataclass(frozen=True, eq=False)
 class Beside(Locked):
@@ -75,16 +78,19 @@ class Beside(Locked):
         """How far the sum of squares falls, g' N^+ g, shape (..., n)."""
         return np.maximum(np.einsum("...i,...i->...", self.size, self.g), 0.0)
 
-    def variance(self, least: float = 0.0) -> Array:
+    def variance(self, least: float = _NOTHING) -> Array:
         """(rest - T) / (dof - rank), no less than `least`, shape (..., n).
 
-        A certificate may be modest, chance no outlier: where a noise is stated, `least` is 1.
+        The stated uncertainty may be too large, but chance must not create outliers: where a noise
+        is stated, `least` is 1.
         """
-        left = np.maximum(self.rest - self.drop, 1e-300)
-        return np.maximum(left / np.maximum(self.dof - self.rank, 1), least)
+        left = (self.rest - self.drop) / np.maximum(self.dof - self.rank, 1)
+        return np.maximum(left, least)
 
     def p(self, variance: Array | float | None = None, known_from: float | None = None) -> Array:
         """Probability of such a drop by chance, F = (T / rank) / variance, shape (..., n).
+
+        1 where nothing is left of the columns, or no residuals that tell a variance.
 
         Args:
             variance: Of the rows; that of the residuals when not given.
@@ -92,14 +98,12 @@ class Beside(Locked):
                 the residuals when not given.
         """
         rank = np.maximum(self.rank, 1)
-        variance = self.variance() if variance is None else variance
-        dof = np.maximum(self.dof - self.rank, 1) if known_from is None else known_from
-        ratio = self.drop / variance
+        ratio = self.drop / (self.variance() if variance is None else variance)
         if known_from == np.inf:
-            p = special.chdtrc(rank, ratio)
-        else:
-            p = special.fdtrc(rank, dof, ratio / rank)
-        return np.where(self.rank > 0, p, 1.0)
+            return np.where(self.rank > 0, special.chdtrc(rank, ratio), 1.0)
+        dof = self.dof - self.rank if known_from is None else np.full(rank.shape, known_from)
+        p = special.fdtrc(rank, np.maximum(dof, 1), ratio / rank)
+        return np.where((self.rank > 0) & (dof > 0), p, 1.0)
 
     def of_block(self, block: int) -> Beside:
         """The suspects of one block."""
@@ -119,7 +123,7 @@ class Base(Locked):
     Attributes:
         blocks: Rows that a suspect may touch: all, or those of one pose.
         Q: Orthonormal columns that span X, shape (p, s, k).
-        own: Each block has all columns of X to itself, as six motions of each pose.
+        own: Each block has its own coefficients for all columns of X, as six motions of each pose.
         left: What they leave of y, shape (p, s).
         dof: Rows minus rank of X.
     """
@@ -138,7 +142,7 @@ class Base(Locked):
             X: Whitened columns, shape (M, k).
             y: Whitened rows, shape (M,).
             key: Block of each row; all rows are one when not given, shape (M,).
-            own: Each block has all columns of X to itself.
+            own: Each block has its own coefficients for all columns of X.
         """
         blocks = Blocks.of(np.zeros(len(y), np.int64) if key is None else key)
         Q = linear.spans(blocks.padded(X)) if own else blocks.padded(linear.orthonormal(X))
@@ -180,11 +184,29 @@ class Base(Locked):
             dof=self.dof,
         )
 
+    def free(self, rows: Bools) -> Beside:
+        """Some rows set free together, as if they were left out; for a base of one block.
+
+        Their columns are unit vectors: N = I - Q Q' and g = P y of these rows.
+        """
+        Q, left = self.Q[0, rows], self.left[0, rows]
+        return Beside(np.eye(len(Q)) - Q @ Q.T, left, np.ones(len(Q)), self.rest, self.dof)
+
     def beside_all(self, D: Array) -> Beside:
         """One suspect that may touch all rows, D whitened columns (M, k)."""
         beyond, left = self.beyond(D), self.blocks.rows(self.left)
         N, g = beyond.T @ beyond, beyond.T @ left
         return Beside(N, g, np.einsum("mk,mk->k", D, D), self.rest, self.dof)
+
+
+def left_beside(M: Array, base: Ints, at: Ints) -> tuple[Array, Array, Array]:
+    """What a base leaves of products (..., W, W): of all, of each suspect, and its squares before.
+
+    Shapes (..., W, W), (..., n, k, k) and (..., n, k), for columns `at` as in `by_products`.
+    """
+    S, there = eliminate(M, base), at >= 0
+    N = S[..., at[:, :, None], at[:, None, :]] * (there[:, :, None] & there[:, None, :])
+    return S, N, M[..., at, at] * there
 
 
 def by_products(M: Array, base: Ints, at: Ints, dof: int, least: float = 0.0) -> Beside:
@@ -197,11 +219,11 @@ def by_products(M: Array, base: Ints, at: Ints, dof: int, least: float = 0.0) ->
         dof: Degrees of freedom that the base leaves.
         least: Mean square below which residuals are rounding.
     """
-    S, there = eliminate(M, base), at >= 0
+    S, N, whole = left_beside(M, base, at)
     return Beside(
-        N=S[at[:, :, None], at[:, None, :]] * (there[:, :, None] & there[:, None, :]),
-        g=S[at, -1] * there,
-        whole=M[at, at] * there,
+        N=N,
+        g=S[at, -1] * (at >= 0),
+        whole=whole,
         rest=max(float(S[-1, -1]), least * dof),
         dof=dof,
     )
@@ -228,7 +250,7 @@ def left_out(X: Array, y: Array, key: Ints, rows: Array, c: Array) -> tuple[Arra
         x_p = x - H (I - U_p' U_p)^-1 U_p' r_p
 
     (Stone, J. Roy. Stat. Soc. B 36, 1974; Cook and Weisberg, Residuals and Influence, 1982).
-    What only block p determines is zero in x_p.
+    Of solutions that the other blocks leave open x_p is the shortest.
 
     Args:
         X: Whitened columns of the base, shape (M + r, k).
@@ -247,8 +269,11 @@ def left_out(X: Array, y: Array, key: Ints, rows: Array, c: Array) -> tuple[Arra
     kept, V = linear.directions(np.eye(inverse.rank) - np.swapaxes(U, 1, 2) @ U)
     seen = kept > linear.LEFT
     own = np.einsum("pji,pj->pi", V, np.einsum("psj,ps->pj", U, residual))
-    gone = np.where(seen, own / np.where(seen, kept, 1.0), np.einsum("pji,j->pi", V, along))
+    gone = np.where(seen, own / np.where(seen, kept, 1.0), 0.0)
     b = along - np.einsum("pji,pi->pj", V, gone)
+    for p in np.flatnonzero((~seen).any(axis=1)):  # what stays open is the shortest
+        free = V[p][:, ~seen[p]]
+        b[p] -= free @ linear.least_squares(inverse.half @ free, inverse.half @ b[p])
     at, D = blocks.index[: len(c)], rows @ inverse.half
     only_here = np.einsum("mj,mji->mi", D, V[at]) * ~seen[at]
     lost = np.abs(only_here).max(axis=1, initial=0.0) > _ROUNDED * np.linalg.norm(D, axis=1)

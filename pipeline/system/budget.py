@@ -50,7 +50,7 @@ def budget(system: System, estimate: Estimate, white: Whitener | None = None) ->
         white: The system's whitener, if it is at hand.
     """
     white = white or whitener(system.errors, system.rows.pose)
-    typical = np.array([p.typical for p in system.parameters])
+    typical = system.typical
     K = typical[:, None] * linear.pseudoinverse(white(system.B) * typical).X
     moved = (system.errors.G.T @ white.back(K.T)).T
     names = np.array(list(dict.fromkeys(system.errors.source.tolist())), dtype=object)

@@ -53,7 +53,7 @@ def solve(system: System, start: Array, white: Whitener | None = None) -> Estima
         white: The system's whitener, if it is at hand.
     """
     white = white or whitener(system.errors, system.rows.pose)
-    typical = np.array([p.typical for p in system.parameters])
+    typical = system.typical
     value, cov, chi2, rank = least_squares(white(system.B), white(system.c), typical, start)
     residual = system.c - system.B @ value
     dof = len(system.rows) - rank
@@ -136,10 +136,12 @@ def tracker_noise(system: System) -> float:
     Args:
         system: A system whose noise of the tracker is still relative.
     """
-    typical = np.array([p.typical for p in system.parameters])
+    typical = system.typical
     blocks = Blocks.of(system, system.B * typical, [TRACKED])
+    if blocks.dof < 1 or blocks.rough < np.log(_NO_NOISE_M) + 4:  # nothing is left but rounding
+        return _NO_NOISE_M
     (log_s,) = lowest(blocks.of_scales(np.array([True])), np.array([blocks.rough]))
-    return max(float(np.exp(log_s)), _NO_NOISE_M)
+    return float(np.exp(log_s))
 
 
 def _iterate(
@@ -172,7 +174,7 @@ def left_out(system: System, white: Whitener | None = None) -> Array:
         Unweighted residuals [m], shape (M,); NaN where the rest does not determine x.
     """
     white = white or whitener(system.errors, system.rows.pose)
-    B = system.B * np.array([p.typical for p in system.parameters])
+    B = system.B * system.typical
     X = np.hstack([white.with_priors(B), white.columns])
     rows = np.hstack([B, np.zeros_like(white.common)])
     left, lost = beside.left_out(X, white.with_priors(system.c), white.key, rows, system.c)

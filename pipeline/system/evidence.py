@@ -1,12 +1,11 @@
 """How strongly the data speak for each suspect: F tests, and evidence with physical priors.
 
-Model j adds the columns Z_j of suspect j to the base X of springs, common errors and accepted
+Model j adds the columns D_j of suspect j to the base X of springs, common errors and accepted
 causes, all rows whitened, parameters z in their typical sizes:
 
-    y = X b + Z_j z + s e,    e ~ N(0, I),    y = whitened c.
+    y = X b + D_j z + s e,    e ~ N(0, I),    y = whitened c.
 
-What the base leaves is G = Z_j' P Z_j, h = Z_j' P y and rest = y' P y, P the projection orthogonal
-to X. The evidence integrates the parameters out,
+With N, g and rest of `beside` the evidence integrates the parameters out,
 
     ln p(y | M_j) = ln of the integral of p(y | b, z, s) p(b) p(z | s) p(s) over b, z and s.
 """

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import scipy.sparse
 from scipy import stats
 
-from pipeline.base import linear
 from pipeline.system import alarms
+from pipeline.system.beside import Base
 from pipeline.system.restricted import Blocks
 from pipeline.system.system import Scatter, System
 from pipeline.system.whitened import Whitened
@@ -51,10 +52,8 @@ def scatter(view: Whitened, system: System, known: tuple[float, float]) -> Scatt
     tracker, relative = known
     dof, source = 0.5 / relative**2, "contrasts"
     if not np.isfinite(relative):
-        X = view.A[:, view.base]
-        residual = view.A[:, -1] - X @ linear.least_squares(X, view.A[:, -1])
         dof, source = float(view.rows_left), "residuals"
-        tracker = float(np.sqrt(residual @ residual / dof))
+        tracker = float(np.sqrt(Base.of(view.A[:, view.base], view.A[:, -1]).rest / dof))
     stated = system.noise_stated
     tracker = max(tracker, _LEAST if stated else _LEAST_M)
     p = float(stats.chi2.sf(dof * (tracker / TOLERATED) ** 2, dof)) if stated else 1.0
@@ -79,11 +78,12 @@ def _force(view: Whitened, system: System, tracker: float) -> tuple[float, float
     errors = system.errors
     typical = np.concatenate([view.typical[: view.springs], view.typical[view.first :]])
     X = view.raw[:, :-1] * typical
-    left = system.c - X @ linear.least_squares(X, system.c)
-    exact = left @ left < _EXACT**2 * (system.c @ system.c)
-    if exact or not (errors.source == "force_reading").any() or len(left) - X.shape[1] < _FEWEST:
+    beyond = Base.of(X, system.c)
+    exact = beyond.rest < _EXACT**2 * (system.c @ system.c)
+    if exact or not (errors.source == "force_reading").any() or beyond.dof < _FEWEST:
         return _AS_SAID
-    wide = replace(errors, G=errors.G * tracker)
+    own = np.where(errors.common, 1.0, tracker)
+    wide = replace(errors, G=scipy.sparse.csr_array(errors.G @ scipy.sparse.diags_array(own)))
     loss = Blocks.of(replace(system, errors=wide), X, [("force_reading",)]).whole
     losses = [loss(np.array([t])) for t in np.log(_TRIED)]
     p = float(stats.chi2.sf(losses[0] - min(losses), 1) / 2)

@@ -80,6 +80,11 @@ class System(Locked):
     found_m: float | None = None
 
     @property
+    def typical(self) -> Array:
+        """Typical size of each parameter, shape (k,)."""
+        return np.array([p.typical for p in self.parameters])
+
+    @property
     def relative(self) -> bool:
         """Whether a part of G still waits for the noise of the tracker."""
         return not self.noise_stated and self.found_m is None

@@ -108,10 +108,10 @@ def variance_components(
     """Scales of the noise components by restricted maximum likelihood.
 
     Fixed effects are the columns of `design`; what is left is normal with V = sum s^2 G_s G_s' +
-    stated rest. For an answer that no wrong model of the robot
-    can spoil, give the system of `pure_error`; for residuals of a model, the campaign's own.
-    Its standard uncertainties are the larger of the information's and of the scatter from pose
-    to pose, so that tails longer than normal do not make it too sure.
+    stated rest, the errors common to all poses among it. For an answer that no wrong model of the
+    robot can spoil, give the system of `pure_error`; for residuals of a model, the campaign's own.
+    The standard uncertainties are the larger of the information's and of the scatter from pose to
+    pose, so that tails longer than normal do not make them too small.
 
     Args:
         system: c, and its errors by source.

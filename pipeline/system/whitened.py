@@ -141,7 +141,7 @@ class Whitened(Locked):
             fewer: Rows that are missing in them.
             among: Columns of each suspect, -1 for none, shape (n, k); those of `at` when not given.
         """
-        dof = self.rows_left - fewer - (len(base) - self.first)
+        dof = self.dof(base) - fewer
         at = self.at if among is None else among
         found = by_products(self.M if M is None else M, base, at, dof, ROUNDING)
         return Scores(**vars(found), bounds=self.bounds if among is None else None)
@@ -177,6 +177,10 @@ class Whitened(Locked):
         """Which columns of A move a prediction, as common errors do not, and those of `raw`."""
         kept = (base < self.springs) | (base >= self.first)
         return kept, np.where(base < self.springs, base, base - self.common)[kept]
+
+    def dof(self, base: Ints) -> int:
+        """Degrees of freedom that a base leaves."""
+        return self.rows_left - (len(base) - self.first)
 
     def without(self, pose: int) -> Array:
         """M without one pose."""
@@ -311,7 +315,7 @@ class Rigid:
     """What no rigid motion of the effector explains.
 
     Attributes:
-        square: Sum of squares of it; in stated variances.
+        square: Its sum of squares, in units of the stated variance.
         dof: Its degrees of freedom; 0 where there are too few.
         soft_p: Probability of what moves single reflectors by the load, if it were scatter.
     """
