@@ -257,3 +257,14 @@ def test_base_reflectors_without_stated_noise_accuse_none(case):
     assert base_target(wrong, registration, 1.0)
     assert base_target(wrong, replace(registration, chi2=None), 1.0) == []
     assert base_target(wrong, registration, 40.0) == []
+
+
+def test_the_others_must_agree_to_a_hundredth(case):
+    """Their sum of squares has the redundancy without the reading: 15."""
+    whole = registered(spoiled(case, 1, np.array([0.0, 0.0, 1e-3])))
+    index = whole.table.index[1]
+    rest = register(case.settings, case.readings.drop(index)).chi2
+    limit = stats.chi2.isf(0.01, 15)
+
+    assert len(base_outlier(whole, np.sqrt(rest / limit) * 1.01)) == 1
+    assert base_outlier(whole, np.sqrt(rest / limit) * 0.99) == []

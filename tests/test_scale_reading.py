@@ -209,3 +209,27 @@ def test_a_modest_certificate_is_believed_and_none_is_not(clean):
     np.testing.assert_allclose(_chance(small_rest, stated), expected, rtol=1e-9)
     expected = 12 * stats.f.sf(drop / left, 1, found.dof - 1)
     np.testing.assert_allclose(_chance(small_rest, unstated), expected, rtol=1e-9)
+
+
+def test_a_scale_is_as_sure_of_the_right_reading_as_it_states():
+    """One part in a hundred of the reading: of ten times the force ten times as much."""
+    case = small(8, scale={"sigma_n": 1.0, "sigma_rel": 0.01})
+    wrong = typed(case, 5, 2, lambda f: 10 * f)
+
+    (found,) = scale_reading.FAULT.find(asked(wrong))
+
+    std = freed(asked(case)).N[9, 0, 0] ** -0.5
+    told = float(found.evidence.split(" +- ")[1].split()[0])
+    assert told == pytest.approx(std, rel=0.06)
+    assert std > 30.0
+
+
+def test_where_no_noise_is_stated_the_other_pulls_are_the_noise():
+    """The sum of squares that the reading as given would leave is that of the right one."""
+    case = small(8, tracker={"stated": False})
+    (found,) = scale_reading.FAULT.find(asked(typed(case, 5, 2, lambda f: 1.3 * f)))
+
+    right = freed(asked(case))
+    drop = found.before**2
+    expected = np.log(12) + stats.f.logsf(drop / (right.rest / (right.dof - 1)), 1, right.dof - 1)
+    assert np.log(found.p_value) == pytest.approx(expected, rel=0.1)
