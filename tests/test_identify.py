@@ -92,7 +92,7 @@ def test_nothing_is_accepted_where_nothing_acts():
 
 def test_causes_that_act_join_one_by_one():
     """Two of six: each with its p beside the other, from two fits by numpy."""
-    truth = made(np.random.default_rng(3), SUSPECTS, {1: [2.0, -1.0], 2: [1.5]})
+    truth = made(np.random.default_rng(3), SUSPECTS, {1: [1.0, -0.7], 2: [0.8]})
     got = found(truth)
 
     assert sorted(got.accepted) == [1, 2]
@@ -219,9 +219,11 @@ def test_bounds_have_two_sigma_and_a_third_of_slack():
 
 
 def test_no_more_than_three_join_and_one_cause_joins_in_one_form():
-    """Four planted, the fourth another form of the third."""
+    """Five planted, two of them forms of one cause."""
     suspects = (*SUSPECTS[:4], suspect("d", FREE))
-    truth = made(np.random.default_rng(10), suspects, {0: [3.0], 2: [4.0], 3: [3.0], 4: [2.0]})
+    truth = made(
+        np.random.default_rng(10), suspects, {0: [3.0], 1: [3.0, 3.0], 2: [4.0], 3: [3.0], 4: [2.0]}
+    )
 
     got = found(truth)
 

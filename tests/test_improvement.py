@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from linear_campaign import EACH, FREE, POSES, SPRINGS, case_of, made, suspect
+from scipy import stats
 
 from pipeline.diagnosis.improvement import _choose, alone, gain, interval
 
@@ -127,3 +128,22 @@ def test_the_interval_of_unequal_poses_is_that_of_loops():
     _, ci = interval(before, after, POSE, rng)
 
     assert ci == pytest.approx(tuple(by_loops(before, after, 4000, rng)), abs=0.02)
+
+
+def test_a_cause_is_chosen_by_its_chance_in_the_poses_that_stay():
+    """The p of its F test without the pose, from two fits to the other rows."""
+    truth = made(np.random.default_rng(9), SUSPECTS, {3: [0.45]})
+    kept = np.append(POSE != 0, True)
+    squares = []
+    for causes in ((), (3,)):
+        X, y = truth.columns(*causes)[kept], truth.y[kept]
+        squares.append(np.sum((y - X @ np.linalg.lstsq(X, y, rcond=None)[0]) ** 2))
+    dof = 72 - EACH - SPRINGS - 1
+    p = stats.f.sf((squares[0] - squares[1]) / (squares[1] / dof), 1, dof)
+
+    def chosen(limit):
+        got = gain(case_of(truth), truth.view(), truth.view((3,)), limit, RNG())
+        return got.chosen[0]
+
+    assert chosen(1.001 * p) == ("d",)
+    assert chosen(0.999 * p) == ()
