@@ -350,6 +350,9 @@ def test_a_contest_weighs_pairs_by_the_root_of_their_odds(asked):
     contest = _Contest.of(view, [question(view, *labels, odds=odds)])
 
     assert contest.weight == pytest.approx(np.sqrt([0.05, 0.2, 0.04]))
+    worth = Question((suspect(view, labels[0]), None), (0.5, 0.5), ())
+    assert contest.rivals
+    assert not _Contest.of(view, [question(view, *labels, odds=odds), worth]).rivals
     few = weak(among, 3, 1.0)
     found = contest.leverage(contest.products(view, few))
     for k in range(3):
