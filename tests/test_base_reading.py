@@ -174,19 +174,19 @@ def draws(case, count, rng, factor=1.0):
 
 
 def test_clean_draws_are_accused_no_more_often_than_the_rate(case, monkeypatch):
-    """60 draws at a rate of one in five: both tests together with their own scatter known."""
+    """40 draws at a rate of one in five: both tests together with their own scatter known."""
     monkeypatch.setattr(alarms, "READING", 0.2)
     monkeypatch.setattr(reading, "_SMALLEST_M", 0.0)
     accused, factor = np.zeros(2, int), 1.5
-    for one in draws(case, 60, np.random.default_rng(12), factor):
+    for one in draws(case, 40, np.random.default_rng(12), factor):
         registration = registered(one)
         accused += [
             bool(base_outlier(registration, factor)),
             bool(base_target(one, registration, factor)),
         ]
 
-    assert 1 <= accused[0] <= stats.binom.ppf(0.999, 60, 0.2)
-    assert accused[1] <= stats.binom.ppf(0.999, 60, 0.2)
+    assert 1 <= accused[0] <= stats.binom.ppf(0.999, 40, 0.2)
+    assert accused[1] <= stats.binom.ppf(0.999, 40, 0.2)
 
 
 @pytest.mark.parametrize(("name", "axis"), [("B1", 0), ("B3", 1)])

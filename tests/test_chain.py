@@ -323,3 +323,20 @@ def test_of_two_bad_pulls_the_worse_is_named_first():
     assert chain_outlier(second.correct(first.correct(given))) == []
     few = given.readings["pose"] < 3
     assert chain_outlier(replace(given, readings=given.readings[few])) == []
+
+
+def test_the_law_that_accuses_a_pull_less_is_believed(monkeypatch):
+    """One pull is unlikely by one law only, another by both: of the first nothing is said."""
+    given = ends(np.random.default_rng(5))
+    by_force, by_sag = (np.full((4, 24), 0.5), np.full((4, 24), 0.5))
+    by_force[:, 3], by_sag[:, 3] = (1e-12, 9, 2e-3, 12), (0.2, 9, 2e-3, 12)
+    by_force[:, 8], by_sag[:, 8] = (1e-8, 7, 1e-3, 8), (1e-7, 6, 3e-3, 9)
+    laws = [by_force, by_sag]
+    monkeypatch.setattr(module, "_turns", lambda _, pulls, course: tuple(laws[int(course[0] < 1)]))
+
+    found = module._direction(given)
+
+    assert (found.pull, found.sigmas, found.size) == (8, 8, 1e-3)
+    assert found.p_value == pytest.approx(24e-7)
+    by_sag[1, 8] = 4.9  # among its own pose it hardly stands out by one of them
+    assert module._direction(given) is None
