@@ -6,13 +6,16 @@ from functools import cache
 import numpy as np
 import pandas as pd
 import pytest
+from scipy import stats
 
+from pipeline.faults import chain as module
 from pipeline.faults.chain import chain_outlier
 from pipeline.reduction.bring import conformed, plain
 from pipeline.reduction.register import XYZ
 from pipeline.run import ingested
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
+from pipeline.system import alarms
 
 SIGMA_M = 3e-5
 STEPS = (1000.0, 1600.0, 2300.0, 3000.0)
@@ -126,3 +129,214 @@ def test_two_pulls_of_a_pose_tell_it_by_all_others():
     found = chain_outlier(spoiled(given, "pose03_rep1_loaded", "Pl2", 8e-4 * _unit(at[1] - at[0])))
 
     assert [f.where for f in found] == ["pose03_rep1_loaded/Pl1-Pl2"]
+
+
+def ends(rng, poses=6, pulls=4, sigma=SIGMA_M, stated=True, hung_m=0.0):
+    """Both ends of a chain as arrays, straight in the force in each pose, with scatter."""
+    m = poses * pulls
+    pose = np.repeat(np.arange(poses), pulls)
+    force = np.tile(np.linspace(900.0, 3000.0, pulls), poses) + 20 * rng.standard_normal(m)
+    start = rng.uniform(-3, 3, (poses, 3))[pose]
+    u = rng.standard_normal((poses, 3))
+    u = (u / np.linalg.norm(u, axis=1, keepdims=True))[pose]
+    give = 2e-3 * rng.standard_normal((poses, 3))[pose] * force[:, None] / 3000
+    give -= np.sum(give * u, axis=1, keepdims=True) * u
+    length = 0.6 + 1e-4 * force / 3000 + (hung_m * rng.standard_normal(poses))[pose]
+    std = (np.linspace(0.7, 1.4, m) if stated else np.ones(m)) * sigma * np.sqrt(2)
+    far = start + length[:, None] * u + give + 0.5 * std[:, None] * rng.standard_normal((m, 3))
+    far += (np.sqrt(1 - 0.25) * std * rng.standard_normal(m))[:, None] * u
+    group = np.array([f"pose{p:02d}_{k}" for k, p in enumerate(pose)], object)
+    at = np.stack([start, far], axis=1)
+    return module._Chain(group, pose, force, at, std if stated else np.ones(m), stated)
+
+
+def longer(given, k, by):
+    """The far end of one pull further along the chain [m], or by a vector."""
+    at = given.ends.copy()
+    at[k, 1] += by * _unit(at[k, 1] - at[k, 0]) if np.isscalar(by) else by
+    return replace(given, ends=at)
+
+
+def lengths_without(given, k, poses=False):
+    """Length of pull k less what the others foretell, and sums of squares with and without it."""
+    length = np.linalg.norm(given.ends[:, 1] - given.ends[:, 0], axis=1)
+    one = np.ones((len(length), 1))
+    if poses:
+        one = (given.pose[:, None] == np.unique(given.pose)).astype(float)
+    X = np.hstack([one, given.force[:, None] / 3000]) / given.std[:, None]
+    y = length / given.std
+    rest = np.arange(len(y)) != k
+    x, *_ = np.linalg.lstsq(X[rest], y[rest], rcond=None)
+    whole = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
+    dof = int(rest.sum()) - np.linalg.matrix_rank(X[rest])
+    off = (y[k] - X[k] @ x) * given.std[k]
+    return off, whole @ whole, np.sum((y[rest] - X[rest] @ x) ** 2), dof
+
+
+@pytest.mark.parametrize("stated", [True, False])
+@pytest.mark.parametrize("hung_m", [0.0, 2e-2])
+def test_a_distance_is_held_against_a_fit_to_the_others(stated, hung_m):
+    """Deleted residual, its sigmas and its chance times the number of pulls."""
+    given = longer(ends(np.random.default_rng(3), stated=stated, hung_m=hung_m), 9, -5e-4)
+
+    found = module._distance(given)
+
+    off, whole, left, dof = lengths_without(given, 9, poses=hung_m > 0)
+    variance = max(left / dof, 1.0) if stated else left / dof
+    assert found.pull == 9
+    assert found.size == pytest.approx(abs(off), rel=1e-6)
+    assert found.sigmas == pytest.approx(np.sqrt((whole - left) / variance), rel=1e-6)
+    chance = 24 * stats.f.sf((whole - left) / variance, 1, dof)
+    assert found.p_value == pytest.approx(chance, rel=1e-4)
+
+
+def test_of_two_pulls_of_a_pose_the_one_unlike_all_is_told():
+    """Each is the other's only witness about how the chain was hung; all others decide."""
+    rng = np.random.default_rng(8)
+    given = ends(rng, poses=12, pulls=2)
+    assert module._distance(longer(given, 7, 6e-4)).pull == 7
+    assert module._distance(longer(given, 6, 6e-4)).pull == 6
+
+
+def test_nothing_short_is_reported():
+    """A chain known to a micrometre: 0.14 mm are certain and too little, 0.17 are not."""
+    given = ends(np.random.default_rng(4), sigma=1e-6)
+
+    assert module._distance(longer(given, 5, 1.4e-4)) is None
+    assert module._distance(longer(given, 5, 1.7e-4)).pull == 5
+
+
+def across(given, k, by):
+    """The far end of one pull off across the chain [m]."""
+    u = _unit(given.ends[k, 1] - given.ends[k, 0])
+    return longer(given, k, by * _unit(np.cross(u, [0.3, 0.5, 0.8])))
+
+
+def test_a_direction_is_held_against_a_fit_to_the_others():
+    """Two coordinates across, straight in the course of each pose; scatter shared by all."""
+    given = across(ends(np.random.default_rng(5)), 13, 3e-3)
+    pulls = np.arange(24)
+
+    p, apart, size, sigmas = module._turns(given, pulls, given.force)
+
+    u = given.ends[:, 1] - given.ends[:, 0]
+    u = u / np.linalg.norm(u, axis=1, keepdims=True)
+    squares, gone, off = np.zeros(24), np.zeros(24), np.zeros(24)
+    for pose in range(6):
+        here = np.flatnonzero(given.pose == pose)
+        mean = _unit(u[here].sum(axis=0))
+        first = _unit(np.cross(mean, [0.2, -0.7, 0.4]))
+        w = u[here] @ np.stack([first, np.cross(mean, first)], axis=1)
+        X = np.stack([np.ones(4), given.force[here]], axis=1)
+        whole = np.sum((w - X @ np.linalg.lstsq(X, w, rcond=None)[0]) ** 2)
+        for k, pull in enumerate(here):
+            rest = np.arange(4) != k
+            x = np.linalg.lstsq(X[rest], w[rest], rcond=None)[0]
+            squares[pull], gone[pull] = whole, np.sum((w[rest] - X[rest] @ x) ** 2)
+            off[pull] = np.linalg.norm(w[k] - X[k] @ x)
+    total, drop = squares[::4].sum(), squares - gone
+    dof = 2 * 24 - 6 * 4 - 2
+    variance = (total - drop) / dof
+    np.testing.assert_allclose(size, off, rtol=1e-5)
+    np.testing.assert_allclose(sigmas, np.sqrt(drop / variance), rtol=1e-5)
+    np.testing.assert_allclose(p, stats.f.sf(drop / 2 / variance, 2, dof), rtol=1e-4)
+    np.testing.assert_allclose(apart, np.sqrt(drop / 2 / (gone / 2)), rtol=1e-4)
+    found = module._direction(given)
+    assert found.pull == 13
+    other = module._turns(given, pulls, 1 / given.force)
+    assert found.p_value == pytest.approx(24 * max(p[13], other[0][13]), rel=1e-6)
+    assert found.size == pytest.approx(min(size[13], other[2][13]), rel=1e-6)
+    assert found.sigmas == pytest.approx(min(sigmas[13], other[3][13]), rel=1e-6)
+
+
+def test_directions_of_poses_with_fewer_than_four_known_pulls_are_not_tested():
+    """Three pulls leave one too few; one without a force is none."""
+    good = ends(np.random.default_rng(5))
+    bad = across(good, 13, 3e-3)
+    force = bad.force.copy()
+    force[15] = np.nan
+
+    assert module._direction(bad).pull == 13
+    assert module._direction(replace(bad, force=force)) is None
+    assert module._direction(across(ends(np.random.default_rng(5), pulls=3), 10, 3e-3)) is None
+    assert module._direction(across(ends(np.random.default_rng(5), sigma=1e-6), 13, 1e-4)) is None
+
+
+def test_clean_draws_of_a_chain_are_accused_no_more_often_than_the_rate(monkeypatch):
+    """200 chains, distances and directions at a rate of a fifth each, nothing else asked."""
+    monkeypatch.setattr(alarms, "READING", 0.4)
+    for name in ("_SHORT_M", "_MATTERS_RAD", "_APART"):
+        monkeypatch.setattr(module, name, 0.0)
+    rng, accused = np.random.default_rng(6), np.zeros(2)
+    for _ in range(200):
+        given = ends(rng, stated=False)
+        accused += [module._distance(given) is not None, module._direction(given) is not None]
+
+    # within four sigma of the rate above, and no test asleep
+    assert (accused <= 40 + 4 * np.sqrt(32)).all()
+    assert accused[0] >= 20
+
+
+def test_the_end_that_moved_is_told_where_one_stands_out_three_times_as_much():
+    """By how far each is from the straight course of the others in its pose."""
+    given = ends(np.random.default_rng(7))
+    at = given.ends.copy()
+    at[13, 0] += [1e-3, 0, 0]
+    at[13, 1] += [0, 0.5e-3, 0]
+    both = replace(given, ends=at)
+    one = replace(given, ends=np.stack([at[:, 0], given.ends[:, 1]], axis=1))
+    here = [12, 14, 15]
+    X = np.stack([np.ones(24), given.force], axis=1)
+    course = np.linalg.lstsq(X[here], at[here, 0], rcond=None)[0]
+
+    end, off = module._end(one, 13)
+
+    assert end == 0
+    assert off == pytest.approx(np.linalg.norm(at[13, 0] - X[13] @ course), rel=1e-9)
+    assert module._end(both, 13) is None
+    assert (
+        module._end(replace(one, force=np.where(np.arange(24) == 15, np.nan, one.force)), 13)
+        is None
+    )
+
+
+def test_two_alike_bad_pulls_are_not_told_apart_from_the_chain():
+    """Two of eight pulls longer by the same: neither contradicts all others enough."""
+    given = ends(np.random.default_rng(9), poses=2)
+    assert module._distance(longer(given, 2, 1.5e-3)).pull == 2
+    assert module._distance(longer(longer(given, 2, 1.5e-3), 5, 1.5e-3)) is None
+
+
+def test_of_two_bad_pulls_the_worse_is_named_first():
+    """Distance before direction, the larger before the smaller, the other once it is gone."""
+    given = read(np.random.default_rng(10))
+    rows = given.readings.set_index(["group", "target"])[XYZ]
+    for group, off in (("pose04_rep2_loaded", 2e-3), ("pose07_rep3_loaded", 1e-3)):
+        at = [rows.loc[(group, name)].to_numpy(float) for name in ("Pl1", "Pl2")]
+        given = spoiled(given, group, "Pl2", off * _unit(at[1] - at[0]))
+
+    (first,) = chain_outlier(given)
+    (second,) = chain_outlier(first.correct(given))
+
+    assert first.where == "pose04_rep2_loaded/Pl2"
+    assert second.where == "pose07_rep3_loaded/Pl2"
+    assert chain_outlier(second.correct(first.correct(given))) == []
+    few = given.readings["pose"] < 3
+    assert chain_outlier(replace(given, readings=given.readings[few])) == []
+
+
+def test_the_law_that_accuses_a_pull_less_is_believed(monkeypatch):
+    """One pull is unlikely by one law only, another by both: of the first nothing is said."""
+    given = ends(np.random.default_rng(5))
+    by_force, by_sag = (np.full((4, 24), 0.5), np.full((4, 24), 0.5))
+    by_force[:, 3], by_sag[:, 3] = (1e-12, 9, 2e-3, 12), (0.2, 9, 2e-3, 12)
+    by_force[:, 8], by_sag[:, 8] = (1e-8, 7, 1e-3, 8), (1e-7, 6, 3e-3, 9)
+    laws = [by_force, by_sag]
+    monkeypatch.setattr(module, "_turns", lambda _, pulls, course: tuple(laws[int(course[0] < 1)]))
+
+    found = module._direction(given)
+
+    assert (found.pull, found.sigmas, found.size) == (8, 8, 1e-3)
+    assert found.p_value == pytest.approx(24e-7)
+    by_sag[1, 8] = 4.9  # among its own pose it hardly stands out by one of them
+    assert module._direction(given) is None

@@ -1,12 +1,20 @@
 """The next pull: what it promises is what least squares would find with it."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from pipeline.diagnosis.diagnose import case_of
-from pipeline.diagnosis.nextpose import Candidates, Question, candidates, propose
+from pipeline.diagnosis.nextpose import (
+    Candidates,
+    Question,
+    _Contest,
+    _series,
+    candidates,
+    propose,
+)
 from pipeline.machine.cell import paper_cell, predict
 from pipeline.reduction.bring import conformed
 from pipeline.run import reduce, tool
@@ -259,3 +267,99 @@ def test_a_candidate_is_pulled_as_the_fullest_pose_was(asked):
     assert len(both.anchor) == 2 * len(among.anchor)
     largest = np.linalg.norm(both.pulls.force, axis=1)
     assert set(np.round(largest / size.max(), 6)) == {1.0, 0.25}
+
+
+def beside(view, what, rest, pulls):
+    """Sigmas that a cause leaves, at its fitted size, of springs and causes that act anyway."""
+    springs, (mine_new, *rest_new) = further(view, [what, *rest], pulls)
+    mine, *more = (view.A[:, view.columns([suspect(view, one)])] for one in (what, *rest))
+    old = np.hstack([view.A[:, : view.first], *more])
+    held = np.hstack([np.zeros((mine.shape[1], old.shape[1])), np.eye(mine.shape[1]) / 6.0])
+    rows = np.vstack([np.hstack([old, mine]), held])
+    c = np.append(view.A[:, -1], np.zeros(mine.shape[1]))
+    fitted = np.linalg.lstsq(rows, c, rcond=None)[0][old.shape[1] :]
+    base = np.vstack([old, np.hstack([springs, *rest_new])])
+    signal = np.concatenate([mine, mine_new]) @ fitted
+    return np.linalg.norm(signal - base @ np.linalg.lstsq(base, signal, rcond=None)[0])
+
+
+@pytest.mark.parametrize("rest", [(), ("rail_roll",)])
+def test_where_only_its_worth_is_open_the_pose_is_taken_that_shows_most_of_a_cause(asked, rest):
+    """Against the springs, and the causes that act anyway; no pose shows more."""
+    _, view, among = asked
+    few = weak(among, 12, 1.0)
+    mine, other = suspect(view, "joint_tilt:3"), tuple(suspect(view, one) for one in rest)
+
+    first, *_ = propose(view, [Question((mine, None), (0.5, 0.5), other)], few)
+
+    shown = [beside(view, "joint_tilt:3", rest, of(few, [k])) for k in range(12)]
+    assert first.separates == ("joint_tilt:3", "joint_springs")
+    assert first.before == pytest.approx(beside(view, "joint_tilt:3", rest, of(few, [])), rel=1e-3)
+    assert first.after == pytest.approx(max(shown), rel=1e-3)
+    assert number(few, first) == int(np.argmax(shown))
+
+
+def test_a_candidate_is_pulled_after_all_that_was_measured(asked):
+    """Its zero five minutes after the last pull, its pull five later."""
+    case, _, among = asked
+
+    assert (among.pulls.time == case.data.pulls.time.max() + 600).all()
+    assert (among.pulls.time_zero == case.data.pulls.time.max() + 300).all()
+    assert set(among.pulls.approach) == {-1.0, 1.0}
+
+
+def series(sigmas, weight=(0.5,), far=None, rivals=True, most=4):
+    """Poses chosen where products count candidates and squared sigmas add up."""
+    gains = np.square(np.array(sigmas, float))  # by candidate and pair
+    contest = SimpleNamespace(
+        M=np.zeros(gains.shape[1]),
+        apart=np.sqrt,
+        weight=np.array(weight),
+        leverage=lambda more: np.array(far or np.arange(len(more)), float),
+        rivals=rivals,
+    )
+    return _series(contest, gains, np.ones(gains.shape[1], bool), most)
+
+
+def test_poses_are_added_until_the_chance_of_a_wrong_name_is_small():
+    """Counted from what is known: sqrt(p q) exp(-d^2 / 8) of two in a thousand."""
+    chosen, apart = series([[1.0], [6.0]])
+    assert chosen == [1, 1]
+    np.testing.assert_allclose(apart[:, 0], [0.0, 6.0, np.sqrt(72)])
+    assert len(series([[3.0]])[0]) == 4
+    assert len(series([[3.0]], most=2)[0]) == 2
+
+
+def test_of_poses_that_are_enough_the_best_foretold_is_taken():
+    """Two are enough: not the stronger but the surer; for a mere worth the stronger."""
+    assert series([[7.0], [9.0], [2.0]], far=[1.0, 2.0, 0.1])[0] == [0]
+    assert series([[7.0], [9.0], [2.0]], far=[1.0, 2.0, 0.1], rivals=False)[0] == [1]
+
+
+def test_the_likelier_pair_is_told_apart_first():
+    """Each candidate separates one pair."""
+    for weight, first in (((0.5, 0.1), 0), ((0.1, 0.5), 1)):
+        assert series([[5.0, 0.0], [0.0, 5.0]], weight)[0][0] == first
+
+
+def test_a_contest_weighs_pairs_by_the_root_of_their_odds(asked):
+    """And a prediction by the springs and the cause that leads."""
+    _, view, among = asked
+    labels, odds = ("joint_tilt:3", "link_bending:upper_arm", "joint_tilt:4"), (0.5, 0.1, 0.4)
+
+    contest = _Contest.of(view, [question(view, *labels, odds=odds)])
+
+    assert contest.weight == pytest.approx(np.sqrt([0.05, 0.2, 0.04]))
+    worth = Question((suspect(view, labels[0]), None), (0.5, 0.5), ())
+    assert contest.rivals
+    assert not _Contest.of(view, [question(view, *labels, odds=odds), worth]).rivals
+    few = weak(among, 3, 1.0)
+    found = contest.leverage(contest.products(view, few))
+    for k in range(3):
+        springs, (mine, *_) = further(view, labels, of(few, [k]))
+        old = np.hstack(
+            [view.A[:, : view.first], view.A[:, view.columns([suspect(view, labels[0])])]]
+        )
+        factor = np.linalg.qr(old, mode="r")
+        expected = np.linalg.norm(np.linalg.solve(factor.T, np.hstack([springs, mine]).T)) ** 2
+        assert found[k] == pytest.approx(expected, rel=1e-3)

@@ -112,7 +112,7 @@ def _search(fits: Fits, exact: Fits, suspects: tuple[Effect, ...]) -> Fit | None
     """The fewest causes that leave no more than chance; None when three do not."""
     chosen: tuple[Effect, ...] = ()
     alone: Fit | None = None
-    for _ in range(_MOST):
+    for _ in range(min(_MOST, len(suspects))):
         free = [suspect for suspect in suspects if suspect not in chosen]
         best = min((fits((*chosen, suspect)) for suspect in free), key=lambda fit: fit.chi2)
         if best.p > _BELIEVED and _possible(best):

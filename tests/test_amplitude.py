@@ -1,0 +1,112 @@
+"""Sizes of causes: numpy's fit and Student for springs, the likelihood's profile for the rest."""
+
+import numpy as np
+import pytest
+from linear_campaign import FREE, case_of, made, suspect
+from scipy import optimize, stats
+from small_case import asked, small
+
+from pipeline.diagnosis import amplitude
+from pipeline.diagnosis.amplitude import amplitudes
+from pipeline.diagnosis.diagnose import case_of as real_case
+from pipeline.machine.cell import predict
+from pipeline.machine.effects import Elastic
+
+SUSPECTS = (suspect("a", FREE, typical=3e-7), suspect("b", FREE, FREE), suspect("c", FREE))
+
+
+@pytest.mark.parametrize("accepted", [(1,), (2, 1), (0, 1, 2)])
+def test_sizes_and_intervals_are_numpys_and_students(monkeypatch, accepted):
+    """Estimated together, scatter from what is left, each in the unit of its parameter."""
+    monkeypatch.setattr(amplitude, "Elastic", object)  # linear in their parameters, all of them
+    truth = made(np.random.default_rng(2), SUSPECTS, {0: [2.0], 1: [1.0, -2.0], 2: [0.5]})
+    view = truth.view(accepted)
+
+    found = amplitudes(case_of(truth), view)
+
+    X, y = truth.columns(*accepted), truth.y
+    x, rest, *_ = np.linalg.lstsq(X, y, rcond=None)
+    own = X.shape[1] - 4
+    dof = 72 - 3 - own
+    cov = np.linalg.inv(X.T @ X) * rest[0] / dof
+    at = 4
+    for effect, sizes in zip(accepted, found, strict=True):
+        for one, parameter in zip(sizes, SUSPECTS[effect].parameters, strict=True):
+            typical = parameter.typical
+            std = np.sqrt(cov[at, at]) * typical
+            assert one.parameter is parameter
+            assert one.value == pytest.approx(x[at] * typical, rel=1e-8)
+            assert one.std == pytest.approx(std, rel=1e-8)
+            low, high = stats.t.interval(0.95, dof, loc=x[at] * typical, scale=std)
+            assert one.ci95 == pytest.approx((low, high), rel=1e-7)
+            at += 1
+
+
+def test_what_the_data_do_not_determine_has_no_finite_interval(monkeypatch):
+    """Two columns that are one."""
+    monkeypatch.setattr(amplitude, "Elastic", object)
+    truth = made(np.random.default_rng(2), SUSPECTS, {0: [2.0]}, alike={2: (0, 0.0)})
+
+    one, other = (sizes[0] for sizes in amplitudes(case_of(truth), truth.view((0, 2))))
+
+    assert one.std == other.std == np.inf
+    assert one.ci95 == (-np.inf, np.inf)
+
+
+@pytest.fixture(scope="module")
+def bent():
+    """A load point that is off by centimetres: what it moves is not linear in that."""
+    case = small(3, hidden={"effects": ["load_point_offset=6x"]})
+    at = asked(case)
+    real, _ = real_case(at.cell, at.reduced.data, at.estimate)
+    which = next(i for i, e in enumerate(real.suspects) if e.label == "load_point_offset")
+    assert not isinstance(real.suspects[which], Elastic)
+    seen = real.fitted((which,), at.estimate.value)
+    return real, real.whitened(seen), which
+
+
+def test_an_interval_ends_where_chi_square_has_risen_by_384(bent):
+    """Everything else fitted again by scipy, with the whole model and the whole covariance."""
+    real, view, which = bent
+    ((first, *_),) = amplitudes(real, view)
+    model, data = view.model, real.data
+    G = view.seen.errors.G.toarray() * view.noise
+    W = np.linalg.inv(np.linalg.cholesky(G @ G.T))
+    typical = np.array([p.typical for p in model.cell.parameters])
+    held = view.springs
+
+    def left(x):
+        moved = predict(model.cell, data.pulls, x * typical).displacement[data.pull, data.target]
+        return W @ (data.delta - moved).ravel()
+
+    start = model.values / typical
+    free = np.arange(len(start)) != held
+
+    def rest(z):
+        def of(x):
+            whole = np.empty(len(start))
+            whole[free], whole[held] = x, z / first.parameter.typical
+            return left(whole)
+
+        return 2 * optimize.least_squares(of, start[free], method="lm", xtol=1e-12).cost
+
+    best = optimize.least_squares(left, start, method="lm", xtol=1e-12)
+    variance = 2 * best.cost / (len(view.rows) - len(start))
+
+    assert first.value == pytest.approx(best.x[held] * first.parameter.typical, rel=2e-2)
+    for end in first.ci95:
+        rise = (rest(end) - 2 * best.cost) / variance
+        assert rise == pytest.approx(3.84, rel=0.1)
+    low, high = first.ci95
+    assert low < first.value < high
+    assert which in view.model.accepted
+
+
+def test_a_flat_likelihood_is_bounded(bent, monkeypatch):
+    """A rise of less than one counts as one: an end is no farther than 1.96 roots of 3.84."""
+    _, view, which = bent
+    parameter = view.suspects[which].parameters[0]
+    for rise, reach in ((0.1, np.sqrt(3.84)), (3.84, 1.0), (4 * 3.84, 0.5)):
+        monkeypatch.setattr(amplitude, "_rise", lambda *_, rise=rise: 2.5 * rise)
+        low, high = amplitude._profile(view, which, parameter, 10.0, 2.0, 2.5)
+        assert (low, high) == pytest.approx((10 - 3.92 * reach, 10 + 3.92 * reach))

@@ -1,0 +1,153 @@
+"""What may be true, each with its own springs: dense fits, weights and stated causes."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from small_case import asked, small
+
+from pipeline.diagnosis import hypotheses as module
+from pipeline.diagnosis.diagnose import case_of
+from pipeline.diagnosis.hypotheses import _scales, _solved, hypotheses
+from pipeline.diagnosis.identify import Rival, Stranger, remainder, search
+from pipeline.machine.cell import predict
+
+
+@pytest.fixture(scope="module")
+def tilted():
+    """A campaign whose third joint tilts, searched among five causes."""
+    at = asked(small(3, poses={"count": 7}, hidden={"effects": ["joint_tilt:3=2x"]}))
+    case, _ = case_of(at.cell, at.reduced.data, at.estimate)
+    wanted = ("joint_tilt:3", "joint_tilt:4", "joint_tilt:6", "rail_roll")
+    few = tuple(one for one in case.suspects if one.label in wanted)
+    case = replace(case, suspects=few, nameless=case.nameless[:1])
+    return case, search(case, at.estimate.value, np.random.default_rng(1)), at
+
+
+def placed(case, found, probabilities, strange=()):
+    """The same search with other odds in its one place."""
+    mine = found.accepted[0]
+    rivals = tuple(
+        Rival(case.suspects[i].label, i, p, ((i, 1.0),)) for i, p in probabilities.items()
+    )
+    assert mine in probabilities
+    return replace(found, rivals=(rivals,), strange=strange)
+
+
+def other(case, label):
+    return next(i for i, one in enumerate(case.suspects) if one.label == label)
+
+
+def test_the_campaign_calls_for_the_tilt(tilted):
+    """What the other tests rest on."""
+    case, found, _ = tilted
+
+    assert [case.suspects[i].label for i in found.accepted] == ["joint_tilt:3"]
+
+
+def test_without_causes_or_worth_there_is_nothing_to_choose_from(tilted):
+    """Unless the robot was moved or the scale scatters: then the springs are estimated anew."""
+    case, found, _ = tilted
+
+    assert hypotheses(case, found, moved=False, helps=False) == ()
+    for changed, moved in ((case, True), (replace(case, force_noise=2.0), False)):
+        (one,) = hypotheses(changed, found, moved=moved, helps=False)
+        assert one.weight == 1.0
+        assert one.effects == ()
+        assert len(one.estimate.value) == 7
+    none = replace(found, seen=replace(found.seen, model=replace(found.seen.model)), accepted=())
+    assert hypotheses(case, none, moved=False, helps=True) == ()
+
+
+def test_each_set_has_its_own_fit_and_says_what_it_has_instead(tilted):
+    """The accepted cause first, a rival of a quarter after it, and what has no name."""
+    case, found, _ = tilted
+    mine, rival = found.accepted[0], other(case, "joint_tilt:4")
+    odds = placed(case, found, {mine: 0.7, rival: 0.3}, (Stranger(0.2, len(case.suspects), (0,)),))
+
+    first, second, third = hypotheses(case, odds, moved=False, helps=True)
+
+    weights = [one.weight for one in (first, second, third)]
+    assert weights == pytest.approx([0.56, 0.24, 0.2])
+    assert [one.effects[0].label for one in (first, second)] == ["joint_tilt:3", "joint_tilt:4"]
+    assert third.effects == case.nameless
+    assert first.instead == ()
+    assert second.instead == ((case.suspects[mine].called, case.suspects[rival].called),)
+    assert third.instead[0][1].startswith("something outside the catalogue like ")
+    assert all(len(one.estimate.value) == 7 + len(one.effects[0].parameters) for one in
+               (first, second, third))  # fmt: skip
+    assert abs(second.estimate.value[7]) > 0
+
+
+def dense(system):
+    """Springs and causes by numpy, with the whole covariance."""
+    G = system.errors.G.toarray()
+    W = np.linalg.inv(np.linalg.cholesky(G @ G.T))
+    typical = np.array([p.typical for p in system.parameters])
+    X = W @ (system.B * typical)
+    x = np.linalg.lstsq(X, W @ system.c, rcond=None)[0] * typical
+    return x, np.linalg.inv(X.T @ X) * np.outer(typical, typical)
+
+
+def test_the_system_of_a_model_leaves_what_the_model_leaves(tilted):
+    """C - B x at its own values is what is read less what is predicted, bent robot included."""
+    case, found, _ = tilted
+    for equilibrium in ("undeformed", "deformed"):
+        cell = replace(found.view.model.cell, equilibrium=equilibrium)
+        model = replace(found.view.model, cell=cell)
+        system, estimate = _solved(case, model, found.seen)
+        moved = predict(cell, case.data.pulls, model.values).displacement
+        left = case.data.delta - moved[case.data.pull, case.data.target]
+
+        np.testing.assert_allclose(system.c - system.B @ model.values, left.ravel(), atol=1e-12)
+        x, cov = dense(system)
+        np.testing.assert_allclose(estimate.value, x, atol=1e-5 * np.abs(x).max())
+        np.testing.assert_allclose(np.sqrt(np.diag(estimate.cov)), np.sqrt(np.diag(cov)), rtol=1e-4)
+
+
+def test_what_a_model_leaves_over_the_scatter_widens_its_uncertainties(tilted, monkeypatch):
+    """One and a half times the scatter left: so are all standard uncertainties, never narrower."""
+    case, found, _ = tilted
+    odds = placed(case, found, {found.accepted[0]: 1.0})
+    _, plain = _solved(case, found.view.model, found.seen)
+    for left, factor in ((1.5, 1.5), (0.5, 1.0), (None, 1.0)):
+        monkeypatch.setattr(module, "remainder", lambda _, left=left: left)
+        (one,) = hypotheses(case, odds, moved=False, helps=True)
+        assert one.ratio == factor
+        np.testing.assert_allclose(one.estimate.std, factor * plain.std, rtol=1e-9)
+        np.testing.assert_allclose(one.estimate.value, plain.value)
+        (bare,) = hypotheses(case, odds, moved=True, helps=False)
+        assert bare.ratio == 1.0
+    monkeypatch.setattr(module, "remainder", lambda _: 1e4)
+    (vague,) = hypotheses(case, odds, moved=False, helps=True)
+    assert not vague.estimate.identifiable.any()
+    assert plain.identifiable[1:4].all()
+
+
+def test_what_is_left_is_counted_by_degrees_of_freedom(tilted):
+    """Root mean squares: of the model's residuals by numpy, over those that no motion makes."""
+    _, found, _ = tilted
+    view = found.plain
+    X, y = view.A[:, view.base], view.A[:, -1]
+    X = X / np.linalg.norm(X, axis=0)
+    rest = np.sum((y - X @ np.linalg.lstsq(X, y, rcond=None)[0]) ** 2)
+    own = len(view.base) - view.first
+    scatter = view.scatter / view.scatter_dof
+
+    expected = np.sqrt(rest / (len(view.rows) - 7 - own) / scatter)
+    assert remainder(view) == pytest.approx(expected, rel=1e-6)
+
+
+def test_each_source_is_scaled_by_what_was_found_of_it(tilted):
+    """The tracker's own by what is certain, the scale's by both, all else as stated."""
+    case, _, at = tilted
+    wide = replace(case, noise=1.3, certain_noise=1.7, force_noise=2.0)
+    plain = replace(case, noise=1.3, certain_noise=1.7, force_noise=1.0)
+    source = np.array(["tracker", "zero", "direction", "force_reading", "registration",
+                       "force_gain"], dtype=object)  # fmt: skip
+    system = SimpleNamespace(errors=SimpleNamespace(source=source))
+
+    assert _scales(wide, system).tolist() == [1.7, 1.7, 1.7, 2.6, 1.0, 1.0]
+    assert _scales(plain, system).tolist() == [1.7, 1.7, 1.7, 1.0, 1.0, 1.0]
+    assert set(at.system.errors.source) >= {"tracker", "zero", "force_reading"}

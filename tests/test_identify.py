@@ -1,0 +1,268 @@
+"""The search on linear campaigns: who joins, is exchanged, is dropped; odds by quadrature."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from linear_campaign import FREE, case_of, left, made, suspect
+from scipy import integrate, stats
+
+from pipeline.diagnosis import identify
+from pipeline.diagnosis.identify import NAMELESS, by_label, search
+
+SUSPECTS = (
+    suspect("a", FREE),
+    suspect("b", FREE, FREE),
+    suspect("c", FREE),
+    suspect("c", FREE),
+    suspect("like a", FREE),
+    suspect("of one sign", (0.0, np.inf)),
+)
+DOF = 72 - 3
+
+
+def found(truth, nameless=0, **more):
+    case = case_of(truth, nameless, **more)
+    return search(case, np.zeros(0), np.random.default_rng(1))
+
+
+def evidence(truth, base, i):
+    """Of a cause of one parameter over the base alone: the integrals themselves, numerically.
+
+    p(z) normal of width w s about zero, p(s) ~ 1/s, all else flat; a mean over four widths.
+    """
+    X, y = truth.columns(*base), truth.y
+    z = truth.columns(i)[:, 4]
+    Q = np.linalg.qr(X)[0]
+    y, z = y - Q @ (Q.T @ y), z - Q @ (Q.T @ z)
+    n = len(y) - X.shape[1]
+    best, rest = (z @ y) / (z @ z), y @ y
+
+    def inner(s, size, w):
+        misfit = np.sum((y - size * z) ** 2) - rest
+        return np.exp(-0.5 * misfit / s**2) * stats.norm.pdf(size, 0, w * s)
+
+    spread = 1 / np.sqrt(z @ z)
+    s = np.sqrt(rest / n)
+    grid = s * np.exp(np.linspace(-1.2, 0.9, 121))
+    weight = np.exp(-n * np.log(grid / s) - 0.5 * rest / grid**2 + 0.5 * n)  # ds/s: even in log
+    out = []
+    for w in (0.4, 1.0, 2.5, 6.0):
+        each = []
+        for t in grid:
+            sizes = best + spread * t * np.linspace(-9, 9, 241)
+            misfit = (sizes**2 * (z @ z) - 2 * sizes * (z @ y)) / t**2
+            shift = misfit.min()
+            value = integrate.simpson(
+                np.exp(-0.5 * (misfit - shift)) * stats.norm.pdf(sizes, 0, w * t), x=sizes
+            )
+            each.append(np.log(value) - 0.5 * shift)
+        each = np.array(each) + np.log(weight)
+        top = each.max()
+        total = integrate.simpson(np.exp(each - top), x=np.log(grid))
+        out.append(np.log(total) + top - np.log(integrate.simpson(weight, x=np.log(grid))))
+    return np.log(np.mean(np.exp(out)))
+
+
+def test_the_evidence_is_the_integral_over_sizes_and_scatter():
+    """Of two causes beside the springs, and beside a third."""
+    truth = made(np.random.default_rng(1), SUSPECTS, {0: [0.5]}, alike={4: (0, 0.5)})
+    now = truth.view().beside(truth.view().base)
+
+    for i in (0, 2, 4):
+        assert now.log_evidence[i] == pytest.approx(evidence(truth, (), i), abs=0.02)
+    rest = truth.view((2,))
+    beside = rest.beside(rest.base)
+    assert beside.log_evidence[0] == pytest.approx(evidence(truth, (2,), 0), abs=0.02)
+
+
+def test_nothing_is_accepted_where_nothing_acts():
+    """And the odds of each, as if it were the only cause, sum to one."""
+    got = found(made(np.random.default_rng(2), SUSPECTS, {}))
+
+    assert got.accepted == ()
+    assert not got.detected
+    assert got.clean
+    assert not got.explains
+    assert got.rivals == ()
+    assert got.p_values == ()
+    assert sum(one.probability for one in got.single) == pytest.approx(1, abs=0.01)
+    assert got.left == pytest.approx(got.scores.p().min())
+
+
+def test_causes_that_act_join_one_by_one():
+    """Two of six: each with its p beside the other, from two fits by numpy."""
+    truth = made(np.random.default_rng(3), SUSPECTS, {1: [1.0, -0.7], 2: [0.8]})
+    got = found(truth)
+
+    assert sorted(got.accepted) == [1, 2]
+    assert got.accepted[0] == 1  # the stronger first
+    assert got.detected
+    assert got.clean
+    for place, (mine, rest) in enumerate(((1, 2), (2, 1))):
+        k = len(SUSPECTS[mine].parameters)
+        r = len(SUSPECTS[rest].parameters)
+        less = left(truth.columns(rest), truth.y)
+        more = left(truth.columns(rest, mine), truth.y)
+        F = (less - more) / k / (more / (DOF - r - k))
+        assert got.p_values[place] == pytest.approx(stats.f.sf(F, k, DOF - r - k), rel=1e-6)
+        assert got.rivals[place][0].suspect == mine
+        assert got.rivals[place][0].probability > 0.9
+
+
+def test_a_mixture_that_joins_first_is_exchanged_for_what_it_is_made_of():
+    """A column that is the sum of two planted ones explains most alone, and nothing in the end."""
+    suspects = (*SUSPECTS[:3], suspect("mix", FREE))
+    truth = made(np.random.default_rng(4), suspects, {0: [2.5], 2: [2.5]}, mixed={3: (0, 2)})
+    alone = truth.view().beside(truth.view().base).log_evidence
+
+    got = found(truth)
+
+    assert int(np.argmax(alone)) == 3
+    assert sorted(got.accepted) == [0, 2]
+
+
+def test_one_that_is_no_longer_needed_is_dropped():
+    """Beside what it is made of, a mixture has no evidence; of two a worse one is exchanged."""
+    suspects = (*SUSPECTS[:3], suspect("mix", FREE))
+    truth = made(np.random.default_rng(4), suspects, {0: [2.5], 2: [2.5]}, mixed={3: (0, 2)})
+    case = case_of(truth)
+
+    def better(*accepted, tried=frozenset()):
+        return identify._better(case, truth.view(accepted), set(tried) | {frozenset(accepted)})
+
+    assert better(3, 0, 2) == (0, 2)
+    assert better(0, 3, 2) == (0, 2)
+    assert better(0, 3) == (0, 2)
+    assert better(3, 2) == (0, 2)
+    assert better(0, 2) is None
+    assert better(3, 0, 2, tried={frozenset({0, 2})}) != (0, 2)
+    assert better(1) == (3,)
+    assert better(1, tried={frozenset({3})}) in ((0,), (2,))
+
+
+def test_of_two_alike_causes_the_likelier_leads_and_twins_stay():
+    """A tenth of log evidence is needed to take a place."""
+    twins = made(np.random.default_rng(5), SUSPECTS, {0: [2.0]}, alike={4: (0, 1e-9)})
+    view = twins.view((4,))
+
+    assert identify._better(case_of(twins), view, {frozenset({4})}) is None
+    alike = made(np.random.default_rng(5), SUSPECTS, {0: [4.0]}, alike={4: (0, 0.5)})
+    assert identify._better(case_of(alike), alike.view((4,)), {frozenset({4})}) == (0,)
+
+
+def test_the_odds_of_rivals_are_those_of_bayes():
+    """All causes alike likely beforehand, the two forms of one sharing its part."""
+    suspects = tuple(SUSPECTS[i] for i in (0, 2, 3, 4))
+    truth = made(np.random.default_rng(6), suspects, {0: [0.7]}, alike={3: (0, 0.6), 1: (0, 1.0)})
+    now = truth.view().beside(truth.view().base)
+    each = np.exp([evidence(truth, (), i) for i in range(4)])
+    causes = np.array([each[0], each[1:3].mean(), each[3]])
+    expected = dict(zip(("a", "c", "like a"), causes / causes.sum(), strict=True))
+
+    got = identify._odds(case_of(truth), now, (), 0.0)
+
+    assert {one.label: one.probability for one in got} == pytest.approx(expected, rel=0.03)
+    order = [one.probability for one in got]
+    assert order == sorted(order, reverse=True)
+    of_c = next(one for one in got if one.label == "c")
+    assert dict(of_c.forms) == pytest.approx(
+        {i: each[i] / each[1:3].sum() for i in (1, 2)}, rel=0.03
+    )
+    assert of_c.suspect == 1 + int(np.argmax(each[1:3]))
+    few = identify._odds(case_of(truth), now, (3,), 0.0)
+    assert "like a" not in {one.label for one in few}
+    assert sum(one.probability for one in few) == pytest.approx(1.0)
+    least = sorted(expected.values())[0]
+    assert len(identify._odds(case_of(truth), now, (), 1.01 * least)) == 2
+
+
+def test_a_size_that_physics_forbids_is_no_evidence():
+    """A compliance below zero is none of it, however well it fits."""
+    truth = made(np.random.default_rng(7), SUSPECTS, {5: [-3.0]})
+    got = found(truth)
+
+    assert 5 not in got.accepted
+    assert got.scores.p()[5] < 1e-9
+    assert got.scores.log_evidence[5] < 0
+    right = found(made(np.random.default_rng(7), SUSPECTS, {5: [3.0]}))
+    assert right.accepted == (5,)
+    assert right.refused == ()
+
+
+@pytest.mark.parametrize(("most", "taken"), [(2.0, False), (2.9, True), (np.inf, True)])
+def test_a_size_that_the_unloaded_reflectors_refute_is_refused(most, taken):
+    """Three typical sizes where they would have shown two; within two sigma it is let pass."""
+    truth = made(np.random.default_rng(8), SUSPECTS, {0: [3.0]})
+
+    got = found(truth, refuted={"a": most})
+
+    assert (got.accepted == (0,)) is taken
+    assert ("a" in got.refused) is not taken
+    minus = found(made(np.random.default_rng(8), SUSPECTS, {0: [-3.0]}), refuted={"a": most})
+    assert (minus.accepted == (0,)) is taken
+
+
+def test_bounds_have_two_sigma_and_a_third_of_slack():
+    """An estimate beyond its bound by less is chance."""
+    truth = made(np.random.default_rng(9), SUSPECTS, {0: [1.0]})
+    view = truth.view()
+    now = view.beside(view.base)
+    X = truth.columns(0)
+    x, rest, *_ = np.linalg.lstsq(X, truth.y, rcond=None)
+    std = np.sqrt(np.linalg.inv(X.T @ X)[4, 4])
+    assert rest > 0
+    for beyond, said in ((-0.02, True), (0.02, False)):
+        most = x[4] - 2 * std - 0.3 - beyond
+        case = case_of(truth, refuted={"a": most})
+        assert identify._possible(case, now, 0) is said
+
+
+def test_no_more_than_three_join_and_one_cause_joins_in_one_form():
+    """Five planted, two of them forms of one cause."""
+    suspects = (*SUSPECTS[:4], suspect("d", FREE))
+    truth = made(
+        np.random.default_rng(10), suspects, {0: [3.0], 1: [3.0, 3.0], 2: [4.0], 3: [3.0], 4: [2.0]}
+    )
+
+    got = found(truth)
+
+    assert len(got.accepted) == 3
+    assert len({suspects[i].label for i in got.accepted}) == 3
+    assert not got.clean
+
+
+def test_what_has_no_name_competes_with_the_causes():
+    """Its odds against the accepted one, or the two that it imitates together, by Bayes."""
+    suspects = (*SUSPECTS[:1], SUSPECTS[2], suspect("d", FREE), suspect("nameless", FREE))
+    truth = made(np.random.default_rng(11), suspects, {0: [1.0], 2: [1.0]}, mixed={3: (0, 2)})
+    case = case_of(truth, nameless=1)
+    got = found(truth, nameless=1)
+    assert sorted(got.accepted) == [0, 2]
+
+    def odds(strange, named):
+        return NAMELESS * strange / (NAMELESS * strange + named)
+
+    one = identify._instead(case, truth.view((0, 2)), (0,))
+    named = np.exp([evidence(truth, (2,), i) for i in (0, 1)])
+    assert one.probability == pytest.approx(
+        odds(np.exp(evidence(truth, (2,), 3)), named.sum()), rel=0.05
+    )
+    assert one.suspect == 3
+    both = identify._instead(case, truth.view((0, 2)), (0, 1))
+    named = np.exp(evidence(truth, (), 0) + evidence(truth, (0,), 2))
+    assert both.probability == pytest.approx(odds(np.exp(evidence(truth, (), 3)), named), rel=0.05)
+    assert both.places == (0, 1)
+    worst = identify._strange(case, truth.view((0, 2)))
+    assert [s.probability for s in worst] == [
+        max(both.probability, identify._instead(case, truth.view((0, 2)), (k,)).probability)
+        for k in (0, 1)
+    ]
+    assert identify._strange(replace(case, nameless=()), truth.view((0, 2))) == ()
+
+
+def test_forms_of_a_cause_are_kept_together():
+    """In the order of the catalogue."""
+    assert by_label(SUSPECTS) == {
+        "a": [0], "b": [1], "c": [2, 3], "like a": [4], "of one sign": [5],
+    }  # fmt: skip

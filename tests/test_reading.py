@@ -1,0 +1,453 @@
+"""Single readings: what a shift does by reducing again, what it costs by leaving it out."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+from small_case import asked, moved, small, uneven, where
+
+from pipeline.faults import reading
+from pipeline.faults.reading import bad_reading, outlier, shifted_readings, smallest, without
+from pipeline.machine.robot import configure
+from pipeline.system import alarms
+from pipeline.system.beside import Beside
+from pipeline.system.contrasts import stacked
+
+
+@pytest.fixture(scope="module")
+def given():
+    """A campaign with one, two and three zeros to a pose, under test."""
+    return asked(uneven(small(3)))
+
+
+@pytest.fixture(scope="module")
+def shifted(given):
+    """Its readings as suspects."""
+    return shifted_readings(given.case, given.reduced, given.zeros, given.system, given.estimate)
+
+
+def rows_of(given, shifted, k):
+    """Where reading k stands in the table of readings, from the tables alone."""
+    one, case = shifted.readings, given.case
+    rows = case.readings[case.readings["pose"] == one.pose[k]]
+    rows = rows[rows["target"] == case.settings.measured[one.target[k]]]
+    if one.pull[k] >= 0:
+        repeat = given.reduced.data.pulls.repeat[one.pull[k]]
+        return rows.index[(rows["state"] == "loaded") & (rows["repeat"] == repeat)][0]
+    return rows[rows["state"] == "unloaded"].sort_values("time").index[one.nth[k]]
+
+
+def by_reducing_again(given, shifted, k):
+    """What a shift of one metre of a reading along each axis of F_b does to the rows, (rows, 3)."""
+    R = given.reduced.registration.R
+    which = given.case.readings.index == rows_of(given, shifted, k)
+    columns = []
+    for axis in np.eye(3):
+        other = asked(moved(given.case, which, R.T @ axis))
+        # the same springs: only the readings differ
+        delta = (other.reduced.data.delta - given.reduced.data.delta).ravel()
+        stack = stacked(
+            given.system, given.estimate.residual + delta, given.reduced.data, other.zeros,
+            given.cell,
+        )  # fmt: skip
+        columns.append(stack.c - shifted.stack.c)
+    return np.stack(columns, axis=1)
+
+
+def dense(shifted):
+    """Inverse Cholesky factor of the whole covariance of the rows."""
+    G = shifted.stack.errors.G.toarray()
+    return np.linalg.inv(np.linalg.cholesky(G @ G.T))
+
+
+def left(X, y):
+    """Sum of squares that numpy's least squares leaves."""
+    X = X / np.where(np.abs(X).max(axis=0) > 0, np.abs(X).max(axis=0), 1.0)
+    return float(np.sum((y - X @ np.linalg.lstsq(X, y, rcond=1e-12)[0]) ** 2))
+
+
+def test_every_reading_that_makes_a_row_is_a_suspect_once(given, shifted):
+    """Every unloaded and loaded reading of a measured target, and no other."""
+    rows = given.case.readings
+    rows = rows[rows["target"].isin(given.case.settings.measured) & rows["pose"].notna()]
+
+    found = [rows_of(given, shifted, k) for k in range(len(shifted.readings.pose))]
+
+    assert sorted(found) == sorted(rows.index)
+    assert set(shifted.readings.of) == {1, 2, 3}
+
+
+def test_a_shift_moves_the_rows_as_reducing_again_does(given, shifted):
+    """Loaded readings, single zeros, and the first, second and last zero of three."""
+    one = shifted.readings
+    flat = shifted.blocks.rows(np.swapaxes(shifted.D, 1, 2))  # (reading, rows of its pose, 3)
+    zeros = np.flatnonzero((one.pull < 0) & (one.target == 1) & (one.pose < 4))
+    loaded = np.flatnonzero((one.pull >= 0) & (one.target == 2))[3]
+    white = shifted.white
+    assert sorted(one.of[zeros]) == [1, 2, 2, 3, 3, 3]
+    for k in [*zeros[1:], loaded]:
+        expected = white.by_pose(by_reducing_again(given, shifted, k))
+        here = white.blocks.index == shifted.blocks.index[k]
+        found = np.zeros_like(expected)
+        found[here] = flat[k][white.blocks.place[here]]
+        assert np.abs(found - expected).max() < 1e-7 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("k", [0, 7, 13, 30, 41])
+def test_the_drop_is_that_of_the_fit_without_the_reading(given, shifted, k):
+    """Of a loaded reading by deleting its rows, of any by fitting its shift, with the whole V."""
+    one = shifted.readings
+    B = np.zeros((len(shifted.stack.c), given.system.B.shape[1]))
+    B[: len(given.system.B)] = given.system.B
+    found = shifted.beside(shifted.springs(given.system))
+    W, c = dense(shifted), shifted.stack.c
+    D = by_reducing_again(given, shifted, k)
+    scale = np.abs(B).max(axis=0) + 1e-300
+    before, after = left(W @ (B / scale), W @ c), left(W @ np.hstack([B / scale, D]), W @ c)
+    assert found.rest == pytest.approx(before, rel=1e-6)
+    assert found.drop[k] == pytest.approx(before - after, rel=1e-5)
+    assert found.dof == len(c) - 7
+    shift = np.linalg.lstsq(W @ np.hstack([B / scale, D]), W @ c, rcond=None)[0][-3:]
+    assert found.size[k] == pytest.approx(shift, rel=1e-4, abs=1e-9)
+    if one.pull[k] >= 0:
+        kept = np.abs(D).max(axis=1) < 1e-6
+        G = shifted.stack.errors.G.toarray()[kept]
+        fewer = np.linalg.inv(np.linalg.cholesky(G @ G.T))
+        assert found.drop[k] == pytest.approx(
+            before - left(fewer @ (B[kept] / scale), fewer @ c[kept]), rel=1e-5
+        )
+
+
+def rigid(given, stack):
+    """Six rigid motions of the effector about the origin of F_b in every row, (rows, 6)."""
+    poses = np.unique(stack.pose)
+    at = configure(given.case.robot, given.case.q(poses)).points(given.cell.tool.points)
+    p = at[np.searchsorted(poses, stack.pose), stack.target]
+    turn = np.stack([np.cross(axis, p) for axis in np.eye(3)], axis=2)
+    n = np.arange(len(p))
+    return np.hstack([np.eye(3)[stack.axis], turn[n, stack.axis]])
+
+
+def own(shifted):
+    """Inverse factor of the covariance without errors that poses share."""
+    G = shifted.stack.errors.G.toarray()[:, ~shifted.stack.errors.common]
+    return np.linalg.inv(np.linalg.cholesky(G @ G.T))
+
+
+def test_a_free_stiffness_of_every_pose_is_what_dense_fits_make_of_it(given, shifted):
+    """Six motions of each pose in proportion to its force; zeros stand still."""
+    stack = shifted.stack
+    force = np.linalg.norm(given.reduced.data.pulls.force, axis=1)
+    share = np.where(stack.pull < 0, 0.0, force[stack.pull])
+    motions = rigid(given, stack) * share[:, None]
+    X = np.hstack([motions * (stack.pose == pose)[:, None] for pose in np.unique(stack.pose)])
+    W = own(shifted)
+    base = shifted.poses_free(given.reduced.data)
+    found = shifted.beside(base)
+
+    before = left(W @ X, W @ stack.c)
+    assert base.rest == pytest.approx(before, rel=1e-5)
+    assert base.dof == len(stack.c) - np.linalg.matrix_rank(W @ X / np.abs(W @ X).max(axis=0))
+    for k in (2, 20):
+        D = by_reducing_again(given, shifted, k) * force.max()
+        after = left(W @ np.hstack([X, D]), W @ stack.c)
+        assert found.drop[k] == pytest.approx(before - after, rel=1e-4)
+
+
+def test_free_pulls_are_what_dense_fits_make_of_them(given, shifted):
+    """Six motions in each pull; rows between zeros belong to none."""
+    stack = shifted.stack
+    motions = rigid(given, stack)
+    X = np.hstack(
+        [motions * (stack.pull == pull)[:, None] for pull in range(int(stack.pull.max()) + 1)]
+    )
+    W = own(shifted)
+    base = shifted.pulls_free()
+
+    assert base.rest == pytest.approx(left(W @ X, W @ stack.c), rel=1e-5)
+    assert base.dof == len(stack.c) - 6 * (int(stack.pull.max()) + 1)
+
+
+def test_a_whole_pull_drops_what_a_free_motion_in_it_does(given, shifted):
+    """Beside the springs; of a zero nothing, there is no pull to move in."""
+    stack, one = shifted.stack, shifted.readings
+    base = shifted.springs(given.system)
+    k = int(np.flatnonzero(one.pull == 3)[0])
+    B = np.zeros((len(stack.c), 7))
+    B[: len(given.system.B)] = given.system.B / np.abs(given.system.B).max(axis=0)
+    W = dense(shifted)
+    motions = rigid(given, stack) * (stack.pull == 3)[:, None]
+
+    expected = left(W @ B, W @ stack.c) - left(W @ np.hstack([B, motions]), W @ stack.c)
+    assert shifted.whole_pull(base, k) == pytest.approx(expected, rel=1e-4)
+    assert shifted.whole_pull(base, int(np.flatnonzero(one.pull < 0)[0])) == 0.0
+
+
+def freer(normal, drop):
+    """A freer model that sees one shift along x so well and finds so much of it."""
+    N = np.zeros((1, 3, 3))
+    N[0, 0, 0] = normal
+    g = np.array([[np.sqrt(drop * normal), 0.0, 0.0]])
+    return Beside(N, g, np.full((1, 3), normal), 1000.0, 50)
+
+
+@pytest.mark.parametrize(
+    ("normal", "drop", "seen", "said"),
+    [
+        (400.0, 101.0, False, True),
+        (400.0, 99.0, False, False),
+        (15.9, 0.0, False, True),
+        (15.9, 15.9, True, False),
+        (16.1, 0.0, False, False),
+        (16.1, 4.1, True, True),
+    ],
+)
+def test_a_freer_model_confirms_a_quarter_of_what_it_must_see(normal, drop, seen, said):
+    """A shift of one: what it would cost there, and what is found of that."""
+    unit = np.array([1.0, 0.0, 0.0])
+    assert reading._confirmed(freer(normal, drop), 0, unit, 1.0, seen) is said
+    assert reading._confirmed(freer(4 * normal, 4 * drop), 0, unit, 4.0, seen) is said
+    assert reading._confirmed(freer(normal / 4, drop), 0, 2 * unit, 1.0, seen) is said
+
+
+def find(case):
+    found = reading.FAULT.find(asked(case))
+    return found[0] if found else None
+
+
+@pytest.mark.parametrize(
+    ("group", "target"),
+    [
+        ("pose04_rep1_loaded", "P2"),
+        ("pose02_rep9_unloaded", "P1"),
+        ("pose02_rep0_unloaded", "P3"),
+    ],
+)
+def test_a_planted_shift_is_found_with_its_size(group, target):
+    """0.6 mm of a loaded reading, of the third zero and of the first of a pose."""
+    case = uneven(small(5))
+    off = 6e-4 * np.array([2.0, -1.0, 2.0]) / 3
+
+    found = find(moved(case, where(case, group, target), off))
+
+    assert found.where == f"{group}/{target}"
+    assert found.size == pytest.approx(6e-4, abs=4 * 3e-5 * np.sqrt(1.5))
+    assert found.p_value < alarms.READING
+    assert found.before > 8
+    right = found.correct(case).readings
+    assert len(right) == len(case.readings) - 1
+    assert not ((right["group"] == group) & (right["target"] == target)).any()
+
+
+def test_of_two_shifts_the_larger_is_named_first():
+    """1.2 mm and 0.6 mm: one finding, and the other once that is put right."""
+    case = small(7)
+    case = moved(case, where(case, "pose04_rep1_loaded", "P2"), [1.2e-3, 0, 0])
+    case = moved(case, where(case, "pose02_rep2_loaded", "P3"), [0, 0, 6e-4])
+
+    first = find(case)
+    second = find(first.correct(case))
+
+    assert first.where == "pose04_rep1_loaded/P2"
+    assert second.where == "pose02_rep2_loaded/P3"
+    assert find(second.correct(first.correct(case))) is None
+
+
+def test_clean_draws_are_accused_no_more_often_than_the_rate(given, shifted, monkeypatch):
+    """600 draws from the stated covariance: Bonferroni holds, and wastes less than two thirds."""
+    G = shifted.stack.errors.G
+    rng, base = np.random.default_rng(8), shifted.springs(given.system)
+    prior = shifted.white.with_priors
+    smallest_p = []
+    for _ in range(600):
+        now = shifted.beside(base.against(prior(G @ rng.standard_normal(G.shape[1]))))
+        best = int(np.argmax(now.drop))
+        smallest_p.append(len(now.drop) * float(now.p(1.0, np.inf)[best]))
+    share = np.mean(np.array(smallest_p) < 0.1)
+
+    assert 0.04 < share < 0.1 + 3 * np.sqrt(0.1 * 0.9 / 600)
+
+    # and the test itself, at a rate where a few campaigns tell
+    monkeypatch.setattr(alarms, "READING", 0.2)
+    monkeypatch.setattr(reading, "_SMALLEST_M", 0.0)
+    accused = 0
+    for _ in range(25):
+        noise = shifted.stack.errors.G @ rng.standard_normal(G.shape[1])
+        residual = noise[: len(given.system.B)]
+        zeros = replace(given.zeros, delta=noise[len(given.system.B) :].reshape(-1, 3))
+        estimate = replace(given.estimate, residual=residual)
+        accused += bool(
+            outlier(given.case, given.reduced, zeros, given.system, estimate, (1.0, 60))
+        )
+    assert accused <= stats.binom.ppf(0.999, 25, 0.2)
+
+
+def test_two_readings_alike_off_in_one_pull_are_no_single_one():
+    """All three reflectors of a pull move together: that is no reading."""
+    case = small(9)
+    for target in ("P1", "P2", "P3"):
+        case = moved(case, where(case, "pose03_rep1_loaded", target), [4e-4, 3e-4, -2e-4])
+
+    assert find(case) is None
+
+
+def test_nothing_below_the_smallest_is_reported(monkeypatch):
+    """A certain shift of 0.07 mm in exact data is too small to be named, one of 0.09 mm is not."""
+    case = small(11, tracker={"sigma_m": 2e-6})
+    for off, named in ((7e-5, False), (9e-5, True)):
+        found = find(moved(case, where(case, "pose04_rep1_loaded", "P2"), [off, 0, 0]))
+        assert (found is not None) is named
+
+
+def test_the_papers_tail_counts_where_any_covariance_is_the_papers(given):
+    """Eq. (18) scatters along one direction by 0.03 mm: 4.9 of them, times what was found."""
+    placed = given.reduced.placed
+    mixed = placed.assign(covariance_from=["paper"] + ["stated"] * (len(placed) - 1))
+
+    assert smallest(placed, 3.0) == 8e-5
+    assert smallest(mixed, 2.0) == pytest.approx(4.9 * 2 * reading.instrument.PAPER_SIGMA_M)
+
+
+def test_a_finding_says_group_file_line_and_size(given):
+    """What the engineer looks for in the export, and the one row that goes."""
+    row = given.reduced.placed.iloc[20]
+
+    found = bad_reading(row, "all other readings", 1.5e-3, 12.34, 3.0, beside_model=True)
+
+    assert found.where == f"{row['group']}/{row['target']}"
+    assert f"({row['file']}:{row['line']}) is 1.50 mm off" in found.evidence
+    assert "12.3 standard deviations" in found.evidence
+    assert (found.size, found.before, found.p_value, found.beside_model) == (1.5e-3, 12.34, 1, True)
+    left_over = found.correct(given.case).readings
+    lost = given.case.readings.drop(left_over.index)
+    assert lost[["group", "target"]].to_numpy().tolist() == [[row["group"], row["target"]]]
+
+
+def test_only_the_line_of_its_own_file_goes(given):
+    """Two files count their lines alike."""
+    rows = given.case.readings.assign(file=lambda t: t["file"].astype(str))
+    rows.loc[rows.index[:50], "file"] = "other.csv"
+    rows.loc[rows.index[60], "line"] = rows.loc[rows.index[5], "line"]
+
+    kept = without(replace(given.case, readings=rows), "other.csv", int(rows["line"].iloc[5]))
+
+    assert set(rows.index) - set(kept.readings.index) == {rows.index[5]}
+
+
+def test_a_reading_stands_out_of_a_model_that_does_not_fit():
+    """3 mm beside a backlash of four times the usual size, which alone accuses no reading."""
+    spread = asked(small(3, hidden={"effects": ["rail_backlash=4x"]}))
+    case = moved(spread.case, where(spread.case, "pose04_rep1_loaded", "P2"), [0, 3e-3, 0])
+
+    found = find(case)
+
+    assert found.where == "pose04_rep1_loaded/P2"
+    assert found.size == pytest.approx(3e-3, rel=0.1)
+    assert find(spread.case) is None
+
+
+def suspects(drop, *, normal=1e8, rest=100.0, dof=103, best=1):
+    """Three readings beside a model; the `best` one off along x, so that its drop is given."""
+    N = normal * np.broadcast_to(np.eye(3), (3, 3, 3))
+    g = np.zeros((3, 3))
+    g[:, 0] = np.sqrt(0.5 * normal)
+    g[best, 0] = np.sqrt(drop * normal)
+    return Beside(N, g, np.full((3, 3), normal), rest + drop, dof)
+
+
+def decided(monkeypatch, springs, poses, pulls, whole=0.0, stated=True, scale=1.0):
+    """What is said of readings whose shifts beside three models are given."""
+    fake = SimpleNamespace(
+        springs=lambda _: springs,
+        poses_free=lambda _: poses,
+        pulls_free=lambda: pulls,
+        beside=lambda base: base,
+        whole_pull=lambda base, _: whole,
+        readings=None,
+    )
+    row = {"group": "g", "target": "t", "file": "f", "line": 3}
+    monkeypatch.setattr(reading, "shifted_readings", lambda *_: fake)
+    monkeypatch.setattr(reading, "_row", lambda *args: {**row, "line": args[-1]})
+    reduced = SimpleNamespace(
+        data=None, placed=pd.DataFrame({"covariance_from": ["stated"]}), registration=None
+    )
+    system = SimpleNamespace(noise_stated=stated)
+    return outlier(None, reduced, None, system, None, (scale, 60))
+
+
+def test_the_chance_of_a_reading_is_counted_for_all_of_them(monkeypatch):
+    """F of three coordinates against the residuals, times the number of readings."""
+    one = suspects(100.0)
+
+    (found,) = decided(monkeypatch, one, one, one)
+
+    assert found.p_value == pytest.approx(3 * stats.f.sf(100 / 3, 3, 100), rel=1e-6)
+    assert found.before == pytest.approx(10.0)
+    assert found.size == pytest.approx(1e-3)
+    assert found.beside_model
+    assert "(f:1)" in found.evidence
+
+
+TALL, FLAT = suspects(100.0), suspects(24.0)
+ROUGH = suspects(100.0, rest=400.0)
+
+
+@pytest.mark.parametrize(
+    ("models", "whole", "said"),
+    [
+        ((TALL, TALL, TALL), 115.0, True),
+        ((TALL, TALL, TALL), 117.0, False),
+        ((TALL, suspects(26.0), TALL), 0.0, True),
+        ((TALL, FLAT, TALL), 0.0, False),
+        ((TALL, TALL, suspects(26.0)), 0.0, True),
+        ((TALL, TALL, FLAT), 0.0, False),
+        ((TALL, suspects(1.0, normal=1e7), TALL), 0.0, True),
+        ((ROUGH, TALL, TALL), 0.0, True),
+        ((ROUGH, suspects(0.5), TALL), 0.0, False),
+        ((ROUGH, ROUGH, TALL), 0.0, False),
+        ((ROUGH, suspects(200.0, rest=400.0), suspects(200.0)), 0.0, True),
+        ((ROUGH, suspects(200.0, rest=400.0), suspects(1.0, normal=5e6)), 0.0, False),
+        ((suspects(18.0, rest=20.0), TALL, TALL), 0.0, False),
+        ((suspects(22.0, rest=100.0), TALL, TALL), 0.0, False),
+        ((suspects(30.0, rest=100.0), TALL, TALL), 0.0, True),
+    ],
+    ids=["the pull", "the whole pull", "poses see a quarter", "poses see less",
+         "pulls see a quarter", "pulls see less", "poses hardly see it", "springs do not fit",
+         "only springs say so", "nothing fits", "nothing fits and it dominates",
+         "nothing fits and pulls do not see it", "a modest certificate", "chance", "no chance"],
+)  # fmt: skip
+def test_what_makes_a_shift_a_bad_reading(monkeypatch, models, whole, said):
+    """Models in their order, each on either side of what is asked of it."""
+    assert bool(decided(monkeypatch, *models, whole=whole)) is said
+
+
+def test_where_nothing_fits_the_misfit_counts_twice(monkeypatch):
+    """And is known from as many contrasts as there are; the shift is that beside free poses."""
+    tall = suspects(200.0, rest=400.0, best=2)
+
+    (found,) = decided(monkeypatch, ROUGH, tall, suspects(200.0, best=2))
+
+    assert found.p_value == pytest.approx(3 * stats.f.sf(200 / 3 / 8, 3, 60), rel=1e-6)
+    assert found.before == pytest.approx(5.0)
+    assert "(f:2)" in found.evidence
+
+
+def test_without_a_stated_noise_the_residuals_are_the_noise(monkeypatch):
+    """A quarter of the unit: the same drop is four times as much."""
+    one = suspects(18.0, rest=20.0)
+
+    (found,) = decided(monkeypatch, one, one, one, stated=False)
+
+    assert found.p_value == pytest.approx(3 * stats.f.sf(18 / 3 / 0.2, 3, 100), rel=1e-6)
+
+
+def test_a_wider_scatter_lets_springs_fit(monkeypatch):
+    """Residuals of twice the stated scatter are nothing where contrasts say the same."""
+    four = suspects(400.0, rest=400.0)
+
+    (found,) = decided(monkeypatch, four, four, four, scale=2.0)
+
+    assert found.p_value == pytest.approx(3 * stats.f.sf(100 / 3, 3, 100), rel=1e-6)

@@ -1,0 +1,235 @@
+"""A mistyped reading of the scale: what fits, how surely, by dense fits of everything else."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy import optimize, stats
+from small_case import asked, small
+
+from pipeline.faults import scale_reading
+from pipeline.faults.scale_reading import _chance, _fitting, _freed, scale_outlier
+from pipeline.machine.cell import predict
+from pipeline.reduction.settings import Scale
+from pipeline.system import alarms
+from pipeline.system.whiten import whitener
+
+
+def typed(case, pose, repeat, change):
+    """Another number in a line of the scale's log."""
+    loads = case.loads.copy()
+    row = (loads["pose"] == pose) & (loads["repeat"] == repeat)
+    loads.loc[row, "force_n"] = change(loads.loc[row, "force_n"])
+    return replace(case, loads=loads)
+
+
+@pytest.fixture(scope="module")
+def case():
+    return small(8, scale={"sigma_n": 3.0})
+
+
+@pytest.fixture(scope="module")
+def clean(case):
+    return asked(case)
+
+
+def freed(asked):
+    white = whitener(asked.system.errors, asked.system.rows.pose)
+    data = asked.reduced.data
+    return _freed(asked.cell, data, asked.system, asked.estimate, white)[1]
+
+
+def dense(asked):
+    """Inverse Cholesky factor of the whole covariance, and springs in units of the nominal."""
+    G = asked.system.errors.G.toarray()
+    W = np.linalg.inv(np.linalg.cholesky(G @ G.T))
+    return W, asked.system.B * asked.case.robot.nominal_compliance
+
+
+def by_newton(asked, pull, step=1.0):
+    """What a newton more in a pull moves, by the forward model itself, shape (rows,)."""
+    data = asked.reduced.data
+    force = data.pulls.force.copy()
+    force[pull] *= 1 + step / np.linalg.norm(force[pull])
+    more = replace(data.pulls, force=force)
+    at = (data.pull, data.target)
+    old, new = (
+        predict(asked.cell, pulls, asked.estimate.value).displacement[at]
+        for pulls in (data.pulls, more)
+    )
+    return (new - old).ravel() / step
+
+
+def test_every_pull_is_freed_as_a_dense_fit_frees_it(clean):
+    """Drop, size [N] and uncertainty of each, beside springs and all stated errors."""
+    found = freed(clean)
+    W, B = dense(clean)
+    y = W @ clean.system.c
+    before = np.linalg.lstsq(W @ B, y, rcond=None)[1][0]
+
+    assert found.drop.shape == (12,)
+    assert found.dof == len(y) - 7
+    assert found.rest == pytest.approx(before, rel=1e-6)
+    for pull in (0, 5, 11):
+        X = W @ np.column_stack([B, by_newton(clean, pull)])
+        x, rest, *_ = np.linalg.lstsq(X, y, rcond=1e-15)
+        assert found.size[pull, 0] == pytest.approx(x[-1], rel=1e-4)
+        assert found.drop[pull] == pytest.approx(before - rest[0], rel=1e-4)
+        spread = np.linalg.inv(X.T @ X / np.outer(*[np.linalg.norm(X, axis=0)] * 2))[-1, -1]
+        std = np.sqrt(spread) / np.linalg.norm(X[:, -1])
+        assert found.N[pull, 0, 0] ** -0.5 == pytest.approx(std, rel=1e-4)
+
+
+def test_the_reading_that_fits_is_the_smallest_misfit(case):
+    """Ten times the force in one pull: the force at which all rows disagree least, by scipy."""
+    wrong = asked(typed(case, 3, 1, lambda f: 10 * f))
+    data, pull = wrong.reduced.data, 4
+    assert (data.pulls.pose[pull], data.pulls.repeat[pull]) == (3, 1)
+    scale = case.settings.scale
+
+    found = _fitting(wrong.cell, data, wrong.estimate.value, pull, scale)
+
+    right = asked(case)
+    W, B = dense(right)  # weights of the readings as they should be
+    here = right.system.rows.pull == pull
+    given = np.linalg.norm(right.reduced.data.pulls.force[pull])
+
+    def misfit(force):
+        X = W @ np.where(here[:, None], B * force / given, B)
+        return np.linalg.lstsq(X, W @ right.system.c, rcond=None)[1][0]
+
+    best = optimize.minimize_scalar(misfit, bracket=(0.9 * given, 1.1 * given), tol=1e-10).x
+    assert found == pytest.approx(best, rel=1e-3)
+    assert found == pytest.approx(given, rel=0.05)
+
+
+@pytest.mark.parametrize("factor", [10.0, 0.1, 1.3])
+def test_a_mistyped_reading_is_found_with_what_it_should_be(case, factor):
+    """Ten times, a tenth, and digits exchanged: place, size and what the others say."""
+    wrong = typed(case, 5, 2, lambda f: factor * f)
+
+    (found,) = scale_reading.FAULT.find(asked(wrong))
+
+    force = case.loads.set_index(["pose", "repeat"]).loc[(5, 2), "force_n"]
+    line = case.loads.set_index(["pose", "repeat"]).loc[(5, 2), "line"]
+    assert found.where == "loads.csv pose05 rep2"
+    assert f"(line {line}) says {factor * force:.6g} N" in found.evidence
+    std = freed(asked(case)).N[9, 0, 0] ** -0.5
+    assert found.size == pytest.approx(abs(factor - 1) * force, abs=4 * std)
+    assert found.before == pytest.approx(found.size / std, rel=0.02)
+    told = float(found.evidence.split(" +- ")[1].split()[0])
+    assert told == pytest.approx(std, rel=0.06)
+    assert found.p_value < alarms.READING
+    assert found.beside_model
+    right = found.correct(wrong)
+    assert len(right.loads) == len(case.loads) - 1
+    assert not ((right.loads["pose"] == 5) & (right.loads["repeat"] == 2)).any()
+    assert scale_reading.FAULT.find(asked(right)) == []
+
+
+def test_two_alike_mistyped_are_not_called_one(case):
+    """Half the force in two pulls: the one stands out no more than the other."""
+    one = typed(case, 5, 2, lambda f: 1.5 * f)
+    two = typed(one, 2, 1, lambda f: 1.5 * f)
+
+    assert scale_reading.FAULT.find(asked(one))
+    assert scale_reading.FAULT.find(asked(two)) == []
+
+
+def test_a_weaker_second_one_is_named_after_the_first(case):
+    """Ten times in one line and a tenth more in another."""
+    both = typed(typed(case, 5, 2, lambda f: 10 * f), 2, 2, lambda f: 1.1 * f)
+
+    (first,) = scale_reading.FAULT.find(asked(both))
+    (second,) = scale_reading.FAULT.find(asked(first.correct(both)))
+
+    assert (first.where, second.where) == ("loads.csv pose05 rep2", "loads.csv pose02 rep2")
+
+
+def test_what_was_not_mistyped_is_not_called_so():
+    """Two hundredths of the force are no digit, four are; nor six uncertainties of a poor scale."""
+    exact = small(8, tracker={"sigma_m": 2e-6}, scale={"sigma_n": 3.0})
+
+    def find(factor, scale=None):
+        wrong = asked(typed(exact, 5, 2, lambda f: factor * f))
+        if scale is None:
+            return scale_reading.FAULT.find(wrong)
+        settings = wrong.case.settings.model_copy(update={"scale": scale})
+        poor = replace(wrong.case, settings=settings)
+        return scale_outlier(poor, wrong.cell, wrong.reduced.data, wrong.system, wrong.estimate)
+
+    assert find(1.022) == []
+    assert len(find(1.045)) == 1
+    assert len(find(0.955)) == 1
+    off = find(1.08)[0].size
+    assert find(1.08, Scale(sigma_n=off / 6 * 1.02)) == []
+    assert len(find(1.08, Scale(sigma_n=3.0))) == 1
+
+
+def test_few_pulls_single_none_out(case, monkeypatch):
+    """Seven are too few, and with more than a thousand nobody typed."""
+    wrong = asked(typed(case, 5, 2, lambda f: 10 * f))
+    args = (wrong.case, wrong.cell, wrong.reduced.data, wrong.system, wrong.estimate)
+    for fewest, most, said in ((12, 12, True), (13, 99, False), (8, 11, False)):
+        monkeypatch.setattr(scale_reading, "FEWEST", fewest)
+        monkeypatch.setattr(scale_reading, "MOST", most)
+        assert bool(scale_outlier(*args)) is said
+    assert (alarms.READING, len(wrong.reduced.data.pulls)) == (5e-4, 12)
+
+
+def test_clean_draws_are_accused_no_more_often_than_the_rate(clean):
+    """1000 draws from the stated errors: of twelve pulls the worst, counted for all of them."""
+    white = whitener(clean.system.errors, clean.system.rows.pose)
+    data = clean.reduced.data
+    base, _ = _freed(clean.cell, data, clean.system, clean.estimate, white)
+    columns = np.stack([by_newton(clean, pull) for pull in range(12)], axis=1)
+    D = white(columns)[None, ..., None]
+    G, rng = clean.system.errors.G, np.random.default_rng(4)
+    least = []
+    for _ in range(1000):
+        now = base.against(white(G @ rng.standard_normal(G.shape[1]))).beside(D).of_block(0)
+        least.append(_chance(now, clean.system).min())
+    share = np.mean(np.array(least) < 0.1)
+
+    # F with s of one at least: chance is overstated where the residuals are small
+    assert 0.03 < share < stats.binom.ppf(0.999, 1000, 0.1) / 1000
+
+
+def test_a_modest_certificate_is_believed_and_none_is_not(clean):
+    """Residuals half as large as stated count as stated; where nothing is stated they count."""
+    found = freed(clean)
+    small_rest = replace(found, rest=found.rest / 4, g=found.g / 2)
+    stated, unstated = SimpleNamespace(noise_stated=True), SimpleNamespace(noise_stated=False)
+
+    drop = found.drop / 4
+    left = (found.rest / 4 - drop) / (found.dof - 1)
+    assert (left < 1).all()
+    expected = 12 * stats.f.sf(drop, 1, found.dof - 1)
+    np.testing.assert_allclose(_chance(small_rest, stated), expected, rtol=1e-9)
+    expected = 12 * stats.f.sf(drop / left, 1, found.dof - 1)
+    np.testing.assert_allclose(_chance(small_rest, unstated), expected, rtol=1e-9)
+
+
+def test_a_scale_is_as_sure_of_the_right_reading_as_it_states():
+    """One part in a hundred of the reading: of ten times the force ten times as much."""
+    case = small(8, scale={"sigma_n": 1.0, "sigma_rel": 0.01})
+    wrong = typed(case, 5, 2, lambda f: 10 * f)
+
+    (found,) = scale_reading.FAULT.find(asked(wrong))
+
+    std = freed(asked(case)).N[9, 0, 0] ** -0.5
+    told = float(found.evidence.split(" +- ")[1].split()[0])
+    assert told == pytest.approx(std, rel=0.06)
+    assert std > 30.0
+
+
+def test_where_no_noise_is_stated_the_other_pulls_are_the_noise():
+    """The sum of squares that the reading as given would leave is that of the right one."""
+    case = small(8, tracker={"stated": False})
+    (found,) = scale_reading.FAULT.find(asked(typed(case, 5, 2, lambda f: 1.3 * f)))
+
+    right = freed(asked(case))
+    drop = found.before**2
+    expected = np.log(12) + stats.f.logsf(drop / (right.rest / (right.dof - 1)), 1, right.dof - 1)
+    assert np.log(found.p_value) == pytest.approx(expected, rel=0.1)
