@@ -228,7 +228,7 @@ def left_out(X: Array, y: Array, key: Ints, rows: Array, c: Array) -> tuple[Arra
         x_p = x - H (I - U_p' U_p)^-1 U_p' r_p
 
     (Stone, J. Roy. Stat. Soc. B 36, 1974; Cook and Weisberg, Residuals and Influence, 1982).
-    What only block p determines is zero in x_p.
+    Where the other blocks leave x_p open, it is the one that moves the rows of block p least.
 
     Args:
         X: Whitened columns of the base, shape (M + r, k).
