@@ -28,7 +28,8 @@ class Blocks(Locked):
     """Rows by pose, padded to the largest: y, what is estimated along, and the parts of V.
 
     Attributes:
-        y: Shape (p, s).
+        y: What the fixed effects leave by plain least squares, which changes no restricted
+            likelihood, but what of it is a pose's own, shape (p, s).
         X: Orthonormal fixed effects, then errors common to all poses, shape (p, s, k + r).
         prior: 0 for the former, 1 for the latter, which are random, shape (k + r,).
         parts: Covariance of each component as stated, then of the rest, shape (n + 1, p, s, s).
@@ -58,7 +59,8 @@ class Blocks(Locked):
         rest = ~np.isin(source, [name for group in groups for name in group])
         masks = [np.isin(source, group) for group in groups] + [rest]
         parts = np.stack([blocks.covariance(errors.G[:, mask & own]) for mask in masks]) / unit**2
-        left = max(float(np.sum((y - Q @ (Q.T @ y)) ** 2)), _NOTHING)
+        y = y - Q @ (Q.T @ y)
+        left = max(float(np.sum(y**2)), _NOTHING)
         rough = 0.5 * np.log(left / max(np.einsum("kpii->", parts[:-1]), _NOTHING))
         which, at = np.nonzero(~blocks.there)
         parts[-1, which, at, at] = 1.0  # padding: independent rows of zeros
