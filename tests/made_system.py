@@ -57,7 +57,7 @@ def made(rng, pulls=(3, 2, 4, 3), force_m=4e-5, scales=(1.0, 1.0), common=True):
     )
 
 
-def covariance(system, scale=None, common=True):
+def dense(system, scale=None, common=True):
     """V as one matrix; sources of error multiplied as told, with the common ones or without."""
     G, errors = system.errors.G.toarray(), system.errors
     factor = np.array([(scale or {}).get(name, 1.0) for name in errors.source])

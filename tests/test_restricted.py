@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.sparse
-from made_system import TYPICAL, covariance, made, restricted
+from made_system import TYPICAL, dense, made, restricted
 from scipy import optimize, stats
 
 from pipeline.base.arrays import Parameter
@@ -23,7 +23,7 @@ def whole(log_scale, system=SYSTEM, X=B):
     """The same by the textbook, with V in one piece."""
     tracker, force = np.exp(log_scale)
     scale = {"tracker": tracker, "zero": tracker, "force_reading": force}
-    return restricted(X, system.c, covariance(system, scale))
+    return restricted(X, system.c, dense(system, scale))
 
 
 def one_way(y, pose, sigma=1.0):
@@ -65,7 +65,7 @@ def test_the_part_of_a_pose_is_its_own_density():
     """
     blocks = Blocks.of(SYSTEM, B, GROUPS)
     unit = np.sqrt(np.mean(SYSTEM.c**2))
-    V = covariance(SYSTEM, {"force_reading": np.exp(0.4)}, common=False)
+    V = dense(SYSTEM, {"force_reading": np.exp(0.4)}, common=False)
     own, _ = blocks.loss(np.array([0.0, 0.4]))
     r = SYSTEM.c - B @ np.linalg.lstsq(B, SYSTEM.c, rcond=None)[0]
 
@@ -102,7 +102,7 @@ def test_nothing_is_estimated_where_there_are_no_fixed_effects():
     system = made(np.random.default_rng(8), common=False)
     blocks = Blocks.of(system, np.zeros((len(system.c), 0)), GROUPS)
     unit = np.sqrt(np.mean(system.c**2))
-    V = covariance(system)
+    V = dense(system)
 
     assert blocks.dof == len(system.c)
     expected = np.linalg.slogdet(V / unit**2)[1] + system.c @ np.linalg.solve(V, system.c)
@@ -124,7 +124,7 @@ def test_the_rough_scale_is_the_root_of_mean_squares():
     """What the fixed effects leave over what all components state, both summed over the rows."""
     blocks = Blocks.of(SYSTEM, B, GROUPS)
     r = SYSTEM.c - B @ np.linalg.lstsq(B, SYSTEM.c, rcond=None)[0]
-    stated = np.trace(covariance(SYSTEM, common=False))
+    stated = np.trace(dense(SYSTEM, common=False))
 
     assert np.exp(2 * blocks.rough) == pytest.approx(r @ r / stated)
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.sparse
-from made_system import TYPICAL, covariance, generalised, made
+from made_system import TYPICAL, dense, generalised, made
 from scipy import stats
 
 from pipeline.system.whiten import whitener
@@ -14,8 +14,8 @@ RNG = np.random.default_rng(29)
 SYSTEM = made(RNG)
 POSE = SYSTEM.rows.pose
 M = len(POSE)
-V = covariance(SYSTEM)
-OWN = covariance(SYSTEM, common=False)
+V = dense(SYSTEM)
+OWN = dense(SYSTEM, common=False)
 WHITE = whitener(SYSTEM.errors, POSE)
 B = SYSTEM.B * TYPICAL
 D = np.random.default_rng(1).standard_normal((M, 2)) * 1e-4
@@ -107,10 +107,10 @@ def test_without_common_errors_a_pose_is_all_there_is():
 
     assert white(alone.c) == pytest.approx(white.by_pose(alone.c))
     assert white.back(white(alone.c)) == pytest.approx(
-        np.linalg.solve(covariance(alone), alone.c), rel=1e-7
+        np.linalg.solve(dense(alone), alone.c), rel=1e-7
     )
     assert white.base(alone.B * TYPICAL, alone.c).rest == pytest.approx(
-        generalised(alone.B * TYPICAL, alone.c, covariance(alone))[2]
+        generalised(alone.B * TYPICAL, alone.c, dense(alone))[2]
     )
 
 
