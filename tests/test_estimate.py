@@ -252,6 +252,18 @@ def test_undetermined_values_stay_where_they_start(rng):
     assert np.isinf(np.diag(cov)).tolist() == [True, True, False]
 
 
+def test_twins_cost_one_degree_of_freedom_and_exact_data_no_uncertainty(rng):
+    """24 rows, three parameters, two directions; with nothing left over only twins are unknown."""
+    made = system(rng, stated=False)
+    B = made.B.copy()
+    B[:, 1] = B[:, 0] * TYPICAL[0] / TYPICAL[1]
+    made = replace(made, B=B)
+    still = solve(replace(made, c=0 * made.c), 0 * TYPICAL)
+
+    assert solve(made, TYPICAL).dof == 22
+    assert still.std.tolist() == [np.inf, np.inf, 0.0]
+
+
 @pytest.mark.parametrize(("p", "good"), [(0.0101, True), (0.0099, False)])
 def test_a_misfit_is_what_chance_makes_once_in_a_hundred(rng, p, good):
     """Where noise is stated by its p-value, else by what a tracker can scatter."""

@@ -58,7 +58,7 @@ def solve(system: System, start: Array, white: Whitener | None = None) -> Estima
     residual = system.c - system.B @ value
     dof = len(system.rows) - rank
     scale = chi2 / max(dof, 1) if system.relative else 1.0
-    cov = np.where(np.isinf(cov), np.inf, cov * scale)  # a perfect fit has scale 0
+    cov = cov * np.where(np.isinf(cov), 1.0, scale)  # a perfect fit has scale 0
     std = np.sqrt(np.diag(cov))
     return Estimate(
         parameters=system.parameters,
