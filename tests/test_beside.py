@@ -330,6 +330,7 @@ def test_what_one_block_alone_determines_is_lost_there_and_nowhere_else(unit):
     truth = refits(wide, Y, KEY, wide, Y)
 
     assert np.array_equal(lost, KEY == 20)
+    assert np.array_equal(left_out(wide, Y, KEY, 1e-6 * wide, 1e-6 * Y)[1], lost)
     assert left[~lost] == pytest.approx(truth[~lost])
     alone, d = truth[lost], wide[lost, 4]
     least = Y[lost] - alone - d * (d @ (Y[lost] - alone)) / (d @ d)

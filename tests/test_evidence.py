@@ -163,6 +163,16 @@ def test_suspects_are_judged_each_by_itself(rows):
         assert together[i] == pytest.approx(scores(rows, at[[i]]).log_evidence[0])
 
 
+def test_an_exact_explanation_has_evidence_without_end_but_finite(rows):
+    """A column of a million million standard uncertainties that is all of y."""
+    rows[:, 2] *= 1e12
+    rows[:, -1] = rows[:, 2]
+    found = scores(rows, np.array([[2, -1], [3, -1]])).log_evidence
+
+    assert np.isfinite(found).all()
+    assert found[0] > 100 + found[1]
+
+
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_spring_that_can_only_give_way_is_believed_on_that_side(side, rows):
     """Where the estimate lies well inside a one-sided bound, a prior of half the width: ln 2."""

@@ -128,6 +128,8 @@ def test_further_suspects_stand_behind_those_that_are_there(measured):
     assert some.suspects == every.suspects
     assert pytest.approx(every.Z) == some.Z
     assert some.y == pytest.approx(every.y)
+    bent = linearise(model, data, suspects[:3]).bent("deformed").beside(suspects[3:])
+    assert pytest.approx(every.Z, rel=1e-12) == bent.Z
 
 
 def test_the_robots_own_deflection_is_taken_from_the_rows_once(measured):
@@ -157,7 +159,7 @@ def test_a_campaign_linearised_nearby_lends_errors_and_nothing_else(measured, ac
     seen, alone = linearise(model, data, suspects, near), linearise(model, data, suspects)
 
     assert seen.errors is near.errors
-    for name in ("B", "Z", "y"):
+    for name in ("B", "Z", "y", "motions"):
         assert getattr(seen, name) == pytest.approx(getattr(alone, name), rel=1e-9)
 
 

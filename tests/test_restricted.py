@@ -127,6 +127,9 @@ def test_the_rough_scale_is_the_root_of_mean_squares():
     stated = np.trace(dense(SYSTEM, common=False))
 
     assert np.exp(2 * blocks.rough) == pytest.approx(r @ r / stated)
+    alone = np.trace(dense(SYSTEM, {"tracker": 0.0, "zero": 0.0}, common=False))
+    rough = Blocks.of(SYSTEM, B, GROUPS[1:]).rough
+    assert np.exp(2 * rough) == pytest.approx(r @ r / alone)
 
 
 def test_one_component_has_the_scale_of_its_mean_square():

@@ -19,6 +19,7 @@ from pipeline.simulate import Plan, revised, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.contrasts import repeated_zeros
 from pipeline.system.estimate import identify
+from pipeline.system.restricted import Blocks, maximum
 from pipeline.system.system import Errors, Rows, System
 from pipeline.system.variance import (
     Components,
@@ -148,6 +149,19 @@ def test_a_source_that_states_nothing_is_no_component():
     assert np.isinf(result.std[1])
     assert result.p_value[1] == 1.0
     assert np.isfinite(result.std[0])
+
+
+def test_a_scale_that_is_known_to_a_half_only_is_not_told():
+    """Forces that move less than the tracker scatters: as stated, and nobody knows better."""
+    weak = made(np.random.default_rng(0), (2,) * 8, 1.5e-5, common=False)
+    blocks = Blocks.of(weak, weak.B * TYPICAL, [("tracker", "zero"), ("force_reading",)])
+    _, std, _ = maximum(blocks, np.array([True, True]))
+    result = variance_components(weak)
+
+    assert 0.5 < std[1] < 5
+    assert result.of("force_reading") == 1.0
+    assert np.isinf(result.std[1])
+    assert result.p_value[1] == 1.0
 
 
 @pytest.mark.parametrize(("rows", "told"), [(15, True), (14, False)])
@@ -369,6 +383,14 @@ def test_student_asks_the_component_that_was_replaced(replaced, dof):
     assert found.p_value == pytest.approx(
         stats.f.sf((estimate.chi2 - 80) / (estimate.dof - 90), estimate.dof - 90, dof)
     )
+
+
+def test_of_two_components_the_less_certain_counts():
+    """Both replaced, known to 5 and 25 %: eight degrees of freedom."""
+    _, _, _, estimate = reduced(revised(PLAN, {"poses": {"count": 4}}))
+    both = replace(components("tracker", [0.05, 0.25]), p_value=np.array([1e-9, 1e-9]))
+
+    assert resting_on(estimate, both).quantile == pytest.approx(stats.t.ppf(0.975, 8))
 
 
 def test_pure_error_is_the_scatter_of_repeats_about_their_means():

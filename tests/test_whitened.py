@@ -155,8 +155,9 @@ def test_spread_is_the_uncertainty_of_each_row(given, doubt):
 
 def test_errors_with_laws_have_the_covariance_that_weighs(given):
     """G G' of all errors; those of the law itself move one pull, those of its kin all."""
-    errors = with_laws(given, given.errors, [(HARDENING, 0.3)])
-    own, common = parts(given, 1.0, 0.3)
+    louder = replace(given.errors, G=given.errors.G * 2)
+    errors = with_laws(given, louder, [(HARDENING, 0.3)])
+    own, common = parts(replace(given, errors=louder), 1.0, 0.3)
     law = errors.source == "law"
 
     assert (errors.G @ errors.G.T).toarray() == pytest.approx(own + common, rel=1e-9, abs=1e-20)
