@@ -10,7 +10,7 @@ from pipeline.diagnosis import amplitude
 from pipeline.diagnosis.amplitude import amplitudes
 from pipeline.diagnosis.diagnose import case_of as real_case
 from pipeline.machine.cell import predict
-from pipeline.machine.effects import Elastic
+from pipeline.machine.effect import Elastic
 
 SUSPECTS = (suspect("a", FREE, typical=3e-7), suspect("b", FREE, FREE), suspect("c", FREE))
 

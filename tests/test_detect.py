@@ -8,8 +8,8 @@ from scipy import stats
 
 from pipeline.base.arrays import Parameter
 from pipeline.system import alarms
-from pipeline.system.beside import by_products
-from pipeline.system.detect import threshold
+from pipeline.system.beside import Base, by_products
+from pipeline.system.detect import Lack, lack_of_fit, threshold
 
 ROWS, BASE = 80, 6
 OWNER = np.array([0, 1, 1, 2, 3, 4, 4, 5])
@@ -89,3 +89,111 @@ def test_of_clean_campaigns_so_many_are_accused():
 
     assert np.mean(smallest < limit.p) == pytest.approx(alarms.SUSPECT, rel=0.5)
     assert 3.0 < limit.independent < 5.5  # of five that differ, two nearly alike
+
+
+@pytest.mark.parametrize(("alike", "independent"), [(0.0, 6.0), (1e-3, 1.0)])
+def test_suspects_that_are_alike_are_one_test_and_orthogonal_ones_as_many(alike, independent):
+    """Each may use 1 - (1 - alpha)^(1/m), m as known as 3000 draws give it."""
+    rng = np.random.default_rng(2)
+    Q = np.linalg.qr(rng.standard_normal((ROWS, BASE + 7)))[0]
+    D = Q[:, BASE : BASE + 6] if not alike else Q[:, [BASE]] + alike * Q[:, BASE : BASE + 6]
+    A = np.column_stack([Q[:, :BASE], D])
+    A = np.column_stack([A, np.zeros(ROWS)])
+    made = SimpleNamespace(M=A.T @ A, first=BASE, owner=np.arange(6), suspects=[None] * 6)
+    limit = threshold(made, np.arange(BASE), DOF, np.random.default_rng(3), draws=20_000)
+
+    assert limit.independent == pytest.approx(independent, rel=0.2)
+    assert limit.p == pytest.approx(1 - (1 - 0.002) ** (1 / limit.independent), rel=1e-9)
+
+
+POSES, PULLS, EACH = 5, 4, 9
+"""Three reflectors in four pulls of five poses."""
+
+MOTIONS = np.random.default_rng(8).standard_normal((POSES * PULLS * EACH, 6))
+PULL = np.repeat(np.arange(POSES * PULLS), EACH)
+POSE = PULL // PULLS
+LOAD = np.random.default_rng(9).uniform(1, 3, POSES * PULLS)[PULL, None]
+SPRINGS = np.random.default_rng(10).standard_normal((POSES, 6, 4))
+"""What each of four springs moves the effector of a pose by, in proportion to the load."""
+
+COLUMNS = np.einsum("mi,mik->mk", MOTIONS * LOAD, SPRINGS[POSE])
+
+
+def each(key, columns):
+    """Every value of a key has all columns to itself."""
+    return np.hstack([columns * (key == one)[:, None] for one in np.unique(key)])
+
+
+BY_POSE, BY_PULL = each(POSE, MOTIONS * LOAD), each(PULL, MOTIONS)
+
+
+def campaign(y):
+    """What a test of lack of fit reads of a campaign, and the springs' own sum of squares."""
+    A = np.column_stack([COLUMNS, y])
+    free = Base.of(MOTIONS * LOAD, y, POSE, own=True)
+    pulls = Base.of(MOTIONS, y, PULL, own=True)
+    made = SimpleNamespace(
+        rows=y, A=A, M=A.T @ A, free=free, springs=4, first=4,
+        scatter=pulls.rest, scatter_dof=pulls.dof, tells_scatter=True,
+    )  # fmt: skip
+    return made, by_products(A.T @ A, np.arange(4), np.zeros((0, 1), int), len(y) - 4)
+
+
+def nested(few, many, y):
+    """P of the F test of textbooks for a model within a larger one, over the error by pulls."""
+    pure, nu = left(BY_PULL, y), len(y) - np.linalg.matrix_rank(BY_PULL)
+    k = np.linalg.matrix_rank(many) - np.linalg.matrix_rank(few)
+    return float(stats.f.sf((left(few, y) - left(many, y)) / k / (pure / nu), k, nu))
+
+
+@pytest.mark.parametrize("wrong", [0.0, 0.2])
+@pytest.mark.parametrize("spread", [1e-1, 1.0, 10.0])
+def test_lack_of_fit_is_the_f_test_of_nested_models(wrong, spread):
+    """Springs within free stiffnesses within free motions, and the scatter beside them all."""
+    rng = np.random.default_rng(12)
+    y = COLUMNS @ np.ones(4) + spread * rng.standard_normal(len(PULL))
+    y += spread * wrong * (BY_POSE @ rng.standard_normal(BY_POSE.shape[1]))
+    found = lack_of_fit(campaign(y)[0], np.arange(4), campaign(y)[1])
+
+    assert np.log(found.p_poses) == pytest.approx(np.log(nested(COLUMNS, BY_POSE, y)), rel=1e-6)
+    assert np.log(found.p_pulls) == pytest.approx(np.log(nested(COLUMNS, BY_PULL, y)), rel=1e-6)
+    assert found.found == (wrong > 0)
+
+
+def test_lack_of_fit_of_clean_campaigns_is_chance():
+    """300 draws: both p values are uniform."""
+    rng = np.random.default_rng(14)
+    p = []
+    for _ in range(300):
+        view, score = campaign(rng.standard_normal(len(PULL)))
+        found = lack_of_fit(view, np.arange(4), score)
+        p.append([found.p_poses, found.p_pulls])
+
+    for one in np.transpose(p):
+        assert stats.kstest(one, "uniform").pvalue > 0.01
+
+
+def test_without_a_scatter_nothing_is_lacking():
+    """One reflector, or two: nobody knows how well the model should fit."""
+    view, score = campaign(BY_PULL @ np.arange(120.0))
+    view.tells_scatter = False
+
+    assert lack_of_fit(view, np.arange(4), score) == Lack(1.0, 1.0)
+
+
+def test_exact_readings_do_not_make_rounding_a_lack_of_fit():
+    """A model that misses a tenth of a standard uncertainty is good, how exact the rest may be."""
+    y = COLUMNS @ np.ones(4)
+    y = y + 1e-4 * (BY_POSE @ np.random.default_rng(1).standard_normal(BY_POSE.shape[1]))
+    view, score = campaign(y)
+
+    assert not lack_of_fit(view, np.arange(4), score).found
+
+
+@pytest.mark.parametrize(
+    ("p", "found"), [((0.5, 0.5), False), ((9e-4, 0.5), True), ((0.5, 9e-4), True),
+                     ((1.1e-3, 1.1e-3), False)],
+)  # fmt: skip
+def test_either_lack_of_fit_is_one(p, found):
+    """At one in a thousand each."""
+    assert Lack(*p).found == found

@@ -194,19 +194,17 @@ def test_columns_are_differences_of_the_forward_model(real):
     robot, made = real.problem.robot, real.problem
     q = np.stack([joint_mid(robot) + 0.2 * rng.normal(size=robot.n) for _ in range(2)])
     anchor, approach, steps = np.array([3.0, 6.0, -0.9]), np.ones(2), np.array([1000.0, -2500.0])
-    scatter = replace(made.experiment.scatter, zero=0.5)
-    noise = made.spec.noise.model_copy(update={"scale_sigma_n": 30.0, "scale_sigma_rel": 0.02})
-    problem = replace(
-        made,
-        experiment=replace(made.experiment, scatter=scatter),
-        spec=made.spec.model_copy(update={"noise": noise}),
-    )
+    stated = {"scale_sigma_n": 30.0, "scale_sigma_rel": 0.02, "reading_sigma_m": 3e-5}
+    stated |= {"displacement_sigma_m": None, "tracker": None, "zero": "before and after"}
+    noise = made.spec.noise.model_copy(update=stated)
+    problem = replace(made, spec=made.spec.model_copy(update={"noise": noise}))
     view = replace(real, problem=problem)
     start = np.array([0.0, 600.0])
 
     X = rows(view, q, anchor, approach, steps, start)
 
     used = with_steps(problem, steps)
+    assert used.scatter.zero == 0.5
     pulls = pulls_at(used, q, anchor, approach, steps, start)
     wanted = [next(i for i, s in enumerate(view.suspects) if s.label == label)
               for label in ("joint_tilt:3", "rail_roll")]  # fmt: skip
@@ -222,7 +220,7 @@ def test_columns_are_differences_of_the_forward_model(real):
     J = np.stack(
         [(moves(about + d) - moves(about - d)) / 2e-3 for d in 1e-3 * np.diag(unit)], axis=-1
     )
-    C = used.scatter.covariance
+    C = used.scatter.tracker
     chosen = np.concatenate([np.arange(7), *(view.at[i][view.at[i] >= 0] for i in wanted)])
     for k in range(2):
         of_pose = J[2 * k : 2 * k + 2].reshape(2 * 9, -1)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from pipeline.system.evidence import WIDTHS, _evidence
+from pipeline.system.beside import by_products
+from pipeline.system.evidence import WIDTHS, Scores, _evidence
 
 DOF = 400
 REST = 410.0
@@ -33,7 +34,7 @@ def integral(G, h, lower, upper, width):
             *spans[0], points=np.clip(best, *spans[0]), limit=400,
         )  # fmt: skip
         return value
-    grid = [np.linspace(*span, 1201) for span in spans]
+    grid = [np.linspace(*span, 601) for span in spans]
     step = np.prod([axis[1] - axis[0] for axis in grid])
     z = np.stack(np.meshgrid(*grid, indexing="ij"), -1).reshape(-1, 2)
     drop = 2 * z @ h - np.einsum("ni,ij,nj->n", z, G, z)
@@ -80,3 +81,121 @@ def test_an_impossible_size_has_no_evidence():
 
     assert by_quadrature(G, h, [0.0], [np.inf]) < -3
     assert found[0] < -3
+
+
+def with_scatter(g, h, rest, dof, width):
+    """Evidence ratio of one free parameter with the scatter s integrated out too, over u = ln s.
+
+    p(y | z, s) p(s) is s^-dof exp(-(rest - 2 h z + g z^2) / 2 s^2) / s, and z | s ~ N(0, s^2 w^2).
+    """
+    u = np.linspace(-1.6, 3.0, 401)[:, None]
+    z = np.linspace(-9 * width, 9 * width, 1201)
+    s = np.sqrt(rest / dof) * np.exp(u)
+    square = rest - 2 * h * z * s + g * (z * s) ** 2
+    joint = np.exp(-dof * u - square / (2 * s**2)) * stats.norm.pdf(z, scale=width)
+    alone = np.exp(-dof * u - rest / (2 * s**2))
+    return joint.sum() * (z[1] - z[0]) / alone.sum()
+
+
+@pytest.mark.parametrize(("g", "h"), [(4.0, 0.0), (4.0, 5.0), (0.5, -2.0)])
+def test_a_scatter_that_is_not_known_is_integrated_out(g, h):
+    """Few degrees of freedom, where it matters: the integral over size and scatter, exact."""
+    rest, dof = 15.0, 12
+    free = np.full((1, 1), np.inf)
+    found = _evidence(np.array([[[g]]]), np.array([[h]]), rest, dof, -free, free)
+    expected = np.mean([with_scatter(g, h, rest, dof, width) for width in WIDTHS])
+
+    assert found[0] == pytest.approx(np.log(expected), abs=1e-5)
+
+
+def scores(A, at, bounds=None):
+    """Suspects beside the first two columns of A, the last of which is y."""
+    found = by_products(A.T @ A, np.arange(2), at, len(A) - 2)
+    free = np.full(at.shape, np.inf)
+    return Scores(**vars(found), bounds=np.stack([-free, free]) if bounds is None else bounds)
+
+
+@pytest.fixture
+def rows():
+    """Sixty rows: a base of two columns, four more, and y that has the third in it."""
+    rng = np.random.default_rng(19)
+    A = rng.standard_normal((60, 7))
+    A[:, -1] += 0.6 * A[:, 2]
+    return A
+
+
+def test_rows_have_the_evidence_of_their_densities(rows):
+    """Of two columns: ratio of the densities of y with base and scatter integrated out.
+
+    With V = I + w^2 D D' that is |V|^-1/2 |X'V^-1X|^-1/2 (r'V^-1r)^-dof/2, Student's form.
+    """
+    found = scores(rows, np.array([[2, 3]]))
+    X, D, y = rows[:, :2], rows[:, 2:4], rows[:, -1]
+
+    def log_density(V):
+        W = np.linalg.inv(V)
+        b = np.linalg.solve(X.T @ W @ X, X.T @ W @ y)
+        r = y - X @ b
+        log = np.linalg.slogdet(V)[1] + np.linalg.slogdet(X.T @ W @ X)[1]
+        return -0.5 * log - 0.5 * 58 * np.log(r @ W @ r)
+
+    alone = log_density(np.eye(60))
+    ratios = [np.exp(log_density(np.eye(60) + w**2 * D @ D.T) - alone) for w in WIDTHS]
+    assert found.log_evidence[0] == pytest.approx(np.log(np.mean(ratios)), abs=1e-6)
+
+
+def test_what_the_base_explains_is_no_evidence(rows):
+    """A mix of the base is as likely as nothing; beside another column it changes nothing."""
+    rows[:, 3] = rows[:, 0] - 2 * rows[:, 1]
+    found = scores(rows, np.array([[3, -1], [2, -1], [2, 3]])).log_evidence
+
+    assert found[0] == pytest.approx(0.0, abs=1e-6)
+    assert found[1] > 1
+    assert found[2] == pytest.approx(found[1], abs=1e-6)
+
+
+def test_suspects_are_judged_each_by_itself(rows):
+    """In any company a suspect has the evidence that it has alone."""
+    at = np.array([[2, 3], [4, -1], [5, 3]])
+    together = scores(rows, at).log_evidence
+
+    for i in range(3):
+        assert together[i] == pytest.approx(scores(rows, at[[i]]).log_evidence[0])
+
+
+def test_an_exact_explanation_has_evidence_without_end_but_finite(rows):
+    """A column of a million million standard uncertainties that is all of y."""
+    rows[:, 2] *= 1e12
+    rows[:, -1] = rows[:, 2]
+    found = scores(rows, np.array([[2, -1], [3, -1]])).log_evidence
+
+    assert np.isfinite(found).all()
+    assert found[0] > 100 + found[1]
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_spring_that_can_only_give_way_is_believed_on_that_side(side, rows):
+    """Where the estimate lies well inside a one-sided bound, a prior of half the width: ln 2."""
+    bounds = np.sort(np.array([0.0, side * np.inf])).reshape(2, 1, 1)
+    rows[:, -1] *= side
+    free = scores(rows, np.array([[2]])).log_evidence[0]
+
+    assert scores(rows, np.array([[2]]), bounds).log_evidence[0] == pytest.approx(
+        free + np.log(2), abs=0.01
+    )
+    assert scores(rows, np.array([[2]]), -bounds[::-1]).log_evidence[0] < free - 3
+
+
+def test_bounds_hold_for_the_parameter_that_has_them(rows):
+    """Of two parameters the second may not be negative; the first is free."""
+    at = np.array([[2, 3]])
+    rows[:, -1] -= 0.8 * rows[:, 3]
+    swapped = np.array([[3, 2]])
+    second, first = (
+        np.stack([np.where(np.array([[0, 1]]) == k, 0.0, -np.inf), np.full((1, 2), np.inf)])
+        for k in (1, 0)
+    )
+
+    against = scores(rows, at, second).log_evidence[0]
+    assert against < scores(rows, at, first).log_evidence[0] - 3
+    assert scores(rows, swapped, first).log_evidence[0] == pytest.approx(against)

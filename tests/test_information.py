@@ -15,7 +15,7 @@ from pipeline.design.information import (
 )
 from pipeline.design.scatter import Scatter
 from pipeline.machine.cell import Tool, paper_cell, predict
-from pipeline.machine.effects import Pulls
+from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import load
 
 LOAD = np.array([0.15, 0.0, 0.25])

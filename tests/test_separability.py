@@ -44,20 +44,23 @@ def beyond(truth, y, *causes):
 
 @pytest.mark.parametrize("accepted", [(), (2,)])
 def test_sigmas_between_causes_are_lengths_of_what_is_left(truth, accepted):
-    """Of a typical a, when b is fitted too; each by itself on the diagonal."""
+    """Of each typical parameter of a, rms, when b is fitted too; a by itself on the diagonal."""
     view = truth.view(accepted)
 
     found = separation(view.M, view.base, view.at)
     batch = separation(np.stack([view.M, 4 * view.M]), view.base, view.at)
 
     for a in range(5):
-        typical = own(truth, a).sum(axis=1)
         if a in accepted:
             continue
-        assert found[a, a] == pytest.approx(np.linalg.norm(beyond(truth, typical, *accepted)))
+
+        def left(*others, a=a):
+            each = [np.sum(beyond(truth, one, *others) ** 2) for one in own(truth, a).T]
+            return np.sqrt(np.mean(each))
+
+        assert found[a, a] == pytest.approx(left(*accepted))
         for b in set(range(5)) - {a, *accepted}:
-            expected = np.linalg.norm(beyond(truth, typical, *accepted, b))
-            assert found[a, b] == pytest.approx(expected, rel=1e-6)
+            assert found[a, b] == pytest.approx(left(*accepted, b), rel=1e-6)
     np.testing.assert_allclose(batch[0], found, rtol=1e-9)
     np.testing.assert_allclose(batch[1], 2 * found, rtol=1e-9)
 

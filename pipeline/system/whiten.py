@@ -49,7 +49,8 @@ class Whitener(Locked):
 
     def back(self, rows: Array) -> Array:
         """Apply the transpose of the whitening, so that V^-1 is first this object, then `back`."""
-        inner = rows - self.axes @ (self.shrink[:, None] * (self.axes.T @ rows))
+        along = (self.axes.T @ rows).T * self.shrink
+        inner = rows - self.axes @ along.T
         return _each(np.swapaxes(self.inverse, 1, 2), self.blocks, inner)
 
     @property

@@ -1,0 +1,81 @@
+"""A system made up with all kinds of errors, and the textbook's answers on its whole matrices."""
+
+import numpy as np
+import scipy.sparse
+
+from pipeline.base.arrays import Parameter
+from pipeline.system.system import Errors, Rows, System
+
+TYPICAL = np.array([1.3e-8, 3.0e-7, 2.0e-6])
+"""Typical sizes of three parameters, far from each other."""
+
+X = np.array([1.25e-8, 2.6e-7, 2.1e-6])
+"""Their true values."""
+
+SHARED = ("force_gain", "registration")
+"""Sources of error that move all poses."""
+
+
+def made(rng, pulls=(3, 2, 4, 3), force_m=4e-5, scales=(1.0, 1.0), common=True):
+    """Poses of unequal size with rows in any order: own noise, one zero a pose, one force a pull.
+
+    Args:
+        rng: Source of all that is drawn.
+        pulls: Pulls of each pose, each of three rows.
+        force_m: What a scale reading's standard uncertainty moves [m].
+        scales: True scatter of tracker and scale over what is stated.
+        common: Whether there are errors common to all poses.
+    """
+    pull = np.repeat(np.arange(sum(pulls)), 3)
+    pose = np.repeat(np.arange(len(pulls)) * 3 + 1, pulls)[pull]
+    M = len(pull)
+    B = rng.normal(size=(M, 3)) * 3e-3 / TYPICAL
+    own = np.diag(rng.uniform(2e-5, 5e-5, M))
+    zero = (pose[:, None] == np.unique(pose)) * rng.uniform(2e-5, 4e-5, M)[:, None]
+    force = (pull[:, None] == np.unique(pull)) * rng.normal(scale=force_m, size=M)[:, None]
+    G = np.hstack([own, zero, force])
+    source = ["tracker"] * M + ["zero"] * len(pulls) + ["force_reading"] * sum(pulls)
+    if common:
+        G = np.hstack([G, (B @ X * 2e-2)[:, None], 3e-5 * rng.normal(size=(M, 1))])
+        source += SHARED
+    is_force = np.array([one == "force_reading" for one in source])
+    true = G * np.where(is_force, scales[1], scales[0])
+    c = B @ X + true @ rng.standard_normal(G.shape[1])
+    order = rng.permutation(M)
+    fields = (pose, pull, np.full(M, "P1", object), np.arange(M) % 3, pull)
+    return System(
+        parameters=tuple(Parameter(f"c{k}", "m/N", t, 0.0) for k, t in enumerate(TYPICAL)),
+        rows=Rows(*(field[order] for field in fields)),
+        B=B[order],
+        c=c[order],
+        errors=Errors(
+            scipy.sparse.csr_array(G[order]),
+            np.array(source, object),
+            np.isin(source, SHARED),
+        ),
+        noise_stated=True,
+    )
+
+
+def dense(system, scale=None, common=True):
+    """V as one matrix; sources of error multiplied as told, with the common ones or without."""
+    G, errors = system.errors.G.toarray(), system.errors
+    factor = np.array([(scale or {}).get(name, 1.0) for name in errors.source])
+    G = G * factor * (~errors.common | common)
+    return G @ G.T
+
+
+def generalised(X, y, V):
+    """b, its covariance and chi2 of generalised least squares, V inverted as it stands."""
+    W = np.linalg.inv(V)
+    cov = np.linalg.inv(X.T @ W @ X)
+    b = cov @ (X.T @ (W @ y))
+    r = y - X @ b
+    return b, cov, r @ W @ r
+
+
+def restricted(X, y, V):
+    """Minus twice the restricted log likelihood, without its constant."""
+    W = np.linalg.inv(V)
+    *_, chi2 = generalised(X, y, V)
+    return np.linalg.slogdet(V)[1] + np.linalg.slogdet(X.T @ W @ X)[1] + chi2

@@ -1,0 +1,49 @@
+"""Rows by block: there and back, and the covariance of errors that stay within a block."""
+
+import numpy as np
+import pytest
+import scipy.sparse
+
+from pipeline.system.blocks import Blocks
+
+RNG = np.random.default_rng(3)
+KEY = np.array([7, 2, 7, 5, 2, 7, 2, 2])
+"""Blocks of four, one and three rows, which are no neighbours."""
+
+BLOCKS = Blocks.of(KEY)
+
+
+@pytest.mark.parametrize("shape", [(8,), (8, 3), (8, 2, 3)])
+@pytest.mark.parametrize("kind", [float, int, bool])
+def test_rows_go_to_their_blocks_and_back(shape, kind):
+    """Numbers keep their kind, rows of a block their order, and missing ones are zero."""
+    rows = (RNG.standard_normal(shape) * 10).astype(kind)
+    padded = BLOCKS.padded(rows)
+
+    assert padded.shape == (3, 4, *shape[1:])
+    assert padded.dtype == rows.dtype
+    for block, key in enumerate([2, 5, 7]):
+        mine = rows[key == KEY]
+        assert np.array_equal(padded[block, : len(mine)], mine)
+        assert not padded[block, len(mine) :].any()
+    assert np.array_equal(BLOCKS.rows(padded), rows)
+
+
+def test_as_many_places_are_there_as_a_block_has_rows():
+    """Four, one, three: the rest is padding."""
+    assert BLOCKS.shape == (3, 4)
+    assert BLOCKS.there.sum(axis=1).tolist() == [4, 1, 3]
+    assert np.array_equal(BLOCKS.there, BLOCKS.padded(np.ones(8, bool)))
+
+
+def test_covariances_of_blocks_are_those_of_the_whole_matrix():
+    """G G' of errors that each move one block: its own rows and columns, and zeros below."""
+    G = RNG.standard_normal((8, 12)) * (RNG.integers(3, size=12) == Blocks.of(KEY).index[:, None])
+    found, V = BLOCKS.covariance(scipy.sparse.csr_array(G)), G @ G.T
+
+    for block, key in enumerate([2, 5, 7]):
+        mine = np.flatnonzero(key == KEY)
+        n = len(mine)
+        assert found[block, :n, :n] == pytest.approx(V[np.ix_(mine, mine)])
+        assert not found[block, n:].any()
+        assert not found[block, :, n:].any()

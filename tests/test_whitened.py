@@ -1,0 +1,305 @@
+"""A whitened campaign: every answer against generalised least squares on whole matrices."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_system import generalised
+from scipy import linalg, stats
+from scipy.spatial.transform import Rotation
+
+from pipeline.machine.cell import load, paper_cell
+from pipeline.machine.effects import catalogue
+from pipeline.run import tool
+from pipeline.simulate import Plan, simulate
+from pipeline.store.campaign import in_memory
+from pipeline.system.linearised import Model, linearise
+from pipeline.system.whitened import by_pose_drop, whiten, with_laws
+
+SUSPECTS = (
+    ("rail_roll", ""),
+    ("joint_hardening:3", "cubic"),
+    ("joint_hardening:2", "cubic"),
+    ("compensator", "one harmonic"),
+    ("joint_hardening:3", "high knee"),
+    ("joint_lost_motion:3", "wide"),
+    ("base_rotation", ""),
+)
+"""Two laws and a lost motion of one gear, another gear, and suspects of one to three columns."""
+
+HARDENING, KIN = 1, [4, 5]
+"""A law of a gear, and the other laws of the same gear."""
+
+NOISE = 1.3
+
+
+def seen(campaign, data, accepted=()):
+    """A campaign linearised at joint springs and some accepted suspects."""
+    raw = in_memory(campaign.files)
+    every = {(effect.label, effect.form): effect for effect in catalogue(raw.robot)}
+    suspects = tuple(every[name] for name in SUSPECTS)
+    cell = paper_cell(raw.robot, tool(raw.settings))
+    mine = [suspects[i] for i in accepted]
+    more = [p.typical / 2 for effect in mine for p in effect.parameters]
+    values = np.append(raw.robot.nominal_compliance, more)
+    return linearise(Model(cell.with_effects(*mine), values, 7, accepted), data, suspects)
+
+
+@pytest.fixture(scope="module")
+def given(small_campaign, read_back):
+    """A small campaign linearised with one law of a gear accepted."""
+    return seen(small_campaign, read_back(small_campaign).data, (HARDENING,))
+
+
+@pytest.fixture(scope="module")
+def view(given):
+    """The same whitened, its noise a third larger than stated, its scale's a half."""
+    return whiten(given, NOISE, 1.5)
+
+
+def parts(given, force_noise=1.0, doubt=None):
+    """Covariance of each pose's own errors and of the common ones, with a doubt about one law."""
+    G = given.errors.G.toarray() * np.where(
+        given.errors.source == "force_reading", force_noise, 1.0
+    )
+    own, common = G * ~given.errors.common, G * given.errors.common
+    own, common = own @ own.T, common @ common.T
+    if doubt is not None:
+        moved = given.Z[:, HARDENING] * given.model.values[7]
+        same_pull = given.rows.pull[:, None] == given.rows.pull
+        own = own + min(doubt, 0.05) ** 2 * np.outer(moved, moved) * same_pull
+        for other in (5, 6):  # columns of the other laws of the gear
+            column = given.Z[:, other] / np.linalg.norm(given.Z[:, other])
+            common = common + doubt**2 * (moved @ moved) * np.outer(column, column)
+    return own, common
+
+
+def columns(given, suspects=(), springs=True):
+    """Columns of springs and suspects in typical sizes."""
+    mine = [7 * [True] if springs else 7 * [False]]
+    size = [p.typical for p in given.model.cell.parameters[:7]]
+    for i, effect in enumerate(given.suspects):
+        mine.append([i in suspects] * len(effect.parameters))
+        size += [p.typical for p in effect.parameters]
+    return (np.hstack([given.B, given.Z]) * size)[:, np.concatenate(mine)]
+
+
+@pytest.mark.parametrize(
+    ("force_noise", "doubt"), [(1.0, None), (1.5, None), (1.5, 0.3), (1, 0.02)]
+)
+def test_every_suspect_is_generalised_least_squares(given, force_noise, doubt):
+    """Size, drop, rest and degrees of freedom with the whole V, own errors `noise` times larger.
+
+    What is known of a law to a fraction only is uncertain in each pull by a twentieth at most, and
+    in all pulls together along the other laws of its gear.
+    """
+    laws = [] if doubt is None else [(HARDENING, doubt)]
+    view = whiten(given, NOISE, force_noise, laws)
+    own, common = parts(given, force_noise, doubt)
+    V = NOISE**2 * own + common
+    found = view.beside(view.base)
+    _, _, rest = generalised(columns(given, [HARDENING]), given.y, V)
+
+    assert found.rest == pytest.approx(rest, rel=1e-6)
+    assert found.dof == view.rows_left - 1 == len(given.y) - 8
+    for i, effect in enumerate(given.suspects):
+        if i != HARDENING:
+            X = np.hstack([columns(given, [HARDENING]), columns(given, [i], springs=False)])
+            b, _, chi2 = generalised(X, given.y, V)
+            k = len(effect.parameters)
+            assert found.drop[i] == pytest.approx(rest - chi2, rel=1e-4, abs=1e-6)
+            assert found.size[i, :k] == pytest.approx(b[8:], rel=1e-4)
+    assert found.rank[HARDENING] == 0
+
+
+def test_groups_of_suspects_are_tried_together(view, given):
+    """All columns of two suspects at once, beside springs alone."""
+    own, common = parts(given, 1.5)
+    V = NOISE**2 * own + common
+    both = np.concatenate([view.columns([3]), view.columns([0])])[None]
+    found = view.beside(np.arange(view.first), among=both)
+    _, _, less = generalised(columns(given), given.y, V)
+    _, _, more = generalised(columns(given, [0, 3]), given.y, V)
+
+    assert found.drop[0] == pytest.approx(less - more, rel=1e-5)
+    assert found.dof == len(given.y) - 7
+    assert found.bounds is None
+
+
+def test_columns_of_a_suspect_are_where_its_parameters_are(view, given):
+    """Behind springs and common errors, in the order of the suspects, with bounds of physics."""
+    r = int(given.errors.common.sum())
+    first = 7 + r
+
+    assert (view.springs, view.common, view.first) == (7, r, first)
+    assert view.columns([3, 6]).tolist() == [first + k for k in (3, 4, 7, 8, 9)]
+    assert view.base.tolist() == [*range(first), first + 1]
+    assert view.at[3].tolist() == [first + 3, first + 4, -1]
+    assert view.A[: len(given.y), view.columns([0])].any()
+    for i, effect in enumerate(given.suspects):
+        for k, p in enumerate(effect.parameters):
+            assert view.bounds[:, i, k].tolist() == [p.lower / p.typical, p.upper / p.typical]
+    assert np.isinf(view.bounds[:, 0, 1:]).all()
+
+
+@pytest.mark.parametrize("doubt", [None, 0.3])
+def test_spread_is_the_uncertainty_of_each_row(given, doubt):
+    """What is stated, `noise` times; a doubt about a law counts as far as it is of one pull."""
+    laws = [] if doubt is None else [(HARDENING, doubt)]
+    own, common = parts(given, 2.0, doubt)[0], parts(given)[1]
+
+    assert whiten(given, NOISE, 2.0, laws).spread == pytest.approx(
+        NOISE * np.sqrt(np.diag(own + common))
+    )
+
+
+def test_errors_with_laws_have_the_covariance_that_weighs(given):
+    """G G' of all errors; those of the law itself move one pull, those of its kin all."""
+    louder = replace(given.errors, G=given.errors.G * 2)
+    errors = with_laws(given, louder, [(HARDENING, 0.3)])
+    own, common = parts(replace(given, errors=louder), 1.0, 0.3)
+    law = errors.source == "law"
+
+    assert (errors.G @ errors.G.T).toarray() == pytest.approx(own + common, rel=1e-9, abs=1e-20)
+    assert errors.common[law].sum() == len(KIN)
+    assert (~errors.common[law]).sum() == given.rows.pull.max() + 1
+
+
+def without(given, pose, suspects, force_noise=1.5):
+    """Residuals of a pose by a fit to the other poses [m], and chi2 of that fit."""
+    own, common = parts(given, force_noise)
+    V = NOISE**2 * own + common
+    out, X = given.rows.pose == pose, columns(given, suspects)
+    b, _, chi2 = generalised(X[~out], given.y[~out], V[~out][:, ~out])
+    return given.y[out] - X[out] @ b, chi2
+
+
+@pytest.mark.parametrize("suspects", [[HARDENING], [HARDENING, 3], []])
+def test_each_pose_is_predicted_by_a_fit_without_it(view, given, suspects):
+    """Residuals of a pose that is left out, by refits with the whole V, and by products."""
+    base = np.concatenate([np.arange(view.first), view.columns(suspects)])
+    left = view.left_out(base)
+
+    for index, pose in enumerate(np.unique(given.rows.pose)):
+        out = given.rows.pose == pose
+        truth, _ = without(given, pose, suspects)
+        assert left[out] == pytest.approx(truth, abs=1e-9)
+        predicted = view.predicted(base, view.without(index), out)
+        assert given.y[out] - predicted == pytest.approx(truth, abs=1e-9)
+    assert view.poses == len(np.unique(given.rows.pose))
+
+
+def test_suspects_are_tried_without_a_pose(view, given):
+    """Fewer rows leave fewer degrees of freedom, and the other poses' own sum of squares."""
+    pose = np.unique(given.rows.pose)[2]
+    rows = int(np.sum(given.rows.pose == pose))
+    found = view.beside(view.base, view.without(2), rows)
+
+    assert found.rest == pytest.approx(without(given, pose, [HARDENING])[1], rel=1e-6)
+    assert found.drop[3] == pytest.approx(
+        found.rest - without(given, pose, [HARDENING, 3])[1], rel=1e-4
+    )
+    assert found.dof == len(given.y) - rows - 8
+
+
+def by_pose(given, own, rows):
+    """Rows whitened with each pose's own errors, one pose after the other."""
+    out = np.zeros(rows.shape)
+    for pose in np.unique(given.rows.pose):
+        mine = given.rows.pose == pose
+        out[mine] = linalg.solve_triangular(
+            np.linalg.cholesky(own[mine][:, mine]), rows[mine], lower=True
+        )
+    return out
+
+
+def each(key, columns):
+    """Every value of a key has all columns to itself."""
+    return np.hstack([columns * (key == one)[:, None] for one in np.unique(key)])
+
+
+def remains(X, y):
+    """Sum of squares that numpy's fit leaves, and its degrees of freedom."""
+    b, _, rank, _ = np.linalg.lstsq(X, y, rcond=1e-9)
+    return float(np.sum((y - X @ b) ** 2)), len(y) - rank
+
+
+def loose(given):
+    """Each reflector by itself along the axes of F_b and of the flange, per kilonewton."""
+    data, rows = given.data, given.rows
+    points = load(given.model.cell, data.pulls, given.model.values).points
+    tool = given.model.cell.tool.points
+    size = np.linalg.norm(data.pulls.force, axis=1) / 1000
+    out = np.zeros((len(rows), len(tool), 6))
+    for row, (pull, axis) in enumerate(zip(rows.pull, rows.axis, strict=True)):
+        turn, _ = Rotation.align_vectors(
+            points[pull] - points[pull].mean(axis=0), tool - tool.mean(axis=0)
+        )
+        along = np.hstack([np.eye(3)[axis], turn.as_matrix()[axis]])
+        out[row, data.target[row // 3]] = along * size[pull]
+    return out.reshape(len(rows), -1)
+
+
+@pytest.mark.parametrize("moved_m", [0.0, 5e-5, 3e-4])
+def test_scatter_is_what_no_rigid_motion_makes(given, moved_m):
+    """Free motions of each pull, by fits; a reflector that gives way is taken out and told."""
+    size = np.linalg.norm(given.data.pulls.force, axis=1)[given.rows.pull] / 1000
+    at = (np.repeat(given.data.target, 3) == 1) & (given.rows.axis == 2)
+    soft = replace(given, y=given.y + moved_m * size * at)
+    view = whiten(soft, NOISE, 1.5)
+    own, _ = parts(given, 1.5)
+    motions, y = (by_pose(given, own, a) for a in (each(given.rows.pull, soft.motions), soft.y))
+    square, dof = remains(motions, y)
+    less, left = remains(np.hstack([motions, by_pose(given, own, loose(given))]), y)
+    F = (square - less) / (dof - left) / (less / left)
+    p = stats.f.sf(F, dof - left, left)
+
+    assert np.log(view.soft_p) == pytest.approx(np.log(p), rel=1e-4)
+    assert (p < 1e-4) == (moved_m > 1e-4)
+    if p < 1e-4:
+        square, dof = less, left
+    assert view.scatter == pytest.approx(square / NOISE**2, rel=1e-6)
+    assert view.scatter_dof == dof
+    assert view.tells_scatter
+
+
+def test_one_reflector_tells_no_scatter(read_back):
+    """Its every motion is one of a rigid effector."""
+    one = {
+        "poses": {"count": 5},
+        "tool": {"load_point": [0.15, 0.0, 0.25], "P1": [0.2, 0.05, 0.12]},
+    }
+    campaign = simulate(Plan.model_validate({"name": "one", **one}))
+    view = whiten(seen(campaign, read_back(campaign).data), 1.0)
+
+    assert (view.scatter, view.scatter_dof, view.soft_p) == (0.0, 0, 1.0)
+    assert not view.tells_scatter
+
+
+@pytest.mark.parametrize("accepted", [[], [HARDENING]])
+def test_what_a_free_stiffness_of_each_pose_takes_is_told_by_fits(view, given, accepted):
+    """Of the residual beside the common errors' best guess; rank minus springs and accepted."""
+    own, common = parts(given, 1.5)
+    V = NOISE**2 * own + common
+    X = columns(given, accepted)
+    b, *_ = generalised(X, given.y, V)
+    left = given.y - X @ b
+    residual = left - common @ np.linalg.solve(V, left)
+    size = np.linalg.norm(given.data.pulls.force, axis=1)[given.rows.pull, None]
+    free = by_pose(given, own, each(given.rows.pose, given.motions * size))
+    r = by_pose(given, own, residual) / NOISE
+    after, dof = remains(free, r)
+    base = np.concatenate([np.arange(view.first), view.columns(accepted)])
+    drop, found_dof = by_pose_drop(view, base)
+
+    assert drop == pytest.approx(r @ r - after, rel=1e-5)
+    assert found_dof == len(r) - dof - 7 - len(accepted)
+    assert view.free.dof == dof
+
+
+def test_exact_data_leave_rounding_and_no_more(given):
+    """Where nothing is left the sum of squares is the least per degree of freedom."""
+    exact = replace(given, y=given.B @ given.model.values[:7])
+    view = whiten(exact, 1.0)
+
+    assert view.beside(np.arange(view.first)).rest == pytest.approx(1e-4 * view.rows_left)
