@@ -88,15 +88,15 @@ class Row:
     holds: Callable[[Basis], bool]
 
 
-_SPRINGS, _EXTENDED, _AVERAGED = Which
-_GIVEN, _CORRECTED = Data
+_SPRINGS, _EXTENDED, _AVERAGED = Which.JOINT_SPRINGS, Which.EXTENDED, Which.AVERAGED
+_GIVEN, _CORRECTED = Data.AS_GIVEN, Data.CORRECTED
 
 TABLE: tuple[Row, ...] = (
     Row(Reason.MISTAKE_AND_RIVALS, _AVERAGED, _CORRECTED, lambda f: f.causes and f.rivals),
     Row(Reason.MISTAKE_AND_CAUSE, _EXTENDED, _CORRECTED, lambda f: f.causes),
     Row(Reason.MISTAKE_AND_UNEXPLAINED, _SPRINGS, _CORRECTED, lambda f: f.unexplained),
     Row(Reason.MISTAKE_SPRINGS_UNTOUCHED, _SPRINGS, _CORRECTED, lambda f: f.named),
-    Row(Reason.MISTAKE, _SPRINGS, _CORRECTED, lambda f: f.verdict == Verdict.ADEQUATE),
+    Row(Reason.MISTAKE, _SPRINGS, _CORRECTED, lambda _: True),
     Row(Reason.WEIGHED_ANEW, _EXTENDED, _GIVEN, lambda f: f.causes and not f.beside),
     Row(Reason.CAUSE_AND_RIVALS, _AVERAGED, _GIVEN, lambda f: f.explained and f.rivals),
     Row(Reason.CAUSE_IDENTIFIED, _EXTENDED, _GIVEN, lambda f: f.explained),

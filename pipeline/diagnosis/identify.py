@@ -338,7 +338,7 @@ def _add(
     ones hold to their tolerance only.
     """
     taken = {case.suspects[i].label for i in view.model.accepted}
-    for i in np.argsort(-now.log_evidence):
+    for i in _likeliest(now):
         label = case.suspects[i].label
         if now.log_evidence[i] < WORTH:
             return None
@@ -348,6 +348,11 @@ def _add(
             return int(i)
         refused[label] = None
     return None
+
+
+def _likeliest(now: Scores) -> Ints:
+    """Suspects by their evidence; twins, which differ by rounding, in the catalogue's order."""
+    return np.argsort(-np.round(now.log_evidence, 6), kind="stable")
 
 
 def _possible(case: Case, now: Scores, suspect: int) -> bool:
@@ -388,7 +393,7 @@ def _better(case: Case, view: Whitened, tried: Set[frozenset[int]]) -> tuple[int
         if now.log_evidence[mine] < WORTH and len(rest) and frozenset(rest) not in tried:
             return rest
         taken = {case.suspects[i].label for i in rest}
-        for i in np.argsort(-now.log_evidence)[:5]:
+        for i in _likeliest(now)[:5]:
             if now.log_evidence[i] < now.log_evidence[mine] + _BETTER:
                 break
             swapped = (*accepted[:place], int(i), *accepted[place + 1 :])

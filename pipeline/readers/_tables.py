@@ -17,7 +17,7 @@ from pipeline.readers._cells import cells_or_none, shown
 from pipeline.readers._coordinates import AXES, Meaning, uncertainties
 from pipeline.readers._delimited import rows
 from pipeline.readers._layout import Field, Kind, Layout, Rows
-from pipeline.readers._named import Header, Named, find, in_context, named, one_unit
+from pipeline.readers._named import UNIT_WORDS, Header, Named, find, in_context, named, one_unit
 from pipeline.readers._reader import (
     EXPANDED,
     RMS,
@@ -284,6 +284,11 @@ def _meaning(header: Header, hints: Hints, table: Rows, kind: str, axes: Sequenc
     lengths = [axis for axis in axes if axis not in angular]
     unit = settled_unit(one_unit(header, lengths), hints)
     stated = one_unit(header, angular), axes[2] if axes[2] in _VERTICALS[1:] else None
+    if stated[0] in UNIT_WORDS.values():
+        raise InputError(
+            f"the column of an angle is in {stated[0]}",
+            'correct its title, or state coordinates = "cartesian"',
+        )
     third = np.asarray(table.columns[axes[2]])
     return settled_angles(Meaning(unit, kind), stated, third, hints)
 

@@ -48,18 +48,13 @@ def _header(text: Text, mapping: Columns) -> Header:
                 file="campaign.toml",
             )
         words[place] = said
-    return Header(
-        line or _first(text, mapping) - 1,
-        delimiter,
-        tuple(
-            Named(
-                title if line else f"column {place + 1}",
-                _ROLES.get(word := words.get(place, ""), word),
-                _named.named(title).unit if line else None,
-            )
-            for place, title in enumerate(titles)
-        ),
-    )
+    named = []
+    for place, title in enumerate(titles):
+        word = words.get(place, "")
+        unit = _named.named(title).unit if line else None
+        title = title if line else f"column {place + 1}"
+        named.append(Named(title, _ROLES.get(word, word), unit))
+    return Header(line or _first(text, mapping) - 1, delimiter, tuple(named))
 
 
 def _first(text: Text, mapping: Columns) -> int:

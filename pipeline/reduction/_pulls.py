@@ -48,7 +48,7 @@ def complete(shots: Shots, settings: Settings, loads: Log, joints: Log) -> tuple
     absent = _absent(shots, settings, states, dropped)
     left = shots.without(lost)
     left = replace(left, rejected=(*left.rejected, *absent))
-    return left, _loads(shots, states, dropped, why, loads)
+    return left, _loads(states, dropped, why, loads)
 
 
 def _states(shots: Shots, t: int, loads: Log, joints: Log) -> _States:
@@ -130,7 +130,7 @@ def _absent(shots: Shots, settings: Settings, states: _States, dropped: Bools) -
     return out
 
 
-def _loads(shots: Shots, states: _States, dropped: Bools, why: dict[int, str], loads: Log) -> Log:
+def _loads(states: _States, dropped: Bools, why: dict[int, str], loads: Log) -> Log:
     """Rows of the load log with a usable pull."""
     kept = np.zeros(len(loads.line), dtype=bool)
     read = states.present.any(axis=1) & (states.load >= 0)

@@ -294,12 +294,16 @@ def _source(log: logs.Log) -> dict[str, pa.Array | Ints]:
 
 def _rejected(rejected: Sequence[Rejection]) -> pa.Table:
     ordered = sorted(dict.fromkeys(rejected), key=lambda r: (r[0], r[1] or 0, r[2]))
-    rows = [dict(zip(tables.REJECTED.names, row, strict=True)) for row in ordered]
-    return pa.Table.from_pylist(rows, tables.REJECTED)
+    if not ordered:
+        return tables.REJECTED.empty_table()
+    columns = dict(zip(tables.REJECTED.names, zip(*ordered, strict=True), strict=True))
+    return pa.table({name: list(column) for name, column in columns.items()}, tables.REJECTED)
 
 
 def _nothing_left(rejected: Sequence[Rejection]) -> InputError:
     """No pull is complete: say it with the reason whose way out is given most often."""
+    if not rejected:
+        return InputError("the files have no rows", "export the campaign again, with its pulls")
     ways_out = [why.rpartition("; ")[2] for _, _, why in rejected]
     most = max(ways_out, key=ways_out.count)
     where, line, why = next(r for r in rejected if r[2].endswith(most))

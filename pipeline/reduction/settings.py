@@ -57,9 +57,6 @@ class Tracker(Hints):
                 )
 
 
-_GROUP = r"pose(?P<pose>[0-9]+)_rep(?P<repeat>[0-9]+)_(?P<state>unloaded|loaded)"
-
-
 class Naming(Strict):
     """How group and target names are read."""
 

@@ -23,6 +23,7 @@ from pipeline.simulate.noise import stated_covariance
 from pipeline.simulate.plan import Plan
 from pipeline.simulate.scene import Draws, Scene, axes, build, draw
 
+_CERTIFIED = {"sigma_n", "sigma_rel", "gain_sigma", "zero_sigma_n"}
 _CHAIN = ["Pl1", "Pl2"]
 """Reflectors on the chain, which show where it pulls."""
 
@@ -220,7 +221,7 @@ def _campaign_toml(plan: Plan, robot: str) -> bytes:
         "base_frame": plan.base_frame,
         "scale": {
             "file": "loads.csv",
-            **plan.scale.model_dump(include={"sigma_n", "sigma_rel", "gain_sigma"}),
+            **plan.scale.model_dump(include=_CERTIFIED),
         },
         "joints": {"file": "joints.csv"},
         "tool": plan.tool,

@@ -138,7 +138,7 @@ class Instrument(Strict):
 
 
 class SpringScale(Scale):
-    """The spring scale as certified, and what is true of it.
+    """The spring scale as certified, and what is true of it; its zero is off as stated.
 
     Attributes:
         noise_scale: True scatter over stated scatter.

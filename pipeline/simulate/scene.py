@@ -325,7 +325,8 @@ def _scale(scene: Scene, rng: np.random.Generator, n: int) -> tuple[Array, Array
     drawn = gain.normal(0.0, plan.scale.gain_sigma, n)
     gain_error = drawn if plan.scale.gain_error is None else np.full(n, plan.scale.gain_error)
     size = plan.scale.noise_scale * _scaled(scene.cell, scene.values, "force_reading")
-    acting = reading * (1 + gain_error[:, None])
+    zero = gain.normal(0.0, plan.scale.zero_sigma_n, (n, 1))
+    acting = reading * (1 + gain_error[:, None]) + zero
     acting = acting + size * noise.scale_errors(plan.scale, reading, error)
     return reading, gain_error, acting
 

@@ -14,6 +14,12 @@ from matplotlib.figure import Figure as Canvas
 Tips = dict[str, list[str]]
 """By id of an artist, the words of each of its marks in drawing order."""
 
+_LONGEST = 60
+"""Characters of a name in a legend."""
+
+_ACROSS = 78
+"""Characters that a legend has beside each other."""
+
 MARKERS = ("o", "s", "^", "D", "v", "P")
 
 
@@ -29,13 +35,19 @@ def integer_ticks(axes: Axes, at: np.ndarray, names: Sequence[int]) -> None:
     axes.set_xticks(at[::step], [str(name) for name in names[::step]])
 
 
+def _short(name: str) -> str:
+    return name if len(name) <= _LONGEST else name[: _LONGEST - 1] + "…"
+
+
 def legend_above(axes: Axes, columns: int) -> None:
     """The legend on top of a plot, lines before marks."""
     handles, labels = axes.get_legend_handles_labels()
     at = sorted(range(len(labels)), key=lambda i: isinstance(handles[i], PathCollection))
+    said = [_short(labels[i]) for i in at]
+    columns = min(columns, max(1, _ACROSS // (max(map(len, said), default=1) + 4)))
     axes.legend(
         [handles[i] for i in at],
-        [labels[i] for i in at],
+        said,
         loc="lower left",
         bbox_to_anchor=(0, 1),
         ncols=columns,
