@@ -37,7 +37,7 @@ def test_the_prediction_errs_as_draws_of_the_estimates_say(M):
 def test_the_average_errs_as_draws_of_the_estimates_say(M):
     """Root mean square of all relative errors; by compliance their own."""
     rng = np.random.default_rng(3)
-    found, each = criteria.average(4).figure(M), criteria.relative_std(M)
+    found, each = criteria.CLASSIC["A"].figure(M), criteria.relative_std(M)
 
     for one, std, plan in zip(found, each, M, strict=True):
         error = draws(plan, 40_000, rng)
@@ -49,12 +49,12 @@ def test_the_ellipsoid_has_the_semi_axes_of_numpy(M):
     """Their geometric mean for D, the longest for E."""
     for k, plan in enumerate(M):
         axes = np.sqrt(np.linalg.eigvals(np.linalg.inv(plan)).real)
-        assert criteria.determinant(4).figure(M)[k] == pytest.approx(stats.gmean(axes))
-        assert criteria.extreme(4).figure(M)[k] == pytest.approx(axes.max())
+        assert criteria.CLASSIC["D"].figure(M)[k] == pytest.approx(stats.gmean(axes))
+        assert criteria.CLASSIC["E"].figure(M)[k] == pytest.approx(axes.max())
 
 
 @pytest.mark.parametrize(
-    "criterion", [criteria.average(4), criteria.determinant(4), criteria.extreme(4)]
+    "criterion", [criteria.CLASSIC["A"], criteria.CLASSIC["D"], criteria.CLASSIC["E"]]
 )
 def test_twice_the_pulls_are_worth_a_root_of_two(M, criterion):
     """Every figure is an uncertainty."""
@@ -67,7 +67,7 @@ def test_a_plan_that_leaves_a_mix_open_is_no_plan(M):
     flat[1] = np.diag([1.0, 1.0, 1.0, 0.0])
 
     with np.errstate(all="ignore"):
-        for criterion in (criteria.average(4), criteria.determinant(4), criteria.extreme(4)):
+        for criterion in (criteria.CLASSIC["A"], criteria.CLASSIC["D"], criteria.CLASSIC["E"]):
             figures = criterion.figure(flat)
             assert np.isnan(figures[1]) | np.isinf(figures[1])
             np.testing.assert_allclose(figures[[0, 2]], criterion.figure(M)[[0, 2]])
@@ -78,25 +78,25 @@ def test_a_plan_that_leaves_a_mix_open_is_no_plan(M):
 
 def test_the_smooth_stand_in_is_close_above_the_smallest_eigenvalue(M):
     """Power mean of order 24 of four: at most 4^(1/24) too large, and equal where all are alike."""
-    smooth, S = criteria.extreme(4).smooth(M)
+    smooth, S = criteria.CLASSIC["E"].smooth(M)
     least = np.linalg.eigvalsh(M)[:, 0]
 
     assert (np.exp(smooth) >= least * (1 - 1e-12)).all()
     assert (np.exp(smooth) <= least * 4 ** (1 / 24) * (1 + 1e-12)).all()
-    assert np.exp(criteria.extreme(4).smooth(7.0 * np.eye(4)[None])[0][0]) == pytest.approx(7.0)
+    assert np.exp(criteria.CLASSIC["E"].smooth(7.0 * np.eye(4)[None])[0][0]) == pytest.approx(7.0)
     np.testing.assert_allclose(np.einsum("kij,kij->k", S, M), 1.0)
     turn = np.random.default_rng(4).normal(size=M.shape)
     turn = turn + turn.swapaxes(1, 2)
     h = 1e-5
-    ahead, behind = (criteria.extreme(4).smooth(M + s * turn)[0] for s in (h, -h))
+    ahead, behind = (criteria.CLASSIC["E"].smooth(M + s * turn)[0] for s in (h, -h))
     np.testing.assert_allclose(np.sum(S * turn, axis=(1, 2)), (ahead - behind) / (2 * h), rtol=1e-4)
 
 
 def test_a_support_touches_where_it_was_taken(M):
     """Z of the smooth criteria meets g at M; that of E has trace one."""
-    for criterion in (criteria.average(4), criteria.determinant(4)):
+    for criterion in (criteria.CLASSIC["A"], criteria.CLASSIC["D"]):
         Z = criterion.support(M)
         np.testing.assert_allclose(np.sum(Z * M, axis=(1, 2)), np.exp(criterion.score(M)[0]))
-    Z = criteria.extreme(4).support(M)
+    Z = criteria.CLASSIC["E"].support(M)
     np.testing.assert_allclose(np.einsum("kii->k", Z), 1.0)
     assert (np.linalg.eigvalsh(Z) > -1e-12).all()

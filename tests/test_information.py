@@ -8,7 +8,6 @@ import pytest
 from pipeline.design.information import (
     Experiment,
     _pull_back,
-    cross,
     information,
     station,
     value_and_slope,
@@ -154,11 +153,3 @@ def test_one_weighting_for_all_poses_is_that_of_each(made):
         for a, b in zip(shared, each, strict=True):
             np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-12 * np.abs(b).max())
         np.testing.assert_allclose(shared[0], np.sum(W * information(one, at), axis=(1, 2)))
-
-
-def test_vector_products_stand_on_the_last_axis_but_one():
-    """As numpy's with the axis said."""
-    rng = np.random.default_rng(9)
-    a, b = rng.normal(size=(2, 4, 3, 5)), rng.normal(size=(4, 3, 5))
-
-    np.testing.assert_allclose(cross(a, b), np.cross(a, b, axis=-2))

@@ -37,6 +37,18 @@ def _header(text: Text, mapping: Columns) -> Header:
     sample = text.line(line or _first(text, mapping))
     delimiter = mapping.delimiter or max(DELIMITERS, key=sample.count)
     titles = [bare(title) for title in sample.split(delimiter)]
+    words = _words(titles, mapping, line)
+    named = []
+    for place, title in enumerate(titles):
+        word = words.get(place, "")
+        unit = _named.named(title).unit if line else None
+        title = title if line else f"column {place + 1}"
+        named.append(Named(title, _ROLES.get(word, word), unit))
+    return Header(line or _first(text, mapping) - 1, delimiter, tuple(named))
+
+
+def _words(titles: list[str], mapping: Columns, line: int) -> dict[int, str]:
+    """What the mapping calls each column, by its place."""
     words: dict[int, str] = {}
     for said, column in mapping.columns.items():
         with at(line=line or None):
@@ -48,13 +60,7 @@ def _header(text: Text, mapping: Columns) -> Header:
                 file="campaign.toml",
             )
         words[place] = said
-    named = []
-    for place, title in enumerate(titles):
-        word = words.get(place, "")
-        unit = _named.named(title).unit if line else None
-        title = title if line else f"column {place + 1}"
-        named.append(Named(title, _ROLES.get(word, word), unit))
-    return Header(line or _first(text, mapping) - 1, delimiter, tuple(named))
+    return words
 
 
 def _first(text: Text, mapping: Columns) -> int:

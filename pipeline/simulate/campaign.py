@@ -20,10 +20,9 @@ from pipeline.readers import READERS, WRITERS, Readings, text_of
 from pipeline.simulate.blunders import Notebook, controller_axes
 from pipeline.simulate.hidden import Planted, blunders
 from pipeline.simulate.noise import stated_covariance
-from pipeline.simulate.plan import Plan
+from pipeline.simulate.plan import Plan, SpringScale
 from pipeline.simulate.scene import Draws, Scene, axes, build, draw
 
-_CERTIFIED = {"sigma_n", "sigma_rel", "gain_sigma", "zero_sigma_n"}
 _CHAIN = ["Pl1", "Pl2"]
 """Reflectors on the chain, which show where it pulls."""
 
@@ -221,13 +220,19 @@ def _campaign_toml(plan: Plan, robot: str) -> bytes:
         "base_frame": plan.base_frame,
         "scale": {
             "file": "loads.csv",
-            **plan.scale.model_dump(include=_CERTIFIED),
+            **_certified(plan.scale),
         },
         "joints": {"file": "joints.csv"},
         "tool": plan.tool,
         "test_pose": plan.test_pose and plan.test_pose.model_dump(),
     }
     return toml.dumps(toml.given(content)).encode()
+
+
+def _certified(scale: SpringScale) -> dict[str, float]:
+    """What a certificate says; of the zero only where it says something."""
+    said = scale.model_dump(include={"sigma_n", "sigma_rel", "gain_sigma", "zero_sigma_n"})
+    return {key: value for key, value in said.items() if value or key != "zero_sigma_n"}
 
 
 def _stated(plan: Plan) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure as Canvas
 Tips = dict[str, list[str]]
 """By id of an artist, the words of each of its marks in drawing order."""
 
-_LONGEST = 60
+_LONGEST = 100
 """Characters of a name in a legend."""
 
 _ACROSS = 78
