@@ -189,3 +189,14 @@ def test_a_factor_holds_for_scale_readings_and_reduced_forces_alike():
     back = times(1 / 9.80665)(more)
     assert back.forces["fy_n"].to_numpy() == pytest.approx(case.forces["fy_n"].to_numpy())
     assert times(2.0)(good()).forces is None
+
+
+@pytest.mark.parametrize("unclear", [0.5, np.inf])
+def test_springs_that_are_not_clear_have_no_vote(unclear):
+    """Three of seven are clear and negative: six in ten of three, not of seven, are called for."""
+    some = estimate(np.array([-1.0, -1, -1, 1, 1, 1, 1]))
+    some.std[3:] = unclear * np.abs(some.value[3:])
+
+    (found,) = reversed_pull(end_for_end(good()), some)
+
+    assert "3 of 3 clear compliances" in found.evidence

@@ -244,3 +244,17 @@ def test_places_are_ordered_by_what_all_their_causes_together_explain(truth):
     for one in got:
         place, share, p = vars(one).values()
         assert (share, p) == pytest.approx(expected[place], rel=1e-6)
+
+
+def test_a_column_that_the_base_hides_counts_in_the_size_but_not_in_the_test():
+    """Two parameters, the second a spring's: lambda of one, root mean square over both."""
+    causes = (suspect("a", FREE), suspect("half hidden", FREE, FREE))
+    drawn = made(np.random.default_rng(1), causes, {})
+    mine = np.column_stack([drawn.Z[1][:, 0], drawn.B[:, 0]])
+    truth = replace(drawn, Z=(drawn.Z[0], mine))
+    view, p = truth.view(), 1e-3
+
+    times = smallest_visible(view, view.base, p)
+
+    whole = left(truth.columns(), truth.columns(1)[:, -2])
+    assert times[1] == pytest.approx(np.sqrt(2 * needed(1, p) / whole), rel=1e-6)
