@@ -25,6 +25,8 @@ from pipeline.prediction import compensate
 from pipeline.prediction.model import Model
 from pipeline.store.campaign import find
 
+pytestmark = pytest.mark.xdist_group("one_answer")  # one campaign of every verdict is run once
+
 ROBOT = load("kr500_rail")
 PLAN = (2026, 9, 1)
 
