@@ -331,7 +331,7 @@ def test_what_one_block_alone_determines_is_lost_there_and_nowhere_else(unit):
 
     assert np.array_equal(lost, KEY == 20)
     assert np.array_equal(left_out(wide, Y, KEY, 1e-6 * wide, 1e-6 * Y)[1], lost)
-    assert left == pytest.approx(truth, rel=1e-4, abs=1e-5)
+    assert left == pytest.approx(truth)
 
 
 def test_rows_that_do_not_ask_for_what_is_lost_are_predicted():

@@ -8,6 +8,7 @@ import pytest
 
 from pipeline.machine.cell import Tool, jacobian, paper_cell, predict
 from pipeline.machine.effect import Pulls
+from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
 from pipeline.machine.robot.model import model
 
@@ -108,3 +109,20 @@ def test_second_order_vanishes_with_the_load():
         return np.abs(bent - predict(here, asked, x).displacement).max()
 
     assert gap(2000.0) / gap(1000.0) == pytest.approx(4.0, rel=0.02)
+
+
+def test_what_remembers_a_pose_remembers_nothing_of_another_set_of_forces():
+    """Hysteresis under the same forces twice over: the second set moves as the first."""
+    bare = cell()
+    robot = bare.robot
+    once = replace(pulls(robot, 12), pose=np.repeat(np.arange(3), 4))
+    once = replace(once, q=once.q[once.pose], branch=np.tile([1.0, 1.0, -1.0, -1.0], 3))
+    for effect in catalogue(robot):
+        if effect.name != "joint_hysteresis":
+            continue
+        with_it = bare.with_effects(effect)
+        typical = [100 * p.typical for p in effect.parameters]
+        x = np.concatenate([robot.nominal_compliance, typical])
+        twice = predict(with_it, once.under(np.stack([once.force] * 2)), x).displacement
+
+        np.testing.assert_array_equal(twice[12:], twice[:12])

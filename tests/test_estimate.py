@@ -7,7 +7,9 @@ import pytest
 import scipy.sparse
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy import linalg, stats
+from made_system import dense as whole
+from made_system import restricted
+from scipy import linalg, optimize, stats
 
 from pipeline.base.arrays import Parameter
 from pipeline.machine.cell import Tool, paper_cell, predict
@@ -17,7 +19,15 @@ from pipeline.machine.robot import load
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.settings import Scale
 from pipeline.system.assemble import assemble
-from pipeline.system.estimate import fits, identifiable, identify, left_out, solve
+from pipeline.system.estimate import (
+    fits,
+    identifiable,
+    identify,
+    least_squares,
+    left_out,
+    solve,
+    tracker_noise,
+)
 from pipeline.system.system import Errors, Rows, System
 from pipeline.system.whiten import whitener
 
@@ -475,3 +485,110 @@ def test_errors_that_are_common_cost_their_part_of_the_precision(rng):
     _, found = identify(CELL, quiet, KR500.nominal_compliance)
 
     assert found.std / found.value == pytest.approx(np.full(7, 5e-3), rel=0.05, abs=0)
+
+
+UNITS = np.outer(TYPICAL, TYPICAL)
+"""Those of a covariance: approx would take anything below 1e-12 for zero."""
+
+
+def of_tracker(made):
+    """The same with errors of tracker and zeros alone, per metre of a noise that nobody states."""
+    keep = np.isin(made.errors.source, ["tracker", "zero"])
+    G = scipy.sparse.csr_array(made.errors.G[:, keep] * 1e5)
+    errors = Errors(G, made.errors.source[keep], made.errors.common[keep])
+    return replace(made, errors=errors, noise_stated=False)
+
+
+@pytest.mark.parametrize("loud", [1.0, 30.0])
+def test_a_noise_that_nobody_states_is_the_mean_square_of_the_residuals(rng, loud):
+    """With nothing but the tracker's errors: s^2 = r'V^-1 r / (M - k)."""
+    made = of_tracker(system(rng))
+    noisy = replace(made, c=made.B @ X + loud * (made.c - made.B @ X))
+
+    assert tracker_noise(noisy) == pytest.approx(np.sqrt(dense(noisy)[2] / 21), rel=1e-4)
+
+
+def test_beside_errors_that_are_stated_it_is_where_the_likelihood_is_largest(rng):
+    """Stated errors of gain and registration in metres; minimum of the whole likelihood."""
+    made = system(rng, stated=False)
+    relative = np.where(made.errors.common, 1.0, 1e5)
+    G = scipy.sparse.csr_array(made.errors.G @ scipy.sparse.diags_array(relative))
+    made = replace(made, errors=replace(made.errors, G=G))
+
+    def loss(log_s):
+        V = whole(made, {"tracker": np.exp(log_s), "zero": np.exp(log_s)})
+        return restricted(made.B * TYPICAL, made.c, V)
+
+    best = optimize.minimize_scalar(loss, bounds=(-14, -8)).x
+    assert tracker_noise(made) == pytest.approx(np.exp(best), rel=1e-3)
+
+
+def test_exact_data_have_the_least_noise_there_is(rng):
+    """Rounding, a picometre: no weight is infinite."""
+    made = of_tracker(system(rng))
+
+    assert tracker_noise(replace(made, c=made.B @ X)) == 1e-12
+
+
+def test_a_relative_noise_takes_its_size_from_the_residuals(rng):
+    """chi2 is its own degrees of freedom, and the covariance is that of the mean square."""
+    made = system(rng, stated=False)
+    _, cov, chi2 = dense(made)
+    found = solve(made, TYPICAL)
+
+    assert found.chi2 == pytest.approx(21)
+    assert found.cov / UNITS == pytest.approx(cov / UNITS * chi2 / 21, rel=1e-9)
+    assert found.residual_std_m == pytest.approx(
+        np.sqrt(np.sum((made.c - made.B @ found.value) ** 2) / 21)
+    )
+    stated = solve(replace(made, found_m=3e-5), TYPICAL)
+    assert stated.cov / UNITS == pytest.approx(cov / UNITS, rel=1e-9)
+
+
+def test_undetermined_values_stay_where_they_start(rng):
+    """Of twins the sum is found and the difference is that of the start, in typical sizes."""
+    A = rng.standard_normal((20, 3))
+    A[:, 1] = A[:, 0] * TYPICAL[0] / TYPICAL[1]
+    start = TYPICAL * [3.0, 1.0, 5.0]
+    y = A @ (TYPICAL * [2.0, 4.0, 7.0])
+    value, cov, chi2, rank = least_squares(A / TYPICAL[2], y / TYPICAL[2], TYPICAL, start)
+
+    assert rank == 2
+    assert value / TYPICAL == pytest.approx([4.0, 2.0, 7.0])
+    assert chi2 == pytest.approx(0, abs=1e-12)
+    assert np.isinf(np.diag(cov)).tolist() == [True, True, False]
+
+
+def test_twins_cost_one_degree_of_freedom_and_exact_data_no_uncertainty(rng):
+    """24 rows, three parameters, two directions; with nothing left over only twins are unknown."""
+    made = system(rng, stated=False)
+    B = made.B.copy()
+    B[:, 1] = B[:, 0] * TYPICAL[0] / TYPICAL[1]
+    made = replace(made, B=B)
+    still = solve(replace(made, c=0 * made.c), 0 * TYPICAL)
+
+    assert solve(made, TYPICAL).dof == 22
+    assert still.std.tolist() == [np.inf, np.inf, 0.0]
+
+
+@pytest.mark.parametrize(("p", "good"), [(0.0101, True), (0.0099, False)])
+def test_a_misfit_is_what_chance_makes_once_in_a_hundred(rng, p, good):
+    """Where noise is stated by its p-value, else by what a tracker can scatter."""
+    found = solve(system(rng), TYPICAL)
+
+    assert fits(replace(found, p_value=p)) == good
+    assert fits(replace(found, p_value=None, residual_std_m=0.99e-4))
+    assert not fits(replace(found, p_value=None, residual_std_m=1.01e-4))
+
+
+def test_left_out_poses_know_neither_units_nor_order(rng):
+    """Shuffled rows and a whitener at hand give the same residuals."""
+    made = system(rng)
+    order = rng.permutation(len(made.rows))
+    rows = Rows(**{name: value[order] for name, value in vars(made.rows).items()})
+    errors = replace(made.errors, G=made.errors.G[order])
+    mixed = replace(made, rows=rows, B=made.B[order], c=made.c[order], errors=errors)
+
+    assert left_out(mixed) == pytest.approx(left_out(made)[order], abs=1e-13)
+    white = whitener(made.errors, made.rows.pose)
+    assert left_out(made, white) == pytest.approx(left_out(made), abs=1e-15)

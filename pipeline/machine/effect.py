@@ -73,6 +73,9 @@ class Pulls(Locked):
     def under(self, forces: Array) -> Pulls:
         """The same pulls under n sets of forces, one set after the other.
 
+        Poses are numbered on from set to set: what remembers the pulls of a pose, as hysteresis
+        does, remembers none of another set.
+
         Args:
             forces: [N], F_b, shape (n, m, 3).
         """
@@ -80,6 +83,7 @@ class Pulls(Locked):
         tiled = {
             field.name: np.concatenate([getattr(self, field.name)] * n) for field in fields(self)
         }
+        tiled["pose"] = tiled["pose"] + np.repeat(np.arange(n), len(self)) * (np.ptp(self.pose) + 1)
         return Pulls(**tiled | {"force": np.asarray(forces, float).reshape(-1, 3)})
 
 

@@ -250,7 +250,7 @@ def left_out(X: Array, y: Array, key: Ints, rows: Array, c: Array) -> tuple[Arra
         x_p = x - H (I - U_p' U_p)^-1 U_p' r_p
 
     (Stone, J. Roy. Stat. Soc. B 36, 1974; Cook and Weisberg, Residuals and Influence, 1982).
-    Of solutions that the other blocks leave open x_p is the shortest.
+    Of solutions that the other blocks leave open x_p is the shortest in unit columns.
 
     Args:
         X: Whitened columns of the base, shape (M + r, k).
@@ -271,9 +271,10 @@ def left_out(X: Array, y: Array, key: Ints, rows: Array, c: Array) -> tuple[Arra
     own = np.einsum("pji,pj->pi", V, np.einsum("psj,ps->pj", U, residual))
     gone = np.where(seen, own / np.where(seen, kept, 1.0), 0.0)
     b = along - np.einsum("pji,pi->pj", V, gone)
+    compared = np.linalg.norm(X, axis=0)[:, None] * inverse.half  # parameters in unit columns
     for p in np.flatnonzero((~seen).any(axis=1)):  # what stays open is the shortest
         free = V[p][:, ~seen[p]]
-        b[p] -= free @ linear.least_squares(inverse.half @ free, inverse.half @ b[p])
+        b[p] -= free @ linear.least_squares(compared @ free, compared @ b[p])
     at, D = blocks.index[: len(c)], rows @ inverse.half
     only_here = np.einsum("mj,mji->mi", D, V[at]) * ~seen[at]
     lost = np.abs(only_here).max(axis=1, initial=0.0) > _ROUNDED * np.linalg.norm(D, axis=1)
