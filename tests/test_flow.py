@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import re
 import shutil
 import sqlite3
 import subprocess
@@ -69,7 +70,15 @@ def test_prefect_gives_the_answer_of_the_plain_run(tmp_path):
     ((table,),) = kept(root, "select data from artifact where key = 'good-stiffness'")
     shown = json.loads(json.loads(table))
     assert good["recommended"]["model"] == "averaged"
-    assert [row["value"] for row in shown] == [entry["value"] for entry in good["stiffness"]]
+    for row, entry in zip(shown, good["stiffness"], strict=True):
+        assert row["joint"] == entry["name"]
+        if entry["value"] is None:
+            assert row["stiffness"] == "not determined"
+            continue
+        value, prefix = re.match(r"(\S+) ± \S+ ([kM])N·m/rad$", row["stiffness"]).groups()
+        of_one = {"k": 1e3, "M": 1e6}[prefix]
+        assert abs(float(value) * of_one - entry["value"]) < 0.1 * entry["std"]
+    assert kept(root, "select message from log where message like '%Traceback%'") == []
 
 
 def noted(names, stage):

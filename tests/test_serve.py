@@ -1,18 +1,30 @@
 """`pipeline serve` as people run it: its own process, Prefect's server, campaigns that arrive."""
 
+import base64
 import contextlib
+import functools
+import http.server
+import json
 import os
 import shutil
 import signal
 import socket
+import socketserver
 import sqlite3
 import subprocess
 import sys
+import threading
 import time
+import urllib.error
 import urllib.request
 from pathlib import Path
 
 import pytest
+from get_browser import browser_path
+
+from pipeline.app import supervisor
+from pipeline.app.preferences import Service
+from pipeline.app.processes import alive
 
 HERE = Path(__file__).parents[1]
 KEPT = HERE / "data" / "raw" / "fanuc_r2000ic"
@@ -37,20 +49,22 @@ def free_port():
 
 
 @contextlib.contextmanager
-def serving(root, port, stop=signal.SIGINT):
+def serving(root, port, stop=signal.SIGINT, command="serve"):
     """`pipeline serve` until the end of the block; then the signal, and its exit code."""
     clean = {k: v for k, v in os.environ.items() if not k.startswith(("PREFECT_", "PIPELINE_"))}
     said = root / "said.txt"
+    words = ["--port", str(port)] if command == "serve" else []
     with said.open("wb") as kept:
         process = subprocess.Popen(
-            [sys.executable, "-m", "pipeline", "serve", "--root", root, "--port", str(port)],
+            [sys.executable, "-m", "pipeline", command, "--root", root, *words],
             cwd=HERE,
             env=clean | {"PYTHONPATH": str(HERE)},
             stdout=kept,
             stderr=kept,
         )
+    ready = b"  the reports" if command == "serve" else b"Ctrl-C stops"
     try:
-        until(lambda: process.poll() is not None or b"Ctrl-C stops" in said.read_bytes(), 150)
+        until(lambda: process.poll() is not None or ready in said.read_bytes(), 150)
         yield process
         process.send_signal(stop)
         process.wait(timeout=60)
@@ -108,3 +122,287 @@ def test_serve_runs_what_arrives_and_survives_being_killed(tmp_path):
     assert not reported(tmp_path, "broken")
     with pytest.raises(ConnectionRefusedError):
         socket.create_connection(("127.0.0.1", port), timeout=2)
+
+
+def family(process):
+    """A process and all that it has started, and that these have."""
+    parents = {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            parent = int(stat.read_text().rpartition(")")[2].split()[1])
+            parents.setdefault(parent, []).append(int(stat.parent.name))
+    out, new = [], [process]
+    while new:
+        out.append(new.pop())
+        new += parents.get(out[-1], [])
+    return out
+
+
+def running(*words):
+    """Processes in whose command line all these words stand."""
+    out = []
+    for line in Path("/proc").glob("[0-9]*/cmdline"):
+        with contextlib.suppress(OSError):
+            said = line.read_bytes().decode(errors="replace")
+            if all(str(word) in said for word in words):
+                out.append(int(line.parent.name))
+    return out
+
+
+def asked(port, path, body=None, **headers):
+    """Status of an answer of Prefect's API."""
+    data = None if body is None else json.dumps(body).encode()
+    named = {name.replace("_", "-"): value for name, value in headers.items()}
+    request = urllib.request.Request(
+        f"http://127.0.0.1:{port}{path}", data, {"Content-Type": "application/json"} | named
+    )
+    try:
+        with urllib.request.urlopen(request, timeout=10) as answer:
+            return answer.status
+    except urllib.error.HTTPError as refused:
+        return refused.code
+
+
+def project(root, *names):
+    """A project whose service looks every few seconds, with copies of the kept campaign."""
+    raw = root / "data" / "raw"
+    raw.mkdir(parents=True)
+    (root / "pipeline.toml").write_text("[service]\ninterval_s = 5\nquiet_s = 0\n")
+    for name in names:
+        shutil.copytree(KEPT, raw / name)
+    return raw
+
+
+EVIL = """
+<img src="{page}/api/health"><iframe src="{reports}/a/index.html"></iframe>
+<script>
+const body = JSON.stringify({{parameters: {{root: "/other"}}}});
+const said = [];
+async function attempt(address, how) {{
+  try {{
+    const answer = await fetch(address, how);
+    said.push(answer.type + " " + answer.status + " " + (await answer.text()).slice(0, 20));
+  }} catch (problem) {{ said.push("nothing"); }}
+}}
+(async () => {{
+  await attempt("{page}/api/flow_runs/filter", {{method: "POST", body,
+    headers: {{"Content-Type": "application/json"}}}});
+  await attempt("{page}/api/deployments/filter", {{method: "POST", body, mode: "no-cors"}});
+  await attempt("{reports}/a/index.html", {{}});
+  await attempt("{reports}/a/index.html", {{mode: "no-cors"}});
+  document.title = said.join(" | ");
+}})();
+</script>
+"""
+"""What a foreign page would try."""
+
+
+def test_a_foreign_page_drives_nothing(tmp_path):
+    """In a real browser, against a live service: reads nothing, starts nothing."""
+    raw, port = project(tmp_path, "a"), free_port()
+    foreign = tmp_path / "foreign"
+    foreign.mkdir()
+    with serving(tmp_path, port):
+        until(lambda: reported(tmp_path, "a"), 90)
+        page, reports = (f"http://127.0.0.1:{p}" for p in (port, port + 1))
+        (foreign / "index.html").write_text(EVIL.format(page=page, reports=reports))
+        with evil(foreign) as (address, browser):
+            shown = browser.new_page()
+            shown.goto(address)
+            shown.wait_for_function("document.title", timeout=30_000)
+            said = shown.title()
+            frame = shown.frames[1].content()
+            own = browser.new_page()
+            own.goto(f"{reports}/a/index.html")
+            whose = own.title()
+        password = (tmp_path / ".prefect" / "password").read_text()
+        basic = f"Basic {base64.b64encode(password.encode()).decode()}"
+        question = ("/api/deployments/filter", {})
+        statuses = [
+            asked(port, *question),
+            asked(port, *question, Authorization=basic, Origin="http://evil.example"),
+            asked(port, *question, Authorization=basic, Host="evil.example"),
+            asked(port, *question, Authorization=basic),
+        ]
+
+    assert said.split(" | ")[0] == "nothing"
+    assert "stiffness" not in said + frame
+    assert all(part in ("nothing", "opaque 0 ") for part in said.split(" | "))
+    assert "tiffness" in whose
+    assert statuses == [401, 403, 403, 200]
+    assert (tmp_path / ".prefect" / "password").stat().st_mode & 0o077 == 0
+    assert raw.is_dir()
+
+
+@contextlib.contextmanager
+def evil(folder):
+    """A page of another origin, and a browser."""
+    path = browser_path()
+    if path is None:
+        pytest.skip("no browser: install chromium (`apt-get install chromium`) or set BROWSER_PATH")
+    from playwright.sync_api import sync_playwright
+
+    class Quiet(http.server.SimpleHTTPRequestHandler):
+        def log_message(self, format, *args):
+            pass
+
+    handler = functools.partial(Quiet, directory=str(folder))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        with sync_playwright() as playwright:
+            browser = playwright.chromium.launch(executable_path=path)
+            yield f"http://localhost:{server.server_port}/", browser
+            browser.close()
+        server.shutdown()
+
+
+def test_serve_outlives_its_server(tmp_path):
+    """Prefect's server killed, then the schedule: each is started again, said once, and works."""
+    raw, port = project(tmp_path), free_port()
+    with serving(tmp_path, port) as process:
+        for word, name in (("pipeline.app.gate", "a"), ("pipeline.app.schedule", "b")):
+            [victim] = [one for one in running(word) if one in family(process.pid)]
+            os.kill(victim, signal.SIGKILL)
+            shutil.copytree(KEPT, raw / name)
+            until(lambda name=name: reported(tmp_path, name), 150)
+        said = (tmp_path / "said.txt").read_text().splitlines()
+        everyone = family(process.pid)
+
+    assert process.returncode == 130
+    assert sum("Prefect's server ended" in line for line in said) == 1
+    assert sum("The schedule ended" in line for line in said) >= 1
+    assert "Traceback" not in "\n".join(said)
+    until(lambda: not any(map(alive, everyone)), 15)
+
+
+@pytest.mark.parametrize("stop", [signal.SIGTERM, signal.SIGKILL])
+def test_nothing_outlives_serve(tmp_path, stop):
+    """Stopped or killed in the middle of a campaign, it leaves no process and no lock."""
+    project(tmp_path, *TEN)
+    with serving(tmp_path, free_port(), stop=stop) as process:
+        until(lambda: running("pipeline.app.worker", tmp_path), 90)
+        time.sleep(2)
+        everyone = family(process.pid)
+
+    assert len(everyone) >= 5
+    assert process.returncode == {signal.SIGTERM: 0, signal.SIGKILL: -9}[stop]
+    until(lambda: not any(map(alive, everyone)), 15)
+    with supervisor.alone(tmp_path, Service()):
+        pass
+
+
+def test_two_services_on_one_root_are_one(tmp_path):
+    """Whichever comes second says so, and does nothing."""
+    project(tmp_path)
+    with serving(tmp_path, free_port()):
+        for command in ("watch", "serve"):
+            second = subprocess.run(
+                [sys.executable, "-m", "pipeline", command, "--root", tmp_path],
+                cwd=HERE,
+                env=os.environ | {"PYTHONPATH": str(HERE)},
+                capture_output=True,
+                text=True,
+                timeout=60,
+                check=False,
+            )
+
+            assert second.returncode == 2
+            assert "is served already by process" in second.stderr
+
+
+def odd(raw):
+    """Folders of each odd kind; the names of those that are campaigns to be rejected."""
+    for name in ("loop", "huge", "deep", "pipe", "proc", "text", "seen"):
+        shutil.copytree(KEPT, raw / name)
+    (raw / "loop" / "x").symlink_to("x")
+    (raw / "huge" / "campaign.toml").write_bytes(b"a = [" * 100_000)
+    (raw / "deep" / "campaign.toml").write_text("a = " + "[" * 900 + "]" * 900)
+    (raw / "pipe" / "joints.csv").unlink()
+    os.mkfifo(raw / "pipe" / "joints.csv")
+    (raw / "proc" / "joints.csv").unlink()
+    (raw / "proc" / "joints.csv").symlink_to("/proc/self/environ")
+    (raw / "text" / "campaign.toml").write_bytes(b"\xff\xfe\0")
+    shutil.copytree(KEPT, os.fsencode(raw) + b"/zip\xff\xe9")
+    shutil.copytree(KEPT, raw / "index.html")
+    shutil.copytree(KEPT, raw / "new\nline")
+    (raw / "empty").mkdir()
+    (raw / "file").write_text("no folder")
+    memory = raw.parent / "processed" / "seen" / "seen.json"
+    memory.parent.mkdir(parents=True)
+    memory.write_text('{"print": 5, "attempts": "many"}')
+    return {"huge", "deep", "pipe", "proc", "text"}
+
+
+HOOKS = (
+    "http://127.0.0.1:9/",
+    "http://127.0.0.1:{port}/mute",
+    "http://127.0.0.1:{port}/garbage",
+    "http://127.0.0.1:{port}/long",
+    "http://127.0.0.1:{port}/moved",
+    "http://no.such.host.example/",
+)
+
+
+@contextlib.contextmanager
+def bad_hook():
+    """A server that answers no HTTP, too much of it, a redirect, or never."""
+
+    class Bad(socketserver.StreamRequestHandler):
+        def handle(self):
+            path = self.rfile.readline().split()[1]
+            if path == b"/mute":
+                time.sleep(5)
+            with contextlib.suppress(OSError):
+                if path == b"/garbage":
+                    self.wfile.write(b"\0\1 no HTTP at all\r\n\r\n")
+                if path == b"/long":
+                    self.wfile.write(b"HTTP/1.1 200 OK\r\nX: " + b"x" * 100_000 + b"\r\n\r\n")
+                if path == b"/moved":
+                    self.wfile.write(b"HTTP/1.1 302 Found\r\nLocation: /login\r\n\r\n")
+
+    with socketserver.ThreadingTCPServer(("127.0.0.1", 0), Bad) as server:
+        server.daemon_threads = True
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield server.server_address[1]
+        server.shutdown()
+
+
+@pytest.mark.parametrize("command", ["serve", "watch"])
+def test_odd_folders_stop_nobody(tmp_path, command):
+    """One of each odd kind, and a good campaign among them: that one is run, they are told."""
+    raw = project(tmp_path)
+    rejected = odd(raw)
+    shutil.copytree(KEPT, raw / "good")
+    with serving(tmp_path, free_port(), command=command, stop=signal.SIGTERM) as process:
+        until(lambda: reported(tmp_path, "good", "loop", "seen"), 240)
+        until(lambda: all(f"{name}: " in told(tmp_path) for name in rejected), 120)
+        time.sleep(12)
+        assert process.poll() is None
+        lines = told(tmp_path).splitlines()
+
+    assert process.returncode == 0
+    assert "Traceback" not in "\n".join(lines)
+    assert all(sum(line.startswith(f"{name}: ") for line in lines) == 1 for name in rejected)
+
+
+def told(root):
+    """What stands on the screen."""
+    return (root / "said.txt").read_text()
+
+
+@pytest.mark.parametrize("hook", HOOKS)
+def test_a_bad_webhook_stops_nobody(tmp_path, hook):
+    """Whatever it answers, campaigns go on being run."""
+    raw = project(tmp_path, "a")
+    with bad_hook() as port:
+        toml = tmp_path / "pipeline.toml"
+        toml.write_text(toml.read_text() + f"[notify]\nwebhook = '{hook.format(port=port)}'\n")
+        with serving(tmp_path, free_port(), command="watch", stop=signal.SIGTERM) as process:
+            until(lambda: reported(tmp_path, "a"), 90)
+            shutil.copytree(KEPT, raw / "b")
+            until(lambda: reported(tmp_path, "b"), 90)
+            assert process.poll() is None
+    memory = json.loads((tmp_path / "data/processed/a/seen.json").read_bytes())
+
+    assert memory["told"] is None
+    assert "Traceback" not in told(tmp_path)

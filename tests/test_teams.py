@@ -114,6 +114,8 @@ def test_a_worker_runs_campaigns_for_a_server_on_postgresql(tmp_path, postgres):
         "PREFECT_HOME": str(tmp_path / "home"),
         "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
         "DO_NOT_TRACK": "1",
+        "PREFECT_SERVER_API_AUTH_STRING": "stiffness:secret",
+        "PREFECT_API_AUTH_STRING": "stiffness:secret",
     }
     server = [*PREFECT, "server", "start", "--host", "127.0.0.1", "--port", str(PORT)]
     worker = [*PREFECT, "worker", "start", "--pool", "robots", "--install-policy", "never"]
@@ -130,7 +132,8 @@ def test_a_worker_runs_campaigns_for_a_server_on_postgresql(tmp_path, postgres):
             check=False,
         )
         assert (done.returncode, done.stderr) == (0, "")
-        assert done.stdout == "prefect worker start --pool robots\n"
+        assert done.stdout == f"PIPELINE_ROOT={root} prefect worker start --pool robots\n"
+        settings["PIPELINE_ROOT"] = str(root)
         with process(*worker, log=tmp_path / "worker.log", **settings):
             report = root / "reports" / "a" / "index.html"
             until(report.is_file, 120, tmp_path / "worker.log")

@@ -1,6 +1,7 @@
 """By itself: what is new or changed and complete is run once, and changed verdicts are told."""
 
 import http.server
+import itertools
 import json
 import os
 import shutil
@@ -15,6 +16,7 @@ import pytest
 import report_sample
 
 from pipeline.app import preferences, watch
+from pipeline.app.outcome import outcome
 from pipeline.app.preferences import Notify, Preferences
 from pipeline.base import files
 from pipeline.base.errors import InputError
@@ -26,14 +28,22 @@ KEPT = HERE / "data" / "raw" / "fanuc_r2000ic"
 
 
 class Runs:
-    """Stands in for a run: counts, fails when told, and leaves a result behind."""
+    """Stands in for the guard: counts, fails when told, and leaves a result behind."""
 
-    def __init__(self, verdict="adequate"):
+    def __init__(self, verdict="adequate", compute=None):
         self.of, self.verdict, self.problem = [], verdict, {}
+        self.compute = compute or self.made
 
-    def __call__(self, campaign):
+    def campaign(self, campaign):
         """Run one campaign."""
         self.of.append(campaign.name)
+        return outcome(campaign, self.compute)
+
+    def pages(self):
+        """Draw nothing."""
+
+    def made(self, campaign):
+        """The answer of a campaign."""
         if campaign.name in self.problem:
             raise self.problem[campaign.name]
         answer = report_sample.revised(report_sample.answer(), self.said)
@@ -58,9 +68,10 @@ def arrive(root, *names):
     return root
 
 
-def look(root, runs, pause=lambda _: None, webhook=None):
+def look(root, runs, pause=lambda _: None, webhook=None, now=0.0):
     """One look at data/raw: what became of each campaign that was taken."""
-    return list(watch.scan(root, Preferences(notify=Notify(webhook=webhook)), runs, pause))
+    clock = watch.Clock(lambda: now, pause)
+    return list(watch.scan(root, Preferences(notify=Notify(webhook=webhook)), runs, clock))
 
 
 def test_new_campaigns_are_run_once_and_changed_ones_again(tmp_path, runs):
@@ -105,18 +116,30 @@ def test_a_rejected_campaign_is_reported_once_and_stops_nothing(tmp_path, runs):
     [InputError("was away", "try again", passing=True), RuntimeError("a server is down")],
     ids=["a share that was away", "an internal error"],
 )
-def test_what_may_heal_is_tried_three_times(tmp_path, runs, problem):
-    """Then it rests until the folder changes."""
+def test_what_may_heal_is_tried_after_growing_pauses(tmp_path, runs, problem):
+    """A minute, four, sixteen ... a day at most; a changed folder is tried at once."""
     arrive(tmp_path, "a")
     runs.problem["a"] = problem
-    for _ in range(5):
-        look(tmp_path, runs)
+    due = list(itertools.accumulate([0, 1, 4, 16, 64, 256, 1024, 1440, 1440]))
+    tried = []
+    for minute in sorted({0, *due, *(minute - 1 for minute in due[2:])}):
+        look(tmp_path, runs, now=60.0 * minute)
+        tried += [minute] * (len(runs.of) - len(tried))
 
-    assert runs.of == ["a"] * 3
+    assert tried == due
     (tmp_path / "data/raw/a/forces.csv").write_bytes(b"new")
-    for _ in range(5):
-        look(tmp_path, runs)
-    assert runs.of == ["a"] * 6
+    look(tmp_path, runs, now=60.0 * due[-1])
+    assert len(runs.of) == len(due) + 1
+
+
+def test_a_clock_that_is_set_back_makes_no_pause_longer(tmp_path, runs):
+    """Tried in 2033, says the memory; now it is 2026 again."""
+    arrive(tmp_path, "a")
+    runs.problem["a"] = RuntimeError("a server is down")
+    look(tmp_path, runs, now=2e9)
+    look(tmp_path, runs, now=1.8e9)
+
+    assert runs.of == ["a", "a"]
 
 
 def test_new_code_runs_everything_again(tmp_path, runs, monkeypatch):
@@ -184,8 +207,8 @@ def test_what_may_heal_is_told_when_it_did_not(tmp_path, runs, hook):
     arrive(tmp_path, "a")
     runs.problem["a"] = InputError("was away", "try again", passing=True)
     told = []
-    for _ in range(4):
-        look(tmp_path, runs, webhook=address)
+    for hour in range(4):
+        look(tmp_path, runs, webhook=address, now=3600.0 * hour)
         told.append(len(got))
 
     assert told == [0, 0, 1, 1]
@@ -264,12 +287,12 @@ def test_watch_runs_what_arrives_until_ctrl_c(tmp_path):
 def test_a_finished_run_is_not_repeated_when_its_memory_was_lost(tmp_path):
     """Killed between run and memory: the next look recognises the result and computes nothing."""
     arrive(tmp_path, "a")
-    look(tmp_path, run)
+    look(tmp_path, Runs(compute=run))
     campaign = find(tmp_path, "a")
     made = (campaign.reports / "result.json").stat().st_mtime_ns
     (campaign.processed / watch.MEMORY).unlink()
     time.sleep(0.01)
-    [again] = look(tmp_path, run)
+    [again] = look(tmp_path, Runs(compute=run))
 
     assert (campaign.reports / "result.json").stat().st_mtime_ns == made
     assert again.content == campaign.result()

@@ -1,4 +1,4 @@
-"""What is missing on this machine, and how to get it."""
+"""What is missing on this machine or wrong with a running service, and the way out."""
 
 from __future__ import annotations
 
@@ -6,14 +6,19 @@ import importlib.metadata as installed
 import os
 import shutil
 import sys
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 
-from pipeline.app import preferences, service
+from pipeline.app import preferences, service, watch
+from pipeline.app.preferences import Preferences
+from pipeline.app.processes import alive
 from pipeline.app.storage import Store
 from pipeline.base.errors import InputError
 from pipeline.store import campaign as campaigns
+from pipeline.store.campaign import recalled
 
 _PYTHONS = ((3, 11), (3, 14))
 """Oldest and newest Python that it runs on; the Makefile looks for the same."""
@@ -47,7 +52,7 @@ def examine(root: Path) -> Iterator[Finding]:
     yield _room(root)
     yield _raw(root)
     yield from _preferences(root)
-    yield _service(root)
+    yield from _service(root)
 
 
 def _python() -> Finding:
@@ -126,12 +131,77 @@ def _preferences(root: Path) -> Iterator[Finding]:
         yield Finding(what, False, str(problem))
 
 
-def _service(root: Path) -> Finding:
+_LATE = 3
+"""A look at data/raw that is this many intervals late will not come."""
+_SLOW_S = 120.0
+"""Nor one so long after it was due [s], however short the interval."""
+
+
+def _service(root: Path) -> Iterator[Finding]:
+    """Whether a service runs, what is wrong with it, and what it could not do."""
+    yield _server(root)
+    running = service.Running.of(root)
+    if running is None or not alive(running.process):
+        yield Finding("service", True, "not running; `pipeline serve` starts it", needed=False)
+        return
+    yield Finding("service", True, f"runs as process {running.process}")
+    wanted = _wanted(root)
+    yield _looks(root, running, wanted.service.limit_s)
+    yield from _waiting(root, wanted.notify.webhook)
+
+
+def _wanted(root: Path) -> Preferences:
+    """What pipeline.toml says; nothing where it is wrong, which is said elsewhere."""
+    try:
+        return preferences.load(root)
+    except InputError:
+        return Preferences()
+
+
+def _looks(root: Path, running: service.Running, limit_s: float) -> Finding:
+    look, now = service.Looked.of(root), time.time()
+    if look is None:
+        return Finding("looks", True, "none yet", needed=False)
+    log = root / service.HOME / "schedule.log"
+    at = datetime.fromtimestamp(look.began).isoformat(" ", "seconds")
+    last = look.began if look.ended is None else look.ended
+    if last > now + _SLOW_S:
+        return Finding("looks", False, f"the last was at {at}: this machine's clock was set back")
+    if look.ended is None:
+        ok = now - look.began < limit_s + _SLOW_S
+        return Finding("looks", ok, f"one is at work since {at}", needed=not ok)
+    late = running.every_s is not None and now - last > max(_LATE * running.every_s, _SLOW_S)
+    if late:
+        said = f"none since {at}; is the schedule paused on Prefect's page? {log} may say why"
+        return Finding("looks", False, said)
+    return Finding("looks", True, f"the last was at {at}")
+
+
+def _waiting(root: Path, webhook: str | None) -> Iterator[Finding]:
+    """Campaigns that are tried again, and verdicts that a webhook did not take."""
+    for campaign in campaigns.every(root):
+        seen = watch.recall(campaign)
+        if seen.verdict == "failed":
+            again = datetime.fromtimestamp(seen.tried + seen.pause_s).isoformat(" ", "minutes")
+            said = f"tried {seen.attempts} times, again at {again}: {seen.said}"
+            yield Finding(campaign.name, False, said, needed=False)
+        elif webhook and seen.settled and seen.verdict != seen.told:
+            said = f"the webhook did not take that it is {seen.verdict}; see [notify]"
+            yield Finding(campaign.name, False, said, needed=False)
+
+
+def _server(root: Path) -> Finding:
     api = os.environ.get("PREFECT_API_URL")
     if api:
         good = service.answers(api)
         said = "answers" if good else "does not answer; start it or unset PREFECT_API_URL"
         return Finding("Prefect server", good, f"{api} {said}")
+    noted = recalled(root / service.HOME / service.SERVING)
     urls = service.serving(root)
-    said = f"runs at {urls['page']}" if urls else "not running; `pipeline serve` starts it"
-    return Finding("service", True, said, needed=False)
+    if urls:
+        return Finding("Prefect server", True, f"answers at {urls['page']}")
+    if noted:
+        log = root / service.HOME / "server.log"
+        said = f"does not answer; a running `serve` starts it again, and {log} may say why"
+        return Finding("Prefect server", False, said)
+    return Finding("Prefect server", True, "not running, and need not", needed=False)

@@ -1,38 +1,42 @@
 """The stages of run.py as a Prefect flow: one task per stage, artifacts at the end.
 
-The only file that imports Prefect, which takes seconds; `service.settle` comes before it, because
-Prefect reads its settings when it is imported.
+With gate.py the only file that imports Prefect, which takes seconds; `service.settle` comes before
+it, because Prefect reads its settings when it is imported.
 """
 
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import warnings
 from collections.abc import Callable, Iterator
 from contextvars import ContextVar
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+import typer
 from prefect import artifacts, flow, runtime, task
 from prefect.cache_policies import NO_CACHE
 from prefect.client.orchestration import get_client
 from prefect.client.schemas.actions import WorkPoolCreate
-from prefect.client.schemas.filters import FlowRunFilter
-from prefect.client.schemas.objects import StateType
-from prefect.exceptions import ObjectAlreadyExists
-from prefect.states import Crashed
+from prefect.client.schemas.filters import FlowFilter, FlowRunFilter
+from prefect.client.schemas.objects import State, StateType
+from prefect.exceptions import ObjectAlreadyExists, ObjectNotFound
+from prefect.states import Crashed, Failed
 from prefect.types.entrypoint import EntrypointType
 
 from pipeline.answer.archive import read
 from pipeline.answer.contract import Answer
 from pipeline.app import watch
-from pipeline.app.outcome import Outcome
-from pipeline.app.preferences import Preferences, load
-from pipeline.app.processes import PARENT, REPORTS_URL, follow
+from pipeline.app.guard import Guard
+from pipeline.app.outcome import Outcome, shown
+from pipeline.app.preferences import Service, load
+from pipeline.app.processes import PARENT, REPORTS_URL, ROOT, follow
 from pipeline.app.progress import Tell, told
-from pipeline.base.errors import InputError
+from pipeline.base.errors import InputError, PipelineError, Unfinished, UsageError
 from pipeline.run import run
 from pipeline.store.campaign import Campaign, find
 
@@ -45,29 +49,94 @@ def _named() -> str:
 def identify(root: str, campaign: str, force: bool = False) -> Answer:
     """Run every stage of one campaign as a Prefect task and give its answer."""
     found = find(Path(root), campaign)
-    answer = run(found, step=_as_task, force=force)
+    try:
+        answer = run(found, step=_as_task, force=force)
+    except PipelineError as problem:  # a sentence, which needs no traceback
+        refused: Any = _refused(problem)
+        return refused
     _publish(found, answer)
     return answer
 
 
+def _refused(problem: PipelineError) -> State[Any]:
+    return Failed(message=str(problem), data=problem)
+
+
 @flow(name="scan-campaigns", flow_run_name="scan", persist_result=False)
-def scan(root: str) -> None:
-    """Run every campaign under data/raw that is new or changed and complete, each as a flow."""
+def scan() -> None:
+    """Run every campaign under data/raw that is new or changed and complete, each as a flow.
+
+    Where the project is says this process's environment alone: whoever can reach Prefect's API can
+    choose the parameters of a flow.
+
+    Raises:
+        UsageError: PIPELINE_ROOT does not say where the project is.
+    """
     if PARENT in os.environ:
         follow(int(os.environ[PARENT]))
-    preferences = load(Path(root))
-    outcomes = list(watch.scan(Path(root), preferences, _within))
+    if not os.environ.get(ROOT):
+        raise UsageError(f"{ROOT} is not set: start the worker with {ROOT}=/path/to/the/project")
+    _drop_late()
+    root = Path(os.environ[ROOT])
+    preferences = load(root)
+    outcomes = []
+    with Guard(root, "prefect", preferences.service) as guard:
+        for made in watch.scan(root, preferences, guard):
+            if made.exit_code == Unfinished.exit_code:
+                _crashed(made)
+            typer.echo(made.event)
+            outcomes.append(made)
     if outcomes:
         artifacts.create_markdown_artifact(key="scan", markdown=_summary(outcomes))
 
 
-def _within(campaign: Campaign) -> Answer:
+def within(campaign: Campaign) -> Answer:
     """One campaign as a flow of its own, unless its last run still stands."""
     with contextlib.suppress(InputError):  # one that cannot be read is a run to be seen, too
         if campaign.current():
             return read(campaign)
-    answer: Answer = identify(str(campaign.root), str(campaign.folder))
+    return identified(campaign)
+
+
+def identified(campaign: Campaign, force: bool = False) -> Answer:
+    """The answer of a campaign, by a run that Prefect shows.
+
+    Raises:
+        PipelineError: As `run` does.
+    """
+    answer: Answer = _result(identify(str(campaign.root), str(campaign.folder), force))
     return answer
+
+
+def _result(made: Any) -> Any:
+    """What a flow or a task has given; Prefect hands on the state where that was one."""
+    return made.result() if isinstance(made, State) else made
+
+
+def _crashed(made: Outcome) -> None:
+    """Say to Prefect's server what the process that it was could not."""
+    ended: State[Any] = Crashed(message=made.complaints[0])
+    running = FlowRunFilter.model_validate(
+        {"state": {"type": {"any_": [StateType.RUNNING]}}, "name": {"any_": [made.campaign]}}
+    )
+    with get_client(sync_client=True) as client:
+        for run in client.read_flow_runs(flow_run_filter=running):
+            client.set_flow_run_state(run.id, ended, force=True)
+
+
+def _drop_late() -> None:
+    """Forget the scans that should have begun while another was at work: this one sees it all."""
+    late = FlowRunFilter.model_validate(
+        {
+            "state": {"type": {"any_": [StateType.SCHEDULED]}},
+            "expected_start_time": {"before_": datetime.now(UTC)},
+        }
+    )
+    own = FlowFilter.model_validate({"name": {"any_": [scan.name]}})
+    with get_client(sync_client=True) as client:
+        for run in client.read_flow_runs(flow_filter=own, flow_run_filter=late, limit=200):
+            with contextlib.suppress(ObjectNotFound):
+                client.delete_flow_run(run.id)
 
 
 def _summary(outcomes: list[Outcome]) -> str:
@@ -79,7 +148,7 @@ def _summary(outcomes: list[Outcome]) -> str:
     return "\n".join(["| campaign | verdict | complaints |", "|---|---|---|", *rows])
 
 
-def serve(root: Path, preferences: Preferences) -> None:
+def serve(wanted: Service) -> None:
     """Scan on a schedule, one scan at a time, until this process is told to stop."""
     clear()
     with warnings.catch_warnings():  # Prefect's way to stop on SIGTERM forgets an await
@@ -88,11 +157,11 @@ def serve(root: Path, preferences: Preferences) -> None:
             limit=1,
             pause_on_shutdown=False,
             print_starting_message=False,
-            **_planned(root, preferences),
+            **_planned(wanted),
         )
 
 
-def deploy(root: Path, pool: str, preferences: Preferences) -> None:
+def deploy(pool: str, wanted: Service) -> None:
     """Put the scan on the server of PREFECT_API_URL, for the workers of a pool to carry out."""
     with get_client(sync_client=True) as client, contextlib.suppress(ObjectAlreadyExists):
         client.create_work_pool(WorkPoolCreate(name=pool, type="process"))
@@ -100,16 +169,15 @@ def deploy(root: Path, pool: str, preferences: Preferences) -> None:
         entrypoint_type=EntrypointType.MODULE_PATH,
         work_pool_name=pool,
         concurrency_limit=1,
-        **_planned(root, preferences),
+        **_planned(wanted),
     )
     deployment.apply()
 
 
-def _planned(root: Path, preferences: Preferences) -> dict[str, Any]:
-    """What the scan is called, what it is given, and when."""
-    service = preferences.service
-    when = {"cron": service.cron} if service.cron else {"interval": service.interval_s}
-    return {"name": "data-raw", "parameters": {"root": str(root)}, **when}
+def _planned(wanted: Service) -> dict[str, Any]:
+    """What the scan is called, and when it runs."""
+    when = {"cron": wanted.cron} if wanted.cron else {"interval": wanted.interval_s}
+    return {"name": "data-raw", **when}
 
 
 def clear() -> None:
@@ -141,6 +209,16 @@ def telling(tell: Tell) -> Iterator[None]:
 def _as_task(stage: Callable[..., Any]) -> Callable[..., Any]:
     """One stage as a task; Prefect's own cache is off, our manifest decides what is current."""
     reading = stage.__name__ == "read"  # a share that was away for a moment; nothing else heals
+
+    @functools.wraps(stage)
+    def quietly(*given: Any, **named: Any) -> Any:
+        try:
+            return stage(*given, **named)
+        except PipelineError as problem:
+            if reading and getattr(problem, "passing", False):
+                raise
+            return _refused(problem)
+
     carried_out = task(
         name=stage.__name__,
         cache_policy=NO_CACHE,
@@ -148,8 +226,8 @@ def _as_task(stage: Callable[..., Any]) -> Callable[..., Any]:
         retries=2 if reading else 0,
         retry_delay_seconds=2,
         retry_condition_fn=_may_heal,
-    )(stage)
-    return told(_LISTENER.get(), carried_out)
+    )(quietly)
+    return told(_LISTENER.get(), lambda *given, **named: _result(carried_out(*given, **named)))
 
 
 def _may_heal(task: Any, run: Any, state: Any) -> bool:
@@ -157,16 +235,12 @@ def _may_heal(task: Any, run: Any, state: Any) -> bool:
     return isinstance(problem, InputError) and problem.passing
 
 
-_SHOWN = {"name", "value", "std", "unit", "identifiable"}
-"""What Prefect's page tells of a joint."""
-
-
 def _publish(campaign: Campaign, answer: Answer) -> None:
     """Result table and report link as Prefect artifacts."""
     key = "".join(c if c.isascii() and c.isalnum() else "-" for c in campaign.name.lower())
     artifacts.create_table_artifact(
         key=f"{key}-stiffness",
-        table=[joint.model_dump(include=_SHOWN) for joint in answer.stiffness],
+        table=[{"joint": joint.name, "stiffness": shown(joint)} for joint in answer.stiffness],
         description=" ".join(answer.verdict_sentence),
     )
     artifacts.create_link_artifact(key=f"{key}-report", link=_link(campaign))

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.base import files
-from pipeline.base.errors import CannotWrite, InputError, PipelineError, place
+from pipeline.base.errors import CannotWrite, InputError, PipelineError, Unfinished, place
 from pipeline.base.quantities import common_prefix, prefixed, scaled, with_std
 from pipeline.store.campaign import Campaign, find, label
 
@@ -28,7 +28,7 @@ class Outcome:
         campaign: Name of its folder, also where it was asked for by path.
         content: What --json prints.
         text: What is printed otherwise, one or more lines.
-        exit_code: 0 done, 1 internal, 3 not written, 5 rejected in whole or in part.
+        exit_code: 0 done, 1 internal, 3 not written, 5 rejected in whole or in part, 6 given up.
         misfit: The model does not fit.
         complaints: Sentences for stderr.
         verdict: Of its diagnosis; None without a result.
@@ -43,6 +43,14 @@ class Outcome:
     complaints: list[str] = field(default_factory=list)
     verdict: str | None = None
     passing: bool = False
+
+    @property
+    def event(self) -> str:
+        """What a service says of it on its screen, in one line."""
+        if self.complaints and self.verdict is None:
+            return self.complaints[0]
+        said = " ".join(self.content.get("verdict_sentence", [])[:1])
+        return f"{self.campaign}: {said or self.text}"
 
     def as_json(self) -> str:
         """One line of JSON."""
@@ -79,7 +87,7 @@ def _outcome(campaign: Campaign, compute: Compute) -> Outcome:
     lines = [
         f"{name}: {first}",
         *(f"  {line}" for line in more),
-        *(f"  {joint.name:<10} {_shown(joint)}" for joint in answer.stiffness),
+        *(f"  {joint.name:<10} {shown(joint)}" for joint in answer.stiffness),
         f"  {campaign.reports / 'index.html'}",
     ]
     return Outcome(
@@ -93,7 +101,8 @@ def _outcome(campaign: Campaign, compute: Compute) -> Outcome:
     )
 
 
-def _shown(joint: Stiffness) -> str:
+def shown(joint: Stiffness) -> str:
+    """A stiffness in the digits that its uncertainty allows: `80.0 ± 1.6 MN·m/rad`."""
     if joint.value is None:
         return "not determined"
     factor, letter = common_prefix([joint.value])
@@ -116,6 +125,8 @@ def guarded(name: str, work: Callable[[], Outcome]) -> Outcome:
 
 def failed(name: str, problem: Exception) -> Outcome:
     """A campaign without a result, and why."""
+    if isinstance(problem, MemoryError):
+        problem = Unfinished("needs more memory than it may have", _FRUGAL)
     if isinstance(problem, PipelineError):
         words, code = str(problem), problem.exit_code
     else:
@@ -131,6 +142,9 @@ def failed(name: str, problem: Exception) -> Outcome:
         complaints=[f"{name}: {words}"],
         passing=bool(error.get("passing")),
     )
+
+
+_FRUGAL = "split its files, or raise memory_gib in pipeline.toml where a service runs it"
 
 
 def record_crash(problem: Exception) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
+from urllib.parse import urlsplit
 
 from pydantic import AfterValidator, Field, ValidationError
 
@@ -29,6 +30,11 @@ def _cron(line: str) -> str:
 def _on_the_web(address: str) -> str:
     if not address.startswith(("https://", "http://")):
         raise ValueError("an address begins with https:// or http://")
+    if not all("!" <= sign <= "~" for sign in address):
+        raise ValueError("an address has neither blanks nor umlauts; write xn--... or %20")
+    parts = urlsplit(address)  # raises for brackets that do not match
+    if not parts.hostname or parts.port == 0:  # and the port for one that is no number
+        raise ValueError("an address names a host, and perhaps a port from 1 to 65535")
     return address
 
 
@@ -50,12 +56,21 @@ class Service(Strict):
         cron: A cron line instead of the interval; `serve` only.
         quiet_s: A folder counts as complete when nothing in it changes for so long [s].
         port: Prefect's page on this machine; the reports are one port further.
+        limit_s: What takes longer than this for one campaign is given up [s].
+        memory_gib: As for time, its memory [GiB].
     """
 
     interval_s: Annotated[float, Field(ge=5, le=86400)] = 60.0
     cron: Annotated[str, AfterValidator(_cron)] | None = None
     quiet_s: Annotated[float, Field(ge=0, le=3600)] = 5.0
     port: Annotated[int, Field(ge=1024, le=65534)] = 4200
+    limit_s: Annotated[float, Field(ge=10, le=86400)] = 900.0
+    memory_gib: Annotated[float, Field(ge=1, le=1024)] = 8.0
+
+    @property
+    def every_s(self) -> float | None:
+        """Seconds from one look to the next; None where a cron line says when."""
+        return None if self.cron else self.interval_s
 
 
 class Notify(Strict):

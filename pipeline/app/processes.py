@@ -1,29 +1,26 @@
-"""Processes that start each other: whom Ctrl-C reaches, and who ends with whom.
-
-`python -m pipeline.app.processes COMMAND` runs COMMAND until whoever started it is gone: the parent
-holds the other end of stdin and never writes; the end of file is the end of the parent, even of one
-that was killed and could tell nobody.
-"""
+"""Processes that start each other: whom Ctrl-C reaches, and who ends with whom."""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import signal
-import subprocess
 import sys
 import threading
 import time
 from collections.abc import Iterator
 
+PYTHON = (sys.executable, "-P", "-m")
+"""Runs a module of ours; never one that lies in the current folder, where anybody may write."""
+
 PARENT = "PIPELINE_SERVE_PID"
 """The process of `pipeline serve`, for the processes that it starts."""
 
+ROOT = "PIPELINE_ROOT"
+"""The project's root, for the scan: the only thing that says where it looks and writes."""
+
 REPORTS_URL = "PIPELINE_REPORTS_URL"
 """Where the folder reports/ is on the web; links in Prefect's page begin with it."""
-
-_GRACE_S = 10.0
-"""How long a command may take to end when it is told to, before it is killed [s]."""
 
 
 def stop_on_sigterm() -> None:
@@ -88,33 +85,22 @@ def sheltered(end: int) -> Iterator[None]:
 
 def follow(parent: int) -> None:
     """End this process when `parent` is gone: a run that outlives its service blocks the next."""
+    direct = os.getppid() == parent  # then the number cannot be another process's by now
 
     def look() -> None:
-        while True:
-            try:
-                os.kill(parent, 0)
-            except ProcessLookupError:
-                os._exit(1)  # files are written whole or not at all, locks end with the process
+        while os.getppid() == parent if direct else alive(parent):
             time.sleep(1)
+        os._exit(1)  # files are written whole or not at all, locks end with the process
 
     threading.Thread(target=look, daemon=True).start()
 
 
-def main() -> int:
-    """Run the command; its exit code."""
-    process = subprocess.Popen(sys.argv[1:], stdin=subprocess.DEVNULL)
-    threading.Thread(target=_end_with_stdin, args=[process], daemon=True).start()
-    return process.wait()
-
-
-def _end_with_stdin(process: subprocess.Popen[bytes]) -> None:
-    sys.stdin.buffer.read()
-    process.terminate()
+def alive(process: int) -> bool:
+    """Whether there is a process of this number."""
     try:
-        process.wait(_GRACE_S)
-    except subprocess.TimeoutExpired:
-        process.kill()
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:  # there is, of somebody else
+        return True
+    return True

@@ -1,74 +1,84 @@
-"""By itself through Prefect: on this machine alone, or on a team's own server.
+"""Which Prefect server is spoken to, and what must stand in the environment before Prefect is.
 
-Also what must stand before Prefect is imported; nothing here imports it early.
+Nothing here imports Prefect, which takes seconds.
 """
 
 from __future__ import annotations
 
-import contextlib
-import functools
-import http.server
+import http.client
 import os
-import signal
-import socket
-import subprocess
-import sys
-import threading
-import time
+import secrets
 import urllib.request
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
-from pipeline.app.processes import PARENT, REPORTS_URL, sheltered
-from pipeline.base import files
+from pydantic import ValidationError
+
+from pipeline.app.processes import REPORTS_URL
 from pipeline.base.errors import UsageError
-from pipeline.store.campaign import dump, recalled
+from pipeline.base.strict import Strict
+from pipeline.store.campaign import recalled
+
+HERE = "127.0.0.1"
+"""Only this machine sees the pages."""
 
 HOME = ".prefect"
 """Prefect's own files, under the project's root."""
+PASSWORD, SERVING = "password", "serving.json"
+"""Files in HOME: what the API asks for, as user:password, and where this project is served."""
 
-_HERE = "127.0.0.1"
-"""Only this machine sees the pages."""
-
-_PATIENCE_S = 120.0
+PATIENCE_S = 120.0
 """How long Prefect's server may take to start [s]; on a busy machine it can need a minute."""
 
+RUNNING, LOOKED = "service.json", "look.json"
+"""Files in data/processed: who serves this project, and when data/raw was last looked at."""
 
-@contextlib.contextmanager
-def up(root: Path, port: int) -> Iterator[dict[str, str]]:
-    """Prefect's server and the reports' on this machine, for as long as the block runs.
+_KEPT_S = 30 * 86400
+"""How long Prefect remembers a run [s]; the results are not Prefect's and stay."""
 
-    Args:
-        root: The project's root.
-        port: Of Prefect's page; the reports get the next.
 
-    Yields:
-        The addresses: `page`, `api`, `reports`.
+class Running(Strict):
+    """Who serves a project.
 
-    Raises:
-        UsageError: The port is taken, or Prefect's server does not start.
-        KeyboardInterrupt: After the block; Prefect's runner swallows it and comes back.
+    Attributes:
+        process: `pipeline serve` or `watch`.
+        every_s: From one look to the next [s]; None where a cron line says when.
     """
-    already = serving(root)
-    if already is not None:
-        raise UsageError(f"{root.resolve()} is served already: see {already['page']}")
-    page = f"http://{_HERE}:{port}"
-    urls = {"page": page, "api": f"{page}/api", "reports": f"http://{_HERE}:{port + 1}"}
-    _free(port)
-    _free(port + 1)
-    os.environ["PREFECT_API_URL"] = urls["api"]
-    os.environ[REPORTS_URL] = urls["reports"]
-    os.environ[PARENT] = str(os.getpid())
-    settle(root)
-    with (
-        sheltered(signal.SIGTERM),  # which Prefect's runner takes for a wish to stop
-        running(root, port),
-        _reports(root, port + 1),
-        _recorded(root, urls),
-    ):
-        yield urls
-    raise KeyboardInterrupt
+
+    process: int
+    every_s: float | None
+
+    @classmethod
+    def of(cls, root: Path) -> Running | None:
+        """As noted; None where nobody serves it."""
+        return _noted(cls, root / "data" / "processed" / RUNNING)
+
+
+class Looked(Strict):
+    """When data/raw was last looked at, by this machine's clock [s].
+
+    Attributes:
+        began: The beginning of the look.
+        ended: Its end; None while it is at work, or when it was killed.
+    """
+
+    began: float
+    ended: float | None = None
+
+    @classmethod
+    def of(cls, root: Path) -> Looked | None:
+        """As noted; None before the first."""
+        return _noted(cls, root / "data" / "processed" / LOOKED)
+
+
+_Note = TypeVar("_Note", bound=Strict)
+
+
+def _noted(kind: type[_Note], path: Path) -> _Note | None:
+    try:
+        return kind.model_validate_json(path.read_bytes())
+    except (OSError, ValidationError):
+        return None
 
 
 def join(root: Path) -> None:
@@ -94,64 +104,39 @@ def settle(root: Path) -> None:
     """Settings that must stand in the environment before Prefect is imported.
 
     What the user has set already stays: with PREFECT_API_URL the flow runs on that server, else on
-    the one of `pipeline serve` where it runs. Logs go to Prefect's page in full; on the screen
-    they would bury the one sentence that matters.
+    the one of `pipeline serve` where it runs, else on one of its own, which ends with it. The last
+    two are closed to other origins, and to whoever does not know the password. Logs go to Prefect's
+    page in full; on the screen they would bury the one sentence that matters.
     """
-    os.environ.setdefault("PREFECT_HOME", str(root.resolve() / HOME))
-    os.environ.setdefault("DO_NOT_TRACK", "1")
-    os.environ.setdefault("PREFECT_SERVER_ANALYTICS_ENABLED", "false")
-    os.environ.setdefault("PREFECT_SERVER_EPHEMERAL_STARTUP_TIMEOUT_SECONDS", f"{_PATIENCE_S:.0f}")
-    os.environ.setdefault("PREFECT_SERVER_DATABASE_TIMEOUT", "60")  # a busy disk locks SQLite
-    os.environ.setdefault("PREFECT_SERVER_DATABASE_CONNECTION_TIMEOUT", "60")
-    os.environ.setdefault("PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL", "CRITICAL")
+    given = os.environ.setdefault
+    given("PREFECT_HOME", str(root.resolve() / HOME))
+    given("DO_NOT_TRACK", "1")
+    given("PREFECT_SERVER_ANALYTICS_ENABLED", "false")
+    given("PREFECT_SERVER_EPHEMERAL_STARTUP_TIMEOUT_SECONDS", f"{PATIENCE_S:.0f}")
+    given("PREFECT_SERVER_DATABASE_TIMEOUT", "60")  # a busy disk locks SQLite
+    given("PREFECT_SERVER_DATABASE_CONNECTION_TIMEOUT", "60")
+    given("PREFECT_SERVER_SERVICES_DB_VACUUM_ENABLED", "events,flow_runs")
+    given("PREFECT_SERVER_SERVICES_DB_VACUUM_RETENTION_PERIOD", str(_KEPT_S))
+    given("PREFECT_SERVER_CORS_ALLOWED_ORIGINS", "")
+    given("PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL", "CRITICAL")
+    if "PREFECT_API_URL" in os.environ:
+        return
     here = serving(root)
-    if here is not None and "PREFECT_API_URL" not in os.environ:
+    if here is not None:
         os.environ["PREFECT_API_URL"] = here["api"]
-        os.environ.setdefault(REPORTS_URL, here["reports"])
+        given(REPORTS_URL, here["reports"])
+    password = known_password(root) if here is not None else secrets.token_urlsafe(16)
+    if password is not None:
+        given("PREFECT_SERVER_API_AUTH_STRING", password)
+        given("PREFECT_API_AUTH_STRING", password)
 
 
-def _free(port: int, patience_s: float = 20.0) -> None:
-    """Wait for a port; a server that was stopped a moment ago may still hold it."""
-    until = time.monotonic() + patience_s
-    while time.monotonic() < until:
-        try:
-            socket.create_server((_HERE, port)).close()
-            return
-        except OSError:
-            time.sleep(0.5)
-    raise UsageError(f"port {port} is taken by another program: choose another with --port")
-
-
-@contextlib.contextmanager
-def running(root: Path, port: int) -> Iterator[None]:
-    """Prefect's server as a process that ends with this one, however this one ends."""
-    command = [sys.executable, "-m", "prefect", "server", "start", "--host", _HERE]
-    command += ["--port", str(port)]
-    log = root / HOME / "server.log"
-    files.write(log, b"")
-    with log.open("wb") as kept:
-        leash = subprocess.Popen(
-            [sys.executable, "-m", "pipeline.app.processes", *command],
-            env={**os.environ, "PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL": "WARNING"},
-            stdin=subprocess.PIPE,
-            stdout=kept,
-            stderr=kept,
-            start_new_session=True,  # Ctrl-C is for this process, which stops the server last
-        )
-        try:
-            _answering(f"http://{_HERE}:{port}/api", leash, log)
-            yield
-        finally:
-            leash.communicate()
-
-
-def _answering(api: str, process: subprocess.Popen[bytes], log: Path) -> None:
-    until = time.monotonic() + _PATIENCE_S
-    while time.monotonic() < until and process.poll() is None:
-        if answers(api):
-            return
-        time.sleep(0.3)
-    raise UsageError(f"Prefect's server did not start: {log} says why")
+def known_password(root: Path) -> str | None:
+    """The password of this project's server; None for those who may not read it."""
+    try:
+        return (root / HOME / PASSWORD).read_text()
+    except OSError:
+        return None
 
 
 def answers(api: str) -> bool:
@@ -159,42 +144,13 @@ def answers(api: str) -> bool:
     try:
         with urllib.request.urlopen(f"{api.rstrip('/')}/health", timeout=2) as answer:
             return bool(answer.status == 200)
-    except OSError:
+    except (OSError, http.client.HTTPException, ValueError):
         return False
-
-
-@contextlib.contextmanager
-def _reports(root: Path, port: int) -> Iterator[None]:
-    """The reports under an address of this machine: a browser follows no link to a file."""
-    folder = root / "reports"
-    with files.writing(folder):
-        folder.mkdir(exist_ok=True)
-    handler = functools.partial(_Quiet, directory=str(folder))
-    with http.server.ThreadingHTTPServer((_HERE, port), handler) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        try:
-            yield
-        finally:
-            server.shutdown()
-
-
-class _Quiet(http.server.SimpleHTTPRequestHandler):
-    def log_message(self, format: str, *args: Any) -> None:
-        """Say nothing."""
-
-
-@contextlib.contextmanager
-def _recorded(root: Path, urls: dict[str, str]) -> Iterator[None]:
-    """A note of where this project is served, for `run` and for a second `serve`."""
-    note = root / HOME / "serving.json"
-    files.write(note, dump(urls))
-    try:
-        yield
-    finally:
-        note.unlink(missing_ok=True)
 
 
 def serving(root: Path) -> dict[str, str] | None:
     """Where this project is served now; None where it is not."""
-    urls: dict[str, str] | None = recalled(root / HOME / "serving.json")
-    return urls if urls and answers(urls["api"]) else None
+    urls = recalled(root / HOME / SERVING)
+    if not isinstance(urls, dict) or not {"page", "api", "reports"} <= {*urls}:
+        return None
+    return urls if answers(str(urls["api"])) else None

@@ -70,11 +70,10 @@ def _through_prefect(campaign: Campaign, force: bool, tell: Tell) -> Answer:
     with files.writing(home):
         home.mkdir(parents=True, exist_ok=True)
     service.settle(campaign.root)
-    from pipeline.app.flow import identify, telling  # importing Prefect takes two seconds
+    from pipeline.app.flow import identified, telling  # importing Prefect takes two seconds
 
     with telling(tell), sheltered(signal.SIGUSR1):
-        answer: Answer = identify(str(campaign.root), str(campaign.folder), force)
-    return answer
+        return identified(campaign, force)
 
 
 def check(root: Path, name: str) -> Outcome:

@@ -1,133 +1,245 @@
 """By itself: find campaigns that are new or changed and complete, run them, tell who wants to know.
 
 What was made of a campaign is remembered beside its tables, so that neither a restart nor a
-campaign that cannot be read makes a run happen twice.
+campaign that cannot be read makes a run happen twice. Nothing that a folder holds, and nothing that
+goes wrong with it, keeps the others from being run.
 """
 
 from __future__ import annotations
 
-import json
+import os
 import time
-import urllib.request
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Protocol
 
-from pipeline.app import sync
-from pipeline.app.outcome import Compute, Outcome, outcome
+from pydantic import ValidationError
+
+from pipeline.app import notify, service, sync
+from pipeline.app.guard import Guard
+from pipeline.app.outcome import Outcome, failed
 from pipeline.app.preferences import Notify, Preferences
 from pipeline.base import files
-from pipeline.base.errors import InputError
+from pipeline.base.errors import CannotWrite, InputError
+from pipeline.base.strict import Strict
 from pipeline.store import campaign as campaigns
 from pipeline.store.campaign import Campaign, dump
 
 MEMORY = "seen.json"
-_PATIENCE = 3
-"""How often a run that broke for reasons of its own is tried before the campaign has to change."""
+SERVICE = "service"
+"""In place of a campaign's name, where none is to blame."""
+_TOLD_AFTER = 3
+"""Attempts after which a run that broke for reasons of its own is told to the webhook."""
+_PAUSE_S, _GROWTH, _LONGEST_S = 60.0, 4.0, 86400.0
+"""Pause before the second attempt; what each further pause is times the last; the longest."""
+_ENTRIES = 100_000
+"""Of a folder, at most so many are looked at: a campaign has ten."""
 
 
-@dataclass(frozen=True)
-class Seen:
+class Seen(Strict):
     """What was made of a campaign, as `watch` and `serve` remember it.
 
     Attributes:
         print: Fingerprint of the folder and the code.
         verdict: Its verdict, `rejected`, or `failed`; None before the first run.
+        said: Its verdict in a sentence, or why there is none.
         attempts: How often it was tried since the folder changed.
+        tried: When that was last, by this machine's clock [s].
         told: The verdict that was last told; None before the first.
     """
 
     print: str = ""
     verdict: str | None = None
+    said: str = ""
     attempts: int = 0
+    tried: float = 0.0
     told: str | None = None
 
     @property
+    def pause_s(self) -> float:
+        """How long to wait before it is tried again; endless where that helps nothing."""
+        if self.verdict != "failed":
+            return float("inf")
+        return float(min(_PAUSE_S * _GROWTH ** (min(self.attempts, 99) - 1), _LONGEST_S))
+
+    @property
     def settled(self) -> bool:
-        """Nothing is to be gained from trying again."""
-        return self.verdict != "failed" or self.attempts >= _PATIENCE
+        """What is known of it is worth telling."""
+        return self.verdict is not None and (
+            self.verdict != "failed" or self.attempts >= _TOLD_AFTER
+        )
 
 
-def _fingerprint(campaign: Campaign) -> str:
+@dataclass(frozen=True)
+class Clock:
+    """Time; another one in tests.
+
+    Attributes:
+        now: Seconds since 1970, by a clock that may be set back.
+        pause: Waits for so many seconds.
+    """
+
+    now: Callable[[], float] = time.time
+    pause: Callable[[float], None] = time.sleep
+
+
+class Work(Protocol):
+    """Who brings campaigns up to date; guard.Guard."""
+
+    def campaign(self, campaign: Campaign) -> Outcome:
+        """One campaign."""
+
+    def pages(self) -> Outcome | None:
+        """The page over all of them; what went wrong, if anything did."""
+
+
+def _fingerprint(folder: Path) -> str:
     """Names, sizes and times of everything in a folder, and the code; cheap, reads no content."""
-    found = [campaigns.code_version()]
-    for path in sorted(campaign.folder.rglob("*")):
+    found = [campaigns.code_version().encode()]
+    found += [
+        b"%b:%d:%d" % (os.fsencode(name), size, time_ns) for name, size, time_ns in _in(folder)
+    ]
+    return files.sha256(b"\n".join(found))
+
+
+def _in(folder: Path) -> Iterator[tuple[str, int, int]]:
+    """Name, size and time of everything in a folder; links are not followed."""
+    waiting, left = [os.fspath(folder)], _ENTRIES
+    while waiting and left > 0:
+        here = waiting.pop()
         try:
-            stat = path.stat()
-        except FileNotFoundError:  # a copy in progress renames its files
-            continue
-        name = path.relative_to(campaign.folder).as_posix()
-        found.append(f"{name}:{stat.st_size}:{stat.st_mtime_ns}")
-    return files.sha256("\n".join(found).encode())
+            with os.scandir(here) as entries:
+                for entry in sorted(_some(entries, left), key=lambda one: one.name):
+                    left -= 1
+                    stat = entry.stat(follow_symlinks=False)
+                    yield entry.path, stat.st_size, stat.st_mtime_ns
+                    if entry.is_dir(follow_symlinks=False):
+                        waiting.append(entry.path)
+        except OSError as problem:  # a copy in progress renames its files; a folder may be closed
+            yield here, -1, problem.errno or 0
 
 
-def _recall(campaign: Campaign) -> Seen:
+def _some(entries: Iterator[os.DirEntry[str]], most: int) -> list[os.DirEntry[str]]:
+    return [entry for _, entry in zip(range(most), entries, strict=False)]
+
+
+def recall(campaign: Campaign) -> Seen:
     """What is remembered of a campaign."""
     try:
-        return Seen(**json.loads((campaign.processed / MEMORY).read_bytes()))
-    except (FileNotFoundError, ValueError, TypeError):
+        return Seen.model_validate_json((campaign.processed / MEMORY).read_bytes())
+    except (OSError, ValidationError):
         return Seen()
 
 
 def _remember(campaign: Campaign, seen: Seen) -> None:
     """Keep it beside the tables."""
-    files.write(campaign.processed / MEMORY, dump(asdict(seen)))
+    files.write(campaign.processed / MEMORY, dump(seen.model_dump()))
 
 
-def _waiting(root: Path) -> dict[Campaign, str]:
+def _waiting(root: Path, now: float) -> dict[Campaign, str]:
     """Campaigns that changed since they were last looked at, with their fingerprints."""
-    prints = {campaign: _fingerprint(campaign) for campaign in campaigns.every(root)}
-    return {campaign: now for campaign, now in prints.items() if not _seen(campaign, now)}
+    prints = {campaign: _fingerprint(campaign.folder) for campaign in campaigns.every(root)}
+    return {campaign: seen for campaign, seen in prints.items() if _due(campaign, seen, now)}
 
 
-def _seen(campaign: Campaign, now: str) -> bool:
-    before = _recall(campaign)
-    lost = before.verdict not in ("rejected", "failed") and not (
-        (campaign.reports / "result.json").is_file()
-    )
-    return before.print == now and before.settled and not lost
+def _due(campaign: Campaign, fingerprint: str, now: float) -> bool:
+    """Whether there is something to do: new files, a lost report, a pause that is over."""
+    before = recall(campaign)
+    if before.print != fingerprint:
+        return True
+    answered = before.verdict not in (None, "rejected", "failed")
+    if answered and not (campaign.reports / "result.json").is_file():
+        return True
+    # a clock that was set back must not make the pause a year
+    return abs(now - before.tried) >= before.pause_s
 
 
 def scan(
     root: Path,
     preferences: Preferences,
-    compute: Compute,
-    pause: Callable[[float], None] = time.sleep,
+    work: Work,
+    clock: Clock = Clock(),
 ) -> Iterator[Outcome]:
     """Run what is new or changed and has stopped growing; one that fails stops none of the others.
 
     Args:
         root: The project's root.
         preferences: How long a folder must stay as it is, where campaigns live, whom to tell.
-        compute: How a campaign is brought up to date.
-        pause: Waits; given by tests.
+        work: How campaigns are brought up to date.
+        clock: Of this machine.
     """
+    began, trouble = clock.now(), _noted(root, service.Looked(began=clock.now()))
+    try:
+        yield from _scan(root, preferences, work, clock, trouble)
+    except Exception as problem:  # the next look comes, whatever this one has met
+        trouble.append(failed(SERVICE, problem))
+    trouble += _noted(root, service.Looked(began=began, ended=clock.now()))
+    yield from _new(root, trouble)
+
+
+def _noted(root: Path, look: service.Looked) -> list[Outcome]:
+    """What went wrong when a look was noted for `doctor`."""
+    path = root / "data" / "processed" / service.LOOKED
+    return _wrong(SERVICE, partial(files.write, path, dump(look.model_dump())))
+
+
+def _scan(
+    root: Path,
+    preferences: Preferences,
+    work: Work,
+    clock: Clock,
+    trouble: list[Outcome],
+) -> Iterator[Outcome]:
+    """As `scan`; what went wrong beside the campaigns themselves is left in `trouble`."""
     storage = preferences.storage
     refused = sync.fetch(root, storage)
-    before = _waiting(root)
+    before = _waiting(root, clock.now())
     if before:
-        pause(preferences.service.quiet_s)
+        clock.pause(preferences.service.quiet_s)
         refused = sync.fetch(root, storage)  # what still grows there grows here, too
-    for campaign, now in before.items():
-        if _fingerprint(campaign) != now:  # still being copied: the next look will take it
+    trouble += refused
+    for campaign, seen in before.items():
+        if _fingerprint(campaign.folder) != seen:  # still being copied: the next look will take it
             continue
-        made = outcome(campaign, compute)
-        _learn(campaign, now, made)
+        made = work.campaign(campaign)
+        trouble += _wrong(campaign.name, partial(_learn, campaign, seen, made, clock.now()))
         yield made
-    if before:
-        from pipeline.app import pages  # brings pandas, which watching itself does not need
-
-        pages.refresh(root)
-    refused += sync.publish(root, storage)
-    yield from sync.untold(root, refused)
+    if before and (wrong := work.pages()):
+        trouble.append(wrong)
+    trouble += sync.publish(root, storage)
     for campaign in campaigns.every(root):
-        _tell(campaign, preferences.notify)
+        trouble += _wrong(campaign.name, partial(_tell, campaign, preferences.notify))
 
 
-def _learn(campaign: Campaign, now: str, made: Outcome) -> None:
-    before = _recall(campaign)
-    attempts = before.attempts + 1 if before.print == now else 1
-    _remember(campaign, replace(before, print=now, verdict=verdict_of(made), attempts=attempts))
+def _wrong(name: str, work: Callable[[], object]) -> list[Outcome]:
+    """What goes wrong where something is remembered or told of a campaign: a full disk, say."""
+    try:
+        work()
+    except Exception as problem:
+        return [failed(name, problem)]
+    return []
+
+
+def _new(root: Path, trouble: list[Outcome]) -> list[Outcome]:
+    """What was not told at the last look; all of it where that cannot be remembered."""
+    try:
+        return sync.untold(root, trouble)
+    except CannotWrite as problem:
+        return [*trouble, failed(SERVICE, problem)]
+
+
+def _learn(campaign: Campaign, fingerprint: str, made: Outcome, now: float) -> None:
+    before = recall(campaign)
+    new = {
+        "print": fingerprint,
+        "verdict": verdict_of(made),
+        "said": said_of(made),
+        "attempts": before.attempts + 1 if before.print == fingerprint else 1,
+        "tried": now,
+    }
+    _remember(campaign, before.model_copy(update=new))
 
 
 def verdict_of(made: Outcome) -> str:
@@ -138,25 +250,26 @@ def verdict_of(made: Outcome) -> str:
     return "rejected" if lasting else "failed"
 
 
-def _tell(campaign: Campaign, notify: Notify) -> None:
+def said_of(made: Outcome) -> str:
+    """What became of a campaign, in words: its verdict, or why there is none."""
+    error = made.content.get("error")
+    return str(error["message"]) if error else " ".join(made.content.get("verdict_sentence", []))
+
+
+def _tell(campaign: Campaign, whom: Notify) -> None:
     """Tell a changed verdict once; what could not be delivered is tried again next time."""
-    seen = _recall(campaign)
-    if seen.verdict is None or seen.verdict == seen.told or not seen.settled:
+    seen = recall(campaign)
+    if seen.verdict == seen.told or not seen.settled:
         return
-    if notify.webhook is None or _posted(notify.webhook, message(campaign, seen)):
-        _remember(campaign, replace(seen, told=seen.verdict))
+    if whom.webhook is None or notify.posted(whom.webhook, message(campaign, seen)):
+        _remember(campaign, seen.model_copy(update={"told": seen.verdict}))
 
 
 def message(campaign: Campaign, seen: Seen) -> dict[str, str | None]:
     """What a webhook gets; `text` is the word that chats show."""
     news = f"{seen.told} -> {seen.verdict}" if seen.told else str(seen.verdict)
-    said = ""
-    if seen.verdict not in ("rejected", "failed"):
-        from pipeline.answer.archive import read  # brings the numerical libraries
-
-        said = " " + " ".join(read(campaign).verdict_sentence)
     return {
-        "text": f"{campaign.name}: {news}.{said}",
+        "text": f"{campaign.name}: {news}. {seen.said}".rstrip(),
         "campaign": campaign.name,
         "before": seen.told,
         "verdict": seen.verdict,
@@ -164,23 +277,11 @@ def message(campaign: Campaign, seen: Seen) -> dict[str, str | None]:
     }
 
 
-def _posted(address: str, content: dict[str, str | None]) -> bool:
-    request = urllib.request.Request(
-        address, json.dumps(content).encode(), {"Content-Type": "application/json"}
-    )
-    try:
-        with urllib.request.urlopen(request, timeout=10):
-            return True
-    except OSError:
-        return False
-
-
 def watch(root: Path, preferences: Preferences) -> Iterator[Outcome]:
     """Look at data/raw again and again, without Prefect; ends with the process."""
-    from pipeline.run import run  # brings the numerical libraries, which take a second
-
-    service = preferences.service
-    while True:
-        began = time.monotonic()
-        yield from scan(root, preferences, run)
-        time.sleep(max(0.0, service.interval_s - (time.monotonic() - began)))
+    wanted = preferences.service
+    with Guard(root, "local", wanted) as guard:
+        while True:
+            began = time.monotonic()
+            yield from scan(root, preferences, guard)
+            time.sleep(max(0.0, wanted.interval_s - (time.monotonic() - began)))

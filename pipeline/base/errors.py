@@ -87,6 +87,16 @@ class CannotWrite(PipelineError):
     exit_code = 3
 
 
+class Unfinished(PipelineError):
+    """A campaign was given up: it took too long or too much memory, or its process ended."""
+
+    exit_code = 6
+
+    def __init__(self, thing: str, way_out: str) -> None:
+        """Compose the one sentence from its parts."""
+        super().__init__(f"{thing}; {way_out}.")
+
+
 class Interrupted(PipelineError):
     """The engineer stopped it."""
 
@@ -120,7 +130,8 @@ def first_wrong(problem: ValidationError) -> tuple[list[str], str]:
 
 def worst(codes: Iterable[int]) -> int:
     """The exit code that matters most: our faults, disk, command, input, model, nothing."""
-    order = (1, CannotWrite.exit_code, UsageError.exit_code, InputError.exit_code, MISFIT, 0)
+    ours = (1, CannotWrite.exit_code, Unfinished.exit_code)
+    order = (*ours, UsageError.exit_code, InputError.exit_code, MISFIT, 0)
     return min(codes, key=order.index, default=0)
 
 

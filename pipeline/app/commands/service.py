@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Option
 
-from pipeline.app.commands._shared import AsJson, Root, app, show
+from pipeline.app.commands._shared import AsJson, Root, app
 from pipeline.base.errors import UsageError
 from pipeline.base.toml import given
 
@@ -21,20 +21,21 @@ def serve(
     interval: Annotated[float | None, Option(help="Seconds between two looks.")] = None,
     cron: Annotated[str | None, Option(help="A cron line instead of the interval.")] = None,
     port: Annotated[int | None, Option(help="Of Prefect's page; reports get the next.")] = None,
+    unit: Annotated[bool, Option("--unit", help="Print a unit for systemd, and end.")] = False,
     root: Root = Path(),
 ) -> None:
     """Run new campaigns by themselves; Prefect's page shows them."""
-    from pipeline.app import service
+    if unit:
+        from pipeline.app.unit import unit as of_systemd
+
+        typer.echo(of_systemd(root), nl=False)
+        return
+    from pipeline.app import supervisor
 
     wanted = _preferred(root, interval_s=interval, cron=cron, port=port)
     every = f"at {wanted.service.cron}" if wanted.service.cron else _every(wanted)
-    with service.up(root, wanted.service.port) as urls:
-        from pipeline.app import flow  # after Prefect's settings are made
-
-        typer.echo(f"{urls['page']}  Prefect's page: runs, results, logs")
-        typer.echo(f"{urls['reports']}  the reports")
-        typer.secho(f"Looking at {root / 'data' / 'raw'} {every}; Ctrl-C stops.", err=True)
-        flow.serve(root.resolve(), wanted)
+    typer.secho(f"Looking at {root / 'data' / 'raw'} {every}; Ctrl-C stops.", err=True)
+    supervisor.serve(root, wanted, typer.echo)
 
 
 @app.command(short_help="Run new campaigns by themselves, without Prefect.")
@@ -44,15 +45,16 @@ def watch(
     root: Root = Path(),
 ) -> None:
     """Run new campaigns by themselves, without Prefect."""
-    from pipeline.app import processes
+    from pipeline.app import processes, supervisor
     from pipeline.app import watch as watching
 
     wanted = _preferred(root, interval_s=interval)
     processes.stop_on_sigterm()
     where = root / "data" / "raw"
     typer.secho(f"Looking at {where} {_every(wanted)}; Ctrl-C stops.", err=True)
-    for outcome in watching.watch(root, wanted):
-        show(outcome, as_json)
+    with supervisor.alone(root, wanted.service):
+        for outcome in watching.watch(root, wanted):
+            typer.echo(outcome.as_json() if as_json else outcome.event)
 
 
 @app.command(short_help="Put the scan on a team's own Prefect server.")
@@ -63,14 +65,14 @@ def deploy(
     root: Root = Path(),
 ) -> None:
     """Put the scan on a team's own Prefect server: docs/teams.md."""
-    from pipeline.app import service
+    from pipeline.app import processes, service
 
     wanted = _preferred(root, interval_s=interval, cron=cron)
     service.join(root)
     from pipeline.app import flow  # after Prefect's settings are made
 
-    flow.deploy(root.resolve(), pool, wanted)
-    typer.echo(f"prefect worker start --pool {pool}")
+    flow.deploy(pool, wanted.service)
+    typer.echo(f"{processes.ROOT}={root.resolve()} prefect worker start --pool {pool}")
 
 
 @app.command(short_help="Say what is missing on this machine, and how to get it.")
@@ -83,7 +85,7 @@ def doctor(as_json: AsJson = False, root: Root = Path()) -> None:
 
     sound = True
     for finding in examination.examine(root):
-        mark = "ok" if finding.good else "MISSING" if finding.needed else "note"
+        mark = "ok" if finding.good else "PROBLEM" if finding.needed else "note"
         line = f"{mark:8} {finding.what:16} {finding.said}"
         typer.echo(json.dumps(asdict(finding)) if as_json else line)
         sound = sound and (finding.good or not finding.needed)
