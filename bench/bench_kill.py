@@ -1,5 +1,7 @@
 """kill -9 at random moments of a run, then run again: is result.json what it would have been?"""
 
+import contextlib
+import os
 import subprocess
 import sys
 import tempfile
@@ -9,10 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline.app import service, supervisor
+from pipeline.app.processes import PYTHON
 from pipeline.base import files
 from pipeline.simulate import Plan, simulate
 
 KILLS = 100
+PORT = 24900
+"""Of Prefect's server."""
 PLAN = Plan(name="killed", poses={"count": 7}, pulls={"steps_n": [3000.0]})
 """A small campaign, so that a hundred runs take minutes; it makes all files that others make."""
 WORKER = """
@@ -20,7 +26,10 @@ import os, signal, sys, time
 from pathlib import Path
 import pipeline.report.figures.catalogue
 from pipeline.store.campaign import find
-from pipeline.run import run
+if sys.argv[2] == "prefect":
+    from pipeline.app.flow import identified as run
+else:
+    from pipeline.run import run
 
 root = Path(sys.argv[1])
 for line in sys.stdin:
@@ -40,7 +49,7 @@ for line in sys.stdin:
 class Victim:
     """A campaign and a process whose children run it."""
 
-    def __init__(self, root: Path, plan: Plan) -> None:
+    def __init__(self, root: Path, plan: Plan, engine: str = "local") -> None:
         """Write the campaign's raw files and start the process."""
         self.root = root
         folder = root / "data" / "raw" / "killed"
@@ -48,7 +57,7 @@ class Victim:
         for name, content in simulate(plan).files.items():
             (folder / name).write_bytes(content)
         self.worker = subprocess.Popen(
-            [sys.executable, "-c", WORKER, str(root)],
+            [sys.executable, "-c", WORKER, str(root), engine],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
@@ -96,11 +105,39 @@ def survived(victim: Victim, moments: Iterable[float]) -> Iterator[tuple[int, bo
         yield status, again == 0 and victim.result == whole
 
 
+@contextlib.contextmanager
+def server(root: Path, engine: str) -> Iterator[None]:
+    """Prefect's server as `serve` starts it, for the flows to be killed; none for plain runs."""
+    if engine == "local":
+        yield
+        return
+    before = dict(os.environ)
+    urls = supervisor.settled(root, PORT)
+    process = subprocess.Popen([*PYTHON, "pipeline.app.gate", str(root / "reports"), str(PORT)])
+    try:
+        while not service.answers(urls["api"]):
+            time.sleep(0.3)
+        yield
+    finally:
+        process.terminate()
+        process.wait()
+        os.environ.clear()
+        os.environ.update(before)
+
+
 def run() -> list[tuple[str, float, str]]:
     """Share of killed runs after which the next one gives the same answer, byte by byte."""
+    return [_killed(engine) for engine in ("local", "prefect")]
+
+
+def _killed(engine: str) -> tuple[str, float, str]:
     rng = np.random.default_rng(9)
     hit = same = tried = 0
-    with tempfile.TemporaryDirectory() as folder, Victim(Path(folder), PLAN) as one:
+    with (
+        tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder,
+        server(Path(folder), engine),
+        Victim(Path(folder), PLAN, engine) as one,
+    ):
         for status, good in survived(one, iter(rng.uniform, None)):
             tried, hit, same = tried + 1, hit + (status == 9), same + good
             print(f"\r  {hit} of {KILLS} killed, {tried - same} unlike", end="", flush=True)
@@ -108,4 +145,4 @@ def run() -> list[tuple[str, float, str]]:
                 break
     print()
     comment = f"aim 1; {hit} were killed in the middle, {tried - hit} had ended before"
-    return [("killed, run again, result.json identical", same / tried, comment)]
+    return f"{engine}: killed, run again, result.json identical", same / tried, comment

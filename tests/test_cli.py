@@ -189,3 +189,18 @@ def test_doctor_answers_programs(tmp_path):
 
     assert done.returncode in (0, 2)
     assert {"what", "good", "said", "needed"} == set(json.loads(done.stdout.splitlines()[0]))
+
+
+def test_serve_prints_a_unit_for_systemd(tmp_path):
+    """It runs this Python on this folder, says when it is ready, and is watched."""
+    done = pipeline(tmp_path, "serve", "--unit")
+    lines = done.stdout.splitlines()
+
+    assert done.returncode == 0
+    assert f"ExecStart={sys.executable} -P -m pipeline serve --root {tmp_path}" in lines
+    assert {"Type=notify", "WatchdogSec=120", "Restart=always", "UMask=0027"} <= set(lines)
+    blank = tmp_path / "a folder"
+    blank.mkdir()
+    refused = pipeline(blank, "serve", "--unit")
+    assert refused.returncode == 2
+    assert "systemd" in refused.stderr

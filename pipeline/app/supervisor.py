@@ -136,7 +136,7 @@ def serve(root: Path, preferences: Preferences, tell: Tell) -> None:
     """
     port = preferences.service.port
     with alone(root, preferences.service), _asked_to_stop() as asked:
-        urls = _settled(root, port)
+        urls = settled(root, port)
         server = _Child(
             "Prefect's server",
             [*PYTHON, "pipeline.app.gate", str(root / "reports"), str(port)],
@@ -237,7 +237,7 @@ def _asked_to_stop() -> Iterator[threading.Event]:
         raise KeyboardInterrupt
 
 
-def _settled(root: Path, port: int) -> dict[str, str]:
+def settled(root: Path, port: int) -> dict[str, str]:
     """The environment of the processes to come; the addresses `page`, `api` and `reports`."""
     page = f"http://{service.HERE}:{port}"
     urls = {"page": page, "api": f"{page}/api", "reports": f"http://{service.HERE}:{port + 1}"}

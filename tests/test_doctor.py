@@ -1,0 +1,86 @@
+"""`pipeline doctor` on a running service: what is wrong with it, from what it left on disk."""
+
+import json
+import os
+import subprocess
+import time
+
+import pytest
+
+from pipeline.app import doctor
+from pipeline.app.service import LOOKED, RUNNING
+
+
+@pytest.fixture
+def noted(tmp_path):
+    """A project with notes of a service: `noted(running=..., looked=...)` gives the findings."""
+    processed = tmp_path / "data" / "processed"
+    processed.mkdir(parents=True)
+    (tmp_path / "data" / "raw" / "a").mkdir(parents=True)
+    (tmp_path / "data" / "raw" / "a" / "campaign.toml").write_text("")
+
+    def write(running=None, looked=None, seen=None, toml=""):
+        for name, content in ((RUNNING, running), (LOOKED, looked), ("a/seen.json", seen)):
+            if content is not None:
+                (processed / name).parent.mkdir(exist_ok=True)
+                (processed / name).write_text(json.dumps(content))
+        (tmp_path / "pipeline.toml").write_text(toml)
+        return {finding.what: finding for finding in doctor.examine(tmp_path)}
+
+    return write
+
+
+HERE = {"process": os.getpid(), "every_s": 60.0}
+
+
+def test_a_service_that_is_gone_is_no_service(noted):
+    """Its note stayed behind when it was killed."""
+    ended = subprocess.Popen(["true"])
+    ended.wait()
+    found = noted(running={"process": ended.pid, "every_s": 60.0}, looked={"began": 0.0})
+
+    assert found["service"].said.startswith("not running")
+    assert "looks" not in found
+
+
+@pytest.mark.parametrize(
+    ("looked", "good", "said"),
+    [
+        ({"began": -30.0, "ended": -29.0}, True, "the last was at"),
+        ({"began": -600.0, "ended": -590.0}, False, "none since"),
+        ({"began": -600.0, "ended": None}, True, "one is at work"),
+        ({"began": -6000.0, "ended": None}, False, "one is at work"),
+        ({"began": 3600.0, "ended": 3601.0}, False, "clock was set back"),
+    ],
+)
+def test_looks_that_do_not_come_are_told(noted, looked, good, said):
+    """Seconds from now: late, hanging, or from a future that is none."""
+    now = time.time()
+    moments = {name: at if at is None else now + at for name, at in looked.items()}
+    found = noted(running=HERE, looked=moments)["looks"]
+
+    assert (found.good, said in found.said) == (good, True)
+
+
+def test_what_waits_is_told(noted):
+    """A campaign that is tried again with its reason, and a verdict that nobody took."""
+    failed = {"print": "x", "verdict": "failed", "said": "was away.", "attempts": 2, "tried": 1e9}
+    found = noted(running=HERE, looked={"began": time.time()}, seen=failed)
+    assert found["a"].said.startswith("tried 2 times, again at 2001-09-09")
+    assert found["a"].said.endswith("was away.")
+
+    done = {"print": "x", "verdict": "adequate", "told": None}
+    hook = "[notify]\nwebhook = 'https://chat.example/x'\n"
+    assert "the webhook did not take" in noted(seen=done, toml=hook)["a"].said
+    assert "a" not in noted(seen=done | {"told": "adequate"}, toml=hook)
+
+
+def test_a_server_that_is_gone_is_told(noted, tmp_path):
+    """`serve` says where it is; nobody answers there."""
+    (tmp_path / ".prefect").mkdir()
+    urls = {"page": "http://127.0.0.1:9", "api": "http://127.0.0.1:9/api", "reports": "x"}
+    (tmp_path / ".prefect" / "serving.json").write_text(json.dumps(urls))
+    found = noted(running=HERE)["Prefect server"]
+
+    assert not found.good
+    assert "server.log" in found.said
