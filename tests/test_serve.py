@@ -406,3 +406,39 @@ def test_a_bad_webhook_stops_nobody(tmp_path, hook):
 
     assert memory["told"] is None
     assert "Traceback" not in told(tmp_path)
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """A disk of its own of 96 MiB; mounting one takes an administrator."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=96m", "tmpfs", disk], capture_output=True, check=False
+    )
+    if mounted.returncode:
+        pytest.skip("this user may not mount a disk")
+    yield disk
+    subprocess.run(["umount", "-l", disk], check=True)
+
+
+@pytest.mark.parametrize("command", ["serve", "watch"])
+def test_a_full_disk_is_said_and_waited_for(small_disk, command):
+    """No room for a minute while a campaign arrives: one line; with room again, its report."""
+    raw = project(small_disk, "a")
+    with serving(small_disk, free_port(), command=command, stop=signal.SIGTERM) as process:
+        until(lambda: reported(small_disk, "a"), 120)
+        said = small_disk / "said.txt"
+        shutil.copytree(KEPT, raw / "b")
+        with contextlib.suppress(OSError), (small_disk / "filler").open("wb") as filler:
+            while True:
+                filler.write(b"0" * 65536)
+        time.sleep(60)
+        assert process.poll() is None
+        assert not reported(small_disk, "b")
+        (small_disk / "filler").unlink()
+        until(lambda: reported(small_disk, "b"), 300)
+        assert process.poll() is None
+
+    assert process.returncode == 0
+    assert b"Traceback" not in said.read_bytes()
