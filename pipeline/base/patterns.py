@@ -20,8 +20,8 @@ _MOST = 300
 LONGEST = 200
 """Letters of a name that is matched; no longer one has a meaning."""
 
-_TOKENS = re.compile(r"\\.|\[\^?\]?(?:\\.|\[:\w*:\]|[^\]\\])*\]?|\(\??|.", re.DOTALL)
-"""A sign with its backslash, a class, a bracket that opens a part, or any other sign."""
+_TOKENS = re.compile(r"\\.|\[\^?\]?(?:\\.|\[:\w*:\]|[^\]\\])*\]?|\(\??|\{\d+,?\d*\}|.", re.DOTALL)
+"""A sign with its backslash, a class, a bracket that opens a part, a count, or any other sign."""
 _LETTERS = r"\pL\p{Nd}_"
 _ANY_LETTERS = {r"\w": f"[{_LETTERS}]", r"\W": f"[^{_LETTERS}]", r"\Z": r"\z", "(": "(?:"}
 """What RE2 knows of ASCII only or otherwise, and what it says instead."""
@@ -54,8 +54,8 @@ def named(pattern: str) -> set[str]:
     """
     import pyarrow as pa
 
-    if len(pattern) > _MOST:
-        raise ValueError(f"the expression has more than {_MOST} letters; write a shorter one")
+    if len(pattern) > _MOST or _written_out(pattern) > 2 * _MOST:
+        raise ValueError(f"the expression has more than {_MOST} letters, or twice that with counts")
     try:
         kind = parts(pa.array([], pa.string()), pattern).type
     except (pa.ArrowInvalid, UnicodeEncodeError) as problem:
@@ -67,6 +67,25 @@ def named(pattern: str) -> set[str]:
     if len({*names}) < len(names):
         raise ValueError("not a regular expression (two parts have one name)")
     return {*names}
+
+
+def _written_out(pattern: str) -> int:
+    """Signs of an expression once everything that is counted stands there so often."""
+    sizes, last = [0], 0
+    for token in _TOKENS.findall(pattern):
+        if token.startswith("("):
+            sizes.append(0)
+        elif token == ")" and len(sizes) > 1:
+            last = sizes.pop()
+            sizes[-1] += last
+        elif token.startswith("{") and len(token) > 1:
+            often = max(int(count or 0) for count in token[1:-1].split(","))
+            sizes[-1] += last * max(often - 1, 0)
+            last *= often
+        else:
+            last = 1
+            sizes[-1] += 1
+    return sum(sizes)
 
 
 def is_glob(pattern: str) -> bool:
