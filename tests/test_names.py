@@ -15,6 +15,7 @@ from pipeline.app import cli, pages
 from pipeline.base import files, patterns, toml
 from pipeline.base.errors import InputError, PipelineError
 from pipeline.base.shown import in_json, in_toml, in_xml, printable
+from pipeline.machine.poses import default_anchors
 from pipeline.machine.robot import load
 from pipeline.machine.robot import mdh as robots
 from pipeline.prediction import model as handover
@@ -509,3 +510,14 @@ def test_a_robot_of_any_words_has_them_checked():
         assert old in text
         with pytest.raises(InputError, match=r"^mine\.toml:"):
             robots.parse(text.replace(old, new, 1), "mine.toml")
+
+
+def test_a_rail_without_ends_is_asked_for():
+    """Nobody can spread anchors along it; a short one has its anchor in the middle."""
+    text = load("kr500_rail").text
+    endless = robots.parse(text.replace("lower_m = 0.0\nupper_m = 18.0\n", ""), "mine.toml")
+    short = robots.parse(text.replace("upper_m = 18.0", "upper_m = 1.0"), "mine.toml")
+
+    with pytest.raises(InputError, match="r1 reaches from -inf to inf m"):
+        default_anchors(endless)
+    assert default_anchors(short)[:, 1].tolist() == [0.5]
