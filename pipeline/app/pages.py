@@ -8,11 +8,10 @@ from pathlib import Path
 
 from filelock import FileLock
 
-from pipeline.answer.archive import Finished, finished, mark, read, shown
-from pipeline.answer.contract import Answer
+from pipeline.answer.archive import Finished, earlier, finished, mark, read, shown
 from pipeline.answer.history import previous
 from pipeline.base import files
-from pipeline.store.campaign import code_version, dump, recalled, versions
+from pipeline.store.campaign import Campaign, code_version, dump, recalled, versions
 
 INDEX_MANIFEST = "index.json"
 
@@ -32,7 +31,7 @@ def refresh(root: Path) -> Path | None:
         one.campaign.tidy()
         before = previous(one.answer, answers)
         if (one.campaign.manifest() or {}).get("previous") != mark(before):
-            _tell(one, before)
+            _tell(one.campaign)
     return _index(root, everyone) if everyone else None
 
 
@@ -40,16 +39,16 @@ def _left_out(why: str) -> None:
     sys.stderr.write(f"{why} Until then it is left out of the page over all campaigns.\n")
 
 
-def _tell(one: Finished, before: Answer | None) -> None:
+def _tell(campaign: Campaign) -> None:
     """Write a campaign's report anew, with what has changed since the previous campaign."""
     from pipeline.report.render import render
 
-    campaign = one.campaign
     with campaign.locked():
-        manifest = campaign.manifest()
+        manifest, answer = campaign.manifest(), read(campaign)
+        before = earlier(campaign, answer)  # of what is there now that nobody else writes here
         if manifest is None or manifest.get("previous") == mark(before):
             return  # another run has been faster
-        pages = render(read(campaign), shown(campaign), manifest.get("run_time_s"), before)
+        pages = render(answer, shown(campaign), manifest.get("run_time_s"), before)
         campaign.publish(manifest | {"previous": mark(before)}, pages)
 
 
