@@ -271,6 +271,18 @@ def test_globs_find_what_they_say(tmp_path):
     ]  # fmt: skip
 
 
+def test_a_file_has_one_name_and_patterns_are_few(tmp_path):
+    """However it is written, a file is read once; and no thousand patterns are tried."""
+    text = settings('["tracker.csv"]', '["./tracker.csv", "tracker*.csv"]')
+    folder = put(tmp_path, **{"campaign.toml": text})
+    many = json.dumps([f"{k}*" for k in range(1000)])
+
+    assert [*Campaign(tmp_path, folder).read().files].count("tracker.csv") == 1
+    assert len(Campaign(tmp_path, folder).read().files) == len(GOOD)
+    with pytest.raises(InputError, match="more than 20 patterns"):
+        parse(settings('["tracker.csv"]', many).decode())
+
+
 def test_an_export_at_the_top_is_found_by_two_stars(tmp_path, say):
     """They may stand for no folder at all, to those who look and to those who read."""
     put(tmp_path, **{"campaign.toml": settings('["tracker.csv"]', '["**/tracker*.csv"]')})

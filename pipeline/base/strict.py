@@ -33,7 +33,7 @@ def _inside(name: str) -> str:
         raise ValueError(f'"{name}" lies outside the campaign folder, put it beside campaign.toml')
     if not PurePosixPath(name).parts:
         raise ValueError(f'"{name}" is no file')
-    return name
+    return PurePosixPath(name).as_posix()
 
 
 def _glob(pattern: str) -> str:

@@ -24,6 +24,9 @@ from pipeline.readers.logs import LIMIT_SLACK
 BASE_REFLECTORS = 3
 """How many a base frame needs at least; the third takes away the turn about the other two."""
 
+_MOST_GLOBS = 20
+"""Patterns that stand for several exports."""
+
 Point = tuple[float, float, float]
 
 
@@ -40,6 +43,13 @@ class Tracker(Hints):
         """sigma_m or noise, not both."""
         if self.sigma_m is not None and self.noise is not None:
             raise ValueError("sigma_m and noise are both given; keep one of them")
+        return self
+
+    @model_validator(mode="after")
+    def few_globs(self) -> Tracker:
+        """Each of them is held against every file of the folder."""
+        if sum(map(is_glob, self.files)) > _MOST_GLOBS:
+            raise ValueError(f"files has more than {_MOST_GLOBS} patterns; use wider ones")
         return self
 
     def none_missing(self, found: Sequence[str]) -> None:
