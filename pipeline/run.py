@@ -25,7 +25,7 @@ from pipeline.answer.tables import (
     residuals_table,
     system_table,
 )
-from pipeline.base.errors import InputError
+from pipeline.base.errors import InputError, at
 from pipeline.diagnosis.diagnose import diagnose
 from pipeline.diagnosis.drift import drift
 from pipeline.diagnosis.facts import Diagnosis
@@ -51,6 +51,8 @@ from pipeline.store.campaign import Campaign, Raw, dump
 from pipeline.system.fit import Fitted, fit
 
 _SEED = 20261103
+_LAST_RESORT = "campaign.toml"
+"""Named in what rejects an input for reasons that stand in no one file."""
 
 _CORRECTED = (("22_forces", tables.FORCES), ("23_displacements", tables.DISPLACEMENTS))
 """Tables that a mistake in the data changes, and that the answer rests on."""
@@ -76,6 +78,7 @@ def run(campaign: Campaign, step: Step = plain, force: bool = False) -> Answer:
             return _compute(campaign, raw, step)
 
 
+@at(_LAST_RESORT)
 def reduce(raw: Raw, keep: Keep, step: Step = plain) -> Reduced:
     """The first half, with nothing implausible let through: to forces and displacements in F_b."""
     return bring(ingested(raw, keep, step), keep, step)
@@ -111,7 +114,7 @@ def _doubt_row(doubt: InputError) -> pd.DataFrame:
     """A file that no value of can be right as given, as a row of REJECTED."""
     reason = f"{doubt.thing}; {doubt.way_out}"
     line = pd.array([doubt.line], dtype="Int64")
-    return pd.DataFrame({"file": [doubt.file or "campaign.toml"], "line": line, "reason": [reason]})
+    return pd.DataFrame({"file": [doubt.file or _LAST_RESORT], "line": line, "reason": [reason]})
 
 
 def _compute(campaign: Campaign, raw: Raw, step: Step) -> Answer:
@@ -146,6 +149,7 @@ class Answered:
     model: handover.Model
 
 
+@at(_LAST_RESORT)
 def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) -> Answered:
     """To stiffnesses and what is wrong with data or model."""
     case = ingested(raw, keep, step, plausible=False)

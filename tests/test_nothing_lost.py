@@ -101,16 +101,15 @@ def test_a_file_that_grows_while_it_is_read_is_refused(victim, monkeypatch):
     folder = victim.root / "data" / "raw" / "killed"
     path = folder / "tracker.csv"
     whole = os.path.getsize(path)
-    read = type(path).read_bytes
+    look = os.fstat
 
-    def slow(self):
-        data = read(self)
-        if self == path:
+    def slow(opened):
+        if os.path.samestat(look(opened), path.stat()):
             with path.open("ab") as file:
                 file.write(b"pose01_rep9_loaded,P1,1,2,3,2026-11-03T08:00:08\n")
-        return data
+        return look(opened)
 
-    monkeypatch.setattr(type(path), "read_bytes", slow)
+    monkeypatch.setattr(os, "fstat", slow)
 
     with pytest.raises(InputError, match=r"tracker.csv: changed while it was read") as refused:
         run(find(victim.root, "killed"))

@@ -209,13 +209,13 @@ def test_one_pull_with_the_chain_the_wrong_way_round():
     assert [(f.name, f.where) for f in found] == [("label_swap", "pose02_rep2_loaded")]
 
 
-def test_a_wrong_sign_in_a_robot_file_is_named(tmp_path):
+def test_a_wrong_sign_in_a_robot_file_is_named():
     """The robot's own file has d_4 turned round; a table in the other convention likewise."""
     made = campaign()
     wrong = load("kr500_rail").text.replace("d_m = 1.3", "d_m = -1.3")
-    (tmp_path / "robot.toml").write_text(wrong)
     text = made.files["campaign.toml"].decode().replace('"kr500_rail"', '"robot.toml"')
-    raw = in_memory({**made.files, "campaign.toml": text.encode()}, tmp_path)
+    changed = {"campaign.toml": text.encode(), "robot.toml": wrong.encode()}
+    raw = in_memory({**made.files, **changed})
 
     found = conventions(ingested(raw, conformed, plain, plausible=False))
 
@@ -234,14 +234,14 @@ def test_a_joint_that_counts_the_other_way_is_one_mistake(joint):
     assert [(f.name, f.where) for f in found] == [("sign_or_convention", f"{joint}_reversed")]
 
 
-def test_dh_for_modified_dh_is_named(tmp_path):
+def test_dh_for_modified_dh_is_named():
     """Khalil's table entered as a classic one."""
     made = campaign()
     text = load("kr500_rail").text.replace('"khalil"', '"standard"')
     text = re.sub("^r_m", "d_m", re.sub("^d_m", "a_m", text, flags=re.M), flags=re.M)
-    (tmp_path / "robot.toml").write_text(text)
     settings = made.files["campaign.toml"].decode().replace('"kr500_rail"', '"robot.toml"')
-    raw = in_memory({**made.files, "campaign.toml": settings.encode()}, tmp_path)
+    changed = {"campaign.toml": settings.encode(), "robot.toml": text.encode()}
+    raw = in_memory({**made.files, **changed})
 
     found = conventions(ingested(raw, conformed, plain, plausible=False))
 

@@ -53,7 +53,7 @@ def read(campaign: Campaign) -> Answer:
         content = _brought_up_to_date(campaign.result())
         # a key that only another version knows is left out
         return Answer.model_validate(content, strict=False, extra="ignore")
-    except (ValueError, LookupError, TypeError, AttributeError) as problem:
+    except (ValueError, LookupError, TypeError, AttributeError, OSError, RecursionError) as problem:
         raise UsageError(
             f"{campaign.name} has a result of an earlier version: run `pipeline run "
             f"{campaign.name}` first"

@@ -9,8 +9,10 @@ import jinja2
 
 from pipeline.base import files
 from pipeline.base.errors import InputError, UsageError
+from pipeline.base.shown import printable
 from pipeline.base.toml import quoted
 from pipeline.machine.robot import SHIPPED, Robot, load
+from pipeline.store.campaign import unfit
 
 NAME = "a plain folder name that begins with no dot"
 
@@ -63,8 +65,8 @@ def vacant(root: Path, name: str) -> Path:
     Raises:
         UsageError: The name is no folder name, or the folder is there already.
     """
-    if not name.strip() or name[0] == "." or any(c in "/\\" or not c.isprintable() for c in name):
-        raise UsageError(f'"{name}" cannot name a campaign: use {NAME}')
+    if why := unfit(name):
+        raise UsageError(f'"{printable(name, 80)}" cannot name a campaign ({why}): use {NAME}')
     folder = root / "data" / "raw" / name
     if folder.exists():
         raise UsageError(f"{folder} is there already: choose another name")

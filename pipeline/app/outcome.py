@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import traceback
 from collections.abc import Callable, Iterable, Sequence
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite, InputError, PipelineError, Unfinished, place
 from pipeline.base.quantities import common_prefix, prefixed, scaled, with_std
+from pipeline.base.shown import in_json, printable
 from pipeline.store.campaign import Campaign, find, label
 
 if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second
@@ -54,7 +54,7 @@ class Outcome:
 
     def as_json(self) -> str:
         """One line of JSON."""
-        return json.dumps(self.content, ensure_ascii=False, allow_nan=False)
+        return in_json(self.content)
 
 
 Compute = Callable[[Campaign], "Answer"]
@@ -110,9 +110,11 @@ def shown(joint: Stiffness) -> str:
     return f"{value} {prefixed(joint.unit, letter)}"
 
 
-def named(root: Path, name: str, work: Callable[[Campaign], Outcome]) -> Outcome:
-    """What `work` makes of the campaign that is meant by a name or a path."""
-    return guarded(label(name), lambda: work(find(root, name)))
+def named(root: Path, meant: str | Campaign, work: Callable[[Campaign], Outcome]) -> Outcome:
+    """What `work` makes of a campaign, or of the one that is meant by a name or a path."""
+    if isinstance(meant, Campaign):
+        return guarded(meant.name, lambda: work(meant))
+    return guarded(label(meant), lambda: work(find(root, meant)))
 
 
 def guarded(name: str, work: Callable[[], Outcome]) -> Outcome:
@@ -132,14 +134,15 @@ def failed(name: str, problem: Exception) -> Outcome:
     else:
         words, code = record_crash(problem), 1
     error = {"kind": type(problem).__name__, "message": words, "exit_code": code}
+    shown = printable(name, 80)
     if isinstance(problem, InputError):
         error |= problem.parts
     return Outcome(
         name,
         {"campaign": name, "error": error},
-        f"{name}: {'rejected' if code == InputError.exit_code else 'failed'}",
+        f"{shown}: {'rejected' if code == InputError.exit_code else 'failed'}",
         code,
-        complaints=[f"{name}: {words}"],
+        complaints=[f"{shown}: {words}"],
         passing=bool(error.get("passing")),
     )
 
@@ -151,13 +154,17 @@ def record_crash(problem: Exception) -> str:
     """Keep the traceback in a file and give the sentence for the screen."""
     import tempfile
 
-    text = "".join(traceback.format_exception(problem)).encode()
+    text = "".join(traceback.format_exception(problem)).encode("utf-8", "backslashreplace")
     path = Path(tempfile.gettempdir()) / f"pipeline-crash-{files.sha256(text)[:8]}.txt"
     try:
         files.write(path, text)
     except CannotWrite as worse:
-        return f"internal error ({problem!r}); its details could not be kept ({worse})."
-    return f"internal error ({type(problem).__name__}: {problem}); please report it with {path}."
+        return f"internal error ({_brief(problem)}); its details could not be kept ({worse})."
+    return f"internal error ({_brief(problem)}); please report it with {path}."
+
+
+def _brief(problem: Exception) -> str:
+    return printable(f"{type(problem).__name__}: {problem}", 300)
 
 
 _ALIKE = 3

@@ -8,11 +8,10 @@ from pathlib import Path
 
 from filelock import FileLock
 
-from pipeline.answer.archive import Finished, finished, mark, read, shown
-from pipeline.answer.contract import Answer
+from pipeline.answer.archive import Finished, earlier, finished, mark, read, shown
 from pipeline.answer.history import previous
 from pipeline.base import files
-from pipeline.store.campaign import code_version, dump, recalled, versions
+from pipeline.store.campaign import Campaign, code_version, dump, recalled, versions
 
 INDEX_MANIFEST = "index.json"
 
@@ -32,40 +31,52 @@ def refresh(root: Path) -> Path | None:
         one.campaign.tidy()
         before = previous(one.answer, answers)
         if (one.campaign.manifest() or {}).get("previous") != mark(before):
-            _tell(one, before)
-    return _index(root, answers) if answers else None
+            _tell(one.campaign)
+    return _index(root, everyone) if everyone else None
 
 
 def _left_out(why: str) -> None:
     sys.stderr.write(f"{why} Until then it is left out of the page over all campaigns.\n")
 
 
-def _tell(one: Finished, before: Answer | None) -> None:
+def _tell(campaign: Campaign) -> None:
     """Write a campaign's report anew, with what has changed since the previous campaign."""
     from pipeline.report.render import render
 
-    campaign = one.campaign
     with campaign.locked():
-        manifest = campaign.manifest()
+        manifest, answer = campaign.manifest(), read(campaign)
+        before = earlier(campaign, answer)  # of what is there now that nobody else writes here
         if manifest is None or manifest.get("previous") == mark(before):
             return  # another run has been faster
-        pages = render(read(campaign), shown(campaign), manifest.get("run_time_s"), before)
+        pages = render(answer, shown(campaign), manifest.get("run_time_s"), before)
         campaign.publish(manifest | {"previous": mark(before)}, pages)
 
 
-def _index(root: Path, answers: Sequence[Answer]) -> Path:
+def _index(root: Path, everyone: Sequence[Finished]) -> Path:
+    """The page over these, drawn of those that are finished once no other run draws it."""
     from pipeline.report.render import render_overview
 
     page, manifest = root / "reports" / "index.html", root / "data" / "processed" / INDEX_MANIFEST
-    key = files.sha256(dump([[one.as_json() for one in answers], code_version(), versions()]))
-    drawn = files.sha256(page.read_bytes()) if page.is_file() else None
-    if recalled(manifest) != {"key": key, "page": drawn}:
-        content = render_overview(answers)
-        with files.writing(manifest):
-            manifest.parent.mkdir(parents=True, exist_ok=True)
-            with FileLock(manifest.with_name(".lock")):
+    if _is_of(page, manifest, _key(everyone)):
+        return page
+    with files.writing(manifest):
+        manifest.parent.mkdir(parents=True, exist_ok=True)
+        with FileLock(manifest.with_name(".lock")):
+            now = finished(root) or everyone
+            if not _is_of(page, manifest, key := _key(now)):
+                content = render_overview([one.answer for one in now])
                 for path in (page, manifest):
                     files.sweep(path.parent, f".{path.name}.????????")
                 files.write(page, content)
                 files.write(manifest, dump({"key": key, "page": files.sha256(content)}))
     return page
+
+
+def _key(everyone: Sequence[Finished]) -> str:
+    answers = [one.answer.as_json() for one in everyone]
+    return files.sha256(dump([answers, code_version(), versions()]))
+
+
+def _is_of(page: Path, manifest: Path, key: str) -> bool:
+    drawn = files.sha256(page.read_bytes()) if page.is_file() else None
+    return bool(recalled(manifest) == {"key": key, "page": drawn})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
@@ -117,7 +118,8 @@ def load(root: Path, said: Mapping[str, Any] | None = None) -> Preferences:
         UsageError: The command line says what it cannot have.
     """
     path = root / FILE
-    content = toml.loads(files.text(path.read_bytes() if path.is_file() else b"", FILE), FILE)
+    text = files.words(path, FILE, toml.LARGEST) if os.path.lexists(path) else ""
+    content = toml.loads(text, FILE)
     _validated(content)  # before the command line outdoes it, so that each gets its own blame
     content["service"] = {**content.get("service", {}), **(said or {})}
     try:

@@ -6,6 +6,8 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
+from pipeline.base.shown import printable
+
 _SHARES = {"ingest": 0.01, "screen": 0.07, "fit": 0.14, "diagnose": 0.2, "render": 0.8}
 """How much of a campaign's time has passed when a stage begins, about."""
 
@@ -20,7 +22,7 @@ class Progress:
 
         self._bar = progress.Progress(
             progress.SpinnerColumn(),
-            progress.TextColumn("{task.description}"),
+            progress.TextColumn("{task.description}", markup=False),
             progress.BarColumn(),
             progress.MofNCompleteColumn(),
             progress.TimeElapsedColumn(),
@@ -44,8 +46,8 @@ class Progress:
 
     def now(self, name: str) -> None:
         """Say which campaign is being computed."""
-        self._name = name
-        self._bar.update(self._task, description=name)
+        self._name = printable(name, 40)
+        self._bar.update(self._task, description=self._name)
         self._bar.start()
 
     def at(self, stage: str) -> None:

@@ -27,15 +27,15 @@ def run_all(root: Path, names: list[str], engine: str, force: bool) -> Iterator[
     storage = preferences.load(root).storage
     refused = sync.fetch(root, storage)
     yield from refused
-    everyone = names or [found.name for found in campaigns.every(root)]
+    everyone = names or campaigns.every(root)
     if not everyone and not refused:
         raise no_campaign(root)
     compute = plainly if engine == "local" else _through_prefect
     with Progress(len(everyone)) as bar:
         work = partial(outcome, compute=partial(compute, force=force, tell=bar.at))
-        for name in everyone:
-            bar.now(campaigns.label(name))
-            done = named(root, name, work)
+        for one in everyone:
+            bar.now(one.name if isinstance(one, Campaign) else campaigns.label(one))
+            done = named(root, one, work)
             bar.done()
             yield done
     from pipeline.app import pages
@@ -62,7 +62,7 @@ def plainly(campaign: Campaign, force: bool = False, tell: Tell = str) -> Answer
 
 def _through_prefect(campaign: Campaign, force: bool, tell: Tell) -> Answer:
     """Bring a campaign up to date as a Prefect flow, unless nothing is to be done."""
-    if not force and campaign.current():
+    if campaign.current() and not force:  # also says what no engine can read
         from pipeline.answer.archive import read
 
         return read(campaign)
@@ -111,14 +111,15 @@ def inspect(path: Path, unit: str | None, csv: bool = False) -> Outcome:
     A campaign.toml beside it says what the export does not.
     """
     from pipeline.answer.contract import Rejected
+    from pipeline.readers import LARGEST_FILE, refuse_other_programs
     from pipeline.readers.inspect import as_csv
     from pipeline.readers.inspect import inspect as look
 
     try:
-        if not path.is_file():
-            raise InputError("there is no such file", "correct the path", file=str(path))
-        folder = Campaign(path.parent, path.parent)
-        data, hints = folder.content(path.name), _hints(folder, unit)
+        none = InputError("there is no such file", "correct the path", file=str(path))
+        begins = partial(refuse_other_programs, path.name)
+        data = files.read(path, path.name, LARGEST_FILE, none, begins)
+        hints = _hints(Campaign(path.parent, path.parent), unit)
         seen = look(path.name, data, hints)
         text = as_csv(path.name, data, hints).decode().rstrip("\n") if csv else seen.to_text()
     except PipelineError as problem:

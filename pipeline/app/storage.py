@@ -15,7 +15,8 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from pipeline.base.errors import CannotWrite, InputError
-from pipeline.store.campaign import LARGEST_FILE, too_large
+from pipeline.base.files import too_large
+from pipeline.readers import LARGEST_FILE
 
 _OURS = ("s3", "gs", "gcs", "abfs", "abfss", "file")
 """Addresses that pyarrow knows without fsspec."""
@@ -93,7 +94,7 @@ class Store:
             files, folder = self._place
             with files.open_input_file(f"{folder.rstrip('/')}/{name}") as source:
                 if source.size() > LARGEST_FILE:
-                    thing = f"{self.shown}/{name} {too_large(source.size())}"
+                    thing = f"{self.shown}/{name} {too_large(source.size(), LARGEST_FILE)}"
                     raise InputError(thing, "split the export")
                 return bytes(source.read())
 

@@ -9,9 +9,15 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from pipeline.base.shown import printable
+
 if TYPE_CHECKING:
     from pydantic import ValidationError
 
+_PART, _SENTENCE = 500, 1600
+"""Letters of a message at most: of its file, thing and way out, and in all."""
+_VALUE = 80
+"""Letters that are shown of a value."""
 MISFIT = 4
 """Exit code of `run --strict` when the model does not fit; a verdict, not an error."""
 
@@ -26,8 +32,8 @@ class PipelineError(Exception):
     exit_code = 1
 
     def __init__(self, sentence: str) -> None:
-        """Keep the sentence, with its full stop."""
-        super().__init__(ended(sentence))
+        """Keep the sentence, with its full stop, fit to be shown."""
+        super().__init__(ended(printable(sentence, _SENTENCE)))
 
 
 class UsageError(PipelineError):
@@ -59,9 +65,10 @@ class InputError(PipelineError):
         passing: bool = False,
     ) -> None:
         """Compose the one sentence from its parts."""
-        self.file, self.line, self.thing, self.way_out = file, line, thing, way_out
-        self.passing = passing
-        super().__init__(f"{place(file, line)}{thing}; {way_out}.")
+        self.file = None if file is None else printable(file, _PART)
+        self.thing, self.way_out = printable(thing, _PART), printable(way_out, _PART)
+        self.line, self.passing = line, passing
+        super().__init__(f"{place(self.file, line)}{self.thing}; {self.way_out}.")
 
     @property
     def parts(self) -> dict[str, Any]:
@@ -115,9 +122,9 @@ def ended(sentence: str) -> str:
 def first_wrong(problem: ValidationError) -> tuple[list[str], str]:
     """The first word of a file that cannot be as it is: its path, and what is wrong with it."""
     first = problem.errors()[0]
-    path, said = [str(part) for part in first["loc"]], first["msg"]
-    value = first.get("input")
-    shown = f'"{value}"' if isinstance(value, str) else value
+    path = [printable(str(part), _VALUE) for part in first["loc"]]
+    value, said = first.get("input"), first["msg"]
+    shown = f'"{printable(value, _VALUE)}"' if isinstance(value, str) else value
     simple = isinstance(value, str | int | float)
     if first["type"] == "missing":
         said = "is missing"
@@ -145,5 +152,5 @@ def place(file: str | None, line: int | None) -> str:
 def listed(names: Iterable[str], most: int = 12) -> str:
     """Names for a sentence, `a, b, c and 4 more`."""
     names = list(names)
-    shown = ", ".join(names[:most]) or "none"
+    shown = ", ".join(printable(name, _VALUE) for name in names[:most]) or "none"
     return shown if len(names) <= most else f"{shown} and {len(names) - most} more"

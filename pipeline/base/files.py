@@ -6,9 +6,12 @@ import contextlib
 import errno
 import hashlib
 import os
+import secrets
 import shutil
+import stat
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 
 from pipeline.base.errors import CannotWrite, InputError
@@ -57,13 +60,14 @@ def _way_out(path: Path, problem: OSError) -> str:
 
 def _write(path: Path, data: bytes) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
+    # the kernel takes the umask off; tempfile's are for their owner only
+    handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(data)
             file.flush()
             os.fsync(file.fileno())
-        os.chmod(temporary, 0o644)  # mkstemp makes files that only their owner can read
         os.replace(temporary, path)
     except BaseException:
         with contextlib.suppress(FileNotFoundError):
@@ -110,6 +114,71 @@ def sweep(folder: Path, pattern: str = f"**/{BEGUN}") -> None:
 def leftovers(folder: Path, pattern: str = f"**/{BEGUN}") -> list[Path]:
     """Files in a folder that a `write` has begun; what nobody works at is of a killed one."""
     return [path for path in folder.glob(pattern) if path.is_file()]
+
+
+def read(
+    path: Path,
+    file: str,
+    most: int,
+    missing: InputError | None = None,
+    begins: Callable[[bytes], object] = len,
+) -> bytes:
+    """Content of a file that others write, which may be anything and may still be growing.
+
+    Args:
+        path: Where it is.
+        file: Its name, for messages.
+        most: Bytes at most; of more nothing is read.
+        missing: What to raise where there is none.
+        begins: Raises where its first bytes are those of no file that is meant.
+
+    Raises:
+        InputError: Missing, unreadable, no file, too large, or changed while it was read.
+    """
+    refused = partial(InputError, file=file)
+    try:
+        before = path.stat()
+        if not (stat.S_ISREG(before.st_mode) or stat.S_ISDIR(before.st_mode)):
+            thing = "is no file but a device or a pipe, which never ends"
+            raise refused(thing, "put a copy of the file itself there")
+        if before.st_size > most:
+            raise refused(too_large(before.st_size, most), "split it, or give the right file")
+        with path.open("rb") as opened:
+            begins(opened.read(_BEGIN))
+            opened.seek(0)
+            data = opened.read(before.st_size + 1)
+            after = os.fstat(opened.fileno())
+    except (FileNotFoundError, ValueError) as problem:  # no name of a file has a zero byte
+        raise missing or refused("there is no such file", "check the path") from problem
+    except OSError as problem:
+        thing, way_out = "cannot be read", "check the file and its permissions"
+        why = f"{thing} ({problem.strerror or problem})"
+        raise refused(why, way_out, passing=problem.errno not in NEVER) from problem
+    if (before.st_size, before.st_mtime_ns) != (after.st_size, after.st_mtime_ns):
+        way_out = "run again when the export is finished"
+        raise refused("changed while it was read", way_out, passing=True)
+    return data
+
+
+_BEGIN = 4096
+"""Bytes that tell what a file is."""
+NEVER = (errno.ENAMETOOLONG, errno.EISDIR, errno.ELOOP)
+"""What trying again does not help against."""
+
+
+def too_large(size: int, most: int) -> str:
+    """What is wrong with a file of so many bytes."""
+    unit, one = ("GB", 1e9) if most >= 1e9 else ("MiB", 2**20)
+    return f"has {size / one:.1f} {unit}, more than the {most / one:g} {unit} that are read"
+
+
+def words(path: Path, file: str, most: int, missing: InputError | None = None) -> str:
+    """The words of a file that people write.
+
+    Raises:
+        InputError: As `read`, or it is not UTF-8.
+    """
+    return text(read(path, file, most, missing), file)
 
 
 def text(data: bytes, file: str) -> str:

@@ -2,16 +2,54 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
+from pathlib import PurePosixPath
 from typing import Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
+from pipeline.base import patterns
 from pipeline.base.errors import InputError, first_wrong
+from pipeline.base.shown import is_printable, printable
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+
+def _plain(name: str) -> str:
+    if not is_printable(name) or not name.strip():
+        raise ValueError(f'"{printable(name, 80)}" is no name: use letters that can be seen')
+    return name
+
+
+def _prose(text: str) -> str:
+    if not is_printable(text.replace("\n", " ").replace("\t", " ")):
+        raise ValueError(f'"{printable(text, 80)}" holds control characters')
+    return text
+
+
+def _inside(name: str) -> str:
+    if PurePosixPath(name).is_absolute() or ".." in PurePosixPath(name).parts:
+        raise ValueError(f'"{name}" lies outside the campaign folder, put it beside campaign.toml')
+    if not PurePosixPath(name).parts:
+        raise ValueError(f'"{name}" is no file')
+    return PurePosixPath(name).as_posix()
+
+
+def _glob(pattern: str) -> str:
+    if any("**" in part and part != "**" for part in PurePosixPath(pattern).parts):
+        raise ValueError(f'"{pattern}": ** stands for whole folders, as in **/*.csv')
+    return pattern
+
+
+Name = Annotated[str, Field(min_length=1, max_length=200), AfterValidator(_plain)]
+"""Of anything, typed by a person: one line that can be shown."""
+Prose = Annotated[str, Field(max_length=10_000), AfterValidator(_prose)]
+"""Sentences by a person, which may have several lines."""
+FileName = Annotated[Name, AfterValidator(_inside)]
+"""A path relative to the campaign's folder that does not leave it."""
+Glob = Annotated[FileName, AfterValidator(_glob)]
+"""The same with *, ?, [...] and, for any folders, **."""
 
 
 def with_parts(*names: str) -> AfterValidator:
@@ -19,11 +57,7 @@ def with_parts(*names: str) -> AfterValidator:
     needed = ", ".join(f"(?P<{name}>...)" for name in names)
 
     def check(pattern: str) -> str:
-        try:
-            parts = re.compile(pattern).groupindex
-        except re.error as problem:
-            raise ValueError(f"not a regular expression ({problem})") from problem
-        if not {*names} <= {*parts}:
+        if not {*names} <= patterns.named(pattern):
             raise ValueError(f"needs the named parts {needed}")
         return pattern
 

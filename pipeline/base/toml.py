@@ -8,25 +8,68 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pipeline.base.errors import InputError
+from pipeline.base.files import too_large
+from pipeline.base.shown import in_toml
+
+LARGEST = 2**20
+"""Bytes of a file that people write; a plan with a thousand poses has a tenth of it."""
+_LARGEST_NUMBER = 2**63
+"""Whole numbers of TOML have 64 bits."""
+_SMALLER = "keep the data in the other files"
+_MOST_PARTS = 20
+"""Parts of a dotted key; tomllib takes the square of them in time."""
+_STRINGS = re.compile(
+    r""""{3}(?:\\.|[^\\])*?(?:"{3}|\Z)|'{3}.*?(?:'{3}|\Z)"""
+    r"""|"(?:\\.|[^"\\\n])*"?|'[^'\n]*'?|\#[^\n]*""",
+    re.DOTALL,
+)
+"""Strings and comments, also unfinished ones, each of them in one go."""
+_LONG_KEY = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{_MOST_PARTS}}}")
 
 
-def loads(text: str, file: str) -> dict[str, Any]:
-    """The record in a TOML text.
+def loads(text: str, file: str, most: int = LARGEST) -> dict[str, Any]:
+    """The record in a TOML text, in a time that grows with the text only.
+
+    Args:
+        text: The TOML.
+        file: Its name, for messages.
+        most: Letters at most.
 
     Raises:
-        InputError: Not TOML; names the place.
+        InputError: Not TOML, or more than a file for people has; names the place.
     """
+    if len(text) > most:
+        raise InputError(too_large(len(text), most), _SMALLER, file=file)
+    if found := _LONG_KEY.search(_STRINGS.sub(lambda one: "s" + "\n" * one[0].count("\n"), text)):
+        line = found.string.count("\n", 0, found.start()) + 1
+        thing = f"a key has more than {_MOST_PARTS} parts"
+        raise InputError(thing, "write it as a table", file=file, line=line)
     try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as problem:
-        raise InputError(
-            f"not valid TOML ({problem})", "correct that place", file=file
-        ) from problem
+        content = tomllib.loads(text)
+    except (ValueError, RecursionError) as problem:
+        why = "nested too deeply" if isinstance(problem, RecursionError) else problem
+        raise InputError(f"not valid TOML ({why})", "correct that place", file=file) from problem
+    _numbers_of_64_bits(content, file)
+    return content
+
+
+def _numbers_of_64_bits(content: Mapping[str, Any], file: str) -> None:
+    left: list[Any] = [content]
+    while left:
+        value = left.pop()
+        if isinstance(value, Mapping):
+            left += value.values()
+        elif isinstance(value, list):
+            left += value
+        elif isinstance(value, int) and not -_LARGEST_NUMBER <= value < _LARGEST_NUMBER:
+            thing = "a whole number has more than 64 bits"
+            raise InputError(thing, "correct it, or write it with a point", file=file)
 
 
 def merged(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
@@ -67,7 +110,7 @@ def _lines(head: str, table: Mapping[str, Any]) -> str:
 
 def _key(name: str) -> str:
     plain = name.replace("_", "").replace("-", "").isalnum() and name.isascii()
-    return name if plain else json.dumps(name)
+    return name if plain else quoted(name)
 
 
 def _value(value: Any) -> str:
@@ -89,5 +132,5 @@ def _list(values: Sequence[Any]) -> str:
 
 
 def quoted(text: str) -> str:
-    """A basic string of TOML, which escapes what JSON escapes."""
-    return json.dumps(text, ensure_ascii=False)
+    """A basic string of TOML."""
+    return in_toml(text)

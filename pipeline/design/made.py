@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from typing import Any
 
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import percent, plain
+from pipeline.base.shown import in_json
 from pipeline.design.problem import Problem
 from pipeline.design.propose import Proposal, propose
 from pipeline.design.search import Effort
@@ -62,7 +62,7 @@ class Made:
 
     def as_json(self) -> str:
         """One line of JSON."""
-        return json.dumps(self.content(), ensure_ascii=False, allow_nan=False)
+        return in_json(self.content())
 
     def as_text(self) -> str:
         """For people: figure, bound, poses and what they determine."""

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from pipeline.base.errors import listed
-from pipeline.base.strict import NotNegative, Positive, Strict, checked
+from pipeline.base.strict import Name, NotNegative, Positive, Prose, Strict, checked
 from pipeline.base.toml import loads, merged
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.reduction.settings import Point, TestPose
@@ -53,7 +53,7 @@ class CriterionSpec(Strict):
     """What is to be small, and at which measured points it is predicted."""
 
     kind: Literal["test_pose", "workspace", "D", "A", "E"] = "test_pose"
-    points: list[str] | None = None
+    points: list[Name] | None = None
     force_n: Positive = 300.0
     samples: int = Field(default=200, ge=10, le=10_000)
 
@@ -101,7 +101,7 @@ class Limits(Strict):
         approach: Which way the carriage comes along the rail.
     """
 
-    joints: dict[str, Range] = Field(default_factory=dict)
+    joints: dict[Name, Range] = Field(default_factory=dict)
     flange_above_m: float | None = None
     effector_above_m: float | None = None
     chain_m: Range = (0.1, 20.0)
@@ -142,9 +142,9 @@ class ProblemFile(Strict):
 
     format: Literal[1]
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$")
-    robot: str
-    assumptions: list[str] = Field(default_factory=list)
-    tool: dict[str, Point]
+    robot: Name
+    assumptions: list[Prose] = Field(default_factory=list)
+    tool: dict[Name, Point]
     plan: PlanSize
     pull: PullSpec
     anchor: AnchorSpec

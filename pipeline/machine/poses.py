@@ -14,6 +14,10 @@ _CLEARANCE_M = 0.3
 """Joints, load point and targets stay this far above the floor."""
 _COLUMN_M = 0.6
 """The chain passes the robot's column at least this far away."""
+_LONGEST_RAIL_M = 1000.0
+"""Longer than any; a joint without limits reaches without end."""
+_FAR_M = 1e6
+"""Stands for a sliding joint's limit where it has none."""
 _RAIL_REACH_M = 2.5
 """The carriage stands at most this far along the rail from the anchor."""
 
@@ -22,11 +26,21 @@ def default_anchors(robot: Robot) -> Array:
     """Floor points to pull to: on both sides of a rail every 3 m, or around a fixed robot [m].
 
     The floor is 0.891 m below F_b at a rail (Eq. (17)) and at z = 0 for a robot on the floor.
+
+    Raises:
+        InputError: Nobody says how far the rail reaches, or it is none.
     """
     if not robot.joints[0].prismatic:
         angle = np.arange(6) * np.pi / 3
         return np.stack([2.5 * np.cos(angle), 2.5 * np.sin(angle), 0 * angle], axis=-1)
-    along = np.arange(robot.lower[0] + 1.5, robot.upper[0], 3.0)
+    rail, lower, upper = robot.joints[0].name, robot.lower[0], robot.upper[0]
+    if not upper - lower <= _LONGEST_RAIL_M:
+        raise InputError(
+            f"{rail} reaches from {lower:g} to {upper:g} m, and nobody says where to pull to",
+            "give the joint its limits in the robot file, or pulls.anchors in the plan",
+            file="plan",
+        )
+    along = np.arange(min(lower + 1.5, (lower + upper) / 2), upper, 3.0)
     side = np.where(np.arange(len(along)) % 2 == 0, 2.5, -2.5)
     return np.stack([side, along, np.full_like(along, -0.891)], axis=-1)
 
@@ -87,7 +101,7 @@ def draw_poses(
 
 
 def _candidates(robot: Robot, anchor: Array, rng: np.random.Generator) -> Array:
-    full_turn = np.where(robot.prismatic, np.inf, np.pi)
+    full_turn = np.where(robot.prismatic, _FAR_M, np.pi)
     lower, upper = np.maximum(robot.lower, -full_turn), np.minimum(robot.upper, full_turn)
     lower = np.broadcast_to(lower, (len(anchor), robot.n)).copy()
     upper = np.broadcast_to(upper, (len(anchor), robot.n)).copy()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -15,7 +14,9 @@ from pydantic import BaseModel, Field, ValidationError
 
 from pipeline.base import toml
 from pipeline.base.arrays import Array, Bools, Locked, Parameter
-from pipeline.base.errors import InputError
+from pipeline.base.errors import InputError, first_wrong
+from pipeline.base.files import words
+from pipeline.base.shown import in_xml
 from pipeline.diagnosis.average import average
 from pipeline.machine.cell import Cell, Prediction, Tool, jacobian, paper_cell
 from pipeline.machine.cell import predict as forward
@@ -118,13 +119,8 @@ class Model(Locked):
         Raises:
             InputError: There is no such file, or it is no model.
         """
-        try:
-            text = Path(path).read_text("utf-8")
-        except (OSError, UnicodeDecodeError) as problem:
-            raise InputError(
-                "cannot be read", "give the path of a model.toml", file=str(path)
-            ) from problem
-        return parse(text, str(path))
+        missing = InputError("cannot be read", "give the path of a model.toml", file=str(path))
+        return parse(words(Path(path), str(path), _LARGEST, missing), str(path))
 
     @property
     def robot(self) -> Robot:
@@ -283,7 +279,7 @@ def dumps(handed: Model) -> str:
         "hypothesis": [_hypothesis(one) for one in handed.hypotheses],
         "tool": {name: at.tolist() for name, at in tool.named.items()},
     }
-    return HEAD + toml.dumps(content | {"robot": tomllib.loads(robot.text)})
+    return HEAD + toml.dumps(content | {"robot": toml.loads(robot.text, robot.name)})
 
 
 def _hypothesis(one: Hypothesis) -> dict[str, Any]:
@@ -351,10 +347,10 @@ def parse(text: str, file: str = "model.toml") -> Model:
         InputError: It is no model, or its effects are unknown.
     """
     try:
-        content = _File.model_validate(tomllib.loads(text))
-    except (tomllib.TOMLDecodeError, ValidationError) as problem:
-        said = problem.errors()[0]["msg"] if isinstance(problem, ValidationError) else problem
-        raise InputError(f"is no model ({said})", _ANEW, file=file) from problem
+        content = _File.model_validate(toml.loads(text, file, _LARGEST))
+    except ValidationError as problem:
+        path, said = first_wrong(problem)
+        raise InputError(f"is no model ({'.'.join(path)}: {said})", _ANEW, file=file) from problem
     robot = parse_robot(toml.dumps(content.robot), file)
     springs = paper_cell(robot, Tool.of(content.tool))
     return Model(
@@ -366,6 +362,8 @@ def parse(text: str, file: str = "model.toml") -> Model:
     )
 
 
+_LARGEST = 2**26
+"""Bytes of a model.toml; the covariances of many hypotheses are long."""
 _ANEW = "write it anew with `pipeline run`"
 
 
@@ -401,8 +399,8 @@ def urdf(handed: Model) -> str:
     root = ET.Element("robot", name=robot.name)
     causes = dict.fromkeys(e.label for h in handed.hypotheses for e in _beside_springs(h.cell))
     more = f" and {', '.join(causes)}" if causes else ""
-    campaign = handed.campaign.replace("--", "- ")
-    root.append(ET.Comment(f" campaign {campaign}; covariance{more} in model.toml "))
+    comment = f" campaign {handed.campaign}; covariance{more} in model.toml "
+    root.append(ET.Comment(in_xml(comment).replace("--", "- ")))
     ET.SubElement(root, "link", name="F_b")
     parent = "F_b"
     for j, joint in enumerate(robot.joints):
@@ -422,7 +420,7 @@ def urdf(handed: Model) -> str:
     for name, at in handed.tool.named.items():
         shift = np.eye(4)
         shift[:3, 3] = at
-        _joint(root, f"to_{name}", "F_flange", name, shift)
+        _joint(root, f"to_{in_xml(name)}", "F_flange", in_xml(name), shift)
     ET.indent(root)
     return '<?xml version="1.0" encoding="utf-8"?>\n' + ET.tostring(root, "unicode") + "\n"
 

@@ -7,7 +7,7 @@ from pipeline.readers import emscon, leica_6dof, mapped, plain, spatial_analyzer
 from pipeline.readers._cells import text_of
 from pipeline.readers._names import split
 from pipeline.readers._reader import Columns, Export, Hints, Reader, Readings
-from pipeline.readers._text import Text, text
+from pipeline.readers._text import LARGEST_FILE, Text, refuse_other_programs, text
 
 READERS: dict[str, Reader] = {
     "plain": plain.READER,
@@ -22,6 +22,7 @@ WRITERS = {key: reader for key, reader in READERS.items() if reader.write}
 """Those in whose dialect `simulate` writes, too."""
 
 __all__ = [
+    "LARGEST_FILE",
     "READERS",
     "WRITERS",
     "Columns",
@@ -32,6 +33,7 @@ __all__ = [
     "Text",
     "read",
     "recognise",
+    "refuse_other_programs",
     "text_of",
 ]
 

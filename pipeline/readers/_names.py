@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
+from pipeline.base import patterns
 from pipeline.readers._reader import Export, kept
 
 _JOINED = r"(?:.+?::)?(?P<group>[^:]+(?::[^:]+)*)::(?P<target>[^:]+(?::[^:]+)*)"
@@ -24,14 +24,14 @@ def split(export: Export, pattern: str | None) -> Export:
     """
     if export.group is not None or export.target is None:
         return export
-    compiled = re.compile(pattern or _JOINED)
-    matches = [compiled.fullmatch(name) for name in export.target.dictionary.to_pylist()]
-    if not any(matches) or (pattern is None and not all(matches)):
+    found = patterns.parts(export.target.dictionary, pattern or _JOINED)
+    matched = np.asarray(found.is_valid())
+    if not matched.any() or (pattern is None and not matched.all()):
         return export
     at = export.target.indices
-    group, target = (_part(matches, name).take(at) for name in ("group", "target"))
+    group, target = (_part(found, name).take(at) for name in ("group", "target"))
     split_up = replace(export, group=group.dictionary_encode(), target=target.dictionary_encode())
-    fits = np.array(list(map(bool, matches)), dtype=bool)[np.asarray(at)]
+    fits = matched[np.asarray(at)]
     return kept(
         split_up,
         fits,
@@ -39,5 +39,5 @@ def split(export: Export, pattern: str | None) -> Export:
     )
 
 
-def _part(matches: Sequence[re.Match[str] | None], name: str) -> pa.StringArray:
-    return pa.array([match[name] if match else "" for match in matches], pa.string())
+def _part(found: pa.StructArray, name: str) -> pa.StringArray:
+    return pc.fill_null(pc.struct_field(found, name), "")

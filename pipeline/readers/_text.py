@@ -10,9 +10,10 @@ import numpy as np
 
 from pipeline.base.arrays import Ints, Locked
 from pipeline.base.errors import InputError
+from pipeline.base.files import too_large
 from pipeline.base.threads import spread
 
-_MAX_BYTES = 2_000_000_000
+LARGEST_FILE = 2_000_000_000
 """Bytes of a file at most: 25 million readings, and Arrow's offsets fit into 32 bits."""
 _MAX_LINE_BYTES = 10_000
 """Bytes of a line at most; fifty columns of twenty digits are a tenth of it."""
@@ -84,17 +85,15 @@ def text(name: str, data: bytes) -> Text:
     Raises:
         InputError: Empty, too large, a line too long, or no text.
     """
-    if len(data) > _MAX_BYTES:
+    if len(data) > LARGEST_FILE:
         raise InputError(
-            f"the file has {len(data) / 1e9:.1f} GB, more than the {_MAX_BYTES / 1e9:.0f} GB read",
+            f"the file {too_large(len(data), LARGEST_FILE)}",
             "split it into several exports and list them in [tracker] files",
         )
-    for begin, what in _OTHER_PROGRAMS.items():
-        if data.startswith(begin):
-            raise InputError(f"the file is {what}", "save it as CSV or text")
+    refuse_other_programs(name, data)
     data, encoding = _as_utf8(data)
     if b"\0" in data:
-        raise InputError("the file is not text (it holds zero bytes)", "export it as text")
+        raise InputError(_ZERO, "export it as text")
     if not data or data.isspace():
         raise InputError("the file is empty", "export it again")
     starts = _starts(data)
@@ -103,6 +102,23 @@ def text(name: str, data: bytes) -> Text:
         starts = _starts(data)
     _short_lines(starts)
     return Text(name, data, encoding, starts)
+
+
+def refuse_other_programs(name: str, begin: bytes) -> None:
+    """Tell a file that is no text by how it begins, however long it is.
+
+    Raises:
+        InputError: Another program wrote it for itself.
+    """
+    for known, what in _OTHER_PROGRAMS.items():
+        if begin.startswith(known):
+            raise InputError(f"the file is {what}", "save it as CSV or text", file=name)
+    marked = begin.startswith(tuple(_MARKS))
+    if not marked and b"\0" in begin[:4096]:
+        raise InputError(_ZERO, "export it as text", file=name)
+
+
+_ZERO = "the file is not text (it holds zero bytes)"
 
 
 def _as_utf8(data: bytes) -> tuple[bytes, str]:

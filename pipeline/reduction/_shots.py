@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -11,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from pipeline.base import patterns
 from pipeline.base.arrays import Array, Bools, Ints, Locked, sifted
 from pipeline.base.errors import InputError, listed
 from pipeline.base.threads import MUCH, spread
@@ -170,8 +170,16 @@ def _covariances(exports: Sequence[Export]) -> Array | None:
 
 def _slots(names: pa.StringArray, pattern: str) -> tuple[Ints, Ints, Ints, Bools]:
     """Slot of each group name, -1 where it is none, and what the slots are."""
-    keys = _keys_at_once(names, pattern) or _keys_one_by_one(names, pattern)
-    matched, (pose, repeat, loaded) = keys
+    half = len(names) // 2
+    parts = pa.chunked_array(
+        spread(
+            lambda part: patterns.parts(part, pattern),
+            [names[:half], names[half:]],
+            half > MUCH // 2,
+        )
+    ).combine_chunks()
+    matched = np.asarray(parts.is_valid())
+    pose, repeat, loaded = _keys(names, parts)
     # one number for pose, repeat and state: both are below 2^31
     packed, member = numbered(pose * 2**32 + repeat * 2 + loaded)
     slot = np.full(len(names), -1, dtype=np.int64)
@@ -179,43 +187,22 @@ def _slots(names: pa.StringArray, pattern: str) -> tuple[Ints, Ints, Ints, Bools
     return slot, packed // 2**32, packed % 2**32 // 2, packed % 2 == 1
 
 
-def _keys_one_by_one(names: pa.StringArray, pattern: str) -> tuple[Bools, Ints]:
-    compiled = re.compile(pattern)
-    matches = [compiled.fullmatch(name) for name in names.to_pylist()]
-    keys = np.array([_key(match) for match in matches if match], dtype=np.int64).reshape(-1, 3)
-    return np.array([match is not None for match in matches], dtype=bool), keys.T
-
-
-def _keys_at_once(names: pa.StringArray, pattern: str) -> tuple[Bools, Ints] | None:
-    """Which names are states, and pose, repeat, loaded of those; None where it takes care.
-
-    Arrow's expressions are RE2: without look-around, and ASCII where Python's know all letters.
-    """
-    letters = np.frombuffer(b"".join(names.buffers()[2:]), dtype=np.uint8)
-    if letters.min(initial=ord("~")) < ord(" ") or letters.max(initial=0) > ord("~"):
-        return None
-    half = len(names) // 2
+def _keys(names: pa.StringArray, parts: pa.StructArray) -> Ints:
+    """Pose, repeat and loaded of the names that have them, shape (3, n)."""
+    found = parts.drop_null()
+    state = pc.index_in(pc.utf8_lower(found.field("state")), pa.array(["unloaded", "loaded"]))
     try:
-        seen = spread(
-            lambda part: _extracted(part, pattern), [names[:half], names[half:]], half > MUCH // 2
-        )
-    except (pa.ArrowInvalid, pa.ArrowNotImplementedError):
-        return None
-    matched, keys = (np.concatenate(parts, axis=-1) for parts in zip(*seen, strict=True))
-    sound = keys.min(initial=0) >= 0 and keys.max(initial=0) < BEYOND
-    return (matched, keys) if sound else None
+        numbers = [found.field(name).cast(pa.int64()) for name in ("pose", "repeat")]
+        keys = np.array([*numbers, state.fill_null(-1)], dtype=np.int64)
+    except pa.ArrowInvalid:
+        keys = np.array([[-1]])
+    if keys.min(initial=0) >= 0 and keys.max(initial=0) < BEYOND:
+        return keys
+    named = zip(names.filter(parts.is_valid()).to_pylist(), found.to_pylist(), strict=True)
+    return np.array([_key(name, match) for name, match in named], dtype=np.int64).T
 
 
-def _extracted(names: pa.StringArray, pattern: str) -> tuple[Bools, Ints]:
-    parts = pc.extract_regex(names, f"^(?:{pattern})$")
-    matched = np.asarray(parts.is_valid())
-    parts = parts.drop_null()
-    state = pc.index_in(pc.utf8_lower(parts.field("state")), pa.array(["unloaded", "loaded"]))
-    numbers = [parts.field(name).cast(pa.int64()) for name in ("pose", "repeat")]
-    return matched, np.array([*numbers, state.fill_null(-1)], dtype=np.int64)
-
-
-def _key(match: re.Match[str]) -> tuple[int, int, bool]:
+def _key(name: str, match: Mapping[str, str]) -> tuple[int, int, bool]:
     pose, repeat, state = match["pose"], match["repeat"], match["state"].lower()
     try:
         key = int(pose), int(repeat)
@@ -224,7 +211,7 @@ def _key(match: re.Match[str]) -> tuple[int, int, bool]:
     if min(key) < 0 or max(key) >= BEYOND or state not in ("unloaded", "loaded"):
         raise InputError(
             f'naming.group reads pose "{pose}", repeat "{repeat}" and state "{state}" '
-            f'from group "{shown(match[0])}"',
+            f'from group "{shown(name)}"',
             "let it find two whole numbers and unloaded or loaded",
             file="campaign.toml",
         )

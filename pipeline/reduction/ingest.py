@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from fnmatch import fnmatchcase
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from pipeline import readers, tables
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.covariance import columns as covariance_columns
 from pipeline.base.errors import InputError, listed
+from pipeline.base.patterns import fits, is_glob
 from pipeline.base.threads import MUCH, both
 from pipeline.machine import instrument
 from pipeline.machine.instrument import InstrumentNoise
@@ -147,9 +147,10 @@ def _raw(
 
 def _exports(settings: Settings, tracker: Tracker, raw: Mapping[str, bytes]) -> dict[str, Export]:
     """The tracker exports by name; a glob never takes the other logs."""
-    others = {settings.joints.file, "campaign.toml", tracker.assignment}
+    others = {settings.joints.file, "campaign.toml", settings.robot, tracker.assignment}
     others |= {settings.scale.file} if settings.scale else set()
-    globbed = {name for name in raw for glob in tracker.files if fnmatchcase(name, glob)}
+    globs = [one for one in tracker.files if is_glob(one)]
+    globbed = {name for name in raw for glob in globs if fits(name, glob)}
     found = sorted((globbed - others) | ({*raw} & {*tracker.files}))
     tracker.none_missing(found)
     exports = {name: readers.read(name, raw[name], tracker) for name in found}

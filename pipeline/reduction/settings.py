@@ -13,7 +13,8 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from pipeline.base import toml
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError, first_wrong
-from pipeline.base.strict import NotNegative, Positive, Strict, with_parts
+from pipeline.base.patterns import is_glob
+from pipeline.base.strict import FileName, Glob, Name, NotNegative, Positive, Strict, with_parts
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.poses import from_log_units
 from pipeline.machine.robot import Robot
@@ -23,14 +24,17 @@ from pipeline.readers.logs import LIMIT_SLACK
 BASE_REFLECTORS = 3
 """How many a base frame needs at least; the third takes away the turn about the other two."""
 
+_MOST_GLOBS = 20
+"""Patterns that stand for several exports."""
+
 Point = tuple[float, float, float]
 
 
 class Tracker(Hints):
     """The tracker's exports and its noise; without noise it is estimated from the residuals."""
 
-    files: list[str] = Field(min_length=1)
-    assignment: str | None = None
+    files: list[Glob] = Field(min_length=1)
+    assignment: FileName | None = None
     sigma_m: Positive | None = None
     noise: InstrumentNoise | Literal["paper"] | None = None
 
@@ -41,6 +45,13 @@ class Tracker(Hints):
             raise ValueError("sigma_m and noise are both given; keep one of them")
         return self
 
+    @model_validator(mode="after")
+    def few_globs(self) -> Tracker:
+        """Each of them is held against every file of the folder."""
+        if sum(map(is_glob, self.files)) > _MOST_GLOBS:
+            raise ValueError(f"files has more than {_MOST_GLOBS} patterns; use wider ones")
+        return self
+
     def none_missing(self, found: Sequence[str]) -> None:
         """Every export that `files` asks for by name is there, and at least one in all.
 
@@ -48,8 +59,7 @@ class Tracker(Hints):
             InputError: One is missing.
         """
         for pattern in self.files:
-            glob = any(mark in pattern for mark in "*?[")
-            if not found or (not glob and pattern not in found):
+            if not found or (not is_glob(pattern) and pattern not in found):
                 raise InputError(
                     "the tracker export is missing",
                     "put it into the campaign folder or correct [tracker] files in campaign.toml",
@@ -63,14 +73,14 @@ class Naming(Strict):
     group: Annotated[str, with_parts("pose", "repeat", "state")] = (
         r"pose(?P<pose>[0-9]+)_rep(?P<repeat>[0-9]+)_(?P<state>unloaded|loaded)"
     )
-    measured: list[str] = Field(default=["P1", "P2", "P3"], min_length=1)
-    chain: list[str] = Field(default=["Pl1", "Pl2"], min_length=2, max_length=2)
+    measured: list[Name] = Field(default=["P1", "P2", "P3"], min_length=1)
+    chain: list[Name] = Field(default=["Pl1", "Pl2"], min_length=2, max_length=2)
 
 
 class Scale(Strict):
     """The spring scale: its log and its uncertainty."""
 
-    file: str = "loads.csv"
+    file: FileName = "loads.csv"
     sigma_n: NotNegative = 0.0
     sigma_rel: NotNegative = 0.0
     gain_sigma: NotNegative = 0.0
@@ -80,7 +90,7 @@ class Scale(Strict):
 class JointLog(Strict):
     """The controller's joint log, and how far the joints' zeros may be off, one for all poses."""
 
-    file: str = "joints.csv"
+    file: FileName = "joints.csv"
     sigma_m: NotNegative = 0.0
     sigma_rad: NotNegative = 0.0
 
@@ -94,8 +104,8 @@ class ToolUncertainty(Strict):
 class Displacements(Strict):
     """A campaign that arrives already reduced."""
 
-    file: str = "displacements.csv"
-    forces: str = "forces.csv"
+    file: FileName = "displacements.csv"
+    forces: FileName = "forces.csv"
     sigma_m: Positive | None = None
 
 
@@ -157,16 +167,16 @@ class Settings(Strict):
     """A whole campaign.toml."""
 
     format: Literal[1]
-    name: str = Field(min_length=1, max_length=200)
-    robot: str
+    name: Name
+    robot: FileName
     date: datetime.date | None = None
     tracker: Tracker | None = None
     naming: Naming = Naming()
-    base_frame: dict[str, Point] = Field(default_factory=dict)
+    base_frame: dict[Name, Point] = Field(default_factory=dict)
     scale: Scale | None = None
     joints: JointLog = JointLog()
     displacements: Displacements | None = None
-    tool: dict[str, Point]
+    tool: dict[Name, Point]
     tool_uncertainty: ToolUncertainty = ToolUncertainty()
     test_pose: TestPose | None = None
     model: Model = Model()
@@ -212,7 +222,9 @@ def parse(text: str) -> Settings:
             f"{where}: {message}" if where else message,
             "correct it as docs/campaign.md describes",
             file="campaign.toml",
-            line=_line(text, words),
+            line=next(
+                filter(None, (_line(text, words[:k]) for k in range(len(words), 0, -1))), None
+            ),
         ) from problem
 
 

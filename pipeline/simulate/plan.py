@@ -9,10 +9,11 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from pipeline.base.errors import UsageError
-from pipeline.base.strict import NotNegative, Positive, Strict, checked
+from pipeline.base.strict import Name, NotNegative, Positive, Strict, checked
 from pipeline.base.toml import loads, merged
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.reduction.settings import Point, Scale, TestPose
+from pipeline.store.campaign import unfit
 
 TOOL: dict[str, Point] = {
     "load_point": (0.15, 0.0, 0.25),
@@ -174,17 +175,17 @@ class Hidden(Strict):
     stiffness_spread: Annotated[float, Field(ge=0, lt=1)] = 0.0
     tool_sd_m: NotNegative = 0.0
     equilibrium: Literal["undeformed", "deformed"] = "undeformed"
-    effects: list[str] = Field(default=[])
+    effects: list[Name] = Field(default=[])
 
 
 class Plan(Strict):
     """A whole virtual campaign; with the seed it determines every byte that is written."""
 
     name: str = Field(default="kr500_demo", pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$")
-    robot: str = "kr500_rail"
+    robot: Name = "kr500_rail"
     seed: int = Field(default=1, ge=0)
-    tool: dict[str, Point] = Field(default=TOOL)
-    base_frame: dict[str, Point] = Field(default=BASE)
+    tool: dict[Name, Point] = Field(default=TOOL)
+    base_frame: dict[Name, Point] = Field(default=BASE)
     poses: Poses = Poses()
     pulls: Pull = Pull()
     tracker: Instrument = Instrument()
@@ -192,6 +193,14 @@ class Plan(Strict):
     clock: Clock = Clock()
     hidden: Hidden = Hidden()
     test_pose: TestPose | None = None
+
+    @field_validator("name")
+    @classmethod
+    def names_a_folder(cls, name: str) -> str:
+        """Its campaign's."""
+        if why := unfit(name):
+            raise ValueError(f'"{name}" cannot name a campaign ({why})')
+        return name
 
     @model_validator(mode="after")
     def tool_is_complete(self) -> Plan:

@@ -7,13 +7,15 @@ reports/<campaign>, and the manifest, written last, says from which inputs and c
 from __future__ import annotations
 
 import io
+import itertools
 import json
-import stat
+import os
+import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache, cached_property, partial
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -24,19 +26,21 @@ import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
 
 from pipeline import tables
-from pipeline.base import files
+from pipeline.base import files, toml
 from pipeline.base.errors import InputError, UsageError, listed
-from pipeline.machine.robot import Robot
+from pipeline.base.patterns import depth, fits, is_glob
+from pipeline.base.shown import in_json, is_printable
+from pipeline.machine.robot import SHIPPED, Robot
 from pipeline.machine.robot import load as load_robot
+from pipeline.machine.robot.mdh import no_robot
 from pipeline.machine.robot.mdh import parse as parse_robot
+from pipeline.readers import LARGEST_FILE, refuse_other_programs
 from pipeline.reduction.settings import Settings
 from pipeline.reduction.settings import parse as parse_settings
 
 _LIBRARIES = ("numpy", "scipy", "pandas", "pyarrow", "pin", "prefect", "matplotlib", "typst")
 MANIFEST = "manifest.json"
 _REJECTION = "rejection.json"
-LARGEST_FILE = 4 * 2**30
-"""Bytes; files are read whole into memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,21 +80,41 @@ class Campaign:
     @property
     def processed(self) -> Path:
         """Where its tables are."""
-        return self.root / "data" / "processed" / self.name
+        return self.root / "data" / "processed" / self._slot
 
     @property
     def reports(self) -> Path:
         """Where its answers are."""
-        return self.root / "reports" / self.name
+        return self.root / "reports" / self._slot
+
+    @property
+    def _slot(self) -> str:
+        """What its own folders are called; no campaign's own name begins with a dot."""
+        if self._unfit is None:
+            return self.name
+        return f".odd-{files.sha256(os.fsencode(self.name))[:16]}"
+
+    @cached_property
+    def _unfit(self) -> tuple[str, str] | None:
+        """Why nothing can be made of its folder, and the way out; None where all is well."""
+        if why := unfit(self.name):
+            return why, "rename the folder"
+        if self.folder.is_symlink():  # the other ones are resolved
+            thing = f"{self.name} is a link that leads out of data/raw"
+            return thing, "put a copy of the folder there, or run it by its own path"
+        return None
 
     def read(self) -> Raw:
         """Read everything that campaign.toml names, once.
 
         Raises:
-            InputError: A file is missing, unreadable, too large, or changes while it is read.
+            InputError: A file is missing, unreadable, too large, or changes while it is read; or
+                its folder has a name that none can have.
         """
+        if self._unfit is not None:
+            raise InputError(*self._unfit, file="campaign.toml")
         names = ["campaign.toml", *self._named(self.settings())]
-        return in_memory({name: self.content(name) for name in names}, self.folder)
+        return in_memory({name: self.content(name) for name in names})
 
     def settings(self) -> Settings:
         """Its campaign.toml, checked.
@@ -102,19 +126,34 @@ class Campaign:
 
     def _named(self, settings: Settings) -> list[str]:
         """Names of the files that campaign.toml names, relative to the folder."""
+        own = None if settings.robot in SHIPPED else settings.robot
+        if own is not None and not (own.endswith(".toml") and os.path.exists(self.folder / own)):
+            raise no_robot(own, "campaign.toml")
         if settings.displacements is not None:
             given = settings.displacements
-            return [given.file, given.forces, settings.joints.file]
+            return [*filter(None, [given.file, given.forces, settings.joints.file, own])]
         assert settings.tracker is not None  # Settings sees to that
         assert settings.scale is not None
-        names: list[str] = []
-        for pattern in settings.tracker.files:
-            _inside(pattern)
-            found = self.folder.glob(pattern)
-            names += sorted(path.relative_to(self.folder).as_posix() for path in found)
+        names = self._matching(settings.tracker.files)
         settings.tracker.none_missing(names)
-        others = [settings.tracker.assignment, settings.scale.file, settings.joints.file]
+        others = [settings.tracker.assignment, settings.scale.file, settings.joints.file, own]
         return list(dict.fromkeys([*names, *filter(None, others)]))
+
+    def _matching(self, patterns: Sequence[str]) -> list[str]:
+        """Files that are asked for by name and are there, and those that fit a glob, in order.
+
+        Raises:
+            InputError: The folder holds more than a campaign has.
+        """
+        deepest = max((depth(one, _DEEPEST) for one in patterns if is_glob(one)), default=0)
+        there = sorted(_within(self.folder, deepest))
+        found: list[str] = []
+        for one in patterns:
+            if is_glob(one):
+                found += [name for name in there if fits(name, one)]
+            elif os.path.exists(self.folder / one):
+                found.append(one)
+        return found
 
     def content(self, name: str) -> bytes:
         """Content of one of its files.
@@ -122,29 +161,19 @@ class Campaign:
         Raises:
             InputError: Missing, unreadable, too large, outside the folder, or still growing.
         """
-        path, refused = self.folder / name, partial(InputError, file=name)
-        _inside(name)
-        try:
-            before = path.stat()
-            if not (stat.S_ISREG(before.st_mode) or stat.S_ISDIR(before.st_mode)):
-                raise refused(
-                    "is no file but a device or a pipe, which never ends",
-                    f"copy the file itself into {self.name}",
-                )
-            if before.st_size > LARGEST_FILE:
-                raise refused(too_large(before.st_size), "split the export")
-            data = path.read_bytes()
-            after = path.stat()
-        except FileNotFoundError as problem:
-            way_out = f"copy it into {self.name} or correct campaign.toml"
-            raise refused("the file is missing", way_out) from problem
-        except OSError as problem:
-            thing, way_out = "cannot be read", "check the file and its permissions"
-            raise refused(f"{thing} ({problem.strerror})", way_out, passing=True) from problem
-        if (before.st_size, before.st_mtime_ns) != (after.st_size, after.st_mtime_ns):
-            way_out = "run again when the export is finished"
-            raise refused("changed while it was read", way_out, passing=True)
-        return data
+        if not is_printable(name):
+            raise InputError("its name holds signs that cannot be shown", "rename it", file=name)
+        path, home = self.folder / name, os.path.realpath(self.folder)
+        if not Path(os.path.realpath(path)).is_relative_to(home):
+            raise InputError(
+                "leads out of the campaign's folder", "put a copy of the file there", file=name
+            )
+        missing = InputError(
+            "the file is missing", f"copy it into {self.name} or correct campaign.toml", file=name
+        )
+        if name.endswith(".toml"):
+            return files.read(path, name, toml.LARGEST, missing)
+        return files.read(path, name, LARGEST_FILE, missing, partial(refuse_other_programs, name))
 
     def keep(
         self, name: str, table: pd.DataFrame | pa.Table | None, promise: pa.Schema
@@ -200,11 +229,11 @@ class Campaign:
 
     def _claim(self) -> None:
         """Never replace what another folder of the same name has made, as long as it is there."""
-        source = (self.manifest() or {}).get("source")
-        if not isinstance(source, str) or source == self.source:
+        source = (self.manifest() or {}).get("source", self.source)
+        if source == self.source:
             return
         other = self.root / source
-        if (other / "campaign.toml").is_file() and other.resolve() != self.folder.resolve():
+        if os.path.isfile(other / "campaign.toml") and other.resolve() != self.folder.resolve():
             raise InputError(
                 f"{self.reports} holds the results of another folder named {self.name}, {other}",
                 "rename one of the two folders",
@@ -226,7 +255,7 @@ class Campaign:
                 files.sha256((self.root / name).read_bytes()) == digest
                 for name, digest in manifest["outputs"].items()
             )
-        except OSError:
+        except (OSError, ValueError):  # no name of a file has a zero byte
             return False
 
     def current(self) -> bool:
@@ -260,15 +289,16 @@ class Campaign:
         try:
             kept = json.loads((self.processed / _REJECTION).read_bytes())
             return InputError(**kept["why"]) if kept["key"] == key else None
-        except (OSError, ValueError, TypeError, KeyError):
+        except (OSError, ValueError, TypeError, KeyError, RecursionError):
             return None
 
     def manifest(self) -> dict[str, Any] | None:
         """What the last finished run was made from; None when there is none, or an odd one."""
         found = recalled(self.processed / MANIFEST)
-        if not isinstance(found, dict) or not isinstance(found.get("key"), str):
+        if not isinstance(found, dict) or not isinstance(found.get("outputs"), dict):
             return None
-        return found if isinstance(found.get("outputs"), dict) else None
+        said = (found.get("key"), found.get("source", ""), *found["outputs"].values())
+        return found if all(isinstance(word, str) for word in said) else None
 
     def result(self) -> dict[str, Any]:
         """Its result.json."""
@@ -301,34 +331,29 @@ class Campaign:
 
 def dump(content: object) -> bytes:
     """JSON as we write it: no NaN, UTF-8, one final newline."""
-    return (json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
+    return (in_json(content, indent=2) + "\n").encode()
 
 
 def recalled(path: Path) -> Any:
     """What `dump` has left in a file; None where there is none, or one that cannot be read."""
     try:
         return json.loads(path.read_bytes())
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return None
 
 
-def in_memory(content: Mapping[str, bytes], folder: Path | None = None) -> Raw:
-    """A campaign from the bytes of its files; its own robot's is among them or in `folder`."""
+def in_memory(content: Mapping[str, bytes]) -> Raw:
+    """A campaign from the bytes of its files, its own robot's among them."""
     settings = _settings(content["campaign.toml"])
     if settings.robot in content:
         robot = parse_robot(files.text(content[settings.robot], settings.robot), settings.robot)
     else:
-        robot = load_robot(settings.robot, folder)
+        robot = load_robot(settings.robot)
     return Raw(settings, robot, content, _key(content, robot))
 
 
 def _settings(data: bytes) -> Settings:
     return parse_settings(files.text(data, "campaign.toml"))
-
-
-def too_large(size: int) -> str:
-    """What is wrong with a file of so many bytes."""
-    return f"has {size / 2**30:.1f} GiB, more than {LARGEST_FILE / 2**30:.0f}"
 
 
 def find(root: Path, name: str) -> Campaign:
@@ -341,10 +366,11 @@ def find(root: Path, name: str) -> Campaign:
         raise InputError(
             "the name of the campaign is empty", "give a name under data/raw or a path"
         )
-    for folder in (root / "data" / "raw" / name, Path(name)):
-        if (folder / "campaign.toml").is_file():
-            return Campaign(root, folder.resolve())
-    if (root / "data" / "raw" / name).is_dir() or Path(name).is_dir():
+    raw = root / "data" / "raw"
+    for folder in (raw / name, Path(name)):
+        if os.path.isfile(folder / "campaign.toml"):
+            return _at(root, folder)
+    if os.path.isdir(raw / name) or os.path.isdir(name):
         raise InputError(
             f"{name} has no campaign.toml", f"write one, for example with `pipeline init {name}`"
         )
@@ -352,17 +378,86 @@ def find(root: Path, name: str) -> Campaign:
     raise InputError(f'there is no campaign "{name}"', f"known under data/raw: {known}")
 
 
+def _at(root: Path, folder: Path) -> Campaign:
+    """The campaign in a folder, which has one name only; a link in data/raw has to stay there."""
+    real, raw = Path(os.path.realpath(folder)), Path(os.path.realpath(root / "data" / "raw"))
+    here = Path(os.path.realpath(folder.parent)) == raw
+    return Campaign(root, folder if here and not real.is_relative_to(raw) else real)
+
+
 def label(name: str) -> str:
     """The name of the folder that somebody means by a name or a path, there or not."""
-    return Path(name).resolve().name if name.strip() else name
+    return os.path.basename(os.path.realpath(name.replace("\0", ""))) if name.strip() else name
 
 
 def every(root: Path) -> list[Campaign]:
-    """All campaigns under data/raw, by name."""
-    return [
-        Campaign(root, path.parent.resolve())
-        for path in sorted((root / "data" / "raw").glob("*/campaign.toml"))
-    ]
+    """All campaigns under data/raw, by name; a hidden folder is none."""
+    raw = root / "data" / "raw"
+    try:
+        names = sorted(os.listdir(raw))
+    except OSError:
+        return []
+    there = [raw / name for name in names if not name.startswith(".")]
+    found = (_at(root, folder) for folder in there if _has_settings(folder))
+    return list({campaign.folder: campaign for campaign in found}.values())
+
+
+def _has_settings(folder: Path) -> bool:
+    """Whether a folder is a campaign's; one that does not let us see counts, and is told."""
+    try:
+        os.stat(folder / "campaign.toml")
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    except OSError as problem:
+        return problem.errno not in files.NEVER
+    return True
+
+
+_OURS = re.compile(r"plans|.*\.(html|json)", re.IGNORECASE | re.DOTALL)
+"""What we call files and folders of our own, beside those of the campaigns."""
+_LONGEST = 120
+"""Bytes of a name: file systems allow 255, and what we put behind it needs some."""
+
+
+def unfit(name: str) -> str | None:
+    """Why a folder of this name can be no campaign; None where it can."""
+    if not is_printable(name):
+        return "the name of its folder holds signs that cannot be shown"
+    if not name.strip() or name[0] == "." or "/" in name or "\\" in name:
+        return "the name of its folder is empty, begins with a dot or holds a slash"
+    if len(os.fsencode(name)) > _LONGEST:
+        return f"the name of its folder has more than {_LONGEST} bytes"
+    return "the name of its folder is one of our own files" if _OURS.fullmatch(name) else None
+
+
+_MOST_ENTRIES, _DEEPEST = 20_000, 16
+"""Files and folders of a campaign, and how deep they are looked for."""
+
+
+def _within(folder: Path, deepest: int) -> Iterator[str]:
+    """Names of all files of a folder, relative to it; a linked folder is not entered.
+
+    Raises:
+        InputError: There are too many, or it cannot be listed.
+    """
+    left, seen = [("", 1)] if deepest else [], 0
+    while left:
+        inner, depth = left.pop()
+        try:
+            with os.scandir(folder / inner) as listing:
+                entries = list(itertools.islice(listing, _MOST_ENTRIES))
+        except OSError as problem:
+            thing = f"cannot be listed ({problem.strerror})"
+            raise InputError(thing, "check its permissions", file=inner or folder.name) from problem
+        seen += len(entries)
+        if seen >= _MOST_ENTRIES:
+            thing = f"the folder holds more than {_MOST_ENTRIES} files"
+            raise InputError(thing, "keep only those of the campaign", file="campaign.toml")
+        for entry in entries:
+            if not entry.is_dir(follow_symlinks=False):
+                yield f"{inner}{entry.name}"
+            elif depth < deepest:
+                left.append((f"{inner}{entry.name}/", depth + 1))
 
 
 @cache
@@ -381,15 +476,6 @@ def code_version() -> str:
     sources = [path for path in inside if "__pycache__" not in path.parts]
     lines = (f"{path}:{files.sha256((package / path).read_bytes())}\n" for path in sources)
     return files.sha256("".join(lines).encode())
-
-
-def _inside(name: str) -> None:
-    if Path(name).is_absolute() or ".." in Path(name).parts:
-        raise InputError(
-            f'"{name}" lies outside the campaign folder',
-            "put it beside campaign.toml",
-            file="campaign.toml",
-        )
 
 
 def _key(content: Mapping[str, bytes], robot: Robot) -> str:

@@ -12,6 +12,7 @@ from typer import Argument, Option
 
 from pipeline.app.commands._shared import AsJson, Named, Root, app, at_work, open_it, show
 from pipeline.base.errors import MISFIT, UsageError, worst
+from pipeline.base.shown import lines
 
 
 @app.command(short_help="Make the folder of a new campaign.")
@@ -160,7 +161,7 @@ def report(
     if form == "text":
         if campaign is None:
             raise UsageError("name the campaign whose report you want as text")
-        typer.echo(shell.report_text(root, campaign), nl=False)
+        typer.echo(lines(shell.report_text(root, campaign)), nl=False)
         return
     path = shell.report(root, campaign, form)
     typer.echo(path)

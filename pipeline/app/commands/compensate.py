@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from typer import Argument, Option
 
-from pipeline.app.commands._shared import Named, Root, app
+from pipeline.app.commands._shared import Named, Root, app, fitted
 from pipeline.base import files
 from pipeline.base.errors import UsageError
 
@@ -33,7 +34,7 @@ def compensate(
     written, remarks = write(root, campaign, path, tip, output)
     typer.echo(written)
     for line in remarks:
-        typer.secho(line, err=True)
+        typer.secho(fitted(line, sys.stderr), err=True)
 
 
 def write(

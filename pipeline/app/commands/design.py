@@ -12,6 +12,7 @@ from typer import Argument, Option
 from pipeline.app.commands._shared import AsJson, Root, Steps, app, at_work
 from pipeline.base import files
 from pipeline.base.errors import InputError, Interrupted, UsageError, listed
+from pipeline.base.shown import lines
 
 if TYPE_CHECKING:
     from pipeline.design.made import Made
@@ -64,7 +65,7 @@ def design(
     made = make(asked, seed, Effort(rounds=rounds), at_work)
     if wanted or (wanted is None and not as_json):
         made = write(root, made, seed)
-    typer.echo(made.as_json() if as_json else made.as_text())
+    typer.echo(made.as_json() if as_json else lines(made.as_text()))
     if made.interrupted:
         raise Interrupted("Interrupted; this is the best plan so far.")
 
@@ -75,7 +76,7 @@ def problem_of(name: str, changes: dict[str, Any]) -> Problem:
     Raises:
         InputError: There is no such problem, it is wrong, or no plan can meet it.
     """
-    from pipeline.base.toml import given
+    from pipeline.base.toml import LARGEST, given
     from pipeline.design import spec as specs
     from pipeline.design.problem import build
     from pipeline.machine.robot import load
@@ -84,12 +85,13 @@ def problem_of(name: str, changes: dict[str, Any]) -> Problem:
         text, folder = specs.shipped(name), None
     else:
         path = Path(name)
-        if path.suffix != ".toml" or not path.is_file():
-            raise InputError(
-                f'there is no design problem "{name}"',
-                f"use {listed(specs.SHIPPED)}, or the path of a problem file ending in .toml",
-            )
-        text, folder = files.text(path.read_bytes(), path.name), path.parent
+        missing = InputError(
+            f'there is no design problem "{name}"',
+            f"use {listed(specs.SHIPPED)}, or the path of a problem file ending in .toml",
+        )
+        if path.suffix != ".toml":
+            raise missing
+        text, folder = files.words(path, path.name, LARGEST, missing), path.parent
     spec = specs.revised(specs.parse(text, Path(name).name), given(changes))
     return build(spec, load(spec.robot, folder))
 

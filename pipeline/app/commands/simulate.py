@@ -131,19 +131,13 @@ def prepare(folder: Path, plan: Path) -> None:
 
 
 def _read(path: Path | None) -> Plan:
+    from pipeline.base.toml import LARGEST
     from pipeline.simulate import Plan, parse
 
     if path is None:
         return Plan()
-    try:
-        text = path.read_text("utf-8-sig")
-    except FileNotFoundError as problem:
-        raise InputError("there is no such plan", "check the path", file=str(path)) from problem
-    except (OSError, UnicodeDecodeError) as problem:
-        raise InputError(
-            f"cannot be read ({problem})", "give a plan in UTF-8", file=str(path)
-        ) from problem
-    return parse(text, path.name)
+    missing = InputError("there is no such plan", "check the path", file=str(path))
+    return parse(files.words(path, str(path), LARGEST, missing), path.name)
 
 
 @app.command(short_help="List the causes that a diagnosis knows.")

@@ -15,9 +15,10 @@ from typing import Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from pipeline.base import toml
+from pipeline.base import files, toml
 from pipeline.base.arrays import Array, Bools, Locked
-from pipeline.base.errors import InputError, listed
+from pipeline.base.errors import InputError, first_wrong, listed
+from pipeline.base.strict import Name, Prose
 
 SHIPPED = ("kr500_rail", "kr500_rail_kuka", "fanuc_r2000ic")
 
@@ -37,7 +38,7 @@ class Joint(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9]*$")
+    name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9]*$", max_length=50)
     type: Literal["revolute", "prismatic"]
     alpha_deg: float = 0.0
     theta_deg: float = 0.0
@@ -123,7 +124,7 @@ class Controller(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    axes: list[str]
+    axes: list[Name]
     matrix: list[list[float]]
     offset_deg: list[float] | None = None
 
@@ -134,11 +135,11 @@ class RobotFile(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     format: Literal[1]
-    name: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")
-    description: str
+    name: str = Field(pattern=r"^[A-Za-z0-9_.-]+$", max_length=100)
+    description: Prose
     convention: Literal["khalil", "craig", "standard"]
-    source: str
-    assumptions: list[str] = []
+    source: Prose
+    assumptions: list[Prose] = []
     joint: list[Joint] = Field(min_length=1)
     controller: Controller | None = None
 
@@ -253,11 +254,9 @@ def parse(text: str, file: str) -> Robot:
         content = RobotFile.model_validate(table)
         placement, flange = placements(content.joint, content.convention)
     except ValidationError as problem:
-        first = problem.errors()[0]
-        where = ".".join(str(part) for part in first["loc"]) or "the robot"
-        raise InputError(
-            f"{where}: {first['msg']}", "correct the robot file", file=file
-        ) from problem
+        words, message = first_wrong(problem)
+        where = ".".join(words) or "the robot"
+        raise InputError(f"{where}: {message}", "correct the robot file", file=file) from problem
     except ValueError as problem:
         raise InputError(str(problem), "correct the row or the convention", file=file) from problem
     names = [joint.name for joint in content.joint]
@@ -308,24 +307,19 @@ def load(name: str, folder: Path | None = None) -> Robot:
     """
     if name in SHIPPED:
         return _shipped(name)
-    path = (folder or Path()) / name
-    if path.suffix != ".toml" or not path.is_file():
-        raise InputError(
-            f'there is no robot "{name}"',
-            f"use one of {listed(SHIPPED)}, or the path of a robot file ending in .toml",
-            file="campaign.toml" if folder else None,
-        )
-    try:
-        return parse(path.read_text("utf-8-sig"), path.name)
-    except UnicodeDecodeError as problem:
-        raise InputError("is not UTF-8", "save it as UTF-8", file=path.name) from problem
-    except OSError as problem:
-        raise InputError(
-            f"cannot be read ({problem.strerror})",
-            "check the file and its permissions",
-            file=path.name,
-            passing=True,
-        ) from problem
+    path, unknown = (folder or Path()) / name, no_robot(name, "campaign.toml" if folder else None)
+    if path.suffix != ".toml":
+        raise unknown
+    return parse(files.words(path, path.name, toml.LARGEST, unknown), path.name)
+
+
+def no_robot(name: str, file: str | None) -> InputError:
+    """What to say where a robot neither ships nor has a file."""
+    return InputError(
+        f'there is no robot "{name}"',
+        f"use one of {listed(SHIPPED)}, or the path of a robot file ending in .toml",
+        file=file,
+    )
 
 
 @cache

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -15,7 +14,7 @@ _VISIBLE_M = 0.01
 
 
 def _file(robot: Robot) -> RobotFile:
-    return RobotFile.model_validate(tomllib.loads(robot.text))
+    return RobotFile.model_validate(toml.loads(robot.text, robot.name))
 
 
 def variants(robot: Robot) -> Iterator[tuple[str, Robot]]:

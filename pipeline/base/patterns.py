@@ -1,0 +1,125 @@
+"""Patterns that people write in files, for names: none of them may cost more than reading them.
+
+Regular expressions are matched by RE2, which comes with Arrow: it takes a time that grows with the
+name and the expression only, whatever is nested, and so knows neither look-around nor references.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from fnmatch import fnmatchcase
+from pathlib import PurePosixPath
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+_MOST = 300
+"""Letters of an expression."""
+LONGEST = 200
+"""Letters of a name that is matched; no longer one has a meaning."""
+
+_TOKENS = re.compile(r"\\.|\[\^?\]?(?:\\.|\[:\w*:\]|[^\]\\])*\]?|\(\??|\{\d+,?\d*\}|.", re.DOTALL)
+"""A sign with its backslash, a class, a bracket that opens a part, a count, or any other sign."""
+_LETTERS = r"\pL\p{Nd}_"
+_ANY_LETTERS = {r"\w": f"[{_LETTERS}]", r"\W": f"[^{_LETTERS}]", r"\Z": r"\z", "(": "(?:"}
+"""What RE2 knows of ASCII only or otherwise, and what it says instead."""
+
+
+def _in_re2(pattern: str) -> str:
+    """The expression in RE2's words: letters are those of all languages, as people expect."""
+
+    def said(token: re.Match[str]) -> str:
+        if token[0].startswith("["):
+            return re.sub(r"\\.", lambda one: _LETTERS if one[0] == r"\w" else one[0], token[0])
+        return _ANY_LETTERS.get(token[0], token[0])
+
+    return f"^(?:{_TOKENS.sub(said, pattern)})$"
+
+
+def parts(names: pa.StringArray, pattern: str) -> pa.StructArray:
+    """The named parts of whole names, null where the expression does not fit."""
+    import pyarrow.compute as pc
+
+    short = pc.if_else(pc.less_equal(pc.utf8_length(names), LONGEST), names, None)
+    return pc.extract_regex(short, _in_re2(pattern))
+
+
+def named(pattern: str) -> set[str]:
+    """The named parts of an expression.
+
+    Raises:
+        ValueError: It is none that RE2 knows.
+    """
+    import pyarrow as pa
+
+    if len(pattern) > _MOST or _written_out(pattern) > 2 * _MOST:
+        raise ValueError(f"the expression has more than {_MOST} letters, or twice that with counts")
+    try:
+        kind = parts(pa.array([], pa.string()), pattern).type
+    except (pa.ArrowInvalid, UnicodeEncodeError) as problem:
+        why = str(problem).removeprefix("Invalid regular expression: ")
+        raise ValueError(
+            f"not a regular expression of RE2, which has no look-around and no references ({why})"
+        ) from problem
+    names = [kind.field(k).name for k in range(kind.num_fields)]
+    if len({*names}) < len(names):
+        raise ValueError("not a regular expression (two parts have one name)")
+    return {*names}
+
+
+def _written_out(pattern: str) -> int:
+    """Signs of an expression once everything that is counted stands there so often."""
+    sizes, last = [0], 0
+    for token in _TOKENS.findall(pattern):
+        if token.startswith("("):
+            sizes.append(0)
+        elif token == ")" and len(sizes) > 1:
+            last = sizes.pop()
+            sizes[-1] += last
+        elif token.startswith("{") and len(token) > 1:
+            often = max(int(count or 0) for count in token[1:-1].split(","))
+            sizes[-1] += last * max(often - 1, 0)
+            last *= often
+        else:
+            last = 1
+            sizes[-1] += 1
+    return sum(sizes)
+
+
+def is_glob(pattern: str) -> bool:
+    """Whether it may stand for several files."""
+    return any(mark in pattern for mark in "*?[")
+
+
+def depth(glob: str, most: int) -> int:
+    """How deep a folder has to be looked through for a glob, at most so deep."""
+    parts = PurePosixPath(glob).parts
+    return most if "**" in parts else min(most, len(parts))
+
+
+def fits(name: str, glob: str) -> bool:
+    """Whether folders and name of a file fit those of a glob; ** stands for any folders.
+
+    In a time of their product: all places of the glob are followed at once.
+    """
+    pattern, open_at = PurePosixPath(glob).parts, {0}
+    for part in PurePosixPath(name).parts:
+        open_at = {
+            after
+            for k in _past_any(open_at, pattern)
+            if k < len(pattern)
+            for after in ((k,) if pattern[k] == "**" else (k + 1,))
+            if pattern[k] == "**" or fnmatchcase(part, pattern[k])
+        }
+    return len(pattern) in _past_any(open_at, pattern) and not glob.endswith("**")
+
+
+def _past_any(open_at: set[int], pattern: Sequence[str]) -> set[int]:
+    """Places in a pattern, and those behind the ** there, which may stand for nothing."""
+    reached = set(open_at)
+    for k in range(len(pattern)):
+        if k in reached and pattern[k] == "**":
+            reached.add(k + 1)
+    return reached
