@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-import typer
+import httpx
 from prefect import artifacts, flow, runtime, task
 from prefect.cache_policies import NO_CACHE
 from prefect.client.orchestration import get_client
@@ -32,11 +32,12 @@ from pipeline.answer.archive import read
 from pipeline.answer.contract import Answer
 from pipeline.app import watch
 from pipeline.app.guard import Guard
-from pipeline.app.outcome import Outcome, shown
+from pipeline.app.outcome import Outcome, failed, shown
 from pipeline.app.preferences import Service, load
-from pipeline.app.processes import PARENT, REPORTS_URL, ROOT, follow
+from pipeline.app.processes import PARENT, REPORTS_URL, ROOT, follow, say
 from pipeline.app.progress import Tell, told
 from pipeline.base.errors import InputError, PipelineError, Unfinished, UsageError
+from pipeline.base.shown import printable
 from pipeline.run import run
 from pipeline.store.campaign import Campaign, find
 
@@ -77,21 +78,29 @@ def scan() -> None:
     if not os.environ.get(ROOT):
         raise UsageError(f"{ROOT} is not set: start the worker with {ROOT}=/path/to/the/project")
     _drop_late()
-    root = Path(os.environ[ROOT])
-    preferences = load(root)
     outcomes = []
-    with Guard(root, "prefect", preferences.service) as guard:
-        for made in watch.scan(root, preferences, guard):
-            if made.exit_code == Unfinished.exit_code:
-                _crashed(made)
-            typer.echo(made.event)
-            outcomes.append(made)
+    for made in _scanned(Path(os.environ[ROOT])):
+        if made.exit_code == Unfinished.exit_code:
+            _crashed(made)
+        say(made.event)
+        outcomes.append(made)
     if outcomes:
         artifacts.create_markdown_artifact(key="scan", markdown=_summary(outcomes))
 
 
+def _scanned(root: Path) -> Iterator[Outcome]:
+    try:
+        preferences = load(root)
+    except InputError as problem:  # somebody has edited it meanwhile
+        yield from watch.told_once(root, [failed(watch.SERVICE, problem)])
+        return
+    with Guard(root, "prefect", preferences.service) as guard:
+        yield from watch.scan(root, preferences, guard)
+
+
 def within(campaign: Campaign) -> Answer:
     """One campaign as a flow of its own, unless its last run still stands."""
+    campaign.fit()  # what has no name that can be shown is no run
     with contextlib.suppress(InputError):  # one that cannot be read is a run to be seen, too
         if campaign.current():
             return read(campaign)
@@ -119,7 +128,7 @@ def _crashed(made: Outcome) -> None:
     running = FlowRunFilter.model_validate(
         {"state": {"type": {"any_": [StateType.RUNNING]}}, "name": {"any_": [made.campaign]}}
     )
-    with get_client(sync_client=True) as client:
+    with contextlib.suppress(httpx.HTTPError), get_client(sync_client=True) as client:
         for run in client.read_flow_runs(flow_run_filter=running):
             client.set_flow_run_state(run.id, ended, force=True)
 
@@ -141,11 +150,16 @@ def _drop_late() -> None:
 
 def _summary(outcomes: list[Outcome]) -> str:
     rows = [
-        f"| {one.campaign} | {watch.verdict_of(one)} | "
-        f"{'; '.join(one.complaints).replace('|', '/') or ' '} |"
+        f"| {_cell(one.campaign)} | {watch.verdict_of(one)} | {_cell('; '.join(one.complaints))} |"
         for one in outcomes
     ]
     return "\n".join(["| campaign | verdict | complaints |", "|---|---|---|", *rows])
+
+
+def _cell(text: str) -> str:
+    """Text of others in a table of Markdown, as it stands there."""
+    plain = printable(text).replace("|", "/").replace("`", "'")
+    return f"`{plain}`" if plain else " "
 
 
 def serve(wanted: Service) -> None:

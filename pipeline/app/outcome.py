@@ -50,7 +50,7 @@ class Outcome:
         if self.complaints and self.verdict is None:
             return self.complaints[0]
         said = " ".join(self.content.get("verdict_sentence", [])[:1])
-        return f"{self.campaign}: {said or self.text}"
+        return f"{printable(self.campaign)}: {said or self.text}"
 
     def as_json(self) -> str:
         """One line of JSON."""

@@ -10,6 +10,8 @@ import threading
 import time
 from collections.abc import Iterator
 
+from pipeline.base.shown import lines
+
 PYTHON = (sys.executable, "-P", "-m")
 """Runs a module of ours; never one that lies in the current folder, where anybody may write."""
 
@@ -81,6 +83,13 @@ def sheltered(end: int) -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     if asked.is_set():
         raise KeyboardInterrupt
+
+
+def say(line: str) -> None:
+    """One line on the screen; a log on a full disk misses some, and that stops nothing."""
+    with contextlib.suppress(OSError):
+        sys.stdout.write(f"{lines(line)}\n")
+        sys.stdout.flush()
 
 
 def follow(parent: int) -> None:

@@ -176,7 +176,7 @@ def scan(
     except Exception as problem:  # the next look comes, whatever this one has met
         trouble.append(failed(SERVICE, problem))
     trouble += _noted(root, service.Looked(began=began, ended=clock.now()))
-    yield from _new(root, trouble)
+    yield from told_once(root, trouble)
 
 
 def _noted(root: Path, look: service.Looked) -> list[Outcome]:
@@ -222,7 +222,7 @@ def _wrong(name: str, work: Callable[[], object]) -> list[Outcome]:
     return []
 
 
-def _new(root: Path, trouble: list[Outcome]) -> list[Outcome]:
+def told_once(root: Path, trouble: list[Outcome]) -> list[Outcome]:
     """What was not told at the last look; all of it where that cannot be remembered."""
     try:
         return sync.untold(root, trouble)

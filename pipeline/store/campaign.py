@@ -111,10 +111,18 @@ class Campaign:
             InputError: A file is missing, unreadable, too large, or changes while it is read; or
                 its folder has a name that none can have.
         """
-        if self._unfit is not None:
-            raise InputError(*self._unfit, file="campaign.toml")
+        self.fit()
         names = ["campaign.toml", *self._named(self.settings())]
         return in_memory({name: self.content(name) for name in names})
+
+    def fit(self) -> None:
+        """Its folder is one that something can be made of.
+
+        Raises:
+            InputError: It has a name that none can have, or leads out of data/raw.
+        """
+        if self._unfit is not None:
+            raise InputError(*self._unfit, file="campaign.toml")
 
     def settings(self) -> Settings:
         """Its campaign.toml, checked.

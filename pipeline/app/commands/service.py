@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -31,12 +30,12 @@ def serve(
 
         typer.echo(of_systemd(root), nl=False)
         return
-    from pipeline.app import supervisor
+    from pipeline.app import processes, supervisor
 
     wanted = _preferred(root, interval_s=interval, cron=cron, port=port)
     every = f"at {wanted.service.cron}" if wanted.service.cron else _every(wanted)
     typer.secho(f"Looking at {root / 'data' / 'raw'} {every}; Ctrl-C stops.", err=True)
-    supervisor.serve(root, wanted, _say)
+    supervisor.serve(root, wanted, processes.say)
 
 
 @app.command(short_help="Run new campaigns by themselves, without Prefect.")
@@ -55,7 +54,7 @@ def watch(
     typer.secho(f"Looking at {where} {_every(wanted)}; Ctrl-C stops.", err=True)
     with supervisor.alone(root, wanted.service):
         for outcome in watching.watch(root, wanted):
-            _say(outcome.as_json() if as_json else outcome.event)
+            processes.say(outcome.as_json() if as_json else outcome.event)
 
 
 @app.command(short_help="Put the scan on a team's own Prefect server.")
@@ -91,12 +90,6 @@ def doctor(as_json: AsJson = False, root: Root = Path()) -> None:
         typer.echo(json.dumps(asdict(finding)) if as_json else line)
         sound = sound and (finding.good or not finding.needed)
     raise typer.Exit(0 if sound else UsageError.exit_code)
-
-
-def _say(line: str) -> None:
-    """One line per event; a log on a full disk misses some, and stops nothing."""
-    with contextlib.suppress(OSError):
-        typer.echo(line)
 
 
 def _preferred(root: Path, **said: Any) -> Preferences:
