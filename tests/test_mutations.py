@@ -16,8 +16,119 @@ from bench.fuzz.play import ANSWER, SCREENED, Played, Said, play
 from bench.fuzz.run import contest, played
 from bench.fuzz.table import summary
 
-SCREENINGS, ANSWERS = range(32), range(92, 100)
-"""Cases of every run of the tests; the slow ones have many more."""
+SCREENINGS = (
+    0,
+    4,
+    5,
+    7,
+    12,
+    13,
+    16,
+    17,
+    19,
+    20,
+    21,
+    22,
+    23,
+    24,
+    26,
+    27,
+    29,
+    30,
+    31,
+    32,
+    34,
+    35,
+    36,
+    38,
+    39,
+    40,
+    43,
+    44,
+    45,
+    48,
+    49,
+    51,
+    53,
+    54,
+    57,
+    58,
+    59,
+    60,
+    61,
+    63,
+    64,
+    66,
+    67,
+    68,
+    70,
+    72,
+    73,
+    78,
+    79,
+    81,
+    82,
+    83,
+    84,
+    87,
+    88,
+    89,
+    91,
+    94,
+    95,
+    96,
+    97,
+    98,
+    99,
+    100,
+    101,
+    102,
+    105,
+    107,
+    108,
+    112,
+    115,
+    116,
+    118,
+    119,
+    120,
+    121,
+    125,
+    127,
+    130,
+    131,
+    132,
+    139,
+    142,
+    144,
+    145,
+)
+"""Fixed cases of every run of the tests, the first that are quick; the slow ones have all."""
+
+ANSWERS = (403, 412, 414, 416, 417, 421, 424, 427, 433, 555, 576, 577, 578, 606, 628)
+"""The same, to the answer."""
+
+OPEN = {
+    77: "a glob's control characters come back in the rejection",
+    103: "TOML nested 900 deep",
+    150: "the glob ***",
+    212: "control characters of a key come back in the rejection",
+    252: "a line of an export comes back with its line ends",
+    262: "the rejection names no file",
+    293: "10 000 letters come back in the rejection",
+    310: "an integer of 4 400 digits",
+    382: "a title that turns the line around comes back in the rejection",
+    389: "lengths of 1e160 in a robot's file",
+    436: "several lines come back in the rejection",
+    462: "the rejection of too few coordinates names no file",
+    479: "all forces doubled: no word, although the robot's file states stiffnesses",
+    493: "a glob of 5 000 letters",
+    513: "a chain that is a measured target",
+    529: "one target only",
+    573: "a pattern with 3 000 parentheses",
+    699: "a pattern that repeats 99 999 999 999 times",
+}
+"""Cases that end badly, one of each kind, and why; whoever mends one moves it to the others."""
 
 RESULTS = Path(__file__).parents[1] / "build" / "fuzz.jsonl"
 """Where the slow ones keep what is done: the next run goes on from there."""
@@ -32,13 +143,23 @@ def bad(rows):
 # --- the pipeline --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("to", "numbers"), [(SCREENED, SCREENINGS), (ANSWER, ANSWERS)])
-def test_spoilt_campaigns_end_well(to, numbers):
+def test_spoilt_campaigns_end_well():
     """No exception, no hang, no number that is none, no other answer without a word."""
-    rows = list(played(numbers, to))
+    asked = [(n, SCREENED) for n in SCREENINGS] + [(n, ANSWER) for n in ANSWERS]
+    rows = list(played(asked))
 
-    assert sorted(row["case"] for row in rows) == list(numbers)
+    assert [(row["case"], row["to"]) for row in rows] == asked
     assert not bad(rows)
+
+
+@pytest.mark.parametrize(
+    "number", [pytest.param(n, marks=pytest.mark.xfail(reason=why)) for n, why in OPEN.items()]
+)
+def test_open_cases_end_well(number):
+    """What is known to be wrong today; a cured one turns this red until it has moved."""
+    row = run.case_row(number, SCREENED)
+
+    assert row["outcome"] in GOOD, row["why"]
 
 
 @pytest.mark.slow
@@ -91,8 +212,8 @@ def test_a_finished_case_is_not_played_again(tmp_path, monkeypatch):
     monkeypatch.setattr(
         run,
         "played",
-        lambda numbers, to, jobs, seconds: (
-            asked.append(n) or {"case": n, "to": to, "outcome": "said"} for n in numbers
+        lambda left, jobs, seconds: (
+            asked.append(n) or {"case": n, "to": to, "outcome": "said"} for n, to in left
         ),
     )
 
@@ -252,8 +373,7 @@ def test_suspicious_screenings_are_answered(before):
 def test_what_does_not_end_is_ended_and_reported(monkeypatch):
     """A hang, a dead process, a deaf one, one without memory; the next case is played."""
     monkeypatch.setattr(run, "GRACE", 0.5)
-    rows = {
-        row["case"]: row["outcome"] for row in played(range(6), SCREENED, 1, hostile_cases.row, 0.5)
-    }
+    asked = [(number, SCREENED) for number in range(6)]
+    rows = {row["case"]: row["outcome"] for row in played(asked, 1, hostile_cases.row, 0.5)}
 
     assert rows == {0: "same", 1: "hang", 2: "killed", 3: "hang", 4: "memory", 5: "same"}

@@ -45,10 +45,11 @@ def fuzz(
 
 
 def _one(number: int, to: str, keep: Path | None, verbose: bool) -> None:
-    """One case again, in this process."""
+    """One case again, in this process and within the same time."""
     from bench.fuzz import judge
     from bench.fuzz.catalogue import case
     from bench.fuzz.play import play
+    from bench.fuzz.run import SECONDS, Row, limited
 
     made = case(number)
     typer.echo(f"case {number}: {made.base}, {' + '.join(m.name for m in made.mutations)}")
@@ -57,11 +58,16 @@ def _one(number: int, to: str, keep: Path | None, verbose: bool) -> None:
         for name, data in made.files.items():
             (keep / name).write_bytes(data)
         typer.echo(f"its files are in {keep}")
-    played = play(made.files, to, lambda seen: judge.suspicious(made, seen), made.shown)
-    outcome = judge.judge(made, played)
-    typer.echo(f"{outcome.word}: {outcome.why or played.refused or played.said.verdict}")
-    if verbose:
-        typer.echo(played.trace or str(played))
+
+    def told(number: int, to: str) -> Row:
+        played = play(made.files, to, lambda seen: judge.suspicious(made, seen), made.shown)
+        outcome = judge.judge(made, played)
+        if verbose:
+            typer.echo(played.trace or str(played))
+        return {"outcome": outcome.word, "why": outcome.why or played.refused}
+
+    row = limited(told, number, to, SECONDS)
+    typer.echo(f"{row['outcome']} after {row['ms']} ms: {row['why']}")
 
 
 if __name__ == "__main__":

@@ -86,8 +86,10 @@ def judge(case: Case, played: Played) -> Outcome:
     moved = _moved(case, before, said)
     if case.meant:
         return Outcome("meant" if moved else "same")
-    if said.words - before.words or said.rejected > before.rejected:
-        return Outcome("said")
+    if new := said.words - before.words:
+        return Outcome("said", "; ".join(sorted(new))[:200])
+    if said.rejected > before.rejected:
+        return Outcome("said", f"{said.rejected - before.rejected} rows rejected")
     if moved and not said.verdict:
         return Outcome("said", f"p {said.p_value}")
     if moved and case.covered & said.blind:

@@ -141,15 +141,14 @@ class _Worker:
 
 
 def played(
-    numbers: Iterable[int],
-    to: str,
+    asked: Iterable[tuple[int, str]],
     jobs: int = 1,
     play: Play = case_row,
     seconds: float = SECONDS,
 ) -> Iterator[Row]:
-    """Rows of cases in the order in which they end."""
+    """Rows of cases, each a number and how far, in the order in which they end."""
     os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    left = iter(numbers)
+    left = iter(asked)
     workers = [_Worker(play, seconds) for _ in range(jobs)]
     try:
         while workers:
@@ -168,12 +167,12 @@ def played(
                     workers[workers.index(worker)] = worker = _Worker(play, seconds)
                     continue
                 worker.at = None
-                number = next(left, None)
-                if number is None:
+                further = next(left, None)
+                if further is None:
                     worker.end()
                     workers.remove(worker)
                 else:
-                    worker.give(number, to)
+                    worker.give(*further)
     finally:
         for worker in workers:
             worker.end()
@@ -236,11 +235,11 @@ def contest(
     """Play the cases that are not in the file of results yet, and give the rows of all."""
     cases = list(cases)
     rows = kept(results, to)
-    left = [number for number in cases if number not in rows]
+    left = [(number, to) for number in cases if number not in rows]
     results.parent.mkdir(parents=True, exist_ok=True)
     if left:
         with results.open("a", encoding="utf-8") as out:
-            for row in played(left, to, min(jobs, len(left)), seconds=seconds):
+            for row in played(left, min(jobs, len(left)), seconds=seconds):
                 whole = {**row, "commit": commit(), "code": code()}
                 out.write(json.dumps(whole) + "\n")
                 out.flush()
