@@ -266,6 +266,14 @@ def test_a_silent_change_is_reported(before):
     assert judge.judge(made(mutation=meant), Played(said=softer(before))).word == "meant"
 
 
+def test_another_answer_that_is_said_to_hold_misleads(before):
+    """A mistake is named and corrected, and the stiffness is another all the same."""
+    told = replace(softer(before), words={"mistake outlier"}, verdict="bad_data")
+
+    assert answered_as(replace(told, reason="mistake")).word == "misled"
+    assert answered_as(replace(told, reason="mistake_and_unexplained")).word == "said"
+
+
 def test_a_blind_spot_covers_only_its_own_mutation(before):
     """A change that a listed blind spot owns up to is said; without the listing it is not."""
     off = Mutation("points:", NOTHING.act, covered=("load_point_offset",))

@@ -11,8 +11,9 @@ from bench.fuzz.bases import base
 from bench.fuzz.catalogue import Case
 from bench.fuzz.play import ANSWER, SCREENED, Played, Said, play
 
-GOOD = ("same", "said", "meant", "rejected")
-"""The answer is the same; another, and something is said; another, as it is meant; none."""
+GOOD = ("same", "said", "meant", "rejected", "misled")
+"""The answer is the same; another, and something is said; another, as it is meant; none; another,
+and what is said is that it stands: no failure here, but nothing to be proud of."""
 
 BAD = ("exit 1", "not finite", "silent", "sentence", "unreadable", "hang", "memory", "killed")
 """An exception; a number that is none; another answer without a word; a rejection that helps
@@ -86,6 +87,8 @@ def judge(case: Case, played: Played) -> Outcome:
     moved = _moved(case, before, said)
     if case.meant:
         return Outcome("meant" if moved else "same")
+    if moved and said.rejected == before.rejected and _stands(said):
+        return Outcome("misled", f"{said.verdict}, {said.reason}, {moved}")
     if new := said.words - before.words:
         return Outcome("said", "; ".join(sorted(new))[:200])
     if said.rejected > before.rejected:
@@ -95,6 +98,11 @@ def judge(case: Case, played: Played) -> Outcome:
     if moved and case.covered & said.blind:
         return Outcome("said", f"blind spot {', '.join(sorted(case.covered & said.blind))}")
     return Outcome("silent", moved) if moved else Outcome("same")
+
+
+def _stands(said: Said) -> bool:
+    """Whether something was said, and the values are said to hold nevertheless."""
+    return said.verdict not in ("", "adequate") and not said.reason.endswith("unexplained")
 
 
 def _moved(case: Case, before: Said, after: Said) -> str:

@@ -37,6 +37,7 @@ class Said:
 
     Attributes:
         verdict: Empty where the run was stopped before.
+        reason: Why the values are those that stand at the top.
         words: Everything said against the data or the model, each in a word that can be compared.
         blind: Names of the blind spots.
         rejected: How many rows were left out.
@@ -48,6 +49,7 @@ class Said:
     """
 
     verdict: str = ""
+    reason: str = ""
     words: set[str] = field(default_factory=set)
     blind: set[str] = field(default_factory=set)
     rejected: int = 0
@@ -211,7 +213,7 @@ def _read(played: Played, found: Answered, shown: bool) -> None:
     played.not_finite = tuple(_not_finite(answer))
     dump(answer)
     diagnosis = answer["diagnosis"]
-    said.verdict = diagnosis["verdict"]
+    said.verdict, said.reason = diagnosis["verdict"], answer["recommended"]["reason"]
     said.words |= {f"reason {reason}" for reason in diagnosis["reasons"]}
     said.words |= {f"cause {cause['name']}:{cause['where']}" for cause in diagnosis["causes"]}
     said.words |= {f"noise from {answer['noise']['from']}"}

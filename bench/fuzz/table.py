@@ -46,6 +46,8 @@ def summary(rows: Sequence[Row]) -> list[str]:
     )
     warned = Counter(word.partition(":")[0] for row in rows for word in row.get("warned", ()))
     lines += [f"{count} cases with {name}" for name, count in warned.most_common(5)]
+    misled = [str(row["case"]) for row in rows if row["outcome"] == "misled"]
+    lines += [f"misled in cases {', '.join(misled[:20])}"] if misled else []
     for name, group in failures(rows).items():
         first = min(group, key=lambda row: len(row.get("mutations", ())))
         lines.append(f"\n{len(group)} x {name}")
