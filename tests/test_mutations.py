@@ -385,3 +385,12 @@ def test_what_does_not_end_is_ended_and_reported(monkeypatch):
     rows = {row["case"]: row["outcome"] for row in played(asked, 1, hostile_cases.row, 0.5)}
 
     assert rows == {0: "same", 1: "hang", 2: "killed", 3: "hang", 4: "memory", 5: "same"}
+
+
+def test_two_processes_share_the_cases():
+    """Each case is played once, whoever plays it, and one that dies is replaced."""
+    asked = [(number, SCREENED) for number in (0, 5, 2, 6, 7, 8)]
+    rows = list(played(asked, 2, hostile_cases.row, 5))
+
+    assert sorted(row["case"] for row in rows) == [0, 2, 5, 6, 7, 8]
+    assert [row["case"] for row in rows if row["outcome"] == "killed"] == [2]
