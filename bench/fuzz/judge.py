@@ -1,0 +1,161 @@
+"""The judge: what may come of a spoilt campaign, and what may not."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from dataclasses import dataclass
+from functools import cache
+
+from bench.fuzz.bases import base
+from bench.fuzz.catalogue import Case
+from bench.fuzz.play import ANSWER, SCREENED, Played, Said, play
+
+GOOD = ("same", "said", "meant", "rejected", "misled")
+"""The answer is the same; another, and something is said; another, as it is meant; none; another,
+and what is said is that it stands: no failure here, but nothing to be proud of."""
+
+BAD = ("exit 1", "not finite", "silent", "sentence", "unreadable", "hang", "memory", "killed")
+"""An exception; a number that is none; another answer without a word; a rejection that helps
+nobody; a product no reader takes; no answer in time; out of memory; the process died."""
+
+SIGMAS = 5.0
+"""A stiffness that moves by more standard uncertainties, both stated ones combined, has changed."""
+
+LOUD_P = 1e-6
+"""A misfit less likely than this will not pass in silence, and need not be diagnosed."""
+
+GAIN = 1.5
+"""One factor on all forces up to this is nobody's to see: blind spot scale_gain."""
+
+_DIRECTIONS = "\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069"
+"""Invisible letters that turn a line around."""
+
+LONGEST = 1000
+"""Letters of a sentence."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What the judge says.
+
+    Attributes:
+        word: One of `GOOD` or `BAD`.
+        why: In which respect.
+    """
+
+    word: str
+    why: str = ""
+
+
+@cache
+def clean(name: str, to: str = SCREENED) -> Said:
+    """What the pipeline says of a clean campaign, as far as it is carried.
+
+    Raises:
+        AssertionError: It says something against it, so that nothing can be held against it.
+    """
+    played = play(base(name), to, lambda said: False)
+    if played.refused or played.error or played.said.verdict not in ("", "adequate"):
+        raise AssertionError(f"{name} is no clean campaign: {played}")
+    return played.said
+
+
+def suspicious(case: Case, seen: Said) -> bool:
+    """Whether the diagnosis must be heard: stiffnesses have moved, and nothing was said yet."""
+    before = clean(case.base)
+    if case.meant or seen.words - before.words or seen.rejected > before.rejected:
+        return False
+    if seen.p_value is not None and seen.p_value < LOUD_P:
+        return False
+    return bool(_moved(case, before, seen))
+
+
+def judge(case: Case, played: Played) -> Outcome:
+    """What to think of it."""
+    if played.error:
+        return Outcome("exit 1", f"{played.error.splitlines()[0][:200]} at {played.where}")
+    if played.refused:
+        wrong = _sentence(case, played)
+        return Outcome("sentence", wrong) if wrong else Outcome("rejected")
+    if odd := [*played.not_finite, *played.said.not_finite]:
+        return Outcome("not finite", ", ".join(list(dict.fromkeys(odd))[:6]))
+    if played.unreadable:
+        return Outcome("unreadable", "; ".join(played.unreadable))
+    said = played.said
+    before = clean(case.base, ANSWER if said.verdict else SCREENED)
+    moved = _moved(case, before, said)
+    if case.meant:
+        return Outcome("meant" if moved else "same")
+    if moved and said.rejected == before.rejected and _stands(said):
+        return Outcome("misled", f"{said.verdict}, {said.reason}, {moved}")
+    if new := said.words - before.words:
+        return Outcome("said", "; ".join(sorted(new))[:200])
+    if said.rejected > before.rejected:
+        return Outcome("said", f"{said.rejected - before.rejected} rows rejected")
+    if moved and not said.verdict:
+        return Outcome("said", f"p {said.p_value}")
+    if moved and case.covered & said.blind:
+        return Outcome("said", f"blind spot {', '.join(sorted(case.covered & said.blind))}")
+    return Outcome("silent", moved) if moved else Outcome("same")
+
+
+def _stands(said: Said) -> bool:
+    """Whether something was said, and the values are said to hold nevertheless."""
+    return said.verdict not in ("", "adequate") and not said.reason.endswith("unexplained")
+
+
+def _moved(case: Case, before: Said, after: Said) -> str:
+    """The stiffness that has changed most, in words; empty where none has."""
+    if len(before.compliance) != len(after.compliance):
+        return f"{len(after.compliance)} joints"
+    rows = zip(before.compliance, before.std, after.compliance, after.std, strict=True)
+    known = [
+        (abs(new - old) / (s_old**2 + s_new**2) ** 0.5, k, old, new)
+        for k, (old, s_old, new, s_new) in enumerate(rows, 1)
+        if None not in (old, s_old, new, s_new) and (s_old or s_new)
+    ]
+    most = max(known, default=None)
+    if most is None or most[0] <= SIGMAS or _one_factor(before, after):
+        return ""
+    return f"compliance {most[1]} from {most[2]:.4g} to {most[3]:.4g}, {most[0]:.0f} sigma"
+
+
+def _one_factor(before: Said, after: Said) -> bool:
+    """Whether one factor on all forces does it, and nobody can see that factor.
+
+    Up to `GAIN` anywhere, and any factor where the robot's file states no stiffness to hold it
+    against; scale_gain is then among the blind spots.
+    """
+    pairs = [
+        (new / old, ((s_old / old) ** 2 + (s_new / new) ** 2) ** 0.5)
+        for old, s_old, new, s_new in zip(
+            before.compliance, before.std, after.compliance, after.std, strict=True
+        )
+        if old and new and s_old is not None and s_new is not None
+    ]
+    if not pairs or min(ratio for ratio, _ in pairs) <= 0:
+        return False
+    weights = [1 / max(std, 1e-9) ** 2 for _, std in pairs]
+    factor = sum(w * r for w, (r, _) in zip(weights, pairs, strict=True)) / sum(weights)
+    alike = all(abs(ratio / factor - 1) < SIGMAS * std + 1e-3 for ratio, std in pairs)
+    return alike and (1 / GAIN < factor < GAIN or not after.nominal)
+
+
+def _sentence(case: Case, played: Played) -> str:
+    """What is wrong with the sentence of a rejection; empty where nothing is."""
+    said = played.refused
+    if played.exit_code == 1:
+        return f"exit code 1: {said[:150]}"
+    odd = [c for c in said if unicodedata.category(c) in ("Cc", "Cs") or c in _DIRECTIONS]
+    if re.search(r"[\n\r\u2028\u2029\x85]", said):
+        return f"several lines, {played.where}"
+    if odd:
+        return f"control character {odd[0]!a}, {played.where}"
+    if len(said) > LONGEST:
+        return f"{len(said)} letters, {played.where}"
+    if not played.way_out:
+        return f"no way out: {said[:150]}"
+    names = {*case.files, "campaign.toml"}
+    named = played.file in names or any(name in said for name in names)
+    return "" if named or played.file else f"names no file: {said[:150]}"

@@ -1,0 +1,279 @@
+"""A campaign of any bytes carried through the pipeline, and what came of it as plain facts."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import tomllib
+import traceback
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import wraps
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from bench.fuzz.mutation import Files
+from pipeline.base.errors import InputError, PipelineError
+from pipeline.machine.robot import Robot
+from pipeline.prediction import model as handover
+from pipeline.reduction.bring import conformed
+from pipeline.report.render import render
+from pipeline.run import Answered, answered
+from pipeline.store.campaign import Campaign, dump
+
+SCREENED, ANSWER = "screened", "answer"
+DEPTHS = (SCREENED, ANSWER)
+
+
+@dataclass
+class Said:
+    """What the pipeline has said of a campaign.
+
+    Attributes:
+        verdict: Empty where the run was stopped before.
+        reason: Why the values are those that stand at the top.
+        words: Everything said against the data or the model, each in a word that can be compared.
+        blind: Names of the blind spots.
+        rejected: How many rows were left out.
+        compliance: Of every joint, SI; None where the answer is none.
+        std: Their standard uncertainties; None where nothing is determined.
+        p_value: Of the misfit; None without a stated noise.
+        nominal: Whether the robot's file states stiffnesses.
+        not_finite: Promised columns with numbers that are none.
+    """
+
+    verdict: str = ""
+    reason: str = ""
+    words: set[str] = field(default_factory=set)
+    blind: set[str] = field(default_factory=set)
+    rejected: int = 0
+    compliance: tuple[float | None, ...] = ()
+    std: tuple[float | None, ...] = ()
+    p_value: float | None = None
+    nominal: bool = True
+    not_finite: list[str] = field(default_factory=list)
+
+
+@dataclass
+class Played:
+    """What came of a campaign.
+
+    Attributes:
+        said: What it says, as far as it got.
+        refused: The sentence of a rejection.
+        exit_code: That goes with it.
+        file: The file that the rejection names.
+        way_out: What it proposes.
+        error: Kind and sentence of what is no rejection.
+        where: Innermost line of the code.
+        not_finite: Keys of result.json with numbers that are none.
+        unreadable: Products that a reader of their format refuses.
+        warned: Warnings of the libraries.
+        trace: Whole stack of an error.
+    """
+
+    said: Said = field(default_factory=Said)
+    refused: str = ""
+    exit_code: int = 0
+    file: str | None = None
+    way_out: str = ""
+    error: str = ""
+    where: str = ""
+    not_finite: tuple[str, ...] = ()
+    unreadable: tuple[str, ...] = ()
+    warned: tuple[str, ...] = ()
+    trace: str = ""
+
+
+class _Far(BaseException):
+    """Far enough: the diagnosis would begin here."""
+
+
+@dataclass(eq=False)
+class Watch:
+    """Carries out stages and keeps tables, and sees what they give.
+
+    Attributes:
+        further: Asked before the diagnosis whether it is needed.
+        said: What was seen.
+    """
+
+    further: Callable[[Said], bool]
+    said: Said = field(default_factory=Said)
+
+    def step(self, stage: Callable[..., Any]) -> Callable[..., Any]:
+        """The stage, watched."""
+
+        @wraps(stage)
+        def watched(*args: Any, **kwargs: Any) -> Any:
+            if stage.__name__ == "diagnose":
+                self._springs(args[2])
+                if not self.further(self.said):
+                    raise _Far
+            got = stage(*args, **kwargs)
+            if stage.__name__ in ("screen", "screen_again"):
+                self.said.words |= {f"mistake {m.name}" for m in got.findings}
+            return got
+
+        return watched
+
+    def keep(
+        self, name: str, table: pd.DataFrame | pa.Table | None, promise: pa.Schema
+    ) -> pd.DataFrame:
+        """The table as promised, its numbers looked at."""
+        kept = conformed(name, table, promise)
+        if name == "13_rejected":
+            self.said.rejected = len(kept)
+        for column in promise:
+            if pa.types.is_floating(column.type) and not _may_be_nan(promise, column):
+                values = kept[column.name].to_numpy(float)
+                if not np.isfinite(values).all():
+                    self.said.not_finite.append(f"{name}.{column.name}")
+        return kept
+
+    def _springs(self, estimate: Any) -> None:
+        std = np.sqrt(np.abs(np.diag(estimate.cov)))
+        known = np.isfinite(std)
+        self.said.compliance = tuple(estimate.value.tolist())
+        self.said.std = tuple(float(s) if k else None for s, k in zip(std, known, strict=True))
+        self.said.p_value = estimate.p_value
+
+
+_OPEN = (
+    *("estimate", "covariance", "diagnosis", "separability", "examined"),
+    *("validation", "workspace"),
+)
+"""Tables in which infinity is an answer: what is not determined has no uncertainty."""
+
+_TIMES = ("time_s", "zero_time_s")
+"""NaN where an export has no times, although only one table's promise says so."""
+
+
+def _may_be_nan(promise: pa.Schema, column: pa.Field) -> bool:
+    about, table = column.metadata[b"meaning"].decode(), promise.metadata[b"table"].decode()
+    if column.name in _TIMES or table in _OPEN:
+        return True
+    return column.nullable or "NaN" in about or "infinite" in about
+
+
+def play(files: Files, to: str, further: Callable[[Said], bool], shown: bool = False) -> Played:
+    """Carry a campaign as far as asked, or as far as it gets.
+
+    Args:
+        files: Content of its folder.
+        to: One of `DEPTHS`.
+        further: Whether one that is to be screened only must be answered, from what was seen.
+        shown: Whether an answer's report is made.
+    """
+    watch = Watch(lambda said: to == ANSWER or further(said))
+    played = Played(said=watch.said)
+    with warnings.catch_warnings(record=True) as warned, tempfile.TemporaryDirectory() as root:
+        warnings.simplefilter("always")
+        try:
+            raw = _folder(Path(root), files).read()
+            watch.said.nominal = _states_stiffness(raw.robot)
+            found = answered("fuzzed", raw, watch.keep, watch.step)
+            _read(played, found, shown)
+        except _Far:
+            pass
+        except PipelineError as problem:
+            played.refused, played.exit_code = str(problem), problem.exit_code
+            played.where = _innermost(problem)
+            if isinstance(problem, InputError):
+                played.file, played.way_out = problem.file, problem.way_out
+        except Exception as problem:
+            played.error = f"{type(problem).__name__}: {problem}"
+            played.where = _innermost(problem)
+            played.trace = "".join(traceback.format_exception(problem)[-60:])
+    played.warned = tuple(sorted({f"{w.category.__name__}: {w.message}"[:200] for w in warned}))
+    return played
+
+
+def _folder(root: Path, files: Files) -> Campaign:
+    folder = root / "data" / "raw" / "fuzzed"
+    folder.mkdir(parents=True)
+    for name, data in files.items():
+        (folder / name).write_bytes(data)
+    return Campaign(root, folder)
+
+
+def _states_stiffness(robot: Robot) -> bool:
+    return "stiffness_n" in robot.text
+
+
+def _read(played: Played, found: Answered, shown: bool) -> None:
+    """What an answer says, from its result.json alone."""
+    said, answer = played.said, found.answer.as_json()
+    played.not_finite = tuple(_not_finite(answer))
+    dump(answer)
+    diagnosis = answer["diagnosis"]
+    said.verdict, said.reason = diagnosis["verdict"], answer["recommended"]["reason"]
+    said.words |= {f"reason {reason}" for reason in diagnosis["reasons"]}
+    said.words |= {f"cause {cause['name']}:{cause['where']}" for cause in diagnosis["causes"]}
+    said.words |= {f"noise from {answer['noise']['from']}"}
+    for spring in answer["stiffness"]:
+        said.words |= {f"{spring['name']} {remark['odd']}" for remark in spring["remarks"]}
+        if spring["value"] is None:
+            said.words.add(f"{spring['name']} has no value")
+    said.words |= {
+        "finding " + "".join(c for c in f if c.isalpha())[:40] for f in answer["findings"]
+    }
+    said.blind = {spot["name"] for spot in diagnosis["blind_spots"]}
+    said.rejected = len(answer["rejected"])
+    said.compliance = tuple(spring["compliance"] for spring in answer["stiffness"])
+    said.std = tuple(spring["compliance_std"] for spring in answer["stiffness"])
+    said.p_value = answer["fit"]["p_value"]
+    played.unreadable = tuple(_unreadable(handover.files(found.model)))
+    if shown:
+        pages = render(found.answer, found.shown, 0.0, None)
+        pages["index.html"].decode("utf-8")
+
+
+def _not_finite(part: Any, path: str = "result.json") -> list[str]:
+    """Keys of numbers that are none."""
+    if isinstance(part, dict):
+        return [bad for key, each in part.items() for bad in _not_finite(each, f"{path}.{key}")]
+    if isinstance(part, list):
+        return [bad for each in part for bad in _not_finite(each, f"{path}[]")]
+    return [path] if isinstance(part, float) and not np.isfinite(part) else []
+
+
+def _unreadable(products: dict[str, bytes]) -> Sequence[str]:
+    """Products that are not what their name says."""
+    bad = []
+    try:
+        tomllib.loads(products["model.toml"].decode())
+    except ValueError as problem:
+        bad.append(f"model.toml: {problem}"[:200])
+    try:
+        ElementTree.fromstring(products["model.urdf"])
+    except (ElementTree.ParseError, ValueError) as problem:
+        bad.append(f"model.urdf: {problem}"[:200])
+    return bad
+
+
+def _innermost(problem: BaseException) -> str:
+    """The last line of the project's own code on the way to an error."""
+    frames = traceback.extract_tb(problem.__traceback__)
+    own = [frame for frame in frames if "/pipeline/" in frame.filename]
+    if not own:
+        return ""
+    last = own[-1]
+    return f"{last.filename.rpartition('/pipeline/')[2]}:{last.lineno} {last.name}"
+
+
+def as_row(played: Played) -> dict[str, Any]:
+    """What is kept of it, as JSON."""
+    kept = {
+        "verdict": played.said.verdict,
+        "refused": played.refused[:1200],
+        "where": played.where,
+        "warned": list(played.warned),
+    }
+    return json.loads(json.dumps({name: value for name, value in kept.items() if value}))

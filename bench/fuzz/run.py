@@ -1,0 +1,249 @@
+"""Cases played in processes with limits, and kept as lines that a later run goes on from."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+import traceback
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from multiprocessing import connection, get_context
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+SECONDS = 10.0
+"""Of a processor for one case, so that a busy machine makes no hang."""
+
+PATIENCE = 4
+"""A case that has not ended after so many times that time by the clock hangs, too."""
+
+GRACE = 5.0
+"""After which a process that does not listen is killed [s]."""
+
+MEMORY = 6 * 2**30
+"""Bytes of addresses for one process."""
+
+Row = dict[str, Any]
+Play = Callable[[int, str], Row]
+
+
+class _TimeUp(BaseException):
+    """The case has taken too long."""
+
+
+def _alarm(signum: int, frame: FrameType | None) -> None:
+    raise _TimeUp
+
+
+def limited(play: Play, number: int, to: str, seconds: float) -> Row:
+    """A row of a case, whatever happens to it in this process."""
+    began = time.process_time()
+    signal.signal(signal.SIGALRM, _alarm)
+    signal.signal(signal.SIGPROF, _alarm)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
+    signal.setitimer(signal.ITIMER_REAL, PATIENCE * seconds)
+    try:
+        row = play(number, to)
+    except _TimeUp as problem:
+        row = {"outcome": "hang", "why": f"more than {seconds:g} s at {_stack(problem)}"}
+    except MemoryError as problem:
+        row = {"outcome": "memory", "why": _stack(problem)}
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.setitimer(signal.ITIMER_REAL, 0)
+    took = round(1e3 * (time.process_time() - began))
+    return {"case": number, "to": to, **row, "ms": took}
+
+
+def _stack(problem: BaseException) -> str:
+    """The lines of the project, innermost last."""
+    own = [f for f in traceback.extract_tb(problem.__traceback__) if "/pipeline/" in f.filename]
+    places = [f"{f.filename.rpartition('/pipeline/')[2]}:{f.lineno} {f.name}" for f in own]
+    return " > ".join(places[-3:])
+
+
+def case_row(number: int, to: str) -> Row:
+    """Make a case, play it and judge it."""
+    from bench.fuzz import judge as court
+    from bench.fuzz.catalogue import case
+    from bench.fuzz.play import as_row, play
+
+    made = case(number)
+    about = {"base": made.base, "mutations": [mutation.name for mutation in made.mutations]}
+    try:
+        played = play(made.files, to, lambda seen: court.suspicious(made, seen), made.shown)
+        outcome = court.judge(made, played)
+    except (_TimeUp, MemoryError) as problem:
+        word = "memory" if isinstance(problem, MemoryError) else "hang"
+        return {**about, "outcome": word, "why": _stack(problem)}
+    return {**about, "outcome": outcome.word, "why": outcome.why, **as_row(played)}
+
+
+def _work(pipe: connection.Connection, play: Play, seconds: float) -> None:
+    """Play the cases that come through the pipe."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    if play is case_row:
+        _warm()
+    pipe.send(None)
+    while True:
+        try:
+            number, to = pipe.recv()
+        except EOFError:
+            return
+        pipe.send(limited(play, number, to, seconds))
+
+
+def _warm() -> None:
+    """What is imported or computed once is no case's time."""
+    from bench.fuzz.bases import NAMES
+    from bench.fuzz.judge import clean
+
+    for name in NAMES:
+        clean(name)
+
+
+@dataclass(eq=False)
+class _Worker:
+    """A process that plays, and what it is at."""
+
+    play: Play
+    seconds: float
+    at: tuple[int, str] | None = None
+    since: float = 0.0
+
+    def __post_init__(self) -> None:
+        context = get_context("spawn")
+        self.pipe, theirs = context.Pipe()
+        self.process = context.Process(
+            target=_work, args=(theirs, self.play, self.seconds), daemon=True
+        )
+        self.process.start()
+        theirs.close()
+
+    def give(self, number: int, to: str) -> None:
+        self.at, self.since = (number, to), time.monotonic()
+        self.pipe.send((number, to))
+
+    def end(self) -> None:
+        self.pipe.close()
+        self.process.kill()
+        self.process.join()
+
+
+def played(
+    asked: Iterable[tuple[int, str]],
+    jobs: int = 1,
+    play: Play = case_row,
+    seconds: float = SECONDS,
+) -> Iterator[Row]:
+    """Rows of cases, each a number and how far, in the order in which they end."""
+    os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    left = iter(asked)
+    workers = [_Worker(play, seconds) for _ in range(jobs)]
+    try:
+        while workers:
+            ready = connection.wait([w.pipe for w in workers], timeout=0.5)
+            for worker in list(workers):
+                if worker.pipe in ready:
+                    row = _heard(worker)
+                elif worker.at and time.monotonic() - worker.since > PATIENCE * seconds + GRACE:
+                    row = {"outcome": "hang", "why": "no signal reached it, the process was killed"}
+                else:
+                    continue
+                if worker.at is not None and row is not None:
+                    yield {"case": worker.at[0], "to": worker.at[1], **row}
+                if row is not None and "ms" not in row:  # dead or deaf
+                    worker.end()
+                    workers[workers.index(worker)] = worker = _Worker(play, seconds)
+                    continue
+                worker.at = None
+                further = next(left, None)
+                if further is None:
+                    worker.end()
+                    workers.remove(worker)
+                else:
+                    worker.give(*further)
+    finally:
+        for worker in workers:
+            worker.end()
+
+
+def _heard(worker: _Worker) -> Row | None:
+    """What came through the pipe; None when it is ready for its first case."""
+    try:
+        row: Row | None = worker.pipe.recv()
+    except (EOFError, OSError) as problem:
+        worker.process.join(5)
+        if worker.at is None:
+            raise RuntimeError("a process that plays cases could not begin") from problem
+        return {"outcome": "killed", "why": f"exit code {worker.process.exitcode}"}
+    return row
+
+
+# --- results -------------------------------------------------------------------------------------
+
+
+@cache
+def commit() -> str:
+    """Short name of the commit; a plus where files differ from it."""
+    git = ["git", "-C", str(Path(__file__).parent)]
+    said = [
+        subprocess.run([*git, *words], capture_output=True, text=True, check=False).stdout.strip()
+        for words in (["rev-parse", "--short", "HEAD"], ["status", "--porcelain", "-uno"])
+    ]
+    return said[0] + ("+" if said[1] else "")
+
+
+@cache
+def code() -> str:
+    """Hash of the package and of this fuzzer: rows of other code are played again."""
+    from pipeline.store.campaign import code_version  # a worker begins sooner without
+
+    mine = sorted(Path(__file__).parent.glob("*.*"))
+    parts = [code_version(), *(hashlib.sha256(path.read_bytes()).hexdigest() for path in mine)]
+    return hashlib.sha256("".join(parts).encode()).hexdigest()[:12]
+
+
+def kept(results: Path, to: str) -> dict[int, Row]:
+    """Rows of the present code; the last line may have been cut off."""
+    if not results.is_file():
+        return {}
+    rows = {}
+    for line in results.read_text("utf-8").splitlines():
+        try:
+            row = json.loads(line)
+        except ValueError:
+            continue
+        if row.get("code") == code() and row.get("to") == to:
+            rows[row["case"]] = row
+    return rows
+
+
+def contest(
+    cases: Iterable[int], to: str, results: Path, jobs: int = 1, seconds: float = SECONDS
+) -> list[Row]:
+    """Play the cases that are not in the file of results yet, and give the rows of all."""
+    cases = list(cases)
+    rows = kept(results, to)
+    left = [(number, to) for number in cases if number not in rows]
+    results.parent.mkdir(parents=True, exist_ok=True)
+    if left:
+        with results.open("a", encoding="utf-8") as out:
+            for row in played(left, min(jobs, len(left)), seconds=seconds):
+                whole = {**row, "commit": commit(), "code": code()}
+                out.write(json.dumps(whole) + "\n")
+                out.flush()
+                rows[whole["case"]] = whole
+                if sys.stderr.isatty():
+                    sys.stderr.write(f"\r{len(rows)} cases")
+    return [rows[number] for number in cases if number in rows]
