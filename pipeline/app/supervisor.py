@@ -38,6 +38,8 @@ _LONGEST_S = 60.0
 """The longest pause before something that ends again and again is started again [s]."""
 _STEADY_S = 600.0
 """What has run for so long is sound: when it ends, it is started again at once [s]."""
+_SET_BACK_S = 30.0
+"""A clock that is behind itself by so much was set; smaller steps are those of a time server [s]."""
 _LOG_BYTES = 2**24
 """A log that has grown larger begins anew."""
 
@@ -157,7 +159,12 @@ def serve(root: Path, preferences: Preferences, tell: Tell) -> None:
                 tell(f"{urls['page']}  Prefect's page: runs, results, logs")
                 tell(f"{urls['reports']}  the reports")
                 notify.systemd("READY=1")
+                ahead = _ahead_s()
                 while not asked.wait(_LOOK_S):
+                    if ahead - _ahead_s() > _SET_BACK_S:  # what is scheduled is far away now
+                        tell("This machine's clock was set back; the schedule is made anew.")
+                        schedule.stop()
+                    ahead = _ahead_s()
                     for child in (server, schedule):
                         _looked(child, tell)
                     notify.systemd("WATCHDOG=1")
@@ -165,6 +172,11 @@ def serve(root: Path, preferences: Preferences, tell: Tell) -> None:
             notify.systemd("STOPPING=1")
             schedule.stop()
             server.stop()
+
+
+def _ahead_s() -> float:
+    """How far the clock on the wall is ahead of one that nobody sets [s]."""
+    return time.time() - time.monotonic()
 
 
 def _looked(child: _Child, tell: Tell) -> None:
