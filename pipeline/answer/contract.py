@@ -395,7 +395,7 @@ class Scatter(Fact):
         description="found over the noise in use: 1 where repeats have corrected the stated one "
         "already, see `noise`"
     )
-    tracker_over_stated_std: float
+    tracker_over_stated_std: float | None = Field(description="null: no residuals are left")
     scale_over_tracker: float
     known_from: str
 

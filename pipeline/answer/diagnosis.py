@@ -86,7 +86,7 @@ def _detection(said: Diagnosis) -> contract.Detection:
 def _scatter(found: Scatter) -> contract.Scatter:
     return contract.Scatter(
         tracker_over_stated=found.tracker,
-        tracker_over_stated_std=found.tracker_std,
+        tracker_over_stated_std=finite(found.tracker_std),
         scale_over_tracker=found.force,
         known_from=found.known_from,
     )
