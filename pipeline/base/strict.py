@@ -15,7 +15,19 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from pipeline.base.errors import InputError, first_wrong
 
-Positive = Annotated[float, Field(gt=1e-12, le=1e12)]
+
+def _visible(least: float) -> AfterValidator:
+    """For numbers above zero: one that is as good as zero is a slip, and its square is none."""
+
+    def check(value: float) -> float:
+        if value < least:
+            raise ValueError(f"{value:g} is as good as zero; the least that counts is {least:g}")
+        return value
+
+    return AfterValidator(check)
+
+
+Positive = Annotated[float, Field(gt=0, le=1e12), _visible(1e-12)]
 """A number of any kind: a time, a weight, a factor."""
 NotNegative = Annotated[float, Field(ge=0, le=1e12)]
 """The same, or zero."""
@@ -30,12 +42,12 @@ Force = Annotated[float, Field(ge=-1e7, le=1e7)]
 """A force or a part of one [N]: a thousand tonnes."""
 LEAST_FORCE = 1e-6
 """A pull is stronger [N]: nothing measures what a micronewton does to a robot."""
-Pull = Annotated[float, Field(ge=LEAST_FORCE, le=1e7)]
+Pull = Annotated[float, Field(gt=0, le=1e7), _visible(LEAST_FORCE)]
 """A force that is not zero [N]."""
-Stiffness = Annotated[float, Field(ge=1e-3, le=1e18)]
+Stiffness = Annotated[float, Field(gt=0, le=1e18), _visible(1e-3)]
 """A joint's [N/m] or [N m/rad]: a cube of steel of a metre has 2e11, a rubber band 1e1."""
 
-Scatter = Annotated[float, Field(ge=1e-10, le=10)]
+Scatter = Annotated[float, Field(gt=0, le=10), _visible(1e-10)]
 """Standard uncertainty of a reading [m]: less than an atom, more than a room."""
 Uncertainty = Annotated[float, Field(ge=0, le=10)]
 """Standard uncertainty of a length [m], of an angle [rad], or one relative to a length or force."""
