@@ -38,6 +38,8 @@ JOINTS = (
 TOOL = {"P1": (200, 50, 120), "P2": (-120, 190, 100), "P3": (-100, -180, 220)}
 BASE = {"B1": (600, -500, -300), "B2": (600, 18500, -300), "B3": (-600, 18500, -280)}
 CHAIN = {"Pl1": (150, 0, 250), "Pl2": (150, 0, -350)}
+AT = (1150.0, 0.0, 250.0)
+"""A place near the chain [mm]."""
 
 
 def tracker_rows():
@@ -228,7 +230,8 @@ def test_latin_1_names_are_read():
         ("pose01_rep2_loaded,P2,881.0000", "pose01_rep2_loaded,P2,8_81.0000", "not a number"),
         ("pose01_rep2_loaded,P2,881.0000", "pose01_rep2_loaded,P2,", "has nothing in column x_mm"),
         ("pose01_rep2_loaded,P2,881.0000", "pose01_rep2_loaded,P2,1e999", "too large"),
-        ("pose01_rep2_loaded,P2,881.0000", "pose01_rep2_loaded,P2,1e200", "than 1 000 km"),
+        ("pose01_rep2_loaded,P2,881.0000", "pose01_rep2_loaded,P2,-1e160", "too large"),
+        ("pose01_rep2_loaded,P2,881.0000", "pose01_rep2_loaded,P2,1e20", "than 1 000 km"),
         (
             "pose01_rep2_loaded,P2,881.0000",
             "pose01_rep2_loaded,,881.0000",
@@ -266,8 +269,8 @@ def test_a_header_that_comes_again_is_named_as_such():
 
 
 def test_a_force_beyond_any_scale_is_left_out():
-    """1e300 N would drown every other pull."""
-    got = read(loads=LOADS.replace("702.31", "7e300"))
+    """1e20 N would drown every other pull."""
+    got = read(loads=LOADS.replace("702.31", "7e20"))
 
     assert ("loads.csv", 2) in [r[:2] for r in reasons(got) if "larger than any" in r[2]]
 
@@ -352,6 +355,18 @@ def test_a_missing_zero_costs_its_target_only():
             (1, 2),
             "no loaded reading of Pl2",
         ),
+        (
+            change(
+                tracker=tracker_csv(
+                    [
+                        (*r[:2], *AT) if r[1] in CHAIN and "1_rep2" in r[0] else r
+                        for r in tracker_rows()
+                    ]
+                )
+            ),
+            (1, 2),
+            "no distance between Pl1 and Pl2",
+        ),
         (change(loads=without(LOADS, "1,2,")), (1, 2), "pose 1 repeat 2 has no force in loads.csv"),
         (change(joints=without(JOINTS, "2,7.5")), (2, 1), "pose 2 has no row in joints.csv"),
         (change(loads=LOADS.replace("698.0", "-698.0")), (2, 1), "force is not above zero"),
@@ -363,7 +378,7 @@ def test_a_missing_zero_costs_its_target_only():
             "pose 2 has no unloaded reading",
         ),
     ],
-    ids=["chain", "load", "joints", "negative force", "zero"],
+    ids=["chain", "ends in one place", "load", "joints", "negative force", "zero"],
 )
 def test_an_incomplete_pull_goes_as_a_whole(changed, pull, said):
     """Without chain, force, joints or zero a pull is of no use; the others stay."""
