@@ -168,7 +168,9 @@ def regular_inverse(N: Array) -> Array:
     try:
         return np.asarray(np.linalg.inv(N))
     except np.linalg.LinAlgError:
-        singular = np.linalg.matrix_rank(N, hermitian=True) < N.shape[-1]
+        singular: Bools = np.asarray(~np.isfinite(N).all(axis=(-2, -1)))
+        regular = ~singular  # NaN has no rank
+        singular[regular] = np.linalg.matrix_rank(N[regular], hermitian=True) < N.shape[-1]
         safe = np.where(singular[:, None, None], np.eye(N.shape[-1]), N)
         return np.where(singular[:, None, None], np.nan, np.linalg.inv(safe))
 
