@@ -3,8 +3,11 @@
 Each ends in an answer that JSON can hold and a report, or in one sentence.
 """
 
+from pathlib import Path
+
 import pytest
 
+from pipeline.base.errors import InputError
 from pipeline.report.render import render
 from pipeline.run import answered
 from pipeline.simulate import Plan, simulate
@@ -71,3 +74,54 @@ def test_millimetres_read_as_metres_end_in_a_report(files):
     assert found.answer.diagnosis.verdict == "bad_data"
     assert {"index.html", "report.pdf"} <= {*pages}
     assert b"nan" not in pages["index.html"].split(b"<svg")[0]
+
+
+REDUCED = Path(__file__).parents[1] / "data" / "raw" / "fanuc_r2000ic"
+TABLES = ("displacements.csv", "forces.csv", "joints.csv")
+
+
+def reduced(poses, sigma=False):
+    """The measured FANUC with its first poses only; its noise is stated or has to be found."""
+    raw = {name: (REDUCED / name).read_bytes() for name in ("campaign.toml", *TABLES)}
+    for name in TABLES:
+        head, *rows = raw[name].decode().splitlines()
+        kept = [row for row in rows if int(row.split(",")[0]) <= poses]
+        raw[name] = "\n".join([head, *kept, ""]).encode()
+    if sigma:
+        raw["campaign.toml"] = raw["campaign.toml"].replace(
+            b"[joints]", b"sigma_m = 3e-5\n[joints]"
+        )
+    return raw
+
+
+@pytest.mark.parametrize(("poses", "sigma"), [(4, False), (3, False), (2, True)])
+def test_few_poses_get_an_honest_answer(poses, sigma):
+    """Nothing is left to test with two poses of one reflector, and no cause is named."""
+    found = answer(reduced(poses, sigma)).answer
+
+    assert found.fit.dof == 3 * poses - 6
+    assert not found.diagnosis.causes
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda raw: reduced(2), "6 displacement coordinates for 6 stiffnesses leave none"),
+        *(
+            (lambda raw, n=n: {**raw, n: raw[n].splitlines()[0]}, f"{n}: there is no row")
+            for n in TABLES
+        ),
+        *((lambda raw, n=n: {**raw, n: b""}, f"{n}: the file is empty") for n in TABLES),
+        (
+            lambda raw: {
+                **raw,
+                "forces.csv": b"pose,repeat,fx_n,fy_n,fz_n\n1,1,0,0,0\n2,1,0,1e-320,0\n",
+            },
+            "the force is zero",
+        ),
+    ],
+)
+def test_tables_that_say_nothing_get_a_sentence(spoil, said):
+    """Two poses without a noise, headers only, nothing at all, no force."""
+    with pytest.raises(InputError, match=said):
+        answered("c", in_memory(spoil(reduced(3))))
