@@ -32,6 +32,8 @@ Positive = Annotated[float, Field(gt=0, le=1e12), _visible(1e-12)]
 NotNegative = Annotated[float, Field(ge=0, le=1e12)]
 """The same, or zero."""
 
+Seconds = Annotated[float, Field(ge=0, le=1e6)]
+"""Between one reading and the next [s]: a week has 6e5."""
 Length = Annotated[float, Field(ge=-1e5, le=1e5)]
 """A coordinate or a distance [m]: 100 m of hall in millimetres."""
 Degrees = Annotated[float, Field(ge=-1e5, le=1e5)]

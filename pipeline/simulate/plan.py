@@ -15,8 +15,8 @@ from pipeline.base.strict import (
     ForceUncertainty,
     JointValue,
     NotNegative,
-    Positive,
     Scatter,
+    Seconds,
     Stiffness,
     Strict,
     Uncertainty,
@@ -167,9 +167,9 @@ class Clock(Strict):
     """When the readings are taken."""
 
     start: datetime = datetime(2026, 11, 3, 8, 0, 8)
-    reading_s: Positive = 8.0
-    pull_s: NotNegative = 60.0
-    pose_s: NotNegative = 120.0
+    reading_s: Annotated[Seconds, Field(gt=0)] = 8.0
+    pull_s: Seconds = 60.0
+    pose_s: Seconds = 120.0
 
 
 class Hidden(Strict):

@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from pipeline.base import toml
 from pipeline.base.arrays import Array, Bools, Locked
-from pipeline.base.errors import InputError, listed
+from pipeline.base.errors import InputError, first_wrong, listed
 from pipeline.base.strict import Degrees, Length, NotNegative, Stiffness
 
 SHIPPED = ("kr500_rail", "kr500_rail_kuka", "fanuc_r2000ic")
@@ -254,11 +254,9 @@ def parse(text: str, file: str) -> Robot:
         content = RobotFile.model_validate(table)
         placement, flange = placements(content.joint, content.convention)
     except ValidationError as problem:
-        first = problem.errors()[0]
-        where = ".".join(str(part) for part in first["loc"]) or "the robot"
-        raise InputError(
-            f"{where}: {first['msg']}", "correct the robot file", file=file
-        ) from problem
+        words, message = first_wrong(problem)
+        where = ".".join(words) or "the robot"
+        raise InputError(f"{where}: {message}", "correct the robot file", file=file) from problem
     except ValueError as problem:
         raise InputError(str(problem), "correct the row or the convention", file=file) from problem
     names = [joint.name for joint in content.joint]
