@@ -249,13 +249,16 @@ def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosis:
 
 
 def _enough(data: Measured, robot: Robot) -> None:
-    """At least as many coordinates as stiffnesses, or there is nothing to estimate.
+    """At least as many coordinates as stiffnesses, and more where they must tell the noise too.
 
     Raises:
         InputError: Fewer.
     """
-    if data.delta.size < robot.n:
+    size, noise = data.delta.size, data.noise_stated or data.found_m is not None
+    if size < robot.n or (size == robot.n and not noise):
         raise InputError(
-            f"{data.delta.size} displacement coordinates for {robot.n} stiffnesses",
-            "add pulls in more poses, or more reflectors",
+            f"{size} displacement coordinates for {robot.n} stiffnesses"
+            + ("" if size < robot.n else " leave none to tell the noise from"),
+            "add pulls in more poses, or more reflectors"
+            + ("" if noise else ", or state the noise as sigma_m"),
         )

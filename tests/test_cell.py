@@ -111,6 +111,16 @@ def test_second_order_vanishes_with_the_load():
     assert gap(2000.0) / gap(1000.0) == pytest.approx(4.0, rel=0.02)
 
 
+def test_a_force_in_a_wrong_unit_still_finds_an_equilibrium():
+    """A thousand times and a million times too large: far away, but a number."""
+    here = replace(cell(), equilibrium="deformed")
+    for size in (3e6, 3e9):
+        there = predict(here, pulls(here.robot, 20, size=size), here.robot.nominal_compliance)
+
+        assert np.isfinite(there.displacement).all()
+        assert np.abs(there.displacement).max() < 100
+
+
 def test_what_remembers_a_pose_remembers_nothing_of_another_set_of_forces():
     """Hysteresis under the same forces twice over: the second set moves as the first."""
     bare = cell()

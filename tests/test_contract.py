@@ -3,11 +3,12 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from pydantic import ValidationError
 
 from bench import schema
-from pipeline.answer.contract import Answer
+from pipeline.answer.contract import Answer, Deflection, Drawn, Fit
 from pipeline.run import answered
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
@@ -44,6 +45,21 @@ def test_an_answer_is_its_own_dump(answer):
 
     assert Answer.model_validate_json(text) == answer
     assert json.dumps(Answer.model_validate_json(text).as_json()) == text
+
+
+def test_what_is_no_number_leaves_as_null(answer):
+    """Infinite, undefined, in a list or by name: null in the answer, and in nothing else."""
+    given = dict(answer.fit) | {"chi2": float("nan"), "residual_std_mm": np.float64(np.inf)}
+    fit = Fit(**given)
+    drawn = Drawn(test_pose={"P1": np.nan, "P2": 1.0}, global_={})
+    moved = dict(answer.test_pose_deflection[0]) | {"dx_mm": np.nan, "std_mm": (np.inf, 1.0, 2.0)}
+
+    assert (fit.chi2, fit.residual_std_mm, fit.rms_mm) == (None, None, answer.fit.rms_mm)
+    assert drawn.test_pose == {"P1": None, "P2": 1.0}
+    assert Deflection(**moved).std_mm == (None, 1.0, 2.0)
+    assert Deflection(**moved).size_mm is None
+    with pytest.raises(ValidationError):
+        Fit(**given | {"dof": np.nan})
 
 
 @pytest.mark.parametrize(

@@ -41,6 +41,16 @@ def beside(y, order=slice(None), scale=1.0):
     return by_products(view(y, order, scale).M, np.arange(BASE), AT, DOF)
 
 
+def test_where_no_row_is_left_nothing_is_drawn():
+    """As many unknowns as rows: the threshold is a number, and no test reaches it."""
+    seen = view(np.zeros(ROWS))
+
+    for dof in (0, 1):
+        assert (
+            0 < threshold(seen, np.arange(BASE), dof, np.random.default_rng(1)).p <= alarms.SUSPECT
+        )
+
+
 def left(columns, y):
     """Sums of squares that numpy's least squares leaves of each column of y."""
     Q = np.linalg.qr(columns)[0]

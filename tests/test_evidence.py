@@ -47,6 +47,16 @@ def by_quadrature(G, h, lower, upper):
     return np.log(np.mean([integral(G, h, lower, upper, width) for width in WIDTHS]))
 
 
+@pytest.mark.parametrize(("rest", "dof"), [(0.0, DOF), (1e-30, 0), (0.0, 0)])
+def test_data_that_leave_nothing_give_a_number(rest, dof):
+    """The base meets them to the last digit, or no row is left: no evidence for any suspect."""
+    G, h, bound = np.array([[[9.0]]]), np.zeros((1, 1)), np.full((1, 1), np.inf)
+    found = _evidence(G, h, rest, dof, 0 * bound.clip(0, 1), bound)
+
+    assert np.isfinite(found).all()
+    assert found[0] < 0
+
+
 @pytest.mark.parametrize("strength", [0.3, 3.0, 12.0])
 @pytest.mark.parametrize("size", [-0.05, 0.0, 0.5, 1.5])
 @pytest.mark.parametrize("bounds", [(-np.inf, np.inf), (0.0, np.inf), (-1.0, 2.0)])

@@ -38,6 +38,8 @@ JOINTS = (
 TOOL = {"P1": (200, 50, 120), "P2": (-120, 190, 100), "P3": (-100, -180, 220)}
 BASE = {"B1": (600, -500, -300), "B2": (600, 18500, -300), "B3": (-600, 18500, -280)}
 CHAIN = {"Pl1": (150, 0, 250), "Pl2": (150, 0, -350)}
+AT = (1150.0, 0.0, 250.0)
+"""A place near the chain [mm]."""
 
 
 def tracker_rows():
@@ -228,7 +230,8 @@ def test_latin_1_names_are_read():
         ("pose01_rep2_loaded,P2,881.0000", "pose01_rep2_loaded,P2,8_81.0000", "not a number"),
         ("pose01_rep2_loaded,P2,881.0000", "pose01_rep2_loaded,P2,", "has nothing in column x_mm"),
         ("pose01_rep2_loaded,P2,881.0000", "pose01_rep2_loaded,P2,1e999", "too large"),
-        ("pose01_rep2_loaded,P2,881.0000", "pose01_rep2_loaded,P2,1e200", "than 10 000 km"),
+        ("pose01_rep2_loaded,P2,881.0000", "pose01_rep2_loaded,P2,-1e160", "too large"),
+        ("pose01_rep2_loaded,P2,881.0000", "pose01_rep2_loaded,P2,1e20", "than 1 000 km"),
         (
             "pose01_rep2_loaded,P2,881.0000",
             "pose01_rep2_loaded,,881.0000",
@@ -266,10 +269,53 @@ def test_a_header_that_comes_again_is_named_as_such():
 
 
 def test_a_force_beyond_any_scale_is_left_out():
-    """1e300 N would drown every other pull."""
-    got = read(loads=LOADS.replace("702.31", "7e300"))
+    """1e20 N would drown every other pull."""
+    got = read(loads=LOADS.replace("702.31", "7e20"))
 
     assert ("loads.csv", 2) in [r[:2] for r in reasons(got) if "larger than any" in r[2]]
+
+
+@pytest.mark.parametrize("force", ["0", "1e-320", "1e-9"])
+def test_a_force_that_is_none_is_left_out(force):
+    """A pull without a force has no direction to weigh it along."""
+    got = read(loads=LOADS.replace("702.31", force))
+
+    assert ("loads.csv", 2) in [r[:2] for r in reasons(got) if "not above zero" in r[2]]
+
+
+@pytest.mark.parametrize("log", ["loads", "joints"])
+def test_a_log_with_its_header_only_is_named(log):
+    """It holds nothing, and the sentence says which file that is."""
+    header = {"loads": LOADS, "joints": JOINTS}[log].splitlines()[0]
+    with pytest.raises(InputError, match=rf"{log}\.csv: there is no row in it"):
+        read(**{log: header + "\n"})
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("P1 = [0.20", "P1 = [1e160", r"tool\.P1.*1e\+160 should be less than"),
+        ("B2 = [0.6", "B2 = [-1e308", r"base_frame\.B2.*-1e\+308 should be greater than"),
+        ("sigma_m = 3.0e-5", "sigma_m = 1e160", r"tracker\.sigma_m: 1e\+160 should be less"),
+        ("sigma_m = 3.0e-5", "sigma_m = 1e-320", r"tracker\.sigma_m: .* is as good as zero"),
+        ("sigma_n = 2.0", "sigma_n = 1e12", r"scale\.sigma_n: .* should be less than"),
+        ("sigma_n = 2.0", "sigma_rel = 1e12", r"scale\.sigma_rel: .* should be less than"),
+        ("P2 = [-0.12, 0.19, 0.10]", "P2 = [0.20, 0.05, 0.12]", "P1, P2 in one place"),
+        ("[scale]", '[naming]\nmeasured = ["P1", "P2", "P2", "P3"]\n[scale]', "has P2 twice"),
+        ("[scale]", '[naming]\nchain = ["Pl1", "Pl1"]\n[scale]', "has Pl1 twice"),
+        (
+            "[scale]",
+            '[naming]\nchain = ["P1", "P2"]\n[scale]',
+            '"P1" stands in naming.measured and',
+        ),
+        ("B1 =", "P3 =", r'"P3" stands in naming.measured and in \[base_frame\]'),
+    ],
+)
+def test_settings_say_what_no_hall_has(old, new, said):
+    """Numbers beyond all bounds, and reflectors that would be in two places."""
+    assert old in TOML
+    with pytest.raises(InputError, match=said):
+        parse(TOML.replace(old, new, 1))
 
 
 def test_an_unreadable_time_costs_its_row():
@@ -309,6 +355,18 @@ def test_a_missing_zero_costs_its_target_only():
             (1, 2),
             "no loaded reading of Pl2",
         ),
+        (
+            change(
+                tracker=tracker_csv(
+                    [
+                        (*r[:2], *AT) if r[1] in CHAIN and "1_rep2" in r[0] else r
+                        for r in tracker_rows()
+                    ]
+                )
+            ),
+            (1, 2),
+            "no distance between Pl1 and Pl2",
+        ),
         (change(loads=without(LOADS, "1,2,")), (1, 2), "pose 1 repeat 2 has no force in loads.csv"),
         (change(joints=without(JOINTS, "2,7.5")), (2, 1), "pose 2 has no row in joints.csv"),
         (change(loads=LOADS.replace("698.0", "-698.0")), (2, 1), "force is not above zero"),
@@ -320,7 +378,7 @@ def test_a_missing_zero_costs_its_target_only():
             "pose 2 has no unloaded reading",
         ),
     ],
-    ids=["chain", "load", "joints", "negative force", "zero"],
+    ids=["chain", "ends in one place", "load", "joints", "negative force", "zero"],
 )
 def test_an_incomplete_pull_goes_as_a_whole(changed, pull, said):
     """Without chain, force, joints or zero a pull is of no use; the others stay."""

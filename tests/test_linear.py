@@ -117,6 +117,28 @@ def test_whitened_rows_have_unit_covariance():
     assert np.allclose(L @ L.T, np.diag([4.0, 1.0, 0.0]))
 
 
+def test_an_error_that_drowns_the_others_is_weighed_as_the_others_are_not_seen():
+    """One of 1e12 times theirs, in all rows: across it they keep unit covariance to rounding."""
+    shared = RNG.standard_normal(12)
+    V = np.eye(12) + 1e24 * np.outer(shared, shared)
+    with pytest.raises(np.linalg.LinAlgError):
+        np.linalg.cholesky(V)
+    W = linear.whitening(np.stack([V, np.eye(12)]))
+
+    assert np.isfinite(W).all()
+    assert np.linalg.norm(W[0] @ V @ W[0].T, 2) < 2
+    assert np.allclose(W[1], np.eye(12))
+
+
+def test_one_member_that_is_none_spoils_no_other():
+    """Singular or NaN: that member is NaN, the others have their inverse."""
+    N = np.stack([2 * np.eye(3), np.zeros((3, 3)), np.full((3, 3), np.nan)])
+    found = linear.regular_inverse(N)
+
+    assert np.allclose(found[0], np.eye(3) / 2)
+    assert np.isnan(found[1:]).all()
+
+
 def test_a_rigid_motion_is_found_again():
     """Also of points in one plane, where a mirror would fit as well."""
     a = RNG.standard_normal((6, 3)) * [1, 1, 0]

@@ -415,3 +415,21 @@ def test_an_ordinary_plan_crosses_its_approaches(realistic, proposal):
 
     assert set(of_plan(up, plan).approach) == {1.0}
     assert set(of_plan(realistic, plan).approach) == {1.0, -1.0}
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        "tracker]\nsigma_m = 1e160",
+        "tracker]\nposition = [1e160, 0, 0]",
+        "pulls]\nsteps_n = [1e-320]",
+        "hidden]\nstiffness = [1e300]",
+        "clock]\npull_s = 1e12",
+        "scale]\ngain_error = -2",
+    ],
+)
+def test_a_plan_with_numbers_of_no_hall_is_refused(said):
+    """The word is named; what could be simulated from it could not be read again."""
+    word = said.replace("]\n", ".").split(" =")[0]
+    with pytest.raises(InputError, match=rf"{word}.*(should be|good as zero)"):
+        parse("[" + said)

@@ -107,6 +107,8 @@ def pdf_words(reader: pypdf.PdfReader) -> str:
         (2.1e-8, 1.04e-9, "(2.10 ± 0.10) × 10⁻⁸"),
         (-3.0e-9, 2.2e-8, "(-0.3 ± 2.2) × 10⁻⁸"),
         (5.0, None, "5.00"),
+        (158.48931924611142, 3e-31, "158"),
+        (0.0, 0.0, "0"),
         (None, 1.0, numbers.MISSING),
         (float("nan"), 1.0, numbers.MISSING),
     ],
@@ -114,6 +116,11 @@ def pdf_words(reader: pypdf.PdfReader) -> str:
 def test_the_uncertainty_gets_two_digits_and_sets_those_of_the_value(value, std, shown):
     """Two significant digits of the standard uncertainty, the value rounded at the same place."""
     assert numbers.with_std(value, std) == shown
+
+
+def test_an_interval_has_the_digits_of_a_double():
+    """An uncertainty below rounding asks for more digits than there are."""
+    assert numbers.interval((158.5, 1e5), 3e-31) == "158.50000000000000 to 100000.00000000000"
 
 
 @pytest.mark.parametrize(

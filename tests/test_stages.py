@@ -1,5 +1,7 @@
 """Stages on small tables whose answer is known without them."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -136,9 +138,10 @@ def test_registration_claims_the_scatter_it_has(settings):
 def test_a_reading_without_any_uncertainty_is_refused(settings):
     """It would outweigh all others; the sentence names its line."""
     table = readings(base_rows(settings, R0, T0))
-    table.loc[2, covariance.columns()] = 0.0
-    with pytest.raises(InputError, match=r"t\.csv:4: the uncertainty of B3 is zero"):
-        register(settings, table)
+    for nothing in (0.0, 1e-320):
+        table.loc[2, covariance.columns()] = [nothing, 0.0, 0.0, nothing, 0.0, nothing]
+        with pytest.raises(InputError, match=r"t\.csv:4: the uncertainty of B3 is zero"):
+            register(settings, table)
 
 
 def test_two_base_reflectors_are_refused(settings):
@@ -152,6 +155,18 @@ def test_base_reflectors_on_a_line_are_refused():
     text = SETTINGS.replace("B3 = [-0.6, 18.5, -0.28]\nB4 = [2.0, 9.0, 3.0]", "B3 = [0.6, 9, -0.3]")
     settings = parse(text)
     with pytest.raises(InputError, match="on one line"):
+        register(settings, readings(base_rows(settings, R0, T0)))
+
+
+@pytest.mark.parametrize("apart", [0.0, 1e-9, 1e-3])
+def test_base_reflectors_in_one_place_are_refused(apart):
+    """They have no direction; a ball of half an inch cannot be a millimetre from the next."""
+    places = [[0.6 + k * apart, -0.5, -0.3 + k % 2 * apart] for k in range(4)]
+    text = SETTINGS
+    for k, at in enumerate(places, 1):
+        text = re.sub(rf"B{k} = .*", f"B{k} = {at}", text)
+    settings = parse(text)
+    with pytest.raises(InputError, match="B1, B2, B3, B4 are all in one place"):
         register(settings, readings(base_rows(settings, R0, T0)))
 
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -11,7 +12,7 @@ from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import SHIPPED, load
 from pipeline.machine.robot.model import model
 from pipeline.prediction.model import Hypothesis
-from pipeline.prediction.workspace import arm_joints, workspace
+from pipeline.prediction.workspace import _seen, arm_joints, workspace
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.system.system import Estimate
 
@@ -71,6 +72,18 @@ def test_no_pull_moves_the_load_point_further(name):
 
     assert size.max() <= here["worst_m_per_n"] * (1 + 1e-9)
     assert size.max() >= here["worst_m_per_n"] * 0.995
+
+
+def test_a_stretched_arm_has_its_map():
+    """Neither side is the other one there: the test pose stays, whatever its bend rounds to."""
+    turn = np.tile(np.eye(3), (3, 2, 1, 1))
+    elbow = np.tile([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], (3, 1, 1))
+    points = np.array([[[2.0, 0.0, 0.0]], [[1.0, 1.0, 0.0]], [[1.0, -1.0, 0.0]]])
+    here = SimpleNamespace(points=lambda _: points, axes=turn, origin=elbow)
+    inside, plane = _seen(here, cell_of("kr500_rail"), (0, 1))
+
+    assert inside.tolist() == [True, True, False]
+    assert np.isfinite(plane).all()
 
 
 def test_its_uncertainty_is_that_of_draws_from_the_covariance():

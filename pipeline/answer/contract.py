@@ -10,12 +10,22 @@ import math
 from enum import StrEnum
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
 
 from pipeline.diagnosis.finding import Finding, Verdict
 
+
+def _known(said: Any, info: ValidationInfo) -> Any:
+    """None for a number that is infinite or undefined; in result.json itself there is none."""
+    if info.mode == "json" or not isinstance(said, float):
+        return said
+    return float(said) if math.isfinite(said) else None
+
+
+Number = Annotated[float | None, BeforeValidator(_known)]
+"""A number, or null where nobody knows it: the one place where one that is none becomes that."""
 Where = int | str | None
-Interval = tuple[float | None, float | None]
+Interval = tuple[Number, Number]
 Share = Annotated[float, Field(ge=-1e-9, le=1 + 1e-9)]
 
 
@@ -139,16 +149,16 @@ class Stiffness(Fact):
     joint_name: str = Field(description="in the robot file: r1, theta2, ...")
     name: str = Field(description="k_r1, k_theta2, ...")
     unit: str = Field(description="of value, std and ci95")
-    value: float | None = Field(description="null where the data give none; `finding` says why")
-    std: float | None = Field(description="standard uncertainty")
+    value: Number = Field(description="null where the data give none; `finding` says why")
+    std: Number = Field(description="standard uncertainty")
     ci95: Interval = Field(description="95 % interval; null is no limit")
     identifiable: bool = Field(description="whether the data determine it")
     joint_type: JointType
-    compliance: float | None = Field(description="the estimate itself")
-    compliance_std: float | None = Field(description="its standard uncertainty; null: undetermined")
+    compliance: Number = Field(description="the estimate itself")
+    compliance_std: Number = Field(description="its standard uncertainty; null: undetermined")
     compliance_unit: str
-    relative_std: float | None = Field(description="std over value")
-    nominal: float | None = Field(description="stiffness in the robot file")
+    relative_std: Number = Field(description="std over value")
+    nominal: Number = Field(description="stiffness in the robot file")
     finding: str | None = Field(description="what to know of it, in a sentence")
     remarks: tuple[Remark, ...] = Field(default=(), description="the same, to be told apart")
     budget: tuple[BudgetPart, ...] = Field(description="where its uncertainty comes from")
@@ -157,17 +167,17 @@ class Stiffness(Fact):
 class Fit(Fact):
     """How well a model meets the data."""
 
-    rms_mm: float = Field(description="residual, root mean square over coordinates, unweighted")
-    chi2: float
+    rms_mm: Number = Field(description="residual, root mean square over coordinates, unweighted")
+    chi2: Number
     dof: int
-    p_value: float | None = Field(description="null where no noise is stated")
+    p_value: Number = Field(description="null where no noise is stated")
     noise_from: NoiseFrom
-    residual_std_mm: float
-    second_order_rms_mm: float = Field(description="what c = B x leaves out, rms")
+    residual_std_mm: Number
+    second_order_rms_mm: Number = Field(description="what c = B x leaves out, rms")
     noise_statement: str
 
 
-PerTarget = dict[str, float]
+PerTarget = dict[str, Number]
 
 
 class Drawn(Fact):
@@ -184,7 +194,7 @@ class Drawn(Fact):
 class Validation(Drawn):
     """How far predictions can be trusted."""
 
-    held_out_rms_mm: float | None = Field(
+    held_out_rms_mm: Number = Field(
         description="rms error of a pose that was left out with all its pulls, unweighted"
     )
     independent: Drawn = Field(description="as in Eq. (23), each stiffness drawn by itself")
@@ -196,17 +206,16 @@ class Deflection(Fact):
     """Predicted deflection of one target at the test pose."""
 
     target: str
-    dx_mm: float
-    dy_mm: float
-    dz_mm: float
-    std_mm: tuple[float | None, float | None, float | None] = Field(
-        description="per axis; null: infinite"
-    )
+    dx_mm: Number
+    dy_mm: Number
+    dz_mm: Number
+    std_mm: tuple[Number, Number, Number] = Field(description="per axis; null: infinite")
 
     @property
-    def size_mm(self) -> float:
+    def size_mm(self) -> float | None:
         """Its length."""
-        return math.hypot(self.dx_mm, self.dy_mm, self.dz_mm)
+        x, y, z = self.dx_mm, self.dy_mm, self.dz_mm
+        return None if x is None or y is None or z is None else math.hypot(x, y, z)
 
 
 class Values(Fact):
@@ -261,8 +270,8 @@ class Amplitude(Fact):
     """One parameter of a cause."""
 
     name: str
-    value: float
-    std: float | None
+    value: Number
+    std: Number
     unit: str
     ci95: Interval | None = None
 
@@ -284,12 +293,12 @@ class Unnamed(Fact):
 class Gain(Fact):
     """What the causes are worth at poses that were left out."""
 
-    held_out_rms_before_mm: float | None
-    held_out_rms_after_mm: float | None
-    reduction: float | None = Field(description="fraction by which the error falls")
+    held_out_rms_before_mm: Number
+    held_out_rms_after_mm: Number
+    reduction: Number = Field(description="fraction by which the error falls")
     ci95: Interval | None
     of: Predicted | None = None
-    test_pose_change_mm: float | None
+    test_pose_change_mm: Number
 
 
 class Evidence(Fact):
@@ -297,8 +306,8 @@ class Evidence(Fact):
 
     sentence: str
     correction: str
-    before: float
-    after: float
+    before: Number
+    after: Number
     unit: str
 
 
@@ -311,7 +320,7 @@ class Cause(Placed):
     form: str | None = None
     probability: Share = Field(description="among the catalogue's causes that could stand there")
     parameters: tuple[Amplitude, ...]
-    p_value: float | None = Field(description="chance of so much evidence without it")
+    p_value: Number = Field(description="chance of so much evidence without it")
     rivals: tuple[Rival, ...]
     outside_catalogue: Unnamed | None = None
     twins: tuple[str, ...] = Field(default=(), description="what no pose tells from it")
@@ -326,7 +335,7 @@ class Alone(Placed):
 
     form: str | None
     probability: Share
-    reduction: float
+    reduction: Number
     ci95: Interval
 
 
@@ -334,7 +343,7 @@ class BlindSpot(Placed):
     """An effect that may be there unseen."""
 
     why: str
-    smallest_visible: float | None = Field(description="null: never visible")
+    smallest_visible: Number = Field(description="null: never visible")
     parameter: str
     unit: str
     typical: float
@@ -349,9 +358,9 @@ class NextPose(Fact):
     q_unit: tuple[Literal["m", "deg"], ...]
     anchor_m: tuple[float, float, float]
     force_n: float
-    approach: float | None = Field(description="which way the carriage comes; null without a rail")
-    sigmas_before: float
-    sigmas_after: float
+    approach: Number = Field(description="which way the carriage comes; null without a rail")
+    sigmas_before: Number
+    sigmas_after: Number
     pose: int = Field(description="its number")
 
 
@@ -359,30 +368,30 @@ class MisfitPlace(Fact):
     """Where what is left sits."""
 
     place: str
-    share: float
-    p_value: float
+    share: Number
+    p_value: Number
 
 
 class PosesPulls(Fact):
     """Two tests of lack of fit."""
 
-    poses: float | None
-    pulls: float | None
+    poses: Number
+    pulls: Number
 
 
 class Remainder(PosesPulls):
     """The same with the causes, and the smallest p of a further one."""
 
-    further_cause: float | None
+    further_cause: Number
 
 
 class Detection(Fact):
     """How sure the search was."""
 
-    threshold_p: float | None
-    smallest_p: float | None
+    threshold_p: Number
+    smallest_p: Number
     lack_of_fit_p: PosesPulls
-    remainder_over_scatter: float | None = Field(
+    remainder_over_scatter: Number = Field(
         description="what is left with the causes over the scatter of the readings; null: unknown"
     )
     remainder_p: Remainder
@@ -391,12 +400,12 @@ class Detection(Fact):
 class Scatter(Fact):
     """Scatter of the readings."""
 
-    tracker_over_stated: float = Field(
+    tracker_over_stated: Number = Field(
         description="found over the noise in use: 1 where repeats have corrected the stated one "
         "already, see `noise`"
     )
-    tracker_over_stated_std: float
-    scale_over_tracker: float
+    tracker_over_stated_std: Number = Field(description="null: no residuals are left")
+    scale_over_tracker: Number
     known_from: str
 
 
@@ -413,7 +422,7 @@ class Diagnosis(Fact):
     alone: tuple[Alone, ...] = Field(
         description="what the likeliest causes do each as the only one"
     )
-    unloaded_off_mm: tuple[float | None, float | None] = Field(
+    unloaded_off_mm: tuple[Number, Number] = Field(
         description="how far the unloaded reflectors stand from the robot's table, without and "
         "with the causes"
     )
@@ -424,16 +433,16 @@ class Diagnosis(Fact):
     detection: Detection
     scatter: Scatter
     equilibrium: Equilibrium
-    noise_floor_mm: float
+    noise_floor_mm: Number
 
 
 class NoiseComponent(Fact):
     """One noise, found over stated (in m where none is stated)."""
 
     name: str
-    found_over_stated: float
-    std: float
-    p_value: float
+    found_over_stated: Number
+    std: Number
+    p_value: Number
 
 
 class Noise(Fact):
@@ -455,11 +464,11 @@ class Rejected(Fact):
 class Registration(Fact):
     """How the base reflectors fit."""
 
-    rms_mm: float
-    max_mm: float
-    chi2: float | None
+    rms_mm: Number
+    max_mm: Number
+    chi2: Number
     dof: int
-    p_value: float | None
+    p_value: Number
     rotation_std_rad: tuple[float, float, float]
     translation_std_m: tuple[float, float, float]
 

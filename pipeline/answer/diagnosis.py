@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.answer import contract
 from pipeline.answer.contract import Equilibrium, NoiseFrom, Predicted
 from pipeline.answer.findings import Findings
-from pipeline.answer.numbers import finite, left_out_mm
+from pipeline.answer.numbers import left_out_mm
 from pipeline.answer.words import why
 from pipeline.diagnosis.facts import (
     Alone,
@@ -59,7 +59,7 @@ def entry(said: Diagnosis, robot: Robot, whole: Facts | None = None) -> contract
         reasons=tuple(row.finding for row in findings(facts)),
         causes=tuple(map(_cause, said.causes)),
         alone=tuple(map(_alone, said.alone)),
-        unloaded_off_mm=(finite(1e3 * before_m), finite(1e3 * after_m)),
+        unloaded_off_mm=(1e3 * before_m, 1e3 * after_m),
         blind_spots=tuple(map(_blind, said.blind_spots)),
         next_poses=tuple(_pose(proposal, robot) for proposal in said.next_poses),
         refused=said.refused,
@@ -72,11 +72,11 @@ def entry(said: Diagnosis, robot: Robot, whole: Facts | None = None) -> contract
 
 
 def _detection(said: Diagnosis) -> contract.Detection:
-    poses, pulls = map(finite, said.lack_of_fit)
-    left_poses, left_pulls, further = map(finite, said.remainder)
+    poses, pulls = said.lack_of_fit
+    left_poses, left_pulls, further = said.remainder
     return contract.Detection(
-        threshold_p=finite(said.threshold),
-        smallest_p=finite(min((clue.p_value for clue in said.clues), default=np.nan)),
+        threshold_p=said.threshold,
+        smallest_p=min((clue.p_value for clue in said.clues), default=None),
         lack_of_fit_p=contract.PosesPulls(poses=poses, pulls=pulls),
         remainder_over_scatter=said.rough,
         remainder_p=contract.Remainder(poses=left_poses, pulls=left_pulls, further_cause=further),
@@ -118,13 +118,12 @@ def _cause(cause: Cause) -> contract.Cause:
 
 
 def _amplitude(one: Amplitude) -> contract.Amplitude:
-    low, high = one.ci95
     return contract.Amplitude(
         name=one.parameter.name,
         value=one.value,
-        std=finite(one.std),
+        std=one.std,
         unit=one.parameter.unit,
-        ci95=(finite(low), finite(high)),
+        ci95=one.ci95,
     )
 
 

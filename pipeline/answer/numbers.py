@@ -16,8 +16,3 @@ def left_out_mm(left_out_m: Array) -> float | None:
     """The same of cross-validation residuals [m] that other poses determine; None without any."""
     known = left_out_m[np.isfinite(left_out_m)]
     return rms_mm(known) if len(known) else None
-
-
-def finite(value: float) -> float | None:
-    """A number JSON can hold."""
-    return float(value) if np.isfinite(value) else None

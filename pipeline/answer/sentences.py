@@ -111,8 +111,8 @@ def _deflection(
     mine: Sequence[Deflection], springs: Sequence[Deflection], found: Findings
 ) -> Iterable[str]:
     """What the model changes at the test pose, at the target that moves most."""
-    sizes = [[one.size_mm for one in those] for those in (mine, springs)]
-    if not sizes[0] or not np.all(np.isfinite(sizes)):
+    sizes = [[one.size_mm for one in those if one.size_mm is not None] for those in (mine, springs)]
+    if not sizes[0] or not len(sizes[0]) == len(sizes[1]) == len(mine):
         return
     k = int(np.argmax(sizes[0]))
     where = "the test pose" if found.where.stated else "the pose of the strongest pull"

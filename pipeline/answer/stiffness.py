@@ -8,7 +8,6 @@ import numpy as np
 
 from pipeline.answer import remarks
 from pipeline.answer.contract import BudgetPart, JointType, Odd, Remark, Stiffness
-from pipeline.answer.numbers import finite
 from pipeline.base.arrays import Array
 from pipeline.diagnosis.average import Dependence, Hypothesis, Springs, dependences, springs
 from pipeline.machine.cell import Cell
@@ -58,16 +57,15 @@ def _parts(hypotheses: Sequence[Hypothesis], n: int) -> dict[str, Array]:
 
 def _budget(found: Springs, parts: Mapping[str, Array], k: int) -> tuple[BudgetPart, ...]:
     """What each source adds to one stiffness: standard uncertainty [its unit], part of variance."""
-    x = float(found.value[k])
-    if not found.identifiable[k] or x <= 0:
+    x, total = float(found.value[k]), float(found.cov[k, k])
+    if not (found.identifiable[k] and x > 0 and 0 < total < np.inf):
         return ()
-    total = float(found.cov[k, k])
     shares = {name: float(variance[k]) / total for name, variance in parts.items()}
     rest = 1 - sum(shares.values())
     if rest > _SHOWN:
         shares[_WHICH] = rest
     return tuple(
-        BudgetPart(source=name, std=float(np.sqrt(share * total)) / x**2, share=share)
+        BudgetPart(source=name, std=float(np.sqrt(max(share, 0.0) * total)) / x**2, share=share)
         for name, share in shares.items()
     )
 
@@ -99,7 +97,7 @@ def _stiffness(joint: Joint, found: Springs, k: int, parts: tuple[BudgetPart, ..
         identifiable=identifiable,
         joint_type=JointType.PRISMATIC if joint.prismatic else JointType.REVOLUTE,
         compliance=x if np.isfinite(std) else None,
-        compliance_std=finite(std),
+        compliance_std=std,
         compliance_unit=joint.compliance_unit,
         relative_std=std / x if has_value else None,
         nominal=joint.stiffness,

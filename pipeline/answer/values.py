@@ -10,7 +10,7 @@ import pandas as pd
 from pipeline.answer import contract
 from pipeline.answer.contract import Deflection, Drawn, Fit, NoiseFrom, Validation
 from pipeline.answer.findings import Told
-from pipeline.answer.numbers import finite, left_out_mm, rms_mm
+from pipeline.answer.numbers import left_out_mm, rms_mm
 from pipeline.answer.recommended import Values
 from pipeline.answer.stiffness import stiffness_entries
 from pipeline.base.arrays import Array
@@ -114,7 +114,7 @@ def _drawn(checked: pd.DataFrame, draw: str) -> Drawn:
     return Drawn(test_pose=_means(near), global_=_means(far))
 
 
-def _means(rows: pd.DataFrame) -> dict[str, float]:
+def _means(rows: pd.DataFrame) -> contract.PerTarget:
     """Of each target, in their order."""
     means = rows.groupby("target", sort=False)["mu"].mean()
     return {str(target): float(mean) for target, mean in means.items()}
@@ -124,6 +124,8 @@ def deflection_entries(model: Model, where: Where) -> tuple[Deflection, ...]:
     """Predicted deflection at the test pose with its standard uncertainty."""
     moved, std = (1e3 * part for part in model.deflection(where.q, where.force))
     return tuple(
-        Deflection(target=name, dx_mm=x, dy_mm=y, dz_mm=z, std_mm=(finite(a), finite(b), finite(c)))
-        for name, (x, y, z), (a, b, c) in zip(model.tool.targets, moved.tolist(), std, strict=True)
+        Deflection(target=name, dx_mm=x, dy_mm=y, dz_mm=z, std_mm=(a, b, c))
+        for name, (x, y, z), (a, b, c) in zip(
+            model.tool.targets, moved.tolist(), std.tolist(), strict=True
+        )
     )

@@ -39,7 +39,7 @@ _LONGEST_S = 60.0
 _STEADY_S = 600.0
 """What has run for so long is sound: when it ends, it is started again at once [s]."""
 _SET_BACK_S = 30.0
-"""A clock that is behind itself by so much was set; smaller steps are those of a time server [s]."""
+"""A clock that falls behind by so much was set; smaller steps are those of a time server [s]."""
 _LOG_BYTES = 2**24
 """A log that has grown larger begins anew."""
 

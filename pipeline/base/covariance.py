@@ -84,6 +84,10 @@ def turned(six: Sequence[Array], R: Array) -> list[Array]:
     return list(np.ascontiguousarray((np.column_stack(six) @ unit).T))
 
 
+_NONE_M2 = 1e-24
+"""Scatter of a picometre is none: squares of it are no numbers any more."""
+
+
 def singular(six: Sequence[Array]) -> Bools:
     """Where a covariance has no scatter in some direction, by Cholesky's pivots, shape (m,)."""
     m = len(six[0])
@@ -92,7 +96,7 @@ def singular(six: Sequence[Array]) -> Bools:
         second = yy - xy * xy / xx
         below = yz - xy * xz / xx
         third = zz - xz * xz / xx - below * below / second
-    rounding = 1e-13 * (xx + yy + zz)
+    rounding = np.maximum(1e-13 * (xx + yy + zz), _NONE_M2)
     none = (xx <= rounding) | (second <= rounding) | (third <= rounding)
     return np.broadcast_to(none, m) if m else none
 

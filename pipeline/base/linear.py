@@ -30,6 +30,9 @@ _PART = 1e-8
 """Squared part of a parameter in directions that nothing determines, from which it is one of
 them [1]."""
 
+_ROUNDED = 1e-12
+"""Part of a row's variance that is rounding where hundreds of rows share one error [1]."""
+
 _TINY = 1e-300
 
 
@@ -165,7 +168,9 @@ def regular_inverse(N: Array) -> Array:
     try:
         return np.asarray(np.linalg.inv(N))
     except np.linalg.LinAlgError:
-        singular = np.linalg.matrix_rank(N, hermitian=True) < N.shape[-1]
+        singular: Bools = np.asarray(~np.isfinite(N).all(axis=(-2, -1)))
+        regular = ~singular  # NaN has no rank
+        singular[regular] = np.linalg.matrix_rank(N[regular], hermitian=True) < N.shape[-1]
         safe = np.where(singular[:, None, None], np.eye(N.shape[-1]), N)
         return np.where(singular[:, None, None], np.nan, np.linalg.inv(safe))
 
@@ -209,10 +214,20 @@ def solve(A: Array, y: Array) -> Array:
 def whitening(V: Array) -> Array:
     """W with W V W' = 1 for positive definite V, (..., k, k): inverse Cholesky factors.
 
+    Where one error is so large that the others are below its rounding, they count as that.
+
     Raises:
-        LinAlgError: A covariance has no scatter in some direction.
+        LinAlgError: A row has no scatter at all.
     """
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(V)))
+    try:
+        L = np.linalg.cholesky(V)
+    except np.linalg.LinAlgError:
+        size = np.sqrt(np.einsum("...ii->...i", V))[..., None]
+        if not (size > 0).all():
+            raise
+        unit_rows = V / (size * np.swapaxes(size, -1, -2))
+        L = size * np.linalg.cholesky(unit_rows + _ROUNDED * np.eye(V.shape[-1]))
+    return np.asarray(np.linalg.inv(L))
 
 
 def factor(C: Array) -> Array:

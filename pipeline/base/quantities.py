@@ -13,6 +13,9 @@ MISSING = "–"
 
 _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n", -12: "p"}
 
+_ROUNDING = 1e-15
+"""Part of a double that is rounding [1]: nothing is known better."""
+
 _DIGIT = r"[\d⁰¹²³⁴⁵⁶⁷⁸⁹]"
 _BINDS = re.compile(
     rf"(?<={_DIGIT}) (?=(?:%|mm|m|N|µm|µrad|σ|×|±)(?:\W|$))|(?<=[×±=<]) (?=\d)|(?<=\bp) (?=[=<])"
@@ -40,15 +43,19 @@ def _place_of(std: float, significant: int = 2) -> int:
 
 
 def _at_place(value: float, place: int) -> str:
-    """A number rounded at a decimal place, without an exponent: (1234.5, 1) -> 1230."""
-    return f"{round(Decimal(repr(float(value))), -place):zf}"
+    """A number rounded at a decimal place, without an exponent: (1234.5, 1) -> 1230.
+
+    A double has no more than seventeen digits, whatever its uncertainty would justify.
+    """
+    exact = Decimal(repr(float(value)))
+    return f"{round(exact, -max(place, exact.adjusted() - 16)):zf}"
 
 
 def with_std(value: float | None, std: float | None) -> str:
     """`80.0 ± 1.6`: two significant digits of the uncertainty decide how many the value gets."""
     if not known(value):
         return MISSING
-    if not known(std) or std <= 0:
+    if not known(std) or std <= _ROUNDING * abs(value):
         return plain(value)
     if max(abs(value), std) < 1e-3 or max(abs(value), std) >= 1e6:
         return _scientific(value, std)

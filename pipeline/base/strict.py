@@ -1,4 +1,9 @@
-"""Settings as typed records that know every word they allow."""
+"""Settings as typed records that know every word they allow, and how large a number may be.
+
+A bound is what nothing in a hall exceeds, with room for a unit that was mistaken: a thousand times
+too large must still be read, or nobody can say which unit it is. Squares and products of all of
+them stay numbers, which those of 1e160 do not.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +17,46 @@ from pipeline.base import patterns
 from pipeline.base.errors import InputError, first_wrong
 from pipeline.base.shown import is_printable, printable
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+def _visible(least: float) -> AfterValidator:
+    """For numbers above zero: one that is as good as zero is a slip, and its square is none."""
+
+    def check(value: float) -> float:
+        if value < least:
+            raise ValueError(f"{value:g} is as good as zero; the least that counts is {least:g}")
+        return value
+
+    return AfterValidator(check)
+
+
+Positive = Annotated[float, Field(gt=0, le=1e12), _visible(1e-12)]
+"""A number of any kind: a time, a weight, a factor."""
+NotNegative = Annotated[float, Field(ge=0, le=1e12)]
+"""The same, or zero."""
+
+Seconds = Annotated[float, Field(ge=0, le=1e6)]
+"""Between one reading and the next [s]: a week has 6e5."""
+Length = Annotated[float, Field(ge=-1e5, le=1e5)]
+"""A coordinate or a distance [m]: 100 m of hall in millimetres."""
+Degrees = Annotated[float, Field(ge=-1e5, le=1e5)]
+"""An angle [deg]: 280 turns."""
+JointValue = Length
+"""A joint's, [m] or [deg]."""
+Force = Annotated[float, Field(ge=-1e7, le=1e7)]
+"""A force or a part of one [N]: a thousand tonnes."""
+LEAST_FORCE = 1e-6
+"""A pull is stronger [N]: nothing measures what a micronewton does to a robot."""
+Pull = Annotated[float, Field(gt=0, le=1e7), _visible(LEAST_FORCE)]
+"""A force that is not zero [N]."""
+Stiffness = Annotated[float, Field(gt=0, le=1e18), _visible(1e-3)]
+"""A joint's [N/m] or [N m/rad]: a cube of steel of a metre has 2e11, a rubber band 1e1."""
+
+Scatter = Annotated[float, Field(gt=0, le=10), _visible(1e-10)]
+"""Standard uncertainty of a reading [m]: less than an atom, more than a room."""
+Uncertainty = Annotated[float, Field(ge=0, le=10)]
+"""Standard uncertainty of a length [m], of an angle [rad], or one relative to a length or force."""
+ForceUncertainty = Annotated[float, Field(ge=0, le=1e7)]
+"""Standard uncertainty of a force [N]: as large as the largest."""
 
 
 def _plain(name: str) -> str:

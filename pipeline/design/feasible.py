@@ -16,7 +16,7 @@ from pipeline.design.spec import Limits
 _TRIED, _FOLLOWED = 2000, 64
 """Random poses, and how many of them, the nearest to the limits, are led inside."""
 
-_ANY_M = (0.0, 1e6)
+_ANY_M = (0.0, 1e5)
 """Shortest and longest chain [m] where its length does not matter."""
 
 

@@ -9,7 +9,19 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from pipeline.base.errors import listed
-from pipeline.base.strict import Name, NotNegative, Positive, Prose, Strict, checked
+from pipeline.base.strict import (
+    Force,
+    ForceUncertainty,
+    Length,
+    Name,
+    Positive,
+    Prose,
+    Pull,
+    Scatter,
+    Strict,
+    Uncertainty,
+    checked,
+)
 from pipeline.base.toml import loads, merged
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.reduction.settings import Point, TestPose
@@ -17,7 +29,8 @@ from pipeline.reduction.settings import Point, TestPose
 SHIPPED = ("paper_reference", "diagnosis_reference")
 
 
-Range = tuple[float, float]
+Range = tuple[Length, Length]
+"""From and to [m] or [deg]."""
 
 
 class PlanSize(Strict):
@@ -30,15 +43,15 @@ class PlanSize(Strict):
 class PullSpec(Strict):
     """Load steps of the chain at every pose [N], in the order of tightening."""
 
-    steps_n: list[Positive] = Field(min_length=1)
+    steps_n: list[Pull] = Field(min_length=1)
 
 
 class AnchorSpec(Strict):
     """Where the chain is attached, F_b [m]: a number where it is fixed, an interval where free."""
 
-    x_m: float | Range
-    y_m: float | Range
-    z_m: float | Range
+    x_m: Length | Range
+    y_m: Length | Range
+    z_m: Length | Range
 
     @field_validator("x_m", "y_m", "z_m")
     @classmethod
@@ -54,7 +67,7 @@ class CriterionSpec(Strict):
 
     kind: Literal["test_pose", "workspace", "D", "A", "E"] = "test_pose"
     points: list[Name] | None = None
-    force_n: Positive = 300.0
+    force_n: Pull = 300.0
     samples: int = Field(default=200, ge=10, le=10_000)
 
 
@@ -67,13 +80,13 @@ class WeightedPose(TestPose):
 class NoiseSpec(Strict):
     """How readings scatter: the paper's one sigma per displacement, or the whole budget."""
 
-    displacement_sigma_m: Positive | None = None
-    reading_sigma_m: Positive | None = None
+    displacement_sigma_m: Scatter | None = None
+    reading_sigma_m: Scatter | None = None
     tracker: InstrumentNoise | Literal["paper"] | None = None
     tracker_position_m: Point = (6.5, 8.0, 0.7)
     zero: Literal["before", "before_after"] = "before_after"
-    scale_sigma_n: NotNegative = 0.0
-    scale_sigma_rel: NotNegative = 0.0
+    scale_sigma_n: ForceUncertainty = 0.0
+    scale_sigma_rel: Uncertainty = 0.0
 
     @model_validator(mode="after")
     def one_tracker(self) -> NoiseSpec:
@@ -102,8 +115,8 @@ class Limits(Strict):
     """
 
     joints: dict[Name, Range] = Field(default_factory=dict)
-    flange_above_m: float | None = None
-    effector_above_m: float | None = None
+    flange_above_m: Length | None = None
+    effector_above_m: Length | None = None
     chain_m: Range = (0.1, 20.0)
     chain_clearance_m: Positive | None = None
     pull_within_deg: Annotated[float, Field(gt=0, lt=180)] | None = None
@@ -126,7 +139,7 @@ class DiagnosisSpec(Strict):
 
     allowed: Annotated[float, Field(ge=1, allow_inf_nan=False)] = 1.25
     poses: int = Field(ge=1, le=200)
-    programmes: list[list[float]] = Field(min_length=1)
+    programmes: list[list[Force]] = Field(min_length=1)
 
     @field_validator("programmes")
     @classmethod

@@ -237,7 +237,7 @@ def _deformed(cell: Cell, loaded: Loaded, values: Array, rounds: int = 30) -> tu
                 for (effect, part), tau_e in zip(parts, np.split(tau, ends, axis=1), strict=True)
             ],
             axis=1,
-        )
+        ).clip(-_FARTHEST, _FARTHEST)
         change = np.max(np.abs(amount - deflection), initial=0.0)
         deflection = amount
         bent, motion = _chain(twists, deflection, order)
@@ -276,6 +276,10 @@ def _exponential(twists: Array, amount: Array) -> Array:
         total = np.eye(4) + S @ total / i
     return total
 
+
+_FARTHEST = 1.0
+"""No joint or link gives way by more [m] or [rad]. A force that asks for it is in another unit, and
+beyond a radian the equilibrium runs away and the series of `_exponential` is none."""
 
 _BLOCK = 1024
 """Pulls computed together: their frames stay in the processor's cache."""

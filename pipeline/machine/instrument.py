@@ -9,16 +9,16 @@ import numpy as np
 
 from pipeline.base.arrays import Array
 from pipeline.base.covariance import COLUMN, ROW
-from pipeline.base.strict import NotNegative, Positive, Strict
+from pipeline.base.strict import Scatter, Strict, Uncertainty
 
 
 class InstrumentNoise(Strict):
     """Standard uncertainty of one reading in the beam's frame, constant and per metre of range."""
 
-    range_m: Positive
-    range_per_m: NotNegative = 0.0
-    transverse_m: Positive
-    transverse_per_m: NotNegative = 0.0
+    range_m: Scatter
+    range_per_m: Uncertainty = 0.0
+    transverse_m: Scatter
+    transverse_per_m: Uncertainty = 0.0
 
 
 PAPER_SIGMA_M = 3e-5

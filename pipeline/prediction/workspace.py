@@ -87,7 +87,9 @@ def _seen(here: Configuration, cell: Cell, pair: tuple[int, int]) -> tuple[Bools
     up = up / np.linalg.norm(up) if np.linalg.norm(up) > 1e-6 else here.axes[0, shoulder, :, 0]
     reach = np.cross(up, axis[0])
     reach = reach * (np.sign(from_shoulder[0] @ reach) or 1.0)
-    return bend * bend[0] > 0, np.stack([from_shoulder @ reach, point @ up], axis=1)
+    inside = bend * (bend[0] or 1.0) > 0  # a stretched arm may bend either way
+    inside[0] = True
+    return inside, np.stack([from_shoulder @ reach, point @ up], axis=1)
 
 
 def _softest(hypotheses: Sequence[Hypothesis], q: Array) -> tuple[Array, Array, Array]:

@@ -158,10 +158,14 @@ def _filled(cells: pa.Array) -> Bools:
     return np.asarray(pc.binary_length(cells)) > 0
 
 
+_LARGEST = 1e30
+"""Of any number in a file: no unit makes one of a hall so large, and its square is still one."""
+
+
 def _numbers(cells: pa.Array, mark: str) -> pa.DoubleArray:
     """Numbers with one decimal mark, null where there is none."""
     values = _cast(cells, mark)
-    finite = np.isfinite(values.to_numpy(zero_copy_only=False))
+    finite = np.abs(values.to_numpy(zero_copy_only=False)) <= _LARGEST
     return values if finite.all() else pc.if_else(pa.array(finite), values, None)
 
 

@@ -33,8 +33,11 @@ reading (standard) leaves out what does not change during it, calibration and sl
 is a scatter too, of one number for three axes: it is used only when campaign.toml asks for it."""
 
 
-_FARTHEST_M = 1e7
+_FARTHEST_M = 1e6
 """No tracker reads so far [m], whatever unit was mistaken for whatever other."""
+_VAGUEST_M2 = 1e6
+"""Nor is one so uncertain in an axis [m^2]: a metre, mistaken for a thousand."""
+_TOO_VAGUE = "its uncertainty is larger than 1 km; measure it again or remove the row"
 _TOO_FAR = (
     f"the coordinates are farther than {_FARTHEST_M / 1e3:_.0f} km; ".replace("_", " ")
     + "measure it again or remove the row"
@@ -234,6 +237,10 @@ def export(
         unused=tuple(unused),
         rejected=rows.rejected,
     )
+    if C is not None:
+        vague = ~(np.nanmax(np.abs(C), axis=1, initial=0) <= _VAGUEST_M2)
+        if vague.any():
+            everything = kept(everything, ~vague, _TOO_VAGUE)
     xyz = everything.position.T
     if all(x.min(initial=0) >= -_FARTHEST_M and x.max(initial=0) <= _FARTHEST_M for x in xyz):
         return everything

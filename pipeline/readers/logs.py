@@ -15,6 +15,7 @@ import pyarrow as pa
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings, sifted
 from pipeline.base.errors import InputError, at, listed
+from pipeline.base.strict import LEAST_FORCE
 from pipeline.machine.robot import Robot
 from pipeline.readers._cells import bare
 from pipeline.readers._delimited import rows
@@ -34,7 +35,7 @@ BEYOND = 2**31
 """Poses and pulls are numbered below it: tables hold them in 32 bits."""
 LIMIT_SLACK = 1e-9
 """How far a joint may seem beyond its limit [m] or [rad]: degrees are rounded when converted."""
-_LARGEST = 1e8
+_LARGEST = 1e7
 """Of lengths, angles and forces [SI], whatever unit was mistaken for whatever other."""
 _BRANCHES = ("up", "down")
 
@@ -107,7 +108,7 @@ def loads(name: str, data: bytes) -> Log:
     branch = Quantity("branch", {}, "name", needed=False)
     log = _whole_numbers(table(name, data, [POSE, _REPEAT, Quantity("force", FORCE), branch]))
     log = log.only(
-        log.number["force"] > 0, "the force is not above zero; correct or remove the row"
+        log.number["force"] >= LEAST_FORCE, "the force is not above zero; correct or remove the row"
     )
     reason = "branch is neither up nor down; correct it or leave it empty"
     log = log.where("branch", lambda words: np.isin(words, [*_BRANCHES, ""]), reason)
@@ -193,7 +194,10 @@ def displacements(name: str, data: bytes) -> Log:
 def forces(name: str, data: bytes) -> Log:
     """Forces of an already reduced campaign: pose, repeat, fx, fy, fz [N] in the base frame."""
     axes = [Quantity(axis, FORCE) for axis in ("fx", "fy", "fz")]
-    return once(_whole_numbers(table(name, data, [POSE, _REPEAT, *axes])), ["pose", "repeat"])
+    log = _whole_numbers(table(name, data, [POSE, _REPEAT, *axes]))
+    size = np.linalg.norm([log.number[axis.stem] for axis in axes], axis=0)
+    log = log.only(size >= LEAST_FORCE, "the force is zero; correct or remove the row")
+    return once(log, ["pose", "repeat"])
 
 
 def table(name: str, data: bytes, wanted: Sequence[Quantity]) -> Log:
@@ -213,6 +217,8 @@ def table(name: str, data: bytes, wanted: Sequence[Quantity]) -> Log:
         other = {title: Field(title, "any" if title else "blank", False) for title in titles}
         fields = tuple((other | known)[title] for title in titles)
         log = _log(name, rows(file, Layout(fields, delimiter, first + 1)), there)
+        if not len(log.line) + len(log.rejected):
+            raise InputError("there is no row in it, nothing but a header", "export it again")
     return _possible(log, [q.stem for q in wanted if q.units])
 
 

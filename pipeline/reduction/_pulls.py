@@ -23,12 +23,18 @@ class _States(Locked):
         zero: Whether each measured target was read unloaded in the pose of the slot, shape (s, t).
         joints: Whether the pose has joint values, shape (s,).
         load: Row of the load log, -1 where there is none, shape (s,).
+        apart: Whether the ends of the chain are not in one place, shape (s,).
     """
 
     present: Bools
     zero: Bools
     joints: Bools
     load: Ints
+    apart: Bools
+
+
+_ONE_PLACE_M = 1e-6
+"""Ends of a chain so near are one reading twice [m]; one of a metre in a wrong unit is longer."""
 
 
 def complete(shots: Shots, settings: Settings, loads: Log, joints: Log) -> tuple[Shots, Log]:
@@ -64,7 +70,17 @@ def _states(shots: Shots, t: int, loads: Log, joints: Log) -> _States:
         zero=np.asfortranarray(zero[of]),
         joints=np.isin(poses, joints.number["pose"])[of],
         load=np.where(shots.loaded, load, -1),
+        apart=_apart(shots, t),
     )
+
+
+def _apart(shots: Shots, t: int) -> Bools:
+    """Whether the two ends of the chain, roles t and t + 1, are not in one place, shape (s,)."""
+    ends = np.full((2, len(shots.pose), 3), np.nan)
+    for k in (0, 1):
+        rows = np.flatnonzero((shots.role == t + k) & (shots.slot >= 0))
+        ends[k, shots.slot[rows]] = shots.position[rows]
+    return ~(np.abs(ends[1] - ends[0]).max(axis=1) <= _ONE_PLACE_M)
 
 
 def _why_not(
@@ -94,6 +110,8 @@ def _why_not(
             loaded & ~chain & ~states.present[:, t + k],
             f"loaded reading of {name}, so the direction of the pull is unknown; measure it",
         )
+    ends = " and ".join(settings.naming.chain)
+    because(loaded & ~states.apart, f"distance between {ends}; measure them again")
     because(loaded & (states.load < 0), f"force in {load_file}; add the row")
     because(loaded & ~usable, "target read both unloaded and loaded; measure it")
     return why

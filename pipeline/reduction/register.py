@@ -25,6 +25,8 @@ _ONE_PLACE = 1e-9
 """Second width of the readings over the first of the nominal points: below, all are on one line."""
 _ONE_LINE = 1e-3
 """Second width of the nominal points over the first: below, nobody knows the roll about it."""
+_REFLECTOR_M = 1e-2
+"""The smallest reflectors are half an inch thick [m]: nearer together no two of them can be."""
 _MISFIT = 1e-4
 """Below this p the base reflectors disagree by more than their stated uncertainties."""
 
@@ -143,14 +145,20 @@ def _enough(base: pd.DataFrame, nominal: Array, points: Array) -> None:
             file="campaign.toml",
         )
     spread, read = (linear.extent(at) for at in (nominal, points))
-    if read[1] < _ONE_PLACE * spread[0]:
+    if spread[0] <= _REFLECTOR_M:
+        raise InputError(
+            f"the base reflectors {', '.join(names)} are all in one place",
+            "give each its own nominal coordinates in [base_frame], in metres",
+            file="campaign.toml",
+        )
+    if read[1] <= _ONE_PLACE * spread[0]:
         raise InputError(
             f"the base reflectors {', '.join(names)} were all read in one place or on one line",
             "export the readings again, these are no coordinates of different reflectors",
             file=str(base["file"].iloc[0]),
             line=int(base["line"].iloc[0]),
         )
-    if spread[1] < _ONE_LINE * spread[0]:
+    if spread[1] <= _ONE_LINE * spread[0]:
         raise InputError(
             f"the base reflectors {', '.join(names)} lie on one line",
             "add one beside that line, or the tracker's roll about it stays unknown",

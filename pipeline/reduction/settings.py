@@ -12,9 +12,22 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from pipeline.base import toml
 from pipeline.base.arrays import Array
-from pipeline.base.errors import InputError, first_wrong
+from pipeline.base.errors import InputError, first_wrong, listed
 from pipeline.base.patterns import is_glob
-from pipeline.base.strict import FileName, Glob, Name, NotNegative, Positive, Strict, with_parts
+from pipeline.base.strict import (
+    LEAST_FORCE,
+    FileName,
+    Force,
+    ForceUncertainty,
+    Glob,
+    JointValue,
+    Length,
+    Name,
+    Scatter,
+    Strict,
+    Uncertainty,
+    with_parts,
+)
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.poses import from_log_units
 from pipeline.machine.robot import Robot
@@ -27,7 +40,8 @@ BASE_REFLECTORS = 3
 _MOST_GLOBS = 20
 """Patterns that stand for several exports."""
 
-Point = tuple[float, float, float]
+Point = tuple[Length, Length, Length]
+"""Coordinates [m]."""
 
 
 class Tracker(Hints):
@@ -35,7 +49,7 @@ class Tracker(Hints):
 
     files: list[Glob] = Field(min_length=1)
     assignment: FileName | None = None
-    sigma_m: Positive | None = None
+    sigma_m: Scatter | None = None
     noise: InstrumentNoise | Literal["paper"] | None = None
 
     @model_validator(mode="after")
@@ -81,24 +95,24 @@ class Scale(Strict):
     """The spring scale: its log and its uncertainty."""
 
     file: FileName = "loads.csv"
-    sigma_n: NotNegative = 0.0
-    sigma_rel: NotNegative = 0.0
-    gain_sigma: NotNegative = 0.0
-    zero_sigma_n: NotNegative = 0.0
+    sigma_n: ForceUncertainty = 0.0
+    sigma_rel: Uncertainty = 0.0
+    gain_sigma: Uncertainty = 0.0
+    zero_sigma_n: ForceUncertainty = 0.0
 
 
 class JointLog(Strict):
     """The controller's joint log, and how far the joints' zeros may be off, one for all poses."""
 
     file: FileName = "joints.csv"
-    sigma_m: NotNegative = 0.0
-    sigma_rad: NotNegative = 0.0
+    sigma_m: Uncertainty = 0.0
+    sigma_rad: Uncertainty = 0.0
 
 
 class ToolUncertainty(Strict):
     """Standard uncertainty per axis of the nominal points in [tool]."""
 
-    sigma_m: NotNegative = 0.0
+    sigma_m: Uncertainty = 0.0
 
 
 class Displacements(Strict):
@@ -106,7 +120,7 @@ class Displacements(Strict):
 
     file: FileName = "displacements.csv"
     forces: FileName = "forces.csv"
-    sigma_m: Positive | None = None
+    sigma_m: Scatter | None = None
 
 
 class TestPose(Strict):
@@ -114,14 +128,14 @@ class TestPose(Strict):
 
     __test__ = False
 
-    q: list[float]
-    force_n: Point
+    q: list[JointValue]
+    force_n: tuple[Force, Force, Force]
 
     @field_validator("force_n")
     @classmethod
-    def pulls(cls, force: Point) -> Point:
+    def pulls(cls, force: tuple[float, float, float]) -> tuple[float, float, float]:
         """Without a force nothing deflects, and there is nothing to predict."""
-        if not any(force):
+        if np.linalg.norm(force) < LEAST_FORCE:
             raise ValueError("the force must be greater than zero")
         return force
 
@@ -196,6 +210,24 @@ class Settings(Strict):
         lacking = [name for name in ("load_point", *self.measured) if name not in self.tool]
         if lacking:
             raise ValueError(f"[tool] lacks {', '.join(lacking)}")
+        return self
+
+    @model_validator(mode="after")
+    def one_part_each(self) -> Settings:
+        """A reflector is a measured target, an end of the chain or fixed to the base: one place."""
+        parts = {"naming.measured": self.measured, "[base_frame]": list(self.base_frame)}
+        if self.displacements is None:
+            parts["naming.chain"] = self.naming.chain
+        seen: dict[str, str] = {}
+        for part, names in parts.items():
+            for name in names:
+                if seen.setdefault(name, part) != part:
+                    raise ValueError(f'"{name}" stands in {seen[name]} and in {part}; rename one')
+            if twice := sorted({name for name in names if names.count(name) > 1}):
+                raise ValueError(f"{part} has {listed(twice)} twice; name each reflector once")
+        places = [self.tool[name] for name in self.measured]
+        if same := [n for n in self.measured if places.count(self.tool[n]) > 1]:
+            raise ValueError(f"[tool] has {listed(same)} in one place; give each its own")
         return self
 
     @property

@@ -9,7 +9,21 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from pipeline.base.errors import UsageError
-from pipeline.base.strict import Name, NotNegative, Positive, Strict, checked
+from pipeline.base.strict import (
+    Degrees,
+    Force,
+    ForceUncertainty,
+    JointValue,
+    Name,
+    NotNegative,
+    Scatter,
+    Seconds,
+    Stiffness,
+    Strict,
+    Uncertainty,
+    checked,
+)
+from pipeline.base.strict import Pull as PullForce
 from pipeline.base.toml import loads, merged
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.reduction.settings import Point, Scale, TestPose
@@ -42,7 +56,7 @@ class Poses(Strict):
     """
 
     count: int = Field(default=16, ge=1, le=100_000)
-    q: list[list[float]] | None = Field(default=None, min_length=1)
+    q: list[list[JointValue]] | None = Field(default=None, min_length=1)
     approach: list[Literal[1, -1]] | None = None
 
     @property
@@ -74,13 +88,13 @@ class Pull(Strict):
         setting_sd_n: How closely the operator meets a step with the turnbuckle [N].
     """
 
-    steps_n: list[Positive] = Field(default=[1200.0, 3000.0, 2000.0], min_length=1)
+    steps_n: list[PullForce] = Field(default=[1200.0, 3000.0, 2000.0], min_length=1)
     repeats: int = Field(default=1, ge=1)
-    pose_steps_n: list[list[float]] | None = Field(default=None, min_length=1)
+    pose_steps_n: list[list[Force]] | None = Field(default=None, min_length=1)
     zero: Literal["before", "before_after"] = "before_after"
     anchors: list[Point] | None = Field(default=None, min_length=1)
     anchor: list[int] | None = None
-    setting_sd_n: NotNegative = 15.0
+    setting_sd_n: ForceUncertainty = 15.0
 
 
 class Instrument(Strict):
@@ -99,10 +113,10 @@ class Instrument(Strict):
     """
 
     position: Point = (6.5, 8.0, 0.7)
-    yaw_deg: float = 132.0
-    pitch_deg: float = 0.4
-    roll_deg: float = -0.3
-    sigma_m: Positive | None = None
+    yaw_deg: Degrees = 132.0
+    pitch_deg: Degrees = 0.4
+    roll_deg: Degrees = -0.3
+    sigma_m: Scatter | None = None
     noise: InstrumentNoise | Literal["paper"] | None = None
     noise_scale: NotNegative = 1.0
     stated: bool = True
@@ -146,18 +160,18 @@ class SpringScale(Scale):
         gain_error: True relative gain error; drawn from `gain_sigma` when not given.
     """
 
-    sigma_n: NotNegative = 2.0
+    sigma_n: ForceUncertainty = 2.0
     noise_scale: NotNegative = 1.0
-    gain_error: float | None = None
+    gain_error: Annotated[float, Field(ge=-1, le=10)] | None = None
 
 
 class Clock(Strict):
     """When the readings are taken."""
 
     start: datetime = datetime(2026, 11, 3, 8, 0, 8)
-    reading_s: Positive = 8.0
-    pull_s: NotNegative = 60.0
-    pose_s: NotNegative = 120.0
+    reading_s: Annotated[Seconds, Field(gt=0)] = 8.0
+    pull_s: Seconds = 60.0
+    pose_s: Seconds = 120.0
 
 
 class Hidden(Strict):
@@ -171,9 +185,9 @@ class Hidden(Strict):
         effects: What else acts, `rail_roll`, `joint_tilt:2=2x`, `scale_zero=20`.
     """
 
-    stiffness: list[Positive] | None = None
+    stiffness: list[Stiffness] | None = None
     stiffness_spread: Annotated[float, Field(ge=0, lt=1)] = 0.0
-    tool_sd_m: NotNegative = 0.0
+    tool_sd_m: Uncertainty = 0.0
     equilibrium: Literal["undeformed", "deformed"] = "undeformed"
     effects: list[Name] = Field(default=[])
 

@@ -69,13 +69,18 @@ def solve(system: System, start: Array, white: Whitener | None = None) -> Estima
         residual=residual,
         chi2=chi2 / scale if scale else 0.0,
         dof=dof,
-        p_value=float(special.chdtrc(dof, chi2)) if system.noise_stated else None,
+        p_value=_chance(chi2, dof) if system.noise_stated else None,
         noise_from="stated" if system.noise_stated else "residuals",
         residual_std_m=float(np.sqrt(residual @ residual / max(dof, 1))),
         quantile=float(
             special.ndtri(0.975) if system.noise_stated else special.stdtrit(dof, 0.975)
         ),
     )
+
+
+def _chance(chi2: float, dof: int) -> float:
+    """Probability of a sum of squares as large; 1 where nothing is left that could be one."""
+    return float(special.chdtrc(dof, chi2)) if dof > 0 else 1.0
 
 
 def identifiable(typical: Array, value: Array, std: Array) -> Bools:

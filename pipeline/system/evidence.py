@@ -30,6 +30,10 @@ ROUNDING = 1e-4
 """Mean square in units of the noise below which residuals are rounding and no evidence."""
 
 
+_LEAST = 1e-100
+"""What is left of data that the base meets to the last digit: no evidence, but a number."""
+
+
 @dataclass(frozen=True, eq=False)
 class Scores(Beside):
     """Every suspect of the catalogue beside one base.
@@ -64,13 +68,14 @@ def _evidence(G: Array, h: Array, rest: float, dof: int, lower: Array, upper: Ar
     marginals of z_i between them, s put at its estimate after and at 1 before the data. MacKay,
     Neural Computation 4 (1992) 415; unknown s: Zellner, Bayesian Inference in Econometrics (1971).
     """
-    k = G.shape[-1]
+    k, rest = G.shape[-1], max(rest, _LEAST)
     width = WIDTHS[:, None, None]
     inverse = linear.inverse(G + np.eye(k) / width[..., None] ** 2)  # (widths, n, k, k)
     mean = np.einsum("wnij,nj->wni", inverse, h)
     q = np.minimum(np.einsum("nj,wnj->wn", h, mean), rest * (1 - 1e-12))
     logdet = linear.log_det(np.eye(k) + width[..., None] ** 2 * G)
     scatter = np.sqrt(((rest - q) / max(dof, 1))[..., None] * np.einsum("wnii->wni", inverse))
+    scatter = np.maximum(scatter, _LEAST)
     inside = _log_share(lower, upper, mean, scatter) - _log_share(lower, upper, 0.0, width)
     out = -0.5 * logdet - 0.5 * dof * np.log1p(-q / rest) + inside.sum(axis=-1)
     return np.asarray(special.logsumexp(out, axis=0) - np.log(len(WIDTHS)))

@@ -53,6 +53,8 @@ def scatter(view: Whitened, system: System, known: tuple[float, float]) -> Scatt
     dof, source = 0.5 / relative**2, "contrasts"
     if not np.isfinite(relative):
         dof, source = float(view.rows_left), "residuals"
+        if dof < 1:  # as many stiffnesses as coordinates: nothing is left that could scatter
+            return Scatter(1.0, np.inf, 1.0, *_AS_SAID, source)
         tracker = float(np.sqrt(Base.of(view.A[:, view.base], view.A[:, -1]).rest / dof))
     stated = system.noise_stated
     tracker = max(tracker, _LEAST if stated else _LEAST_M)

@@ -18,7 +18,14 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from pipeline.base import files, toml
 from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.base.errors import InputError, first_wrong, listed
-from pipeline.base.strict import Name, Prose
+from pipeline.base.strict import (
+    Degrees,
+    Length,
+    Name,
+    NotNegative,
+    Prose,
+    Stiffness,
+)
 
 SHIPPED = ("kr500_rail", "kr500_rail_kuka", "fanuc_r2000ic")
 
@@ -40,19 +47,19 @@ class Joint(BaseModel):
 
     name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9]*$", max_length=50)
     type: Literal["revolute", "prismatic"]
-    alpha_deg: float = 0.0
-    theta_deg: float = 0.0
-    a_m: float | None = None
-    d_m: float = 0.0
-    r_m: float | None = None
-    lower_m: float | None = None
-    upper_m: float | None = None
-    lower_deg: float | None = None
-    upper_deg: float | None = None
-    stiffness_n_per_m: float | None = Field(default=None, gt=0)
-    stiffness_nm_per_rad: float | None = Field(default=None, gt=0)
-    mass_kg: float | None = Field(default=None, ge=0)
-    centre_of_mass_m: tuple[float, float, float] | None = None
+    alpha_deg: Degrees = 0.0
+    theta_deg: Degrees = 0.0
+    a_m: Length | None = None
+    d_m: Length = 0.0
+    r_m: Length | None = None
+    lower_m: Length | None = None
+    upper_m: Length | None = None
+    lower_deg: Degrees | None = None
+    upper_deg: Degrees | None = None
+    stiffness_n_per_m: Stiffness | None = None
+    stiffness_nm_per_rad: Stiffness | None = None
+    mass_kg: NotNegative | None = None
+    centre_of_mass_m: tuple[Length, Length, Length] | None = None
 
     @model_validator(mode="after")
     def units_fit_the_type(self) -> Joint:
@@ -125,8 +132,8 @@ class Controller(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     axes: list[Name]
-    matrix: list[list[float]]
-    offset_deg: list[float] | None = None
+    matrix: list[list[Degrees]]
+    offset_deg: list[Degrees] | None = None
 
 
 class RobotFile(BaseModel):
