@@ -10,17 +10,34 @@ from pathlib import Path
 
 import localbucket
 import pytest
+import report_sample
 
 from pipeline.app import sync as mirror
 from pipeline.app.cli import _exit_code
+from pipeline.app.outcome import outcome
 from pipeline.app.preferences import Preferences, Storage, load
 from pipeline.app.storage import Store
-from pipeline.app.watch import scan
+from pipeline.app.watch import Clock, scan
 from pipeline.base import files
 from pipeline.base.errors import InputError
 
 KEPT = Path(__file__).parents[1] / "data" / "raw" / "fanuc_r2000ic"
 LONG_AGO = 1_700_000_000
+AT_ONCE = Clock(pause=lambda _: None)
+
+
+class Work:
+    """Campaigns brought up to date without a process of their own."""
+
+    def __init__(self, compute=None):
+        self.compute = compute
+
+    def campaign(self, campaign):
+        """One of them."""
+        return outcome(campaign, self.compute)
+
+    def pages(self):
+        """None to draw."""
 
 
 @pytest.fixture
@@ -172,18 +189,14 @@ def test_a_campaign_that_still_arrives_in_the_bucket_waits(bucket, tmp_path):
 
     def compute(campaign):
         runs.append((campaign.folder / "forces.csv").read_bytes())
-        return {
-            "rejected": [],
-            "verdict_sentence": ["Said."],
-            "diagnosis": {"verdict": "adequate"},
-        }
+        return report_sample.answer()
 
     def growing(_):
         (folder / "forces.csv").write_bytes(b"all of it")
 
     preferences = Preferences(storage=WHERE)
-    assert list(scan(tmp_path, preferences, compute, growing)) == []
-    list(scan(tmp_path, preferences, compute, lambda _: None))
+    assert list(scan(tmp_path, preferences, Work(compute), Clock(pause=growing))) == []
+    list(scan(tmp_path, preferences, Work(compute), AT_ONCE))
 
     assert runs == [b"all of it"]
 
@@ -276,7 +289,7 @@ def test_each_look_puts_answers_back(bucket, tmp_path):
     """`watch` and `serve` do as `run` does."""
     files.write(tmp_path / "reports" / "index.html", b"page")
     preferences = Preferences(storage=Storage(reports="s3://robots/reports"))
-    assert list(scan(tmp_path, preferences, dict, lambda _: None)) == []
+    assert list(scan(tmp_path, preferences, Work(), AT_ONCE)) == []
 
     assert (bucket / "reports" / "index.html").read_bytes() == b"page"
 
@@ -343,11 +356,10 @@ def test_an_unreachable_storage_stops_no_campaign_and_is_told_once(tmp_path, mon
         nobody.bind(("127.0.0.1", 0))
         at(monkeypatch, nobody.getsockname()[1])
         shutil.copytree(KEPT, tmp_path / "data" / "raw" / "c")
-        answer = {"rejected": [], "verdict_sentence": ["."], "diagnosis": {"verdict": "adequate"}}
-        preferences = Preferences(storage=WHERE)
-        first = list(scan(tmp_path, preferences, lambda _: answer, lambda _: None))
+        preferences, work = Preferences(storage=WHERE), Work(lambda _: report_sample.answer())
+        first = list(scan(tmp_path, preferences, work, AT_ONCE))
         files.write(tmp_path / "reports" / "c" / "result.json", b"{}")
-        second = list(scan(tmp_path, preferences, lambda _: answer, lambda _: None))
+        second = list(scan(tmp_path, preferences, work, AT_ONCE))
 
     assert [outcome.campaign for outcome in first] == ["c", "storage"]
     assert "(it cannot be reached); check the network" in said(first)[0]

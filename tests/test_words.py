@@ -13,8 +13,9 @@ import pytest
 import report_sample
 from test_cli import ENVIRONMENT, HERE, on_a_terminal
 
-from pipeline.app import compare, service
+from pipeline.app import compare, service, supervisor
 from pipeline.app.cli import _exit_code
+from pipeline.app.preferences import Service
 from pipeline.base.errors import CannotWrite, UsageError
 from pipeline.report import overview
 
@@ -230,24 +231,30 @@ def test_effects_stand_in_columns(capsys):
 
 
 def test_a_project_is_served_once(tmp_path, monkeypatch):
-    """A second `serve` says where the first one is; the note of a dead one is none."""
+    """A second service says which process is the first; the note of a dead server is none."""
     note = tmp_path / ".prefect" / "serving.json"
     note.parent.mkdir()
-    note.write_text('{"page": "http://127.0.0.1:9", "api": "http://127.0.0.1:9/api"}')
+    urls = dict.fromkeys(("page", "api", "reports"), "http://127.0.0.1:9")
+    note.write_text(json.dumps(urls))
 
     assert service.serving(tmp_path) is None
-    monkeypatch.setattr(service, "answers", lambda api: api.endswith(":9/api"))
-    with pytest.raises(UsageError, match=r"is served already: see http://127.0.0.1:9\."):
-        service.up(tmp_path, 4200).__enter__()
+    monkeypatch.setattr(service, "answers", lambda api: api.endswith(":9"))
+    assert service.serving(tmp_path) == urls
+    with supervisor.alone(tmp_path, Service()):
+        said = rf"is served already by process {os.getpid()}: stop that first"
+        with pytest.raises(UsageError, match=said), supervisor.alone(tmp_path, Service()):
+            pass
+    with supervisor.alone(tmp_path, Service()):
+        pass
 
 
-def test_a_server_that_cannot_keep_its_log_blames_the_disk(tmp_path):
+def test_a_password_that_cannot_be_kept_blames_the_disk(tmp_path):
     """A file where Prefect's folder should be: the sentence and exit code of any disk."""
     (tmp_path / ".prefect").write_text("")
 
     said = "is no folder, move it out of the way"
-    with pytest.raises(CannotWrite, match=said), service.running(tmp_path, 4200):
-        pass
+    with pytest.raises(CannotWrite, match=said):
+        supervisor.settled(tmp_path, 24990)
 
 
 def test_a_comparison_is_told_where_its_page_cannot_be_kept(tmp_path, monkeypatch):

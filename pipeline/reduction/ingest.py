@@ -28,6 +28,7 @@ from pipeline.readers.assignment import assigned
 from pipeline.reduction import _pulls, _shots
 from pipeline.reduction._index import numbered, pull_number
 from pipeline.reduction._shots import Rejection, Shots
+from pipeline.reduction.register import read_apart
 from pipeline.reduction.settings import BASE_REFLECTORS, Displacements, Settings, Tracker
 
 _SIX = covariance_columns()
@@ -182,9 +183,9 @@ def _some_reading(exports: Mapping[str, Export]) -> None:
 def _three_base_reflectors(shots: Shots, settings: Settings) -> None:
     if not settings.base_frame:
         return
-    names = shots.target.dictionary.to_pylist()
-    present = np.unique(np.asarray(shots.target.indices)[shots.role == _shots.BASE])
-    seen = sorted(names[k] for k in present)
+    names, base = shots.target.dictionary.to_pylist(), np.flatnonzero(shots.role == _shots.BASE)
+    read = [names[k] for k in np.asarray(shots.target.indices)[base]]
+    seen = sorted(set(read))
     if len(seen) < BASE_REFLECTORS:
         raise InputError(
             f"only {len(seen)} base reflectors of [base_frame] were read ({listed(seen)}), "
@@ -193,6 +194,9 @@ def _three_base_reflectors(shots: Shots, settings: Settings) -> None:
             "if readings are in F_b already",
             file=shots.files[0],
         )
+    nominal = np.array([settings.base_frame[name] for name in read])
+    first = shots.files[int(shots.file[base[0]])], int(shots.line[base[0]])
+    read_apart(seen, shots.position[base], nominal, *first)
 
 
 def _some_pull(shots: Shots, settings: Settings) -> None:

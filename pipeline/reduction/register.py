@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -82,7 +83,7 @@ def register(settings: Settings, readings: pd.DataFrame) -> Registration:
         return Registration(np.eye(3), zero, np.zeros((6, 6)), zero, nothing, None, 0)
     nominal = np.array([settings.base_frame[target] for target in base["target"]]).reshape(-1, 3)
     points = base[XYZ].to_numpy()
-    _enough(base, nominal, points)
+    _enough(base, nominal)
     C = covariance.matrices(base)
     stated = bool(np.isfinite(C).all())
     if not stated:
@@ -136,7 +137,29 @@ def _uncertain(readings: pd.DataFrame) -> None:
         )
 
 
-def _enough(base: pd.DataFrame, nominal: Array, points: Array) -> None:
+def read_apart(names: Sequence[str], points: Array, nominal: Array, file: str, line: int) -> None:
+    """Readings of base reflectors are those of different ones.
+
+    Args:
+        names: Of the reflectors.
+        points: Their readings [m], shape (n, 3).
+        nominal: Their places in F_b [m], one each.
+        file: Of the first reading.
+        line: Of the first reading.
+
+    Raises:
+        InputError: They are all in one place or on one line.
+    """
+    if linear.extent(points)[1] <= _ONE_PLACE * linear.extent(nominal)[0]:
+        raise InputError(
+            f"the base reflectors {', '.join(names)} were all read in one place or on one line",
+            "export the readings again, these are no coordinates of different reflectors",
+            file=file,
+            line=line,
+        )
+
+
+def _enough(base: pd.DataFrame, nominal: Array) -> None:
     names = sorted(set(base["target"]))
     if len(names) < BASE_REFLECTORS:
         raise InputError(
@@ -144,19 +167,12 @@ def _enough(base: pd.DataFrame, nominal: Array, points: Array) -> None:
             f"measure at least {BASE_REFLECTORS} that stand in [base_frame]",
             file="campaign.toml",
         )
-    spread, read = (linear.extent(at) for at in (nominal, points))
+    spread = linear.extent(nominal)
     if spread[0] <= _REFLECTOR_M:
         raise InputError(
             f"the base reflectors {', '.join(names)} are all in one place",
             "give each its own nominal coordinates in [base_frame], in metres",
             file="campaign.toml",
-        )
-    if read[1] <= _ONE_PLACE * spread[0]:
-        raise InputError(
-            f"the base reflectors {', '.join(names)} were all read in one place or on one line",
-            "export the readings again, these are no coordinates of different reflectors",
-            file=str(base["file"].iloc[0]),
-            line=int(base["line"].iloc[0]),
         )
     if spread[1] <= _ONE_LINE * spread[0]:
         raise InputError(
