@@ -36,6 +36,14 @@ def test_as_many_places_are_there_as_a_block_has_rows():
     assert np.array_equal(BLOCKS.there, BLOCKS.padded(np.ones(8, bool)))
 
 
+def test_no_rows_are_no_blocks():
+    """Nothing to compare, as where one target was read once: no place, and no error."""
+    none = Blocks.of(np.array([], dtype=int))
+
+    assert none.shape == (0, 0)
+    assert none.padded(np.zeros((0, 3))).shape == (0, 0, 3)
+
+
 def test_covariances_of_blocks_are_those_of_the_whole_matrix():
     """G G' of errors that each move one block: its own rows and columns, and zeros below."""
     G = RNG.standard_normal((8, 12)) * (RNG.integers(3, size=12) == Blocks.of(KEY).index[:, None])

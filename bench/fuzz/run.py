@@ -19,6 +19,8 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
+import pipeline
+
 SECONDS = 10.0
 """Of a processor for one case, so that a busy machine makes no hang."""
 
@@ -204,13 +206,17 @@ def commit() -> str:
     return said[0] + ("+" if said[1] else "")
 
 
+_NOT_PLAYED = {"app", "design", "__pycache__"}
+"""Parts of the package that no case reaches."""
+
+
 @cache
 def code() -> str:
-    """Hash of the package and of this fuzzer: rows of other code are played again."""
-    from pipeline.store.campaign import code_version  # a worker begins sooner without
-
-    mine = sorted(Path(__file__).parent.glob("*.*"))
-    parts = [code_version(), *(hashlib.sha256(path.read_bytes()).hexdigest() for path in mine)]
+    """Hash of what is played and of this fuzzer: rows of other code are played again."""
+    package, mine = Path(pipeline.__file__).parent, Path(__file__).parent
+    played = (path for path in package.rglob("*.*") if not _NOT_PLAYED & {*path.parts})
+    paths = sorted(path for path in (*played, *mine.glob("*.*")) if path.is_file())
+    parts = [hashlib.sha256(path.read_bytes()).hexdigest() for path in paths]
     return hashlib.sha256("".join(parts).encode()).hexdigest()[:12]
 
 

@@ -15,6 +15,7 @@ from pipeline.answer.inputs import (
     rejected_entries,
 )
 from pipeline.answer.recommended import Values
+from pipeline.answer.remarks import common_factor
 from pipeline.answer.sentences import sentences
 from pipeline.answer.stiffness import budget_entries
 from pipeline.answer.values import stated, values_entry
@@ -30,7 +31,8 @@ def answer(found: Findings) -> Answer:
     values, springs = values_entry(found.told, where), values_entry(found.springs, where)
     base = given.reduced.registration
     fits = registration_entry(base)
-    said = (joint.finding for joint in values.stiffness if joint.finding)
+    said = [joint.finding for joint in values.stiffness if joint.finding]
+    said += filter(None, [common_factor(values.stiffness)])
     return Answer(
         format=1,
         campaign=found.campaign,

@@ -41,7 +41,7 @@ class Blocks(Locked):
     @property
     def shape(self) -> tuple[int, int]:
         """Number of blocks p, and rows of the largest s."""
-        return len(self.count), int(self.count.max())
+        return len(self.count), int(self.count.max(initial=0))
 
     @property
     def there(self) -> Bools:
