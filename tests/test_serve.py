@@ -322,7 +322,7 @@ def odd(raw):
     (raw / "proc" / "joints.csv").unlink()
     (raw / "proc" / "joints.csv").symlink_to("/proc/self/environ")
     (raw / "text" / "campaign.toml").write_bytes(b"\xff\xfe\0")
-    shutil.copytree(KEPT, os.fsencode(raw) + b"/zip\xff\xe9")
+    shutil.copytree(KEPT, raw / os.fsdecode(b"zip\xff\xe9"))
     shutil.copytree(KEPT, raw / "index.html")
     shutil.copytree(KEPT, raw / "new\nline")
     (raw / "empty").mkdir()
