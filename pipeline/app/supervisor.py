@@ -157,6 +157,7 @@ def serve(root: Path, preferences: Preferences, tell: Tell) -> None:
             schedule.start()
             with _recorded(root, urls):
                 tell(f"{urls['page']}  Prefect's page: runs, results, logs")
+                tell(f"{root / service.HOME / service.PASSWORD}  what it asks for")
                 tell(f"{urls['reports']}  the reports")
                 notify.systemd("READY=1")
                 ahead = _ahead_s()
