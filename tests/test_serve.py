@@ -442,3 +442,58 @@ def test_a_full_disk_is_said_and_waited_for(small_disk, command):
 
     assert process.returncode == 0
     assert b"Traceback" not in said.read_bytes()
+
+
+CLOCK = r"""
+#define _GNU_SOURCE
+#include <fcntl.h>
+#include <stdlib.h>
+#include <sys/syscall.h>
+#include <sys/time.h>
+#include <time.h>
+#include <unistd.h>
+int clock_gettime(clockid_t which, struct timespec *t) {
+    int result = syscall(SYS_clock_gettime, which, t);
+    int file = open(getenv("CLOCK_AHEAD"), O_RDONLY);
+    char said[32] = {0};
+    if (which == CLOCK_REALTIME && file >= 0 && read(file, said, 31) > 0) t->tv_sec += atol(said);
+    if (file >= 0) close(file);
+    return result;
+}
+time_t time(time_t *t) {
+    struct timespec now;
+    clock_gettime(CLOCK_REALTIME, &now);
+    if (t) *t = now.tv_sec;
+    return now.tv_sec;
+}
+int gettimeofday(struct timeval *restrict t, void *restrict zone) {
+    struct timespec now;
+    clock_gettime(CLOCK_REALTIME, &now);
+    t->tv_sec = now.tv_sec;
+    t->tv_usec = now.tv_nsec / 1000;
+    return 0;
+}
+"""
+"""A clock that is as many seconds ahead as stand in a file, before the one of the system."""
+
+
+def test_a_clock_that_is_set_back_stops_nothing(tmp_path, monkeypatch):
+    """By a day, while it serves: what arrives then is run, by processes of the new time."""
+    compiler = shutil.which("cc")
+    if compiler is None:
+        pytest.skip("no C compiler for a clock of our own")
+    raw, port = project(tmp_path, "a"), free_port()
+    ahead, library = tmp_path / "ahead", tmp_path / "clock.so"
+    ahead.write_text("86400")
+    (tmp_path / "clock.c").write_text(CLOCK)
+    subprocess.run([compiler, "-shared", "-fPIC", "-o", library, tmp_path / "clock.c"], check=True)
+    monkeypatch.setenv("CLOCK_AHEAD", str(ahead))
+    monkeypatch.setenv("LD_PRELOAD", str(library))
+    with serving(tmp_path, port):
+        monkeypatch.delenv("LD_PRELOAD")
+        until(lambda: reported(tmp_path, "a"), 120)
+        ahead.write_text("0")
+        shutil.copytree(KEPT, raw / "b")
+        until(lambda: reported(tmp_path, "b"), 180)
+
+    assert "The clock was set back" in told(tmp_path)

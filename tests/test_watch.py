@@ -18,6 +18,7 @@ import report_sample
 from pipeline.app import preferences, watch
 from pipeline.app.outcome import outcome
 from pipeline.app.preferences import Notify, Preferences
+from pipeline.app.service import Looked
 from pipeline.base import files
 from pipeline.base.errors import InputError
 from pipeline.run import run
@@ -296,3 +297,27 @@ def test_a_finished_run_is_not_repeated_when_its_memory_was_lost(tmp_path):
 
     assert (campaign.reports / "result.json").stat().st_mtime_ns == made
     assert again.content == campaign.result()
+
+
+def test_a_memory_that_is_no_file_is_none(tmp_path, runs):
+    """A pipe that nobody writes to, a folder, a number: the campaign is run, and nobody waits."""
+    arrive(tmp_path, "a", "b", "c")
+    for name, make in (("a", os.mkfifo), ("b", os.mkdir), ("c", lambda path: path.write_text("5"))):
+        (tmp_path / "data" / "processed" / name).mkdir(parents=True)
+        make(tmp_path / "data" / "processed" / name / watch.MEMORY)
+    look(tmp_path, runs)
+
+    assert runs.of == ["a", "b", "c"]
+
+
+def test_a_look_that_gets_no_further_is_seen(tmp_path, runs):
+    """While it is at work it says so with every campaign; at its end it hangs no more."""
+    arrive(tmp_path, "a", "b")
+    noted = []
+    clock = watch.Clock(lambda: 1000.0 + 600.0 * len(runs.of), lambda _: None)
+    for _ in watch.scan(tmp_path, Preferences(), runs, clock):
+        seen = Looked.of(tmp_path)
+        noted.append((seen.alive, seen.hangs(seen.alive + 900, 900), seen.hangs(1e9, 900)))
+
+    assert noted == [(1600.0, False, True), (2200.0, False, True)]
+    assert not Looked.of(tmp_path).hangs(1e9, 900)

@@ -168,7 +168,7 @@ def _looks(root: Path, running: service.Running, limit_s: float) -> Finding:
     if last > now + _SLOW_S:
         return Finding("looks", False, f"the last was at {at}: this machine's clock was set back")
     if look.ended is None:
-        ok = now - look.began < limit_s + _SLOW_S
+        ok = not look.hangs(now, limit_s)
         return Finding("looks", ok, f"one is at work since {at}", needed=not ok)
     late = running.every_s is not None and now - last > max(_LATE * running.every_s, _SLOW_S)
     if late:

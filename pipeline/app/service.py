@@ -33,6 +33,9 @@ PATIENCE_S = 120.0
 RUNNING, LOOKED = "service.json", "look.json"
 """Files in data/processed: who serves this project, and when data/raw was last looked at."""
 
+_STEP_S = 300.0
+"""How long a step of a look may take beside a campaign: an overview, an object storage [s]."""
+
 _KEPT_S = 30 * 86400
 """How long Prefect remembers a run [s]; the results are not Prefect's and stay."""
 
@@ -59,11 +62,17 @@ class Looked(Strict):
 
     Attributes:
         began: The beginning of the look.
+        alive: The beginning of the last step in it, a campaign or less.
         ended: Its end; None while it is at work, or when it was killed.
     """
 
     began: float
+    alive: float = 0.0
     ended: float | None = None
+
+    def hangs(self, now: float, limit_s: float) -> bool:
+        """Whether one step takes longer than any may, where a campaign may take `limit_s`."""
+        return self.ended is None and now - max(self.began, self.alive) > limit_s + _STEP_S
 
     @classmethod
     def of(cls, root: Path) -> Looked | None:
@@ -76,8 +85,8 @@ _Note = TypeVar("_Note", bound=Strict)
 
 def _noted(kind: type[_Note], path: Path) -> _Note | None:
     try:
-        return kind.model_validate_json(path.read_bytes())
-    except (OSError, ValidationError):
+        return kind.model_validate(recalled(path))
+    except ValidationError:
         return None
 
 

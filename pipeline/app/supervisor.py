@@ -57,6 +57,7 @@ class _Child:
         log: Where its complaints go.
         answers: Whether it still does what it is there for.
         shown: What it says is for the screen.
+        since: When it was started, by the clock on the wall [s].
     """
 
     what: str
@@ -64,6 +65,7 @@ class _Child:
     log: Path
     answers: Callable[[], bool]
     shown: bool = False
+    since: float = 0.0
     _process: subprocess.Popen[bytes] | None = None
     _fails: int = 0
     _began: float = 0.0
@@ -82,6 +84,7 @@ class _Child:
                 start_new_session=True,  # Ctrl-C is for this process, which ends the others
             )
         self._began = self._heard = time.monotonic()
+        self.since = time.time()
 
     @property
     def code(self) -> int | None:
@@ -149,7 +152,7 @@ def serve(root: Path, preferences: Preferences, tell: Tell) -> None:
             "The schedule",
             [*PYTHON, "pipeline.app.schedule", preferences.service.model_dump_json()],
             root / service.HOME / "schedule.log",
-            lambda: True,
+            lambda: not _hangs(root, preferences.service.limit_s, schedule.since),
             shown=True,
         )
         try:
@@ -162,9 +165,10 @@ def serve(root: Path, preferences: Preferences, tell: Tell) -> None:
                 notify.systemd("READY=1")
                 ahead = _ahead_s()
                 while not asked.wait(_LOOK_S):
-                    if ahead - _ahead_s() > _SET_BACK_S:  # what is scheduled is far away now
-                        tell("This machine's clock was set back; the schedule is made anew.")
+                    if ahead - _ahead_s() > _SET_BACK_S:
+                        tell("The clock was set back; whatever waits for a moment begins anew.")
                         schedule.stop()
+                        server.stop()  # its own services wait for moments far away now
                     ahead = _ahead_s()
                     for child in (server, schedule):
                         _looked(child, tell)
@@ -173,6 +177,12 @@ def serve(root: Path, preferences: Preferences, tell: Tell) -> None:
             notify.systemd("STOPPING=1")
             schedule.stop()
             server.stop()
+
+
+def _hangs(root: Path, limit_s: float, since: float) -> bool:
+    """Whether a look that began since then gets no further."""
+    look = service.Looked.of(root)
+    return look is not None and look.began >= since and look.hangs(time.time(), limit_s)
 
 
 def _ahead_s() -> float:

@@ -6,7 +6,6 @@ here is ever replaced or removed.
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
@@ -18,7 +17,7 @@ from pipeline.app.preferences import Storage
 from pipeline.app.storage import Store
 from pipeline.base import files
 from pipeline.base.errors import InputError, PipelineError
-from pipeline.store.campaign import dump
+from pipeline.store.campaign import dump, recalled
 
 _NOTE = "storage.json"
 _HERE = "storage"
@@ -46,7 +45,7 @@ class Note:
     def of(root: Path) -> Note:
         """As it was left, or an empty one."""
         try:
-            return Note(**json.loads((_processed(root) / _NOTE).read_bytes()))
+            return Note(**(recalled(_processed(root) / _NOTE) or {}))
         except (OSError, ValueError, TypeError):
             return Note()
 

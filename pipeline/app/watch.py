@@ -25,7 +25,7 @@ from pipeline.base import files
 from pipeline.base.errors import CannotWrite, InputError
 from pipeline.base.strict import Strict
 from pipeline.store import campaign as campaigns
-from pipeline.store.campaign import Campaign, dump
+from pipeline.store.campaign import Campaign, dump, recalled
 
 MEMORY = "seen.json"
 SERVICE = "service"
@@ -128,8 +128,8 @@ def _some(entries: Iterator[os.DirEntry[str]], most: int) -> list[os.DirEntry[st
 def recall(campaign: Campaign) -> Seen:
     """What is remembered of a campaign."""
     try:
-        return Seen.model_validate_json((campaign.processed / MEMORY).read_bytes())
-    except (OSError, ValidationError):
+        return Seen.model_validate(recalled(campaign.processed / MEMORY))
+    except ValidationError:
         return Seen()
 
 
@@ -170,12 +170,16 @@ def scan(
         work: How campaigns are brought up to date.
         clock: Of this machine.
     """
-    began, trouble = clock.now(), _noted(root, service.Looked(began=clock.now()))
+    look = service.Looked(began=clock.now())
+    trouble = _noted(root, look)
     try:
-        yield from _scan(root, preferences, work, clock, trouble)
+        for made in _scan(root, preferences, work, clock, trouble):
+            look = look.model_copy(update={"alive": clock.now()})
+            trouble += _noted(root, look)
+            yield made
     except Exception as problem:  # the next look comes, whatever this one has met
         trouble.append(failed(SERVICE, problem))
-    trouble += _noted(root, service.Looked(began=began, ended=clock.now()))
+    trouble += _noted(root, look.model_copy(update={"ended": clock.now()}))
     yield from told_once(root, trouble)
 
 

@@ -295,7 +295,7 @@ class Campaign:
     def rejection(self, key: str) -> InputError | None:
         """Why the last run rejected the input with this key; None where it did not."""
         try:
-            kept = json.loads((self.processed / _REJECTION).read_bytes())
+            kept = recalled(self.processed / _REJECTION)
             return InputError(**kept["why"]) if kept["key"] == key else None
         except (OSError, ValueError, TypeError, KeyError, RecursionError):
             return None
@@ -345,8 +345,8 @@ def dump(content: object) -> bytes:
 def recalled(path: Path) -> Any:
     """What `dump` has left in a file; None where there is none, or one that cannot be read."""
     try:
-        return json.loads(path.read_bytes())
-    except (OSError, ValueError, RecursionError):
+        return json.loads(files.read(path, path.name, LARGEST_FILE))
+    except (InputError, ValueError, RecursionError):
         return None
 
 
