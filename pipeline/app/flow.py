@@ -24,7 +24,7 @@ from prefect.client.orchestration import get_client
 from prefect.client.schemas.actions import WorkPoolCreate
 from prefect.client.schemas.filters import FlowFilter, FlowRunFilter
 from prefect.client.schemas.objects import State, StateType
-from prefect.exceptions import ObjectAlreadyExists, ObjectNotFound
+from prefect.exceptions import ObjectAlreadyExists, ObjectNotFound, PrefectException
 from prefect.states import Crashed, Failed
 from prefect.types.entrypoint import EntrypointType
 
@@ -36,7 +36,7 @@ from pipeline.app.outcome import Outcome, failed, shown
 from pipeline.app.preferences import Service, load
 from pipeline.app.processes import PARENT, REPORTS_URL, ROOT, follow, say
 from pipeline.app.progress import Tell, told
-from pipeline.base.errors import InputError, PipelineError, Unfinished, UsageError
+from pipeline.base.errors import CannotWrite, InputError, PipelineError, Unfinished, UsageError
 from pipeline.base.shown import printable
 from pipeline.run import run
 from pipeline.store.campaign import Campaign, find
@@ -112,8 +112,17 @@ def identified(campaign: Campaign, force: bool = False) -> Answer:
 
     Raises:
         PipelineError: As `run` does.
+        CannotWrite: Prefect's server cannot keep the run.
     """
-    answer: Answer = _result(identify(str(campaign.root), str(campaign.folder), force))
+    try:
+        answer: Answer = _result(identify(str(campaign.root), str(campaign.folder), force))
+    except (httpx.HTTPError, PrefectException, RuntimeError) as problem:
+        if isinstance(problem, RuntimeError) and "Prefect" not in str(problem):
+            raise
+        raise CannotWrite(
+            f"Prefect's server does not keep this run ({problem}); see that its disk has room, or "
+            "use --engine local."
+        ) from problem
     return answer
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import http.client
 import os
 import secrets
+import shutil
 import urllib.request
 from pathlib import Path
 from typing import TypeVar
@@ -15,7 +16,7 @@ from typing import TypeVar
 from pydantic import ValidationError
 
 from pipeline.app.processes import REPORTS_URL
-from pipeline.base.errors import UsageError
+from pipeline.base.errors import CannotWrite, UsageError
 from pipeline.base.strict import Strict
 from pipeline.store.campaign import recalled
 
@@ -35,6 +36,9 @@ RUNNING, LOOKED = "service.json", "look.json"
 
 _STEP_S = 300.0
 """How long a step of a look may take beside a campaign: an overview, an object storage [s]."""
+
+_ROOM = 2**25
+"""Bytes that Prefect's database and its journal take in the first runs, and as much again."""
 
 _KEPT_S = 30 * 86400
 """How long Prefect remembers a run [s]; the results are not Prefect's and stay."""
@@ -88,6 +92,20 @@ def _noted(kind: type[_Note], path: Path) -> _Note | None:
         return kind.model_validate(recalled(path))
     except ValidationError:
         return None
+
+
+def has_room(home: Path) -> None:
+    """See that Prefect's database can grow, instead of waiting for a server that never starts.
+
+    Raises:
+        CannotWrite: It cannot.
+    """
+    free = shutil.disk_usage(home).free
+    if free < _ROOM:
+        raise CannotWrite(
+            f"{home} has {free / 2**20:.0f} MiB left, Prefect's database needs {_ROOM >> 20}; "
+            "free some space, or use --engine local."
+        )
 
 
 def join(root: Path) -> None:

@@ -69,6 +69,7 @@ def _through_prefect(campaign: Campaign, force: bool, tell: Tell) -> Answer:
     home = campaign.root / service.HOME
     with files.writing(home):
         home.mkdir(parents=True, exist_ok=True)
+    service.has_room(home)
     service.settle(campaign.root)
     from pipeline.app.flow import identified, telling  # importing Prefect takes two seconds
 
