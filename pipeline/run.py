@@ -129,6 +129,7 @@ def _compute(campaign: Campaign, raw: Raw, step: Step) -> Answer:
         "run_time_s": run_time_s,
         "previous": archive.mark(before),
         "verdict": str(found.answer.diagnosis.verdict),
+        **archive.about(found.answer),
     }
     campaign.finish(raw.key, answers, told)
     return found.answer

@@ -546,7 +546,7 @@ def test_covariances_of_angles_become_those_of_coordinates(kind, vertical):
     hints = Hints(
         unit="mm", angle="deg", vertical=vertical, mapping=Columns(columns=columns, header=0)
     )
-    six = [4e-4, 1e-5, -2e-5, 9e-8, 1e-8, 6e-8]
+    six = [4e-4, 1e-6, -2e-6, 9e-8, 1e-8, 6e-8]
 
     def at(values):
         row = ";".join(repr(float(value)) for value in [*values, *six]) + ";g;P1"
@@ -571,3 +571,36 @@ def test_lines_are_cut_as_everywhere_else(size):
         assert [line for _, line in file.lines()] == io.StringIO(said, newline=None).read().split(
             "\n"
         )
+
+
+@pytest.mark.parametrize(
+    ("wrong", "odd"),
+    [((3, -1.0), "variance"), ((0, -4e-4), "variance"), ((1, 9e-3), "correlation")],
+)
+def test_an_uncertainty_that_is_none_costs_its_row(wrong, odd):
+    """A variance below zero, a correlation above one: named, and never squared away."""
+    columns = {"x": 1, "y": 2, "z": 3, "group": 10, "target": 11}
+    columns |= {f"c{ab}": k for k, ab in enumerate(("xx", "xy", "xz", "yy", "yz", "zz"), 4)}
+    hints = Hints(unit="mm", mapping=Columns(columns=columns, header=0))
+    good = [4e-4, 1e-4, 0.0, 4e-4, 0.0, 4e-4]
+    place, value = wrong
+    bad = [value if k == place else number for k, number in enumerate(good)]
+    rows = "\n".join(f"1;2;3;{';'.join(map(repr, six))};g;P1" for six in (good, bad))
+    export = readers.read("t", rows.encode(), hints)
+
+    assert export.line.tolist() == [1]
+    [(line, why)] = export.rejected
+    assert line == 2
+    assert odd in why
+
+
+def test_a_negative_standard_uncertainty_is_none():
+    """U(95) of -0.06 mm is no 0.06 mm."""
+    readings = some_readings("mm", 4)
+    export = READERS["leica_6dof"].write(readings, "mm", 4).decode("cp1252").splitlines()
+    cells = export[1].split(";")
+    cells[9] = f"-{cells[9]}"
+    export[1] = ";".join(cells)
+    got = readers.read("t", "\r\n".join(export).encode("cp1252"), MM)
+
+    assert [line for line, _ in got.rejected] == [2]

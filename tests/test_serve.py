@@ -6,6 +6,7 @@ import functools
 import http.server
 import json
 import os
+import re
 import shutil
 import signal
 import socket
@@ -497,3 +498,33 @@ def test_a_clock_that_is_set_back_stops_nothing(tmp_path, monkeypatch):
         until(lambda: reported(tmp_path, "b"), 180)
 
     assert "The clock was set back" in told(tmp_path)
+
+
+def test_what_stands_still_is_started_again(tmp_path):
+    """A schedule that is stopped, no error and no answer: campaigns are run again minutes later."""
+    raw, port = project(tmp_path, "a"), free_port()
+    with serving(tmp_path, port) as process:
+        until(lambda: reported(tmp_path, "a"), 120)
+        [still] = [one for one in running("pipeline.app.schedule") if one in family(process.pid)]
+        os.kill(still, signal.SIGSTOP)
+        shutil.copytree(KEPT, raw / "b")
+        until(lambda: reported(tmp_path, "b"), 360)
+
+    assert "The schedule answers no more" in told(tmp_path)
+    assert not alive(still)
+
+
+@pytest.mark.parametrize("left", ["", "pipeline", "a b:c\n"])
+def test_half_a_password_is_none(tmp_path, monkeypatch, left):
+    """As a full disk leaves it: a new one, for its owner only, and the service works."""
+    project(tmp_path)
+    path = tmp_path / ".prefect" / "password"
+    path.parent.mkdir()
+    path.write_text(left)
+    monkeypatch.setattr(os, "environ", dict(os.environ))
+    urls = supervisor.settled(tmp_path, free_port())
+    new = path.read_text()
+
+    assert urls["api"].startswith("http://127.0.0.1:")
+    assert re.fullmatch(r"pipeline:[\w-]{22}", new)
+    assert path.stat().st_mode & 0o077 == 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +12,7 @@ import pandas as pd
 
 from pipeline.answer import contract
 from pipeline.answer.contract import Answer, Reason
-from pipeline.answer.history import previous
+from pipeline.answer.history import precedes, previous
 from pipeline.answer.recommended import row_of
 from pipeline.answer.words import BECAUSE
 from pipeline.base import files
@@ -103,7 +104,7 @@ def finished(root: Path, tell: Callable[[str], object] = str) -> list[Finished]:
             its result.
     """
     out = []
-    for campaign in _with_manifest(root):
+    for campaign, _ in _with_manifest(root):
         try:
             out.append(Finished(campaign, read(campaign)))
         except UsageError as problem:
@@ -111,17 +112,36 @@ def finished(root: Path, tell: Callable[[str], object] = str) -> list[Finished]:
     return out
 
 
-def _with_manifest(root: Path) -> Iterator[Campaign]:
+def _with_manifest(root: Path) -> Iterator[tuple[Campaign, dict[str, Any]]]:
     for path in sorted((root / "reports").glob("*/result.json")):
         campaign = Campaign(root, root / "data" / "raw" / path.parent.name)
         manifest = campaign.manifest()
         if manifest is not None:  # a campaign that was run by path lies elsewhere
-            yield Campaign(root, root / manifest.get("source", campaign.folder))
+            yield Campaign(root, root / manifest.get("source", campaign.folder)), manifest
 
 
 def earlier(campaign: Campaign, answer: Answer) -> Answer | None:
-    """The answer of the same robot's campaign before this one, as far as it is finished."""
-    return previous(answer, (other.answer for other in finished(campaign.root)))
+    """The answer of the same robot's campaign before this one, as far as it is finished.
+
+    Only campaigns are read that can be it by their manifests, not the hundreds of a whole plant.
+    """
+    found = []
+    for other, manifest in _with_manifest(campaign.root):
+        if manifest.get("robot", answer.robot) == answer.robot and precedes(
+            manifest.get("measured", _LONG_AGO), answer.measured
+        ):
+            with contextlib.suppress(UsageError):
+                found.append(read(other))
+    return previous(answer, found)
+
+
+_LONG_AGO = "0000"
+"""In place of a date that an earlier version did not note."""
+
+
+def about(answer: Answer) -> dict[str, str | None]:
+    """What the manifest says of an answer, so that `earlier` need not read it."""
+    return {"robot": answer.robot, "measured": answer.measured}
 
 
 def mark(before: Answer | None) -> str | None:

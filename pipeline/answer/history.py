@@ -94,12 +94,13 @@ def previous(answer: Answer, answers: Iterable[Answer]) -> Answer | None:
     earlier = [
         other
         for other in answers
-        if other.robot == answer.robot and _before(other.measured, now) and trusted(other)
+        if other.robot == answer.robot and precedes(other.measured, now) and trusted(other)
     ]
     return ordered(earlier)[-1] if earlier else None
 
 
-def _before(day: str | None, now: str | None) -> bool:
+def precedes(day: str | None, now: str | None) -> bool:
+    """Whether a campaign was measured before another, by their dates; not where one has none."""
     return bool(day and now) and str(day) < str(now)
 
 

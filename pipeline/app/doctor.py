@@ -131,12 +131,6 @@ def _preferences(root: Path) -> Iterator[Finding]:
         yield Finding(what, False, str(problem))
 
 
-_LATE = 3
-"""A look at data/raw that is this many intervals late will not come."""
-_SLOW_S = 120.0
-"""Nor one so long after it was due [s], however short the interval."""
-
-
 def _service(root: Path) -> Iterator[Finding]:
     """Whether a service runs, what is wrong with it, and what it could not do."""
     yield _server(root)
@@ -165,13 +159,12 @@ def _looks(root: Path, running: service.Running, limit_s: float) -> Finding:
     log = root / service.HOME / "schedule.log"
     at = datetime.fromtimestamp(look.began).isoformat(" ", "seconds")
     last = look.began if look.ended is None else look.ended
-    if last > now + _SLOW_S:
+    if last > now + service.SLOW_S:
         return Finding("looks", False, f"the last was at {at}: this machine's clock was set back")
     if look.ended is None:
         ok = not look.hangs(now, limit_s)
         return Finding("looks", ok, f"one is at work since {at}", needed=not ok)
-    late = running.every_s is not None and now - last > max(_LATE * running.every_s, _SLOW_S)
-    if late:
+    if look.overdue(now, running.every_s):
         said = f"none since {at}; is the schedule paused on Prefect's page? {log} may say why"
         return Finding("looks", False, said)
     return Finding("looks", True, f"the last was at {at}")

@@ -5,7 +5,9 @@ Nothing here imports Prefect, which takes seconds.
 
 from __future__ import annotations
 
+import base64
 import http.client
+import json
 import os
 import secrets
 import shutil
@@ -34,6 +36,10 @@ PATIENCE_S = 120.0
 RUNNING, LOOKED = "service.json", "look.json"
 """Files in data/processed: who serves this project, and when data/raw was last looked at."""
 
+_LATE = 3
+"""A look that is so many intervals late will not come."""
+SLOW_S = 120.0
+"""Nor one so long after it was due [s], however short the interval."""
 _STEP_S = 300.0
 """How long a step of a look may take beside a campaign: an overview, an object storage [s]."""
 
@@ -77,6 +83,12 @@ class Looked(Strict):
     def hangs(self, now: float, limit_s: float) -> bool:
         """Whether one step takes longer than any may, where a campaign may take `limit_s`."""
         return self.ended is None and now - max(self.began, self.alive) > limit_s + _STEP_S
+
+    def overdue(self, now: float, every_s: float | None) -> bool:
+        """Whether the next look should have begun long ago; nobody knows where cron says when."""
+        if every_s is None or self.ended is None:
+            return False
+        return now - self.ended > max(_LATE * every_s, SLOW_S)
 
     @classmethod
     def of(cls, root: Path) -> Looked | None:
@@ -162,7 +174,7 @@ def known_password(root: Path) -> str | None:
     """The password of this project's server; None for those who may not read it."""
     try:
         return (root / HOME / PASSWORD).read_text()
-    except OSError:
+    except (OSError, ValueError):
         return None
 
 
@@ -172,6 +184,18 @@ def answers(api: str) -> bool:
         with urllib.request.urlopen(f"{api.rstrip('/')}/health", timeout=2) as answer:
             return bool(answer.status == 200)
     except (OSError, http.client.HTTPException, ValueError):
+        return False
+
+
+def paused(api: str) -> bool:
+    """Whether somebody has paused the schedule on Prefect's page."""
+    key = base64.b64encode(os.environ.get("PREFECT_API_AUTH_STRING", "").encode()).decode()
+    head = {"Content-Type": "application/json", "Authorization": f"Basic {key}"}
+    try:
+        asked = urllib.request.Request(f"{api}/deployments/filter", b"{}", head)
+        with urllib.request.urlopen(asked, timeout=5) as answer:
+            return any(one["paused"] for one in json.loads(answer.read()))
+    except (OSError, http.client.HTTPException, ValueError, LookupError, TypeError):
         return False
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import secrets
 import signal
 import socket
@@ -152,7 +153,7 @@ def serve(root: Path, preferences: Preferences, tell: Tell) -> None:
             "The schedule",
             [*PYTHON, "pipeline.app.schedule", preferences.service.model_dump_json()],
             root / service.HOME / "schedule.log",
-            lambda: not _hangs(root, preferences.service.limit_s, schedule.since),
+            lambda: not _stuck(root, preferences.service, schedule.since, urls["api"]),
             shown=True,
         )
         try:
@@ -179,10 +180,14 @@ def serve(root: Path, preferences: Preferences, tell: Tell) -> None:
             server.stop()
 
 
-def _hangs(root: Path, limit_s: float, since: float) -> bool:
-    """Whether a look that began since then gets no further."""
-    look = service.Looked.of(root)
-    return look is not None and look.began >= since and look.hangs(time.time(), limit_s)
+def _stuck(root: Path, wanted: Service, since: float, api: str) -> bool:
+    """Whether a look that began since then gets no further, or the next one does not come."""
+    look, now = service.Looked.of(root), time.time()
+    if look is None or look.began < since:
+        look = service.Looked(began=since, ended=since)
+    if look.hangs(now, wanted.limit_s):
+        return True
+    return look.overdue(now, wanted.every_s) and not service.paused(api)
 
 
 def _ahead_s() -> float:
@@ -285,11 +290,13 @@ def settled(root: Path, port: int) -> dict[str, str]:
 def _password(root: Path) -> str:
     """The same as ever, so that a browser keeps it; for the owner's eyes only."""
     known = service.known_password(root)
-    if known is not None:
-        return known
     path, new = root / service.HOME / service.PASSWORD, f"pipeline:{secrets.token_urlsafe(16)}"
     with files.writing(path):
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if known and re.fullmatch(r"[!-~]+:[!-~]+", known):
+            path.chmod(0o600)
+            return known
+        path.unlink(missing_ok=True)  # half a password, of a full disk
         with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
             file.write(new)
     return new

@@ -37,6 +37,12 @@ _FARTHEST_M = 1e6
 """No tracker reads so far [m], whatever unit was mistaken for whatever other."""
 _VAGUEST_M2 = 1e6
 """Nor is one so uncertain in an axis [m^2]: a metre, mistaken for a thousand."""
+_ROUNDED = 1.05
+"""Square of a correlation that rounding in a file may leave."""
+_NO_UNCERTAINTY = (
+    "its uncertainty is none (a variance below zero or a correlation above one); export it again, "
+    'or set covariance = "none" in [tracker]'
+)
 _TOO_VAGUE = "its uncertainty is larger than 1 km; measure it again or remove the row"
 _TOO_FAR = (
     f"the coordinates are farther than {_FARTHEST_M / 1e3:_.0f} km; ".replace("_", " ")
@@ -239,13 +245,25 @@ def export(
     )
     if C is not None:
         vague = ~(np.nanmax(np.abs(C), axis=1, initial=0) <= _VAGUEST_M2)
-        if vague.any():
-            everything = kept(everything, ~vague, _TOO_VAGUE)
+        everything = kept(everything, ~vague, _TOO_VAGUE) if vague.any() else everything
+        odd = _is_none(everything.covariance)
+        everything = kept(everything, ~odd, _NO_UNCERTAINTY) if odd.any() else everything
     xyz = everything.position.T
     if all(x.min(initial=0) >= -_FARTHEST_M and x.max(initial=0) <= _FARTHEST_M for x in xyz):
         return everything
     near = np.logical_and.reduce([np.abs(x) <= _FARTHEST_M for x in xyz])
     return kept(everything, near, _TOO_FAR)
+
+
+def _is_none(C: Array | None) -> Bools:
+    """Where six numbers are no covariance: a variance below zero, a correlation above one."""
+    assert C is not None
+    xx, xy, xz, yy, yz, zz = C.T
+    with np.errstate(invalid="ignore"):  # NaN where the file has none
+        negative = np.minimum(np.minimum(xx, yy), zz) < 0
+        pairs = ((xy, xx, yy), (xz, xx, zz), (yz, yy, zz))
+        tied = [c**2 > _ROUNDED * a * b for c, a, b in pairs]
+    return np.asarray(np.logical_or.reduce([negative, *tied]))
 
 
 def kept(readings: Export, keep: Bools, why_not: str) -> Export:
@@ -319,6 +337,6 @@ def written(
 
 def diagonal(std: Sequence[Array], factor: float = 1.0) -> Array:
     """Six numbers of uncorrelated standard uncertainties, each shape (n,), divided by a factor."""
-    x, y, z = ((s / factor) ** 2 for s in std)
+    x, y, z = (s / factor * np.abs(s / factor) for s in std)  # one below zero stays one
     none = np.zeros_like(x)
     return np.column_stack([x, none, none, y, none, z])
