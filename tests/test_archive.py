@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 
 import pytest
@@ -294,3 +295,16 @@ def test_a_project_without_results_has_no_page(tmp_path, capsys):
     assert pages.refresh(tmp_path) is None
     assert _exit_code(["report", "--root", str(tmp_path)]) == 2
     assert "no campaign is finished" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("lost", ["data/processed/c/manifest.json", "reports/c/index.html"])
+def test_a_pipe_in_place_of_a_result_is_no_result(tmp_path, lost):
+    """Nobody writes to it: `status` does not wait, and the campaign counts as new."""
+    campaign = Campaign(tmp_path, tmp_path / "data" / "raw" / "c")
+    campaign.folder.mkdir(parents=True)
+    campaign.finish("key", {"result.json": b"{}", "index.html": b"page"}, {})
+    assert campaign.done("key")
+    (tmp_path / lost).unlink()
+    os.mkfifo(tmp_path / lost)
+
+    assert not campaign.done("key")

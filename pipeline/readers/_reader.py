@@ -243,6 +243,12 @@ def export(
         unused=tuple(unused),
         rejected=rows.rejected,
     )
+    return _possible(everything)
+
+
+def _possible(everything: Export) -> Export:
+    """The readings that can be: no farther off, and no vaguer, than anything in a hall."""
+    C = everything.covariance
     if C is not None:
         vague = ~(np.nanmax(np.abs(C), axis=1, initial=0) <= _VAGUEST_M2)
         everything = kept(everything, ~vague, _TOO_VAGUE) if vague.any() else everything
