@@ -308,3 +308,15 @@ def test_a_pipe_in_place_of_a_result_is_no_result(tmp_path, lost):
     os.mkfifo(tmp_path / lost)
 
     assert not campaign.done("key")
+
+
+def test_a_day_that_no_calendar_has_leaves_one_campaign_out(tmp_path):
+    """A result of an earlier version may say the year 0: the others are told, and it is named."""
+    for name, day in (("a", "2026-03-01"), ("b", "0000-11-03T08:00:08")):
+        campaign = Campaign(tmp_path, tmp_path / "data" / "raw" / name)
+        content = report_sample.answer().as_json() | {"campaign": name, "measured": day}
+        campaign.finish("key", {"result.json": json.dumps(content).encode()}, {})
+    said = []
+
+    assert [one.campaign.name for one in finished(tmp_path, said.append)] == ["a"]
+    assert said[0].startswith("b has a result of an earlier version")

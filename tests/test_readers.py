@@ -604,3 +604,14 @@ def test_a_negative_standard_uncertainty_is_none():
     got = readers.read("t", "\r\n".join(export).encode("cp1252"), MM)
 
     assert [line for line, _ in got.rejected] == [2]
+
+
+@pytest.mark.parametrize("year", ["0000", "0001", "1899", "2200", "9999"])
+def test_a_time_at_which_nobody_measured_costs_its_row(year):
+    """Arrow knows the year 0, and calendars that came later do not."""
+    good = "group,target,x_mm,y_mm,z_mm,time\ng,P1,1,2,3,2026-11-03T08:00:00\n"
+    odd = f"g,P2,1,2,3,{year}-11-03T08:00:00\n"
+    for text, rejected in ((good + odd, [3]), (good + odd.replace("T", " "), [3]), (good, [])):
+        export = readers.read("t", text.encode(), MM)
+
+        assert [line for line, _ in export.rejected] == rejected

@@ -7,10 +7,11 @@ may be added, not renamed. Terminal, report and history read these records and n
 from __future__ import annotations
 
 import math
+from datetime import date
 from enum import StrEnum
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
 
 from pipeline.diagnosis.finding import Finding, Verdict
 
@@ -25,6 +26,16 @@ def _known(said: Any, info: ValidationInfo) -> Any:
 Number = Annotated[float | None, BeforeValidator(_known)]
 """A number, or null where nobody knows it: the one place where one that is none becomes that."""
 Where = int | str | None
+
+
+def _dated(said: str) -> str:
+    date.fromisoformat(said[:10])
+    return said
+
+
+Day = Annotated[str, AfterValidator(_dated)]
+"""A date, or a date and time, in ISO 8601."""
+
 Interval = tuple[Number, Number]
 Share = Annotated[float, Field(ge=-1e-9, le=1 + 1e-9)]
 
@@ -494,7 +505,7 @@ class Heading(Fact):
     campaign: str
     name: str
     robot: str
-    measured: str | None = Field(description="date")
+    measured: Day | None = Field(description="date, or date and time")
     verdict_sentence: tuple[str, ...] = Field(description="the first screen, most important first")
     recommended: Recommended = Field(description="which values stand at the top, and why")
 

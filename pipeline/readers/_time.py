@@ -36,6 +36,8 @@ _EARLIEST = b"1900-01-01T00:00:00"
 """What `strptime` takes for parts that a form does not have; the others have their places in it."""
 _SIXTY_NINE = b"69"
 """The first year of two digits that `strptime` takes for one of the last century."""
+_FIRST, _LAST = (pa.scalar(datetime(year, 1, 1), _MOMENT) for year in (1900, 2200))
+"""Between which a reading was taken; a clock that nobody has set begins in 1970 or 1980."""
 _HOUR = 3_600_000_000
 """An hour [us]."""
 
@@ -76,13 +78,19 @@ def moments(cells: pa.StringArray, form: str) -> tuple[pa.TimestampArray, Bools 
     """All cells as times without zone, null for none; and which had a zone, where some may."""
     try:
         bare = _bare(cells)
-        return _at_once(bare if form == ISO else _as_iso(bare, form)), None
+        return _possible(_at_once(bare if form == ISO else _as_iso(bare, form))), None
     except pa.ArrowInvalid:
         different = cells.dictionary_encode()
     found = [_moment(cell, form) for cell in different.dictionary.to_pylist()]
     values = pa.array([None if m is None else _without_zone(m) for m in found], _MOMENT)
     zoned = np.array([m is not None and m.tzinfo is not None for m in found], dtype=bool)
-    return values.take(different.indices), zoned[np.asarray(different.indices)]
+    return _possible(values).take(different.indices), zoned[np.asarray(different.indices)]
+
+
+def _possible(found: pa.TimestampArray) -> pa.TimestampArray:
+    """Null for a time at which nobody has measured anything, such as the year 0."""
+    between = pc.and_(pc.greater_equal(found, _FIRST), pc.less(found, _LAST))
+    return pc.if_else(between, found, pa.scalar(None, _MOMENT))
 
 
 def _bare(cells: pa.StringArray) -> pa.StringArray:
