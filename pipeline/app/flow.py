@@ -84,6 +84,7 @@ def scan() -> None:
             _crashed(made)
         say(made.event)
         outcomes.append(made)
+        _drop_late()
     if outcomes:
         artifacts.create_markdown_artifact(key="scan", markdown=_summary(outcomes))
 
@@ -143,7 +144,7 @@ def _crashed(made: Outcome) -> None:
 
 
 def _drop_late() -> None:
-    """Forget the scans that should have begun while another was at work: this one sees it all."""
+    """Forget the scans that should have begun while this one is at work: the next sees it all."""
     late = FlowRunFilter.model_validate(
         {
             "state": {"type": {"any_": [StateType.SCHEDULED]}},
@@ -151,10 +152,11 @@ def _drop_late() -> None:
         }
     )
     own = FlowFilter.model_validate({"name": {"any_": [scan.name]}})
-    with get_client(sync_client=True) as client:
-        for run in client.read_flow_runs(flow_filter=own, flow_run_filter=late, limit=200):
-            with contextlib.suppress(ObjectNotFound):
-                client.delete_flow_run(run.id)
+    # what is not dropped now is dropped next time
+    with contextlib.suppress(httpx.HTTPError, ObjectNotFound), get_client(sync_client=True) as api:
+        while found := api.read_flow_runs(flow_filter=own, flow_run_filter=late, limit=200):
+            for run in found:
+                api.delete_flow_run(run.id)
 
 
 def _summary(outcomes: list[Outcome]) -> str:
