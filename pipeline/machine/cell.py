@@ -228,7 +228,8 @@ def _deformed(cell: Cell, loaded: Loaded, values: Array, rounds: int = 30) -> tu
     m, k = twists.shape[:2]
     ends_points = np.concatenate([loaded.points, loaded.load_point[:, None]], axis=1)
     bent, at = twists, loaded.load_point
-    deflection = np.full((m, k), np.inf)
+    deflection, before = np.full((m, k), np.inf), np.full(m, np.nan)
+    still = np.zeros(m, dtype=bool)
     for _ in range(rounds):
         tau = torque(bent, at, loaded.force)
         amount = np.concatenate(
@@ -238,13 +239,15 @@ def _deformed(cell: Cell, loaded: Loaded, values: Array, rounds: int = 30) -> tu
             ],
             axis=1,
         ).clip(-_FARTHEST, _FARTHEST)
-        change = np.max(np.abs(amount - deflection), initial=0.0)
-        deflection = amount
+        change = np.max(np.abs(amount - deflection), axis=1, initial=0.0)
+        # a step that is no smaller than the last is rounding, or a load without equilibrium
+        still |= (change < 1e-15) | (change >= before)
+        deflection, before = amount, change
         bent, motion = _chain(twists, deflection, order)
         moved = np.einsum("mij,mtj->mti", motion[:, :3, :3] - np.eye(3), ends_points)
         moved = moved + motion[:, None, :3, 3]
         at = loaded.load_point + moved[:, -1]
-        if change < 1e-15:
+        if still.all():
             break
     return moved[:, :-1], at
 
