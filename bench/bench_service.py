@@ -23,17 +23,24 @@ PLAN = Plan(name="small", poses={"count": 7}, pulls={"steps_n": [3000.0]})
 HERE = Path(__file__).parents[1]
 
 
-def memory_mib(process: int) -> float:
-    """What a process and all that it has started hold, shared pages counted once [MiB]."""
+def family(process: int) -> list[int]:
+    """A process and all that it has started, and that these have."""
     parents: dict[int, list[int]] = {}
     for stat in Path("/proc").glob("[0-9]*/stat"):
         with contextlib.suppress(OSError):
             parent = int(stat.read_text().rpartition(")")[2].split()[1])
             parents.setdefault(parent, []).append(int(stat.parent.name))
-    waiting, total = [process], 0
+    out, waiting = [], [process]
     while waiting:
-        one = waiting.pop()
-        waiting += parents.get(one, [])
+        out.append(waiting.pop())
+        waiting += parents.get(out[-1], [])
+    return out
+
+
+def memory_mib(process: int) -> float:
+    """What a process and all that it has started hold, shared pages counted once [MiB]."""
+    total = 0
+    for one in family(process):
         with contextlib.suppress(OSError):
             for line in Path(f"/proc/{one}/smaps_rollup").read_text().splitlines():
                 total += int(line.split()[1]) if line.startswith("Pss:") else 0

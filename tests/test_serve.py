@@ -23,6 +23,7 @@ from pathlib import Path
 import pytest
 from get_browser import browser_path
 
+from bench.bench_service import family, free_port
 from pipeline.app import supervisor
 from pipeline.app.preferences import Service
 from pipeline.app.processes import alive
@@ -37,16 +38,6 @@ pytestmark = [
     pytest.mark.prefect,
     pytest.mark.xdist_group("prefect"),
 ]
-
-
-def free_port():
-    """A port with a free one behind it."""
-    for port in range(24200, 24400, 2):
-        with contextlib.suppress(OSError), socket.socket() as a, socket.socket() as b:
-            a.bind(("127.0.0.1", port))
-            b.bind(("127.0.0.1", port + 1))
-            return port
-    raise RuntimeError("no two free ports")
 
 
 @contextlib.contextmanager
@@ -123,20 +114,6 @@ def test_serve_runs_what_arrives_and_survives_being_killed(tmp_path):
     assert not reported(tmp_path, "broken")
     with pytest.raises(ConnectionRefusedError):
         socket.create_connection(("127.0.0.1", port), timeout=2)
-
-
-def family(process):
-    """A process and all that it has started, and that these have."""
-    parents = {}
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        with contextlib.suppress(OSError):
-            parent = int(stat.read_text().rpartition(")")[2].split()[1])
-            parents.setdefault(parent, []).append(int(stat.parent.name))
-    out, new = [], [process]
-    while new:
-        out.append(new.pop())
-        new += parents.get(out[-1], [])
-    return out
 
 
 def running(*words):

@@ -15,13 +15,14 @@ from pathlib import Path
 import pytest
 import report_sample
 
-from pipeline.app import preferences, watch
-from pipeline.app.outcome import outcome
-from pipeline.app.preferences import Notify, Preferences
-from pipeline.app.service import Looked
+from pipeline.app import preferences, supervisor, watch
+from pipeline.app.outcome import failed, outcome
+from pipeline.app.preferences import Notify, Preferences, Service
+from pipeline.app.service import Looked, Running
 from pipeline.base import files
-from pipeline.base.errors import InputError
+from pipeline.base.errors import CannotWrite, InputError
 from pipeline.run import run
+from pipeline.store import campaign as campaigns
 from pipeline.store.campaign import find
 
 HERE = Path(__file__).parents[1]
@@ -321,3 +322,29 @@ def test_a_look_that_gets_no_further_is_seen(tmp_path, runs):
 
     assert noted == [(1600.0, False, True), (2200.0, False, True)]
     assert not Looked.of(tmp_path).hangs(1e9, 900)
+
+
+def test_a_page_that_was_not_drawn_is_drawn_by_the_next_look(tmp_path, runs):
+    """Where it could not be, or the look was killed before; and then no more."""
+    arrive(tmp_path, "a")
+    drawn, wrong = [], [failed("overview", CannotWrite("no space left")), None]
+    runs.pages = lambda: drawn.append(1) or wrong.pop(0)
+    for _ in range(3):
+        look(tmp_path, runs)
+    assert (runs.of, len(drawn)) == (["a"], 2)
+
+    files.write(tmp_path / "data/processed/look.json", b'{"began": 0.0}')
+    wrong.append(None)
+    look(tmp_path, runs)
+    look(tmp_path, runs)
+    assert len(drawn) == 3
+
+
+def test_no_campaign_keeps_a_service_from_starting(tmp_path):
+    """Whatever its folder is called, its tables lie beside the lock and not in its place."""
+    for name in ("service.lock", "service.json", "look.json"):
+        arrive(tmp_path, name)
+    for one in campaigns.every(tmp_path):
+        one.processed.mkdir(parents=True)
+    with supervisor.alone(tmp_path, Service()):
+        assert Running.of(tmp_path).process == os.getpid()

@@ -140,7 +140,7 @@ def _service(root: Path) -> Iterator[Finding]:
         return
     yield Finding("service", True, f"runs as process {running.process}")
     wanted = _wanted(root)
-    yield _looks(root, running, wanted.service.limit_s)
+    yield _looks(root, running, wanted.service.limit_s + wanted.service.quiet_s)
     yield from _waiting(root, wanted.notify.webhook)
 
 

@@ -36,12 +36,15 @@ PATIENCE_S = 120.0
 RUNNING, LOOKED = "service.json", "look.json"
 """Files in data/processed: who serves this project, and when data/raw was last looked at."""
 
+LOCK = ".service.lock"
+"""Beside them, held by who serves; no campaign's own folder begins with a dot."""
+
 _LATE = 3
 """A look that is so many intervals late will not come."""
 SLOW_S = 120.0
 """Nor one so long after it was due [s], however short the interval."""
-_STEP_S = 300.0
-"""How long a step of a look may take beside a campaign: an overview, an object storage [s]."""
+_STEP_S = 3600.0
+"""How long a step of a look may take beside a campaign: the first copy of an object storage [s]."""
 
 _ROOM = 2**25
 """Bytes that Prefect's database and its journal take in the first runs, and as much again."""
@@ -74,11 +77,13 @@ class Looked(Strict):
         began: The beginning of the look.
         alive: The beginning of the last step in it, a campaign or less.
         ended: Its end; None while it is at work, or when it was killed.
+        drawn: The page over all campaigns is of what there was at its end.
     """
 
     began: float
     alive: float = 0.0
     ended: float | None = None
+    drawn: bool = False
 
     def hangs(self, now: float, limit_s: float) -> bool:
         """Whether one step takes longer than any may, where a campaign may take `limit_s`."""

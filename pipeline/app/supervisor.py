@@ -16,9 +16,8 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
 
 from filelock import FileLock, Timeout
 
@@ -71,7 +70,6 @@ class _Child:
     _fails: int = 0
     _began: float = 0.0
     _heard: float = 0.0
-    _kept: list[BinaryIO] = field(default_factory=list)
 
     def start(self) -> None:
         """Start it, with a new log."""
@@ -185,7 +183,7 @@ def _stuck(root: Path, wanted: Service, since: float, api: str) -> bool:
     look, now = service.Looked.of(root), time.time()
     if look is None or look.began < since:
         look = service.Looked(began=since, ended=since)
-    if look.hangs(now, wanted.limit_s):
+    if look.hangs(now, wanted.limit_s + wanted.quiet_s):
         return True
     return look.overdue(now, wanted.every_s) and not service.paused(api)
 
@@ -229,7 +227,7 @@ def alone(root: Path, wanted: Service) -> Iterator[None]:
     note = root / "data" / "processed" / service.RUNNING
     with files.writing(note):
         note.parent.mkdir(parents=True, exist_ok=True)
-        lock = FileLock(note.with_suffix(".lock"))
+        lock = FileLock(note.with_name(service.LOCK))
         try:
             lock.acquire(timeout=0)
         except Timeout:

@@ -170,16 +170,27 @@ def scan(
         work: How campaigns are brought up to date.
         clock: Of this machine.
     """
+    last = service.Looked.of(root)
     look = service.Looked(began=clock.now())
     trouble = _noted(root, look)
+    drawn = last is not None and last.drawn  # else it was killed, or could not
     try:
         for made in _scan(root, preferences, work, clock, trouble):
             look = look.model_copy(update={"alive": clock.now()})
             trouble += _noted(root, look)
+            drawn = False
             yield made
+        if not drawn:
+            wrong = work.pages()
+            drawn = wrong is None
+            trouble += [wrong] if wrong else []
+        trouble += sync.publish(root, preferences.storage)
     except Exception as problem:  # the next look comes, whatever this one has met
         trouble.append(failed(SERVICE, problem))
-    trouble += _noted(root, look.model_copy(update={"ended": clock.now()}))
+    for campaign in campaigns.every(root):
+        trouble += _wrong(campaign.name, partial(_tell, campaign, preferences.notify))
+    ended = look.model_copy(update={"ended": clock.now(), "drawn": drawn})
+    trouble += _noted(root, ended)
     yield from told_once(root, trouble)
 
 
@@ -210,11 +221,6 @@ def _scan(
         made = work.campaign(campaign)
         trouble += _wrong(campaign.name, partial(_learn, campaign, seen, made, clock.now()))
         yield made
-    if before and (wrong := work.pages()):
-        trouble.append(wrong)
-    trouble += sync.publish(root, storage)
-    for campaign in campaigns.every(root):
-        trouble += _wrong(campaign.name, partial(_tell, campaign, preferences.notify))
 
 
 def _wrong(name: str, work: Callable[[], object]) -> list[Outcome]:
