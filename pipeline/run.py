@@ -48,7 +48,9 @@ from pipeline.reduction.measured import Measured
 from pipeline.reduction.pose_of_interest import Where, place_of_interest
 from pipeline.report.render import render
 from pipeline.store.campaign import Campaign, Raw, dump
+from pipeline.system import alarms
 from pipeline.system.fit import Fitted, fit
+from pipeline.system.shape import Shape, shape
 
 _SEED = 20261103
 _LAST_RESORT = "campaign.toml"
@@ -169,6 +171,8 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
         screened = judged
         right = step(fit)(screened.case, bring(screened.case)) if screened.findings else given
         diagnosis = _diagnosed(right, where, step)
+    right, diagnosis = _settled(right, diagnosis, where, step)
+    given = given if screened.findings else right
 
     facts = replace(diagnosis.facts, mistakes=screened.findings)
     word = verdict(facts)
@@ -247,6 +251,33 @@ def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosis:
     scale, effects = float(right.noise.scale[0]), catalogue(cell.robot)
     moved = drift(right.reduced.registration, scale, data.unloaded, effects)
     return step(diagnose)(cell, data, right.estimate, where, rng, drift=moved, noise=right.noise)
+
+
+def _settled(right: Fitted, said: Diagnosis, where: Where, step: Step) -> tuple[Fitted, Diagnosis]:
+    """The campaign weighed by the noise that is seen beside the accepted model.
+
+    First its shape, then its size: where the model leaves more than the stated noise allows and no
+    more than that of the contrasts, the latter is used.
+    """
+    seen = _beside(right, said)
+    if seen.differs(right.shape):
+        right = right.shaped(seen)
+        said = _diagnosed(right, where, step)
+        seen = _beside(right, said)
+    right = replace(right, shape=seen)
+    p = said.facts.stated_p
+    if right.noise.used or p is None or not p < alarms.MISFIT <= said.facts.misfit_p:
+        return right, said
+    right = replace(step(fit)(right.case, right.reduced, taken=True), shape=seen).shaped(seen)
+    return right, _diagnosed(right, where, step)
+
+
+def _beside(right: Fitted, said: Diagnosis) -> Shape:
+    """The shape of the noise beside the accepted model; as it was where that misses something."""
+    if not said.settled:
+        return right.shape
+    seen = replace(said.seen, data=right.shape.off(said.seen.data))
+    return shape(seen, said.seen.model.accepted)
 
 
 def _enough(data: Measured, robot: Robot) -> None:

@@ -26,7 +26,9 @@ from pipeline.diagnosis.verdict import findings, verdict
 from pipeline.faults.mistake import Mistake
 from pipeline.machine.effect import Effect
 from pipeline.machine.robot import Robot
+from pipeline.system import alarms
 from pipeline.system.estimate import left_out
+from pipeline.system.shape import Shape
 from pipeline.system.system import Estimate, Scatter
 from pipeline.system.variance import NAMES, Components, at_most
 
@@ -41,6 +43,7 @@ def diagnosis_entry(found: Findings) -> contract.Diagnosis:
     noise = found.right.noise
     larger = np.flatnonzero(noise.larger).tolist()
     noisy = [_noisy(noise, i) for i in larger if NAMES[noise.name[i]] not in named]
+    noisy += _shaped(found.right.shape)
     return said.model_copy(update={"causes": (*_data_causes(found), *said.causes, *noisy)})
 
 
@@ -239,6 +242,23 @@ def noise_entry(found: Components, estimate: Estimate) -> contract.Noise:
     )
 
 
+def _shaped(found: Shape) -> list[contract.Cause]:
+    """Tails heavier than stated, and a wander of the instrument, as causes."""
+    family, wander = found.family, found.wander
+    freedom = contract.Amplitude(
+        name="degrees_of_freedom", value=family.freedom, std=None, unit="1"
+    )
+    size = contract.Amplitude(name="s_wander", value=wander.size, std=wander.std, unit="m")
+    time = contract.Amplitude(name="correlation_time", value=wander.time_s, std=None, unit="s")
+    seen = (
+        ("heavy_tails", family.p_value, (freedom,)),
+        ("tracker_wander", wander.p_value, (size, time)),
+    )
+    return [
+        _noise_cause(name, p, parameters) for name, p, parameters in seen if p < alarms.COMPONENT
+    ]
+
+
 def _noisy(found: Components, i: int) -> contract.Cause:
     """A noise component that is larger than stated, as a cause."""
     name, p = found.name[i], float(found.p_value[i])
@@ -248,11 +268,15 @@ def _noisy(found: Components, i: int) -> contract.Cause:
         std=float(found.std[i] * found.scale[i]),
         unit="1",
     )
+    return _noise_cause(NAMES[name], p, (excess,))
+
+
+def _noise_cause(name: str, p: float, parameters: tuple[contract.Amplitude, ...]) -> contract.Cause:
     return contract.Cause(
-        name=NAMES[name],
+        name=name,
         where=None,
         probability=at_most(p),
-        parameters=(excess,),
+        parameters=parameters,
         p_value=p,
         rivals=(),
         gain=None,

@@ -194,6 +194,10 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
         "The residuals are larger than any certificate may be wrong."
     ),
     Finding.OFF_THE_TABLE: _off_the_table,
+    Finding.MISFIT: lambda facts: (
+        f"What the model leaves is more than noise (p = {facts.misfit_p:.1g}), and no known cause "
+        "explains it."
+    ),
     Finding.BEYOND_A_TRACKER: lambda _: "No known cause explains the misfit.",
     Finding.CAUSE_IDENTIFIED: _identified,
     Finding.SCATTER: lambda facts: (

@@ -32,7 +32,7 @@ from pipeline.system.estimate import fits
 from pipeline.system.linearised import Linearised
 from pipeline.system.noise import scatter
 from pipeline.system.system import Estimate, Scatter, System
-from pipeline.system.variance import Components, variance_components
+from pipeline.system.variance import Components, misfit_p, variance_components
 from pipeline.system.whitened import Whitened
 
 _EQUILIBRIA = ("deformed", "undeformed")
@@ -91,6 +91,9 @@ def diagnose(
     held = (facts.causes if facts.helps else ()) + facts.scatter
     drifts = of_base(drift, held)
     facts = replace(facts, drift=drift if drifts else None)
+    may_be = hypotheses(case, found, stood.believed, facts.helps)
+    stated_p, misfit = _misfit(may_be[0].estimate if may_be else estimate, noise)
+    facts = replace(facts, stated_p=stated_p, misfit_p=misfit)
     main = [forms[0] for forms in by_label(case.suspects).values()]
     return Diagnosis(
         facts=facts,
@@ -109,11 +112,22 @@ def diagnose(
         equilibrium=case.cell.equilibrium,
         apart=separation(found.first.M, found.first.base, found.first.at[main]),
         apart_labels=tuple(by_label(case.suspects)),
-        hypotheses=hypotheses(case, found, stood.believed, facts.helps),
+        hypotheses=may_be,
         **_left_out(found, worth, facts.helps),
         noise_floor_m=rms(found.first.spread),
+        seen=found.seen,
+        settled=found.explains or not found.detected,
         stood_off_m=(stood.miss_m, stood.left_m),
     )
+
+
+def _misfit(estimate: Estimate, noise: Components | None) -> tuple[float | None, float]:
+    """`stated_p` and `misfit_p` of what stands."""
+    p = estimate.p_value
+    if p is None:
+        return None, 1.0
+    other = misfit_p(estimate.chi2, estimate.dof, noise) if noise else 0.0
+    return p, max(p, other)
 
 
 def _alone(found: Found, worth: Gain | None, rng: np.random.Generator) -> tuple[Alone, ...]:

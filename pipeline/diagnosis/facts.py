@@ -13,6 +13,7 @@ from pipeline.base.linear import rms
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.faults.mistake import Mistake
 from pipeline.machine.effect import Effect, Observation
+from pipeline.system.linearised import Linearised
 from pipeline.system.system import Estimate, Scatter
 
 ROUGH = 1.6
@@ -353,6 +354,9 @@ class Facts:
         scatter: Causes of scatter.
         beyond_certificate: The residuals are larger than any error of a certificate.
         beyond_a_tracker: No noise is stated, and the residuals are larger than a tracker's.
+        stated_p: Probability of what the model leaves, by the noise in use; None where none is
+            stated.
+        misfit_p: The same by the noise found in contrasts, if that is more likely.
         unloaded: What the unloaded positions show.
         moved: Causes that these call for.
         base: What the base reflectors show of the tracker, where they show anything.
@@ -372,6 +376,8 @@ class Facts:
     scatter: tuple[Cause, ...] = ()
     beyond_certificate: bool = False
     beyond_a_tracker: bool = False
+    stated_p: float | None = None
+    misfit_p: float = 1.0
     unloaded: Standing = NOTHING
     moved: tuple[Cause, ...] = ()
     base: Drift | None = None
@@ -410,6 +416,8 @@ class Diagnosis(Locked):
         left_out_before_m: Cross-validation residuals of the joint springs [m], shape (M,).
         left_out_after_m: Of the extended model [m], shape (M,); the same without causes.
         noise_floor_m: Root mean square that the scatter of the readings alone makes.
+        seen: The campaign linearised at the joint springs and all accepted causes.
+        settled: The model leaves nothing but scatter, so that noise can be seen beside it.
         stood_off_m: How far the unloaded reflectors are from the table, rms [m], and the same
             with the identified causes; NaN where that is not known.
     """
@@ -434,6 +442,8 @@ class Diagnosis(Locked):
     left_out_before_m: Array
     left_out_after_m: Array
     noise_floor_m: float
+    seen: Linearised
+    settled: bool
     stood_off_m: tuple[float, float]
 
     @property

@@ -40,6 +40,7 @@ class Finding(StrEnum):
     SCALE_SCATTERS = "scale_scatters"
     BEYOND_CERTIFICATE = "beyond_certificate"
     OFF_THE_TABLE = "off_the_table"
+    MISFIT = "misfit"
     BEYOND_A_TRACKER = "beyond_a_tracker"
     CAUSE_IDENTIFIED = "cause_identified"
     SCATTER = "scatter"

@@ -13,6 +13,7 @@ from itertools import combinations
 from pipeline.diagnosis.facts import Cause, Facts
 from pipeline.diagnosis.finding import Finding, Verdict
 from pipeline.machine.effect import same_element
+from pipeline.system import alarms
 from pipeline.system.system import SOFT
 
 CERTAIN = 0.95
@@ -113,6 +114,7 @@ _DISPLACEMENTS = (
         lambda f: not f.detected and not f.scatter and f.beyond_certificate,
     ),
     Row(Finding.OFF_THE_TABLE, Verdict.UNEXPLAINED, lambda f: f.unloaded.useless),
+    Row(Finding.MISFIT, Verdict.UNEXPLAINED, lambda f: f.misfit_p < alarms.MISFIT),
     Row(Finding.CAUSE_IDENTIFIED, Verdict.EXPLAINED, lambda f: f.detected),
     Row(Finding.SCATTER, Verdict.EXPLAINED, lambda f: bool(f.scatter)),
     Row(

@@ -14,6 +14,9 @@ from pipeline.reduction.bring import Reduced, bring
 from pipeline.reduction.case import Case
 from pipeline.system.contrasts import Zeros, repeated_zeros
 from pipeline.system.estimate import identify
+from pipeline.system.family import Family
+from pipeline.system.fit import beside_everything
+from pipeline.system.shape import tails
 from pipeline.system.system import Estimate, System
 
 
@@ -56,6 +59,14 @@ class Screening:
     def zeros(self) -> Zeros:
         """Repeated zeros."""
         return repeated_zeros(self.case.settings, self.reduced.placed)
+
+    @cached_property
+    def family(self) -> Family:
+        """Tails of the readings beside all that a machine could do."""
+        data, springs = self.reduced.data, self.case.cell
+        data = data.in_metres(self.system.found_m)
+        values = self.estimate.value[: len(springs.parameters)]
+        return tails(beside_everything(springs, data, values))[1]
 
     @cached_property
     def spread(self) -> tuple[float, int]:

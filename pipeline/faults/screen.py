@@ -13,6 +13,9 @@ from pipeline.reduction.bring import Reduced
 from pipeline.reduction.case import Case
 from pipeline.system.system import Estimate
 
+_SURE = 0.95
+"""Probability from which a reading is a blunder [1]: odds of 19 to 1, as for a cause."""
+
 _MOST = 12
 """With more bad readings than this, the campaign as a whole is wrong."""
 
@@ -99,5 +102,14 @@ def _put_right(case: Case, found: list[Mistake], findings: list[Mistake]) -> Cas
 
 
 def _first(tests: Sequence[Fault], asked: Screening) -> list[Mistake]:
-    """What the first test finds that finds anything."""
-    return next(filter(None, (fault.find(asked) for fault in tests)), [])
+    """What the first test finds that finds anything beyond what such noise may do by itself."""
+    found = (fault.find(asked) for fault in tests)
+    sure = ([one for one in some if _mistaken(one, asked)] for some in found)
+    return next(filter(None, sure), [])
+
+
+def _mistaken(one: Mistake, asked: Screening) -> bool:
+    """Whether a reading that is off is a blunder, and not of the family that the others show."""
+    if one.name != "outlier" or one.unit != "sigma" or one.p_value is None:
+        return True
+    return asked.family.mistaken(one.before**2) > _SURE

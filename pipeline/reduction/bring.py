@@ -86,7 +86,7 @@ def bring(case: Case, keep: Keep = conformed, step: Step = plain) -> Reduced:
     """From readings in the tracker's frame to forces and displacements in F_b, as arrays."""
     got = to_displacements(case, keep, step)
     tables = case.joints, got.forces, got.displacements
-    data = measured(case.settings, case.robot, got.registration, *tables)
+    data = measured(case.settings, case.robot, got.registration, *tables, got.placed)
     shown = {
         "readings": case.readings,
         "rejected": case.rejected,

@@ -44,6 +44,13 @@ class Measured(Locked):
         bends: Whether what an undeformed cell leaves out, the robot's own deflection, is an error.
         tool_std: Standard uncertainty per axis of the tool's nominal points [m].
         joint_std: Standard uncertainty of the joints' zeros [m] or [rad], shape (n,).
+        zero_times: When the zeros of each pull's pose were read after the first reading [s], NaN
+            behind the last and where unknown, shape (m, z).
+        wander: F with F F' the covariance of the instrument's wander between the pulls of a pose,
+            each axis alike [m], shape (m, k); None where none is looked for.
+        heavy: Probability that the readings are weighed by tails heavier than stated: what is left
+            of them is then smaller than their noise, but in what a model explains it is not.
+        paper: The stated noise is that of Eq. (18), whose tails are heavier than normal.
     """
 
     pulls: Pulls
@@ -65,6 +72,10 @@ class Measured(Locked):
     rotation_found: bool = False
     found_m: float | None = None
     bends: bool = False
+    zero_times: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    wander: Array | None = None
+    paper: bool = False
+    heavy: float = 0.0
 
     def scaled(self, factor: float) -> Measured:
         """The same with the standard uncertainties of readings, zeros, directions multiplied."""
@@ -73,6 +84,14 @@ class Measured(Locked):
             loaded_cov=self.loaded_cov * factor**2,
             zero_cov=self.zero_cov * factor**2,
             direction_cov=self.direction_cov * factor**2,
+        )
+
+    def reweighed(self, loaded: Array, zero: Array) -> Measured:
+        """The same with the covariances of each loaded reading and of its zero multiplied, (d,)."""
+        return replace(
+            self,
+            loaded_cov=self.loaded_cov * loaded[:, None, None],
+            zero_cov=self.zero_cov * zero[:, None, None],
         )
 
     def in_metres(self, found_m: float | None) -> Measured:
@@ -89,6 +108,7 @@ def measured(
     joints: pd.DataFrame,
     forces: pd.DataFrame,
     displacements: pd.DataFrame,
+    placed: pd.DataFrame | None = None,
 ) -> Measured:
     """Join the tables of a campaign into arrays; rows without a partner are left out.
 
@@ -99,6 +119,7 @@ def measured(
         joints: Table of joint values, `tables.joints(robot)`.
         forces: Table FORCES.
         displacements: Table DISPLACEMENTS.
+        placed: Table PLACED, for the times of the zeros; they are unknown without it.
     """
     targets, off = settings.measured, settings.joints
     pulls = forces.merge(joints, on="pose").sort_values(["pose", "repeat"], ignore_index=True)
@@ -139,7 +160,20 @@ def measured(
         tool_std=settings.tool_uncertainty.sigma_m,
         joint_std=np.where(robot.prismatic, off.sigma_m, off.sigma_rad),
         rotation_found=registration.from_scatter,
+        zero_times=_zero_times(placed, pulls["pose"].to_numpy()),
+        paper=placed is not None and bool((placed["covariance_from"] == "paper").any()),
     )
+
+
+def _zero_times(placed: pd.DataFrame | None, pose: Ints) -> Array:
+    """When the zeros of each pull's pose were read, one time for all its targets, (m, z)."""
+    if placed is None or not len(pose):
+        return np.full((len(pose), 1), np.nan)
+    zeros = placed[placed["state"] == "unloaded"]
+    times = zeros.groupby(["pose", "group"], observed=True)["time_s"].mean().reset_index()
+    times["nth"] = times.groupby("pose").cumcount()
+    wide = times.pivot(index="pose", columns="nth", values="time_s").reindex(pose)
+    return np.asarray(wide.to_numpy(float))
 
 
 def _covariances(rows: pd.DataFrame) -> tuple[Array, Array, bool]:

@@ -24,6 +24,10 @@ chain and of the scale [1]."""
 DRIFT = 0.001
 """The same of a motion of the tracker that the base reflectors show [1]."""
 
+MISFIT = 0.001
+"""The same of what the model leaves, by chi-square with the noise stated or found [1]: a fit less
+probable than this is never called adequate."""
+
 SCATTER = 0.001
 """The same of a scatter beyond `TOLERATED` times the stated one [1]; it is no fault of the model,
 and the joint springs stay."""
@@ -42,6 +46,7 @@ ACCUSING = {
     "a reading of the chain": READING,
     "a reading of the scale": READING,
     "a tracker that moved": DRIFT,
+    "a misfit": MISFIT,
 }
 """Every test that accuses machine, instrument or data, with its rate."""
 

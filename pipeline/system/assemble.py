@@ -62,7 +62,7 @@ def _rows(data: Measured) -> Rows:
 
 
 def errors(cell: Cell, data: Measured, values: Array) -> Errors:
-    """G of c = B x + G e: tracker, shared zero, force (reading, direction, gain), frame, geometry.
+    """G of c = B x + G e: tracker, shared zero, wander, force, frame, geometry.
 
     Column j is (dc/dv_j) u(v_j) for an independent input v_j, or (dc/dv) L with L L' = cov(v), so
     that G G' is the law of propagation J cov(v) J' (GUM, JCGM 100:2008, and JCGM 102:2011). A force
@@ -84,6 +84,10 @@ def errors(cell: Cell, data: Measured, values: Array) -> Errors:
         _Block("force_reading", False, pulled.pop("force_reading"), data.pull, m),
         _Block("direction", False, pulled.pop("direction") / unit, data.pull, m),
     ]
+    if data.wander is not None and data.wander.any():
+        pose = np.unique(data.pulls.pose, return_inverse=True)[1][data.pull]
+        feels = by_axis(data.wander[data.pull])
+        blocks.append(_Block("wander", False, feels, pose, int(pose.max()) + 1))
     once = {"registration": _turned(cell, data, values, turn)} | pulled
     once["geometry"] = _geometry(cell, data, values)
     if data.bends and cell.equilibrium == "undeformed":
@@ -94,6 +98,11 @@ def errors(cell: Cell, data: Measured, values: Array) -> Errors:
     return Errors(
         scipy.sparse.hstack(G, format="csr"), np.concatenate(source), np.concatenate(common)
     )
+
+
+def by_axis(factor: Array) -> Array:
+    """Factors (d, k) of what moves each displacement alike along three axes, (d, 3, 3 k)."""
+    return np.einsum("dk,ab->dabk", factor, np.eye(3)).reshape(len(factor), 3, -1)
 
 
 def _of_force(data: Measured, unit: float) -> dict[str, Array]:

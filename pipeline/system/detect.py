@@ -12,7 +12,6 @@ from pipeline.base.arrays import Array, Ints
 from pipeline.system import alarms
 from pipeline.system.beside import Beside
 from pipeline.system.elimination import eliminate
-from pipeline.system.evidence import ROUNDING
 from pipeline.system.whitened import Whitened, by_pose_drop
 
 
@@ -109,7 +108,7 @@ def lack_of_fit(view: Whitened, base: Ints, score: Beside) -> Lack:
     """
     if not view.tells_scatter:
         return Lack(1.0, 1.0)
-    noise = max(view.scatter / view.scatter_dof, ROUNDING)
+    noise = max(view.scatter / view.scatter_dof, view.least)
 
     def p(drop: float, dof: int) -> float:
         return float(special.fdtrc(dof, view.scatter_dof, drop / dof / noise)) if dof > 0 else 1.0

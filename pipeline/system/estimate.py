@@ -116,8 +116,10 @@ def least_squares(
     return value, inverse.cov * np.outer(typical, typical), float(rest @ rest), inverse.rank
 
 
-def identify(cell: Cell, data: Measured, start: Array) -> tuple[System, Estimate]:
-    """The parameters of a cell from one campaign's measurements; x starts at `start`.
+def identify(
+    cell: Cell, data: Measured, start: Array, near: Array | None = None
+) -> tuple[System, Estimate]:
+    """The parameters of a cell from one campaign's measurements; x starts at `start`, or `near`.
 
     A noise of the tracker that is not stated is found from the residuals, beside the errors that
     are stated, about the first solution and about the next.
@@ -129,7 +131,7 @@ def identify(cell: Cell, data: Measured, start: Array) -> tuple[System, Estimate
             weighed = data.in_metres(found_m)
             value = solve(assemble(cell, weighed, value), value).value
         data = data.in_metres(tracker_noise(assemble(cell, data, value)))
-    return _iterate(lambda values: assemble(cell, data, values), start)
+    return _iterate(lambda values: assemble(cell, data, values), start, near)
 
 
 def tracker_noise(system: System) -> float:
@@ -150,16 +152,20 @@ def tracker_noise(system: System) -> float:
 
 
 def _iterate(
-    assembled: Callable[[Array], System], start: Array, rounds: int = 12
+    assembled: Callable[[Array], System],
+    start: Array,
+    near: Array | None = None,
+    rounds: int = 12,
 ) -> tuple[System, Estimate]:
     """Solve, take B and the covariance at the solution, and solve again until x stands still.
 
     Args:
         assembled: The system about given parameter values.
-        start: First values, shape (k,).
+        start: Where undetermined parameters stay, shape (k,).
+        near: First values; `start` when not given, shape (k,).
         rounds: At most so many.
     """
-    value = np.asarray(start, dtype=float)
+    value = np.asarray(start if near is None else near, dtype=float)
     for _ in range(rounds):
         system = assembled(value)
         estimate = solve(system, np.asarray(start, dtype=float))

@@ -4,12 +4,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from pipeline.base.arrays import Array
+from pipeline.machine.cell import Cell
+from pipeline.machine.effect import Noise
+from pipeline.machine.effects import catalogue
+from pipeline.machine.effects.nameless import nameless
 from pipeline.reduction.bring import Reduced
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import Measured
-from pipeline.system.estimate import identify
+from pipeline.system.assemble import assemble
+from pipeline.system.estimate import identify, solve
+from pipeline.system.linearised import Linearised, Model, linearise
+from pipeline.system.shape import Shape, misfit, shape
 from pipeline.system.system import Estimate, System
 from pipeline.system.variance import Components, noise, rescaled, resting_on
+
+_SEED = 20261122
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,29 +31,70 @@ class Fitted:
     Attributes:
         case: The campaign.
         reduced: Its measurements with the stated noise.
-        data: Its measurements with the noise that is used.
+        plain: Its measurements with the size of the noise that is used, all readings alike.
+        data: The same with the shape of the noise, as it is used.
         system: c = B x with that noise.
         estimate: What the data say about x.
         noise: Noise found beside the stated one.
+        shape: Tails and wander of it.
     """
 
     case: Case
     reduced: Reduced
+    plain: Measured
     data: Measured
     system: System
     estimate: Estimate
     noise: Components
+    shape: Shape
+
+    def shaped(self, found: Shape) -> Fitted:
+        """The same campaign weighed by another shape of the noise."""
+        near = self.estimate.value
+        return _shaped(self.case, self.reduced, self.plain, self.noise, found, near)
 
 
-def fit(case: Case, reduced: Reduced) -> Fitted:
-    """Identify the joint springs; where the noise is found larger than stated, with that noise."""
+def fit(case: Case, reduced: Reduced, taken: bool = False) -> Fitted:
+    """Identify the joint springs; where the noise is found larger than stated, with that noise.
+
+    Args:
+        case: The campaign.
+        reduced: Its measurements.
+        taken: As in `Components`.
+    """
     data, start = reduced.data, case.robot.nominal_compliance
     data = replace(data, bends=data.noise_stated)  # of residuals alone nobody knows what is noise
     system, estimate = identify(case.cell, data, start)
     data = data.in_metres(system.found_m)
-    found = noise(case.settings, case.cell, reduced.placed, data, system, estimate)
+    found = noise(case.settings, case.cell, reduced.placed, data, system, estimate, taken)
     if found.used:
         data = replace(rescaled(data, found), bends=True)
-        system, estimate = identify(case.cell, data, start)
+        estimate = identify(case.cell, data, start)[1]
+    of = shape(beside_everything(case.cell, data, estimate.value))
+    return _shaped(case, reduced, data, found, of, estimate.value)
+
+
+def beside_everything(cell: Cell, data: Measured, values: Array) -> Linearised:
+    """A campaign at its joint springs, beside all that a machine could do.
+
+    That is the catalogue, and what competes with it without a name.
+    """
+    known = (one for one in catalogue(cell.robot) if not isinstance(one, Noise))
+    model = Model(replace(cell, equilibrium="undeformed"), values, len(values))
+    every = (*known, *nameless(cell.robot))
+    return linearise(model, replace(data, bends=False), every)
+
+
+def _shaped(
+    case: Case, reduced: Reduced, plain: Measured, found: Components, of: Shape, near: Array
+) -> Fitted:
+    data, start = of.on(plain), case.robot.nominal_compliance
+    system, estimate = identify(case.cell, data, start, near)
+    if found.used:
         estimate = resting_on(estimate, found)
-    return Fitted(case, reduced, data, system, estimate, found)
+    elif estimate.p_value is not None:
+        as_stated = assemble(case.cell, replace(plain, wander=data.wander), estimate.value)
+        chi2 = solve(as_stated, start).chi2
+        p = misfit(as_stated, of, chi2, np.random.default_rng(_SEED))
+        estimate = replace(estimate, p_value=p)
+    return Fitted(case, reduced, plain, data, system, estimate, found, of)

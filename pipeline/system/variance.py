@@ -62,6 +62,8 @@ class Components(Locked):
         chi2: Weighted sum of squares of the contrasts of pulls, which are a part of the misfit of
             every model, in the noise as it is used.
         chi2_dof: Their number.
+        taken: The tracker's is used without being larger beyond chance: with the stated one the
+            model leaves more than chance does, with this one it does not.
     """
 
     name: Strings
@@ -72,6 +74,7 @@ class Components(Locked):
     stated: bool
     chi2: float = 0.0
     chi2_dof: int = 0
+    taken: bool = False
 
     @property
     def larger(self) -> Bools:
@@ -82,7 +85,8 @@ class Components(Locked):
     def replaced(self) -> Bools:
         """Components whose noise found takes the place of the stated or missing one, shape (n,)."""
         missing = (self.name == "tracker") & (not self.stated)
-        return np.asarray(self.larger | (missing & np.isfinite(self.std)), dtype=bool)
+        taken = (self.name == "tracker") & self.taken
+        return np.asarray(self.larger | taken | (missing & np.isfinite(self.std)), dtype=bool)
 
     @property
     def used(self) -> bool:
@@ -152,7 +156,8 @@ def rescaled(data: Measured, found: Components) -> Measured:
     A tracker noisier than stated also placed the base frame worse, unless the scatter of the base
     reflectors themselves already states how well that is placed.
     """
-    factor = np.where(found.larger | ~np.array([found.stated, True]), found.scale, 1.0)
+    used = found.replaced | ~np.array([found.stated, True])
+    factor = np.where(used, found.scale, 1.0)
     tracker, force = factor.tolist()
     told = data.rotation_found or not found.stated
     return replace(
@@ -182,6 +187,18 @@ def resting_on(estimate: Estimate, found: Components) -> Estimate:
     )
 
 
+def misfit_p(chi2: float, dof: int, found: Components) -> float:
+    """Probability of what a model leaves by the tracker's noise found in contrasts.
+
+    F = (chi2 / dof) / s^2 with dof and nu = (u(s) / s)^-2 / 2 degrees of freedom, s the scale over
+    the noise in use; 0 where the contrasts cannot tell.
+    """
+    scale, relative = found.left
+    if dof < 1 or not np.isfinite(relative):
+        return 0.0
+    return float(special.fdtrc(dof, 0.5 / relative**2, chi2 / dof / scale**2))
+
+
 def at_most(p: float) -> float:
     """The largest probability that a p-value leaves to what contradicts the null, at even odds.
 
@@ -201,11 +218,13 @@ def noise(
     data: Measured,
     system: System,
     estimate: Estimate,
+    taken: bool = False,
 ) -> Components:
     """The noise of a campaign from its repeats, its repeated zeros and its effector's triangle."""
     zeros = repeated_zeros(settings, placed)
     pure = pure_error(system, estimate.residual, data, zeros, cell)
     found = variance_components(pure)
+    found = replace(found, taken=taken and found.left[0] > 1)
     return replace(found, **_of_pulls(pure, found)) if found.used else found
 
 

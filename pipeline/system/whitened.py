@@ -53,6 +53,8 @@ class Whitened(Locked):
         common: Number of columns of common errors.
         spread: Standard uncertainty of each row of c [m], shape (M,).
         noise: Standard uncertainties are this many times the stated ones.
+        least: Mean square below which residuals say nothing of the noise: rounding, or what
+            weights have taken from them.
         seen: The linearised campaign.
         white: Its whitener.
     """
@@ -70,6 +72,7 @@ class Whitened(Locked):
     common: int
     spread: Array
     noise: float
+    least: float
     seen: Linearised
     white: Whitener
 
@@ -143,7 +146,7 @@ class Whitened(Locked):
         """
         dof = self.dof(base) - fewer
         at = self.at if among is None else among
-        found = by_products(self.M if M is None else M, base, at, dof, ROUNDING)
+        found = by_products(self.M if M is None else M, base, at, dof, self.least)
         return Scores(**vars(found), bounds=self.bounds if among is None else None)
 
     @cached_property
@@ -305,6 +308,7 @@ def _view(seen: Linearised, more: Array, white: Whitener, noise: float, spread: 
         common=r,
         spread=noise * spread,
         noise=noise,
+        least=max(ROUNDING, seen.data.heavy / noise**2),
         seen=seen,
         white=white,
     )

@@ -1,0 +1,156 @@
+"""The shape of the noise beside a model: tails of single readings, and a wander common to all.
+
+Both are found in what springs and causes leave of the readings and carried in V: each reading's
+variance and the wander's at their posterior means, so that nothing is switched on by a test. First
+beside everything that the catalogue knows, which no hidden cause can spoil; once the causes are
+accepted, beside these alone, where far more is left to see the noise in.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import special
+
+from pipeline.base.arrays import Array, Locked
+from pipeline.reduction.measured import Measured
+from pipeline.system.assemble import errors
+from pipeline.system.beyond import Beyond, Readings, columns, estimates
+from pipeline.system.family import Family, family, likelihood
+from pipeline.system.linearised import Linearised
+from pipeline.system.system import System
+from pipeline.system.wander import Wander, wander
+from pipeline.system.whiten import whitener
+
+_ROUNDS = 8
+"""How often the readings are weighed at most: a bad one spoils what is seen of its neighbours."""
+
+_STILL = 0.3
+"""Change of a log variance from which they are weighed once more [1]."""
+
+_MANY = 20_000
+"""Rows from which the springs alone stand for the model: a catalogue beside them fills a memory."""
+
+_DRAWS = 2000
+"""Campaigns of pure noise that a misfit is compared with."""
+
+_HEAVY = 0.05
+"""Below this probability of heavier tails the misfit is chi-square [1]."""
+
+_SEEN = 0.1
+"""Change of a variance, over that of a reading, that is worth looking at a campaign again [1]: a
+twentieth of a standard uncertainty, which no reader would see."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shape(Locked):
+    """What is found of the noise beside what is stated of its size.
+
+    Attributes:
+        family: Tails of single readings.
+        variance: Of each reading over its stated one, posterior mean, shape (n,).
+        readings: Which readings these are.
+        wander: Common to all targets, in time.
+        weighed: Each reading has a variance of its own.
+    """
+
+    family: Family
+    variance: Array
+    readings: Readings
+    wander: Wander
+    weighed: bool
+
+    def on(self, data: Measured) -> Measured:
+        """The measurements with all of it in their covariances."""
+        weighed = self.readings.scaled(data, self.variance)
+        heavy = self.family.heavy if self.weighed else 0.0
+        return replace(weighed, wander=self.wander.factor, heavy=heavy)
+
+    def off(self, data: Measured) -> Measured:
+        """The measurements without it, all readings alike again."""
+        return replace(self.readings.scaled(data, 1 / self.variance), wander=None, heavy=0.0)
+
+    def differs(self, other: Shape) -> bool:
+        """Whether the two weigh a campaign differently enough to look at it again."""
+        own = float(np.mean(np.sum(self.wander.factor**2, axis=1)))
+        theirs = float(np.mean(np.sum(other.wander.factor**2, axis=1)))
+        unit = self.wander.unit**2
+        weights = np.log(self.variance / other.variance)
+        return bool(abs(own - theirs) > _SEEN * unit or np.sqrt(np.mean(weights**2)) > _SEEN)
+
+
+def shape(seen: Linearised, accepted: tuple[int, ...] | None = None) -> Shape:
+    """The shape of a campaign's noise.
+
+    Beside the accepted causes each reading is weighed by its own variance; beside the whole
+    catalogue it is not, as many columns leave too little of some readings to weigh them by.
+
+    Args:
+        seen: The campaign linearised at a model; the noise of its data is as it is stated or was
+            found in contrasts, that of its rows plays no part.
+        accepted: Suspects that are taken out beside the springs; all of them when not given.
+    """
+    readings, found, variance, beyond = tails(seen, accepted)
+    if accepted is None:
+        variance = np.ones(len(variance))
+    return Shape(found, variance, readings, wander(seen.data, beyond), accepted is not None)
+
+
+def tails(
+    seen: Linearised, accepted: tuple[int, ...] | None = None
+) -> tuple[Readings, Family, Array, Beyond]:
+    """The tails of single readings beside a model, arguments as for `shape`.
+
+    Returns:
+        The readings, their family, the variance of each over its stated one (n,), and the rows so
+        weighed.
+    """
+    every = len(seen.rows) <= _MANY and accepted is None
+    owner = np.repeat(np.arange(len(seen.suspects)), [len(e.parameters) for e in seen.suspects])
+    X = columns(seen, np.full(len(owner), True) if every else np.isin(owner, accepted or ()))
+    data, values = replace(seen.data, bends=False), seen.model.values
+    flat = replace(seen.model.cell, equilibrium="undeformed")
+    beyond = Beyond.of(seen, X, errors(flat, data, values))
+    variance, found = np.ones(0), Family.stated(data.paper)
+    for turn in range(_ROUNDS):
+        readings = Readings.of(data, beyond.white)
+        if turn == 0:
+            variance = np.ones(readings.loaded + len(readings.zero))
+        square, spread, good = estimates(beyond.base, readings)
+        told, mean = family(likelihood(square, spread, variance)[good], data.paper)
+        found = told if turn == 0 else replace(told, p_value=found.p_value)
+        before, variance = variance, np.ones(len(variance))
+        variance[good] = mean
+        beyond = Beyond.of(seen, X, errors(flat, readings.scaled(data, variance), values))
+        if np.abs(np.log(variance / before)).max() < _STILL:
+            break
+    return readings, found, variance, beyond
+
+
+def misfit(system: System, found: Shape, chi2: float, rng: np.random.Generator) -> float:
+    """Probability of a chi2 as large if the noise were of the family found.
+
+    chi2 = y' V^-1 (y - X b) with V as stated and the wander; where the tails are heavier than
+    stated, `_DRAWS` campaigns of pure noise are drawn, each reading with a lambda of its own.
+
+    Args:
+        system: c = B x + G e with the wander, each reading as it is stated.
+        found: The shape of the noise.
+        chi2: What the model leaves.
+        rng: Source of the draws.
+    """
+    white = whitener(system.errors, system.rows.pose)
+    base = white.base(system.B * system.typical, system.c)
+    exact = float(special.chdtrc(max(base.dof, 1), chi2))
+    heavy = found.family.heavy
+    if heavy < _HEAVY and not found.family.paper:
+        return exact
+    which = found.readings.columns(system)
+    n = len(found.variance)
+    spread = found.family.drawn(n * _DRAWS, rng).reshape(n, _DRAWS)
+    e = rng.standard_normal((system.errors.G.shape[1], _DRAWS))
+    e *= np.sqrt(np.where(which[:, None] >= 0, spread[which], 1.0))
+    drawn = white.with_priors(np.asarray(system.errors.G @ e))
+    left = np.sum(base.beyond(drawn) ** 2, axis=0)
+    return float((1 + np.sum(left >= chi2)) / (1 + _DRAWS))

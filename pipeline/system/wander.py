@@ -1,0 +1,123 @@
+"""The slow wander of the instrument: common to all targets, the same in three axes, in time.
+
+w(t) is an Ornstein-Uhlenbeck process of unit variance, E[w(t) w(t')] = rho(t - t') =
+exp(-|t - t'| / tau). A displacement, read at t and measured from zeros read at z_1 .. z_n, feels
+w(t) - mean w(z_k), so that within a pose
+
+    K_ij = rho(t_i - t_j) - mean_k rho(t_i - z_k) - mean_k rho(t_j - z_k) + mean_kl rho(z_k - z_l);
+
+poses share too little of it to matter. How large it is nobody knows: V has its posterior mean over
+sizes and times (Uhlenbeck and Ornstein, Physical Review 36, 1930; Kermarrec et al., Sensors 19,
+2019, for noise of laser instruments that is correlated in time).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Locked
+from pipeline.reduction.measured import Measured
+from pipeline.system.assemble import by_axis
+from pipeline.system.beyond import Beyond
+
+TIMES_S = (300.0, 1200.0, 4800.0)
+"""Correlation times that are tried [s]: from the length of a pose to that of a campaign; longer ones
+are a random walk within a pose."""
+
+SIZES = (0.15, 0.25, 0.4, 0.6, 0.9, 1.3, 2.0, 3.0, 5.0, 8.0, 13.0)
+"""What the wander adds to a displacement, rms, over the standard uncertainty of a reading per
+axis."""
+
+_NONE = 0.5
+"""Probability of no wander before the data."""
+
+
+@dataclass(frozen=True, eq=False)
+class Wander(Locked):
+    """What the rows show of a wander.
+
+    Attributes:
+        factor: F_p with F_p F_p' its covariance in the pulls of each pose, all sizes and times
+            together, by pull [m], shape (m, k).
+        size: Standard deviation that it adds to a displacement, mean over the posterior [m].
+        std: Its standard uncertainty [m].
+        time_s: Likeliest correlation time [s].
+        p_value: Probability of so much by chance.
+        unit: Standard uncertainty of a reading per axis, root mean square [m].
+    """
+
+    factor: Array
+    size: float
+    std: float
+    time_s: float
+    p_value: float
+    unit: float
+
+
+def kernel(data: Measured, time_s: float) -> Array:
+    """K of all poses as factors by pull, shape (m, k), mean square one; zero without times."""
+    pose = np.unique(data.pulls.pose, return_inverse=True)[1]
+    out = np.zeros((len(pose), int(np.bincount(pose).max())))
+    for p in range(pose.max() + 1):
+        rows = np.flatnonzero(pose == p)
+        t, z = data.pulls.time[rows], data.zero_times[rows[0]]
+        z = z[np.isfinite(z)]
+        if not (len(z) and np.isfinite(t).all()):
+            return np.zeros_like(out)
+        every = np.append(t, z)
+        rho = np.exp(-np.abs(every[:, None] - every) / time_s)
+        A = np.hstack([np.eye(len(t)), np.full((len(t), len(z)), -1 / len(z))])
+        out[rows, : len(rows)] = linear.factor(A @ rho @ A.T)
+    return out / np.sqrt(max(np.mean(np.sum(out**2, axis=1)), 1e-300))
+
+
+def wander(data: Measured, beyond: Beyond) -> Wander:
+    """How much of it the rows show, by restricted likelihood over `SIZES` and `TIMES_S`.
+
+    With W = L^-1 K L^-T of each pose, rotated to diag(w), and a the size:
+
+        L(a) = sum log(1 + a^2 w) + log|N| + sum y^2 / (1 + a^2 w) - g' N^-1 g,
+
+    N = X' D X + prior, g = X' D y, D = diag(1 / (1 + a^2 w)). p is that of the likelihood ratio
+    with two degrees of freedom, half of it as the size is at its bound under the null.
+    """
+    unit = float(np.sqrt(np.einsum("dii->", data.loaded_cov) / (3 * len(data.pull))))
+    factors = np.stack([kernel(data, time_s) for time_s in TIMES_S])
+    nothing = Wander(factors[0] * 0.0, 0.0, 0.0, TIMES_S[0], 1.0, unit)
+    if not factors.any():
+        return nothing
+    losses = np.array([_losses(beyond, unit * by_axis(one[data.pull])) for one in factors])
+    ratio = np.maximum(losses[:, 0, None] - losses, -700.0)  # 2 (L_a - L_0)
+    before = np.log(np.append(_NONE, np.full(len(SIZES), (1 - _NONE) / len(SIZES))) / len(TIMES_S))
+    weight = special.softmax(0.5 * ratio + before)
+    a = np.append(0.0, SIZES)
+    of_time = weight @ a**2
+    size2 = float(of_time.sum())
+    size = unit * np.sqrt(size2)
+    mean = float((weight * a).sum())
+    std = unit * float(np.sqrt(max((weight * a**2).sum() - mean**2, 0.0)))
+    p = 0.5 * float(special.chdtrc(2, max(float(ratio.max()), 0.0)))
+    best = int(np.argmax(weight[:, 1:].max(axis=1)))
+    factor = unit * np.concatenate(
+        [np.sqrt(w) * one for w, one in zip(of_time, factors, strict=True)], axis=1
+    )
+    return Wander(factor, float(size), std, TIMES_S[best], p, unit)
+
+
+def _losses(beyond: Beyond, factor: Array) -> Array:
+    """Minus twice the restricted log likelihood without the wander and at each of `SIZES`."""
+    blocks = beyond.white.blocks
+    A = beyond.white.inverse @ blocks.padded(factor.reshape(-1, factor.shape[2]))
+    w, y, X = beyond.rotated(A @ np.swapaxes(A, 1, 2))
+    prior = np.diag(beyond.prior)
+    out = []
+    for a in (0.0, *SIZES):
+        D = 1 / (1 + a**2 * w)
+        N, g = (X.T * D) @ X + prior, (X.T * D) @ y
+        fixed = linear.solve(N, g)
+        out.append(-np.sum(np.log(D)) + linear.log_det(N) + y @ (D * y) - g @ fixed)
+    return np.array(out)
