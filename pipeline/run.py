@@ -249,7 +249,8 @@ def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosis:
     rng = np.random.default_rng(_SEED)
     cell, data = right.case.cell, right.data
     scale, effects = float(right.noise.scale[0]), catalogue(cell.robot)
-    moved = drift(right.reduced.registration, scale, data.unloaded, effects)
+    wander = right.shape.wander
+    moved = drift(right.reduced.registration, scale, data.unloaded, effects, wander)
     return step(diagnose)(cell, data, right.estimate, where, rng, drift=moved, noise=right.noise)
 
 

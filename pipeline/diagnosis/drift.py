@@ -23,6 +23,7 @@ from pipeline.reduction.register import XYZ, Registration
 from pipeline.system import alarms
 from pipeline.system.beside import Base, Beside
 from pipeline.system.noise import TOLERATED
+from pipeline.system.wander import Wander
 
 _FITS = 1e-3
 """Where a rigid motion leaves something this improbable, a reflector moved or was read badly."""
@@ -35,7 +36,11 @@ _LEVER_M = 10.0
 
 
 def drift(
-    registration: Registration, scale: float, unloaded: Array, effects: Sequence[Effect]
+    registration: Registration,
+    scale: float,
+    unloaded: Array,
+    effects: Sequence[Effect],
+    wander: Wander | None = None,
 ) -> Drift | None:
     """Test the base reflectors for a motion of the tracker.
 
@@ -51,6 +56,8 @@ def drift(
         unloaded: Where the effector was read [m], F_b, NaN unknown, shape (d, 3): the velocity is
             stated at their centre, else at that of the base reflectors.
         effects: The catalogue.
+        wander: What the displacements show of a wander of the instrument, which moves all
+            reflectors alike from one round to the next.
 
     Returns:
         None without times, with too few reflectors, or with one round of readings.
@@ -60,7 +67,8 @@ def drift(
     since = (table["time"] - table["time"].min()).dt.total_seconds().to_numpy()
     if not forms or table["target"].nunique() < 3 or since.max() <= 0:
         return None
-    base, white, rigid = _base(registration, table, _stated_at(unloaded, registration), scale)
+    at = _stated_at(unloaded, registration)
+    base, white, rigid = _base(registration, table, at, scale, since, wander)
     if base.dof < 7:
         return None
     amounts = [LAWS[effect.form](since) for effect in forms]
@@ -129,7 +137,12 @@ def _stated(
 
 
 def _base(
-    registration: Registration, table: pd.DataFrame, at: Array, scale: float
+    registration: Registration,
+    table: pd.DataFrame,
+    at: Array,
+    scale: float,
+    since: Array,
+    wander: Wander | None,
 ) -> tuple[Base, Array, Array]:
     """Readings beside where each reflector stands, what whitens them, their rigid motions.
 
@@ -145,7 +158,18 @@ def _base(
     turns = np.stack([np.cross(axis, points - at) for axis in np.eye(3)], axis=2) / _LEVER_M
     rigid = np.concatenate([np.tile(np.eye(3), (len(table), 1, 1)), turns], axis=2)
     off = table[["dx_m", "dy_m", "dz_m"]].to_numpy(float)  # small numbers keep digits for the fit
-    return Base.of(fixed, (white @ off[..., None]).ravel()), white, rigid
+    y = (white @ off[..., None]).ravel()
+    if wander is not None and wander.process.any():
+        L = linear.factor(wander.between(since))
+        common = np.einsum("kij,kn->kinj", white, L).reshape(len(y), -1)
+        fixed = np.block(
+            [
+                [fixed, common],
+                [np.zeros((common.shape[1], fixed.shape[1])), np.eye(common.shape[1])],
+            ]
+        )
+        y = np.append(y, np.zeros(common.shape[1]))
+    return Base.of(fixed, y), white, rigid
 
 
 def _rounds(table: pd.DataFrame) -> list[Bools]:

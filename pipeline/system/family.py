@@ -94,6 +94,14 @@ class Family(Locked):
         return out
 
 
+def _posterior_mean(found: Family, seen: Array) -> Array:
+    """Mean of each reading's lambda given what is seen of it, `seen` as of `likelihood`, (n,)."""
+    kept = (1 - BLUNDERS) * _bulks(found.log_scale, found.paper) + BLUNDERS * _blunder()
+    joint = seen[None] * kept[:, None, :]
+    mean = (joint @ np.exp(_GRID)) / joint.sum(axis=2)
+    return np.asarray(found.weight @ mean)
+
+
 def likelihood(square: Array, variance: Array, now: Array) -> Array:
     """Density of what is seen of each reading at each log lambda of the grid, shape (n, K).
 
@@ -136,10 +144,8 @@ def family(seen: Array, paper: bool) -> tuple[Family, Array]:
     scale = _SCALES[logs.argmax(axis=1)]
     p = 0.5 * float(special.chdtrc(1, max(2 * (best[1:].max() - best[0]), 0.0)))
     scale[0] = 0.0  # what is stated, or was found in contrasts, holds
-    kept = (1 - BLUNDERS) * _bulks(scale, paper) + BLUNDERS * odd
-    joint = seen[None] * kept[:, None, :]
-    mean = (joint @ np.exp(_GRID)) / joint.sum(axis=2)
-    return Family(weight, scale, p, paper), np.asarray(weight @ mean)
+    told = Family(weight, scale, p, paper)
+    return told, _posterior_mean(told, seen)
 
 
 def _bulks(log_scale: Array, paper: bool) -> Array:

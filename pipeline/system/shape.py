@@ -23,8 +23,9 @@ from pipeline.system.system import System
 from pipeline.system.wander import Wander, wander
 from pipeline.system.whiten import whitener
 
-_ROUNDS = 8
-"""How often the readings are weighed at most: a bad one spoils what is seen of its neighbours."""
+ROUNDS = 8
+"""How often readings are weighed at most where blunders are among them: a bad one spoils what is seen
+of its neighbours."""
 
 _STILL = 0.3
 """Change of a log variance from which they are weighed once more [1]."""
@@ -91,16 +92,23 @@ def shape(seen: Linearised, accepted: tuple[int, ...] | None = None) -> Shape:
             found in contrasts, that of its rows plays no part.
         accepted: Suspects that are taken out beside the springs; all of them when not given.
     """
-    readings, found, variance, beyond = tails(seen, accepted)
+    # once: weights that follow from weights trust what is off towards the others more than it is
+    # worth, and uncertainties come out a tenth too small
+    readings, found, variance, beyond = tails(seen, accepted, 1)
     if accepted is None:
         variance = np.ones(len(variance))
     return Shape(found, variance, readings, wander(seen.data, beyond), accepted is not None)
 
 
 def tails(
-    seen: Linearised, accepted: tuple[int, ...] | None = None
+    seen: Linearised, accepted: tuple[int, ...] | None = None, rounds: int = ROUNDS
 ) -> tuple[Readings, Family, Array, Beyond]:
     """The tails of single readings beside a model, arguments as for `shape`.
+
+    Args:
+        seen: As for `shape`.
+        accepted: As for `shape`.
+        rounds: How often each reading is weighed by what the others, so weighed, say of it.
 
     Returns:
         The readings, their family, the variance of each over its stated one (n,), and the rows so
@@ -113,7 +121,7 @@ def tails(
     flat = replace(seen.model.cell, equilibrium="undeformed")
     beyond = Beyond.of(seen, X, errors(flat, data, values))
     variance, found = np.ones(0), Family.stated(data.paper)
-    for turn in range(_ROUNDS):
+    for turn in range(rounds):
         readings = Readings.of(data, beyond.white)
         if turn == 0:
             variance = np.ones(readings.loaded + len(readings.zero))

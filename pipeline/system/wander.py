@@ -32,6 +32,8 @@ SIZES = (0.15, 0.25, 0.4, 0.6, 0.9, 1.3, 2.0, 3.0, 5.0, 8.0, 13.0)
 """What the wander adds to a displacement, rms, over the standard uncertainty of a reading per
 axis."""
 
+_TINY = 1e-300
+
 _NONE = 0.5
 """Probability of no wander before the data."""
 
@@ -47,6 +49,7 @@ class Wander(Locked):
         std: Its standard uncertainty [m].
         time_s: Likeliest correlation time [s].
         p_value: Probability of so much by chance.
+        process: Variance of the process itself for each of `TIMES_S`, shape (t,) [m^2].
         unit: Standard uncertainty of a reading per axis, root mean square [m].
     """
 
@@ -55,11 +58,22 @@ class Wander(Locked):
     std: float
     time_s: float
     p_value: float
+    process: Array
     unit: float
 
+    def between(self, times: Array) -> Array:
+        """Its covariance between times [s], shape (n, n) [m^2], each axis alike."""
+        apart = np.abs(times[:, None] - times)
+        return np.asarray(
+            sum(v * np.exp(-apart / tau) for v, tau in zip(self.process, TIMES_S, strict=True))
+        )
 
-def kernel(data: Measured, time_s: float) -> Array:
-    """K of all poses as factors by pull, shape (m, k), mean square one; zero without times."""
+
+def kernel(data: Measured, time_s: float) -> tuple[Array, float]:
+    """K of all poses as factors by pull with mean square one, shape (m, k), and what it was.
+
+    Zero without times.
+    """
     pose = np.unique(data.pulls.pose, return_inverse=True)[1]
     out = np.zeros((len(pose), int(np.bincount(pose).max())))
     for p in range(pose.max() + 1):
@@ -67,12 +81,13 @@ def kernel(data: Measured, time_s: float) -> Array:
         t, z = data.pulls.time[rows], data.zero_times[rows[0]]
         z = z[np.isfinite(z)]
         if not (len(z) and np.isfinite(t).all()):
-            return np.zeros_like(out)
+            return np.zeros_like(out), 1.0
         every = np.append(t, z)
         rho = np.exp(-np.abs(every[:, None] - every) / time_s)
         A = np.hstack([np.eye(len(t)), np.full((len(t), len(z)), -1 / len(z))])
         out[rows, : len(rows)] = linear.factor(A @ rho @ A.T)
-    return out / np.sqrt(max(np.mean(np.sum(out**2, axis=1)), 1e-300))
+    mean = max(float(np.mean(np.sum(out**2, axis=1))), _TINY)
+    return out / np.sqrt(mean), mean
 
 
 def wander(data: Measured, beyond: Beyond) -> Wander:
@@ -86,8 +101,9 @@ def wander(data: Measured, beyond: Beyond) -> Wander:
     with two degrees of freedom, half of it as the size is at its bound under the null.
     """
     unit = float(np.sqrt(np.einsum("dii->", data.loaded_cov) / (3 * len(data.pull))))
-    factors = np.stack([kernel(data, time_s) for time_s in TIMES_S])
-    nothing = Wander(factors[0] * 0.0, 0.0, 0.0, TIMES_S[0], 1.0, unit)
+    kernels = [kernel(data, time_s) for time_s in TIMES_S]
+    factors = np.stack([factor for factor, _ in kernels])
+    nothing = Wander(factors[0] * 0.0, 0.0, 0.0, TIMES_S[0], 1.0, np.zeros(len(TIMES_S)), unit)
     if not factors.any():
         return nothing
     losses = np.array([_losses(beyond, unit * by_axis(one[data.pull])) for one in factors])
@@ -100,12 +116,13 @@ def wander(data: Measured, beyond: Beyond) -> Wander:
     size = unit * np.sqrt(size2)
     mean = float((weight * a).sum())
     std = unit * float(np.sqrt(max((weight * a**2).sum() - mean**2, 0.0)))
+    process = unit**2 * of_time / np.array([mean for _, mean in kernels])
     p = 0.5 * float(special.chdtrc(2, max(float(ratio.max()), 0.0)))
     best = int(np.argmax(weight[:, 1:].max(axis=1)))
     factor = unit * np.concatenate(
         [np.sqrt(w) * one for w, one in zip(of_time, factors, strict=True)], axis=1
     )
-    return Wander(factor, float(size), std, TIMES_S[best], p, unit)
+    return Wander(factor, float(size), std, TIMES_S[best], p, process, unit)
 
 
 def _losses(beyond: Beyond, factor: Array) -> Array:
