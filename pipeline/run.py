@@ -257,14 +257,19 @@ def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosis:
 def _settled(right: Fitted, said: Diagnosis, where: Where, step: Step) -> tuple[Fitted, Diagnosis]:
     """The campaign weighed by the noise that is seen beside the accepted model.
 
-    First its shape, then its size: where the model leaves more than the stated noise allows and no
-    more than that of the contrasts, the latter is used.
+    First its shape; where the model misses something, only if such noise is likely beside all that
+    a machine could do, and makes the model whole. Then its size: where the model leaves more than
+    the stated noise allows and no more than that of the contrasts, the latter is used.
     """
+    if not (said.settled or right.shape.likely):
+        return right, said
     seen = _beside(right, said)
     if seen.differs(right.shape):
-        right = right.shaped(seen)
-        said = _diagnosed(right, where, step)
-        seen = _beside(right, said)
+        weighed = right.shaped(seen)
+        again = _diagnosed(weighed, where, step)
+        if not (said.settled or again.settled):
+            return right, said
+        right, said, seen = weighed, again, _beside(weighed, again)
     right = replace(right, shape=seen)
     p = said.facts.stated_p
     if right.noise.used or p is None or not p < alarms.MISFIT <= said.facts.misfit_p:
@@ -274,9 +279,7 @@ def _settled(right: Fitted, said: Diagnosis, where: Where, step: Step) -> tuple[
 
 
 def _beside(right: Fitted, said: Diagnosis) -> Shape:
-    """The shape of the noise beside the accepted model; as it was where that misses something."""
-    if not said.settled:
-        return right.shape
+    """The shape of the noise beside the accepted model."""
     seen = replace(said.seen, data=right.shape.off(said.seen.data))
     return shape(seen, said.seen.model.accepted)
 

@@ -1,4 +1,4 @@
-"""What a model leaves of the readings: rows beside springs and causes, in which noise can be seen."""
+"""What a model leaves of the readings: rows beside springs and causes, where noise is seen."""
 
 from __future__ import annotations
 

@@ -3,7 +3,7 @@
 A reading's error is normal with covariance lambda C, C the stated one, lambda its own:
 
     normal:   lambda = s^2                             Student: lambda = s^2 nu / chi2(nu)
-    Eq. (18): lambda = 3 Beta(1/2, 1) s^2              blunder: log lambda uniform, one in a thousand
+    Eq. (18): lambda = 3 Beta(1/2, 1) s^2              blunder: log lambda uniform, one in 1000
 
 (Lange, Little and Taylor, J. Am. Stat. Assoc. 84, 1989: Student's t as a mixture; Box and Tiao,
 Biometrika 55, 1968, for blunders). What the other readings leave of a reading's error, x ~ N(0,

@@ -24,8 +24,8 @@ from pipeline.system.wander import Wander, wander
 from pipeline.system.whiten import whitener
 
 ROUNDS = 8
-"""How often readings are weighed at most where blunders are among them: a bad one spoils what is seen
-of its neighbours."""
+"""How often readings are weighed at most where blunders are among them: a bad one spoils what is
+seen of its neighbours."""
 
 _STILL = 0.3
 """Change of a log variance from which they are weighed once more [1]."""
@@ -35,6 +35,8 @@ _MANY = 20_000
 
 _DRAWS = 2000
 """Campaigns of pure noise that a misfit is compared with."""
+
+_LIKELY = 0.5
 
 _HEAVY = 0.05
 """Below this probability of heavier tails the misfit is chi-square [1]."""
@@ -61,6 +63,11 @@ class Shape(Locked):
     readings: Readings
     wander: Wander
     weighed: bool
+
+    @property
+    def likely(self) -> bool:
+        """Whether there rather is heavier noise, or a wander, than not."""
+        return max(self.family.heavy, self.wander.probability) > _LIKELY
 
     def on(self, data: Measured) -> Measured:
         """The measurements with all of it in their covariances."""

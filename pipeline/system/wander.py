@@ -25,8 +25,8 @@ from pipeline.system.assemble import by_axis
 from pipeline.system.beyond import Beyond
 
 TIMES_S = (300.0, 1200.0, 4800.0)
-"""Correlation times that are tried [s]: from the length of a pose to that of a campaign; longer ones
-are a random walk within a pose."""
+"""Correlation times that are tried [s]: from the length of a pose to that of a campaign; longer
+ones are a random walk within a pose."""
 
 SIZES = (0.15, 0.25, 0.4, 0.6, 0.9, 1.3, 2.0, 3.0, 5.0, 8.0, 13.0)
 """What the wander adds to a displacement, rms, over the standard uncertainty of a reading per
@@ -49,6 +49,7 @@ class Wander(Locked):
         std: Its standard uncertainty [m].
         time_s: Likeliest correlation time [s].
         p_value: Probability of so much by chance.
+        probability: That there is any.
         process: Variance of the process itself for each of `TIMES_S`, shape (t,) [m^2].
         unit: Standard uncertainty of a reading per axis, root mean square [m].
     """
@@ -58,6 +59,7 @@ class Wander(Locked):
     std: float
     time_s: float
     p_value: float
+    probability: float
     process: Array
     unit: float
 
@@ -103,7 +105,7 @@ def wander(data: Measured, beyond: Beyond) -> Wander:
     unit = float(np.sqrt(np.einsum("dii->", data.loaded_cov) / (3 * len(data.pull))))
     kernels = [kernel(data, time_s) for time_s in TIMES_S]
     factors = np.stack([factor for factor, _ in kernels])
-    nothing = Wander(factors[0] * 0.0, 0.0, 0.0, TIMES_S[0], 1.0, np.zeros(len(TIMES_S)), unit)
+    nothing = Wander(factors[0] * 0.0, 0.0, 0.0, TIMES_S[0], 1.0, 0.0, np.zeros(len(TIMES_S)), unit)
     if not factors.any():
         return nothing
     losses = np.array([_losses(beyond, unit * by_axis(one[data.pull])) for one in factors])
@@ -122,7 +124,9 @@ def wander(data: Measured, beyond: Beyond) -> Wander:
     factor = unit * np.concatenate(
         [np.sqrt(w) * one for w, one in zip(of_time, factors, strict=True)], axis=1
     )
-    return Wander(factor, float(size), std, TIMES_S[best], p, process, unit)
+    return Wander(
+        factor, float(size), std, TIMES_S[best], p, float(weight[:, 1:].sum()), process, unit
+    )
 
 
 def _losses(beyond: Beyond, factor: Array) -> Array:
