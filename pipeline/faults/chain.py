@@ -18,6 +18,7 @@ import pandas as pd
 from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
 from pipeline.faults.fault import Fault
+from pipeline.faults.labels import unlike
 from pipeline.faults.mistake import Mistake, outlying
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
@@ -75,7 +76,7 @@ class _Off:
     pull: int
     sigmas: float
     size: float
-    p_value: float
+    p_value: float | None
 
 
 def chain_outlier(case: Case) -> list[Mistake]:
@@ -99,6 +100,27 @@ def chain_outlier(case: Case) -> list[Mistake]:
         )
         return [_finding(chain, off, names, told, off.size * float(np.median(_length(chain))))]
     return []
+
+
+def chain_gross(case: Case) -> list[Mistake]:
+    """The pull whose chain reflectors are apart as no chain stretches, nor is hung (`unlike`).
+
+    Found before the scale's readings are judged: such a pull points anywhere.
+    """
+    chain = _read(case)
+    if len(chain.group) < _FEWEST:
+        return []
+    lengths = unlike(case).reindex(chain.group)
+    away, gross = lengths["away"].to_numpy(float), lengths["gross"].to_numpy(bool)
+    if not gross.any():
+        return []
+    best = int(np.argmax(np.where(gross, away, 0.0)))
+    names = case.settings.naming.chain
+    told = f"{names[0]} and {names[1]} are {1e3 * away[best]:.0f} mm farther apart or nearer than "
+    told += "in the other pulls"
+    sigmas = float(away[best] / chain.std[best])
+    off = _Off(best, sigmas, float(away[best]), None)
+    return [_finding(chain, off, names, told, off.size)]
 
 
 def _read(case: Case) -> _Chain:
@@ -264,5 +286,7 @@ def _without_group(case: Case, group: str) -> Case:
     rows = case.readings
     return replace(case, readings=rows[rows["group"] != group])
 
+
+GROSS = Fault("outlier", "outlying reading", lambda asked: chain_gross(asked.case))
 
 FAULT = Fault("outlier", "outlying reading", lambda asked: chain_outlier(asked.case))

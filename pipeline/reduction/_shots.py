@@ -325,7 +325,10 @@ def check_units(shots: Shots, settings: Settings) -> None:
 
 
 def _check_size(shots: Shots, rows: Ints, together: Ints, nominal: Array, said: str) -> None:
-    """Compare the spread of what was read together with the spread of its nominal points."""
+    """Compare the spread of what was read together with the spread of its nominal points.
+
+    A unit is one of a whole file: only where most of what was read together in it is off alike.
+    """
     if not len(rows):
         return
     count = int(together.max()) + 1
@@ -334,8 +337,12 @@ def _check_size(shots: Shots, rows: Ints, together: Ints, nominal: Array, said: 
     seen, expected = (_spread(points, member) for points in (shots.position[rows], nominal))
     enough = (expected > _SMALLEST_M) & (seen > 0)
     ratio = np.where(enough, seen, 1.0) / np.where(enough, expected, 1.0)
+    of = np.zeros(len(seen), dtype=np.int64)
+    of[member] = shots.file[rows]
     for factor, meaning in _CERTAIN_FACTORS.items():
-        hit = np.flatnonzero(enough & (np.abs(np.log(ratio / factor)) < _NEAR))
+        off = enough & (np.abs(np.log(ratio / factor)) < _NEAR)
+        most = 2 * np.bincount(of, off) > np.bincount(of, enough)
+        hit = np.flatnonzero(off & most[of])
         if len(hit):
             first = rows[member == hit[0]][0]
             raise InputError(
