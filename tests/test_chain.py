@@ -360,6 +360,21 @@ def test_an_end_that_no_chain_reaches_is_named_whatever_the_scale_says(end, off)
     assert chain_gross(found.correct(replace(good, readings=rows))) == []
 
 
+def test_both_ends_of_a_pull_are_named_where_both_are_far_off():
+    """The pull goes once, the two readings have their names."""
+    case = read(np.random.default_rng(10))
+    rows = case.readings.copy()
+    here = rows["group"] == "pose05_rep1_loaded"
+    for end, off in (("Pl1", [1.0, 0, 0]), ("Pl2", [0, 0.4, 0])):
+        hit = here & (rows["target"] == end)
+        rows.loc[hit, XYZ] = rows.loc[hit, XYZ].to_numpy(float) + off
+
+    found = chain_gross(replace(case, readings=rows))
+
+    assert [one.where.split("/")[1] for one in found] == ["Pl1", "Pl2"]
+    assert [one.size for one in found] == pytest.approx([1.0, 0.4], abs=0.01)
+
+
 def test_two_ends_of_one_pose_are_named_and_the_other_pulls_stay():
     """The tracker's own place is read twice; one after the other, nothing else."""
     case = read(np.random.default_rng(9))

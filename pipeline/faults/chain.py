@@ -18,7 +18,7 @@ import pandas as pd
 from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
 from pipeline.faults.fault import Fault
-from pipeline.faults.labels import unlike
+from pipeline.faults.labels import GROSS_M, unlike
 from pipeline.faults.mistake import Mistake, outlying
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
@@ -91,14 +91,15 @@ def chain_outlier(case: Case) -> list[Mistake]:
             f"{names[0]} and {names[1]} are {1e3 * off.size:.2f} mm farther apart or nearer than "
             f"in the other pulls, {off.sigmas:.1f} standard deviations"
         )
-        return [_finding(chain, off, names, told, off.size)]
+        return [_finding(chain, off, names, told, off.size, _end(chain, off.pull))]
     off = _direction(chain)
     if off is not None:
         told = (
             f"the chain points {1e3 * off.size:.2f} mrad away from where the other pulls of the "
             f"pose put it, {off.sigmas:.1f} standard deviations"
         )
-        return [_finding(chain, off, names, told, off.size * float(np.median(_length(chain))))]
+        size = off.size * float(np.median(_length(chain)))
+        return [_finding(chain, off, names, told, size, _end(chain, off.pull))]
     return []
 
 
@@ -120,7 +121,10 @@ def chain_gross(case: Case) -> list[Mistake]:
     told += "in the other pulls"
     sigmas = float(away[best] / chain.std[best])
     off = _Off(best, sigmas, float(away[best]), None)
-    return [_finding(chain, off, names, told, off.size)]
+    miss = _misses(chain, best) or (0.0, 0.0)
+    if min(miss) > GROSS_M:
+        return [_finding(chain, off, names, told, size, (k, size)) for k, size in enumerate(miss)]
+    return [_finding(chain, off, names, told, off.size, _end(chain, best))]
 
 
 def _read(case: Case) -> _Chain:
@@ -248,15 +252,21 @@ def _end(chain: _Chain, pull: int) -> tuple[int, float] | None:
 
     None where that is open.
     """
+    miss = _misses(chain, pull)
+    if miss is None or max(miss) < _DECIDES * min(miss):
+        return None
+    return int(np.argmax(miss)), max(miss)
+
+
+def _misses(chain: _Chain, pull: int) -> tuple[float, float] | None:
+    """How far both ends are from where the other pulls of the pose put them [m], three at least."""
     same = (chain.pose == chain.pose[pull]) & np.isfinite(chain.force)
     others = same & (np.arange(len(same)) != pull)
     if others.sum() < 3 or not same[pull]:
         return None
     X = np.column_stack([np.ones(len(same)), chain.force])
-    miss = [_unlike(X, chain.ends[:, k], others, pull) for k in (0, 1)]
-    if max(miss) < _DECIDES * min(miss):
-        return None
-    return int(np.argmax(miss)), max(miss)
+    near, far = (_unlike(X, chain.ends[:, k], others, pull) for k in (0, 1))
+    return near, far
 
 
 def _unlike(X: Array, at: Array, others: Bools, pull: int) -> float:
@@ -265,9 +275,15 @@ def _unlike(X: Array, at: Array, others: Bools, pull: int) -> float:
     return float(np.linalg.norm(at[pull] - X[pull] @ course))
 
 
-def _finding(chain: _Chain, off: _Off, names: Sequence[str], told: str, size: float) -> Mistake:
-    group, end = str(chain.group[off.pull]), _end(chain, off.pull)
-    which = f"{names[0]}-{names[1]}"
+def _finding(
+    chain: _Chain,
+    off: _Off,
+    names: Sequence[str],
+    told: str,
+    size: float,
+    end: tuple[int, float] | None,
+) -> Mistake:
+    group, which = str(chain.group[off.pull]), f"{names[0]}-{names[1]}"
     if end is not None:
         which, size = names[end[0]], end[1]
         told = f"{told}: {which} is {1e3 * size:.2f} mm off"

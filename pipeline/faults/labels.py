@@ -18,7 +18,7 @@ from pipeline.machine.robot import configure
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 
-_GROSS_M = 0.03
+GROSS_M = 0.03
 """A reading this far from where its reflector should be is no reading of that reflector."""
 
 _PULLS = 3
@@ -62,7 +62,7 @@ def _measured(case: Case, R: Array, t: Array) -> Iterator[Mistake]:
     seen, expected, _ = pairs(case, rows)
     off = np.linalg.norm(seen - expected @ R.T - t, axis=1)
     usual = float(np.median(off))
-    wrong = rows[off > max(_GROSS_M, 3 * usual)]
+    wrong = rows[off > max(GROSS_M, 3 * usual)]
     places = dict(zip(rows.index, expected @ R.T + t, strict=True))
     for group in dict.fromkeys(wrong["group"]):
         state = case.readings[case.readings["group"] == group]
@@ -80,7 +80,7 @@ def _swaps(
         away = np.linalg.norm(points - places[index], axis=1)
         nearest = int(np.argmin(away))
         other = str(state["target"].iloc[nearest])
-        if other != name and away[nearest] < max(_GROSS_M, usual):
+        if other != name and away[nearest] < max(GROSS_M, usual):
             yield str(name), other
 
 
@@ -145,7 +145,7 @@ def unlike(case: Case) -> pd.DataFrame:
     of_pose = length.groupby(ends[0]["pose"].reindex(length.index))
     own = (length - of_pose.transform("median")).abs().where(of_pose.transform("count") >= _PULLS)
     away = own.fillna(np.inf).clip(upper=(length - length.median()).abs())
-    return pd.DataFrame({"away": away, "gross": away > max(_GROSS_M, _USUAL * away.median())})
+    return pd.DataFrame({"away": away, "gross": away > max(GROSS_M, _USUAL * away.median())})
 
 
 def aligned(case: Case) -> tuple[Array, Array] | None:
@@ -162,7 +162,7 @@ def _chain(case: Case, R: Array, t: Array) -> Iterator[Mistake]:
     table = chain_distances(case, R, t)
     if not len(table):
         return
-    reversed_ = (table["near"] > table["far"] + _GROSS_M).to_numpy()
+    reversed_ = (table["near"] > table["far"] + GROSS_M).to_numpy()
     if reversed_.mean() > 0.5:
         return
     reversed_ = reversed_ & ~unlike(case)["gross"].reindex(table["group"]).to_numpy(bool)
