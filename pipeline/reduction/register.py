@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.base.errors import InputError
+from pipeline.machine.effects.tracker_drift import READING_S
 from pipeline.reduction._index import run
 from pipeline.reduction.settings import BASE_REFLECTORS, Settings
 
@@ -162,7 +163,8 @@ def _apart(nominal: Array) -> bool:
 
 def place(registration: Registration, readings: pd.DataFrame) -> pd.DataFrame:
     """Table PLACED: the readings of the poses moved into F_b, with their covariances."""
-    poses = readings.iloc[run(np.flatnonzero(readings["pose"].notna().to_numpy()))]
+    rows = run(np.flatnonzero(readings["pose"].notna().to_numpy()))
+    poses = readings.iloc[rows]
     R, t = registration.R, registration.t
     moved = R @ np.array([poses[axis].to_numpy() for axis in XYZ])
     moved += t[:, None]
@@ -171,16 +173,26 @@ def place(registration: Registration, readings: pd.DataFrame) -> pd.DataFrame:
         **{name: poses[name].to_numpy().astype(np.int32) for name in ("pose", "repeat")},
         **dict(zip(XYZ, moved, strict=True)),
         **dict(zip(covariance.columns(), C, strict=True)),
-        "time_s": _seconds(poses["time"], pd.Timestamp(readings["time"].min())),
+        "time_s": seconds(readings)[rows],
     }
     kept = {name: poses[name] for name in poses.columns if name not in new}
     return pd.DataFrame(kept | new, index=poses.index, copy=False)
 
 
-def _seconds(times: pd.Series[pd.Timestamp], start: pd.Timestamp) -> Array:
-    """Seconds after `start`, NaN for no time, shape (n,)."""
-    since = times.to_numpy("datetime64[us]") - start.to_datetime64()
+def seconds(readings: pd.DataFrame) -> Array:
+    """Seconds after the first reading, NaN where one has no time, shape (n,).
+
+    Where none has a time the order of rows is the clock: `READING_S` times the number of the row.
+    """
+    if not timed(readings):
+        return READING_S * (readings.index.to_numpy(float) - readings.index.min())
+    since = readings["time"].to_numpy("datetime64[us]") - readings["time"].min().to_datetime64()
     return np.asarray(since / np.timedelta64(1, "s"), dtype=float)
+
+
+def timed(readings: pd.DataFrame) -> bool:
+    """Whether any reading has a time."""
+    return not len(readings) or bool(readings["time"].notna().any())
 
 
 def _uncertain(readings: pd.DataFrame) -> None:
