@@ -14,7 +14,7 @@ from pipeline.diagnosis.average import LIKELY
 from pipeline.diagnosis.facts import ROUGH, Cause, Drift, Facts
 from pipeline.diagnosis.finding import Finding
 from pipeline.diagnosis.verdict import certain, findings, outside_likelier, two_laws
-from pipeline.machine.effects.tracker_drift import HOUR_S, PER_READING, READING_S
+from pipeline.machine.effects.tracker_drift import GROUP_S, HOUR_S, PER_GROUP
 
 _NOTICED = 1.15
 """Remainder ratio above which what is left is more than chance, and stated [1]:
@@ -144,14 +144,16 @@ def _tracker_moved(facts: Facts) -> str:
 
 def _lasting(drift: Drift) -> str:
     """Between the first and the last reading."""
-    if drift.effect.parameters[0].unit == PER_READING:
-        return f"{drift.hours * HOUR_S / READING_S:.0f} readings, by the order of their rows"
+    if drift.effect.parameters[0].unit == PER_GROUP:
+        return (
+            f"{drift.hours * HOUR_S / GROUP_S:.0f} groups of readings, in the order of their rows"
+        )
     return f"{drift.hours:.2g} h"
 
 
 def _turn(drift: Drift) -> str:
     turn = 1e6 * float(np.linalg.norm(drift.turn))
-    per = {"m/s": (HOUR_S, " urad/h"), PER_READING: (1.0, " urad a reading")}
+    per = {"m/s": (HOUR_S, " urad/h"), PER_GROUP: (1.0, " urad a group")}
     times, unit = per.get(drift.effect.parameters[0].unit, (1.0, " urad"))
     return f"{turn * times:.2g}{unit}"
 

@@ -18,7 +18,7 @@ from pipeline.base.arrays import Array, Bools
 from pipeline.diagnosis.blindspots import needed
 from pipeline.diagnosis.facts import Drift
 from pipeline.machine.effect import Effect, Observation
-from pipeline.machine.effects.tracker_drift import HOUR_S, LAWS, PER_READING, amount
+from pipeline.machine.effects.tracker_drift import HOUR_S, LAWS, PER_GROUP, amount
 from pipeline.reduction.register import XYZ, Registration, seconds
 from pipeline.system import alarms
 from pipeline.system.beside import Base, Beside
@@ -57,7 +57,7 @@ def drift(
         reflectors, or with one round of readings.
     """
     forms = [e for e in effects if isinstance(e, Observation) and e.form in LAWS]
-    table = _repeated(registration.table, any(e.parameters[0].unit == PER_READING for e in forms))
+    table = _repeated(registration.table, any(e.parameters[0].unit == PER_GROUP for e in forms))
     since = table["since"].to_numpy(float)
     if not forms or table["target"].nunique() < 3 or since.max() <= 0:
         return None
@@ -84,8 +84,10 @@ def _repeated(table: pd.DataFrame, by_order: bool) -> pd.DataFrame:
         table: Table REGISTRATION.
         by_order: No reading of the campaign has a time, and the order of rows stands for it.
     """
-    table = table[table["time"].notna() | by_order]
-    table = table.assign(since=seconds(table))
+    if not by_order:
+        table = table[table["time"].notna()]
+        table = table.assign(time_s=seconds(table))
+    table = table.assign(since=table["time_s"] - table["time_s"].min())
     return table[table.groupby("target")["group"].transform("nunique") > 1]
 
 

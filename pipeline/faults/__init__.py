@@ -15,10 +15,12 @@ from pipeline.faults import (
     pull,
     reading,
     scale_reading,
+    stale_reading,
 )
 from pipeline.faults.fault import Fault
 
 FAULTS: tuple[Fault, ...] = (
+    stale_reading.FAULT,
     joint_row.FAULT,
     conventions.FAULT,
     labels.FAULT,

@@ -265,6 +265,45 @@ def once(shots: Shots, width: int) -> Shots:
     return shots.without(why)
 
 
+@dataclass(frozen=True)
+class Stale:
+    """A reading that repeats the one before it to the last digit: it was not taken anew.
+
+    Attributes:
+        group: Its group.
+        target: Its target.
+        file: Its file.
+        line: Its line there.
+        of: Target of the reading before.
+    """
+
+    group: str
+    target: str
+    file: str
+    line: int
+    of: str
+
+
+def stale(shots: Shots) -> tuple[Stale, ...]:
+    """Readings of a state that repeat the row before, which is of another target of that state."""
+    same = (shots.position[1:] == shots.position[:-1]).all(axis=1)
+    same &= (shots.slot[1:] == shots.slot[:-1]) & (shots.slot[1:] >= 0)
+    same &= (shots.role[1:] != shots.role[:-1]) & (shots.file[1:] == shots.file[:-1])
+    found = []
+    for k in (np.flatnonzero(same) + 1).tolist():
+        group, target, of = shots.group[k], shots.target[k], shots.target[k - 1]
+        found.append(
+            Stale(
+                group=str(group.as_py()),
+                target=str(target.as_py()),
+                file=shots.files[shots.file[k]],
+                line=int(shots.line[k]),
+                of=str(of.as_py()),
+            )
+        )
+    return tuple(found)
+
+
 def weighed(shots: Shots, stated: bool) -> Shots:
     """Only readings of targets and chain that have a covariance, if any of them has one.
 

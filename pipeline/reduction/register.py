@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.base.errors import InputError
-from pipeline.machine.effects.tracker_drift import READING_S
+from pipeline.machine.effects.tracker_drift import GROUP_S
 from pipeline.reduction._index import run
 from pipeline.reduction.settings import BASE_REFLECTORS, Settings
 
@@ -87,7 +87,7 @@ def register(settings: Settings, readings: pd.DataFrame) -> Registration:
         InputError: Fewer than three reflectors, or all of them on one line.
     """
     _uncertain(readings)
-    base = readings[readings["pose"].isna()]
+    base = readings.assign(time_s=seconds(readings))[readings["pose"].isna()]
     base = base[base["target"].isin(list(settings.base_frame))]
     if not settings.base_frame:
         nothing = base.assign(dx_m=0.0, dy_m=0.0, dz_m=0.0)
@@ -182,10 +182,12 @@ def place(registration: Registration, readings: pd.DataFrame) -> pd.DataFrame:
 def seconds(readings: pd.DataFrame) -> Array:
     """Seconds after the first reading, NaN where one has no time, shape (n,).
 
-    Where none has a time the order of rows is the clock: `READING_S` times the number of the row.
+    Where none has a time the order of rows is the clock: `GROUP_S` times the number of the group in
+    the order in which they are read.
     """
     if not timed(readings):
-        return READING_S * (readings.index.to_numpy(float) - readings.index.min())
+        group = readings["group"].astype("category").cat.codes.to_numpy()
+        return GROUP_S * np.cumsum(np.append(0, group[1:] != group[:-1]))
     since = readings["time"].to_numpy("datetime64[us]") - readings["time"].min().to_datetime64()
     return np.asarray(since / np.timedelta64(1, "s"), dtype=float)
 

@@ -18,12 +18,13 @@ NAME = "tracker_drift"
 HOUR_S = 3600.0
 """Seconds in an hour: trackers warm up in about one, and drifts are told per hour."""
 
-READING_S = 8.0
-"""Time between readings where an export has none and the order of its rows is the clock [s]: about
-what one by hand takes. It sets how large a drift is typical and cancels from what is stated."""
+GROUP_S = 100.0
+"""Time between groups of readings where an export has none and the order of its rows is the clock
+[s]: a turnbuckle is tightened in 60 s, and five readings take 8 s each (design/schedule.py). It
+sets how large a drift is typical, and cancels from what is stated."""
 
-PER_READING = "m/reading"
-"""Unit of a drift that is told by the order of rows."""
+PER_GROUP = "m/group"
+"""Unit of a drift that is told by the order of rows: groups of readings, as one state of a pose."""
 
 _Law = Callable[[Array], Array]
 
@@ -40,25 +41,25 @@ def effects(robot: Robot) -> tuple[Observation, ...]:
 
 
 def by_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
-    """The catalogue where the order of rows is the clock: a steady drift per reading.
+    """The catalogue where the order of rows is the clock: a steady drift per group of readings.
 
     No export without times shows that a tracker settled within an hour.
     """
     kept = [effect for effect in effects if effect.name != NAME or effect.form == "steady"]
-    return tuple(_per_reading(one) if one.name == NAME else one for one in kept)
+    return tuple(_per_group(one) if one.name == NAME else one for one in kept)
 
 
 def amount(effect: Effect, time: Array) -> Array:
     """How much of a drift there is at a time [s], in the units of its parameters."""
-    by_order = effect.parameters[0].unit == PER_READING
-    return np.asarray(LAWS[effect.form](time / READING_S if by_order else time))
+    by_order = effect.parameters[0].unit == PER_GROUP
+    return np.asarray(LAWS[effect.form](time / GROUP_S if by_order else time))
 
 
-def _per_reading(effect: Effect) -> Observation:
+def _per_group(effect: Effect) -> Observation:
     first = effect.parameters[0]
-    typical, most = first.typical * READING_S, first.upper * READING_S
+    typical, most = first.typical * GROUP_S, first.upper * GROUP_S
     needs = "times in the export: by the order of its rows nobody knows how long a pause was"
-    return replace(_effect("steady", "v", PER_READING, typical, most), needs=needs)
+    return replace(_effect("steady", "v", PER_GROUP, typical, most), needs=needs)
 
 
 def _effect(form: str, letter: str, unit: str, typical: float, most: float) -> Observation:
