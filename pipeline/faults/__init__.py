@@ -16,6 +16,7 @@ from pipeline.faults import (
     reading,
     scale_reading,
     stale_reading,
+    tool_target,
 )
 from pipeline.faults.fault import Fault
 
@@ -24,6 +25,7 @@ FAULTS: tuple[Fault, ...] = (
     joint_row.FAULT,
     conventions.FAULT,
     labels.FAULT,
+    tool_target.FAULT,
     gross_reading.FAULT,
     base_reading.ONE,
     base_reflector.FAULT,
