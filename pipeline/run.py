@@ -34,6 +34,7 @@ from pipeline.diagnosis.verdict import verdict
 from pipeline.faults.conventions import conventions
 from pipeline.faults.screen import screen, screen_again
 from pipeline.machine.effects import catalogue
+from pipeline.machine.effects.tracker_drift import by_order
 from pipeline.machine.robot import Robot
 from pipeline.prediction import model as handover
 from pipeline.prediction.validate import none as no_validation
@@ -46,6 +47,7 @@ from pipeline.reduction.case import tool as tool
 from pipeline.reduction.ingest import ingest
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.pose_of_interest import Where, place_of_interest
+from pipeline.reduction.register import timed
 from pipeline.report.render import render
 from pipeline.store.campaign import Campaign, Raw, dump
 from pipeline.system import alarms
@@ -103,6 +105,7 @@ def ingested(raw: Raw, keep: Keep, step: Step, plausible: bool = True) -> Case:
         rejected=keep("13_rejected", got.rejected, tables.REJECTED),
         displacements=got.displacements,
         forces=got.forces,
+        stale=got.stale,
     )
     if got.doubt is None:
         return case
@@ -249,9 +252,13 @@ def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosis:
     rng = np.random.default_rng(_SEED)
     cell, data = right.case.cell, right.data
     scale, effects = float(right.noise.scale[0]), catalogue(cell.robot)
+    if not timed(right.case.readings):
+        effects = by_order(effects)
     wander = right.shape.wander
     moved = drift(right.reduced.registration, scale, data.unloaded, effects, wander)
-    return step(diagnose)(cell, data, right.estimate, where, rng, drift=moved, noise=right.noise)
+    return step(diagnose)(
+        cell, data, right.estimate, where, rng, effects, drift=moved, noise=right.noise
+    )
 
 
 def _settled(right: Fitted, said: Diagnosis, where: Where, step: Step) -> tuple[Fitted, Diagnosis]:

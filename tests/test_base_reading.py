@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 from small_case import small
 
 from pipeline.faults import reading
-from pipeline.faults.base_reading import base_outlier, shifts
+from pipeline.faults.base_reading import _when, base_outlier, shifts
 from pipeline.faults.base_reflector import _freed, base_target
-from pipeline.reduction.register import XYZ, register
+from pipeline.reduction.register import XYZ, _agreeing, register
 from pipeline.system import alarms
 
 CORNERS = {"B1": [1, -0.5, -0.3], "B2": [1, 15, -0.3], "B3": [-1, 15, 0.2], "B4": [-1, -0.5, 0]}
@@ -142,13 +142,100 @@ def test_the_chance_of_a_reading_is_counted_for_all_of_them(case):
     assert base_outlier(whole, 2.0) == []
 
 
-def test_two_bad_readings_are_not_called_one(case):
-    """Where removing the worst leaves a contradiction, it is no single reading."""
+def test_two_bad_readings_are_both_named(case):
+    """And neither by an innocent one between them; both go at once."""
     one = spoiled(case, 1, np.array([0.0, 0.0, 6e-4]))
     two = spoiled(one, 6, np.array([0.0, 6e-4, 0.0]))
+    rows = two.readings[two.readings["pose"].isna()].iloc[[1, 6]]
 
-    assert base_outlier(registered(one), 1.0)
+    found = base_outlier(registered(two), 1.0)
+
+    assert {m.where for m in found} == {
+        f"{g}/{t}" for g, t in zip(rows["group"], rows["target"], strict=True)
+    }
+    assert [m.size for m in found] == pytest.approx([6e-4, 6e-4], abs=8e-5)
+    assert _when(found, single=True) == []
+    assert _when(found[:1], single=True) == found[:1]
+    assert _when(found, single=False) == found
+    assert _when(found[:1], single=False) == []
+    for mistake in found:
+        two = mistake.correct(two)
+    assert sorted(set(case.readings.index) - set(two.readings.index)) == sorted(rows.index)
     assert base_outlier(registered(two), 1.0) == []
+
+
+def at_the_tracker(case, k):
+    """The reading is (0, 0, 0), as after a failed lock."""
+    return -case.readings[case.readings["pose"].isna()].iloc[k][XYZ].to_numpy(float)
+
+
+def before(case, k):
+    """The reading is the one before, repeated."""
+    rows = case.readings[case.readings["pose"].isna()][XYZ].to_numpy(float)
+    return rows[k - 1] - rows[k]
+
+
+@pytest.mark.parametrize("k", range(1, 8))
+@pytest.mark.parametrize("off", [at_the_tracker, before, lambda case, k: 2.0, lambda c, k: 2e-2])
+def test_a_reading_is_named_however_far_it_is_off(case, k, off):
+    """A failed lock, a stale reading, metres and centimetres; size as planted, nothing else."""
+    shift = off(case, k) * np.ones(3)
+    wrong = spoiled(case, k, shift)
+    row = wrong.readings[wrong.readings["pose"].isna()].iloc[k]
+
+    (found,) = base_outlier(registered(wrong), 1.0)
+
+    assert found.where == f"{row['group']}/{row['target']}"
+    assert found.size == pytest.approx(np.linalg.norm(shift), abs=2e-4)
+    assert base_outlier(registered(found.correct(wrong)), 1.0) == []
+
+
+def drifted(case, shift):
+    """The second round read by a tracker that moved [m]."""
+    rows = case.readings.copy()
+    late = rows["pose"].isna() & (rows["group"] == "base_end")
+    rows.loc[late, XYZ] = rows.loc[late, XYZ].to_numpy(float) + shift
+    return replace(case, readings=rows)
+
+
+@pytest.mark.parametrize("k", [1, 6])
+@pytest.mark.parametrize("size", [1e-3, 1.0])
+def test_beside_a_drift_the_bad_reading_is_named_and_no_other(case, k, size):
+    """1.2 mm between the rounds; without a bad reading nothing is accused."""
+    late = drifted(case, np.array([8e-4, -8e-4, 4e-4]))
+    wrong = spoiled(late, k, size * np.array([0.6, 0.0, 0.8]))
+    row = wrong.readings[wrong.readings["pose"].isna()].iloc[k]
+
+    (found,) = base_outlier(registered(wrong), 1.0)
+
+    assert found.where == f"{row['group']}/{row['target']}"
+    assert found.size == pytest.approx(size, abs=2e-4)
+    assert base_outlier(registered(late), 1.0) == []
+
+
+def test_without_a_stated_noise_only_what_is_grossly_off_is_named(case):
+    """The scatter is then that of the readings that agree."""
+    rows = case.readings.assign(**dict.fromkeys(SIX, np.nan))
+    unknown = replace(case, readings=rows)
+
+    assert base_outlier(registered(spoiled(unknown, 3, 6e-4)), 1.0) == []
+    assert len(base_outlier(registered(spoiled(unknown, 3, 2.0)), 1.0)) == 1
+
+
+@pytest.mark.parametrize("rounds", [1, 2, 12])
+def test_the_start_holds_with_fewer_than_half_of_the_readings_bad(rounds):
+    """Anywhere in the hall; the rest is placed as without them."""
+    rng = np.random.default_rng(rounds)
+    corners = np.array([*CORNERS.values(), [0.2, 7.0, 1.1], [-0.7, 4.0, -0.2]], float)
+    nominal = np.tile(corners, (rounds, 1))
+    R, t = Rotation.random(random_state=3).as_matrix(), np.array([5.0, 2.0, 1.0])
+    points = (nominal + 3e-5 * rng.normal(size=nominal.shape) - t) @ R
+    bad = rng.permutation(len(points))[: max(len(points) // 2 - 2, 1)]
+    points[bad] = rng.uniform(-10, 10, (len(bad), 3))
+
+    agree = _agreeing(points, nominal)
+
+    assert sorted(np.flatnonzero(~agree)) == sorted(bad)
 
 
 def test_without_redundancy_or_stated_noise_nothing_is_said(case):

@@ -53,6 +53,21 @@ def test_an_outlier_moves_one_reading(small_campaign, wrong, place):
     assert changed(campaign, small_campaign) == {"tracker.csv"}
 
 
+@pytest.mark.parametrize("blunder", ["failed_lock", "stale"])
+@pytest.mark.parametrize("place", ["", ":base_end/B2", ":pose03_rep2_loaded/Pl2"])
+def test_a_reading_that_was_not_taken_is_written(small_campaign, wrong, blunder, place):
+    """The origin or the row before; in the truth it is an outlier without a size."""
+    campaign = wrong(f"{blunder}{place}")
+    was, now = (numbers(c, "tracker.csv", XYZ) for c in (small_campaign, campaign))
+    (hit,) = np.flatnonzero(np.abs(now - was).max(axis=1))
+    row, said = rows(campaign)[hit], campaign.truth["effects"][0]
+
+    assert (said["name"], said["parameters"]) == ("outlier", [])
+    assert said["where"] == f"{row['group']}/{row['target']}"
+    assert place in ("", f":{said['where']}")
+    assert now[hit] == pytest.approx(np.zeros(3) if blunder == "failed_lock" else was[hit - 1])
+
+
 def test_a_label_swap_exchanges_two_names_of_one_group(small_campaign, wrong):
     """Coordinates stay; two targets of the named group carry each other's names."""
     campaign = wrong("label_swap")

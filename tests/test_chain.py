@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 from pipeline.faults import chain as module
-from pipeline.faults.chain import chain_outlier
+from pipeline.faults.chain import chain_gross, chain_outlier
 from pipeline.reduction.bring import conformed, plain
 from pipeline.reduction.register import XYZ
 from pipeline.run import ingested
@@ -340,3 +340,50 @@ def test_the_law_that_accuses_a_pull_less_is_believed(monkeypatch):
     assert found.p_value == pytest.approx(24e-7)
     by_sag[1, 8] = 4.9  # among its own pose it hardly stands out by one of them
     assert module._direction(given) is None
+
+
+@pytest.mark.parametrize("off", [0.2, 2.0])
+@pytest.mark.parametrize("end", ["Pl1", "Pl2"])
+def test_an_end_that_no_chain_reaches_is_named_whatever_the_scale_says(end, off):
+    """Metres, or the tracker's own place; a chain hung 5 cm longer in each pose is none of it."""
+    rng = np.random.default_rng(8)
+    good = read(rng, hung_m=0.05, stretch_m=2e-3)
+    rows = good.readings.copy()
+    hit = (rows["group"] == "pose04_rep2_loaded") & (rows["target"] == end)
+    rows.loc[hit, XYZ] = rows.loc[hit, XYZ].to_numpy(float) + off * np.array([0.6, -0.64, 0.48])
+
+    (found,) = chain_gross(replace(good, readings=rows))
+
+    assert found.where == f"pose04_rep2_loaded/{end}"
+    assert found.size == pytest.approx(off, rel=0.01)
+    assert chain_gross(good) == []
+    assert chain_gross(found.correct(replace(good, readings=rows))) == []
+
+
+def test_both_ends_of_a_pull_are_named_where_both_are_far_off():
+    """The pull goes once, the two readings have their names."""
+    case = read(np.random.default_rng(10))
+    rows = case.readings.copy()
+    here = rows["group"] == "pose05_rep1_loaded"
+    for end, off in (("Pl1", [1.0, 0, 0]), ("Pl2", [0, 0.4, 0])):
+        hit = here & (rows["target"] == end)
+        rows.loc[hit, XYZ] = rows.loc[hit, XYZ].to_numpy(float) + off
+
+    found = chain_gross(replace(case, readings=rows))
+
+    assert [one.where.split("/")[1] for one in found] == ["Pl1", "Pl2"]
+    assert [one.size for one in found] == pytest.approx([1.0, 0.4], abs=0.01)
+
+
+def test_two_ends_of_one_pose_are_named_and_the_other_pulls_stay():
+    """The tracker's own place is read twice; one after the other, nothing else."""
+    case = read(np.random.default_rng(9))
+    rows = case.readings.copy()
+    groups = ["pose04_rep2_loaded", "pose04_rep3_loaded"]
+    rows.loc[rows["group"].isin(groups) & (rows["target"] == "Pl2"), XYZ] = 0.0
+    wrong, named = replace(case, readings=rows), []
+    while found := chain_gross(wrong):
+        named += [found[0].where.split("/")[0]]
+        wrong = found[0].correct(wrong)
+
+    assert sorted(named) == groups

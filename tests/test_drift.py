@@ -12,9 +12,10 @@ from scipy.spatial.transform import Rotation
 from pipeline.base import covariance
 from pipeline.diagnosis.drift import drift
 from pipeline.machine.effects import catalogue
+from pipeline.machine.effects.tracker_drift import GROUP_S, by_order
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import bring, conformed, plain
-from pipeline.reduction.register import XYZ, Registration, register
+from pipeline.reduction.register import XYZ, Registration, register, timed
 from pipeline.run import answered, ingested
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
@@ -158,6 +159,55 @@ def test_a_third_round_tells_a_drift_from_a_knock():
 def test_without_times_nobody_can_tell():
     """The same readings from an export that has no times."""
     assert asked(drifted({"base_end": 3.0}).assign(time=pd.NaT)) is None
+
+
+def test_without_times_the_order_of_rows_is_the_clock():
+    """The same motion per group; nobody knows an hour, so that nothing settles within one."""
+    readings = drifted({"base_end": 3.0})
+    nowhere, effects = np.full((1, 3), np.nan), by_order(catalogue(case().robot))
+    untimed = register(case().settings, readings.assign(time=pd.NaT))
+    between = readings["group"].nunique() - 1  # base_start is read first, base_end last
+
+    found = drift(untimed, 1.0, nowhere, effects)
+    by_time = asked(readings)
+
+    assert found.named
+    assert found.undecided
+    assert {p.unit for p in found.effect.parameters} == {"m/group"}
+    assert found.effect.form == "steady"
+    assert found.moved_m == pytest.approx(by_time.moved_m, rel=0.05)
+    seconds = 3600 * by_time.hours
+    assert found.velocity * between == pytest.approx(by_time.velocity * seconds, abs=2e-5)
+    assert np.linalg.norm(found.velocity) * between > 1e-4
+
+
+def test_the_order_of_rows_counts_the_groups():
+    """A zero and its pull are as many groups apart as are read between them."""
+    untimed = replace(case(), readings=case().readings.assign(time=pd.NaT))
+    placed = bring(untimed).placed
+    groups = list(dict.fromkeys(case().readings["group"]))
+
+    assert placed["time_s"].to_numpy() == pytest.approx(
+        [GROUP_S * groups.index(group) for group in placed["group"]]
+    )
+    assert not timed(untimed.readings)
+    assert timed(case().readings)
+    seen = bring(untimed).data.pulls
+    assert (seen.time > seen.time_zero).any()
+
+
+def test_a_drift_per_group_moves_readings_by_its_number():
+    """And is as large as usual at the usual pace."""
+    (steady,) = (e for e in by_order(catalogue(case().robot)) if e.name == "tracker_drift")
+    by_time = next(e for e in catalogue(case().robot) if e.name == "tracker_drift")
+    time, v = np.array([0.0, GROUP_S, 100 * GROUP_S, np.nan]), np.array([1e-6, 0.0, -2e-6])
+
+    off = steady.observe(None, np.zeros((4, 1, 3)), time, v)
+
+    assert off[:, 0] == pytest.approx(np.outer([0, 1, 100, 0], v))
+    for one, other in zip(steady.parameters, by_time.parameters, strict=True):
+        assert one.typical == pytest.approx(other.typical * GROUP_S)
+        assert one.upper == pytest.approx(other.upper * GROUP_S)
 
 
 EFFECTS = catalogue(load("kr500_rail"))

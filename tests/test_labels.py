@@ -103,19 +103,20 @@ def test_a_chain_that_is_the_wrong_way_round_everywhere_is_no_exchange():
     assert {one.where for one in labels(written(loaded[:3], swap))} == set(loaded[:3])
 
 
-def test_ends_that_are_about_as_far_are_not_exchanged():
-    """The first end must be 30 mm farther from the load point than the second."""
+def test_an_exchange_leaves_the_ends_as_far_apart_as_they_are():
+    """A first end beyond the second, and nearer to it than 3 cm to where they usually are."""
     table = chain_distances(good(), *aligned(good())).set_index("group")
     group = table.index[0]
-    gap = table["far"][group] - table["near"][group]
     rows = good().readings.set_index(["group", "target"])
     near, far = (rows.loc[(group, end), XYZ].to_numpy(float) for end in ("Pl1", "Pl2"))
-    along = (far - near) / np.linalg.norm(far - near)
+    gap = float(np.linalg.norm(far - near))
+    along = (far - near) / gap
 
-    assert gap > 0.03
-    assert labels(moved(group, "Pl1", (gap + 0.02) * along)) == []
-    (found,) = labels(moved(group, "Pl1", (gap + 0.04) * along))
-    assert found.where == group
+    assert labels(moved(group, "Pl1", (gap + 0.04) * along)) == []
+    assert labels(moved(group, "Pl1", 3 * gap * along)) == []
+    assert labels(moved(group, "Pl1", (2 * gap + 0.04) * along)) == []
+    (found,) = labels(moved(group, "Pl1", (2 * gap + 0.02) * along))
+    assert found.before > found.after
 
 
 def test_the_readings_are_aligned_though_some_are_misnamed():

@@ -22,6 +22,7 @@ from pipeline.answer.values import stated, values_entry
 from pipeline.answer.words import BECAUSE
 from pipeline.machine.effect import Observation
 from pipeline.machine.effects import catalogue
+from pipeline.reduction.register import timed
 from pipeline.store.campaign import versions
 
 
@@ -59,7 +60,7 @@ def answer(found: Findings) -> Answer:
         model=contract.Forward(
             equilibrium=contract.Equilibrium(found.told.values.first.cell.equilibrium)
         ),
-        assumptions=tuple(assumptions(raw, where)),
+        assumptions=tuple(assumptions(raw, where, timed(given.case.readings))),
         inputs=input_entries(raw),
         versions=versions(),
     )

@@ -13,6 +13,7 @@ from pipeline.answer import contract
 from pipeline.answer.contract import Input, Rejected
 from pipeline.base import files
 from pipeline.base.arrays import Array
+from pipeline.machine.effects.tracker_drift import GROUP_S
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.reduction.register import Registration
 from pipeline.reduction.settings import Settings
@@ -97,9 +98,14 @@ def registration_findings(
     ]
 
 
-def assumptions(raw: Raw, where: Where) -> list[str]:
-    """What the numbers rest on apart from the data."""
+def assumptions(raw: Raw, where: Where, has_times: bool = True) -> list[str]:
+    """What the numbers rest on apart from the data; `has_times`: of any reading."""
     out = list(raw.robot.assumptions)
+    if not has_times:
+        out.append(
+            "the readings have no times: the order of their rows is the clock, "
+            f"and a table's seconds are {GROUP_S:.0f} to a group of them"
+        )
     if not where.stated:
         out.append("campaign.toml has no [test_pose]: the strongest pull of the campaign stands in")
     out.append(

@@ -14,7 +14,7 @@ from pipeline.diagnosis.average import LIKELY
 from pipeline.diagnosis.facts import ROUGH, Cause, Drift, Facts
 from pipeline.diagnosis.finding import Finding
 from pipeline.diagnosis.verdict import certain, findings, outside_likelier, two_laws
-from pipeline.machine.effects.tracker_drift import HOUR_S
+from pipeline.machine.effects.tracker_drift import GROUP_S, HOUR_S, PER_GROUP
 
 _NOTICED = 1.15
 """Remainder ratio above which what is left is more than chance, and stated [1]:
@@ -138,14 +138,24 @@ def _tracker_moved(facts: Facts) -> str:
     assert facts.drift is not None
     return (
         f"The base reflectors moved together by {1e3 * facts.drift.moved_m:.2g} mm in "
-        f"{facts.drift.hours:.2g} h: {facts.drift.effect.called}, turning by {_turn(facts.drift)}."
+        f"{_lasting(facts.drift)}: {facts.drift.effect.called}, turning by {_turn(facts.drift)}."
     )
+
+
+def _lasting(drift: Drift) -> str:
+    """Between the first and the last reading."""
+    if drift.effect.parameters[0].unit == PER_GROUP:
+        return (
+            f"{drift.hours * HOUR_S / GROUP_S:.0f} groups of readings, in the order of their rows"
+        )
+    return f"{drift.hours:.2g} h"
 
 
 def _turn(drift: Drift) -> str:
     turn = 1e6 * float(np.linalg.norm(drift.turn))
-    steady = drift.effect.parameters[0].unit == "m/s"
-    return f"{turn * HOUR_S:.2g} urad/h" if steady else f"{turn:.2g} urad"
+    per = {"m/s": (HOUR_S, " urad/h"), PER_GROUP: (1.0, " urad a group")}
+    times, unit = per.get(drift.effect.parameters[0].unit, (1.0, " urad"))
+    return f"{turn * times:.2g}{unit}"
 
 
 def _names(causes: Sequence[Cause]) -> str:

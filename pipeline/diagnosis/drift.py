@@ -18,8 +18,8 @@ from pipeline.base.arrays import Array, Bools
 from pipeline.diagnosis.blindspots import needed
 from pipeline.diagnosis.facts import Drift
 from pipeline.machine.effect import Effect, Observation
-from pipeline.machine.effects.tracker_drift import HOUR_S, LAWS
-from pipeline.reduction.register import XYZ, Registration
+from pipeline.machine.effects.tracker_drift import HOUR_S, LAWS, PER_GROUP, amount
+from pipeline.reduction.register import XYZ, Registration, seconds
 from pipeline.system import alarms
 from pipeline.system.beside import Base, Beside
 from pipeline.system.noise import TOLERATED
@@ -60,18 +60,19 @@ def drift(
             reflectors alike from one round to the next.
 
     Returns:
-        None without times, with too few reflectors, or with one round of readings.
+        None without times unless the catalogue is one by the order of rows, with too few
+        reflectors, or with one round of readings.
     """
     forms = [e for e in effects if isinstance(e, Observation) and e.form in LAWS]
-    table = _repeated(registration.table)
-    since = (table["time"] - table["time"].min()).dt.total_seconds().to_numpy()
+    table = _repeated(registration.table, any(e.parameters[0].unit == PER_GROUP for e in forms))
+    since = table["since"].to_numpy(float)
     if not forms or table["target"].nunique() < 3 or since.max() <= 0:
         return None
     at = _stated_at(unloaded, registration)
     base, white, rigid = _base(registration, table, at, scale, since, wander)
     if base.dof < 7:
         return None
-    amounts = [LAWS[effect.form](since) for effect in forms]
+    amounts = [amount(effect, since) for effect in forms]
     laws = _moved(base, white @ rigid, amounts)
     # the steady law, the first, unless another one fits better by `_DECIDES`
     best = int(np.argmax(laws.drop - _DECIDES * (np.arange(len(forms)) > 0)))
@@ -84,9 +85,17 @@ def drift(
     return replace(found, effect=_undecided(found.effect, table)) if found.undecided else found
 
 
-def _repeated(table: pd.DataFrame) -> pd.DataFrame:
-    """Readings with a time of reflectors that were read in several groups."""
-    table = table[table["time"].notna()]
+def _repeated(table: pd.DataFrame, by_order: bool) -> pd.DataFrame:
+    """Readings with a time, `since` the first [s], of reflectors that were read in several groups.
+
+    Args:
+        table: Table REGISTRATION.
+        by_order: No reading of the campaign has a time, and the order of rows stands for it.
+    """
+    if not by_order:
+        table = table[table["time"].notna()]
+        table = table.assign(time_s=seconds(table))
+    table = table.assign(since=table["time_s"] - table["time_s"].min())
     return table[table.groupby("target")["group"].transform("nunique") > 1]
 
 
@@ -174,13 +183,13 @@ def _base(
 
 def _rounds(table: pd.DataFrame) -> list[Bools]:
     """Which readings come after each pause between two rounds of readings, by their groups."""
-    begun = table.groupby("group")["time"].transform("mean")
+    begun = table.groupby("group")["since"].transform("mean")
     return [(begun >= start).to_numpy() for start in sorted(begun.unique())[1:]]
 
 
 def _undecided(effect: Observation, table: pd.DataFrame) -> Observation:
     """The effect, saying that a tracker that was knocked once would look the same."""
-    groups = table.sort_values("time")["group"].unique()
+    groups = table.sort_values("since")["group"].unique()
     needs = (
         f"the base reflectors read again between {groups[0]} and {groups[-1]}: as they were read, "
         "nobody can tell a drift from a tracker that was knocked once"

@@ -9,24 +9,34 @@ from pipeline.faults import (
     base_reflector,
     chain,
     conventions,
+    gross_reading,
     joint_row,
     labels,
     pull,
     reading,
     scale_reading,
+    stale_reading,
+    tool_target,
 )
 from pipeline.faults.fault import Fault
 
 FAULTS: tuple[Fault, ...] = (
+    stale_reading.FAULT,
     joint_row.FAULT,
     conventions.FAULT,
     labels.FAULT,
+    tool_target.FAULT,
+    gross_reading.FAULT,
+    base_reading.ONE,
+    base_reflector.FAULT,
+    base_reading.SEVERAL,
+    reading.FAULT,
+    chain.GROSS,
     scale_reading.FAULT,
+    chain.FAULT,
     pull.REVERSED,
     pull.UNIT,
-    chain.FAULT,
-    base_reading.FAULT,
-    base_reflector.FAULT,
-    reading.FAULT,
 )
-"""In the order of the tests: the grossest mistakes first, and of single readings the cheapest."""
+"""In the order of the tests: what spoils whole files; then what spoils one reading, the base before
+the robot; last what scales or turns all forces alike, which no residual shows and a bad reading
+may imitate."""

@@ -1,39 +1,130 @@
-"""Bad readings of the base reflectors, which no robot moves."""
+"""Bad readings of the base reflectors, which no robot moves: of any size, and several at once.
+
+The readings are linearised where those that are not grossly off place the tracker
+(`register.agreed`). Then readings are set free one after the other, each the one that adds most
+beside the others (see `system.beside`), and exchanged while another does better. Between two rounds
+of readings the tracker may have been shifted, or shifted and turned, or a real
+drift would be laid on readings. Of the three that with the least penalised sum of squares is
+believed: every reading and every motion costs the threshold of its own test.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
 import numpy as np
+import pandas as pd
 from scipy import stats
 
 from pipeline.base import covariance, linear
-from pipeline.base.arrays import Ints
+from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake
 from pipeline.faults.reading import bad_reading, smallest
-from pipeline.reduction.register import XYZ, Registration
+from pipeline.reduction.register import XYZ, Registration, agreed
 from pipeline.system import alarms
 from pipeline.system.beside import Base, Beside
 
+_AGREES = 0.01
+"""What is left agrees if its misfit is more probable than this."""
+
+_DECIDES = 9.2
+"""Drop of chi-square by which a reading must beat any other in its place: odds of 100."""
+
+_REFLECTORS = 3
+"""Fewer place no tracker."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Readings(Locked):
+    """Base readings beside what is estimated in any case, whitened; m readings.
+
+    Attributes:
+        X: Columns of the tracker's pose, and of its motions between rounds, shape (m, 3, k).
+        y: Residuals, shape (m, 3).
+        white: What whitens them, shape (m, 3, 3).
+        cost: Threshold of the test that would find those motions, in chi-square.
+    """
+
+    X: Array
+    y: Array
+    white: Array
+    cost: float
+
+    def base(self, used: Bools) -> Base:
+        """What is estimated in any case, from some of the readings."""
+        return Base.of(self.X[used].reshape(-1, self.X.shape[2]), self.y[used].ravel())
+
+    def shifts(self, used: Bools, which: Ints) -> Beside:
+        """Readings shifted together [m]; `which` numbers the suspect of each used one."""
+        D = self.white[used][:, :, None, :] * np.eye(which.max() + 1)[which][:, None, :, None]
+        return self.base(used).beside(D.reshape(1, -1, *D.shape[2:])).of_block(0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Free:
+    """Readings that are set free.
+
+    Attributes:
+        rest: Sum of squares that the others leave.
+        dof: Its degrees of freedom.
+        drop: Of each freed reading alone, by number.
+        size: Of each [m], by number.
+        cost: Threshold of all hypotheses together, in chi-square.
+        decided: Whether no other reading would do nearly as well in the place of one.
+    """
+
+    rest: float
+    dof: int
+    drop: dict[int, float]
+    size: dict[int, float]
+    cost: float
+    decided: bool
+
+    @property
+    def score(self) -> float:
+        """Penalised sum of squares."""
+        return self.rest + self.cost
+
+    @property
+    def certain(self) -> bool:
+        """Whether the others agree, and no reading could be another one."""
+        agree = self.dof >= _REFLECTORS and stats.chi2.sf(self.rest, self.dof) > _AGREES
+        return bool(agree and self.decided)
+
 
 def base_outlier(registration: Registration, scale: float) -> list[Mistake]:
-    """The base reading that contradicts the other base reflectors, if removing it makes them agree.
+    """The base readings that contradict the others, if these agree without them.
 
     Args:
         registration: Where the tracker stands.
-        scale: Scatter of the readings over the stated one.
+        scale: Scatter of the readings over the stated one; where none is stated only what is
+            grossly off is named.
     """
-    table = registration.table
-    if registration.chi2 is None or registration.dof < 6:
+    if registration.dof < 6:
         return []
-    off = shifts(registration, scale, np.arange(len(table)))
-    best = int(np.argmax(off.drop))
-    p = len(off.drop) * float(off.p(1.0, np.inf)[best])
-    size = float(np.linalg.norm(off.size[best]))
-    rest = stats.chi2.sf(off.rest - off.drop[best], registration.dof - 3)
-    if p > alarms.READING or size < smallest(table, scale) or rest < 0.01:
+    count = len(registration.table)
+    seen, near = agreed(registration)
+    if registration.chi2 is None:
+        if near.all():
+            return []
+        scale = _scatter(seen, near)
+    limit = float(stats.chi2.isf(alarms.READING / count, 3))
+    if near.all() and shifts(seen, scale, np.arange(count)).drop.max() <= limit:
         return []
-    sigmas = float(np.sqrt(off.drop[best]))
-    return [bad_reading(table.iloc[best], "the other base reflectors", size, sigmas, p)]
+    every = [_freed(one, seen.table, near, limit) for one in _courses(seen, scale)]
+    best = min(every, key=lambda free: free.score)
+    return list(_findings(best, seen.table, scale)) if best.certain else []
+
+
+def _findings(free: _Free, table: pd.DataFrame, scale: float) -> Iterator[Mistake]:
+    for k in sorted(free.drop, key=lambda k: -free.drop[k]):
+        p = len(table) * float(stats.chi2.sf(free.drop[k], 3))
+        if free.size[k] >= smallest(table, scale):
+            sigmas = float(np.sqrt(free.drop[k]))
+            others = "the other base reflectors"
+            yield bad_reading(table.iloc[k], others, free.size[k], sigmas, p)
 
 
 def shifts(registration: Registration, scale: float, which: Ints) -> Beside:
@@ -44,20 +135,102 @@ def shifts(registration: Registration, scale: float, which: Ints) -> Beside:
         scale: Scatter of the readings over the stated one.
         which: Number of the suspect that each reading belongs to, shape (m,).
     """
+    still = next(_courses(registration, scale))
+    return still.shifts(np.ones(len(which), dtype=bool), which)
+
+
+def _courses(registration: Registration, scale: float) -> Iterator[_Readings]:
+    """A tracker that stands still; shifted between rounds of readings; shifted and turned."""
     table = registration.table
-    C = registration.R @ covariance.matrices(table) @ registration.R.T
-    white = linear.whitening(C * scale**2)
-    lever = table[XYZ].to_numpy() - registration.centre
+    C = covariance.matrices(table)
+    C = C if np.isfinite(C).all() else np.broadcast_to(np.eye(3), C.shape)
+    white = linear.whitening(registration.R @ C @ registration.R.T * scale**2)
+    off = table[["dx_m", "dy_m", "dz_m"]].to_numpy(float)
+    lever = table[XYZ].to_numpy(float) - off - registration.centre  # of the nominal places
     turns = np.swapaxes(np.cross(np.eye(3)[None], lever[:, None, :]), 1, 2)
-    moves = np.concatenate([turns, np.broadcast_to(np.eye(3), turns.shape)], axis=2)
-    y = white @ table[["dx_m", "dy_m", "dz_m"]].to_numpy()[..., None]
-    base = Base.of((white @ moves).reshape(-1, 6), y.ravel())
-    D = white[:, :, None, :] * np.eye(which.max() + 1)[which][:, None, :, None]
-    return base.beside(D.reshape(1, -1, *D.shape[2:])).of_block(0)
+    rigid = white @ np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2)
+    y = (white @ off[..., None])[..., 0]
+    rounds = pd.factorize(table["group"])[0]
+    later = np.eye(rounds.max() + 1)[rounds][:, 1:]
+    for some in (0, 3, 6) if later.shape[1] else (0,):
+        moved = rigid[:, :, None, :some] * later[:, None, :, None]
+        X = np.concatenate([rigid, moved.reshape(len(y), 3, -1)], axis=2)
+        dof = some * later.shape[1]
+        yield _Readings(X, y, white, float(stats.chi2.isf(alarms.DRIFT, dof)) if dof else 0.0)
 
 
-FAULT = Fault(
+def _scatter(registration: Registration, near: Bools) -> float:
+    """Root mean square of what the readings that agree leave [m]."""
+    left = next(_courses(registration, 1.0)).base(near)
+    return float(np.sqrt(left.rest / left.dof)) if left.dof > 0 else np.inf
+
+
+def _freed(one: _Readings, table: pd.DataFrame, near: Bools, limit: float) -> _Free:
+    """Readings set free until none stands out; those that need not be free are not."""
+    free = set(np.flatnonzero(~near).tolist())
+    most = (len(near) - _REFLECTORS) // 2
+    while len(free) <= most:
+        drop = _drops(one, free)[0]
+        best = int(np.argmax(drop))
+        if drop[best] <= limit:
+            break
+        free = _exchanged(one, free | {best})
+    return _told(one, table, free, limit) if len(free) <= most else _nothing()
+
+
+def _exchanged(one: _Readings, free: set[int]) -> set[int]:
+    """The same number of readings, of which none leaves less than another in its place."""
+    for k in sorted(free):
+        rest = free - {k}
+        free = rest | {int(np.argmax(_drops(one, rest)[0]))}
+    return free
+
+
+def _drops(one: _Readings, free: set[int]) -> tuple[Array, Beside]:
+    """What every reading would drop beside those that are free, -1 for these, shape (m,)."""
+    used = np.ones(len(one.y), dtype=bool)
+    used[sorted(free)] = False
+    found = one.shifts(used, np.arange(used.sum()))
+    drop = np.full(len(used), -1.0)
+    drop[used] = found.drop
+    return drop, found
+
+
+def _told(one: _Readings, table: pd.DataFrame, free: set[int], limit: float) -> _Free:
+    """Freed readings, each beside the others; what does not stand out so is used again."""
+    drops, sizes, decided = {}, {}, True
+    for k in sorted(free):
+        drop, found = _drops(one, free - {k})
+        if drop[k] <= limit:
+            return _told(one, table, free - {k}, limit)
+        at = int(np.sum([i not in free for i in range(k)]))
+        drops[k], sizes[k] = float(drop[k]), float(np.linalg.norm(found.size[at]))
+        decided &= bool(np.delete(drop, k).max() < drop[k] - _DECIDES)
+    used = np.ones(len(table), dtype=bool)
+    used[sorted(free)] = False
+    if table["target"][used].nunique() < _REFLECTORS:
+        return _nothing()
+    base = one.base(used)
+    return _Free(base.rest, base.dof, drops, sizes, one.cost + limit * len(free), decided)
+
+
+def _nothing() -> _Free:
+    return _Free(np.inf, 0, {}, {}, np.inf, False)
+
+
+def _when(found: Sequence[Mistake], single: bool) -> list[Mistake]:
+    return list(found) if (len(found) == 1) is single else []
+
+
+ONE = Fault(
     "outlier",
     "outlying reading",
-    lambda asked: base_outlier(asked.reduced.registration, asked.spread[0]),
+    lambda asked: _when(base_outlier(asked.reduced.registration, asked.spread[0]), True),
 )
+
+SEVERAL = Fault(
+    "outlier",
+    "outlying reading",
+    lambda asked: _when(base_outlier(asked.reduced.registration, asked.spread[0]), False),
+)
+"""Tested after a reflector that is off in every round, which is one mistake and not several."""

@@ -17,7 +17,7 @@ from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, outlying
 from pipeline.faults.reading import smallest
 from pipeline.reduction.case import Case
-from pipeline.reduction.register import XYZ, Registration, register
+from pipeline.reduction.register import XYZ, Registration, agreed, register
 from pipeline.system import alarms
 
 _FEWEST = 4
@@ -46,7 +46,7 @@ def base_target(case: Case, registration: Registration, scale: float) -> list[Mi
         return []
     if stats.chi2.sf(chi2 / scale**2, registration.dof) > alarms.READING:
         return []
-    off = shifts(registration, scale, which)
+    off = shifts(agreed(registration)[0], scale, which)
     left = np.where(off.rank == 3, off.rest - off.drop, np.inf)
     best, rival = (int(k) for k in np.argsort(left, kind="stable")[:2])
     if not np.isfinite(left[rival]):

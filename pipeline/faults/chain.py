@@ -18,6 +18,7 @@ import pandas as pd
 from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
 from pipeline.faults.fault import Fault
+from pipeline.faults.labels import GROSS_M, unlike
 from pipeline.faults.mistake import Mistake, outlying
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
@@ -75,7 +76,7 @@ class _Off:
     pull: int
     sigmas: float
     size: float
-    p_value: float
+    p_value: float | None
 
 
 def chain_outlier(case: Case) -> list[Mistake]:
@@ -90,15 +91,40 @@ def chain_outlier(case: Case) -> list[Mistake]:
             f"{names[0]} and {names[1]} are {1e3 * off.size:.2f} mm farther apart or nearer than "
             f"in the other pulls, {off.sigmas:.1f} standard deviations"
         )
-        return [_finding(chain, off, names, told, off.size)]
+        return [_finding(chain, off, names, told, off.size, _end(chain, off.pull))]
     off = _direction(chain)
     if off is not None:
         told = (
             f"the chain points {1e3 * off.size:.2f} mrad away from where the other pulls of the "
             f"pose put it, {off.sigmas:.1f} standard deviations"
         )
-        return [_finding(chain, off, names, told, off.size * float(np.median(_length(chain))))]
+        size = off.size * float(np.median(_length(chain)))
+        return [_finding(chain, off, names, told, size, _end(chain, off.pull))]
     return []
+
+
+def chain_gross(case: Case) -> list[Mistake]:
+    """The pull whose chain reflectors are apart as no chain stretches, nor is hung (`unlike`).
+
+    Found before the scale's readings are judged: such a pull points anywhere.
+    """
+    chain = _read(case)
+    if len(chain.group) < _FEWEST:
+        return []
+    lengths = unlike(case).reindex(chain.group)
+    away, gross = lengths["away"].to_numpy(float), lengths["gross"].to_numpy(bool)
+    if not gross.any():
+        return []
+    best = int(np.argmax(np.where(gross, away, 0.0)))
+    names = case.settings.naming.chain
+    told = f"{names[0]} and {names[1]} are {1e3 * away[best]:.0f} mm farther apart or nearer than "
+    told += "in the other pulls"
+    sigmas = float(away[best] / chain.std[best])
+    off = _Off(best, sigmas, float(away[best]), None)
+    miss = _misses(chain, best) or (0.0, 0.0)
+    if min(miss) > GROSS_M:
+        return [_finding(chain, off, names, told, size, (k, size)) for k, size in enumerate(miss)]
+    return [_finding(chain, off, names, told, off.size, _end(chain, best))]
 
 
 def _read(case: Case) -> _Chain:
@@ -226,15 +252,21 @@ def _end(chain: _Chain, pull: int) -> tuple[int, float] | None:
 
     None where that is open.
     """
+    miss = _misses(chain, pull)
+    if miss is None or max(miss) < _DECIDES * min(miss):
+        return None
+    return int(np.argmax(miss)), max(miss)
+
+
+def _misses(chain: _Chain, pull: int) -> tuple[float, float] | None:
+    """How far both ends are from where the other pulls of the pose put them [m], three at least."""
     same = (chain.pose == chain.pose[pull]) & np.isfinite(chain.force)
     others = same & (np.arange(len(same)) != pull)
     if others.sum() < 3 or not same[pull]:
         return None
     X = np.column_stack([np.ones(len(same)), chain.force])
-    miss = [_unlike(X, chain.ends[:, k], others, pull) for k in (0, 1)]
-    if max(miss) < _DECIDES * min(miss):
-        return None
-    return int(np.argmax(miss)), max(miss)
+    near, far = (_unlike(X, chain.ends[:, k], others, pull) for k in (0, 1))
+    return near, far
 
 
 def _unlike(X: Array, at: Array, others: Bools, pull: int) -> float:
@@ -243,9 +275,15 @@ def _unlike(X: Array, at: Array, others: Bools, pull: int) -> float:
     return float(np.linalg.norm(at[pull] - X[pull] @ course))
 
 
-def _finding(chain: _Chain, off: _Off, names: Sequence[str], told: str, size: float) -> Mistake:
-    group, end = str(chain.group[off.pull]), _end(chain, off.pull)
-    which = f"{names[0]}-{names[1]}"
+def _finding(
+    chain: _Chain,
+    off: _Off,
+    names: Sequence[str],
+    told: str,
+    size: float,
+    end: tuple[int, float] | None,
+) -> Mistake:
+    group, which = str(chain.group[off.pull]), f"{names[0]}-{names[1]}"
     if end is not None:
         which, size = names[end[0]], end[1]
         told = f"{told}: {which} is {1e3 * size:.2f} mm off"
@@ -264,5 +302,7 @@ def _without_group(case: Case, group: str) -> Case:
     rows = case.readings
     return replace(case, readings=rows[rows["group"] != group])
 
+
+GROSS = Fault("outlier", "outlying reading", lambda asked: chain_gross(asked.case))
 
 FAULT = Fault("outlier", "outlying reading", lambda asked: chain_outlier(asked.case))

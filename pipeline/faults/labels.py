@@ -18,8 +18,14 @@ from pipeline.machine.robot import configure
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 
-_GROSS_M = 0.03
+GROSS_M = 0.03
 """A reading this far from where its reflector should be is no reading of that reflector."""
+
+_PULLS = 3
+"""So many pulls of a pose tell how its chain is hung."""
+
+_USUAL = 10.0
+"""Lengths farther from the usual one than so many median deviations: seven standard deviations."""
 
 
 def labels(case: Case) -> list[Mistake]:
@@ -56,7 +62,7 @@ def _measured(case: Case, R: Array, t: Array) -> Iterator[Mistake]:
     seen, expected, _ = pairs(case, rows)
     off = np.linalg.norm(seen - expected @ R.T - t, axis=1)
     usual = float(np.median(off))
-    wrong = rows[off > max(_GROSS_M, 3 * usual)]
+    wrong = rows[off > max(GROSS_M, 3 * usual)]
     places = dict(zip(rows.index, expected @ R.T + t, strict=True))
     for group in dict.fromkeys(wrong["group"]):
         state = case.readings[case.readings["group"] == group]
@@ -74,7 +80,7 @@ def _swaps(
         away = np.linalg.norm(points - places[index], axis=1)
         nearest = int(np.argmin(away))
         other = str(state["target"].iloc[nearest])
-        if other != name and away[nearest] < max(_GROSS_M, usual):
+        if other != name and away[nearest] < max(GROSS_M, usual):
             yield str(name), other
 
 
@@ -125,6 +131,23 @@ def chain_distances(case: Case, R: Array, t: Array) -> pd.DataFrame:
     return table.reset_index()
 
 
+def unlike(case: Case) -> pd.DataFrame:
+    """How much farther apart or nearer the ends of the chain are than usual, by group: away, gross.
+
+    `away` [m] is from the median distance of all pulls, or from that of the pose, of three pulls at
+    least, where that is less. It is gross beyond 3 cm and ten times what is usual: no chain
+    stretches so, nor is it hung so.
+    """
+    rows = case.readings[case.readings["state"] == "loaded"].drop_duplicates(["group", "target"])
+    ends = [rows[rows["target"] == name].set_index("group") for name in case.settings.naming.chain]
+    between = (ends[1][XYZ] - ends[0][XYZ]).dropna()
+    length = pd.Series(np.linalg.norm(between.to_numpy(float), axis=1), between.index)
+    of_pose = length.groupby(ends[0]["pose"].reindex(length.index))
+    own = (length - of_pose.transform("median")).abs().where(of_pose.transform("count") >= _PULLS)
+    away = own.fillna(np.inf).clip(upper=(length - length.median()).abs())
+    return pd.DataFrame({"away": away, "gross": away > max(GROSS_M, _USUAL * away.median())})
+
+
 def aligned(case: Case) -> tuple[Array, Array] | None:
     """The rigid motion from the table's F_b to the tracker's frame, None with too few poses."""
     zeros = unloaded(case)
@@ -135,12 +158,14 @@ def aligned(case: Case) -> tuple[Array, Array] | None:
 
 
 def _chain(case: Case, R: Array, t: Array) -> Iterator[Mistake]:
+    """An exchange leaves the ends as far apart as in the other pulls, a bad reading does not."""
     table = chain_distances(case, R, t)
     if not len(table):
         return
-    reversed_ = (table["near"] > table["far"] + _GROSS_M).to_numpy()
+    reversed_ = (table["near"] > table["far"] + GROSS_M).to_numpy()
     if reversed_.mean() > 0.5:
         return
+    reversed_ = reversed_ & ~unlike(case)["gross"].reindex(table["group"]).to_numpy(bool)
     near, far = case.settings.naming.chain
     for group, a, b in table[reversed_].itertuples(index=False, name=None):
         yield Mistake(

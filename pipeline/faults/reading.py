@@ -252,7 +252,12 @@ def _columns(stack: Stack, white: Whitener, readings: Readings, blocks: Blocks) 
 
 
 def bad_reading(
-    row: pd.Series, others: str, size: float, sigmas: float, p: float, beside_model: bool = False
+    row: pd.Series,
+    others: str,
+    size: float,
+    sigmas: float,
+    p: float | None = None,
+    beside_model: bool = False,
 ) -> Mistake:
     """The finding of a single reading that contradicts others.
 
@@ -261,7 +266,8 @@ def bad_reading(
         others: What it contradicts, for the sentence.
         size: How far it is off [m].
         sigmas: The same in standard deviations.
-        p: That chance puts any reading so far off; a sum, which may exceed 1.
+        p: That chance puts any reading so far off; a sum, which may exceed 1. None where chance
+            plays no part.
         beside_model: As in `Mistake`.
     """
     where = f"{row['group']}/{row['target']}"

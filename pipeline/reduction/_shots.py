@@ -265,6 +265,45 @@ def once(shots: Shots, width: int) -> Shots:
     return shots.without(why)
 
 
+@dataclass(frozen=True)
+class Stale:
+    """A reading that repeats the one before it to the last digit: it was not taken anew.
+
+    Attributes:
+        group: Its group.
+        target: Its target.
+        file: Its file.
+        line: Its line there.
+        of: Target of the reading before.
+    """
+
+    group: str
+    target: str
+    file: str
+    line: int
+    of: str
+
+
+def stale(shots: Shots) -> tuple[Stale, ...]:
+    """Readings of a state that repeat the row before, which is of another target of that state."""
+    same = (shots.position[1:] == shots.position[:-1]).all(axis=1)
+    same &= (shots.slot[1:] == shots.slot[:-1]) & (shots.slot[1:] >= 0)
+    same &= (shots.role[1:] != shots.role[:-1]) & (shots.file[1:] == shots.file[:-1])
+    found = []
+    for k in (np.flatnonzero(same) + 1).tolist():
+        group, target, of = shots.group[k], shots.target[k], shots.target[k - 1]
+        found.append(
+            Stale(
+                group=str(group.as_py()),
+                target=str(target.as_py()),
+                file=shots.files[shots.file[k]],
+                line=int(shots.line[k]),
+                of=str(of.as_py()),
+            )
+        )
+    return tuple(found)
+
+
 def weighed(shots: Shots, stated: bool) -> Shots:
     """Only readings of targets and chain that have a covariance, if any of them has one.
 
@@ -325,7 +364,10 @@ def check_units(shots: Shots, settings: Settings) -> None:
 
 
 def _check_size(shots: Shots, rows: Ints, together: Ints, nominal: Array, said: str) -> None:
-    """Compare the spread of what was read together with the spread of its nominal points."""
+    """Compare the spread of what was read together with the spread of its nominal points.
+
+    A unit is one of a whole file: only where most of what was read together in it is off alike.
+    """
     if not len(rows):
         return
     count = int(together.max()) + 1
@@ -334,8 +376,12 @@ def _check_size(shots: Shots, rows: Ints, together: Ints, nominal: Array, said: 
     seen, expected = (_spread(points, member) for points in (shots.position[rows], nominal))
     enough = (expected > _SMALLEST_M) & (seen > 0)
     ratio = np.where(enough, seen, 1.0) / np.where(enough, expected, 1.0)
+    of = np.zeros(len(seen), dtype=np.int64)
+    of[member] = shots.file[rows]
     for factor, meaning in _CERTAIN_FACTORS.items():
-        hit = np.flatnonzero(enough & (np.abs(np.log(ratio / factor)) < _NEAR))
+        off = enough & (np.abs(np.log(ratio / factor)) < _NEAR)
+        most = 2 * np.bincount(of, off) > np.bincount(of, enough)
+        hit = np.flatnonzero(off & most[of])
         if len(hit):
             first = rows[member == hit[0]][0]
             raise InputError(

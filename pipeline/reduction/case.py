@@ -12,6 +12,7 @@ from pipeline import tables
 from pipeline.base.arrays import Array, Ints
 from pipeline.machine.cell import Cell, Tool, paper_cell
 from pipeline.machine.robot import Robot
+from pipeline.reduction._shots import Stale
 from pipeline.reduction.settings import Settings
 
 
@@ -28,6 +29,7 @@ class Case:
         rejected: Table REJECTED.
         displacements: Table DISPLACEMENTS of a campaign that arrives reduced.
         forces: Table FORCES of a campaign that arrives reduced.
+        stale: Readings that repeat another one of their state, whether they are left out or not.
     """
 
     settings: Settings
@@ -38,6 +40,7 @@ class Case:
     rejected: pd.DataFrame
     displacements: pa.Table | None = None
     forces: pa.Table | None = None
+    stale: tuple[Stale, ...] = ()
 
     @property
     def tool(self) -> Tool:

@@ -27,7 +27,7 @@ from pipeline.readers import Export, logs
 from pipeline.readers.assignment import assigned
 from pipeline.reduction import _pulls, _shots
 from pipeline.reduction._index import numbered, pull_number
-from pipeline.reduction._shots import Rejection, Shots
+from pipeline.reduction._shots import Rejection, Shots, Stale
 from pipeline.reduction.register import read_apart
 from pipeline.reduction.settings import BASE_REFLECTORS, Displacements, Settings, Tracker
 
@@ -46,6 +46,7 @@ class Ingested:
         displacements: Table DISPLACEMENTS of a campaign that arrives reduced, else None.
         forces: Table FORCES of a campaign that arrives reduced, else None.
         doubt: Why the values are implausible, where that was not to stop the reading.
+        stale: Readings that repeat another one of their state, whether they are left out or not.
     """
 
     joints: pa.Table
@@ -55,6 +56,7 @@ class Ingested:
     displacements: pa.Table | None = None
     forces: pa.Table | None = None
     doubt: InputError | None = None
+    stale: tuple[Stale, ...] = ()
 
 
 def ingest(
@@ -143,6 +145,7 @@ def _raw(
         joints=_joints(joints, robot),
         rejected=_rejected([*whole.rejected, *loads.rejected, *joints.rejected]),
         doubt=doubt,
+        stale=_shots.stale(weighed),
     )
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -11,12 +13,14 @@ from scipy import special
 from scipy.spatial.transform import Rotation
 
 from pipeline.base import covariance, linear
-from pipeline.base.arrays import Array, Locked
+from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.base.errors import InputError
+from pipeline.machine.effects.tracker_drift import GROUP_S
 from pipeline.reduction._index import run
 from pipeline.reduction.settings import BASE_REFLECTORS, Settings
 
 XYZ = ["x_m", "y_m", "z_m"]
+_OFF = ["dx_m", "dy_m", "dz_m"]
 
 _STEPS = 20
 """Gauss-Newton steps at most; from the closed form three or four are enough."""
@@ -30,6 +34,14 @@ _REFLECTOR_M = 1e-2
 """The smallest reflectors are half an inch thick [m]: nearer together no two of them can be."""
 _MISFIT = 1e-4
 """Below this p the base reflectors disagree by more than their stated uncertainties."""
+_GROSS_M = 0.03
+"""So far [m] from where its reflector should be nothing is a reading of that reflector."""
+_FEW = 15
+"""Of so many readings every triple is tried."""
+_TRIALS = 500
+"""Of more, so many triples: of half the readings each third one is good in 1 of 8."""
+_SPREAD = np.array([0.8191725134, 0.6710436067, 0.5497004779])
+"""Steps that fill a cube evenly: powers of 1 / x where x^4 = x + 1 (a Kronecker sequence)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +87,7 @@ def register(settings: Settings, readings: pd.DataFrame) -> Registration:
         InputError: Fewer than three reflectors, or all of them on one line.
     """
     _uncertain(readings)
-    base = readings[readings["pose"].isna()]
+    base = readings.assign(time_s=seconds(readings))[readings["pose"].isna()]
     base = base[base["target"].isin(list(settings.base_frame))]
     if not settings.base_frame:
         nothing = base.assign(dx_m=0.0, dy_m=0.0, dz_m=0.0)
@@ -96,14 +108,63 @@ def register(settings: Settings, readings: pd.DataFrame) -> Registration:
     placed = points @ R.T + t
     table = base.assign(
         **dict(zip(XYZ, placed.T, strict=True)),
-        **dict(zip(["dx_m", "dy_m", "dz_m"], (placed - nominal).T, strict=True)),
+        **dict(zip(_OFF, (placed - nominal).T, strict=True)),
     )
     return Registration(R, t, cov, centre, table, chi2 if stated else None, dof, from_scatter)
 
 
+def agreed(registration: Registration) -> tuple[Registration, Bools]:
+    """The tracker's pose without base readings that are grossly off, and which agree, shape (m,).
+
+    The start is the triple of reflectors whose rigid motion brings most readings near: the sum of
+    the (m + 3) / 2 smallest squared distances is least (least trimmed squares, Rousseeuw, J. Am.
+    Stat. Assoc. 79, 1984), so that less than half of them may lie anywhere. What is then nearer
+    than `_GROSS_M` is fitted as in `register`; residuals are those of all readings.
+
+    Args:
+        registration: Where the tracker stands by all readings.
+    """
+    table = registration.table
+    placed = table[XYZ].to_numpy(float)
+    nominal = placed - table[_OFF].to_numpy(float)
+    points = (placed - registration.t) @ registration.R
+    agree = _agreeing(points, nominal)
+    if agree.all():
+        return registration, agree
+    C = covariance.matrices(table)
+    C = C if np.isfinite(C).all() else np.broadcast_to(np.eye(3), C.shape)
+    R, t, cov, _, centre = _fit(points[agree], nominal[agree], C[agree])
+    placed = points @ R.T + t
+    columns = np.hstack([placed, placed - nominal]).T
+    table = table.assign(**dict(zip([*XYZ, *_OFF], columns, strict=True)))
+    return replace(registration, R=R, t=t, cov=cov, centre=centre, table=table), agree
+
+
+def _agreeing(points: Array, nominal: Array) -> Bools:
+    """Which readings are near their reflectors by the best triple of them, shape (m,)."""
+    m = len(points)
+    every: Any = combinations(range(m), 3)
+    if m > _FEW:
+        every = (m * (np.arange(1, _TRIALS + 1)[:, None] * _SPREAD % 1)).astype(int)
+    triples = [list(one) for one in every if _apart(nominal[list(one)])]
+    if not triples:
+        return np.ones(m, dtype=bool)
+    motions = (linear.rigid(points[one], nominal[one]) for one in triples)
+    away = np.array([np.linalg.norm(nominal - points @ R.T - t, axis=1) for R, t in motions])
+    near = np.sort(away**2, axis=1)[:, : (m + 3) // 2].sum(axis=1)
+    return np.asarray(away[np.argmin(near)] < _GROSS_M)
+
+
+def _apart(nominal: Array) -> bool:
+    """Whether points determine a rigid motion."""
+    spread = linear.extent(nominal)
+    return bool(spread[1] > _ONE_LINE * max(spread[0], _REFLECTOR_M))
+
+
 def place(registration: Registration, readings: pd.DataFrame) -> pd.DataFrame:
     """Table PLACED: the readings of the poses moved into F_b, with their covariances."""
-    poses = readings.iloc[run(np.flatnonzero(readings["pose"].notna().to_numpy()))]
+    rows = run(np.flatnonzero(readings["pose"].notna().to_numpy()))
+    poses = readings.iloc[rows]
     R, t = registration.R, registration.t
     moved = R @ np.array([poses[axis].to_numpy() for axis in XYZ])
     moved += t[:, None]
@@ -112,16 +173,28 @@ def place(registration: Registration, readings: pd.DataFrame) -> pd.DataFrame:
         **{name: poses[name].to_numpy().astype(np.int32) for name in ("pose", "repeat")},
         **dict(zip(XYZ, moved, strict=True)),
         **dict(zip(covariance.columns(), C, strict=True)),
-        "time_s": _seconds(poses["time"], pd.Timestamp(readings["time"].min())),
+        "time_s": seconds(readings)[rows],
     }
     kept = {name: poses[name] for name in poses.columns if name not in new}
     return pd.DataFrame(kept | new, index=poses.index, copy=False)
 
 
-def _seconds(times: pd.Series[pd.Timestamp], start: pd.Timestamp) -> Array:
-    """Seconds after `start`, NaN for no time, shape (n,)."""
-    since = times.to_numpy("datetime64[us]") - start.to_datetime64()
+def seconds(readings: pd.DataFrame) -> Array:
+    """Seconds after the first reading, NaN where one has no time, shape (n,).
+
+    Where none has a time the order of rows is the clock: `GROUP_S` times the number of the group in
+    the order in which they are read.
+    """
+    if not timed(readings):
+        group = readings["group"].astype("category").cat.codes.to_numpy()
+        return GROUP_S * np.cumsum(np.append(0, group[1:] != group[:-1]))
+    since = readings["time"].to_numpy("datetime64[us]") - readings["time"].min().to_datetime64()
     return np.asarray(since / np.timedelta64(1, "s"), dtype=float)
+
+
+def timed(readings: pd.DataFrame) -> bool:
+    """Whether any reading has a time."""
+    return not len(readings) or bool(readings["time"].notna().any())
 
 
 def _uncertain(readings: pd.DataFrame) -> None:

@@ -65,16 +65,18 @@ class Blunder:
     """One thing that can go wrong.
 
     Attributes:
-        name: As in result.json, `outlier`.
+        name: As it is asked for.
         places: What `where` may be; empty when it is a group or group/target of the campaign.
         size: Its size as a parameter, or none.
         act: notebook, where (empty: draw it), size, rng -> the wrong notebook and the place.
+        called: As in result.json, where that is another word, `outlier`.
     """
 
     name: str
     places: tuple[str, ...]
     size: tuple[Parameter, ...]
     act: _Act
+    called: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,13 +112,41 @@ def _outlier(
     notes: Notebook, where: str, size: Array, rng: np.random.Generator
 ) -> tuple[Notebook, str]:
     """One reading of a target is off by `size` in a random direction."""
+    hit, name = _one(notes, where, rng)
+    direction = rng.standard_normal(3)
+    off = size * direction / np.linalg.norm(direction)
+    return _read(notes, hit, notes.readings.position[hit] + off), name
+
+
+def _failed_lock(
+    notes: Notebook, where: str, size: Array, rng: np.random.Generator
+) -> tuple[Notebook, str]:
+    """The tracker lost a target and wrote its own place."""
+    hit, name = _one(notes, where, rng)
+    return _read(notes, hit, np.zeros(3)), name
+
+
+def _stale(
+    notes: Notebook, where: str, size: Array, rng: np.random.Generator
+) -> tuple[Notebook, str]:
+    """The reading before is written once more."""
+    hit, name = _one(notes, where, rng)
+    return _read(notes, hit, notes.readings.position[hit - 1]), name
+
+
+def _one(notes: Notebook, where: str, rng: np.random.Generator) -> tuple[int, str]:
+    """The reading that is asked for, else one of a measured target: its number and its name."""
     names = [f"{g}/{t}" for g, t in zip(notes.readings.group, notes.readings.target, strict=True)]
     of_pose = [i for i, target in enumerate(notes.readings.target) if target in notes.targets]
     hit = names.index(_known(where, names)) if where else int(rng.choice(of_pose))
-    direction = rng.standard_normal(3)
+    return hit, names[hit]
+
+
+def _read(notes: Notebook, hit: int, at: Array) -> Notebook:
+    """The notebook with one reading at another place [m]."""
     position = notes.readings.position.copy()
-    position[hit] += size * direction / np.linalg.norm(direction)
-    return notes.reread(position=position), names[hit]
+    position[hit] = at
+    return notes.reread(position=position)
 
 
 def _label_swap(
@@ -183,6 +213,8 @@ BLUNDERS: Mapping[str, Blunder] = {
     blunder.name: blunder
     for blunder in (
         Blunder("outlier", (), (Parameter("size", "m", 3e-4),), _outlier),
+        Blunder("failed_lock", (), (), _failed_lock, "outlier"),
+        Blunder("stale", (), (), _stale, "outlier"),
         Blunder("label_swap", (), (), _label_swap),
         Blunder("unit_mixup", UNITS, (), _unit_mixup),
         Blunder(
@@ -193,7 +225,7 @@ BLUNDERS: Mapping[str, Blunder] = {
         ),
     )
 }
-"""Every blunder, by the word for it in result.json."""
+"""Every blunder, by its name."""
 
 
 def controller_axes(robot: Robot, q: Array) -> Array:

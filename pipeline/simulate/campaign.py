@@ -67,7 +67,9 @@ def simulate(
     notes, done = _notebook(scene, draws), []
     for one in blunders(plan.hidden.effects, robot):
         notes, where = one.blunder.act(notes, one.where, one.size, for_blunders)
-        done.append(_effect(one.blunder.name, where, one.blunder.size, one.size))
+        done.append(
+            _effect(one.blunder.called or one.blunder.name, where, one.blunder.size, one.size)
+        )
     return RawCampaign(plan.name, written(scene, notes), truth(scene, draws, done))
 
 

@@ -4,16 +4,27 @@ steady:  p + v t
 warm-up: p + a (1 - exp(-t / 1 h))
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
-from pipeline.machine.effect import Loaded, Observation
+from pipeline.machine.effect import Effect, Loaded, Observation
 from pipeline.machine.robot import Robot
+
+NAME = "tracker_drift"
 
 HOUR_S = 3600.0
 """Seconds in an hour: trackers warm up in about one, and drifts are told per hour."""
+
+GROUP_S = 100.0
+"""Time between groups of readings where an export has none and the order of its rows is the clock
+[s]: a turnbuckle is tightened in 60 s, and five readings take 8 s each (design/schedule.py). It
+sets how large a drift is typical, and cancels from what is stated."""
+
+PER_GROUP = "m/group"
+"""Unit of a drift that is told by the order of rows: groups of readings, as one state of a pose."""
 
 _Law = Callable[[Array], Array]
 
@@ -29,13 +40,35 @@ def effects(robot: Robot) -> tuple[Observation, ...]:
     )
 
 
+def by_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
+    """The catalogue where the order of rows is the clock: a steady drift per group of readings.
+
+    No export without times shows that a tracker settled within an hour.
+    """
+    kept = [effect for effect in effects if effect.name != NAME or effect.form == "steady"]
+    return tuple(_per_group(one) if one.name == NAME else one for one in kept)
+
+
+def amount(effect: Effect, time: Array) -> Array:
+    """How much of a drift there is at a time [s], in the units of its parameters."""
+    by_order = effect.parameters[0].unit == PER_GROUP
+    return np.asarray(LAWS[effect.form](time / GROUP_S if by_order else time))
+
+
+def _per_group(effect: Effect) -> Observation:
+    first = effect.parameters[0]
+    typical, most = first.typical * GROUP_S, first.upper * GROUP_S
+    needs = "times in the export: by the order of its rows nobody knows how long a pause was"
+    return replace(_effect("steady", "v", PER_GROUP, typical, most), needs=needs)
+
+
 def _effect(form: str, letter: str, unit: str, typical: float, most: float) -> Observation:
     def observe(loaded: Loaded, points: Array, time: Array, values: Array) -> Array:
-        amount = np.where(np.isfinite(time), LAWS[form](np.nan_to_num(time)), 0.0)
-        return points + amount[:, None, None] * values
+        much = np.where(np.isfinite(time), amount(effect, np.nan_to_num(time)), 0.0)
+        return points + much[:, None, None] * values
 
-    return Observation(
-        name="tracker_drift",
+    effect = Observation(
+        name=NAME,
         noun="drift of the tracker",
         place="metrology",
         form=form,
@@ -49,3 +82,4 @@ def _effect(form: str, letter: str, unit: str, typical: float, most: float) -> O
         observe=observe,
         instrument=True,
     )
+    return effect

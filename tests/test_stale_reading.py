@@ -1,0 +1,69 @@
+"""A reading taken twice under two names, and a failed lock, from the file to its name."""
+
+import csv
+import io
+
+import numpy as np
+import pytest
+
+from pipeline.faults.screen import screen
+from pipeline.faults.stale_reading import stale
+from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.run import ingested
+from pipeline.simulate import Plan, simulate
+from pipeline.store.campaign import in_memory
+
+PLAN = Plan(name="stale", poses={"count": 6}, pulls={"steps_n": [1000.0, 2000.0, 3000.0]})
+
+
+@pytest.fixture(scope="module")
+def files():
+    """A clean campaign."""
+    return simulate(PLAN, np.random.default_rng(5)).files
+
+
+def written(files, wrong):
+    """The campaign with some rows of the export changed: place of a row -> coordinates [mm]."""
+    rows = list(csv.reader(io.StringIO(files["tracker.csv"].decode())))
+    for (group, target), of in wrong.items():
+        (k,) = (k for k, row in enumerate(rows) if row[:2] == [group, target])
+        rows[k][2:5] = ["0", "0", "0"] if of is None else rows[k + of][2:5]
+    text = io.StringIO()
+    csv.writer(text).writerows(rows)
+    changed = {**files, "tracker.csv": text.getvalue().encode()}
+    return ingested(in_memory(changed), conformed, plain, plausible=False)
+
+
+def named(case):
+    return {one.where for one in screen(case, bring(case)).findings}
+
+
+def test_a_stale_end_of_a_chain_is_named_though_its_pull_is_left_out(files):
+    """Pl2 repeats Pl1: file and line, and the pull is not in the campaign."""
+    case = written(files, {("pose03_rep2_loaded", "Pl2"): -1})
+
+    (found,) = stale(case)
+
+    assert found.where == "pose03_rep2_loaded/Pl2"
+    assert "repeats that of Pl1" in found.evidence
+    line = int(found.evidence.split("tracker.csv:")[1].split(")")[0])
+    assert files["tracker.csv"].decode().splitlines()[line - 1].startswith("pose03_rep2_loaded,Pl2")
+    assert found.correct(case) is case
+    assert named(case) == {"pose03_rep2_loaded/Pl2"}
+    assert stale(written(files, {})) == []
+
+
+def test_a_stale_target_is_named_once_by_where_it_stands(files):
+    """Its reading stays in the campaign until the tests of readings find it."""
+    case = written(files, {("pose03_rep2_loaded", "P2"): -1})
+
+    assert len(case.stale) == 1
+    assert stale(case) == []
+    assert named(case) == {"pose03_rep2_loaded/P2"}
+
+
+@pytest.mark.parametrize("target", ["P1", "P2", "P3"])
+@pytest.mark.parametrize("group", ["pose01_rep0_unloaded", "pose05_rep1_loaded"])
+def test_a_failed_lock_is_no_wrong_unit(files, group, target):
+    """Metres from its triangle in one state of many: the file's unit is right."""
+    assert named(written(files, {(group, target): None})) == {f"{group}/{target}"}

@@ -1,0 +1,55 @@
+"""A target that campaign.toml has in the wrong place: named, and put where it was read."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from small_case import asked, small
+
+from pipeline.faults.gross_reading import gross
+from pipeline.faults.reading import FAULT as READING
+from pipeline.faults.tool_target import tool_target
+
+OFF = np.array([0.15, -0.14, 0.05])
+
+
+@pytest.fixture(scope="module")
+def case():
+    """Six poses with three targets."""
+    return small(3)
+
+
+def wrong(case, **off):
+    """[tool] with targets in other places [m]."""
+    tool = {n: tuple(np.add(at, off.get(n, 0.0)).tolist()) for n, at in case.settings.tool.items()}
+    return replace(case, settings=case.settings.model_copy(update={"tool": tool}))
+
+
+@pytest.mark.parametrize("name", ["P1", "P2", "P3"])
+def test_the_target_that_the_triangle_contradicts_is_named_and_put_right(case, name):
+    """To the scatter of a table; no reading is accused then."""
+    (found,) = tool_target(wrong(case, **{name: OFF}))
+
+    right = found.correct(wrong(case, **{name: OFF}))
+    assert found.where == name
+    assert found.size == pytest.approx(np.linalg.norm(OFF), abs=3e-3)
+    assert right.settings.tool[name] == pytest.approx(case.settings.tool[name], abs=3e-3)
+    assert tool_target(right) == []
+    assert gross(right) == []
+    assert READING.find(asked(right)) == []
+
+
+def test_a_good_tool_and_a_single_bad_reading_are_no_wrong_target(case):
+    """Distances are medians over all states."""
+    assert tool_target(case) == []
+    rows = case.readings.copy()
+    hit = (rows["target"] == "P2") & (rows["group"] == "pose02_rep0_unloaded")
+    rows.loc[hit, ["x_m", "y_m", "z_m"]] = 0.0
+
+    assert tool_target(replace(case, readings=rows)) == []
+
+
+def test_two_wrong_targets_are_not_told_apart(case):
+    """All distances are wrong: nobody knows which, and nothing is put right."""
+    assert tool_target(wrong(case, P1=OFF, P2=-OFF[::-1])) == []
+    assert tool_target(wrong(case, P1=OFF / 20)) == []
