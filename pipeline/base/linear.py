@@ -147,6 +147,19 @@ def unit(N: Array) -> tuple[Array, Array]:
     return N / (size[..., :, None] * size[..., None, :]), size
 
 
+def determined(N: Array) -> Array:
+    """Orthonormal mixes of parameters, (k, r), that rows with products N, (k, k), determine."""
+    scaled, size = unit(N)
+    values, vectors = directions(scaled)
+    seen = vectors[:, values > PRODUCTS * values.max(initial=_TINY)]
+    return orthonormal(seen * np.where(np.isfinite(size), size, 0.0)[:, None])
+
+
+def nothing(X: Array) -> Bools:
+    """Columns of (M, k) that are nothing beside the longest, shape (k,)."""
+    return np.asarray(np.isinf(_lengths(X))[..., 0, :], dtype=bool)
+
+
 def directions(N: Array) -> tuple[Array, Array]:
     """Squared lengths, ascending, and directions of symmetric matrices (..., k, k)."""
     values, vectors = np.linalg.eigh(N)
