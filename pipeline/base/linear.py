@@ -155,6 +155,11 @@ def determined(N: Array) -> Array:
     return orthonormal(seen * np.where(np.isfinite(size), size, 0.0)[:, None])
 
 
+def rank(N: Array) -> int:
+    """Number of directions that rows with products N, (k, k), determine."""
+    return int(np.sum(directions(unit(N)[0])[0] > PRODUCTS))
+
+
 def nothing(X: Array) -> Bools:
     """Columns of (M, k) that are nothing beside the longest, shape (k,)."""
     return np.asarray(np.isinf(_lengths(X))[..., 0, :], dtype=bool)
