@@ -213,6 +213,15 @@ def test_a_combination_is_as_the_contract_says(told):
             assert all(other in stiffness[one.of[0]].finding for other in one.of[1:])
 
 
+def test_a_model_that_nothing_tests_is_not_said_to_explain(told):
+    """As many directions as coordinates: the first line promises nothing."""
+    for world in WORLDS:
+        answer = told(world)[1].answer
+        said = "leave nothing to test" in answer.verdict_sentence[0]
+        assert said == (answer.fit.dof == 0)
+    assert told("one pull of one reflector")[1].answer.fit.dof == 0
+
+
 def test_a_joint_never_loaded_is_said_to_be_so(told):
     """No weight puts a torque on an upright joint; all others have their value."""
     _, found, _ = told("a joint never loaded")

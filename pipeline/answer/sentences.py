@@ -64,6 +64,8 @@ def _verdict(found: Findings) -> str:
             "The joint stiffness model does not explain the measured deflections: do not rely on "
             f"the stated uncertainties. {said}"
         )
+    if found.verdict == "adequate" and estimate.dof < 1:
+        return "These pulls leave nothing to test the joint stiffness model with."
     if found.verdict == "adequate":
         return (
             "The joint stiffness model explains the measured deflections"
