@@ -12,6 +12,8 @@ from pipeline.diagnosis.average import Hypothesis, information, together
 from pipeline.machine.cell import Tool, paper_cell, predict
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import configure, load
+from pipeline.prediction import model as handover
+from pipeline.prediction.compensate import Path, compensate
 from pipeline.reduction.bring import conformed
 from pipeline.report.render import render
 from pipeline.run import answered
@@ -80,7 +82,7 @@ def of_two_joints(poses=197, sigma_m=2e-4):
     rng = np.random.default_rng(7)
     q = np.tile([0.0, 0.3, -0.2, 0.4, -1.1, 0.2], (poses, 1))
     q[:, [0, 5]] = rng.uniform(-2.0, 2.0, (poses, 2))
-    tool = {"load_point": (0.0, 0.0, 0.25), "P1": (0.0, 0.0, 0.12)}
+    tool = {"load_point": (0.0, 0.0, 0.25), "P1": (0.0, 0.0, 0.25)}
     return hung(q, np.tile([0.0, 0.0, -600.0], (poses, 1)), sigma_m, tool)
 
 
@@ -100,7 +102,7 @@ WORLDS = {
     "197 poses of two joints": of_two_joints,
 }
 TOGETHER = {"one pull": 5, "one pull of one reflector": 2, "two pulls of one reflector": 5}
-TOGETHER |= {"three poses": 0, "a joint never loaded": 0, "197 poses of two joints": 2}
+TOGETHER |= {"three poses": 0, "a joint never loaded": 0, "197 poses of two joints": 3}
 
 
 @pytest.fixture(scope="module")
@@ -198,6 +200,41 @@ def test_undetermined_is_no_rejection(world, told, tmp_path):
     for one in found.answer.combinations:
         assert one.formula in done.text
         assert one.needs in pages["index.html"].decode()
+
+
+def test_where_it_was_measured_it_is_predicted_and_elsewhere_not(told):
+    """One mix of many is enough for the pose it comes from, also from the file handed over."""
+    raw, found, kept = told("197 poses of two joints")
+    point = np.array([0.0, 0.0, 0.25])
+    q = np.array([0.7, 0.3, -0.2, 0.4, -1.1, 1.3])
+    force = np.array([0.0, 0.0, -600.0])
+    load_point = np.array(raw.settings.tool["load_point"])
+    A, y = whitened(raw, kept)
+    x, cov = np.linalg.pinv(A * X, rcond=1e-7) @ y * X, np.linalg.pinv((A * X).T @ (A * X), 1e-13)
+    J = by_differences(raw.robot, q, np.array([load_point, point]))
+    rows = J[1] * (J[0].T @ force)
+
+    for model in (found.model, handover.parse(handover.dumps(found.model))):
+        moved, std = model.deflection(q, force)
+        assert moved[0] == pytest.approx(rows @ x, abs=2e-6)  # the deflected geometry beside it
+        own = np.sqrt(np.diag(rows * X @ cov @ (rows * X).T))
+        assert std[0] == pytest.approx(own, abs=2e-6)
+        bent = q + np.array([0, 0.5, 0.5, 0, 0.5, 0])
+        assert np.isinf(model.deflection(bent, force)[1]).any()
+    assert None not in found.answer.test_pose_deflection[0].std_mm
+
+
+def test_a_path_says_where_it_rests_on_what_is_not_known(told):
+    """Offsets for two points, of which one is where the robot was measured."""
+    model = told("197 poses of two joints")[1].model
+    q = np.array([[0.7, 0.3, -0.2, 0.4, -1.1, 1.3], [0.7, 0.8, 0.3, 0.4, -0.6, 1.3]])
+    path = Path(np.array([1, 2]), q, np.tile([0.0, 0.0, -600.0], (2, 1)), False)
+
+    offsets = compensate(model, path)
+
+    assert np.isfinite(offsets.std).all(axis=1).tolist() == [True, False]
+    assert "at 1 of them a stiffness acts" in offsets.summary
+    assert "inf" not in offsets.summary
 
 
 def test_a_combination_is_as_the_contract_says(told):

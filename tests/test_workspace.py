@@ -145,13 +145,14 @@ def test_every_place_of_the_map_is_reached_once():
     assert abs(np.sign(turns).sum()) == len(turns)
 
 
-def test_a_stiffness_that_is_not_known_is_taken_as_certain():
-    """An undetermined compliance leaves the map finite."""
+def test_a_stiffness_that_is_not_known_leaves_the_map_and_takes_its_uncertainty():
+    """An undetermined compliance: all values stay, and where it acts nobody knows how well."""
     cell = cell_of("kr500_rail")
     unknown = known(cell, estimate_of(cell, unknown=6))
     table = workspace(unknown, Where(np.array(Q["kr500_rail"]), np.ones(3), True))
 
-    assert np.isfinite(table.to_numpy(float)).all()
+    assert np.isfinite(table.drop(columns="std_m_per_n").to_numpy(float)).all()
+    assert np.isinf(table["std_m_per_n"]).any()
 
 
 def test_an_arm_without_parallel_joints_has_no_map():

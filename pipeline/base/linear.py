@@ -49,11 +49,13 @@ class Inverse:
         U: Orthonormal directions of the rows, shape (M, r).
         half: What each of them moves in the parameters, shape (k, r).
         lost: Parameters with a part in directions that nothing determines, shape (k,).
+        free: These directions, orthonormal, shape (k, k - r).
     """
 
     U: Array
     half: Array
     lost: Bools
+    free: Array
 
     @property
     def rank(self) -> int:
@@ -123,7 +125,9 @@ def pseudoinverse(X: Array) -> Inverse:
     U, s, Vt = np.linalg.svd(X / size, full_matrices=False)
     rank = int(np.sum(s > _ROUNDING * s.max(initial=_TINY)))
     half = Vt[:rank].T / (s[:rank] * size.T)
-    return Inverse(U[:, :rank], half, 1 - np.einsum("rk,rk->k", Vt[:rank], Vt[:rank]) > _PART)
+    lost = 1 - np.einsum("rk,rk->k", Vt[:rank], Vt[:rank]) > _PART
+    free = complement(Vt[:rank].T) / np.where(np.isfinite(size), size, 1.0).T
+    return Inverse(U[:, :rank], half, lost, orthonormal(free))
 
 
 def shortest(X: Array, least: float = _ROUNDING) -> Array:
