@@ -378,7 +378,7 @@ def test_over_hypotheses_a_mix_is_their_mixture_and_known_to_each():
         return both, together(both, information(both), alone)
 
     both, mixed = of(one, other)
-    _, fewer = of(one, less)
+    narrower, fewer = of(one, less)
 
     assert len(mixed) == 3
     for mix in mixed:
@@ -396,6 +396,9 @@ def test_over_hypotheses_a_mix_is_their_mixture_and_known_to_each():
         assert mix.low <= x.min() - 1.95 * np.sqrt(variance)
         assert mix.high >= x.max() + 1.95 * np.sqrt(variance)
     free = np.linalg.svd(less.B * less.typical)[2][3:].T
+    N = information(narrower)
+    assert np.abs(N @ free).max() < 1e-6 * np.abs(N).max()
+    assert len(fewer) == 2
     for mix in fewer:
         w = np.zeros(6)
         w[mix.of] = mix.weights * one.typical[mix.of]
