@@ -172,7 +172,8 @@ def _combinations_table(combinations: Sequence[Combination]) -> Table | None:
 
 
 def _ends(one: Combination) -> Entry:
-    return entry(interval(one.ci95, one.std), one.ci95[0])
+    low, high = one.ci95
+    return entry(f"{plain(low)} to {plain(high)}", low)
 
 
 def _hypotheses_table(hypotheses: Sequence[Weighed]) -> Table | None:
