@@ -206,7 +206,8 @@ class Model(Locked):
         cov = np.zeros_like(moved[0].cov)
         for one, each in zip(self.hypotheses, moved, strict=True):
             off = each.displacement - mean
-            cov += one.weight * (each.cov + off[:, :, None] * off[:, None, :])
+            if one.weight > 0:  # what has no weight says nothing, however little it knows
+                cov += one.weight * (each.cov + off[:, :, None] * off[:, None, :])
         return Deflection(mean, cov)
 
     def _mean(self, arrays: Sequence[Array]) -> Array:

@@ -111,7 +111,8 @@ def _softest(hypotheses: Sequence[Hypothesis], q: Array) -> tuple[Array, Array, 
         slope = np.einsum("mf,mfik,mi->mk", pulled[:, :, 0], by, turned[:, 0])
         own = one.through(slope[:, None])[:, 0, 0] / _FORCE_N**2
         off = np.einsum("mf,mfi,mi->m", pulled[:, :, 0], here - moved, turned[:, 0])
-        variance += one.weight * (own + off**2)
+        if one.weight > 0:  # what has no weight says nothing, however little it knows
+            variance += one.weight * (own + off**2)
     return size[:, 0], np.sqrt(variance), turned[:, 0]
 
 
