@@ -277,6 +277,15 @@ def test_no_reading_that_says_anything_is_no_rejection_either():
     assert "no stiffness and no combination" in found.answer.verdict_sentence[-1]
 
 
+def test_one_displacement_has_a_report():
+    """All arrows begin in one place, from which no picture takes its shape."""
+    q = np.array([[0.3, 0.2, -0.1, 0.5, -1.0, 0.3]])
+    tool = {name: TOOL[name] for name in ("load_point", "P1")}
+    found = answered("one", in_memory(hung(q, np.array([[0.0, 300.0, -900.0]]), 1e-5, tool)))
+
+    assert {"index.html", "report.pdf"} <= {*render(found.answer, found.shown, 1.0, None)}
+
+
 def parameters(n, units="rad/(N m)"):
     """Made-up compliances of size one."""
     units = [units] * n if isinstance(units, str) else units
