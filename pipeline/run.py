@@ -164,9 +164,6 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
     screened = step(screen)(case, reduced)
     given = step(fit)(case, reduced)
     right = step(fit)(screened.case, bring(screened.case)) if screened.findings else given
-    # a mistake may hide every stiffness
-    if not (given.estimate.identifiable.any() or right.estimate.identifiable.any()):
-        raise InputError("these pulls determine no stiffness at all", "pull in more poses")
     where = place_of_interest(raw.settings.test_pose, right.case.robot, right.data.pulls)
     diagnosis = _diagnosed(right, where, step)
     judged = step(screen_again)(case, screened, diagnosis.modelled, diagnosis.estimate)
@@ -292,13 +289,13 @@ def _beside(right: Fitted, said: Diagnosis) -> Shape:
 
 
 def _enough(data: Measured, robot: Robot) -> None:
-    """At least as many coordinates as stiffnesses, and more where they must tell the noise too.
+    """One coordinate at least, and more than stiffnesses where they must tell the noise too.
 
     Raises:
         InputError: Fewer.
     """
     size, noise = data.delta.size, data.noise_stated or data.found_m is not None
-    if size < robot.n or (size == robot.n and not noise):
+    if size == 0 or (size <= robot.n and not noise):
         raise InputError(
             f"{size} displacement coordinates for {robot.n} stiffnesses"
             + ("" if size < robot.n else " leave none to tell the noise from"),

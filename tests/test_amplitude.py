@@ -1,8 +1,10 @@
 """Sizes of causes: numpy's fit and Student for springs, the likelihood's profile for the rest."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from linear_campaign import FREE, case_of, made, suspect
+from linear_campaign import FREE, View, case_of, made, suspect
 from scipy import optimize, stats
 from small_case import asked, small
 
@@ -51,6 +53,42 @@ def test_what_the_data_do_not_determine_has_no_finite_interval(monkeypatch):
 
     assert one.std == other.std == np.inf
     assert one.ci95 == (-np.inf, np.inf)
+
+
+def test_a_joint_that_no_pull_loads_takes_up_no_degree_of_freedom(monkeypatch):
+    """Its column is zero: the scatter is what numpy's rank leaves it."""
+    monkeypatch.setattr(amplitude, "Elastic", object)
+    truth = made(np.random.default_rng(2), SUSPECTS, {0: [2.0]})
+    truth = replace(truth, B=truth.B * [1.0, 0.0, 1.0])
+    view = truth.view((0,))
+
+    ((one,),) = amplitudes(case_of(truth), view)
+
+    X, y = truth.columns(0), truth.y
+    x, _, rank, _ = np.linalg.lstsq(X, y, rcond=1e-12)
+    dof = len(y) - rank
+    scatter = np.sum((y - X @ x) ** 2) / dof
+    std = np.sqrt(np.linalg.pinv(X.T @ X, rcond=1e-14)[4, 4] * scatter)
+    assert view.dof(view.base) == dof == 69
+    assert one.std == pytest.approx(std * one.parameter.typical, rel=1e-6)
+
+
+def test_residuals_that_are_none_give_a_number_and_none_left_give_no_limit(monkeypatch):
+    """Met to the last digit: known to a hundredth of the noise. Without a row to spare: unknown."""
+    monkeypatch.setattr(amplitude, "Elastic", object)
+    truth = made(np.random.default_rng(2), SUSPECTS, {0: [2.0]})
+    exact = truth.B @ np.full(3, 3e-8) + truth.Z[0][:, 0] * 2 * SUSPECTS[0].parameters[0].typical
+    view = replace(truth, c=exact).view((0,))
+
+    ((one,),) = amplitudes(case_of(truth), view)
+    monkeypatch.setattr(View, "dof", lambda *_: 0)
+    ((open_,),) = amplitudes(case_of(truth), view)
+
+    X = truth.columns(0)
+    least = 1e-2 * np.sqrt(np.linalg.inv(X.T @ X)[4, 4]) * one.parameter.typical
+    assert one.std == pytest.approx(least, rel=1e-6)
+    assert open_.std == np.inf
+    assert open_.ci95 == (-np.inf, np.inf)
 
 
 @pytest.fixture(scope="module")

@@ -43,6 +43,8 @@ def test_a_mix_of_columns_is_found_whatever_their_units(units):
     assert found.rank == 5
     assert found.lost.tolist() == [True, True, False, False, False, True]
     assert np.isinf(np.diag(found.cov)).tolist() == found.lost.tolist()
+    assert found.free.shape == (6, 1)
+    assert np.abs(A @ found.free).max() < 1e-12 * np.abs(A).max()
     x = linear.least_squares(A, Y)
     assert np.sum((Y - A @ x) ** 2) == pytest.approx(rss(X, Y))
     assert np.allclose((x * units)[2:5], np.linalg.lstsq(X, Y, rcond=None)[0][2:])
@@ -56,6 +58,7 @@ def test_a_column_of_rounding_is_nothing():
     assert found.rank == 5
     assert found.lost.tolist() == [False] * 5 + [True]
     assert np.abs(found.X[5]).max() == 0
+    assert np.abs(found.free[:, 0]) == pytest.approx(np.eye(6)[5])
     assert linear.orthonormal(A).shape == (40, 5)
     assert np.isinf(linear.covariance(A.T @ A)[5, 5])
     assert np.allclose(linear.covariance(A.T @ A)[:5, :5], np.linalg.inv(X.T @ X))

@@ -490,8 +490,10 @@ def test_settings_beside_an_export_may_be_anything(tmp_path, capsys):
 
 def test_a_rejection_names_a_file_also_where_none_is_to_blame(tmp_path, say):
     """The last one to look into is campaign.toml."""
-    rows = GOOD["joints.csv"].splitlines()[:2]
-    put(tmp_path, **{"joints.csv": b"\n".join(rows) + b"\n"})
+    text = GOOD["campaign.toml"].decode().replace("sigma_m =", "# sigma_m =")
+    text = text.replace('measured = ["P1", "P2", "P3"]', 'measured = ["P1", "P2"]')
+    first = {n: b"\n".join(GOOD[n].splitlines()[:2]) for n in ("joints.csv", "loads.csv")}
+    put(tmp_path, **{"campaign.toml": text.encode()} | first)
     code, out, _ = say("run", "c", "--engine", "local", "--json")
 
     assert code == 5

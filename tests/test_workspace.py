@@ -11,7 +11,7 @@ from pipeline.machine.cell import Tool, paper_cell, predict
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import SHIPPED, load
 from pipeline.machine.robot.model import model
-from pipeline.prediction.model import Hypothesis
+from pipeline.prediction.model import Hypothesis, Model
 from pipeline.prediction.workspace import _seen, arm_joints, workspace
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.system.system import Estimate
@@ -145,13 +145,26 @@ def test_every_place_of_the_map_is_reached_once():
     assert abs(np.sign(turns).sum()) == len(turns)
 
 
-def test_a_stiffness_that_is_not_known_is_taken_as_certain():
-    """An undetermined compliance leaves the map finite."""
+def test_a_stiffness_that_is_not_known_leaves_the_map_and_takes_its_uncertainty():
+    """An undetermined compliance: all values stay, and where it acts nobody knows how well."""
     cell = cell_of("kr500_rail")
     unknown = known(cell, estimate_of(cell, unknown=6))
     table = workspace(unknown, Where(np.array(Q["kr500_rail"]), np.ones(3), True))
 
-    assert np.isfinite(table.to_numpy(float)).all()
+    assert np.isfinite(table.drop(columns="std_m_per_n").to_numpy(float)).all()
+    assert np.isinf(table["std_m_per_n"]).any()
+
+
+def test_a_hypothesis_without_weight_takes_no_uncertainty():
+    """What is impossible and knows nothing changes neither map nor prediction."""
+    cell, where = cell_of("kr500_rail"), Where(np.array(Q["kr500_rail"]), np.ones(3), True)
+    one, blind = known(cell, estimate_of(cell)), known(cell, estimate_of(cell, unknown=6))
+    both = (*one, replace(blind[0], weight=0.0))
+
+    assert workspace(both, where).equals(workspace(one, where))
+    models = [Model("", "adequate", {}, tuple(those)) for those in (both, one)]
+    first, second = (model.predict(where.q, where.force).std for model in models)
+    assert first == pytest.approx(second)
 
 
 def test_an_arm_without_parallel_joints_has_no_map():

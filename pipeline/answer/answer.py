@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pipeline.answer import contract
+from pipeline.answer.combinations import combination_entries, told
 from pipeline.answer.contract import Answer
 from pipeline.answer.diagnosis import diagnosis_entry, noise_entry, placed
 from pipeline.answer.findings import Findings
@@ -34,13 +35,14 @@ def answer(found: Findings) -> Answer:
     fits = registration_entry(base)
     said = [joint.finding for joint in values.stiffness if joint.finding]
     said += filter(None, [common_factor(values.stiffness)])
+    together = combination_entries(found.told.values)
     return Answer(
         format=1,
         campaign=found.campaign,
         name=raw.settings.name,
         robot=raw.settings.robot,
         measured=measured_on(raw.settings, given.reduced.shown["readings"]),
-        verdict_sentence=tuple(sentences(found, values, springs)),
+        verdict_sentence=tuple(sentences(found, values, springs, together)),
         recommended=contract.Recommended(
             model=found.row.model,
             data=found.row.data,
@@ -49,13 +51,18 @@ def answer(found: Findings) -> Answer:
             hypotheses=_hypothesis_entries(found.told.values),
         ),
         **dict(values),
+        combinations=together,
         diagnosis=diagnosis_entry(found),
         joint_springs=springs,
         extended=_extended_entry(found),
         budget=budget_entries(values.stiffness),
         noise=noise_entry(found.right.noise, found.right.estimate),
         rejected=rejected_entries(given.case.rejected),
-        findings=(*registration_findings(base, fits, _tracker_drifts(found)), *said),
+        findings=(
+            *registration_findings(base, fits, _tracker_drifts(found)),
+            *said,
+            *told(together),
+        ),
         registration=fits,
         model=contract.Forward(
             equilibrium=contract.Equilibrium(found.told.values.first.cell.equilibrium)

@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
 
+from pipeline.base.quantities import mix
 from pipeline.diagnosis.finding import Finding, Verdict
 
 
@@ -118,6 +119,7 @@ class Odd(StrEnum):
     MAY_BE_ZERO = "may_be_zero"
     LOST = "lost"
     SCATTERED = "scattered"
+    TOGETHER = "together"
     DEPENDS = "depends"
 
 
@@ -173,6 +175,23 @@ class Stiffness(Fact):
     finding: str | None = Field(description="what to know of it, in a sentence")
     remarks: tuple[Remark, ...] = Field(default=(), description="the same, to be told apart")
     budget: tuple[BudgetPart, ...] = Field(description="where its uncertainty comes from")
+
+
+class Combination(Fact):
+    """What is determined of joints that are not determined singly: one direction."""
+
+    of: tuple[str, ...] = Field(description="names of the stiffnesses whose compliances are mixed")
+    weights: tuple[float, ...] = Field(description="of each compliance; the largest is 1")
+    value: float = Field(description="sum of weight times compliance")
+    std: float = Field(description="standard uncertainty")
+    ci95: Interval
+    unit: str
+    needs: str = Field(description="the motion of one joint that would part them best")
+
+    @property
+    def formula(self) -> str:
+        """What is determined, `c_theta2 + 0.58 c_theta4`, c the compliance of a joint."""
+        return mix(self.weights, [f"c_{name.removeprefix('k_')}" for name in self.of])
 
 
 class Fit(Fact):
@@ -513,6 +532,9 @@ class Heading(Fact):
 class Answer(Values, Heading):
     """result.json; the values at the top are those of the recommended model."""
 
+    combinations: tuple[Combination, ...] = Field(
+        default=(), description="what only several joints together are known by"
+    )
     diagnosis: Diagnosis
     joint_springs: Values = Field(description="the paper's model on the data as given, always")
     extended: Extended | None = Field(description="the identified causes' own fit; null without")

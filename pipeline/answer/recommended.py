@@ -157,7 +157,10 @@ class Values:
             campaign,
             verdict,
             {"model": str(row.model), "data": str(row.data), "reason": str(row.reason)},
-            tuple(handover.part(h.weight, h.cell, h.estimate) for h in self.hypotheses),
+            tuple(
+                handover.part(h.weight, h.cell, h.estimate, h.system, h.ratio)
+                for h in self.hypotheses
+            ),
             self.found.identifiable[: self.fitted.case.robot.n],
         )
 

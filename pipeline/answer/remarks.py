@@ -41,10 +41,15 @@ def common_factor(joints: Sequence[Stiffness]) -> str | None:
 
 
 def told(joints: Iterable[Stiffness]) -> list[str]:
-    """The same of several; what holds of some of them alike is said once."""
+    """The same of several; what holds of some of them alike is said once.
+
+    What is known of joints together is said of the combination, see `combinations.told`.
+    """
     alike: dict[Any, tuple[Remark, list[Stiffness]]] = {}
     for joint in joints:
         for remark in joint.remarks:
+            if remark.odd is Odd.TOGETHER:
+                continue
             alike.setdefault((remark, _own(remark, joint)), (remark, []))[1].append(joint)
     return [_sentence(remark, those) for remark, those in alike.values()]
 
@@ -53,13 +58,13 @@ def _own(remark: Remark, joint: Stiffness) -> object:
     """What of a joint its sentence depends on beside the name: its numbers, its kind, nothing."""
     if remark.cause is not None:
         return None
-    return joint.joint_type if remark.odd is Odd.MIXED else joint.joint
+    return joint.joint_type if remark.odd in (Odd.MIXED, Odd.NO_LEVER) else joint.joint
 
 
 _SENTENCES = {
-    Odd.NO_LEVER: "{those} is not identifiable: in every pose the line of pull has no lever about "
-    "joint {joint}; attach the chain off that joint's axis.",
+    Odd.NO_LEVER: "{those} is not identifiable: {idle}.",
     Odd.MIXED: "{those} is not identifiable: these poses mix it with another joint; add {work}.",
+    Odd.TOGETHER: "{those} is not identifiable by itself: these poses mix it with {others}.",
     Odd.NEGATIVE: "The compliance of {joint} is negative ({compliance}), which no spring can be: "
     "the model misses something that acts there, so no stiffness is stated.",
     Odd.UNCERTAIN: "{those} is not identifiable: its compliance is {compliance}; add {work}, or "
@@ -82,6 +87,14 @@ _WORK = {
 }
 """The pulls that would determine a joint better."""
 
+_IDLE = {
+    JointType.PRISMATIC: "no pull of the campaign has a part along the joint; add pulls along the "
+    "rail",
+    JointType.REVOLUTE: "no pull of the campaign puts a torque on the joint; attach the chain off "
+    "that joint's axis",
+}
+"""That a joint is never loaded, and the way out."""
+
 
 def _sentence(remark: Remark, joints: Sequence[Stiffness]) -> str:
     """One remark on one joint, or on several of which it holds alike."""
@@ -90,7 +103,15 @@ def _sentence(remark: Remark, joints: Sequence[Stiffness]) -> str:
         those=each + listed([joint.name for joint in joints]),
         joint=first.joint_name,
         work=_WORK[first.joint_type],
+        idle=_IDLE[first.joint_type],
         compliance=f"{with_std(first.compliance, first.compliance_std)} {first.compliance_unit}",
         cause=remark.cause,
-        others=" or ".join(remark.others),
+        others=_others(remark),
     )
+
+
+def _others(remark: Remark) -> str:
+    """Joints that all belong to it, or causes of which one is true."""
+    if remark.odd is Odd.TOGETHER:
+        return listed(remark.others)
+    return " or ".join(remark.others)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from pipeline.answer.contract import Deflection, Stiffness, Values, Which
+from pipeline.answer.contract import Combination, Deflection, Stiffness, Values, Which
 from pipeline.answer.findings import Findings
 from pipeline.answer.numbers import left_out_mm
 from pipeline.answer.words import BECAUSE, listed, why
@@ -22,20 +22,23 @@ _TOLD = 3
 """So many of them, those that move most."""
 
 
-def sentences(found: Findings, mine: Values, springs: Values) -> list[str]:
+def sentences(
+    found: Findings, mine: Values, springs: Values, together: Sequence[Combination]
+) -> list[str]:
     """What an engineer must know first, most important first.
 
     Args:
         found: All that was found out.
         mine: The values that the answer stands for.
         springs: Those of the joint springs on the data as given.
+        together: What is determined of several joints together.
     """
     said = [_verdict(found)]
     if other := _other(found, "joint springs alone", "the data as given"):
         moves = _moved(mine.stiffness, springs.stiffness)
         said += [f"Compared with {' and '.join(other)}, {move}." for move in moves]
         said += _deflection(mine.test_pose_deflection, springs.test_pose_deflection, found)
-    return [*said, _rest(found, mine.stiffness)]
+    return [*said, _rest(found, mine.stiffness, together)]
 
 
 def _other(found: Findings, springs: str, data: str) -> list[str]:
@@ -61,6 +64,8 @@ def _verdict(found: Findings) -> str:
             "The joint stiffness model does not explain the measured deflections: do not rely on "
             f"the stated uncertainties. {said}"
         )
+    if found.verdict == "adequate" and estimate.dof < 1:
+        return "These pulls leave nothing to test the joint stiffness model with."
     if found.verdict == "adequate":
         return (
             "The joint stiffness model explains the measured deflections"
@@ -129,21 +134,27 @@ def _instead(found: Findings) -> str:
     return ", ".join(_other(found, "with joint springs alone", "from the data as given"))
 
 
-def _rest(found: Findings, stiffness: Sequence[Stiffness]) -> str:
+def _rest(found: Findings, stiffness: Sequence[Stiffness], together: Sequence[Combination]) -> str:
     """How many stiffnesses have a value, and how well left-out poses are predicted."""
-    if all(joint.value is None for joint in stiffness):
-        return "These pulls determine no stiffness."
-    return f"{_estimated(stiffness)}, and {_predicted(found)}."
+    if any(joint.value is not None for joint in stiffness):
+        return f"{_estimated(stiffness, together)}, and {_predicted(found)}."
+    if together:
+        many = f"{len(together)} combination{'s' * (len(together) > 1)}"
+        return f"These pulls determine no stiffness by itself, but {many} of compliances."
+    return "These pulls determine no stiffness and no combination of stiffnesses."
 
 
-def _estimated(stiffness: Sequence[Stiffness]) -> str:
+def _estimated(stiffness: Sequence[Stiffness], together: Sequence[Combination]) -> str:
     good = [joint for joint in stiffness if joint.value is not None]
     lost = [joint.name for joint in stiffness if joint.value is None]
     half = [joint.name for joint in good if joint.ci95[1] is None]
     some = f"{len(good)} of {len(stiffness)}" if lost else "All"
     limits = f" (not {listed(lost)})" if lost else ""
     limits += f", {', '.join(half)} without an upper limit" if half else ""
-    return f"{some} stiffnesses are estimated{limits}"
+    mixed = (
+        f", and {len(together)} combination{'s' * (len(together) > 1)} of them" if together else ""
+    )
+    return f"{some} stiffnesses are estimated{limits}{mixed}"
 
 
 def _predicted(found: Findings) -> str:

@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from pipeline.answer import remarks
 from pipeline.answer.contract import BudgetPart, JointType, Odd, Remark, Stiffness
-from pipeline.base.arrays import Array
-from pipeline.diagnosis.average import Dependence, Hypothesis, Springs, dependences, springs
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Bools
+from pipeline.diagnosis.average import (
+    Dependence,
+    Hypothesis,
+    Springs,
+    dependences,
+    information,
+    springs,
+    together,
+)
 from pipeline.machine.cell import Cell
 from pipeline.machine.robot import Joint
 from pipeline.system.budget import budget
@@ -19,9 +29,6 @@ _WHICH = "which_cause"
 
 _SHOWN = 1e-3
 """A smaller share of the variance than this is rounding."""
-
-_NO_LEVER_M = 1e-12
-"""A joint whose usual compliance moves no target by more than this carries no load."""
 
 
 def stiffness_entries(cell: Cell, hypotheses: Sequence[Hypothesis]) -> tuple[Stiffness, ...]:
@@ -33,13 +40,13 @@ def stiffness_entries(cell: Cell, hypotheses: Sequence[Hypothesis]) -> tuple[Sti
     """
     found = springs(hypotheses)
     parts = _parts(hypotheses, cell.robot.n)
-    lever = np.linalg.norm(hypotheses[0].system.B, axis=0)
-    depends = dependences(hypotheses)
+    system, depends = hypotheses[0].system, dependences(hypotheses)
+    odd = _Odd(found, linear.nothing(system.B * system.typical), _partners(hypotheses, found))
     out = []
     for k, joint in enumerate(cell.robot.joints):
         silent = _stiffness(joint, found, k, _budget(found, parts, k))
         on = [one for one in depends if one.spring == k]
-        said = tuple(_remarks(silent, _odd(found, k, lever[k]), on))
+        said = tuple(_remarks(silent, odd.of(k), on, _called(cell, odd.partners[k])))
         told = silent.model_copy(update={"remarks": said})
         out.append(told.model_copy(update={"finding": remarks.finding(told)}))
     return tuple(out)
@@ -106,32 +113,60 @@ def _stiffness(joint: Joint, found: Springs, k: int, parts: tuple[BudgetPart, ..
     )
 
 
-def _remarks(joint: Stiffness, odd: Odd | None, on: Sequence[Dependence]) -> Iterator[Remark]:
+def _remarks(
+    joint: Stiffness, odd: Odd | None, on: Sequence[Dependence], partners: tuple[str, ...]
+) -> Iterator[Remark]:
     """What is to be known of a stiffness; what a rival takes away needs no other reason."""
     if odd is not None and not any(one.lost for one in on):
-        yield Remark(odd=odd)
+        yield Remark(odd=odd, others=partners if odd is Odd.TOGETHER else ())
     for cause in dict.fromkeys(one.cause for one in on):
         yield _dependence(cause, [one for one in on if one.cause == cause], joint.identifiable)
 
 
-def _odd(found: Springs, k: int, lever_m: float) -> Odd | None:
-    """What the numbers of a spring alone show.
+@dataclass(frozen=True, eq=False)
+class _Odd:
+    """What the numbers of the springs alone show.
 
-    Args:
+    Attributes:
         found: All springs.
-        k: Which one.
-        lever_m: By how much all pulls together move the targets per unit of its compliance.
+        idle: Those that no pull loads, shape (n,).
+        partners: Of each spring the others with which alone it is determined.
     """
-    x, std, low = found.value[k], found.std[k], found.low[k]
-    if not np.isfinite(std):
-        return Odd.NO_LEVER if lever_m * x < _NO_LEVER_M else Odd.MIXED
-    if found.high[k] < 0:
-        return Odd.NEGATIVE
-    if not found.identifiable[k]:
-        return Odd.UNCERTAIN
-    if low <= 0:
-        return Odd.ZERO_BESIDE_A_CAUSE if x - 2 * std > 0 else Odd.MAY_BE_ZERO
-    return None
+
+    found: Springs
+    idle: Bools
+    partners: Sequence[Sequence[int]]
+
+    def of(self, k: int) -> Odd | None:
+        """Of one spring."""
+        x, std, low = self.found.value[k], self.found.std[k], self.found.low[k]
+        if self.idle[k]:
+            return Odd.NO_LEVER
+        if np.isfinite(std) and self.found.high[k] < 0:
+            return Odd.NEGATIVE
+        if self.partners[k]:
+            return Odd.TOGETHER
+        if not self.found.identifiable[k]:
+            return Odd.UNCERTAIN if np.isfinite(std) else Odd.MIXED
+        if low <= 0:
+            return Odd.ZERO_BESIDE_A_CAUSE if x - 2 * std > 0 else Odd.MAY_BE_ZERO
+        return None
+
+
+def _partners(hypotheses: Sequence[Hypothesis], found: Springs) -> list[list[int]]:
+    """Of each spring those with which it is determined together, if it is not by itself."""
+    n = len(found.value)
+    out: list[list[int]] = [[] for _ in range(n)]
+    if found.identifiable.all():
+        return out
+    for one in together(hypotheses, information(hypotheses), found.identifiable):
+        for k in one.of.tolist():
+            out[k] = sorted({*out[k], *one.of.tolist()} - {k})
+    return out
+
+
+def _called(cell: Cell, joints: Sequence[int]) -> tuple[str, ...]:
+    return tuple(f"k_{cell.robot.joints[j].name}" for j in joints)
 
 
 def _dependence(cause: str, on: Sequence[Dependence], identifiable: bool) -> Remark:

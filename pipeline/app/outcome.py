@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite, InputError, PipelineError, Unfinished, place
-from pipeline.base.quantities import common_prefix, prefixed, scaled, with_std
+from pipeline.base.quantities import bracketed, common_prefix, prefixed, scaled, with_std
 from pipeline.base.shown import in_json, printable
 from pipeline.store.campaign import Campaign, find, label
 
 if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second
-    from pipeline.answer.contract import Answer, Rejected, Stiffness
+    from pipeline.answer.contract import Answer, Combination, Rejected, Stiffness
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Outcome:
         content: What --json prints.
         text: What is printed otherwise, one or more lines.
         exit_code: 0 done, 1 internal, 3 not written, 5 rejected in whole or in part, 6 given up.
-        misfit: The model does not fit.
+        misfit: The model does not fit, or leaves a stiffness undetermined.
         complaints: Sentences for stderr.
         verdict: Of its diagnosis; None without a result.
         passing: What went wrong may heal by itself.
@@ -88,6 +88,7 @@ def _outcome(campaign: Campaign, compute: Compute) -> Outcome:
         f"{name}: {first}",
         *(f"  {line}" for line in more),
         *(f"  {joint.name:<10} {shown(joint)}" for joint in answer.stiffness),
+        *(f"  {mixed(one)}" for one in answer.combinations),
         f"  {campaign.reports / 'index.html'}",
     ]
     return Outcome(
@@ -95,10 +96,14 @@ def _outcome(campaign: Campaign, compute: Compute) -> Outcome:
         content=answer.as_json(),
         text="\n".join(lines),
         exit_code=InputError.exit_code if answer.rejected else 0,
-        misfit=answer.diagnosis.verdict != "adequate",
+        misfit=answer.diagnosis.verdict != "adequate" or not _all_determined(answer),
         complaints=[f"{name}: {line}" for line in sentences(answer.rejected)],
         verdict=str(answer.diagnosis.verdict),
     )
+
+
+def _all_determined(answer: Answer) -> bool:
+    return all(joint.identifiable for joint in answer.stiffness)
 
 
 def shown(joint: Stiffness) -> str:
@@ -108,6 +113,11 @@ def shown(joint: Stiffness) -> str:
     factor, letter = common_prefix([joint.value])
     value = with_std(joint.value / factor, scaled(joint.std, factor))
     return f"{value} {prefixed(joint.unit, letter)}"
+
+
+def mixed(one: Combination) -> str:
+    """`c_theta2 + 0.58 c_theta4   (8.50 ± 0.11) × 10⁻⁵ rad/(N·m)`, all that is known of them."""
+    return f"{one.formula}   {bracketed(one.value, one.std)} {prefixed(one.unit, '')}"
 
 
 def named(root: Path, meant: str | Campaign, work: Callable[[Campaign], Outcome]) -> Outcome:

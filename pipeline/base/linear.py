@@ -49,11 +49,13 @@ class Inverse:
         U: Orthonormal directions of the rows, shape (M, r).
         half: What each of them moves in the parameters, shape (k, r).
         lost: Parameters with a part in directions that nothing determines, shape (k,).
+        free: These directions, orthonormal, shape (k, k - r).
     """
 
     U: Array
     half: Array
     lost: Bools
+    free: Array
 
     @property
     def rank(self) -> int:
@@ -123,7 +125,9 @@ def pseudoinverse(X: Array) -> Inverse:
     U, s, Vt = np.linalg.svd(X / size, full_matrices=False)
     rank = int(np.sum(s > _ROUNDING * s.max(initial=_TINY)))
     half = Vt[:rank].T / (s[:rank] * size.T)
-    return Inverse(U[:, :rank], half, 1 - np.einsum("rk,rk->k", Vt[:rank], Vt[:rank]) > _PART)
+    lost = 1 - np.einsum("rk,rk->k", Vt[:rank], Vt[:rank]) > _PART
+    free = complement(Vt[:rank].T) / np.where(np.isfinite(size), size, 1.0).T
+    return Inverse(U[:, :rank], half, lost, orthonormal(free))
 
 
 def shortest(X: Array, least: float = _ROUNDING) -> Array:
@@ -145,6 +149,24 @@ def unit(N: Array) -> tuple[Array, Array]:
     least = _ROUNDING**2 * np.max(square, axis=-1, keepdims=True, initial=_TINY)
     size = np.sqrt(np.where(square > least, square, np.inf))
     return N / (size[..., :, None] * size[..., None, :]), size
+
+
+def determined(N: Array) -> Array:
+    """Orthonormal mixes of parameters, (k, r), that rows with products N, (k, k), determine."""
+    scaled, size = unit(N)
+    values, vectors = directions(scaled)
+    seen = vectors[:, values > PRODUCTS * values.max(initial=_TINY)]
+    return orthonormal(seen * np.where(np.isfinite(size), size, 0.0)[:, None])
+
+
+def rank(N: Array) -> int:
+    """Number of directions that rows with products N, (k, k), determine."""
+    return int(np.sum(directions(unit(N)[0])[0] > PRODUCTS))
+
+
+def nothing(X: Array) -> Bools:
+    """Columns of (M, k) that are nothing beside the longest, shape (k,)."""
+    return np.asarray(np.isinf(_lengths(X))[..., 0, :], dtype=bool)
 
 
 def directions(N: Array) -> tuple[Array, Array]:

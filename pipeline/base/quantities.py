@@ -150,6 +150,16 @@ def common_prefix(values: Iterable[float | None]) -> tuple[float, str]:
     return 10.0**power, _PREFIXES[power]
 
 
+def mix(weights: Iterable[float], names: Iterable[str]) -> str:
+    """A sum of weighted names: `c_theta2 + 0.58 c_theta4`."""
+    said = ""
+    for weight, name in zip(weights, names, strict=True):
+        sign = "-" if weight < 0 else "+" if said else ""
+        size = "" if abs(weight) == 1 else f"{plain(abs(weight))} "
+        said += f" {sign} {size}{name}" if said else f"{sign}{size}{name}"
+    return said
+
+
 def scaled(value: float | None, factor: float) -> float | None:
     """A value in a prefixed unit; None stays None."""
     return None if value is None else value / factor

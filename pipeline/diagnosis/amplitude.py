@@ -12,6 +12,7 @@ from pipeline.diagnosis.identify import Case, of_model
 from pipeline.machine.cell import predict
 from pipeline.machine.effect import Elastic
 from pipeline.system.elimination import coefficients, eliminate
+from pipeline.system.evidence import ROUNDING
 from pipeline.system.whitened import Whitened
 
 
@@ -21,14 +22,16 @@ def amplitudes(case: Case, view: Whitened) -> list[tuple[Amplitude, ...]]:
     z = N^+ g in typical sizes, N = X'X and g = X'y over the whitened columns of the base;
     u(z_k) = s sqrt((N^+)_kk), s^2 = rest / dof, infinite where N does not determine z_k, and the
     95 % interval is z +- t(0.975, dof) u(z); `_profile` gives that of causes that are not elastic.
+    s^2 is `ROUNDING` at least, and infinite where no residual is left to tell it from.
     """
     base = view.base
     value = coefficients(view.M, base)
     dof = view.dof(base)
     rest = float(eliminate(view.M, base)[-1, -1])
     variance = np.diag(linear.covariance(view.M[np.ix_(base, base)]))
-    std = np.sqrt(np.where(np.isinf(variance), np.inf, variance * max(rest / dof, 0.0)))
-    quantile = float(stats.t.ppf(0.975, dof))
+    scatter = max(rest / dof, ROUNDING) if dof > 0 else np.inf
+    std = np.sqrt(variance * scatter)
+    quantile = float(stats.t.ppf(0.975, max(dof, 1)))
     out = []
     for suspect in view.model.accepted:
         at = [int(np.flatnonzero(base == c)[0]) for c in view.columns([suspect])]
@@ -39,7 +42,7 @@ def amplitudes(case: Case, view: Whitened) -> list[tuple[Amplitude, ...]]:
             mine = std[k] * parameter.typical
             interval = (here - quantile * mine, here + quantile * mine)
             if not isinstance(effect, Elastic) and np.isfinite(mine):
-                interval = _profile(view, suspect, parameter, here, mine, rest / dof)
+                interval = _profile(view, suspect, parameter, here, mine, scatter)
             sizes.append(Amplitude(parameter, float(here), float(mine), interval))
         out.append(tuple(sizes))
     return out

@@ -18,9 +18,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import special
 
-from pipeline.base.arrays import Array, Bools, Locked
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import Effect
+from pipeline.system import combinations
 from pipeline.system.estimate import identifiable
 from pipeline.system.system import Estimate, System
 
@@ -83,6 +85,27 @@ class Springs(Locked):
     def std(self) -> Array:
         """Standard uncertainty of `value`, shape (n,)."""
         return np.sqrt(np.diag(self.cov))
+
+
+@dataclass(frozen=True, eq=False)
+class Combination(Locked):
+    """What the data determine of joints that they do not determine singly.
+
+    Attributes:
+        of: Indices of the joints, shape (m,).
+        weights: Of their compliances; the largest is 1, shape (m,).
+        value: Sum of weight times compliance [m/N] or [rad/(N m)].
+        std: Its standard uncertainty, in the same.
+        low: Lower end of the 95 % interval.
+        high: Upper end of it.
+    """
+
+    of: Ints
+    weights: Array
+    value: float
+    std: float
+    low: float
+    high: float
 
 
 @dataclass(frozen=True)
@@ -176,7 +199,17 @@ def springs(hypotheses: Sequence[Hypothesis]) -> Springs:
     values = np.stack([one.estimate.value[:n] for one in hypotheses])
     covs = np.stack([one.estimate.cov[:n, :n] for one in hypotheses])
     value, cov = average(weights, values, covs)
-    std = np.sqrt(np.einsum("hii->hi", covs))
+    low, high = _interval(hypotheses, values, np.sqrt(np.einsum("hii->hi", covs)))
+    sure = np.all([_determined(one) for one in hypotheses], axis=0)
+    if len(hypotheses) > 1:
+        typical = np.array([p.typical for p in hypotheses[0].estimate.parameters[:n]])
+        sure &= identifiable(typical, value, np.sqrt(np.diag(cov)))
+    return Springs(value, cov, low, high, sure)
+
+
+def _interval(hypotheses: Sequence[Hypothesis], values: Array, std: Array) -> tuple[Array, Array]:
+    """Ends of the 95 % interval of n quantities, (n,) each, from values and std by hypothesis."""
+    weights = np.array([one.weight for one in hypotheses])
     quantile = np.array([one.estimate.quantile for one in hypotheses])[:, None]
     may_be = (weights > LIKELY) | (np.arange(len(weights)) == 0)
     low = np.min((values - quantile * std)[may_be], axis=0)
@@ -184,11 +217,7 @@ def springs(hypotheses: Sequence[Hypothesis]) -> Springs:
     if len(hypotheses) > 1:
         ends = [_quantile(p, weights, values, std * quantile / _NORMAL) for p in _COVERED]
         low, high = np.minimum(low, ends[0]), np.maximum(high, ends[1])
-    sure = np.all([_determined(one) for one in hypotheses], axis=0)
-    if len(hypotheses) > 1:
-        typical = np.array([p.typical for p in hypotheses[0].estimate.parameters[:n]])
-        sure &= identifiable(typical, value, np.sqrt(np.diag(cov)))
-    return Springs(value, cov, low, high, sure)
+    return low, high
 
 
 _NORMAL = float(special.ndtri(_COVERED[1]))
@@ -208,6 +237,61 @@ def _quantile(p: float, weights: Array, values: Array, std: Array) -> Array:
         below = np.sum(share * special.ndtr(z), axis=0) < p
         low, high = np.where(below, middle, low), np.where(below, high, middle)
     return np.where(known.any(axis=0), (low + high) / 2, np.nan_to_num(values[0]))
+
+
+def _informations(hypotheses: Sequence[Hypothesis]) -> Array:
+    """Information on the compliances in typical sizes by each hypothesis, shape (h, n, n)."""
+    n = _springs(hypotheses[0])
+    each = [combinations.information(one.system, n, one.ratio) for one in hypotheses]
+    return np.stack(each)
+
+
+def information(hypotheses: Sequence[Hypothesis]) -> Array:
+    """Information on the compliances in typical sizes over all hypotheses, shape (n, n).
+
+    N = R (R' V R)^-1 R', V the covariance of the mixture and R orthonormal mixes that every
+    hypothesis determines; N_h itself for one alone.
+    """
+    n, first = _springs(hypotheses[0]), hypotheses[0].estimate
+    each = _informations(hypotheses)
+    if len(each) == 1:
+        return each[0]
+    typical = np.array([p.typical for p in first.parameters[:n]])
+    values = np.stack([one.estimate.value[:n] for one in hypotheses]) / typical
+    w = np.array([one.weight for one in hypotheses])
+    off = values - w @ values
+    covs = linear.inverse(each) + off[:, :, None] * off[:, None, :]
+    free = [linear.complement(linear.determined(N)) for N in each]
+    R = linear.complement(np.hstack(free))
+    return np.asarray(R @ linear.solve(R.T @ np.einsum("h,hij->ij", w, covs) @ R, R.T))
+
+
+def together(hypotheses: Sequence[Hypothesis], N: Array, alone: Bools) -> tuple[Combination, ...]:
+    """What is determined only of several joints together, over all hypotheses.
+
+    Args:
+        hypotheses: What may be true.
+        N: Their `information`.
+        alone: Joints whose compliance is determined by itself, shape (n,).
+    """
+    n = len(N)
+    values = np.stack([one.estimate.value[:n] for one in hypotheses])
+    mean = np.array([one.weight for one in hypotheses]) @ values
+    parameters = hypotheses[0].estimate.parameters[:n]
+    found = combinations.mixes(N, parameters, mean, alone)
+    if not found:
+        return ()
+    typical = np.array([p.typical for p in parameters])
+    W = np.zeros((len(found), n))
+    for row, mix in zip(W, found, strict=True):
+        row[mix.of] = mix.weights
+    covs = linear.inverse(_informations(hypotheses)) * np.outer(typical, typical)
+    std = np.sqrt(np.einsum("ci,hij,cj->hc", W, covs, W))
+    ends = zip(*_interval(hypotheses, values @ W.T, std), strict=True)
+    return tuple(
+        Combination(mix.of, mix.weights, mix.value, mix.std, float(low), float(high))
+        for mix, (low, high) in zip(found, ends, strict=True)
+    )
 
 
 def dependences(hypotheses: Sequence[Hypothesis]) -> tuple[Dependence, ...]:

@@ -62,10 +62,14 @@ class Compensation(Locked):
     @property
     def summary(self) -> str:
         """How far the tip is off before and after, in one sentence."""
+        lost = int(np.sum(~np.isfinite(self.std).all(axis=1)))
+        known = f"known to ±{2e3 * self.std.max():.3f} mm (95 %)"
+        if lost:
+            known = f"but at {lost} of them a stiffness acts that the campaign did not determine"
         return (
             f"{len(self.left)} points: the load moves the tip by up to "
             f"{1e3 * self.deflection.max():.3f} mm; with the offsets the model leaves "
-            f"{1e3 * self.left.max():.4f} mm, known to ±{2e3 * self.std.max():.3f} mm (95 %)."
+            f"{1e3 * self.left.max():.4f} mm, {known}."
         )
 
 

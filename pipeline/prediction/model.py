@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, Field, ValidationError
 
-from pipeline.base import toml
+from pipeline.base import linear, toml
 from pipeline.base.arrays import Array, Bools, Locked, Parameter
 from pipeline.base.errors import InputError, first_wrong
 from pipeline.base.files import words
@@ -25,7 +25,8 @@ from pipeline.machine.effects import catalogue
 from pipeline.machine.effects.nameless import nameless
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.mdh import parse as parse_robot
-from pipeline.system.system import Estimate
+from pipeline.system.system import Estimate, System
+from pipeline.system.whiten import whitener
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,12 +57,18 @@ class Hypothesis(Locked):
         cell: Robot, tool and effects.
         value: Parameters of the cell, SI, shape (k,).
         cov: Their covariance, shape (k, k); infinite on the diagonal where undetermined.
+        free: Mixes of parameters, of about their typical sizes, that nothing determines, (k, q);
+            each undetermined parameter by itself where not given.
+        within: Variance of each parameter apart from these, (k,); 0 where not given and `cov` is
+            infinite.
     """
 
     weight: float
     cell: Cell
     value: Array
     cov: Array
+    free: Array | None = None
+    within: Array | None = None
 
     @property
     def std(self) -> Array:
@@ -78,14 +85,28 @@ class Hypothesis(Locked):
         """Every target of its cell, or of one with another tool, under every pull, m t of them."""
         displacement = forward(cell, pulls, self.value).displacement.reshape(-1, 3)
         A = jacobian(replace(cell, equilibrium="undeformed"), pulls, self.value)
-        A = A.reshape(-1, 3, len(self.value))
+        return Deflection(displacement, self.through(A.reshape(-1, 3, len(self.value))))
+
+    def through(self, A: Array) -> Array:
+        """Covariance A C A' of displacements A x [m], A (m, j, k), shape (m, j, j).
+
+        What is determined of the parameters carries over even where they are not: variances are
+        infinite only where `free` moves a displacement by more than `_NOTHING_M`.
+        """
         known = np.isfinite(self.std)
-        cov = A[..., known] @ self.cov[np.ix_(known, known)] @ np.swapaxes(A[..., known], 1, 2)
-        typical = np.array([p.typical for p in cell.parameters])
-        lost = np.abs(A * typical)[..., ~known].max(axis=-1, initial=0.0) > _NOTHING_M
-        m, axis = np.nonzero(lost)
-        cov[m, axis, axis] = np.inf
-        return Deflection(displacement, cov)
+        cov = self.cov.copy()
+        np.fill_diagonal(cov, np.where(known, np.diag(cov), 0.0))
+        if self.free is not None and self.within is not None:
+            np.fill_diagonal(cov, self.within)
+            free = self.free
+        else:
+            typical = np.array([p.typical for p in self.cell.parameters])
+            cov[~known], cov[:, ~known] = 0.0, 0.0
+            free = np.diag(typical)[:, ~known]
+        found = A @ cov @ np.swapaxes(A, 1, 2)
+        m, axis = np.nonzero(np.abs(A @ free).max(axis=-1, initial=0.0) > _NOTHING_M)
+        found[m, axis, axis] = np.inf
+        return np.asarray(found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +206,8 @@ class Model(Locked):
         cov = np.zeros_like(moved[0].cov)
         for one, each in zip(self.hypotheses, moved, strict=True):
             off = each.displacement - mean
-            cov += one.weight * (each.cov + off[:, :, None] * off[:, None, :])
+            if one.weight > 0:  # what has no weight says nothing, however little it knows
+                cov += one.weight * (each.cov + off[:, :, None] * off[:, None, :])
         return Deflection(mean, cov)
 
     def _mean(self, arrays: Sequence[Array]) -> Array:
@@ -230,16 +252,24 @@ class Model(Locked):
 
 
 _NOTHING_M = 1e-9
-"""A spring that moves a point less than this at its typical size does not act there."""
+"""What moves a point less than this at its typical size does not act there."""
 
 
-def part(weight: float, cell: Cell, estimate: Estimate) -> Hypothesis:
+def part(
+    weight: float,
+    cell: Cell,
+    estimate: Estimate,
+    system: System | None = None,
+    ratio: float = 1.0,
+) -> Hypothesis:
     """What is handed over of an estimate: the machine without the measurement.
 
     Args:
         weight: Its probability.
         cell: Joint springs and causes, in the order of the estimate's parameters.
         estimate: Their values with covariance.
+        system: What it is estimated from, for what is determined of undetermined parameters.
+        ratio: Its uncertainties are this many times those of the system.
     """
     keep = [not _measurement(effect) for effect in cell.effects]
     of_machine = np.repeat(keep, [len(effect.parameters) for effect in cell.effects])
@@ -249,7 +279,20 @@ def part(weight: float, cell: Cell, estimate: Estimate) -> Hypothesis:
         replace(cell, effects=effects),
         estimate.value[of_machine],
         estimate.cov[np.ix_(of_machine, of_machine)],
+        *_apart(estimate, of_machine, system, ratio),
     )
+
+
+def _apart(
+    estimate: Estimate, of_machine: Bools, system: System | None, ratio: float
+) -> tuple[Array, Array] | tuple[None, None]:
+    """`free` and `within` of a hypothesis; nothing where all parameters are determined."""
+    if system is None or np.isfinite(estimate.std).all():
+        return None, None
+    A = whitener(system.errors, system.rows.pose)(system.B * system.typical)
+    inverse = linear.pseudoinverse(A)
+    variance = np.einsum("kr,kr->k", inverse.half, inverse.half) * (ratio * system.typical) ** 2
+    return system.typical[of_machine, None] * inverse.free[of_machine], variance[of_machine]
 
 
 def _measurement(effect: Effect) -> bool:
@@ -283,7 +326,10 @@ def dumps(handed: Model) -> str:
 
 
 def _hypothesis(one: Hypothesis) -> dict[str, Any]:
-    return {
+    told: dict[str, Any] = {}
+    if one.free is not None and one.within is not None:
+        told = {"undetermined": one.free.T.tolist(), "variance_within": one.within.tolist()}
+    return told | {
         "weight": one.weight,
         "equilibrium": one.cell.equilibrium,
         "effects": [[e.label, e.form] for e in _beside_springs(one.cell)],
@@ -327,6 +373,8 @@ class _Hypothesis(BaseModel):
     effects: list[tuple[str, str]]
     covariance: list[list[float]]
     parameter: list[_Parameter]
+    undetermined: list[list[float]] | None = None
+    variance_within: list[float] | None = None
 
 
 class _File(BaseModel):
@@ -376,7 +424,18 @@ def _read(one: _Hypothesis, springs: Cell, file: str) -> Hypothesis:
         raise InputError(
             f"its parameters are not {', '.join(wanted)} with their covariance", _ANEW, file=file
         )
-    return Hypothesis(one.weight, cell, value, cov)
+    told = one.undetermined, one.variance_within
+    if any(told) and not _fit(*told, len(value)):
+        raise InputError(
+            f"undetermined and variance_within are not of {len(value)} parameters", _ANEW, file=file
+        )
+    free, within = (None if each is None else np.array(each, float) for each in told)
+    return Hypothesis(one.weight, cell, value, cov, None if free is None else free.T, within)
+
+
+def _fit(free: list[list[float]] | None, within: list[float] | None, k: int) -> bool:
+    """Whether both are there, with one number for each of k parameters."""
+    return bool(free and within and {len(row) for row in (*free, within)} == {k})
 
 
 def _named(robot: Robot, label: str, form: str, file: str) -> Effect:

@@ -34,8 +34,8 @@ def workspace(hypotheses: Sequence[Hypothesis], test: Where, steps: int = _STEPS
     The worst direction is the first singular vector of the 3 x 3 compliance of the load point.
 
     Args:
-        hypotheses: What may be true, weights sum to one; parameters without an uncertainty are
-            taken as certain.
+        hypotheses: What may be true, weights sum to one; the uncertainty is infinite where
+            something acts that nothing determines.
         test: The test pose.
         steps: Values of each joint.
 
@@ -106,13 +106,13 @@ def _softest(hypotheses: Sequence[Hypothesis], q: Array) -> tuple[Array, Array, 
     pulled, size, turned = linear.principal(moved)
     variance = np.zeros(m)
     for one, cell, here in zip(hypotheses, cells, each, strict=True):
-        known = np.isfinite(one.std)
         flat = replace(cell, equilibrium="undeformed")  # the same to the digits of a derivative
-        by = jacobian(flat, pulls, one.value).reshape(m, 3, 3, -1)[..., known] / _FORCE_N
+        by = jacobian(flat, pulls, one.value).reshape(m, 3, 3, -1)
         slope = np.einsum("mf,mfik,mi->mk", pulled[:, :, 0], by, turned[:, 0])
-        own = np.einsum("mk,kl,ml->m", slope, one.cov[np.ix_(known, known)], slope)
+        own = one.through(slope[:, None])[:, 0, 0] / _FORCE_N**2
         off = np.einsum("mf,mfi,mi->m", pulled[:, :, 0], here - moved, turned[:, 0])
-        variance += one.weight * (own + off**2)
+        if one.weight > 0:  # what has no weight says nothing, however little it knows
+            variance += one.weight * (own + off**2)
     return size[:, 0], np.sqrt(variance), turned[:, 0]
 
 

@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.machine.cell import load
 from pipeline.machine.effect import Effect, same_element
@@ -128,10 +129,10 @@ class Whitened(Locked):
         """Columns of A of springs, common errors and accepted effects."""
         return np.concatenate([np.arange(self.first), self.columns(self.model.accepted)])
 
-    @property
+    @cached_property
     def rows_left(self) -> int:
-        """Rows of the campaign minus springs: priors of common errors pay for themselves."""
-        return len(self.rows) - self.springs
+        """Rows minus what the springs take up: priors of common errors pay for themselves."""
+        return len(self.rows) - _taken(self)
 
     def beside(
         self, base: Ints, M: Array | None = None, fewer: int = 0, among: Ints | None = None
@@ -372,6 +373,11 @@ def _place_in_pose(rows: Rows) -> Ints:
     return rows.pull - start[first]
 
 
+def _taken(view: Whitened) -> int:
+    """Rank of the springs' columns: a joint that no pull loads takes up no degree of freedom."""
+    return linear.rank(view.M[: view.springs, : view.springs])
+
+
 def by_pose_drop(view: Whitened, base: Ints) -> tuple[float, int]:
     """Sum of squares that a free stiffness of each pose takes out of the base's residual; dof.
 
@@ -380,5 +386,5 @@ def by_pose_drop(view: Whitened, base: Ints) -> tuple[float, int]:
     """
     rows = len(view.rows)
     residual = view.A[:rows, -1] - view.A[:rows, base] @ coefficients(view.M, base)
-    dof = rows - view.free.dof - view.springs - (len(base) - view.first)
+    dof = rows - view.free.dof - _taken(view) - (len(base) - view.first)
     return float(residual @ residual) - view.free.against(residual).rest, max(dof, 1)

@@ -114,7 +114,9 @@ def run(
     as_json: AsJson = False,
     engine: Annotated[str, Option(help="prefect or local.")] = "prefect",
     force: Annotated[bool, Option("--force", help="Compute even if nothing changed.")] = False,
-    strict: Annotated[bool, Option("--strict", help="Exit 4 when the model does not fit.")] = False,
+    strict: Annotated[
+        bool, Option("--strict", help="Exit 4 when the model does not fit or a joint is open.")
+    ] = False,
     root: Root = Path(),
 ) -> None:
     """Compute what is new or changed, write the reports and say where they are."""

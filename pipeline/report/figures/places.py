@@ -56,7 +56,7 @@ _RESIDUAL = ["rx", "ry", "rz"]
 def _views(canvas: Canvas, vectors: pd.DataFrame, scale: float) -> tuple[np.ndarray, bool]:
     """Two plots: one above the other along a rail, else side by side; whether the former."""
     at, along = vectors[list("xyz")].to_numpy(float), vectors[_RESIDUAL].to_numpy(float)
-    if np.ptp(at[:, 1]) < 2 * max(np.ptp(at[:, 0]), np.ptp(at[:, 2])):
+    if np.ptp(at[:, 1]) <= 2 * max(np.ptp(at[:, 0]), np.ptp(at[:, 2])):
         canvas.set_size_inches(5.6, 3.2)
         return canvas.subplots(1, 2), False
     spans = 1.1 * np.ptp(np.vstack([at, at + along / scale]), axis=0)

@@ -79,6 +79,11 @@ def _told(name: str, model: str | None, soft: pd.DataFrame) -> Figure | None:
         f"{plain(size.max(), 2)} µm, most at a reach of {worst['reach_m']:.1f} m and a height of "
         f"{worst['height_m']:.1f} m."
     )
+    if np.isinf(soft["std_m_per_n"]).any():
+        said += (
+            " Where no ± is given, a stiffness acts that nothing determines, and the map has it "
+            "as the robot file does."
+        )
     return Figure(
         name,
         f"Deflection per newton over the arm's plane, {model}",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from pipeline.answer import remarks
-from pipeline.answer.contract import Answer, Believed, Fit, Stiffness, Weighed
+from pipeline.answer.contract import Answer, Believed, Combination, Fit, Stiffness, Weighed
 from pipeline.answer.history import Change, changes, trusted
 from pipeline.answer.words import capital
 from pipeline.base.quantities import (
@@ -45,6 +45,7 @@ def stiffness(answer: Answer, previous: Answer | None) -> Section | None:
             *(Text(finding, "finding") for finding in _findings(answer)),
             *(_changed(change, before) for change in since if change.sure),
             _stiffness_table(answer, since, before),
+            _combinations_table(answer.combinations),
             _hypotheses_table(answer.recommended.hypotheses),
             *figures(("stiffness",), answer, {}),
             _compliance_table(answer.stiffness),
@@ -151,6 +152,28 @@ def _change_columns(since: Sequence[Change], before: str) -> list[Cells[Stiffnes
     own = {change.name: (change.percent, change.percent_std) for change in since}
     title = f"Change since {before} [%]"
     return [measured(title, lambda joint: own.get(joint.name, (None, None)))] if own else []
+
+
+def _combinations_table(combinations: Sequence[Combination]) -> Table | None:
+    """What is determined of joints that are not determined singly."""
+    columns: list[Cells[Combination]] = [
+        said("Combination of compliances", lambda one: one.formula),
+        measured("Value ± standard uncertainty", lambda one: (one.value, one.std)),
+        (Column("95 % interval", numeric=True), _ends),
+        said("Unit", lambda one: prefixed(one.unit, "")),
+        said("What would part them best", lambda one: one.needs),
+    ]
+    note = (
+        "The joints of a row act as one in the poses measured: c is the compliance of a joint, and "
+        "only this sum of them is known, whatever each of them is."
+    )
+    title = "What is determined of several joints together"
+    return table_of("combinations", title, columns, combinations, note)
+
+
+def _ends(one: Combination) -> Entry:
+    low, high = one.ci95
+    return entry(f"{plain(low)} to {plain(high)}", low)
 
 
 def _hypotheses_table(hypotheses: Sequence[Weighed]) -> Table | None:

@@ -1,0 +1,253 @@
+"""What only a combination of parameters determines, and which motion would part its members.
+
+Parameters z in their typical sizes, N their information: the inverse of their covariance, singular
+where nothing tells some of them apart. With P the members of a mix and Q all other parameters,
+
+    N_P = N_PP - N_PQ N_QQ^+ N_QP
+
+is what the data say of the members whatever the others are; of all mixes w'z over P with w_j = 1
+the best known has w = N_P e_j / (e_j' N_P e_j) and the variance 1 / (e_j' N_P e_j).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Bools, Ints, Locked, Parameter
+from pipeline.machine.cell import Cell, jacobian
+from pipeline.machine.effect import Pulls
+from pipeline.machine.robot import Robot
+from pipeline.system.elimination import eliminate
+from pipeline.system.estimate import identifiable
+from pipeline.system.system import System
+from pipeline.system.whiten import whitener
+
+_KEPT = 0.1
+"""Part of its information, per square of its size, that a mix must keep when members leave it [1]:
+half a digit of its value is what a mix of fewer joints is worth."""
+
+_STEP_RAD, _STEP_M = np.deg2rad(10.0), 0.5
+"""Joint values that are tried are multiples of this."""
+
+_POSES = 12
+"""So many of the measured poses stand for all, evenly taken, where there are more."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mix(Locked):
+    """A combination that the data determine, of parameters that they do not.
+
+    Attributes:
+        of: Indices of its members, ascending, two at least, shape (m,).
+        weights: Of each of them; the largest is 1, shape (m,).
+        value: Sum of weight times parameter, in the members' unit.
+        std: Its standard uncertainty, in the same.
+    """
+
+    of: Ints
+    weights: Array
+    value: float
+    std: float
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A joint to be moved in the poses measured, all pulls being as they were.
+
+    Attributes:
+        joint: Index of the joint.
+        to: Its value [m] or [rad].
+        low: Its smallest value so far.
+        high: Its largest value so far.
+    """
+
+    joint: int
+    to: float
+    low: float
+    high: float
+
+
+def information(system: System, n: int, ratio: float = 1.0) -> Array:
+    """Information N on the first n parameters in typical sizes, whatever the others are, (n, n).
+
+    D B' V^-1 B D / `ratio`^2 with D the typical sizes, the other columns taken out.
+
+    Args:
+        system: The system, its noise in metres.
+        n: So many parameters.
+        ratio: Standard uncertainties are this many times those of the system.
+    """
+    A = whitener(system.errors, system.rows.pose)(system.B * system.typical) / ratio
+    N = A.T @ A
+    return eliminate(N, np.arange(n, len(N)))[:n, :n]
+
+
+def mixes(N: Array, parameters: Sequence[Parameter], value: Array, alone: Bools) -> tuple[Mix, ...]:
+    """Every direction that the data determine of parameters that they do not determine singly.
+
+    The best known comes first. Each has a member that no later one has, so that they are
+    independent; as many members as possible are left out (`_KEPT`). A mix is determined as a
+    parameter is (`estimate.identifiable`), its typical size the root of the sum of (weight times
+    typical size)^2. Only parameters of one unit are mixed.
+
+    Args:
+        N: Information on the parameters in typical sizes, shape (n, n).
+        parameters: Name, unit and typical size of each.
+        value: Their estimates, SI; any where undetermined, shape (n,).
+        alone: Parameters that are stated by themselves, shape (n,).
+    """
+    typical = np.array([p.typical for p in parameters])
+    known = _Known.of(N, value / typical)
+    units = [p.unit for p in parameters]
+    mine = [np.array([unit == one for one in units]) & ~alone for unit in dict.fromkeys(units)]
+    lines = [line for part in mine for line in known.lines(np.flatnonzero(part))]
+    return tuple(_mix(line, typical, value) for line in lines if np.sum(line.w != 0) > 1)
+
+
+def _mix(line: _Line, typical: Array, value: Array) -> Mix:
+    """A mix in the parameters' own unit."""
+    w = line.w / typical
+    scale = w[np.argmax(np.abs(w))]
+    of = np.flatnonzero(w)
+    weights = w[of] / scale
+    std = np.sqrt(line.variance) / abs(scale)
+    return Mix(of, weights, float(weights @ value[of]), float(std))
+
+
+@dataclass(frozen=True, eq=False)
+class _Line(Locked):
+    """A mix w'z of parameters in typical sizes, (n,), and its variance."""
+
+    w: Array
+    variance: float
+
+    @property
+    def loose(self) -> float:
+        """Its variance over the square of its typical size."""
+        return float(self.variance / (self.w @ self.w))
+
+
+@dataclass(frozen=True, eq=False)
+class _Known(Locked):
+    """What is known of parameters z in typical sizes.
+
+    Attributes:
+        W: Their information, brought to a unit diagonal, shape (n, n).
+        size: Root of its diagonal; 0 where nothing is known, shape (n,).
+        z: Estimates, shape (n,).
+    """
+
+    W: Array
+    size: Array
+    z: Array
+
+    @classmethod
+    def of(cls, N: Array, z: Array) -> _Known:
+        """From information on z, shape (n, n)."""
+        W, size = linear.unit(N)
+        return cls(W, np.where(np.isfinite(size), size, 0.0), z)
+
+    def lines(self, left: Ints) -> Iterator[_Line]:
+        """Independent determined mixes of some parameters, the best known first."""
+        while True:
+            first = [self.line(pivot, left) for pivot in left.tolist()]
+            told = [(line.loose, k) for k, line in enumerate(first) if self.tells(line)]
+            if not told:
+                return
+            _, k = min(told)
+            yield self.fewest(int(left[k]), left)
+            left = np.delete(left, k)
+
+    def line(self, pivot: int, members: Ints) -> _Line:
+        """The best known mix of some members with weight one of the pivot."""
+        rest = eliminate(self.W, np.setdiff1d(np.arange(len(self.W)), members))
+        w, kept = np.zeros(len(self.W)), float(rest[pivot, pivot])
+        if kept <= linear.LEFT:
+            w[pivot] = 1.0
+            return _Line(w, np.inf)
+        w[members] = rest[members, pivot] * self.size[members] / (kept * self.size[pivot])
+        return _Line(w, 1 / (kept * self.size[pivot] ** 2))
+
+    def tells(self, line: _Line) -> bool:
+        """Whether the data determine a mix."""
+        size = np.array([np.linalg.norm(line.w)])
+        value, std = np.array([line.w @ self.z]), np.array([np.sqrt(line.variance)])
+        return bool(identifiable(size, value, std)[0])
+
+    def fewest(self, pivot: int, members: Ints) -> _Line:
+        """The same mix with members left out, one after the other, that it can do without."""
+        line = self.line(pivot, members)
+        most = line.loose / _KEPT
+        while True:
+            gone = [np.delete(members, k) for k in np.flatnonzero(members != pivot)]
+            tried = [(self.line(pivot, fewer), fewer) for fewer in gone]
+            kept = [one for one in tried if one[0].loose <= most and self.tells(one[0])]
+            if not kept:
+                return line
+            line, members = min(kept, key=lambda one: one[0].loose)
+
+
+def parting(cell: Cell, system: System, pulls: Pulls, N: Array, of: Ints) -> Motion:
+    """The one joint that, moved in the poses measured, would tell the members of a mix apart best.
+
+    For each joint and each of its values within the limits, the strongest pull of each pose is
+    repeated there. With B_P the displacements per member in typical sizes and s the rms standard
+    uncertainty of a row, that adds B_P' B_P / s^2 to the members' information N_P, all other
+    parameters taken as known, and
+
+        log det(I + N_P + B_P' B_P / s^2)
+
+    decides: what would be learnt of members that are known to their typical sizes (Lindley, Annals
+    of Mathematical Statistics 27, 1956). Of motions that do as well the shortest is taken.
+
+    Args:
+        cell: The model; its first parameters are those of N.
+        system: The campaign's system, for s.
+        pulls: What was measured.
+        N: Information on the parameters in typical sizes, shape (n, n).
+        of: The members, shape (m,).
+    """
+    typical, flat = system.typical[of], replace(cell, equilibrium="undeformed")
+    variance = float(np.mean(system.errors.G.multiply(system.errors.G).sum(axis=1)))
+    known = np.eye(len(of)) + eliminate(N, np.setdiff1d(np.arange(len(N)), of))[np.ix_(of, of)]
+    few, tried = pulls.part(_strongest(pulls)), []
+    for joint in range(cell.robot.n):
+        low, high = float(pulls.q[:, joint].min()), float(pulls.q[:, joint].max())
+        to = _values(cell.robot, joint)
+        q = np.tile(few.q, (len(to), 1))
+        q[:, joint] = np.repeat(to, len(few))
+        moved = Pulls.at(q, np.tile(few.force, (len(to), 1)))
+        B = jacobian(flat, moved, np.zeros(len(cell.parameters)))[..., of] * typical
+        B = B.reshape(len(to), -1, len(of))
+        learnt = linear.log_det(known + np.swapaxes(B, 1, 2) @ B / variance)
+        away = np.maximum(np.maximum(to - high, low - to), 0.0)
+        tried += [
+            (-round(much, _DIGITS), far, Motion(joint, value, low, high))
+            for much, far, value in zip(learnt.tolist(), away.tolist(), to.tolist(), strict=True)
+        ]
+    return min(tried, key=lambda one: one[:2])[2]
+
+
+_DIGITS = 6
+"""Decimals of a log determinant beyond which two motions do as well."""
+
+
+def _strongest(pulls: Pulls) -> Ints:
+    """The strongest pull of each pose, of `_POSES` poses at most."""
+    order = np.lexsort((-np.linalg.norm(pulls.force, axis=1), pulls.pose))
+    _, first = np.unique(pulls.pose[order], return_index=True)
+    some = np.unique(np.linspace(0, len(first) - 1, min(_POSES, len(first))).astype(int))
+    return np.asarray(order[first[some]], dtype=np.int64)
+
+
+def _values(robot: Robot, joint: int) -> Array:
+    """Values of a joint within its limits; half a turn or a metre each way where it has none."""
+    step, far = (_STEP_M, 1.0) if robot.prismatic[joint] else (_STEP_RAD, np.pi)
+    low, high = float(robot.lower[joint]), float(robot.upper[joint])
+    low, high = (low if np.isfinite(low) else -far), (high if np.isfinite(high) else far)
+    steps = np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step
+    return steps if len(steps) else np.array([(low + high) / 2])
