@@ -19,7 +19,7 @@ from pipeline.answer.remarks import common_factor
 from pipeline.answer.sentences import sentences
 from pipeline.answer.stiffness import budget_entries
 from pipeline.answer.values import stated, values_entry
-from pipeline.answer.words import BECAUSE
+from pipeline.answer.words import BECAUSE, enormous
 from pipeline.machine.effect import Observation
 from pipeline.machine.effects import catalogue
 from pipeline.store.campaign import versions
@@ -32,7 +32,7 @@ def answer(found: Findings) -> Answer:
     base = given.reduced.registration
     fits = registration_entry(base)
     said = [joint.finding for joint in values.stiffness if joint.finding]
-    said += filter(None, [common_factor(values.stiffness)])
+    said += filter(None, [common_factor(values.stiffness), *map(enormous, found.diagnosis.causes)])
     return Answer(
         format=1,
         campaign=found.campaign,

@@ -332,6 +332,9 @@ class Cause(Placed):
     probability: Share = Field(description="among the catalogue's causes that could stand there")
     parameters: tuple[Amplitude, ...]
     p_value: Number = Field(description="chance of so much evidence without it")
+    times_typical: Number = Field(
+        default=None, description="its largest parameter over the usual size of that; null: none"
+    )
     rivals: tuple[Rival, ...]
     outside_catalogue: Unnamed | None = None
     twins: tuple[str, ...] = Field(default=(), description="what no pose tells from it")

@@ -105,6 +105,7 @@ def _cause(cause: Cause) -> contract.Cause:
         probability=cause.probability,
         parameters=tuple(map(_amplitude, cause.amplitudes)),
         p_value=cause.p_value,
+        times_typical=cause.largest.times_typical,
         rivals=tuple(
             contract.Rival(name=r.effect.name, where=r.effect.where, probability=r.probability)
             for r in cause.rivals

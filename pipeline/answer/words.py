@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from pipeline.answer.contract import Reason
+from pipeline.base.quantities import common_prefix, plain, prefixed, with_std
 from pipeline.diagnosis.average import LIKELY
 from pipeline.diagnosis.facts import ROUGH, Cause, Drift, Facts
 from pipeline.diagnosis.finding import Finding
@@ -107,6 +108,22 @@ def _rivals(facts: Facts) -> str:
     first = f"{_names(sure)} {'is' if len(sure) == 1 else 'are'} certain. " if sure else ""
     open_ = "; ".join(_or(cause) for cause in facts.causes if not certain(cause))
     return f"{first}The data do not decide between {open_}."
+
+
+def enormous(cause: Cause) -> str | None:
+    """That a cause is many times its usual size, and what would settle it; None where it is not."""
+    most = cause.enormous
+    if most is None:
+        return None
+    usual, unit = most.parameter.typical, most.parameter.unit
+    factor, letter = (1.0, "") if unit == "1" else common_prefix([usual, most.value])
+    size = with_std(most.value / factor, most.std / factor)
+    shown = "" if unit == "1" else f" {prefixed(unit, letter)}"
+    return (
+        f"{capital(cause.effect.called)} is {plain(most.times_typical, 2)} times its usual size: "
+        f"{most.parameter.name} = {size}{shown}, and {plain(usual / factor)}{shown} is usual. "
+        f"Something else may stand behind it; what would settle it: {cause.effect.needs}."
+    )
 
 
 def _or(cause: Cause) -> str:

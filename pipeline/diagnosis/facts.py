@@ -26,6 +26,11 @@ DETECTED = 5.0
 """Sigmas from which detection of a cause is nearly certain."""
 
 
+MANY = 10.0
+"""A cause so many times its typical size is said to be [1]: typical sizes are estimates and hold to
+a factor of a few (`Effect.source`), so what is beyond an order of magnitude is no usual cause."""
+
+
 @dataclass(frozen=True, eq=False)
 class Gain(Locked):
     """Cross-validation error without and with the causes.
@@ -260,6 +265,17 @@ class Amplitude:
     std: float
     ci95: tuple[float, float]
 
+    @property
+    def times_typical(self) -> float:
+        """|value| over the typical size [1]."""
+        return abs(self.value) / self.parameter.typical
+
+    @property
+    def at_least_typical(self) -> float:
+        """The same at the end of the interval that is nearer to zero; 0 where that holds it."""
+        low, high = self.ci95
+        return max(low, -high, 0.0) / self.parameter.typical
+
     @classmethod
     def symmetric(
         cls, parameter: Parameter, value: float, std: float, quantile: float = 1.96
@@ -304,6 +320,17 @@ class Cause(Locked):
     twins: tuple[str, ...] = ()
     gain: Gain | None = None
     test_pose_change_m: float | None = None
+
+    @property
+    def largest(self) -> Amplitude:
+        """Its parameter that is largest in typical sizes."""
+        return max(self.amplitudes, key=lambda one: one.times_typical)
+
+    @property
+    def enormous(self) -> Amplitude | None:
+        """Its parameter that is certainly `MANY` times its typical size; None where none is."""
+        most = max(self.amplitudes, key=lambda one: one.at_least_typical)
+        return most if most.at_least_typical > MANY else None
 
 
 @dataclass(frozen=True)
