@@ -9,17 +9,22 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from pipeline.answer.contract import Reason
+from pipeline.answer.contract import Carried, Reason
 from pipeline.base.quantities import common_prefix, plain, prefixed, with_std
 from pipeline.diagnosis.average import LIKELY
 from pipeline.diagnosis.facts import ROUGH, Cause, Drift, Facts
 from pipeline.diagnosis.finding import Finding
 from pipeline.diagnosis.verdict import certain, findings, outside_likelier, two_laws
+from pipeline.machine.effect import Effect
 from pipeline.machine.effects.tracker_drift import HOUR_S
 
 _NOTICED = 1.15
 """Remainder ratio above which what is left is more than chance, and stated [1]:
 a chi-squared a third above its expectation."""
+
+_ONE_PULL = 1.0
+"""A cause that one pull moves by more of its standard uncertainties hangs on it [1]: without that
+pull it is elsewhere than was stated (Cook, Technometrics 19, 1977)."""
 
 _RIVALS = 3
 """So many rivals of one cause are listed in a sentence."""
@@ -123,6 +128,23 @@ def enormous(cause: Cause) -> str | None:
         f"{capital(cause.effect.called)} is {plain(most.times_typical, 2)} times its usual size: "
         f"{most.parameter.name} = {size}{shown}, and {plain(usual / factor)}{shown} is usual. "
         f"Something else may stand behind it; what would settle it: {cause.effect.needs}."
+    )
+
+
+def hangs_on(cause: Effect, most: Carried) -> str | None:
+    """That a cause rests on one pull; None where it does not.
+
+    Args:
+        cause: The cause.
+        most: The pull that carries most of it.
+    """
+    if most.moves_sigmas is not None and most.moves_sigmas <= _ONE_PULL:
+        return None
+    lost = f"nothing determines {most.what}"
+    moves = f"{most.what} moves by {plain(most.moves_sigmas, 2)} of its standard uncertainties"
+    return (
+        f"{capital(cause.called)} hangs on pull {most.repeat} of pose {most.pose}: without it "
+        f"{lost if most.moves_sigmas is None else moves}; measure that pose again."
     )
 
 
