@@ -66,6 +66,10 @@ ROWS = {
     Finding.REFLECTORS_LOOSE: (replace(FOUND, loose_p=1e-6), Verdict.UNEXPLAINED),
     Finding.NO_CAUSE_FITS: (Facts(detected=True), Verdict.UNEXPLAINED),
     Finding.PREDICTS_WORSE: (replace(FOUND, gain=gain(-0.1, -0.5)), Verdict.UNEXPLAINED),
+    Finding.UNCONFIRMED: (
+        replace(FOUND, gain=gain(0.1, -0.1), scatter_told=False),
+        Verdict.UNEXPLAINED,
+    ),
     Finding.REMAINDER: (replace(FOUND, explains=False, remainder=2.0), Verdict.UNEXPLAINED),
     Finding.OUTSIDE_CATALOGUE: (replace(FOUND, outside=STRANGE), Verdict.UNEXPLAINED),
     Finding.GAIN_UNCERTAIN: (replace(FOUND, gain=gain(0.1, -0.1)), Verdict.AMBIGUOUS),
@@ -96,6 +100,16 @@ def test_each_row_gives_its_verdict_and_a_sentence(finding):
     assert said[0].isupper()
     assert said.endswith(".")
     assert "_" not in said, "a machine's name in a sentence"
+
+
+def test_a_cause_needs_a_certain_gain_where_nobody_knows_the_scatter():
+    """With the interval above zero it is identified, else it is not even named."""
+    sure = replace(FOUND, gain=gain(0.1, 0.01), scatter_told=False)
+
+    assert sure.helps
+    assert verdict(sure) is Verdict.EXPLAINED
+    assert not replace(sure, gain=gain(0.1, -0.01)).helps
+    assert replace(sure, gain=gain(0.1, -0.01), scatter_told=True).helps
 
 
 def test_every_finding_stands_in_one_row():

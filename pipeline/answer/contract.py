@@ -293,12 +293,25 @@ class Rival(Placed):
     probability: Share
 
 
+class AsGood(Placed):
+    """Something outside the catalogue that predicts left-out poses as well as the cause."""
+
+    reduction: Number = Field(
+        description="fraction by which the error falls with it in the cause's place"
+    )
+    ci95: Interval
+    times_typical: Number = Field(description="its largest parameter over the usual size of that")
+
+
 class Unnamed(Fact):
     """How likely a cause is none of the catalogue."""
 
     probability: Share
     looks_like: str
     where: Where
+    as_good: tuple[AsGood, ...] = Field(
+        default=(), description="what predicts as well in the cause's place, the best first"
+    )
 
 
 class Gain(Fact):

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from pipeline.answer.contract import Carried, Reason
-from pipeline.base.quantities import common_prefix, plain, prefixed, with_std
+from pipeline.base.quantities import common_prefix, percent, plain, prefixed, with_std
 from pipeline.diagnosis.average import LIKELY
 from pipeline.diagnosis.facts import ROUGH, Cause, Drift, Facts
 from pipeline.diagnosis.finding import Finding
@@ -74,6 +74,17 @@ def _predicts_worse(facts: Facts) -> str:
         f"{_names(facts.causes)}, {nearest}, makes predictions worse (cross-validation error "
         f"{1e3 * facts.gain.rms_before_m:.3g} mm without, {1e3 * facts.gain.rms_after_m:.3g} mm "
         "with)."
+    )
+
+
+def _unconfirmed(facts: Facts) -> str:
+    assert facts.gain is not None
+    low, high = facts.gain.ci95
+    return (
+        f"{_names(facts.causes)} come{_ending(facts)} nearest, but nobody knows how the readings "
+        "scatter, and left-out poses do not confirm it: their error falls by "
+        f"{percent(facts.gain.reduction)}, 95 % interval {percent(low)} to {percent(high)}, which "
+        "may be chance. Nothing is named."
     )
 
 
@@ -211,6 +222,7 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
         "Something is missing from the model, and no known cause explains it."
     ),
     Finding.PREDICTS_WORSE: _predicts_worse,
+    Finding.UNCONFIRMED: _unconfirmed,
     Finding.REMAINDER: _remainder,
     Finding.OUTSIDE_CATALOGUE: lambda facts: (
         f"{_names(facts.causes)} come{_ending(facts)} nearest, but {_looks_like(facts)}"

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import special
 
-from pipeline.base.arrays import Array, Bools, Locked
+from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import Effect
 from pipeline.system.estimate import identifiable
@@ -83,6 +83,21 @@ class Springs(Locked):
     def std(self) -> Array:
         """Standard uncertainty of `value`, shape (n,)."""
         return np.sqrt(np.diag(self.cov))
+
+
+@dataclass(frozen=True)
+class Size:
+    """One parameter of a cause over the hypotheses that hold it.
+
+    Attributes:
+        value: Best estimate, SI.
+        std: Its standard uncertainty; infinite where undetermined.
+        ci95: 95 % interval.
+    """
+
+    value: float
+    std: float
+    ci95: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -162,19 +177,51 @@ def average(weights: ArrayLike, values: Array, covs: Array) -> tuple[Array, Arra
 
 
 def springs(hypotheses: Sequence[Hypothesis]) -> Springs:
-    """The compliances over all hypotheses.
+    """The compliances over all hypotheses; their intervals are those of `_over`."""
+    n = _springs(hypotheses[0])
+    value, cov, low, high = _over(hypotheses, [np.arange(n)] * len(hypotheses))
+    sure = np.all([_determined(one) for one in hypotheses], axis=0)
+    if len(hypotheses) > 1:
+        typical = np.array([p.typical for p in hypotheses[0].estimate.parameters[:n]])
+        sure &= identifiable(typical, value, np.sqrt(np.diag(cov)))
+    return Springs(value, cov, low, high, sure)
 
-    The 95 % interval is that of the mixture, from its quantiles at 2.5 and 97.5 %,
+
+def size(hypotheses: Sequence[Hypothesis], effect: Effect, k: int) -> Size:
+    """One parameter of a cause over the hypotheses that hold it, by their weights if it is there.
+
+    Those with another of its forms have no say: the same letter is another size in another law.
+    """
+    name, law = effect.parameters[k].name, (effect.label, effect.form)
+    held = [h for h in hypotheses if law in {(one.label, one.form) for one in h.effects}]
+    names = [[parameter.name for parameter in one.estimate.parameters] for one in held]
+    at = [np.array([each.index(name)]) for each in names]
+    total = sum(one.weight for one in held)
+    held = [replace(one, weight=one.weight / total if total else 1 / len(held)) for one in held]
+    value, cov, low, high = _over(held, at)
+    return Size(value.item(), float(np.sqrt(cov.item())), (low.item(), high.item()))
+
+
+def _over(
+    hypotheses: Sequence[Hypothesis], at: Sequence[Ints]
+) -> tuple[Array, Array, Array, Array]:
+    """Value (n,), covariance (n, n) and ends of the 95 % interval (n,) of the same n parameters.
+
+    The interval is that of the mixture, from its quantiles at 2.5 and 97.5 %,
 
         sum_h w_h Phi((x - x_h) / s_h) = p,    s_h = t_h u(x_h) / 1.96,
 
     t_h the quantile of hypothesis h, widened until it holds x_h +- t_h u(x_h) of every hypothesis
     above `LIKELY`: whichever of them is true.
+
+    Args:
+        hypotheses: What may be true, weights sum to one.
+        at: Where the parameters stand in each of their estimates, shape (n,) each.
     """
-    n = _springs(hypotheses[0])
     weights = np.array([one.weight for one in hypotheses])
-    values = np.stack([one.estimate.value[:n] for one in hypotheses])
-    covs = np.stack([one.estimate.cov[:n, :n] for one in hypotheses])
+    each = [(one.estimate, k) for one, k in zip(hypotheses, at, strict=True)]
+    values = np.stack([estimate.value[k] for estimate, k in each])
+    covs = np.stack([estimate.cov[np.ix_(k, k)] for estimate, k in each])
     value, cov = average(weights, values, covs)
     std = np.sqrt(np.einsum("hii->hi", covs))
     quantile = np.array([one.estimate.quantile for one in hypotheses])[:, None]
@@ -184,11 +231,7 @@ def springs(hypotheses: Sequence[Hypothesis]) -> Springs:
     if len(hypotheses) > 1:
         ends = [_quantile(p, weights, values, std * quantile / _NORMAL) for p in _COVERED]
         low, high = np.minimum(low, ends[0]), np.maximum(high, ends[1])
-    sure = np.all([_determined(one) for one in hypotheses], axis=0)
-    if len(hypotheses) > 1:
-        typical = np.array([p.typical for p in hypotheses[0].estimate.parameters[:n]])
-        sure &= identifiable(typical, value, np.sqrt(np.diag(cov)))
-    return Springs(value, cov, low, high, sure)
+    return value, cov, low, high
 
 
 _NORMAL = float(special.ndtri(_COVERED[1]))

@@ -77,11 +77,12 @@ def diagnose(
     case = replace(case, refuted=stood.visible)
     case, spread, found = _searched(case, spread, estimate.value, rng)
     worth = _gain(case, found, rng)
-    causes = of_displacements(case, found, worth, where, known)
+    facts = replace(_facts(case, found, spread), gain=worth)
+    sets = hypotheses(case, found, stood.believed, facts.helps)
+    causes = of_displacements(case, found, worth, where, known, sets, rng.spawn(1)[0])
     facts = replace(
-        _facts(case, found, spread),
+        facts,
         causes=causes,
-        gain=worth,
         scatter=of_scatter(whole, spread),
         beyond_a_tracker=estimate.p_value is None and not fits(estimate),
         unloaded=stood,
@@ -109,7 +110,7 @@ def diagnose(
         equilibrium=case.cell.equilibrium,
         apart=separation(found.first.M, found.first.base, found.first.at[main]),
         apart_labels=tuple(by_label(case.suspects)),
-        hypotheses=hypotheses(case, found, stood.believed, facts.helps),
+        hypotheses=sets,
         **_left_out(found, worth, facts.helps),
         noise_floor_m=rms(found.first.spread),
         stood_off_m=(stood.miss_m, stood.left_m),
@@ -158,6 +159,7 @@ def _facts(case: Case, found: Found, spread: Scatter) -> Facts:
         loose_p=found.first.soft_p,
         scale_ratio=case.force_noise,
         tracker_ratio=case.noise,
+        scatter_told=case.data.noise_stated or spread.known_from == "contrasts",
         beyond_certificate=_beyond_certificate(spread, case.data.noise_stated),
     )
 

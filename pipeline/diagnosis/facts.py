@@ -80,6 +80,23 @@ class Alone:
 
 
 @dataclass(frozen=True)
+class AsGood:
+    """Something without a name that predicts left-out poses as well as a cause in its place.
+
+    Attributes:
+        effect: What it is like.
+        reduction: Fraction by which it lets the cross-validation rms fall, beside the other causes.
+        ci95: Its interval by bootstrap over poses.
+        times_typical: Its largest parameter over the usual size of that.
+    """
+
+    effect: Effect
+    reduction: float
+    ci95: tuple[float, float]
+    times_typical: float
+
+
+@dataclass(frozen=True)
 class BlindSpot:
     """One cause that would have gone unnoticed at its typical size.
 
@@ -304,6 +321,7 @@ class Cause(Locked):
         rivals: The others, likeliest first.
         unnamed: What has no name and would stand there instead, and how likely something without
             a name does; None where nothing was asked.
+        as_good: What has no name and predicts as well in its place, the best first.
         twins: Labels of rivals that no pose separates from it.
         gain: Cross-validation error without and with all identified causes; None for causes of
             scatter and for a drift that the base reflectors show.
@@ -317,6 +335,7 @@ class Cause(Locked):
     p_value: float
     rivals: tuple[Named, ...] = ()
     unnamed: Named | None = None
+    as_good: tuple[AsGood, ...] = ()
     twins: tuple[str, ...] = ()
     gain: Gain | None = None
     test_pose_change_m: float | None = None
@@ -375,6 +394,8 @@ class Facts:
         loose_p: Chance that the reflectors only seem to move against each other under load.
         scale_ratio: Scatter of the scale found over stated, relative to the tracker's, where only
             this makes the remainder scatter; else 1.
+        scatter_told: The scatter of the readings is known from more than what the model leaves:
+            stated, or found in contrasts that no model of the robot can make.
         tracker_ratio: Scatter of the tracker found over the noise in use, which is not the stated
             one where repeats have corrected it.
         scatter: Causes of scatter.
@@ -396,6 +417,7 @@ class Facts:
     loose_p: float = 1.0
     scale_ratio: float = 1.0
     tracker_ratio: float = 1.0
+    scatter_told: bool = True
     scatter: tuple[Cause, ...] = ()
     beyond_certificate: bool = False
     beyond_a_tracker: bool = False
@@ -407,8 +429,14 @@ class Facts:
 
     @property
     def helps(self) -> bool:
-        """The causes predict left-out poses better than the joint springs alone do."""
-        return self.gain is None or self.gain.reduction > 0
+        """The causes predict left-out poses better than the joint springs alone do.
+
+        For certain, where only what the model leaves tells how the readings scatter: a test that
+        rests on its own residuals takes for granted that these are normal and all of one size.
+        """
+        if self.gain is None:
+            return True
+        return (self.gain.reduction if self.scatter_told else self.gain.ci95[0]) > 0
 
 
 @dataclass(frozen=True, eq=False)

@@ -42,6 +42,11 @@ def hypotheses(case: Case, found: Found, moved: bool, helps: bool) -> tuple[Hypo
     return weighed([own, *(_other(case, found, one) for one in others)])
 
 
+def accepted(case: Case, found: Found) -> Hypothesis:
+    """The accepted causes alone, whether or not they are worth anything."""
+    return _hypothesis(case, found.view.model, found.seen, 1.0)
+
+
 @dataclass(frozen=True)
 class _Set:
     """Causes that may be at work together.
