@@ -55,9 +55,9 @@ def amplitudes(case: Case, view: Whitened) -> list[tuple[Amplitude, ...]]:
 def averaged(case: Case, view: Whitened, sets: Sequence[Hypothesis]) -> list[tuple[Amplitude, ...]]:
     """The same over all hypotheses that hold the cause, as the springs are (`average.size`).
 
-    Their covariance holds what the springs' does: the stated noise, how far the laws may be
-    others, and what is left over the scatter. The likelihood of a cause that is not elastic bends
-    the interval; its ends are as many times farther away as those of `_profile` are.
+    Their covariance holds what the springs' does: the stated noise, how far each pull may deviate
+    from the laws, and what is left over the scatter. The likelihood of a cause that is not elastic
+    bends the interval; its ends are as many times farther away as those of `_profile` are.
 
     Args:
         case: The case.

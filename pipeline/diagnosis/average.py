@@ -50,6 +50,8 @@ class Hypothesis:
         instead: Each identified cause whose place another one has taken: (cause, rival), labels.
         ratio: What it leaves over the scatter of the readings, 1 at least; its uncertainties hold
             this factor (Birge, Physical Review 40 (1932) 207).
+        sized: Its solution where each cause follows its own law, pull by pull to its tolerance: no
+            other law of the same element takes a part of it; None where that is `estimate`.
     """
 
     weight: float
@@ -59,6 +61,7 @@ class Hypothesis:
     estimate: Estimate
     instead: tuple[tuple[str, str], ...] = ()
     ratio: float = 1.0
+    sized: Estimate | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +196,11 @@ def size(hypotheses: Sequence[Hypothesis], effect: Effect, k: int) -> Size:
     Those with another of its forms have no say: the same letter is another size in another law.
     """
     name, law = effect.parameters[k].name, (effect.label, effect.form)
-    held = [h for h in hypotheses if law in {(one.label, one.form) for one in h.effects}]
+    held = [
+        replace(one, estimate=one.sized or one.estimate)
+        for one in hypotheses
+        if law in {(own.label, own.form) for own in one.effects}
+    ]
     names = [[parameter.name for parameter in one.estimate.parameters] for one in held]
     at = [np.array([each.index(name)]) for each in names]
     total = sum(one.weight for one in held)
