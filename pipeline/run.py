@@ -18,6 +18,7 @@ from pipeline.answer.answer import answer as answer_of
 from pipeline.answer.contract import Answer, Which
 from pipeline.answer.findings import Findings, Told
 from pipeline.answer.recommended import Basis, Values, decide, identified, joint_springs, recommend
+from pipeline.answer.reliability import control
 from pipeline.answer.tables import (
     covariance_table,
     errors_table,
@@ -184,6 +185,7 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
         paper = _told(springs.model(name, word, row), springs, where, step)
     else:
         paper = told
+    controls, carried = step(control)(values, where)
     found = Findings(
         campaign=name,
         raw=raw,
@@ -196,6 +198,8 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
         springs=paper,
         extended=identified(right, diagnosis),
         where=where,
+        control=controls,
+        carried=carried,
     )
     shown = {**right.reduced.shown, "rejected": case.rejected, **_kept(found, keep, step)}
     return Answered(answer_of(found), shown, told.model)
@@ -228,6 +232,7 @@ def _kept(found: Findings, keep: Keep, step: Step) -> dict[str, pd.DataFrame]:
         keep(f"41_covariance{suffix}", cov, tables.covariance(names))
     residuals = residuals_table(system, values.first.estimate, values.left_out_m)
     cell, data = found.right.case.cell, found.right.data
+    keep("44_influence", found.carried, tables.INFLUENCE)
     examined = examined_table(said, cell, data, found.right.system, found.right.estimate)
     mine, alone = found.told.model.hypotheses, found.springs.model.hypotheses
     soft = step(workspace)(mine, where)
@@ -235,6 +240,7 @@ def _kept(found: Findings, keep: Keep, step: Step) -> dict[str, pd.DataFrame]:
     checked = no_validation() if found.told.checked is None else found.told.checked
     return {
         "residuals": keep("42_residuals", residuals, tables.RESIDUALS),
+        "reliability": keep("43_reliability", found.control, tables.RELIABILITY),
         "examined": keep("50_examined", examined, tables.examined(found.raw.robot)),
         "diagnosis": keep("51_diagnosis", clues_table(said), tables.DIAGNOSIS),
         "separability": keep("52_separability", apart_table(said), tables.SEPARABILITY),

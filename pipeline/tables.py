@@ -191,6 +191,38 @@ RESIDUALS = _promise(
     ),
 )
 
+RELIABILITY = _promise(
+    "reliability",
+    "source,reading,axis",
+    _word("source", "source of the error, as in `errors`; base: a reading of a base reflector"),
+    _text(
+        "reading", "group/target, or line of the load log; null for an error of no reading", True
+    ),
+    _FILE.with_type(_WORD).with_nullable(True),
+    _LINE.with_nullable(True),
+    _word("axis", "axis of F_b nearest to the error, null where it has no direction", True),
+    _number("r", "1", "redundancy: the part of the error that the residuals show, 0 to 1"),
+    _number("w", "1", "standardised residual, normal with variance 1 if there is no blunder"),
+    _number("smallest_visible", "see unit", "size that w shows in 80 % of the cases; inf: none"),
+    _text("unit", "of smallest_visible; 1: standard uncertainties"),
+    _number("moves_sigmas", "1", "what that size moves most, in its standard uncertainties"),
+    _text("moves_most", "what it moves most: a stiffness, or a target's deflection at test pose"),
+)
+"""How well the readings control each other: one row for each column of G, then the base readings.
+
+The r of all columns of G add up to rows minus parameters, those of the base readings, which have
+an adjustment of their own, to their number times three minus six.
+"""
+
+INFLUENCE = _promise(
+    "influence",
+    "pose,repeat,what",
+    *_PULL,
+    _word("what", "parameter of the model: compliance of a joint, or size of a cause"),
+    _number("moves_sigmas", "1", "how far it moves without this pull, in standard uncertainties"),
+)
+"""What each pull carries of what is estimated; a parameter that is not determined is left out."""
+
 ESTIMATE = _promise(
     "estimate",
     "parameter",

@@ -1,6 +1,7 @@
 """Sizes of causes: numpy's fit and Student for springs, the likelihood's profile for the rest."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,8 +10,9 @@ from scipy import optimize, stats
 from small_case import asked, small
 
 from pipeline.diagnosis import amplitude
-from pipeline.diagnosis.amplitude import amplitudes
+from pipeline.diagnosis.amplitude import amplitudes, averaged
 from pipeline.diagnosis.diagnose import case_of as real_case
+from pipeline.diagnosis.hypotheses import accepted
 from pipeline.machine.cell import predict
 from pipeline.machine.effect import Elastic
 
@@ -148,3 +150,31 @@ def test_a_flat_likelihood_is_bounded(bent, monkeypatch):
         monkeypatch.setattr(amplitude, "_rise", lambda *_, rise=rise: 2.5 * rise)
         low, high = amplitude._profile(view, which, parameter, 10.0, 2.0, 2.5)
         assert (low, high) == pytest.approx((10 - 3.92 * reach, 10 + 3.92 * reach))
+
+
+def test_the_laws_tolerance_reaches_the_interval(bent):
+    """By numpy: V has how far each pull may deviate from the law; the ends bend as before."""
+    real, view, which = bent
+    found = SimpleNamespace(view=view, seen=view.seen)
+    own = accepted(real, found)
+    ((first, *_),) = averaged(real, view, (own,))
+    ((plain, *_),) = amplitudes(real, view)
+    system, k = own.system, view.springs
+    law, common = system.errors.source == "law", system.errors.common
+    G = system.errors.G.toarray()[:, ~(law & common)]
+    typical = np.array([p.typical for p in system.parameters])
+    B, W = system.B * typical, np.linalg.inv(G @ G.T)
+    cov = np.linalg.inv(B.T @ W @ B)
+    x = cov @ B.T @ W @ system.c
+    without = system.errors.G.toarray()[:, ~law]
+    W = np.linalg.inv(without @ without.T)
+
+    assert first.value == pytest.approx(x[k] * typical[k], rel=1e-6)
+    assert first.std == pytest.approx(own.ratio * np.sqrt(cov[k, k]) * typical[k], rel=1e-6)
+    assert law.sum() > (law & common).sum() > 0, "deviations pull by pull, and other laws"
+    bare = own.ratio * np.sqrt(np.linalg.inv(B.T @ W @ B)[k, k]) * typical[k]
+    assert first.std > 1.003 * bare
+    for end, alone in zip(first.ci95, plain.ci95, strict=True):
+        bends = abs(alone - plain.value) / plain.std
+        assert abs(end - first.value) / first.std == pytest.approx(bends, rel=1e-4)
+    assert which in view.model.accepted

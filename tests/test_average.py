@@ -15,6 +15,7 @@ from pipeline.diagnosis.average import (
     Hypothesis,
     average,
     dependences,
+    size,
     springs,
     weighed,
 )
@@ -110,6 +111,34 @@ def test_an_unlikely_hypothesis_widens_the_interval_as_draws_do():
     assert high > 1.1
     assert found.high / X == pytest.approx(high, abs=2e-3)
     assert found.low / X == pytest.approx(min(low, 1 - 0.0196), abs=1e-3)
+
+
+def sized(weight, value, std, label):
+    """A hypothesis whose cause's first parameter has a value [rad/(N m)]."""
+    one = hypothesis(weight, instead=label)
+    cov, x = one.estimate.cov.copy(), one.estimate.value.copy()
+    x[7], cov[7, 7] = value, std**2
+    return replace(one, estimate=replace(one.estimate, value=x, cov=cov))
+
+
+def test_the_size_of_a_cause_is_that_of_draws_from_the_hypotheses_that_hold_it():
+    """Weights given that the cause is there; one with another cause in its place has no say."""
+    rng = np.random.default_rng(4)
+    several = [
+        sized(0.5, 3.0e-7, 2e-8, "joint_tilt:5"),
+        sized(0.3, 9.0e-7, 1e-8, "joint_tilt:6"),
+        sized(0.2, 4.0e-7, 1e-8, "joint_tilt:5"),
+    ]
+
+    found = size(several, EFFECTS["joint_tilt:5"], 0)
+
+    which = rng.random(400_000) < 0.2 / 0.7
+    z = rng.standard_normal(len(which))
+    drawn = np.where(which, 4.0e-7 + 1e-8 * z, 3.0e-7 + 2e-8 * z)
+    assert found.value == pytest.approx(drawn.mean(), rel=2e-3)
+    assert found.std == pytest.approx(drawn.std(), rel=5e-3)
+    assert found.ci95[0] == pytest.approx(3.0e-7 - 1.96 * 2e-8, rel=2e-3)
+    assert found.ci95[1] == pytest.approx(4.0e-7 + 1.96 * 1e-8, rel=2e-3)
 
 
 def test_every_interval_holds_whichever_likely_hypothesis_is_true():

@@ -7,7 +7,7 @@ import pytest
 from linear_campaign import EACH, FREE, POSES, SPRINGS, case_of, made, suspect
 from scipy import stats
 
-from pipeline.diagnosis.improvement import _choose, alone, gain, interval
+from pipeline.diagnosis.improvement import _choose, alone, as_good, gain, interval
 
 SUSPECTS = (suspect("a", FREE), suspect("b", FREE, FREE), suspect("a", FREE), suspect("d", FREE))
 POSE = np.repeat(np.arange(POSES), EACH)
@@ -147,3 +147,23 @@ def test_a_cause_is_chosen_by_its_chance_in_the_poses_that_stay():
 
     assert chosen(1.001 * p) == ("d",)
     assert chosen(0.999 * p) == ()
+
+
+def test_what_has_no_name_and_predicts_as_well_is_told():
+    """A cause at three typical sizes, its likeness without a name, and one like nothing there."""
+    several = tuple(suspect(name, FREE) for name in "abxyz")
+    alike = made(
+        np.random.default_rng(5), several, {0: [3.0], 1: [1.0]}, alike={2: (0, 0.02), 4: (1, 0.02)}
+    )
+    view = alike.view((0, 1))
+
+    (one,) = as_good(view, 0, 2, np.random.default_rng(6))
+
+    without, instead = left_out(alike, 1), left_out(alike, 1, 2)
+    assert one.effect.label == "x"
+    assert one.reduction == pytest.approx(
+        1 - np.sqrt(np.mean(instead**2) / np.mean(without**2)), rel=1e-6
+    )
+    x = np.linalg.lstsq(alike.columns(1, 2), alike.y, rcond=None)[0]
+    assert one.times_typical == pytest.approx(abs(x[-1]), rel=1e-6)
+    assert one.ci95[0] > 0

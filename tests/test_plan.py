@@ -6,18 +6,21 @@ import tomllib
 
 import numpy as np
 import pytest
+import scipy.linalg
 
 from pipeline.app import cli
 from pipeline.app.commands.design import added_to, write
 from pipeline.base.errors import InputError, UsageError
 from pipeline.design import problem
 from pipeline.design import spec as specs
-from pipeline.design.discriminate import APART, lens, rows, sights
+from pipeline.design.control import controls
+from pipeline.design.discriminate import APART, _covariance, lens, rows, sights
 from pipeline.design.information import information, station
 from pipeline.design.known import information_of
 from pipeline.design.made import Made
 from pipeline.design.measurement import Measurement, of_plan, seen_by
 from pipeline.design.planfile import plan_content
+from pipeline.design.problem import with_steps
 from pipeline.design.propose import Proposal
 from pipeline.design.schedule import crossed, pulls_at, starts
 from pipeline.design.search import Plan, evaluate
@@ -312,6 +315,44 @@ def test_each_pose_says_where_to_drive_and_how_to_pull(proposal):
     turned = [row[1].text for row in _log(proposal.problem, 0, twice.steps[0], moved).rows]
 
     assert turned == ["tighten to", "release, tighten to"]
+
+
+@pytest.fixture(scope="module")
+def readings(proposal):
+    """What the readings of the plan would tell of each other."""
+    return controls(proposal.problem, proposal.measurement)
+
+
+def test_a_plan_knows_which_readings_nobody_will_control(proposal, readings):
+    """That of the scale is what g' W (I - H) g of the whole plan gives, in plain numpy."""
+    view, measurement = lens(proposal.problem), proposal.measurement
+    steps, zero = measurement.steps[0], np.zeros(len(measurement.q))
+    made = with_steps(proposal.problem, steps)
+    V = _covariance(made, measurement.q, measurement.anchor)
+    X = rows(view, measurement.q, measurement.anchor, measurement.approach, steps, zero)
+    B = np.linalg.cholesky(V) @ X[:, :, : view.springs]
+    force = next(one for one in readings if one.source == "force_reading")
+    size = made.scatter.force_std[force.pull - 1]
+    g = np.zeros((len(V), len(steps), B.shape[1] // len(steps)))
+    moved = B.sum(axis=2).reshape(g.shape) / np.abs(steps)[:, None]
+    g[force.pose - 1, force.pull - 1] = size * moved[force.pose - 1, force.pull - 1]
+    W, B, g = np.linalg.inv(scipy.linalg.block_diag(*V)), np.concatenate(B), g.ravel()
+    r = g @ (W - W @ B @ np.linalg.pinv(B.T @ W @ B) @ B.T @ W) @ g
+
+    assert force.r == pytest.approx(r, rel=1e-6)
+    assert force.visible == pytest.approx(4.1321 * size / np.sqrt(r), rel=1e-4)
+    assert {one.source for one in readings} == {"tracker", "zero", "force_reading"}
+
+
+def test_the_sheet_says_which_readings_nobody_controls(proposal, readings):
+    """Ten of them, the least controlled first, and the one that does most harm unseen."""
+    report = sheet(proposal, Extras(proposal.sights(), controls=readings), 1.0)
+    section = next(s for s in report.sections if s.key == "control")
+    worst = max(readings, key=lambda one: one.moves)
+
+    assert len(section.blocks[1].rows) == 10
+    assert [one.r for one in readings] == sorted(one.r for one in readings)
+    assert f"pose {worst.pose}" in section.blocks[0].text
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pipeline.answer.words import why
+from pipeline.answer.words import enormous, why
 from pipeline.diagnosis.facts import NOTHING, Amplitude, Cause, Facts, Gain, Named
 from pipeline.diagnosis.finding import Finding, Verdict
 from pipeline.diagnosis.verdict import TABLE, findings, verdict
@@ -66,6 +66,10 @@ ROWS = {
     Finding.REFLECTORS_LOOSE: (replace(FOUND, loose_p=1e-6), Verdict.UNEXPLAINED),
     Finding.NO_CAUSE_FITS: (Facts(detected=True), Verdict.UNEXPLAINED),
     Finding.PREDICTS_WORSE: (replace(FOUND, gain=gain(-0.1, -0.5)), Verdict.UNEXPLAINED),
+    Finding.UNCONFIRMED: (
+        replace(FOUND, gain=gain(0.1, -0.1), scatter_told=False),
+        Verdict.UNEXPLAINED,
+    ),
     Finding.REMAINDER: (replace(FOUND, explains=False, remainder=2.0), Verdict.UNEXPLAINED),
     Finding.OUTSIDE_CATALOGUE: (replace(FOUND, outside=STRANGE), Verdict.UNEXPLAINED),
     Finding.GAIN_UNCERTAIN: (replace(FOUND, gain=gain(0.1, -0.1)), Verdict.AMBIGUOUS),
@@ -96,6 +100,16 @@ def test_each_row_gives_its_verdict_and_a_sentence(finding):
     assert said[0].isupper()
     assert said.endswith(".")
     assert "_" not in said, "a machine's name in a sentence"
+
+
+def test_a_cause_needs_a_certain_gain_where_nobody_knows_the_scatter():
+    """With the interval above zero it is identified, else it is not even named."""
+    sure = replace(FOUND, gain=gain(0.1, 0.01), scatter_told=False)
+
+    assert sure.helps
+    assert verdict(sure) is Verdict.EXPLAINED
+    assert not replace(sure, gain=gain(0.1, -0.01)).helps
+    assert replace(sure, gain=gain(0.1, -0.01), scatter_told=True).helps
 
 
 def test_every_finding_stands_in_one_row():
@@ -141,3 +155,23 @@ def test_nothing_is_told_of_displacements_that_hold_nothing():
 def test_of_two_findings_on_the_displacements_the_first_is_told(facts, finding):
     """The order of the rows is the order of what matters."""
     assert findings(facts)[-1].finding is finding
+
+
+@pytest.mark.parametrize(
+    ("times", "std", "told"), [(26, 4, True), (26, 9, False), (-26, 4, True), (9, 0.1, False)]
+)
+def test_a_cause_certainly_many_times_its_usual_size_is_said_to_be(times, std, told):
+    """An offset of 26 times the usual 5 mm is told, one that may be less than ten times is not."""
+    one = effect("load_point_offset")
+    sizes = [Amplitude.symmetric(p, p.typical, p.typical) for p in one.parameters]
+    sizes[1] = Amplitude.symmetric(one.parameters[1], times * 5e-3, std * 5e-3)
+    found = Cause(one, 0.99, tuple(sizes), 1e-9)
+
+    said = enormous(found)
+
+    assert found.largest.times_typical == pytest.approx(abs(times))
+    assert (said is not None) == told
+    if said is not None:
+        assert "is 26 times its usual size: dl_y = " in said
+        assert "5.00 mm is usual" in said
+        assert one.needs in said

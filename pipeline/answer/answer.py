@@ -16,11 +16,12 @@ from pipeline.answer.inputs import (
     rejected_entries,
 )
 from pipeline.answer.recommended import Values
+from pipeline.answer.reliability import carried_entries, controlled_entries
 from pipeline.answer.remarks import common_factor
 from pipeline.answer.sentences import sentences
 from pipeline.answer.stiffness import budget_entries
 from pipeline.answer.values import stated, values_entry
-from pipeline.answer.words import BECAUSE
+from pipeline.answer.words import BECAUSE, enormous, hangs_on
 from pipeline.machine.effect import Observation
 from pipeline.machine.effects import catalogue
 from pipeline.reduction.register import timed
@@ -34,8 +35,12 @@ def answer(found: Findings) -> Answer:
     base = given.reduced.registration
     fits = registration_entry(base)
     said = [joint.finding for joint in values.stiffness if joint.finding]
-    said += filter(None, [common_factor(values.stiffness)])
+    said += filter(None, [common_factor(values.stiffness), *map(enormous, found.diagnosis.causes)])
     together = combination_entries(found.told.values)
+    carried = carried_entries(found.carried, found.told.values)
+    of = {(effect.name, effect.where): effect for effect in found.told.values.first.effects}
+    causes = [one for one in carried if one.name is not None]
+    said += filter(None, (hangs_on(of[str(one.name), one.where], one) for one in causes))
     return Answer(
         format=1,
         campaign=found.campaign,
@@ -64,6 +69,8 @@ def answer(found: Findings) -> Answer:
             *told(together),
         ),
         registration=fits,
+        reliability=controlled_entries(found.control),
+        influence=carried,
         model=contract.Forward(
             equilibrium=contract.Equilibrium(found.told.values.first.cell.equilibrium)
         ),

@@ -312,12 +312,25 @@ class Rival(Placed):
     probability: Share
 
 
+class AsGood(Placed):
+    """Something outside the catalogue that predicts left-out poses as well as the cause."""
+
+    reduction: Number = Field(
+        description="fraction by which the error falls with it in the cause's place"
+    )
+    ci95: Interval
+    times_typical: Number = Field(description="its largest parameter over the usual size of that")
+
+
 class Unnamed(Fact):
     """How likely a cause is none of the catalogue."""
 
     probability: Share
     looks_like: str
     where: Where
+    as_good: tuple[AsGood, ...] = Field(
+        default=(), description="what predicts as well in the cause's place, the best first"
+    )
 
 
 class Gain(Fact):
@@ -351,6 +364,9 @@ class Cause(Placed):
     probability: Share = Field(description="among the catalogue's causes that could stand there")
     parameters: tuple[Amplitude, ...]
     p_value: Number = Field(description="chance of so much evidence without it")
+    times_typical: Number = Field(
+        default=None, description="its largest parameter over the usual size of that; null: none"
+    )
     rivals: tuple[Rival, ...]
     outside_catalogue: Unnamed | None = None
     twins: tuple[str, ...] = Field(default=(), description="what no pose tells from it")
@@ -503,6 +519,39 @@ class Registration(Fact):
     translation_std_m: tuple[float, float, float]
 
 
+class Controlled(Fact):
+    """One error, and what controls it: a row of the table `reliability`."""
+
+    source: str = Field(description="source of the error; `base`: a base reflector's reading")
+    reading: str | None = Field(description="null for an error of no single reading")
+    file: str | None
+    line: int | None
+    axis: str | None = Field(description="axis of F_b nearest to it")
+    r: float = Field(description="redundancy: the part of it that the residuals show")
+    w: Number = Field(description="standardised residual")
+    smallest_visible: Number = Field(
+        description="found in 80 % of the cases at 0.1 % false alarms; null: no size is"
+    )
+    unit: str = Field(description="of smallest_visible; 1: standard uncertainties")
+    moves_sigmas: Number = Field(
+        description="what that size moves most, in standard uncertainties; null: without limit"
+    )
+    moves_most: str = Field(description="a stiffness, or target and axis of the test pose")
+
+
+class Carried(Fact):
+    """The pull that carries most of a stiffness or of a cause."""
+
+    what: str = Field(description="k_theta2, or the cause's parameter that moves most")
+    name: str | None = Field(description="the cause; null for a stiffness")
+    where: Where
+    pose: int
+    repeat: int
+    moves_sigmas: Number = Field(
+        description="how far it moves without that pull, in standard uncertainties; null: lost"
+    )
+
+
 class Forward(Fact):
     """What the forward model takes into account."""
 
@@ -545,6 +594,12 @@ class Answer(Values, Heading):
     rejected: tuple[Rejected, ...] = Field(description="everything that was left out")
     findings: tuple[str, ...] = Field(description="sentences to act on")
     registration: Registration | None
+    reliability: tuple[Controlled, ...] = Field(
+        default=(), description="the ten errors with the lowest r"
+    )
+    influence: tuple[Carried, ...] = Field(
+        default=(), description="the pull that carries most of each stiffness and cause"
+    )
     model: Forward
     assumptions: tuple[str, ...]
     inputs: tuple[Input, ...]

@@ -108,11 +108,12 @@ def _cause(cause: Cause) -> contract.Cause:
         probability=cause.probability,
         parameters=tuple(map(_amplitude, cause.amplitudes)),
         p_value=cause.p_value,
+        times_typical=cause.largest.times_typical,
         rivals=tuple(
             contract.Rival(name=r.effect.name, where=r.effect.where, probability=r.probability)
             for r in cause.rivals
         ),
-        outside_catalogue=None if cause.unnamed is None else _unnamed(cause.unnamed),
+        outside_catalogue=None if cause.unnamed is None else _unnamed(cause.unnamed, cause),
         twins=cause.twins,
         signature=effect.signature,
         needs=effect.needs,
@@ -130,9 +131,22 @@ def _amplitude(one: Amplitude) -> contract.Amplitude:
     )
 
 
-def _unnamed(one: Named) -> contract.Unnamed:
+def _unnamed(one: Named, cause: Cause) -> contract.Unnamed:
+    as_good = tuple(
+        contract.AsGood(
+            name=other.effect.name,
+            where=other.effect.where,
+            reduction=other.reduction,
+            ci95=other.ci95,
+            times_typical=other.times_typical,
+        )
+        for other in cause.as_good
+    )
     return contract.Unnamed(
-        probability=one.probability, looks_like=one.effect.name, where=one.effect.where
+        probability=one.probability,
+        looks_like=one.effect.name,
+        where=one.effect.where,
+        as_good=as_good,
     )
 
 

@@ -49,6 +49,8 @@ class Findings:
         extended: The identified causes' own fit, on the data that the answer rests on; None
             without causes.
         where: The test pose.
+        control: Table RELIABILITY of those values.
+        carried: Table INFLUENCE of those values.
     """
 
     campaign: str
@@ -62,6 +64,8 @@ class Findings:
     springs: Told
     extended: Values | None
     where: Where
+    control: pd.DataFrame
+    carried: pd.DataFrame
 
     @property
     def mistakes(self) -> tuple[Mistake, ...]:

@@ -9,16 +9,22 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from pipeline.answer.contract import Reason
+from pipeline.answer.contract import Carried, Reason
+from pipeline.base.quantities import common_prefix, percent, plain, prefixed, with_std
 from pipeline.diagnosis.average import LIKELY
 from pipeline.diagnosis.facts import ROUGH, Cause, Drift, Facts
 from pipeline.diagnosis.finding import Finding
 from pipeline.diagnosis.verdict import certain, findings, outside_likelier, two_laws
+from pipeline.machine.effect import Effect
 from pipeline.machine.effects.tracker_drift import GROUP_S, HOUR_S, PER_GROUP
 
 _NOTICED = 1.15
 """Remainder ratio above which what is left is more than chance, and stated [1]:
 a chi-squared a third above its expectation."""
+
+_ONE_PULL = 1.0
+"""A cause that one pull moves by more of its standard uncertainties hangs on it [1]: without that
+pull it is elsewhere than was stated (Cook, Technometrics 19, 1977)."""
 
 _RIVALS = 3
 """So many rivals of one cause are listed in a sentence."""
@@ -71,6 +77,17 @@ def _predicts_worse(facts: Facts) -> str:
     )
 
 
+def _unconfirmed(facts: Facts) -> str:
+    assert facts.gain is not None
+    low, high = facts.gain.ci95
+    return (
+        f"{_names(facts.causes)} come{_ending(facts)} nearest, but nobody knows how the readings "
+        "scatter, and left-out poses do not confirm it: their error falls by "
+        f"{percent(facts.gain.reduction)}, 95 % interval {percent(low)} to {percent(high)}, which "
+        "may be chance. Nothing is named."
+    )
+
+
 def _remainder(facts: Facts) -> str:
     """Causes that come nearest and do not explain the data."""
     names, s = _names(facts.causes), _ending(facts)
@@ -107,6 +124,39 @@ def _rivals(facts: Facts) -> str:
     first = f"{_names(sure)} {'is' if len(sure) == 1 else 'are'} certain. " if sure else ""
     open_ = "; ".join(_or(cause) for cause in facts.causes if not certain(cause))
     return f"{first}The data do not decide between {open_}."
+
+
+def enormous(cause: Cause) -> str | None:
+    """That a cause is many times its usual size, and what would settle it; None where it is not."""
+    most = cause.enormous
+    if most is None:
+        return None
+    usual, unit = most.parameter.typical, most.parameter.unit
+    factor, letter = (1.0, "") if unit == "1" else common_prefix([usual, most.value])
+    size = with_std(most.value / factor, most.std / factor)
+    shown = "" if unit == "1" else f" {prefixed(unit, letter)}"
+    return (
+        f"{capital(cause.effect.called)} is {plain(most.times_typical, 2)} times its usual size: "
+        f"{most.parameter.name} = {size}{shown}, and {plain(usual / factor)}{shown} is usual. "
+        f"Something else may stand behind it; what would settle it: {cause.effect.needs}."
+    )
+
+
+def hangs_on(cause: Effect, most: Carried) -> str | None:
+    """That a cause rests on one pull; None where it does not.
+
+    Args:
+        cause: The cause.
+        most: The pull that carries most of it.
+    """
+    if most.moves_sigmas is not None and most.moves_sigmas <= _ONE_PULL:
+        return None
+    lost = f"nothing determines {most.what}"
+    moves = f"{most.what} moves by {plain(most.moves_sigmas, 2)} of its standard uncertainties"
+    return (
+        f"{capital(cause.called)} hangs on pull {most.repeat} of pose {most.pose}: without it "
+        f"{lost if most.moves_sigmas is None else moves}; measure that pose again."
+    )
 
 
 def _or(cause: Cause) -> str:
@@ -182,6 +232,7 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
         "Something is missing from the model, and no known cause explains it."
     ),
     Finding.PREDICTS_WORSE: _predicts_worse,
+    Finding.UNCONFIRMED: _unconfirmed,
     Finding.REMAINDER: _remainder,
     Finding.OUTSIDE_CATALOGUE: lambda facts: (
         f"{_names(facts.causes)} come{_ending(facts)} nearest, but {_looks_like(facts)}"

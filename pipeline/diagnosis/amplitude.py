@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 from scipy import stats
 
 from pipeline.base import linear
 from pipeline.base.arrays import Parameter
+from pipeline.diagnosis.average import Hypothesis, Size, size
 from pipeline.diagnosis.facts import Amplitude
 from pipeline.diagnosis.identify import Case, of_model
 from pipeline.machine.cell import predict
@@ -14,6 +18,9 @@ from pipeline.machine.effect import Elastic
 from pipeline.system.elimination import coefficients, eliminate
 from pipeline.system.evidence import ROUNDING
 from pipeline.system.whitened import Whitened
+
+_NORMAL = 1.96
+"""Half width of a 95 % interval in standard uncertainties, as `_profile` counts [1]."""
 
 
 def amplitudes(case: Case, view: Whitened) -> list[tuple[Amplitude, ...]]:
@@ -48,6 +55,44 @@ def amplitudes(case: Case, view: Whitened) -> list[tuple[Amplitude, ...]]:
     return out
 
 
+def averaged(case: Case, view: Whitened, sets: Sequence[Hypothesis]) -> list[tuple[Amplitude, ...]]:
+    """The same over all hypotheses that hold the cause, as the springs are (`average.size`).
+
+    Their covariance holds what the springs' does: the stated noise, how far each pull may deviate
+    from the laws, and what is left over the scatter. The likelihood of a cause that is not elastic
+    bends the interval; its ends are as many times farther away as those of `_profile` are.
+
+    Args:
+        case: The case.
+        view: The campaign whitened at the accepted causes.
+        sets: What may be true, the accepted causes first.
+    """
+    out = []
+    for suspect, sizes in zip(view.model.accepted, amplitudes(case, view), strict=True):
+        effect = case.suspects[suspect]
+        over = [size(sets, effect, k) for k in range(len(sizes))]
+        bends = not isinstance(effect, Elastic)
+        each = zip(sizes, over, strict=True)
+        out.append(tuple(_bent(one, mixed) if bends else _of(one, mixed) for one, mixed in each))
+    return out
+
+
+def _of(alone: Amplitude, over: Size) -> Amplitude:
+    return Amplitude(alone.parameter, over.value, over.std, over.ci95)
+
+
+def _bent(alone: Amplitude, over: Size) -> Amplitude:
+    """A size over all hypotheses, its interval bent as that of the accepted cause alone."""
+    straight = _NORMAL * alone.std
+    if not 0 < straight < np.inf:
+        return _of(alone, over)
+    low, high = (
+        over.value + abs(own - alone.value) / straight * (end - over.value)
+        for end, own in zip(over.ci95, alone.ci95, strict=True)
+    )
+    return replace(_of(alone, over), ci95=(low, high))
+
+
 def _profile(
     view: Whitened, suspect: int, parameter: Parameter, value: float, std: float, variance: float
 ) -> tuple[float, float]:
@@ -59,7 +104,7 @@ def _profile(
     force and geometry bend. Elastic causes are linear in their parameters and need none of this.
     """
     out = []
-    for side in (-1.96, 1.96):
+    for side in (-_NORMAL, _NORMAL):
         rise = _rise(view, suspect, parameter, value + side * std) / variance
         out.append(value + side * std * float(np.sqrt(3.84 / max(rise, 1.0))))
     return out[0], out[1]

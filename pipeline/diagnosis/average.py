@@ -52,6 +52,8 @@ class Hypothesis:
         instead: Each identified cause whose place another one has taken: (cause, rival), labels.
         ratio: What it leaves over the scatter of the readings, 1 at least; its uncertainties hold
             this factor (Birge, Physical Review 40 (1932) 207).
+        sized: Its solution where each cause follows its own law, pull by pull to its tolerance: no
+            other law of the same element takes a part of it; None where that is `estimate`.
     """
 
     weight: float
@@ -61,6 +63,7 @@ class Hypothesis:
     estimate: Estimate
     instead: tuple[tuple[str, str], ...] = ()
     ratio: float = 1.0
+    sized: Estimate | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +109,21 @@ class Combination(Locked):
     std: float
     low: float
     high: float
+
+
+@dataclass(frozen=True)
+class Size:
+    """One parameter of a cause over the hypotheses that hold it.
+
+    Attributes:
+        value: Best estimate, SI.
+        std: Its standard uncertainty; infinite where undetermined.
+        ci95: 95 % interval.
+    """
+
+    value: float
+    std: float
+    ci95: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -185,26 +203,58 @@ def average(weights: ArrayLike, values: Array, covs: Array) -> tuple[Array, Arra
 
 
 def springs(hypotheses: Sequence[Hypothesis]) -> Springs:
-    """The compliances over all hypotheses.
-
-    The 95 % interval is that of the mixture, from its quantiles at 2.5 and 97.5 %,
-
-        sum_h w_h Phi((x - x_h) / s_h) = p,    s_h = t_h u(x_h) / 1.96,
-
-    t_h the quantile of hypothesis h, widened until it holds x_h +- t_h u(x_h) of every hypothesis
-    above `LIKELY`: whichever of them is true.
-    """
+    """The compliances over all hypotheses; their intervals are those of `_over`."""
     n = _springs(hypotheses[0])
-    weights = np.array([one.weight for one in hypotheses])
-    values = np.stack([one.estimate.value[:n] for one in hypotheses])
-    covs = np.stack([one.estimate.cov[:n, :n] for one in hypotheses])
-    value, cov = average(weights, values, covs)
-    low, high = _interval(hypotheses, values, np.sqrt(np.einsum("hii->hi", covs)))
+    value, cov, low, high = _over(hypotheses, [np.arange(n)] * len(hypotheses))
     sure = np.all([_determined(one) for one in hypotheses], axis=0)
     if len(hypotheses) > 1:
         typical = np.array([p.typical for p in hypotheses[0].estimate.parameters[:n]])
         sure &= identifiable(typical, value, np.sqrt(np.diag(cov)))
     return Springs(value, cov, low, high, sure)
+
+
+def size(hypotheses: Sequence[Hypothesis], effect: Effect, k: int) -> Size:
+    """One parameter of a cause over the hypotheses that hold it, by their weights if it is there.
+
+    Those with another of its forms have no say: the same letter is another size in another law.
+    """
+    name, law = effect.parameters[k].name, (effect.label, effect.form)
+    held = [
+        replace(one, estimate=one.sized or one.estimate)
+        for one in hypotheses
+        if law in {(own.label, own.form) for own in one.effects}
+    ]
+    names = [[parameter.name for parameter in one.estimate.parameters] for one in held]
+    at = [np.array([each.index(name)]) for each in names]
+    total = sum(one.weight for one in held)
+    held = [replace(one, weight=one.weight / total if total else 1 / len(held)) for one in held]
+    value, cov, low, high = _over(held, at)
+    return Size(value.item(), float(np.sqrt(cov.item())), (low.item(), high.item()))
+
+
+def _over(
+    hypotheses: Sequence[Hypothesis], at: Sequence[Ints]
+) -> tuple[Array, Array, Array, Array]:
+    """Value (n,), covariance (n, n) and ends of the 95 % interval (n,) of the same n parameters.
+
+    The interval is that of the mixture, from its quantiles at 2.5 and 97.5 %,
+
+        sum_h w_h Phi((x - x_h) / s_h) = p,    s_h = t_h u(x_h) / 1.96,
+
+    t_h the quantile of hypothesis h, widened until it holds x_h +- t_h u(x_h) of every hypothesis
+    above `LIKELY`: whichever of them is true.
+
+    Args:
+        hypotheses: What may be true, weights sum to one.
+        at: Where the parameters stand in each of their estimates, shape (n,) each.
+    """
+    weights = np.array([one.weight for one in hypotheses])
+    each = [(one.estimate, k) for one, k in zip(hypotheses, at, strict=True)]
+    values = np.stack([estimate.value[k] for estimate, k in each])
+    covs = np.stack([estimate.cov[np.ix_(k, k)] for estimate, k in each])
+    value, cov = average(weights, values, covs)
+    low, high = _interval(hypotheses, values, np.sqrt(np.einsum("hii->hi", covs)))
+    return value, cov, low, high
 
 
 def _interval(hypotheses: Sequence[Hypothesis], values: Array, std: Array) -> tuple[Array, Array]:

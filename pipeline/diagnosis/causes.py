@@ -7,9 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from pipeline.base.arrays import Array
-from pipeline.diagnosis.amplitude import amplitudes
+from pipeline.diagnosis.amplitude import averaged
+from pipeline.diagnosis.average import Hypothesis
 from pipeline.diagnosis.facts import Amplitude, Cause, Drift, Gain, Named, Standing
+from pipeline.diagnosis.hypotheses import accepted
 from pipeline.diagnosis.identify import NAMELESS, Case, Found
+from pipeline.diagnosis.improvement import as_good
 from pipeline.diagnosis.isolability import Twins
 from pipeline.diagnosis.unloaded_fit import student
 from pipeline.machine.cell import predict
@@ -21,12 +24,29 @@ from pipeline.system.variance import at_most
 
 
 def of_displacements(
-    case: Case, found: Found, worth: Gain | None, where: Where, known: Twins
+    case: Case,
+    found: Found,
+    worth: Gain | None,
+    where: Where,
+    known: Twins,
+    sets: Sequence[Hypothesis],
+    rng: np.random.Generator,
 ) -> tuple[Cause, ...]:
-    """Those that the search accepted, with their cross-validation gain."""
+    """Those that the search accepted, with their cross-validation gain.
+
+    Args:
+        case: The case.
+        found: What was accepted.
+        worth: The gain.
+        where: The test pose.
+        known: Twins.
+        sets: What may be true; without causes where these are worth nothing.
+        rng: Draws the bootstrap.
+    """
     if not found.accepted:
         return ()
-    change, sizes, out = _change(found, where), amplitudes(case, found.plain), []
+    held = sets if sets and sets[0].effects else (accepted(case, found),)
+    change, sizes, out = _change(found, where), averaged(case, found.plain, held), []
     for place, suspect in enumerate(found.accepted):
         effect = case.suspects[suspect]
         standing = [Named(case.suspects[r.suspect], r.probability) for r in found.rivals[place]]
@@ -40,6 +60,9 @@ def of_displacements(
                 p_value=found.p_values[place],
                 rivals=tuple(odds.values()),
                 unnamed=_unnamed(found, place),
+                as_good=as_good(found.wide, place, len(case.suspects), rng)
+                if worth and found.strange
+                else (),
                 twins=known.of(effect.label),
                 gain=worth,
                 test_pose_change_m=change,

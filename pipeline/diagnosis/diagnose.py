@@ -77,11 +77,12 @@ def diagnose(
     case = replace(case, refuted=stood.visible)
     case, spread, found = _searched(case, spread, estimate.value, rng)
     worth = _gain(case, found, rng)
-    causes = of_displacements(case, found, worth, where, known)
+    facts = replace(_facts(case, found, spread), gain=worth)
+    sets = hypotheses(case, found, stood.believed, facts.helps)
+    causes = of_displacements(case, found, worth, where, known, sets, rng.spawn(1)[0])
     facts = replace(
-        _facts(case, found, spread),
+        facts,
         causes=causes,
-        gain=worth,
         scatter=of_scatter(whole, spread),
         beyond_a_tracker=estimate.p_value is None and not fits(estimate),
         unloaded=stood,
@@ -91,8 +92,7 @@ def diagnose(
     held = (facts.causes if facts.helps else ()) + facts.scatter
     drifts = of_base(drift, held)
     facts = replace(facts, drift=drift if drifts else None)
-    may_be = hypotheses(case, found, stood.believed, facts.helps)
-    stated_p, misfit = _misfit(may_be[0].estimate if may_be else estimate, noise)
+    stated_p, misfit = _misfit(sets[0].estimate if sets else estimate, noise)
     facts = replace(facts, stated_p=stated_p, misfit_p=misfit)
     main = [forms[0] for forms in by_label(case.suspects).values()]
     return Diagnosis(
@@ -112,7 +112,7 @@ def diagnose(
         equilibrium=case.cell.equilibrium,
         apart=separation(found.first.M, found.first.base, found.first.at[main]),
         apart_labels=tuple(by_label(case.suspects)),
-        hypotheses=may_be,
+        hypotheses=sets,
         **_left_out(found, worth, facts.helps),
         noise_floor_m=rms(found.first.spread),
         seen=found.seen,
@@ -172,6 +172,7 @@ def _facts(case: Case, found: Found, spread: Scatter) -> Facts:
         loose_p=found.first.soft_p,
         scale_ratio=case.force_noise,
         tracker_ratio=case.noise,
+        scatter_told=case.data.noise_stated or spread.known_from == "contrasts",
         beyond_certificate=_beyond_certificate(spread, case.data.noise_stated),
     )
 

@@ -27,6 +27,11 @@ DETECTED = 5.0
 """Sigmas from which detection of a cause is nearly certain."""
 
 
+MANY = 10.0
+"""A cause so many times its typical size is said to be [1]: typical sizes are estimates and hold to
+a factor of a few (`Effect.source`), so what is beyond an order of magnitude is no usual cause."""
+
+
 @dataclass(frozen=True, eq=False)
 class Gain(Locked):
     """Cross-validation error without and with the causes.
@@ -73,6 +78,23 @@ class Alone:
     probability: float
     reduction: float
     ci95: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class AsGood:
+    """Something without a name that predicts left-out poses as well as a cause in its place.
+
+    Attributes:
+        effect: What it is like.
+        reduction: Fraction by which it lets the cross-validation rms fall, beside the other causes.
+        ci95: Its interval by bootstrap over poses.
+        times_typical: Its largest parameter over the usual size of that.
+    """
+
+    effect: Effect
+    reduction: float
+    ci95: tuple[float, float]
+    times_typical: float
 
 
 @dataclass(frozen=True)
@@ -261,6 +283,17 @@ class Amplitude:
     std: float
     ci95: tuple[float, float]
 
+    @property
+    def times_typical(self) -> float:
+        """|value| over the typical size [1]."""
+        return abs(self.value) / self.parameter.typical
+
+    @property
+    def at_least_typical(self) -> float:
+        """The same at the end of the interval that is nearer to zero; 0 where that holds it."""
+        low, high = self.ci95
+        return max(low, -high, 0.0) / self.parameter.typical
+
     @classmethod
     def symmetric(
         cls, parameter: Parameter, value: float, std: float, quantile: float = 1.96
@@ -289,6 +322,7 @@ class Cause(Locked):
         rivals: The others, likeliest first.
         unnamed: What has no name and would stand there instead, and how likely something without
             a name does; None where nothing was asked.
+        as_good: What has no name and predicts as well in its place, the best first.
         twins: Labels of rivals that no pose separates from it.
         gain: Cross-validation error without and with all identified causes; None for causes of
             scatter and for a drift that the base reflectors show.
@@ -302,9 +336,21 @@ class Cause(Locked):
     p_value: float
     rivals: tuple[Named, ...] = ()
     unnamed: Named | None = None
+    as_good: tuple[AsGood, ...] = ()
     twins: tuple[str, ...] = ()
     gain: Gain | None = None
     test_pose_change_m: float | None = None
+
+    @property
+    def largest(self) -> Amplitude:
+        """Its parameter that is largest in typical sizes."""
+        return max(self.amplitudes, key=lambda one: one.times_typical)
+
+    @property
+    def enormous(self) -> Amplitude | None:
+        """Its parameter that is certainly `MANY` times its typical size; None where none is."""
+        most = max(self.amplitudes, key=lambda one: one.at_least_typical)
+        return most if most.at_least_typical > MANY else None
 
 
 @dataclass(frozen=True)
@@ -349,6 +395,8 @@ class Facts:
         loose_p: Chance that the reflectors only seem to move against each other under load.
         scale_ratio: Scatter of the scale found over stated, relative to the tracker's, where only
             this makes the remainder scatter; else 1.
+        scatter_told: The scatter of the readings is known from more than what the model leaves:
+            stated, or found in contrasts that no model of the robot can make.
         tracker_ratio: Scatter of the tracker found over the noise in use, which is not the stated
             one where repeats have corrected it.
         scatter: Causes of scatter.
@@ -373,6 +421,7 @@ class Facts:
     loose_p: float = 1.0
     scale_ratio: float = 1.0
     tracker_ratio: float = 1.0
+    scatter_told: bool = True
     scatter: tuple[Cause, ...] = ()
     beyond_certificate: bool = False
     beyond_a_tracker: bool = False
@@ -386,8 +435,14 @@ class Facts:
 
     @property
     def helps(self) -> bool:
-        """The causes predict left-out poses better than the joint springs alone do."""
-        return self.gain is None or self.gain.reduction > 0
+        """The causes predict left-out poses better than the joint springs alone do.
+
+        For certain, where only what the model leaves tells how the readings scatter: a test that
+        rests on its own residuals takes for granted that these are normal and all of one size.
+        """
+        if self.gain is None:
+            return True
+        return (self.gain.reduction if self.scatter_told else self.gain.ci95[0]) > 0
 
 
 @dataclass(frozen=True, eq=False)

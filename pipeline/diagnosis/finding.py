@@ -31,6 +31,7 @@ class Finding(StrEnum):
     REFLECTORS_LOOSE = "reflectors_loose"
     NO_CAUSE_FITS = "no_cause_fits"
     PREDICTS_WORSE = "predicts_worse"
+    UNCONFIRMED = "unconfirmed"
     REMAINDER = "remainder"
     OUTSIDE_CATALOGUE = "outside_catalogue"
     GAIN_UNCERTAIN = "gain_uncertain"

@@ -18,7 +18,7 @@ from pipeline.machine.effect import Effect
 from pipeline.system.assemble import TRACKED, assemble
 from pipeline.system.estimate import identifiable, solve
 from pipeline.system.linearised import Linearised, Model
-from pipeline.system.system import Estimate, System
+from pipeline.system.system import Errors, Estimate, System
 from pipeline.system.whitened import with_laws
 
 
@@ -40,6 +40,11 @@ def hypotheses(case: Case, found: Found, moved: bool, helps: bool) -> tuple[Hypo
     first, *others = _likely(case, found)
     own = _hypothesis(case, found.view.model, found.seen, first.weight)
     return weighed([own, *(_other(case, found, one) for one in others)])
+
+
+def accepted(case: Case, found: Found) -> Hypothesis:
+    """The accepted causes alone, whether or not they are worth anything."""
+    return _hypothesis(case, found.view.model, found.seen, 1.0)
 
 
 @dataclass(frozen=True)
@@ -128,7 +133,20 @@ def _hypothesis(
         np.array([p.typical for p in estimate.parameters]), estimate.value, np.sqrt(np.diag(cov))
     )
     estimate = replace(estimate, cov=cov, identifiable=estimate.identifiable & known)
-    return Hypothesis(weight, effects, model.cell, system, estimate, instead, ratio)
+    sized = _sized(system, model, ratio) if effects else None
+    return Hypothesis(weight, effects, model.cell, system, estimate, instead, ratio, sized)
+
+
+def _sized(system: System, model: Model, ratio: float) -> Estimate:
+    """The same without other laws of the same element: the size is that of the law that is named.
+
+    Those move all pulls alike and would take over as much of what it moves as they resemble it.
+    """
+    errors = system.errors
+    own = ~((errors.source == "law") & errors.common)
+    alone = Errors(errors.G[:, own], errors.source[own], errors.common[own])
+    found = solve(replace(system, errors=alone), model.values)
+    return replace(found, cov=found.cov * ratio**2)
 
 
 def _solved(case: Case, model: Model, seen: Linearised) -> tuple[System, Estimate]:

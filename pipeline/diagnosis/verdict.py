@@ -93,6 +93,7 @@ _DISPLACEMENTS = (
     Row(Finding.REFLECTORS_LOOSE, Verdict.UNEXPLAINED, lambda f: f.loose_p < SOFT),
     Row(Finding.NO_CAUSE_FITS, Verdict.UNEXPLAINED, lambda f: f.detected and not f.causes),
     Row(Finding.PREDICTS_WORSE, Verdict.UNEXPLAINED, lambda f: f.detected and _worse(f)),
+    Row(Finding.UNCONFIRMED, Verdict.UNEXPLAINED, lambda f: f.detected and not f.helps),
     Row(Finding.REMAINDER, Verdict.UNEXPLAINED, lambda f: f.detected and not f.explains),
     Row(
         Finding.OUTSIDE_CATALOGUE,

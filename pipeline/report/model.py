@@ -11,7 +11,13 @@ from pipeline.report.record import Report, present
 from pipeline.report.sections.diagnosis import diagnosis
 from pipeline.report.sections.method import method
 from pipeline.report.sections.prediction import test_pose, validation
-from pipeline.report.sections.readings import budget, registration, rejected, residuals
+from pipeline.report.sections.readings import (
+    budget,
+    registration,
+    rejected,
+    reliability,
+    residuals,
+)
 from pipeline.report.sections.stiffness import stiffness
 from pipeline.report.summaries import Tables
 
@@ -26,8 +32,8 @@ def compose(
 
     Args:
         answer: The answer to the campaign.
-        tables: REGISTRATION, RESIDUALS, REJECTED, VALIDATION, FORCES and DISPLACEMENTS by the
-            lower-case name of their promise, SI; what is missing is left out.
+        tables: REGISTRATION, RELIABILITY, RESIDUALS, REJECTED, VALIDATION, FORCES and DISPLACEMENTS
+            by the lower-case name of their promise, SI; what is missing is left out.
         run_time_s: How long the run took [s].
         previous: The answer to the robot's previous campaign, to say what has changed.
     """
@@ -40,6 +46,7 @@ def compose(
         residuals(answer, tables),
         budget(answer),
         registration(answer, tables),
+        reliability(tables),
         rejected(answer),
         method(answer),
     ]

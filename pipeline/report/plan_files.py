@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pipeline.design.control import controls
 from pipeline.design.curves import ByAnchor, BySize, by_anchor, by_size
 from pipeline.design.propose import Proposal
 from pipeline.report.figures.plan import anchor_curve, pose_picture, sight_chart, size_curves
@@ -27,7 +28,12 @@ def plan_files(proposal: Proposal, seconds: float, seed: int) -> dict[str, bytes
     Returns:
         Content by path: sheet.html, sheet.pdf, figures/*.svg.
     """
-    extras = Extras(proposal.sights(), _sizes(proposal, seed), _anchors(proposal, seed))
+    extras = Extras(
+        proposal.sights(),
+        _sizes(proposal, seed),
+        _anchors(proposal, seed),
+        controls(proposal.problem, proposal.measurement),
+    )
     report = sheet(proposal, extras, seconds)
     drawings = _drawn(proposal, extras)
     return {

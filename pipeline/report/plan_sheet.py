@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from operator import itemgetter
 
@@ -11,6 +12,7 @@ from pipeline.answer.words import capital
 from pipeline.base import linear
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import percent, plain
+from pipeline.design.control import Control
 from pipeline.design.curves import ByAnchor, BySize
 from pipeline.design.discriminate import Sight
 from pipeline.design.information import station
@@ -22,7 +24,7 @@ from pipeline.machine.cell import paper_cell, predict
 from pipeline.machine.effect import branches
 from pipeline.machine.robot import Joint, Robot
 from pipeline.report import words
-from pipeline.report.columns import Cells, number, said, table_of
+from pipeline.report.columns import Cells, number, roughly, said, table_of
 from pipeline.report.record import (
     Block,
     Column,
@@ -57,11 +59,13 @@ class Extras:
         sights: What the plan sees of every cause.
         sizes: Best figures by number of poses and readings, where computed.
         anchors: Best figures by place of the anchor, where computed.
+        controls: What the readings would tell of each other, the least controlled first.
     """
 
     sights: list[Sight]
     sizes: BySize | None = None
     anchors: ByAnchor | None = None
+    controls: Sequence[Control] = ()
 
 
 def sheet(proposal: Proposal, extras: Extras, seconds: float) -> Report:
@@ -88,6 +92,7 @@ def sheet(proposal: Proposal, extras: Extras, seconds: float) -> Report:
                 *_pulling(problem, measurement),
                 _telling(proposal, extras),
                 _seeing(extras.sights),
+                _controlling(problem, extras.controls),
                 _assumptions(problem),
             ]
         ),
@@ -345,6 +350,50 @@ def _seeing(sights: list[Sight]) -> Section | None:
     told = _visibility(sights)
     figure = Figure("sights", "What the plan can see", told, f"Range chart of the causes. {told}")
     return section_of("sights", "What it will and will not see", [Text(told), figure, table])
+
+
+_LEAST = 10
+"""So many of the readings that are controlled least are shown."""
+
+
+def _controlling(problem: Problem, controls: Sequence[Control]) -> Section | None:
+    """Which readings nobody controls: those to take twice."""
+    if not controls:
+        return None
+    joints = problem.robot.joints
+    columns: list[Cells[Control]] = [
+        said("Reading", _reading),
+        number("Redundancy", lambda one: one.r, roughly),
+        said("Smallest visible error", lambda one: words.size(one.visible, _UNIT[one.source])),
+        number("Moves by [σ]", lambda one: one.moves, roughly),
+        said("Which", lambda one: f"k_{joints[one.most - 1].name}"),
+    ]
+    worst = max(controls, key=lambda one: one.moves)
+    told = (
+        f"An error that would go unnoticed does most harm in the {_reading(worst)}: up to "
+        f"{words.size(worst.visible, _UNIT[worst.source])} of it stays unseen and moves "
+        f"k_{joints[worst.most - 1].name} by {plain(worst.moves, 2)} standard uncertainties."
+    )
+    if not np.isfinite(worst.moves):
+        told = f"Nothing controls the {_reading(worst)}: take it twice."
+    note = (
+        "Redundancy is the part of an error that the residuals show, 0 to 1. The smallest visible "
+        "error is found in 80 % of the cases at 0.1 % false alarms; the last two columns say what "
+        "it would move most. Readings of chain and base are no part of a plan."
+    )
+    title = "The readings that the others control least"
+    table = table_of("control", title, columns, controls[:_LEAST], note)
+    return section_of("control", "Which readings nobody controls", [Text(told), table])
+
+
+_UNIT = {"tracker": "m", "zero": "m", "force_reading": "N"}
+
+
+def _reading(one: Control) -> str:
+    if one.source == "force_reading":
+        return f"scale reading of pull {one.pull} in pose {one.pose}"
+    when = f"under pull {one.pull}" if one.pull else "in the unloaded state"
+    return f"reading of {one.target} {when} in pose {one.pose}"
 
 
 def _times(size: float) -> Entry:

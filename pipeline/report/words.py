@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 from pipeline.answer.contract import Answer, Data, Placed, Values, Which
+from pipeline.base.quantities import known, plain
 from pipeline.machine.effect import in_place
 
 
@@ -30,7 +31,11 @@ SOURCES = {
     "direction": "direction of the chain",
     "registration": "registration into the base frame",
     "geometry": "geometry of robot and tool",
+    "base": "reading of a base reflector",
 }
+
+_SHOWN_IN = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "N": (1.0, "N"), "1": (1.0, "σ")}
+"""In which unit the size of an error is read."""
 
 VERDICTS = {
     "adequate": ("The model fits", "good"),
@@ -94,3 +99,9 @@ def beside(answer: Answer) -> tuple[str, Values] | None:
     names = ["joint springs alone"] if said.model != Which.JOINT_SPRINGS else []
     names += ["data as given"] if said.data == Data.CORRECTED else []
     return (", ".join(names), answer.joint_springs) if names else None
+
+
+def size(value: float, unit: str) -> str:
+    """The size of an error in the unit that people read it in."""
+    factor, shown = _SHOWN_IN[unit]
+    return f"{plain(factor * value)} {shown}" if known(value) else "none"

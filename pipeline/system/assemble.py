@@ -164,6 +164,16 @@ def by_force(cell: Cell, data: Measured, values: Array) -> Array:
     return _force_differences(cell, data, values, along)[..., 0].ravel()
 
 
+def by_inputs(cell: Cell, data: Measured, values: Array) -> tuple[Array, Array]:
+    """What force and frame do to c: 1 N more along each axis of F_b, 1 rad of the tracker about it.
+
+    Rows as in `assemble`, columns as in its G, shapes (3 d, 3) [m/N] and (3 d, 3) [m/rad].
+    """
+    modes = np.broadcast_to(np.eye(3), (len(data.pulls), 3, 3))
+    moved = _moved(cell, data, values, modes), _turned(cell, data, values, np.eye(3))
+    return moved[0].reshape(-1, 3), moved[1].reshape(-1, 3)
+
+
 def _turned(cell: Cell, data: Measured, values: Array, turns: Array) -> Array:
     """What small rotations (r, 3) [rad] of the tracker do: displacement and force turn together."""
     moved = np.stack([np.cross(turn, data.delta) for turn in turns], axis=-1)

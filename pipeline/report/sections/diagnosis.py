@@ -8,6 +8,7 @@ from pipeline.answer.contract import (
     Alone,
     Amplitude,
     Answer,
+    AsGood,
     Cause,
     Evidence,
     Gain,
@@ -15,7 +16,7 @@ from pipeline.answer.contract import (
     Rival,
     Unnamed,
 )
-from pipeline.answer.words import capital
+from pipeline.answer.words import capital, listed
 from pipeline.base.quantities import bracketed, p_value, percent, plain, probability
 from pipeline.report import words
 from pipeline.report.columns import Cells, number, said, table_of
@@ -26,6 +27,9 @@ from pipeline.report.summaries import Tables
 
 _WORTH_SAYING = 0.01
 """Probability from which it is said that a cause may be none of the known ones."""
+
+_ALIKE = 3
+"""So many of what does as well in the place of a cause are told."""
 
 
 def diagnosis(answer: Answer, tables: Tables) -> Section | None:
@@ -82,12 +86,24 @@ def _alone(single: Sequence[Alone]) -> Table | None:
 
 
 def _unnamed_sentence(other: Unnamed) -> str:
-    """How likely it is none of the known causes; said where it matters."""
-    if other.probability < _WORTH_SAYING:
-        return ""
-    looks = words.cause(other.looks_like, other.where)
-    chance = probability(other.probability)
-    return f"That it is none of the known causes has {chance}; it would be: {looks}."
+    """How likely it is none of the known causes, and which of those do as well."""
+    said = []
+    if other.probability >= _WORTH_SAYING:
+        looks = words.cause(other.looks_like, other.where)
+        chance = probability(other.probability)
+        said.append(f"That it is none of the known causes has {chance}; it would be: {looks}.")
+    if other.as_good:
+        alike = listed([_as_good(one) for one in other.as_good[:_ALIKE]])
+        said.append(f"Outside the catalogue this predicts as well in its place: {alike}.")
+    return " ".join(said)
+
+
+def _as_good(one: AsGood) -> str:
+    low, high = map(percent, one.ci95)
+    return (
+        f"{words.placed(one)} (error at left-out poses {percent(one.reduction)} less, {low} to "
+        f"{high}; at {plain(one.times_typical, 2)} times a usual size)"
+    )
 
 
 def _evidence_sentences(evidence: Evidence) -> str:

@@ -1,0 +1,318 @@
+"""How well the readings control each other, by name and line of each; what each pull carries.
+
+Quantities that people read stand for the estimate: the stiffnesses (to first order their
+compliances), the sizes of the causes, and the deflection at the test pose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from pipeline.answer.contract import Carried, Controlled
+from pipeline.answer.recommended import Values
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
+from pipeline.machine.cell import Cell, jacobian
+from pipeline.machine.effect import Effect, Pulls
+from pipeline.reduction.case import Case
+from pipeline.reduction.measured import Measured
+from pipeline.reduction.pose_of_interest import Where
+from pipeline.system.assemble import by_inputs
+from pipeline.system.fit import Fitted
+from pipeline.system.reliability import (
+    Reliability,
+    Solution,
+    influence,
+    of_base,
+    reliability,
+    solution,
+)
+from pipeline.system.system import System
+
+_AXES = np.array(["x", "y", "z"], dtype=object)
+
+_NONE = 1e-7
+"""An error so much smaller than the largest of its source is rounding [1], such as that of a chain
+along itself: variances carry sixteen digits, their roots eight."""
+
+
+_TOLD = 10
+"""So many of the errors that are controlled least stand in result.json."""
+
+
+@dataclass(frozen=True, eq=False)
+class Asked(Locked):
+    """Linear quantities a' x of a model whose uncertainty people read.
+
+    Attributes:
+        name: `k_theta2`, `dl_x`, `P1 dz`, shape (q,).
+        of: Their coefficients a, in units of the parameters, shape (q, k); those of the k
+            parameters first.
+        stated: Stiffnesses and deflections, shape (q,).
+    """
+
+    name: Strings
+    of: Array
+    stated: Bools
+
+
+def asked(cell: Cell, values: Array, where: Where) -> Asked:
+    """Springs, causes and the deflection at the test pose.
+
+    Args:
+        cell: Joint springs and causes.
+        values: Its parameters, shape (k,).
+        where: The test pose.
+    """
+    flat, n, k = replace(cell, equilibrium="undeformed"), cell.robot.n, len(values)
+    A = jacobian(flat, Pulls.at(where.q, where.force), values).reshape(-1, k)
+    names = [f"k_{joint.name}" for joint in cell.robot.joints]
+    names += [parameter.name for parameter in cell.parameters[n:]]
+    names += [f"{target} d{axis}" for target in cell.tool.targets for axis in "xyz"]
+    number = np.arange(len(names))
+    return Asked(
+        np.array(names, dtype=object), np.vstack([np.eye(k), A]), (number < n) | (number >= k)
+    )
+
+
+def control(values: Values, where: Where) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Tables RELIABILITY and INFLUENCE of the likeliest model."""
+    first, fitted = values.first, values.fitted
+    system, x = first.system, first.estimate.value
+    about = asked(first.cell, x, where)
+    at = solution(system, about.of, first.ratio)
+    force, turn = by_inputs(replace(first.cell, equilibrium="undeformed"), fitted.data, x)
+    inputs = _Inputs.of(system, fitted.data, force, turn)
+    named = inputs.table(system, _names(fitted.case, fitted.reduced.placed))
+    table = pd.DataFrame(named | _told(reliability(system, at), inputs.size, about))
+    parts = [table[inputs.kept], *_base(fitted, at, turn, about)]
+    return pd.concat(parts, ignore_index=True), _influence(system, at, about)
+
+
+def _influence(system: System, at: Solution, about: Asked) -> pd.DataFrame:
+    """Table INFLUENCE: every pull and every parameter that is determined."""
+    k, rows = len(system.parameters), system.rows
+    known = np.flatnonzero(np.isfinite(at.std[:k]))
+    first = np.unique(rows.pull, return_index=True)[1]
+    return pd.DataFrame(
+        {
+            "pose": np.repeat(rows.pose[first], len(known)),
+            "repeat": np.repeat(rows.repeat[first], len(known)),
+            "what": np.tile(about.name[known], len(first)),
+            "moves_sigmas": influence(system, at)[:, known].ravel(),
+        }
+    )
+
+
+def _told(found: Reliability, size: Array, about: Asked) -> dict[str, Array | Strings]:
+    """Columns that hold what was found, errors of a size in its unit."""
+    moves = found.moves[:, about.stated]
+    most = np.argmax(moves, axis=1)
+    return {
+        "r": found.r,
+        "w": found.w,
+        "smallest_visible": found.visible * size,
+        "moves_sigmas": moves[np.arange(len(most)), most],
+        "moves_most": about.name[about.stated][most],
+    }
+
+
+def _base(fitted: Fitted, at: Solution, turn: Array, about: Asked) -> Iterator[pd.DataFrame]:
+    """Rows of the readings of the base reflectors."""
+    registration = fitted.reduced.registration
+    rows = registration.table
+    if not len(rows):
+        return
+    base = of_base(registration, at, turn, fitted.data.rotation_cov)
+    size = np.linalg.norm(base.error, axis=1)
+    named = rows["group"].astype(str) + "/" + rows["target"].astype(str)
+    yield pd.DataFrame(
+        {
+            "source": "base",
+            "reading": np.repeat(named.to_numpy(object), 3),
+            "file": np.repeat(rows["file"].astype(str).to_numpy(object), 3),
+            "line": np.repeat(rows["line"].to_numpy(), 3),
+            "axis": _nearest(base.error),
+            "unit": "m",
+            **_told(base.each, size, about),
+        }
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Inputs(Locked):
+    """What each column of G is an error of.
+
+    Attributes:
+        source: As in the errors, shape (E,).
+        first: First row that it moves, shape (E,).
+        size: Its standard uncertainty in `unit`, shape (E,).
+        unit: `m`, `rad`, `N`, or `1` for standard uncertainties, shape (E,).
+        along: Its direction in F_b; zero where it has none, shape (E, 3).
+    """
+
+    source: Strings
+    first: Ints
+    size: Array
+    unit: Strings
+    along: Array
+
+    @classmethod
+    def of(cls, system: System, data: Measured, force: Array, turn: Array) -> _Inputs:
+        """What input v each column g is made of, by least squares: S v = g, S = dc/dv.
+
+        Args:
+            system: Rows and errors.
+            data: What they were made from.
+            force: dc/df, shape (M, 3) [m/N].
+            turn: dc/dw of a turn of the tracker, shape (M, 3) [m/rad].
+        """
+        G, source = system.errors.G.tocoo(), system.errors.source
+        E, f = len(source), data.pulls.force[data.pull].repeat(3, axis=0)
+        newtons = np.linalg.norm(f, axis=1, keepdims=True)
+        read = np.tile(np.eye(3), (len(data.pull), 1))
+        along_chain = np.sum(force * f, axis=1, keepdims=True)
+        inputs = {
+            "tracker": ("m", read),
+            "zero": ("m", read),
+            "direction": ("rad", force * newtons),
+            "force_reading": ("N", along_chain / newtons),
+            "force_zero": ("N", along_chain / newtons),
+            "force_gain": ("1", along_chain),
+            "registration": ("rad", turn),
+        }
+        first = np.full(E, len(system.rows), dtype=np.int64)
+        np.minimum.at(first, G.col, G.row)
+        size, along = (first < len(system.rows)).astype(float), np.zeros((E, 3))
+        unit = np.full(E, "1", dtype=object)
+        for name, (in_unit, S) in inputs.items():
+            mine = source == name
+            v = _made_of(G.row, G.col, G.data, S, E)[mine]
+            size[mine], unit[mine] = np.linalg.norm(v, axis=1), in_unit
+            if v.shape[1] == 3:
+                along[mine] = v
+        return cls(source, first, size, unit, along)
+
+    @property
+    def kept(self) -> Bools:
+        """Errors that are no rounding, shape (E,)."""
+        names, which = np.unique(self.source.astype(str), return_inverse=True)
+        largest = np.zeros(len(names))
+        np.maximum.at(largest, which, self.size)
+        return np.asarray(self.size > _NONE * largest[which])
+
+    def table(self, system: System, names: _Names) -> dict[str, Any]:
+        """Columns of RELIABILITY that say whose error it is.
+
+        Args:
+            system: For its rows.
+            names: What each reading is called.
+        """
+        rows, at = system.rows, np.minimum(self.first, len(system.rows) - 1)
+        each = zip(self.source, rows.pose[at], rows.repeat[at], rows.target[at], strict=True)
+        reading, file, line = zip(*(_named(names, *one) for one in each), strict=True)
+        return {
+            "source": self.source,
+            "reading": reading,
+            "file": file,
+            "line": line,
+            "axis": _nearest(self.along),
+            "unit": self.unit,
+        }
+
+
+_Names = Mapping[tuple[str, int, int, str], tuple[str, str, int]]
+"""Name, file and line of each reading by source, pose, repeat (0 for a zero) and target."""
+
+
+def _named(
+    names: _Names, source: str, pose: int, repeat: int, target: str
+) -> tuple[str | None, str | None, int | None]:
+    """Name, file and line of one error; no name where it is of no single reading."""
+    if source in ("force_reading", "direction"):
+        target = ""
+    elif source not in ("tracker", "zero"):
+        return None, None, None
+    known = names.get((source, pose, 0 if source == "zero" else repeat, target))
+    plain = f"pose {pose} repeat {repeat}{target and '/'}{target}"
+    return known or (plain, None, None)
+
+
+def _made_of(row: Ints, column: Ints, value: Array, S: Array, count: int) -> Array:
+    """V with S v = g for each of `count` columns g, given by their entries, shape (count, i)."""
+    i = S.shape[1]
+    N, h = np.empty((count, i, i)), np.empty((count, i))
+    for a in range(i):
+        h[:, a] = np.bincount(column, S[row, a] * value, count)
+        for b in range(i):
+            N[:, a, b] = np.bincount(column, S[row, a] * S[row, b], count)
+    return np.asarray(np.einsum("eij,ej->ei", linear.inverse(N), h))
+
+
+def _nearest(along: Array) -> Strings:
+    """The axis of F_b nearest to each direction, None where it has none, shape (E,)."""
+    axis = _AXES[np.argmax(np.abs(along), axis=1)]
+    axis[~along.any(axis=1)] = None
+    return axis
+
+
+def _names(case: Case, placed: pd.DataFrame) -> _Names:
+    """Of the readings of a campaign.
+
+    The zeros of a pose are one, with the line of the first; the direction of a chain has the line
+    of its first end.
+    """
+    ends, loads = case.settings.naming.chain, case.loads
+    out: dict[tuple[str, int, int, str], tuple[str, str, int]] = {}
+    zeros: dict[tuple[str, int, int, str], list[str]] = {}
+    columns = ("pose", "repeat", "target", "state", "group", "file", "line")
+    for pose, repeat, target, state, group, file, line in zip(
+        *(placed[name].tolist() for name in columns), strict=True
+    ):
+        if target in ends:
+            if state == "loaded":
+                name = f"{group}/{'-'.join(ends)}"
+                out.setdefault(("direction", pose, repeat, ""), (name, file, line))
+        elif state == "loaded":
+            out["tracker", pose, repeat, target] = f"{group}/{target}", file, line
+        else:
+            key = "zero", pose, 0, target
+            groups = zeros.setdefault(key, [])
+            groups.append(group)
+            first = out.setdefault(key, ("", file, line))
+            out[key] = f"{', '.join(groups)}/{target}", *first[1:]
+    for pose, repeat, file, line in zip(
+        *(loads[name].tolist() for name in ("pose", "repeat", "file", "line")), strict=True
+    ):
+        out["force_reading", pose, repeat, ""] = f"{file} pose{pose:02d} rep{repeat}", file, line
+    return out
+
+
+def controlled_entries(control: pd.DataFrame) -> tuple[Controlled, ...]:
+    """`reliability`: the errors with the lowest r of table RELIABILITY."""
+    least = control.sort_values("r", kind="stable").head(_TOLD)
+    return tuple(Controlled(**_plain(row)) for row in least.to_dict("records"))
+
+
+def _plain(row: Mapping[Hashable, Any]) -> dict[str, Any]:
+    """A row whose empty cells are None."""
+    cells = {str(name): None if pd.isna(cell) else cell for name, cell in row.items()}
+    return cells | {"line": None if cells["line"] is None else int(cells["line"])}
+
+
+def carried_entries(carried: pd.DataFrame, values: Values) -> tuple[Carried, ...]:
+    """`influence`: of each stiffness and of each cause the pull that moves it most."""
+    of = {one.name: effect for effect in values.first.effects for one in effect.parameters}
+    key = [of[what].label if what in of else what for what in carried["what"]]
+    most = carried.loc[carried.groupby(key, sort=False)["moves_sigmas"].idxmax()]
+    return tuple(_carried(row, of.get(row["what"])) for row in most.to_dict("records"))
+
+
+def _carried(row: Mapping[Hashable, Any], effect: Effect | None) -> Carried:
+    name, where = (effect.name, effect.where) if effect else (None, None)
+    return Carried(name=name, where=where, **{str(key): cell for key, cell in row.items()})
