@@ -32,7 +32,7 @@ class Tool(Locked):
     """Points of the effector in the flange frame.
 
     Attributes:
-        load_point: Where the chain pulls [m], shape (3,).
+        load_point: Where the chain pulls and weights hang [m], shape (3,).
         targets: Names of the reflectors, shape (t,).
         points: Their coordinates [m], shape (t, 3).
     """
@@ -146,7 +146,7 @@ def load(cell: Cell, pulls: Pulls, values: Array) -> Loaded:
     loaded = Loaded(
         pulls=pulls,
         configuration=configuration,
-        load_point=points[:, 0],
+        load_point=_acts_at(configuration, pulls, points[:, 0]),
         force=pulls.force,
         points=points[:, 1:],
         targets=cell.tool.targets,
@@ -158,6 +158,15 @@ def load(cell: Cell, pulls: Pulls, values: Array) -> Loaded:
         elif isinstance(effect, Reflectors):
             loaded = replace(loaded, points=effect.points(loaded, part))
     return loaded
+
+
+def _acts_at(configuration: Configuration, pulls: Pulls, load_point: Array) -> Array:
+    """Where each force acts in F_b [m], (m, 3): its own point of the flange, or the load point."""
+    own = np.isfinite(pulls.acts_at)
+    if not own.any():
+        return load_point
+    turned = np.einsum("mij,mj->mi", configuration.flange_axes, np.where(own, pulls.acts_at, 0.0))
+    return np.where(own, configuration.flange_origin + turned, load_point)
 
 
 @lru_cache(maxsize=1)

@@ -15,7 +15,7 @@ import pyarrow as pa
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings, sifted
 from pipeline.base.errors import InputError, at, listed
-from pipeline.base.strict import LEAST_FORCE
+from pipeline.base.strict import LEAST_FORCE, LEAST_MASS
 from pipeline.machine.robot import Robot
 from pipeline.readers._cells import bare
 from pipeline.readers._delimited import rows
@@ -27,6 +27,8 @@ _Rejection = tuple[str, int | None, str]
 
 FORCE = {"n": 1.0, "kn": 1e3, "kgf": 9.80665, "lbf": 4.4482216152605}
 """Units of force [N]; those of weight with standard gravity (CGPM 1901)."""
+MASS = {"kg": 1.0, "g": 1e-3, "lb": 0.45359237}
+"""Units of mass [kg]."""
 _LENGTH = {"m": 1.0, "mm": 1e-3}
 """Units of length [m]."""
 _ANGLE = {"deg": np.pi / 180.0, "rad": 1.0}
@@ -100,19 +102,39 @@ _REPEAT = Quantity("repeat", {})
 
 
 def loads(name: str, data: bytes) -> Log:
-    """Readings of the spring scale: pose, repeat, force [N] and, where known, branch.
+    """What loads the robot: pose, repeat, branch where known, and in each row one of three.
+
+    `force` [N] of a scale in a chain, `mass` [kg] of a weight at the load point with `mass_sigma`
+    where it is known, or the name of a `payload`; a column may be missing where no row has it.
 
     Raises:
         InputError: The file cannot be read or trusted as a whole.
     """
-    branch = Quantity("branch", {}, "name", needed=False)
-    log = _whole_numbers(table(name, data, [POSE, _REPEAT, Quantity("force", FORCE), branch]))
-    log = log.only(
-        log.number["force"] >= LEAST_FORCE, "the force is not above zero; correct or remove the row"
-    )
+    header = columns(name, data)
+    other = [Quantity("mass", MASS, needed=False), Quantity("mass_sigma", MASS, needed=False)]
+    other += [Quantity(word, {}, "name", needed=False) for word in ("payload", "branch")]
+    needed = not any(_suffixed(header, q) for q in other[:3])
+    log = table(name, data, [POSE, _REPEAT, Quantity("force", FORCE, needed=needed), *other])
+    log = _one_load(_whole_numbers(log))
     reason = "branch is neither up nor down; correct it or leave it empty"
     log = log.where("branch", lambda words: np.isin(words, [*_BRANCHES, ""]), reason)
     return once(log, ["pose", "repeat"])
+
+
+def _one_load(log: Log) -> Log:
+    """Only rows with one load, above zero; every kind is a column then, NaN or empty where not."""
+    none = np.full(len(log.line), np.nan)
+    number = dict.fromkeys(("force", "mass", "mass_sigma"), none) | log.number
+    word = {"payload": np.full(len(none), "", dtype=object)} | log.word
+    log = replace(log, number=number, word=word)
+    for name, least in (("force", LEAST_FORCE), ("mass", LEAST_MASS)):
+        small = log.number[name] < least  # NaN, an empty cell, is not
+        log = log.only(~small, f"the {name} is not above zero; correct or remove the row")
+    loaded = [~np.isnan(log.number[name]) for name in ("force", "mass")]
+    count = np.sum([*loaded, log.word["payload"] != ""], axis=0)
+    many = "has more than one of force, mass and payload; keep the one that was added in this pull"
+    log = log.only(count <= 1, many)
+    return log.only(count[count <= 1] == 1, "has no force, mass or payload; fill one of them in")
 
 
 def joints(name: str, data: bytes, robot: Robot) -> Log:

@@ -14,8 +14,10 @@ from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import Robot
 from pipeline.reduction.register import Registration
 from pipeline.reduction.settings import Scale, Settings
+from pipeline.reduction.weights import PULL
 
 _FORCE = ["fx_n", "fy_n", "fz_n"]
+_AT = ["at_x_m", "at_y_m", "at_z_m"]
 _DELTA = ["dx_m", "dy_m", "dz_m"]
 
 
@@ -37,6 +39,9 @@ class Measured(Locked):
         direction_cov: Covariance of the direction cosines, shape (m, 3, 3).
         rotation_cov: Covariance of the registration's rotation [rad^2], shape (3, 3).
         scale: What is stated of the scale.
+        body: Number of each pull's weight or payload, -1 where a chain pulls, shape (m,).
+        mass_std: Standard uncertainty of its weight, one error for each body [N], shape (m,).
+        center_std: The same of its centre per axis, flange frame [m], shape (m,).
         noise_stated: False: the covariances of readings are relative, 1 m^2 each, and so are those
             of zeros and directions.
         rotation_found: Whether `rotation_cov` rests on the scatter of the base reflectors.
@@ -62,9 +67,21 @@ class Measured(Locked):
     noise_stated: bool
     tool_std: float = 0.0
     joint_std: Array = field(default_factory=lambda: np.zeros(0))
+    body: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
+    mass_std: Array = field(default_factory=lambda: np.zeros(0))
+    center_std: Array = field(default_factory=lambda: np.zeros(0))
     rotation_found: bool = False
     found_m: float | None = None
     bends: bool = False
+
+    def __post_init__(self) -> None:
+        """Pulls of which nothing else is said have no weight."""
+        if len(self.body) != len(self.pulls):
+            nothing = np.zeros(len(self.pulls))
+            object.__setattr__(self, "body", np.full(len(self.pulls), PULL))
+            object.__setattr__(self, "mass_std", nothing)
+            object.__setattr__(self, "center_std", nothing)
+        super().__post_init__()
 
     def scaled(self, factor: float) -> Measured:
         """The same with the standard uncertainties of readings, zeros, directions multiplied."""
@@ -122,6 +139,8 @@ def measured(
             approach=pulls["approach"].to_numpy(float),
             time=pulls["time_s"].to_numpy(float),
             time_zero=zero_time,
+            by=pulls["by"].to_numpy(np.int64),
+            acts_at=pulls[_AT].to_numpy(float),
         ),
         pull=pull,
         target=target,
@@ -138,6 +157,9 @@ def measured(
         noise_stated=stated,
         tool_std=settings.tool_uncertainty.sigma_m,
         joint_std=np.where(robot.prismatic, off.sigma_m, off.sigma_rad),
+        body=pulls["body"].to_numpy(np.int64),
+        mass_std=pulls["mass_std_n"].to_numpy(float),
+        center_std=pulls["center_std_m"].to_numpy(float),
         rotation_found=registration.from_scatter,
     )
 

@@ -22,6 +22,8 @@ from pipeline.base.strict import (
     Glob,
     JointValue,
     Length,
+    Mass,
+    MassUncertainty,
     Name,
     Scatter,
     Strict,
@@ -92,13 +94,46 @@ class Naming(Strict):
 
 
 class Scale(Strict):
-    """The spring scale: its log and its uncertainty."""
+    """The spring scale: its log, which holds weights and payloads too, and its uncertainty."""
 
     file: FileName = "loads.csv"
     sigma_n: ForceUncertainty = 0.0
     sigma_rel: Uncertainty = 0.0
     gain_sigma: Uncertainty = 0.0
     zero_sigma_n: ForceUncertainty = 0.0
+
+
+STANDARD_GRAVITY = 9.80665
+"""[m/s^2]; CGPM 1901. Between equator and pole it is 9.780 to 9.832 (WGS 84)."""
+
+
+class Gravity(Strict):
+    """Which way and how strongly weights pull, F_b [m/s^2]; its rail or foot is taken as level."""
+
+    direction: Point = (0.0, 0.0, -1.0)
+    m_s2: Annotated[float, Field(ge=9.0, le=10.0)] = STANDARD_GRAVITY
+
+    @field_validator("direction")
+    @classmethod
+    def points_somewhere(cls, direction: Point) -> Point:
+        """Its length does not count, but it has one."""
+        if np.linalg.norm(direction) < LEAST_FORCE:
+            raise ValueError("the direction is zero; without it weights pull along -z of F_b")
+        return direction
+
+    @property
+    def vector(self) -> Array:
+        """Acceleration in F_b [m/s^2], shape (3,)."""
+        return self.m_s2 * np.array(self.direction) / np.linalg.norm(self.direction)
+
+
+class Payload(Strict):
+    """What is mounted on the flange: its mass [kg] and centre [m], flange frame, per axis."""
+
+    mass_kg: Mass
+    mass_sigma_kg: MassUncertainty = 0.0
+    center_m: Point
+    center_sigma_m: Uncertainty = 0.0
 
 
 class JointLog(Strict):
@@ -188,6 +223,8 @@ class Settings(Strict):
     naming: Naming = Naming()
     base_frame: dict[Name, Point] = Field(default_factory=dict)
     scale: Scale | None = None
+    gravity: Gravity = Gravity()
+    payload: dict[Name, Payload] = Field(default_factory=dict)
     joints: JointLog = JointLog()
     displacements: Displacements | None = None
     tool: dict[Name, Point]
@@ -197,8 +234,8 @@ class Settings(Strict):
 
     @model_validator(mode="after")
     def raw_or_reduced(self) -> Settings:
-        """Either [tracker] and [scale], or [displacements]."""
-        if self.displacements is None and (self.tracker is None or self.scale is None):
+        """Either [tracker], with a [scale] where a chain pulls, or [displacements]."""
+        if self.displacements is None and self.tracker is None:
             raise ValueError("needs the tables [tracker] and [scale], or [displacements]")
         if self.displacements is not None and (self.tracker is not None or self.scale is not None):
             raise ValueError("has [displacements] beside [tracker] or [scale]; keep one way in")
@@ -229,6 +266,11 @@ class Settings(Strict):
         if same := [n for n in self.measured if places.count(self.tool[n]) > 1]:
             raise ValueError(f"[tool] has {listed(same)} in one place; give each its own")
         return self
+
+    @property
+    def loads_file(self) -> str:
+        """Log of scale, weights and payloads; a campaign without a scale has it, too."""
+        return (self.scale or Scale()).file
 
     @property
     def measured(self) -> list[str]:

@@ -15,6 +15,7 @@ import scipy.sparse
 from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.machine.cell import Cell
+from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import configure
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.register import XYZ
@@ -212,9 +213,9 @@ def stacked(system: System, c: Array, data: Measured, zeros: Zeros, cell: Cell) 
 def _repeats(data: Measured) -> tuple[Ints, Array]:
     """Which pulls repeat each other, and by what each is to be multiplied to be the first of them.
 
-    Repeats have the same pose, force and branch. Where the branch is not known, the pull before
-    and the last pull unlike theirs have to be alike too: friction answers to where one comes from,
-    and the chain may have been released between two pulls.
+    Repeats have the same pose, kind of load, force, where it acts and branch. Where the branch is
+    not known, the pull before and the last pull unlike theirs have to be alike too: friction
+    answers to where one comes from, and the chain may have been released between two pulls.
 
     Returns:
         Number of each pull's group, and force of the group's first over its own, both (m,).
@@ -222,7 +223,7 @@ def _repeats(data: Measured) -> tuple[Ints, Array]:
     pulls = data.pulls
     order = np.lexsort((pulls.repeat, pulls.time, pulls.pose))
     pose, force, branch = pulls.pose[order], pulls.force[order], pulls.branch[order]
-    like = _like(pose, force)
+    like = _like(_loaded_alike(pulls, order), force)
     before = np.where(branch[:, None] == 0, _before(pose, like), -1)
     key = np.column_stack([like, branch.astype(np.int64), before])
     _, first, number = np.unique(key, axis=0, return_index=True, return_inverse=True)
@@ -230,6 +231,15 @@ def _repeats(data: Measured) -> tuple[Ints, Array]:
     group, to_first = np.empty(len(order), dtype=np.int64), np.empty(len(order))
     group[order], to_first[order] = number.ravel(), size[first][number.ravel()] / size
     return group, to_first
+
+
+def _loaded_alike(pulls: Pulls, order: Ints) -> Ints:
+    """Pulls of one pose, loaded by one kind of load in one place, share a number, shape (m,)."""
+    pose, by, at = pulls.pose[order], pulls.by[order], pulls.acts_at[order]
+    if (by == by[:1]).all() and not np.isfinite(at).any():
+        return pose
+    key = np.column_stack([pose, by, np.nan_to_num(at)])
+    return np.asarray(np.unique(key, axis=0, return_inverse=True)[1].ravel(), dtype=np.int64)
 
 
 def _like(pose: Ints, force: Array) -> Ints:
