@@ -49,6 +49,7 @@ from pipeline.reduction.pose_of_interest import Where, place_of_interest
 from pipeline.report.render import render
 from pipeline.store.campaign import Campaign, Raw, dump
 from pipeline.system.fit import Fitted, fit
+from pipeline.system.one_pose import as_measured
 
 _SEED = 20261103
 _LAST_RESORT = "campaign.toml"
@@ -154,7 +155,7 @@ class Answered:
 def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) -> Answered:
     """To stiffnesses and what is wrong with data or model."""
     case = ingested(raw, keep, step, plausible=False)
-    reduced = bring(case, keep, step)
+    case, reduced, pose = step(as_measured)(case, bring(case, keep, step))
     _enough(reduced.data, raw.robot)
     screened = step(screen)(case, reduced)
     given = step(fit)(case, reduced)
@@ -192,6 +193,7 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
         springs=paper,
         extended=identified(right, diagnosis),
         where=where,
+        one_pose=pose,
     )
     shown = {**right.reduced.shown, "rejected": case.rejected, **_kept(found, keep, step)}
     return Answered(answer_of(found), shown, told.model)

@@ -10,6 +10,7 @@ from pipeline.answer.inputs import (
     assumptions,
     input_entries,
     measured_on,
+    pose_findings,
     registration_entry,
     registration_findings,
     rejected_entries,
@@ -54,7 +55,11 @@ def answer(found: Findings) -> Answer:
         budget=budget_entries(values.stiffness),
         noise=noise_entry(found.right.noise, found.right.estimate),
         rejected=rejected_entries(given.case.rejected),
-        findings=(*registration_findings(base, fits, _tracker_drifts(found)), *said),
+        findings=(
+            *registration_findings(base, fits, _tracker_drifts(found)),
+            *pose_findings(found.one_pose),
+            *said,
+        ),
         registration=fits,
         model=contract.Forward(
             equilibrium=contract.Equilibrium(found.told.values.first.cell.equilibrium)

@@ -15,6 +15,7 @@ from pipeline.prediction import model as handover
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.store.campaign import Raw
 from pipeline.system.fit import Fitted
+from pipeline.system.one_pose import OnePose
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +50,7 @@ class Findings:
         extended: The identified causes' own fit, on the data that the answer rests on; None
             without causes.
         where: The test pose.
+        one_pose: What shows that targets were computed from one pose; None where nobody has to.
     """
 
     campaign: str
@@ -62,6 +64,7 @@ class Findings:
     springs: Told
     extended: Values | None
     where: Where
+    one_pose: OnePose | None = None
 
     @property
     def mistakes(self) -> tuple[Mistake, ...]:

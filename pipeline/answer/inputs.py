@@ -18,6 +18,7 @@ from pipeline.reduction.register import Registration
 from pipeline.reduction.settings import Settings
 from pipeline.store.campaign import Raw
 from pipeline.system.estimate import MISFIT_P
+from pipeline.system.one_pose import OnePose
 
 
 def measured_on(settings: Settings, readings: pd.DataFrame | None) -> str | None:
@@ -94,6 +95,18 @@ def registration_findings(
         f"The base reflectors do not fit their nominal coordinates (p = {told.p_value:.1g}): "
         f"{worst['target']} in {worst['group']} is off by {told.max_mm:.3g} mm; check "
         f"[base_frame] and whether the tracker or a reflector moved."
+    ]
+
+
+def pose_findings(pose: OnePose | None) -> list[str]:
+    """A sentence where targets were computed from one pose, and campaign.toml does not say so."""
+    if pose is None:
+        return []
+    return [
+        f"The targets keep their distances to {1e6 * pose.kept_m:.2g} um, as no instrument reads "
+        f"points, while {1e3 * pose.left_m:.3g} mm of their displacements remain: they were "
+        "computed from one measured pose and count as its six coordinates. Write measures = "
+        '"poses" into [instrument].'
     ]
 
 

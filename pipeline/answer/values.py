@@ -50,7 +50,7 @@ def fit_entry(cell: Cell, data: Measured, estimate: Estimate) -> Fit:
         noise_from=NoiseFrom(estimate.noise_from),
         residual_std_mm=1e3 * estimate.residual_std_m,
         second_order_rms_mm=_second_order_mm(cell, data, estimate),
-        noise_statement=noise_statement(estimate),
+        noise_statement=noise_statement(estimate, data.tracked),
     )
 
 
@@ -71,7 +71,7 @@ _STATEMENTS = {
 }
 
 
-def noise_statement(estimate: Estimate) -> str:
+def noise_statement(estimate: Estimate, tracked: bool) -> str:
     """One sentence on where the noise comes from and what depends on it."""
     if estimate.noise_from in _STATEMENTS:
         return _STATEMENTS[estimate.noise_from]
@@ -79,7 +79,7 @@ def noise_statement(estimate: Estimate) -> str:
     more = (
         "; a laser tracker measures better than that, so the model does not fit as well as a "
         "tracker measures"
-        if not fits(estimate)
+        if not fits(estimate, tracked)
         else ""
     )
     return (

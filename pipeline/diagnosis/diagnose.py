@@ -83,7 +83,7 @@ def diagnose(
         causes=causes,
         gain=worth,
         scatter=of_scatter(whole, spread),
-        beyond_a_tracker=estimate.p_value is None and not fits(estimate),
+        beyond_a_tracker=estimate.p_value is None and not fits(estimate, data.tracked),
         unloaded=stood,
         moved=of_unloaded(stood),
         base=drift,

@@ -68,4 +68,5 @@ def tool(settings: Settings) -> Tool:
         load_point=np.array(settings.tool["load_point"]),
         targets=np.array(names, dtype=object),
         points=np.array([settings.tool[name] for name in names]),
+        six=settings.instrument.measures == "poses",
     )

@@ -10,10 +10,14 @@ import pandas as pd
 from pipeline import tables
 from pipeline.base import covariance
 from pipeline.base.arrays import Array, Ints, Locked, Strings
+from pipeline.base.errors import InputError, listed
+from pipeline.machine import six
+from pipeline.machine.cell import Tool
 from pipeline.machine.effect import Pulls
-from pipeline.machine.robot import Robot
+from pipeline.machine.robot import Robot, configure
+from pipeline.reduction.case import tool
 from pipeline.reduction.register import Registration
-from pipeline.reduction.settings import Scale, Settings
+from pipeline.reduction.settings import Instrument, Scale, Settings
 from pipeline.reduction.weights import PULL
 
 _FORCE = ["fx_n", "fy_n", "fz_n"]
@@ -46,6 +50,7 @@ class Measured(Locked):
             of zeros and directions.
         rotation_found: Whether `rotation_cov` rests on the scatter of the base reflectors.
         found_m: What the relative ones have been multiplied by [m], None if by nothing.
+        tracked: Whether the instrument is a laser tracker; else the data alone judge its noise.
         bends: Whether what an undeformed cell leaves out, the robot's own deflection, is an error.
         tool_std: Standard uncertainty per axis of the tool's nominal points [m].
         joint_std: Standard uncertainty of the joints' zeros [m] or [rad], shape (n,).
@@ -73,6 +78,7 @@ class Measured(Locked):
     rotation_found: bool = False
     found_m: float | None = None
     bends: bool = False
+    tracked: bool = True
 
     def __post_init__(self) -> None:
         """Pulls of which nothing else is said have no weight."""
@@ -129,7 +135,7 @@ def measured(
     zero_time = rows.groupby(pull)["zero_time_s"].mean().reindex(range(len(pulls))).to_numpy()
     loaded_cov, zero_cov, stated = _covariances(rows)
     values = [tables.joint_column(j.name, j.prismatic) for j in robot.joints]
-    return Measured(
+    data = Measured(
         pulls=Pulls(
             pose=pulls["pose"].to_numpy(np.int64),
             repeat=pulls["repeat"].to_numpy(np.int64),
@@ -161,6 +167,53 @@ def measured(
         mass_std=pulls["mass_std_n"].to_numpy(float),
         center_std=pulls["center_std_m"].to_numpy(float),
         rotation_found=registration.from_scatter,
+        tracked=settings.instrument.kind == "laser_tracker",
+    )
+    effector = tool(settings)
+    return in_poses(data, robot, effector, settings.instrument) if effector.six else data
+
+
+def in_poses(data: Measured, robot: Robot, effector: Tool, said: Instrument) -> Measured:
+    """The same with position and rotation of the effector in place of its targets.
+
+    Errors of both are those of a target, the rotation's at the radius of the targets, unless its
+    own standard uncertainty is stated. Where it stands unloaded is left open.
+
+    Raises:
+        InputError: No pull has all targets.
+    """
+    count = np.bincount(data.pull, minlength=len(data.pulls))
+    t = len(effector.points)
+    rows = (count == t)[data.pull]
+    pull = data.pull[rows][::t]
+    if not len(pull):
+        raise InputError(
+            f"no pull has all targets of a measured pose ({listed(effector.targets)})",
+            'export them all, or say measures = "points" in [instrument]',
+            file="campaign.toml",
+        )
+    here = configure(robot, data.pulls.q[pull])
+    delta = effector.coordinates(here, data.delta[rows].reshape(-1, t, 3))
+    loaded, zero = (
+        cov[rows].reshape(-1, t, 3, 3).mean(axis=1) for cov in (data.loaded_cov, data.zero_cov)
+    )
+    turned = (loaded, zero)
+    if data.noise_stated and said.sigma_rad is not None:
+        own = (six.radius(effector.points) * said.sigma_rad) ** 2 * np.eye(3)
+        fewer = np.trace(zero, axis1=1, axis2=2) / np.trace(loaded, axis1=1, axis2=2)
+        turned = (np.broadcast_to(own, loaded.shape), fewer[:, None, None] * own)
+    kind = np.tile([0, 1], len(pull))
+    which = np.unique(data.pulls.pose[pull], return_inverse=True)[1]
+    return replace(
+        data,
+        pull=np.repeat(pull, 2),
+        target=kind,
+        name=effector.read[kind],
+        delta=delta.reshape(-1, 3),
+        unloaded=np.full((2 * len(pull), 3), np.nan),
+        loaded_cov=np.stack([loaded, turned[0]], axis=1).reshape(-1, 3, 3),
+        zero_cov=np.stack([zero, turned[1]], axis=1).reshape(-1, 3, 3),
+        zero=2 * np.repeat(which, 2) + kind,
     )
 
 

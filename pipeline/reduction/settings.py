@@ -13,6 +13,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from pipeline.base import toml
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError, first_wrong, listed
+from pipeline.base.linear import extent
 from pipeline.base.patterns import is_glob
 from pipeline.base.strict import (
     LEAST_FORCE,
@@ -41,6 +42,9 @@ BASE_REFLECTORS = 3
 
 _MOST_GLOBS = 20
 """Patterns that stand for several exports."""
+
+_ONE_LINE = 1e-3
+"""Second width of the targets over the first: below, nobody knows how they turn about it."""
 
 Point = tuple[Length, Length, Length]
 """Coordinates [m]."""
@@ -206,6 +210,32 @@ class TestPose(Strict):
                 )
 
 
+class Instrument(Strict):
+    """What measured the effector: its kind, which says what is plausible, and what it measures.
+
+    Attributes:
+        kind: With `laser_tracker`, residuals that no tracker has are a misfit where no noise is
+            stated; any other kind is judged by the data alone.
+        measures: `points`, each target by itself, or `poses`: targets computed from one 6D pose.
+        sigma_rad: Standard uncertainty per axis of a pose's rotation, beside [tracker] sigma_m.
+        model: Kept and shown, not judged, as are serial number and date of calibration.
+    """
+
+    kind: Literal["laser_tracker", "camera", "arm", "unknown"] = "laser_tracker"
+    measures: Literal["points", "poses"] = "points"
+    sigma_rad: Scatter | None = None
+    model: Name | None = None
+    serial: Name | None = None
+    calibrated: datetime.date | None = None
+
+    @model_validator(mode="after")
+    def a_rotation_is_of_poses(self) -> Instrument:
+        """Points do not turn."""
+        if self.sigma_rad is not None and self.measures == "points":
+            raise ValueError('sigma_rad is that of a pose: say measures = "poses"')
+        return self
+
+
 class Model(Strict):
     """What the forward model takes into account."""
 
@@ -227,6 +257,7 @@ class Settings(Strict):
     payload: dict[Name, Payload] = Field(default_factory=dict)
     joints: JointLog = JointLog()
     displacements: Displacements | None = None
+    instrument: Instrument = Instrument()
     tool: dict[Name, Point]
     tool_uncertainty: ToolUncertainty = ToolUncertainty()
     test_pose: TestPose | None = None
@@ -247,6 +278,17 @@ class Settings(Strict):
         lacking = [name for name in ("load_point", *self.measured) if name not in self.tool]
         if lacking:
             raise ValueError(f"[tool] lacks {', '.join(lacking)}")
+        return self
+
+    @model_validator(mode="after")
+    def a_pose_has_three_targets(self) -> Settings:
+        """Three targets that are not on one line tell a pose."""
+        places = np.array([self.tool[name] for name in self.measured])
+        if self.instrument.measures == "poses" and not tells_a_pose(places):
+            raise ValueError(
+                'measures = "poses" needs three targets in [tool] that are not on one line; '
+                f"there are {listed(self.measured)}"
+            )
         return self
 
     @model_validator(mode="after")
@@ -278,6 +320,12 @@ class Settings(Strict):
         if self.displacements is not None and "measured" not in self.naming.model_fields_set:
             return [name for name in self.tool if name != "load_point"]
         return self.naming.measured
+
+
+def tells_a_pose(places: Array) -> bool:
+    """Whether targets at these places (t, 3) [m] tell a pose: three that are not on one line."""
+    first, second, *_ = *extent(places), 0.0, 0.0
+    return len(places) > 2 and bool(second > _ONE_LINE * first)
 
 
 def parse(text: str) -> Settings:

@@ -240,6 +240,7 @@ def _campaign_toml(plan: Plan, robot: str) -> bytes:
             "assignment": None if reader.says_names else "assignment.csv",
             **(_stated(plan) if plan.tracker.stated else {"covariance": "none"}),
         },
+        **_instrument(plan),
         "naming": {"measured": plan.targets, "chain": _ends(plan) or None},
         "base_frame": plan.base_frame,
         **_loaded_by(plan),
@@ -248,6 +249,14 @@ def _campaign_toml(plan: Plan, robot: str) -> bytes:
         "test_pose": plan.test_pose and plan.test_pose.model_dump(),
     }
     return toml.dumps(toml.given(content)).encode()
+
+
+def _instrument(plan: Plan) -> dict[str, Any]:
+    """What measured, where it is no laser tracker that measures points."""
+    said = plan.tracker.model_dump(include={"kind", "measures"}, exclude_defaults=True)
+    if plan.tracker.measures == "poses" and plan.tracker.stated:
+        said["sigma_rad"] = plan.tracker.sigma_rad
+    return {"instrument": said} if said else {}
 
 
 def _loaded_by(plan: Plan) -> dict[str, Any]:

@@ -118,6 +118,9 @@ class Instrument(Strict):
     Attributes:
         position: Of its origin [m], F_b.
         yaw_deg: Rotation of its frame about z, then `pitch_deg` about y, then `roll_deg` about x.
+        kind: What campaign.toml calls it.
+        measures: Each target by itself, or one pose of which all targets are computed.
+        sigma_rad: Standard uncertainty per axis of such a pose's rotation.
         sigma_m: Standard uncertainty per axis; this, or `noise`.
         noise: `paper` for Eq. (18), or range and transverse parts in the beam's frame.
         noise_scale: True scatter over stated scatter; 0 for readings without noise.
@@ -131,6 +134,9 @@ class Instrument(Strict):
     yaw_deg: Degrees = 132.0
     pitch_deg: Degrees = 0.4
     roll_deg: Degrees = -0.3
+    kind: Literal["laser_tracker", "camera", "arm", "unknown"] = "laser_tracker"
+    measures: Literal["points", "poses"] = "points"
+    sigma_rad: Uncertainty = 1e-4
     sigma_m: Scatter | None = None
     noise: InstrumentNoise | Literal["paper"] | None = None
     noise_scale: NotNegative = 1.0

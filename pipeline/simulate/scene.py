@@ -174,16 +174,25 @@ def draw(scene: Scene, rng: np.random.Generator, n: int = 1) -> Draws:
     ]
     at = [scene.in_tracker(points) for points in exact]
     size = plan.tracker.noise_scale * _scaled(scene.cell, scene.values, "tracker")
+    rigid = (False, *[plan.tracker.measures == "poses"] * 2, False)
     base, zero, loaded, chain = (
-        _scattered(plan, np.broadcast_to(points, (n, *points.shape[1:])), size, part)
-        for points, part in zip(at, for_tracker.spawn(4), strict=True)
+        _scattered(plan, np.broadcast_to(points, (n, *points.shape[1:])), size, part, pose)
+        for points, part, pose in zip(at, for_tracker.spawn(4), rigid, strict=True)
     )
     return Draws(reading, pulls.force.reshape(n, m, 3), gain_error, base, zero, loaded, chain)
 
 
-def _scattered(plan: Plan, points: Array, size: float, rng: np.random.Generator) -> Array:
+def _scattered(
+    plan: Plan, points: Array, size: float, rng: np.random.Generator, pose: bool
+) -> Array:
+    """Points as read, each with an error of its own, or those of a pose with one in common."""
     if size == 0:
         return points
+    if pose:
+        middle = points.mean(axis=-2, keepdims=True)
+        turn = plan.tracker.sigma_rad * rng.standard_normal(middle.shape)
+        moved = noise.tracker_errors(plan.tracker.model, middle, rng)
+        return points + size * (moved + np.cross(turn, points - middle))
     return points + size * noise.tracker_errors(plan.tracker.model, points, rng)
 
 
