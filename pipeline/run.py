@@ -102,6 +102,7 @@ def ingested(raw: Raw, keep: Keep, step: Step, plausible: bool = True) -> Case:
         rejected=keep("13_rejected", got.rejected, tables.REJECTED),
         displacements=got.displacements,
         forces=got.forces,
+        torques=got.torques,
     )
     if got.doubt is None:
         return case

@@ -10,6 +10,7 @@ import pytest
 from pipeline.base.errors import InputError
 from pipeline.machine.effects import catalogue
 from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.torques import weighed as weighed_by_torques
 from pipeline.run import answered, ingested
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
@@ -117,10 +118,10 @@ def weighed(c, B, pulls):
     return np.linalg.solve(A.T @ W @ A, A.T @ W @ y)
 
 
-def payload_tables(sigma=0.0, off=0.0):
+def payload_tables(sigma=0.0, off=0.0, heavier=1.0):
     """[payload.NAME] of both."""
     return "".join(
-        f"[payload.{name}]\nmass_kg = {mass}\nmass_sigma_kg = {sigma}\n"
+        f"[payload.{name}]\nmass_kg = {mass * heavier}\nmass_sigma_kg = {sigma}\n"
         f"center_m = {list(at)}\ncenter_sigma_m = {off}\n"
         for name, (mass, at) in PAYLOADS.items()
     )
@@ -291,3 +292,74 @@ def test_readings_of_a_scale_need_its_table():
 
     with pytest.raises(InputError, match=r"loads.csv.*no table \[scale\].*sigma_n"):
         case_of(files)
+
+
+def torques(files, q, repeats, seed=1, offset=3.0, noise=0.5, sense=-1.0, arm=200.0):
+    """joints.csv with torques: those of the log's rows are of the load alone, or one row a state.
+
+    A robot that holds its arm feels its own weight, which is none of the payload's.
+    """
+    rng = np.random.default_rng(seed)
+    head = ["pose", *(["repeat"] if repeats else []), *(f"theta{j}_rad" for j in range(1, 7))]
+    lines = [",".join([*head, *(f"tau{j}_nm" for j in range(1, 7))])]
+    zero = offset * rng.standard_normal(6)
+    for k, here in enumerate(q, 1):
+        own = arm * np.sin(here) if repeats else np.zeros(6)
+        work = [np.zeros(6), *(m * G * -slopes(here, at)[2] for m, at in PAYLOADS.values())]
+        for r in range(3) if repeats else [k % 2 + 1]:
+            tau = sense * (work[r] + own) + zero + noise * rng.standard_normal(6)
+            cells = [k, *([r] if repeats else []), *map(float, here), *map(float, tau)]
+            lines.append(",".join(map(repr, cells)))
+    return dict(files, **{"joints.csv": ("\n".join(lines) + "\n").encode()})
+
+
+@pytest.mark.parametrize("repeats", [True, False])
+def test_joint_torques_weigh_a_payload(repeats):
+    """Mass and centre with honest uncertainties, whatever the sense, the offsets, the arm."""
+    z, p = [], []
+    for seed in range(12):
+        files, _, _, q = hang(MOUNTED, more=payload_tables(), poses=12)
+        if not repeats:  # each pose has one payload
+            rows = [f"{k},1,{'heavy' if k % 2 else 'light'}" for k in range(1, 13)]
+            files["loads.csv"] = "\n".join(["pose,repeat,payload", *rows]).encode()
+        case = case_of(torques(files, q, repeats, seed, sense=(-1.0) ** seed))
+        found = weighed_by_torques(case)
+        for name, (mass, center) in PAYLOADS.items():
+            one = found[name]
+            z += [(one.mass - mass) / one.mass_std, *((one.center - center) / one.center_std)]
+            p.append(one.p_value)
+            assert one.mass_std < 0.5
+            assert one.poses == (12 if repeats else 6)
+
+    assert 0.7 < np.std(z) < 1.4
+    assert min(p) > 0.001
+    assert np.mean(np.array(p) < 0.2) < 0.5
+
+
+def test_a_payload_that_the_torques_contradict_is_said():
+    """Stated a tenth too heavy; both stand in the answer, and the springs are those as stated."""
+    files, _, _, q = hang(MOUNTED, more=payload_tables(heavier=1.1), poses=12)
+    raw = in_memory(torques(files, q, True))
+    answer = answered("heavy", raw).answer
+    light, heavy = answer.payloads
+
+    assert heavy.stated.mass_kg == pytest.approx(143)
+    assert heavy.found.mass_kg == pytest.approx(130, abs=3)
+    assert heavy.p_value < 0.001
+    assert any("contradict the payload heavy" in line for line in answer.findings)
+    assert light.name == "light"
+
+
+def test_each_payload_is_predicted_from_the_other():
+    """To the scatter of the readings where both are right; not where one of them is not."""
+    good = answered("good", in_memory(hang(MOUNTED, more=payload_tables())[0])).answer
+    wrong = payload_tables().replace("mass_kg = 130.0", "mass_kg = 160.0")
+    bad = answered("bad", in_memory(hang(MOUNTED, more=wrong)[0])).answer
+    alone = answered("one", in_memory(hang(MOUNTED[:1], more=payload_tables())[0])).answer
+    held = good.validation.by_payload
+
+    assert held.keys() == {"light", "heavy"}
+    for name, rms in held.items():
+        assert 1e3 * SIGMA < rms < 4e3 * SIGMA * (4 if name == "heavy" else 1)
+    assert bad.joint_springs.validation.by_payload["heavy"] > 3 * held["heavy"]
+    assert alone.validation.by_payload == {}

@@ -9,14 +9,16 @@ from pipeline.answer.findings import Findings
 from pipeline.answer.inputs import (
     assumptions,
     input_entries,
+    instrument_entry,
     measured_on,
+    payload_entries,
     pose_findings,
     registration_entry,
     registration_findings,
     rejected_entries,
 )
 from pipeline.answer.recommended import Values
-from pipeline.answer.remarks import common_factor
+from pipeline.answer.remarks import common_factor, contradicted
 from pipeline.answer.sentences import sentences
 from pipeline.answer.stiffness import budget_entries
 from pipeline.answer.values import stated, values_entry
@@ -34,6 +36,7 @@ def answer(found: Findings) -> Answer:
     fits = registration_entry(base)
     said = [joint.finding for joint in values.stiffness if joint.finding]
     said += filter(None, [common_factor(values.stiffness)])
+    payloads = payload_entries(given.case)
     return Answer(
         format=1,
         campaign=found.campaign,
@@ -58,9 +61,12 @@ def answer(found: Findings) -> Answer:
         findings=(
             *registration_findings(base, fits, _tracker_drifts(found)),
             *pose_findings(found.one_pose),
+            *contradicted(payloads),
             *said,
         ),
         registration=fits,
+        payloads=payloads,
+        instrument=instrument_entry(given.case.settings),
         model=contract.Forward(
             equilibrium=contract.Equilibrium(found.told.values.first.cell.equilibrium)
         ),

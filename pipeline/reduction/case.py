@@ -28,6 +28,7 @@ class Case:
         rejected: Table REJECTED.
         displacements: Table DISPLACEMENTS of a campaign that arrives reduced.
         forces: Table FORCES of a campaign that arrives reduced.
+        torques: Torques of the joints as logged, see `Ingested`; None where there are none.
     """
 
     settings: Settings
@@ -38,6 +39,7 @@ class Case:
     rejected: pd.DataFrame
     displacements: pa.Table | None = None
     forces: pa.Table | None = None
+    torques: pd.DataFrame | None = None
 
     @property
     def tool(self) -> Tool:

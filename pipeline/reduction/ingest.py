@@ -7,7 +7,7 @@ is left out and listed with its reason.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -46,6 +46,8 @@ class Ingested:
         loads: Table LOADS; empty for a campaign that arrives reduced.
         displacements: Table DISPLACEMENTS of a campaign that arrives reduced, else None.
         forces: Table FORCES of a campaign that arrives reduced, else None.
+        torques: Torques of the joints in their log: pose, repeat (NaN where it has none), tau1 ...;
+            None where it has none.
         doubt: Why the values are implausible, where that was not to stop the reading.
     """
 
@@ -55,6 +57,7 @@ class Ingested:
     loads: pa.Table = field(default_factory=tables.LOADS.empty_table)
     displacements: pa.Table | None = None
     forces: pa.Table | None = None
+    torques: pd.DataFrame | None = None
     doubt: InputError | None = None
 
 
@@ -76,11 +79,13 @@ def ingest(
     if settings.test_pose is not None:
         settings.test_pose.within_limits(robot)
     log = settings.joints.file
-    joints = logs.joints(log, _file(raw, log, "[joints]"), robot)
+    logged = logs.joints(log, _file(raw, log, "[joints]"), robot)
+    joints = logs.of_poses(logged)
     doubt = _doubt(lambda: logs.within_limits(joints, robot), plausible)
     if settings.displacements:
         return _reduced(settings, settings.displacements, robot, raw, joints, doubt)
-    return _raw(settings, robot, raw, joints, plausible, doubt)
+    found = _raw(settings, robot, raw, joints, plausible, doubt)
+    return replace(found, torques=_torques(logged, robot))
 
 
 def _doubt(check: Callable[[], None], plausible: bool) -> InputError | None:
@@ -312,6 +317,16 @@ def _joints(joints: logs.Log, robot: Robot) -> pa.Table:
         **_source(joints),
     }
     return tables.conform(pa.table(columns), tables.joints(robot))
+
+
+def _torques(log: logs.Log, robot: Robot) -> pd.DataFrame | None:
+    """What `Ingested.torques` says."""
+    names = [f"tau{j}" for j in range(1, robot.n + 1)]
+    if not {*names} & {*log.number}:
+        return None
+    none = np.full(len(log.line), np.nan)
+    named = {name: log.number.get(name, none) for name in ("repeat", *names)}
+    return pd.DataFrame({"pose": log.number["pose"].astype(np.int64), **named})
 
 
 def _pulls_of(log: logs.Log) -> dict[str, Array]:
