@@ -363,3 +363,37 @@ def test_each_payload_is_predicted_from_the_other():
         assert 1e3 * SIGMA < rms < 4e3 * SIGMA * (4 if name == "heavy" else 1)
     assert bad.joint_springs.validation.by_payload["heavy"] > 3 * held["heavy"]
     assert alone.validation.by_payload == {}
+
+
+SLIPS = {
+    "a mistyped mass": (
+        "weights", "loads.csv", b"\n5,2,250", b"\n5,2,520", "520 kg", "agree with 248.",
+    ),
+    "another payload": ("payloads", "loads.csv", b"\n4,1,light", b"\n4,1,heavy", "heavy", "N"),
+    "F_b upside down": (
+        "weights", "campaign.toml", b"[joints]", b"[gravity]\ndirection = [0, 0, 1]\n\n[joints]",
+        "move against the force", "reversed",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SLIPS)
+def test_a_slip_in_the_loads_is_found_and_put_right(name):
+    """In the unit of the row, once, and the springs are right without it."""
+    load, file, old, new, *told = SLIPS[name]
+    files = dict(simulate(Plan(name="s", seed=3, pulls={"load": load})).files)
+    assert files[file].count(old) == 1
+    files[file] = files[file].replace(old, new)
+    answer = answered("slip", in_memory(files)).answer
+
+    off = [
+        (joint.value - joint.nominal) / joint.std
+        for joint in answer.stiffness
+        if joint.identifiable
+    ]
+
+    assert answer.diagnosis.verdict == "bad_data"
+    assert len(answer.diagnosis.causes) == 1
+    assert all(word in " ".join(answer.verdict_sentence) for word in told)
+    assert len(off) == 5
+    assert np.abs(off).max() < 4
