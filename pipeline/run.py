@@ -53,6 +53,7 @@ from pipeline.report.render import render
 from pipeline.store.campaign import Campaign, Raw, dump
 from pipeline.system import alarms
 from pipeline.system.fit import Fitted, fit
+from pipeline.system.one_pose import as_measured
 from pipeline.system.shape import Shape, shape
 
 _SEED = 20261103
@@ -107,6 +108,7 @@ def ingested(raw: Raw, keep: Keep, step: Step, plausible: bool = True) -> Case:
         displacements=got.displacements,
         forces=got.forces,
         stale=got.stale,
+        torques=got.torques,
     )
     if got.doubt is None:
         return case
@@ -160,7 +162,7 @@ class Answered:
 def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) -> Answered:
     """To stiffnesses and what is wrong with data or model."""
     case = ingested(raw, keep, step, plausible=False)
-    reduced = bring(case, keep, step)
+    case, reduced, pose = step(as_measured)(case, bring(case, keep, step))
     _enough(reduced.data, raw.robot)
     screened = step(screen)(case, reduced)
     given = step(fit)(case, reduced)
@@ -200,6 +202,7 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
         where=where,
         control=controls,
         carried=carried,
+        one_pose=pose,
     )
     shown = {**right.reduced.shown, "rejected": case.rejected, **_kept(found, keep, step)}
     return Answered(answer_of(found), shown, told.model)
@@ -254,7 +257,7 @@ def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosis:
     """What the model gets wrong; every diagnosis draws alike."""
     rng = np.random.default_rng(_SEED)
     cell, data = right.case.cell, right.data
-    scale, effects = float(right.noise.scale[0]), catalogue(cell.robot)
+    scale, effects = float(right.noise.scale[0]), catalogue(cell.robot, data.pulls)
     if not timed(right.case.readings):
         effects = by_order(effects)
     wander = right.shape.wander

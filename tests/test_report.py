@@ -194,7 +194,8 @@ def bared(value, model=Answer):
         return value
     hints = get_type_hints(model)
     names = {field.serialization_alias or name: name for name, field in model.model_fields.items()}
-    return {key: bared(value[key], hints[name]) for key, name in names.items()}
+    here = {key: name for key, name in names.items() if key in value}  # some are there for some
+    return {key: bared(value[key], hints[name]) for key, name in here.items()}
 
 
 def test_what_is_null_leaves_its_part_out_and_nothing_else(sample):

@@ -10,14 +10,17 @@ from pipeline.answer.findings import Findings
 from pipeline.answer.inputs import (
     assumptions,
     input_entries,
+    instrument_entry,
     measured_on,
+    payload_entries,
+    pose_findings,
     registration_entry,
     registration_findings,
     rejected_entries,
 )
 from pipeline.answer.recommended import Values
 from pipeline.answer.reliability import carried_entries, controlled_entries
-from pipeline.answer.remarks import common_factor
+from pipeline.answer.remarks import common_factor, contradicted
 from pipeline.answer.sentences import sentences
 from pipeline.answer.stiffness import budget_entries
 from pipeline.answer.values import stated, values_entry
@@ -36,6 +39,7 @@ def answer(found: Findings) -> Answer:
     fits = registration_entry(base)
     said = [joint.finding for joint in values.stiffness if joint.finding]
     said += filter(None, [common_factor(values.stiffness), *map(enormous, found.diagnosis.causes)])
+    payloads = payload_entries(given.case)
     together = combination_entries(found.told.values)
     carried = carried_entries(found.carried, found.told.values)
     of = {(effect.name, effect.where): effect for effect in found.told.values.first.effects}
@@ -65,12 +69,16 @@ def answer(found: Findings) -> Answer:
         rejected=rejected_entries(given.case.rejected),
         findings=(
             *registration_findings(base, fits, _tracker_drifts(found)),
+            *pose_findings(found.one_pose),
+            *contradicted(payloads),
             *said,
             *told(together),
         ),
         registration=fits,
         reliability=controlled_entries(found.control),
         influence=carried,
+        payloads=payloads,
+        instrument=instrument_entry(given.case.settings),
         model=contract.Forward(
             equilibrium=contract.Equilibrium(found.told.values.first.cell.equilibrium)
         ),

@@ -123,6 +123,11 @@ class Odd(StrEnum):
     DEPENDS = "depends"
 
 
+def _nothing(value: object) -> bool:
+    """What a campaign of chain, scale and tracker does not have is no key of its answer."""
+    return not value
+
+
 class Fact(BaseModel):
     """A part of the answer; it knows every key it allows."""
 
@@ -230,6 +235,12 @@ class Validation(Drawn):
     independent: Drawn = Field(description="as in Eq. (23), each stiffness drawn by itself")
     poses: int
     test_pose_stated: bool = Field(description="false: the strongest pull stands in")
+    by_payload: PerTarget = Field(
+        default={},
+        exclude_if=_nothing,
+        description="rms error [mm] of the rows of one payload or weight, the springs from all "
+        "other loads; null where these leave it open; absent with one load",
+    )
 
 
 class Deflection(Fact):
@@ -552,6 +563,35 @@ class Carried(Fact):
     )
 
 
+class Body(Fact):
+    """Mass and centre of a payload, flange frame."""
+
+    mass_kg: float
+    mass_std_kg: float
+    center_m: tuple[float, float, float]
+    center_std_m: tuple[float, float, float]
+
+
+class Payload(Fact):
+    """A payload as stated, and as the joint torques have it."""
+
+    name: str
+    stated: Body
+    found: Body | None = Field(description="from the joint torques; null where none tell")
+    poses: int = Field(description="how many the torques are of")
+    p_value: Number = Field(description="of differing so much from the stated one by chance")
+
+
+class Measuring(Fact):
+    """The instrument as campaign.toml has it; model, serial number and calibration not judged."""
+
+    kind: Literal["laser_tracker", "camera", "arm", "unknown"]
+    measures: Literal["points", "poses"] = Field(description="found where nobody says so")
+    model: str | None
+    serial: str | None
+    calibrated: str | None
+
+
 class Forward(Fact):
     """What the forward model takes into account."""
 
@@ -599,6 +639,12 @@ class Answer(Values, Heading):
     )
     influence: tuple[Carried, ...] = Field(
         default=(), description="the pull that carries most of each stiffness and cause"
+    )
+    payloads: tuple[Payload, ...] = Field(
+        default=(), exclude_if=_nothing, description="as stated and as found; absent without any"
+    )
+    instrument: Measuring | None = Field(
+        default=None, exclude_if=_nothing, description="what measured; absent where nobody says"
     )
     model: Forward
     assumptions: tuple[str, ...]

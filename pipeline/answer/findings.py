@@ -15,6 +15,7 @@ from pipeline.prediction import model as handover
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.store.campaign import Raw
 from pipeline.system.fit import Fitted
+from pipeline.system.one_pose import OnePose
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +52,7 @@ class Findings:
         where: The test pose.
         control: Table RELIABILITY of those values.
         carried: Table INFLUENCE of those values.
+        one_pose: What shows that targets were computed from one pose; None where nobody has to.
     """
 
     campaign: str
@@ -66,6 +68,7 @@ class Findings:
     where: Where
     control: pd.DataFrame
     carried: pd.DataFrame
+    one_pose: OnePose | None = None
 
     @property
     def mistakes(self) -> tuple[Mistake, ...]:

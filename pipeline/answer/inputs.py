@@ -14,11 +14,14 @@ from pipeline.answer.contract import Input, Rejected
 from pipeline.base import files
 from pipeline.base.arrays import Array
 from pipeline.machine.effects.tracker_drift import GROUP_S
+from pipeline.reduction.case import Case
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.reduction.register import Registration
-from pipeline.reduction.settings import Settings
+from pipeline.reduction.settings import Instrument, Settings
+from pipeline.reduction.torques import Weighed, weighed
 from pipeline.store.campaign import Raw
 from pipeline.system.estimate import MISFIT_P
+from pipeline.system.one_pose import OnePose
 
 
 def measured_on(settings: Settings, readings: pd.DataFrame | None) -> str | None:
@@ -95,6 +98,67 @@ def registration_findings(
         f"The base reflectors do not fit their nominal coordinates (p = {told.p_value:.1g}): "
         f"{worst['target']} in {worst['group']} is off by {told.max_mm:.3g} mm; check "
         f"[base_frame] and whether the tracker or a reflector moved."
+    ]
+
+
+def instrument_entry(settings: Settings) -> contract.Measuring | None:
+    """The instrument as campaign.toml has it, and what it turned out to measure.
+
+    None where it says nothing, and nothing is found.
+    """
+    said = settings.instrument
+    if said == Instrument():
+        return None
+    day = None if said.calibrated is None else said.calibrated.isoformat()
+    return contract.Measuring(
+        kind=said.kind,
+        measures=said.measures,
+        model=said.model,
+        serial=said.serial,
+        calibrated=day,
+    )
+
+
+def payload_entries(case: Case) -> tuple[contract.Payload, ...]:
+    """Every payload as stated, and as the joint torques have it."""
+    found, out = weighed(case), []
+    for name, said in case.settings.payload.items():
+        one = found.get(name)
+        stated = contract.Body(
+            mass_kg=said.mass_kg,
+            mass_std_kg=said.mass_sigma_kg,
+            center_m=said.center_m,
+            center_std_m=(said.center_sigma_m,) * 3,
+        )
+        out.append(
+            contract.Payload(
+                name=name,
+                stated=stated,
+                found=None if one is None else _body(one),
+                poses=0 if one is None else one.poses,
+                p_value=None if one is None else one.p_value,
+            )
+        )
+    return tuple(out)
+
+
+def _body(one: Weighed) -> contract.Body:
+    x, y, z = one.center.tolist()
+    a, b, c = one.center_std.tolist()
+    return contract.Body(
+        mass_kg=one.mass, mass_std_kg=one.mass_std, center_m=(x, y, z), center_std_m=(a, b, c)
+    )
+
+
+def pose_findings(pose: OnePose | None) -> list[str]:
+    """A sentence where targets were computed from one pose, and campaign.toml does not say so."""
+    if pose is None:
+        return []
+    return [
+        f"The targets keep their distances to {1e6 * pose.kept_m:.2g} um, as no instrument reads "
+        f"points, while {1e3 * pose.left_m:.3g} mm of their displacements remain: they were "
+        "computed from one measured pose and count as its six coordinates. Write measures = "
+        '"poses" into [instrument].'
     ]
 
 

@@ -6,9 +6,10 @@ from collections.abc import Iterable, Sequence
 from statistics import median
 from typing import Any
 
-from pipeline.answer.contract import JointType, Odd, Remark, Stiffness
+from pipeline.answer.contract import Body, JointType, Odd, Payload, Remark, Stiffness
 from pipeline.answer.words import listed
 from pipeline.base.quantities import plain, with_std
+from pipeline.reduction.torques import CONTRADICTS
 
 
 def finding(joint: Stiffness) -> str | None:
@@ -38,6 +39,24 @@ def common_factor(joints: Sequence[Stiffness]) -> str | None:
         "unit of the force column and the scale, or the stiffnesses in the file; a factor common "
         "to all forces shows in no residual."
     )
+
+
+def contradicted(payloads: Sequence[Payload]) -> list[str]:
+    """A sentence for each payload that the joint torques have otherwise than campaign.toml."""
+    return [
+        f"The joint torques contradict the payload {one.name}: by {one.poses} poses it has "
+        f"{_of(one.found)}, and campaign.toml says {_of(one.stated)} (p = {one.p_value:.1g}); "
+        "weigh it, or look at how it is mounted."
+        for one in payloads
+        if one.found is not None and one.p_value is not None and one.p_value < CONTRADICTS
+    ]
+
+
+def _of(body: Body) -> str:
+    """Mass and centre in words."""
+    places = zip(body.center_m, body.center_std_m, strict=True)
+    center = ", ".join(with_std(1e3 * at, 1e3 * std) for at, std in places)
+    return f"{with_std(body.mass_kg, body.mass_std_kg)} kg at ({center}) mm"
 
 
 def told(joints: Iterable[Stiffness]) -> list[str]:

@@ -50,10 +50,11 @@ def _other(found: Findings, springs: str, data: str) -> list[str]:
 def _verdict(found: Findings) -> str:
     """What holds, and which model the values are from."""
     said, values = why(found.facts), BECAUSE[found.row.reason]
-    estimate = found.told.values.fitted.estimate
+    fitted = found.told.values.fitted
+    estimate, good = fitted.estimate, fits(fitted.estimate, fitted.data.tracked)
     if found.mistakes:
         return f"{said} {values}"
-    if not fits(estimate) and estimate.p_value is None and found.row.model == Which.JOINT_SPRINGS:
+    if not good and estimate.p_value is None and found.row.model == Which.JOINT_SPRINGS:
         left = 1e3 * estimate.residual_std_m
         return (
             f"The joint stiffness model does not fit as well as a tracker measures: {left:.3f} mm "
@@ -69,14 +70,14 @@ def _verdict(found: Findings) -> str:
     if found.verdict == "adequate":
         return (
             "The joint stiffness model explains the measured deflections"
-            f"{_larger_scatter(estimate)}."
+            f"{'' if good else _larger_scatter(estimate)}."
         )
     return f"{values} {said}"
 
 
 def _larger_scatter(estimate: Estimate) -> str:
     """Clause of a model that misses nothing, where readings scatter more than their noise."""
-    if estimate.p_value is None or fits(estimate):
+    if estimate.p_value is None:
         return ""
     factor = float(np.sqrt(estimate.chi2 / estimate.dof))
     return (

@@ -15,6 +15,7 @@ from pipeline.answer.recommended import Values
 from pipeline.answer.stiffness import stiffness_entries
 from pipeline.base.arrays import Array
 from pipeline.machine.cell import Cell
+from pipeline.prediction.by_payload import by_payload
 from pipeline.prediction.model import Model
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.pose_of_interest import Where
@@ -36,7 +37,7 @@ def stated(values: Values, model: Model, where: Where) -> dict[str, Any]:
 def values_entry(told: Told, where: Where) -> contract.Values:
     """The same with its validation."""
     left, checked = told.values.left_out_m, told.checked
-    validation = None if checked is None else validation_entry(checked, left, where)
+    validation = None if checked is None else validation_entry(checked, left, where, told.values)
     return contract.Values(validation=validation, **stated(told.values, told.model, where))
 
 
@@ -50,7 +51,7 @@ def fit_entry(cell: Cell, data: Measured, estimate: Estimate) -> Fit:
         noise_from=NoiseFrom(estimate.noise_from),
         residual_std_mm=1e3 * estimate.residual_std_m,
         second_order_rms_mm=_second_order_mm(cell, data, estimate),
-        noise_statement=noise_statement(estimate),
+        noise_statement=noise_statement(estimate, data.tracked),
     )
 
 
@@ -71,7 +72,7 @@ _STATEMENTS = {
 }
 
 
-def noise_statement(estimate: Estimate) -> str:
+def noise_statement(estimate: Estimate, tracked: bool) -> str:
     """One sentence on where the noise comes from and what depends on it."""
     if estimate.noise_from in _STATEMENTS:
         return _STATEMENTS[estimate.noise_from]
@@ -79,7 +80,7 @@ def noise_statement(estimate: Estimate) -> str:
     more = (
         "; a laser tracker measures better than that, so the model does not fit as well as a "
         "tracker measures"
-        if not fits(estimate)
+        if not fits(estimate, tracked)
         else ""
     )
     return (
@@ -88,14 +89,19 @@ def noise_statement(estimate: Estimate) -> str:
     )
 
 
-def validation_entry(checked: pd.DataFrame, left_out_m: Array, where: Where) -> Validation:
+def validation_entry(
+    checked: pd.DataFrame, left_out_m: Array, where: Where, values: Values
+) -> Validation:
     """Means of Eq. (22) per target, from the full covariance and as in Eq. (23).
 
     Args:
         checked: Table VALIDATION.
         left_out_m: Residuals of poses that were left out [m]; NaN where nothing predicts them.
         where: The test pose.
+        values: The model's values, and what they rest on.
     """
+    fitted = values.fitted
+    loads = by_payload(fitted.case.settings, fitted.data, values.first.system)
     full = _drawn(checked, "covariance")
     return Validation(
         test_pose=full.test_pose,
@@ -104,6 +110,7 @@ def validation_entry(checked: pd.DataFrame, left_out_m: Array, where: Where) -> 
         independent=_drawn(checked, "independent"),
         poses=int(checked["index"].max()),
         test_pose_stated=where.stated,
+        by_payload={name: None if r is None else 1e3 * r for name, r in loads.items()},
     )
 
 

@@ -84,6 +84,7 @@ def check(root: Path, name: str) -> Outcome:
 
 def _check(campaign: Campaign) -> Outcome:
     from pipeline.answer.inputs import rejected_entries
+    from pipeline.machine.effect import HUNG, MOUNTED
     from pipeline.reduction.bring import conformed
     from pipeline.run import reduce
 
@@ -96,6 +97,9 @@ def _check(campaign: Campaign) -> Outcome:
         "displacements": len(reduced.data.delta),
         "rejected": len(rejected),
     }
+    by = reduced.data.pulls.by
+    kinds = {"weights": int((by == HUNG).sum()), "payloads": int((by == MOUNTED).sum())}
+    used |= {what: count for what, count in kinds.items() if count}
     text = f"{name}: " + ", ".join(f"{count} {what}" for what, count in used.items())
     return Outcome(
         campaign=name,

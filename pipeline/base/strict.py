@@ -57,6 +57,12 @@ Uncertainty = Annotated[float, Field(ge=0, le=10)]
 """Standard uncertainty of a length [m], of an angle [rad], or one relative to a length or force."""
 ForceUncertainty = Annotated[float, Field(ge=0, le=1e7)]
 """Standard uncertainty of a force [N]: as large as the largest."""
+LEAST_MASS = 1e-7
+"""A weight is heavier [kg]: it pulls with a micronewton."""
+Mass = Annotated[float, Field(gt=0, le=1e6), _visible(LEAST_MASS)]
+"""Of a weight or payload [kg]: a thousand tonnes."""
+MassUncertainty = Annotated[float, Field(ge=0, le=1e6)]
+"""Standard uncertainty of a mass [kg]: as large as the largest."""
 
 
 def _plain(name: str) -> str:

@@ -62,11 +62,11 @@ def diagnose(
         estimate: Its joint springs.
         where: The test pose, for the change of the predicted deflection.
         rng: Source of all draws (threshold, bootstrap, candidate poses).
-        effects: The catalogue to search; that of the robot when not given.
+        effects: The catalogue to search; that of robot and loads when not given.
         drift: What the base reflectors show of the tracker, where they show anything.
         noise: Noise found in the campaign; found in its pulls when not given.
     """
-    whole = catalogue(cell.robot) if effects is None else effects
+    whole = catalogue(cell.robot, data.pulls) if effects is None else effects
     known = twins(cell.robot)
     case, spread = case_of(cell, data, estimate, whole, known, noise)
     hung = as_stiff(cell, estimate)
@@ -84,7 +84,7 @@ def diagnose(
         facts,
         causes=causes,
         scatter=of_scatter(whole, spread),
-        beyond_a_tracker=estimate.p_value is None and not fits(estimate),
+        beyond_a_tracker=estimate.p_value is None and not fits(estimate, data.tracked),
         unloaded=stood,
         moved=of_unloaded(stood),
         base=drift,
@@ -213,11 +213,11 @@ def case_of(
         cell: The paper's model.
         data: The measurements.
         estimate: Its joint springs.
-        whole: The catalogue; that of the robot when not given.
+        whole: The catalogue; that of robot and loads when not given.
         known: Its twins; found when not given.
         noise: Noise found in the campaign; found in its pulls when not given.
     """
-    whole = catalogue(cell.robot) if whole is None else whole
+    whole = catalogue(cell.robot, data.pulls) if whole is None else whole
     known = known or twins(cell.robot)
     never = {*known.unmoved, *known.of_stiffness}
     suspects = tuple(e for e in whole if not isinstance(e, Noise) and e.label not in never)

@@ -276,7 +276,7 @@ class _Contest(Locked):
         """What each candidate would add to M, scattering as the fullest pose did: (m, W, W)."""
         flat = replace(view.model.cell, equilibrium="undeformed")
         pulls, values, rows = among.pulls, view.model.values, view.rows
-        m, t = len(among.anchor), len(flat.tool.targets)
+        m, t = len(among.anchor), len(flat.tool.read)
         B = sensitivity(flat, pulls, values, flat.effects[:1])
         Z = sensitivity(flat, pulls, values, self.effects)
         whole = np.zeros((len(pulls.pose), t, 3, len(self.columns)))

@@ -52,7 +52,9 @@ def reversed_pull(case: Case, estimate: Estimate) -> list[Mistake]:
             where="pull_reversed",
             evidence=f"the pull is reversed: {negative} of {known.sum()} clear compliances are "
             f"negative, the robot would move against the force{seen}",
-            correction=f"computed again with {names} exchanged"
+            correction="computed again with weights pulling the other way in F_b"
+            if _hangs(case)
+            else f"computed again with {names} exchanged"
             if case.settings.displacements is None
             else "computed again with all forces turned round",
             before=float(against),
@@ -61,6 +63,11 @@ def reversed_pull(case: Case, estimate: Estimate) -> list[Mistake]:
             correct=_turned_round,
         )
     ]
+
+
+def _hangs(case: Case) -> bool:
+    """Whether weights and payloads are all that loads the robot, and no chain."""
+    return len(case.loads) > 0 and bool(case.loads["force_n"].isna().all())
 
 
 def _farther(case: Case) -> float | None:
@@ -76,6 +83,10 @@ def _turned_round(case: Case) -> Case:
     """All forces the other way."""
     if case.forces is not None:
         return replace(case, forces=_times(case.forces, -1.0))
+    if _hangs(case):
+        x, y, z = case.settings.gravity.direction
+        up = case.settings.gravity.model_copy(update={"direction": (-x, -y, -z)})
+        return replace(case, settings=case.settings.model_copy(update={"gravity": up}))
     chain = case.settings.naming.chain
     naming = case.settings.naming.model_copy(update={"chain": chain[::-1]})
     return replace(case, settings=case.settings.model_copy(update={"naming": naming}))
@@ -91,7 +102,7 @@ def force_unit(case: Case, estimate: Estimate) -> list[Mistake]:
     k = len(nominal)
     x, std = estimate.value[:k], estimate.std[:k]
     known = np.isfinite(nominal) & np.isfinite(std) & (x > 3 * std)
-    if known.sum() < 3:
+    if known.sum() < 3 or _hangs(case):  # a mass is in no unit of force
         return []
     softer = np.log(x[known] * nominal[known])
     middle = float(np.median(softer))

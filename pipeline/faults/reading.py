@@ -305,8 +305,12 @@ def without(case: Case, file: str, line: int) -> Case:
 FAULT = Fault(
     "outlier",
     "outlying reading",
-    lambda asked: outlier(
-        asked.case, asked.reduced, asked.zeros, asked.system, asked.estimate, asked.spread
+    lambda asked: (
+        []  # a pose is no reading of a target
+        if asked.cell.tool.six
+        else outlier(
+            asked.case, asked.reduced, asked.zeros, asked.system, asked.estimate, asked.spread
+        )
     ),
     beside_model=True,
 )

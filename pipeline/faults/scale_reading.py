@@ -18,6 +18,7 @@ from pipeline.base.arrays import Array
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, outlying
 from pipeline.machine.cell import Cell
+from pipeline.machine.effect import HUNG, MOUNTED
 from pipeline.reduction.case import Case
 from pipeline.reduction.forces import reading_std
 from pipeline.reduction.measured import Measured
@@ -163,15 +164,18 @@ def _finding(
     row = loads[(loads["pose"] == pose) & (loads["repeat"] == repeat)].iloc[0]
     where = f"{row['file']} pose{pose:02d} rep{repeat}"
     sigmas = float(np.sqrt(drop))
+    hung = data.pulls.by[pull] == HUNG
+    one, unit = (case.settings.gravity.m_s2, "kg") if hung else (1.0, "N")
+    said = f"{row['payload']}, " if data.pulls.by[pull] == MOUNTED else ""
     return outlying(
         where,
-        f"the reading {where} (line {row['line']}) says {given:.6g} N, and "
-        f"all other pulls agree with {fits:.6g} +- {normal**-0.5:.2g} N, {sigmas:.0f} standard "
-        "deviations away",
+        f"the reading {where} (line {row['line']}) says {said}{given / one:.6g} {unit}, and "
+        f"all other pulls agree with {fits / one:.6g} +- {normal**-0.5 / one:.2g} {unit}, "
+        f"{sigmas:.0f} standard deviations away",
         "computed again without this pull",
         before=sigmas,
-        size=abs(given - fits),
-        size_unit="N",
+        size=abs(given - fits) / one,
+        size_unit=unit,
         p_value=p,
         beside_model=True,
         correct=partial(_without, pose=pose, repeat=repeat),

@@ -12,6 +12,7 @@ from functools import lru_cache
 import numpy as np
 
 from pipeline.base.arrays import Array, Ints, Locked, Parameter, Strings
+from pipeline.machine import six
 from pipeline.machine.effect import (
     Effect,
     Elastic,
@@ -32,14 +33,16 @@ class Tool(Locked):
     """Points of the effector in the flange frame.
 
     Attributes:
-        load_point: Where the chain pulls [m], shape (3,).
+        load_point: Where the chain pulls and weights hang [m], shape (3,).
         targets: Names of the reflectors, shape (t,).
         points: Their coordinates [m], shape (t, 3).
+        six: They were computed from one measured pose, of which `six` tells what is read.
     """
 
     load_point: Array
     targets: Strings
     points: Array
+    six: bool = False
 
     @classmethod
     def of(cls, points: Mapping[str, Sequence[float]]) -> Tool:
@@ -47,6 +50,19 @@ class Tool(Locked):
         targets = [name for name in points if name != "load_point"]
         at = np.array([points[name] for name in targets])
         return cls(np.array(points["load_point"]), np.array(targets, dtype=object), at)
+
+    @property
+    def read(self) -> Strings:
+        """What is read of it: its targets, or position and rotation of a pose."""
+        return np.array(six.ROWS, dtype=object) if self.six else self.targets
+
+    def coordinates(self, here: Configuration, moved: Array) -> Array:
+        """What is read of small motions of its targets, (m, t, 3) or (m, t, 3, k) [m], F_b."""
+        if not self.six:
+            return moved
+        middle = self.points - self.points.mean(axis=0)
+        levers = np.einsum("mij,tj->mti", here.flange_axes, middle)
+        return six.coordinates(levers, moved, six.radius(self.points))
 
     @property
     def named(self) -> dict[str, Array]:
@@ -98,7 +114,8 @@ class Prediction(Locked):
     Attributes:
         unloaded: Positions of the targets before the pull [m], shape (m, t, 3).
         loaded: Positions under load [m], shape (m, t, 3).
-        displacement: loaded - unloaded [m], free of cancellation, shape (m, t, 3).
+        displacement: loaded - unloaded [m], free of cancellation, shape (m, t, 3); what is read of
+            it, (m, 2, 3), where the tool's targets are those of one measured pose.
         load_point: Load point under load [m], shape (m, 3).
     """
 
@@ -146,7 +163,7 @@ def load(cell: Cell, pulls: Pulls, values: Array) -> Loaded:
     loaded = Loaded(
         pulls=pulls,
         configuration=configuration,
-        load_point=points[:, 0],
+        load_point=_acts_at(configuration, pulls, points[:, 0]),
         force=pulls.force,
         points=points[:, 1:],
         targets=cell.tool.targets,
@@ -158,6 +175,15 @@ def load(cell: Cell, pulls: Pulls, values: Array) -> Loaded:
         elif isinstance(effect, Reflectors):
             loaded = replace(loaded, points=effect.points(loaded, part))
     return loaded
+
+
+def _acts_at(configuration: Configuration, pulls: Pulls, load_point: Array) -> Array:
+    """Where each force acts in F_b [m], (m, 3): its own point of the flange, or the load point."""
+    own = np.isfinite(pulls.acts_at)
+    if not own.any():
+        return load_point
+    turned = np.einsum("mij,mj->mi", configuration.flange_axes, np.where(own, pulls.acts_at, 0.0))
+    return np.where(own, configuration.flange_origin + turned, load_point)
 
 
 @lru_cache(maxsize=1)
@@ -201,7 +227,12 @@ def predict(cell: Cell, pulls: Pulls, values: Array) -> Prediction:
             seen_after = effect.observe(loaded, after, pulls.time, part)
             displacement = displacement + (seen_after - after) - (seen - before)
             before, after = seen, seen_after
-    return Prediction(before, after, displacement, load_point)
+    return Prediction(before, after, _read(cell, pulls, displacement), load_point)
+
+
+def _read(cell: Cell, pulls: Pulls, moved: Array) -> Array:
+    """What is read of motions of the targets at the logged joint values, `Tool.coordinates`."""
+    return cell.tool.coordinates(_as_logged(cell.robot, pulls), moved) if cell.tool.six else moved
 
 
 def _elastic(cell: Cell, values: Array) -> list[tuple[Elastic, Array]]:
@@ -298,7 +329,7 @@ def jacobian(cell: Cell, pulls: Pulls, values: Array) -> Array:
         Shape (m, t, 3, k).
     """
     values = np.asarray(values, dtype=float)
-    m, t = len(pulls), len(cell.tool.targets)
+    m, t = len(pulls), len(cell.tool.read)
     B = np.empty((m, t, 3, len(values)))
     for start in range(0, m, _BLOCK):
         part = slice(start, start + _BLOCK)
@@ -336,9 +367,9 @@ def sensitivity(cell: Cell, pulls: Pulls, values: Array, effects: Sequence[Effec
 def _derivative(cell: Cell, effect: Effect, first: int, loaded: Loaded, values: Array) -> Array:
     """Derivative of the displacements by the parameters of one effect, from `first` on."""
     if isinstance(effect, Noise):
-        return np.zeros((*loaded.points.shape, len(effect.parameters)))
+        return np.zeros((len(loaded.pulls), len(cell.tool.read), 3, len(effect.parameters)))
     if isinstance(effect, Elastic) and cell.equilibrium == "undeformed":
-        return columns(effect, loaded)
+        return _read(cell, loaded.pulls, columns(effect, loaded))
     out = []
     for k, parameter in enumerate(effect.parameters, first):
         step = np.zeros_like(values)

@@ -7,17 +7,21 @@ baseline), the score that tests for it, the extended model and the smallest size
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
 from pipeline.base.arrays import Array, Ints, Locked, Parameter, Strings
 from pipeline.machine.robot import Configuration, Robot
 
+PULLED, HUNG, MOUNTED = 0, 1, 2
+"""What loads the robot: a chain with a scale, a weight at the load point, a payload on the flange;
+codes of `Pulls.by`."""
+
 
 @dataclass(frozen=True, eq=False)
 class Pulls(Locked):
-    """One row per pull: what was set and read, in F_b, SI.
+    """One row per pull: what was set and read, in F_b, SI. A weight pulls, too.
 
     Attributes:
         pose: Pose number, shape (m,).
@@ -28,6 +32,8 @@ class Pulls(Locked):
         approach: Which way the carriage came along the rail, +1, -1, 0 unknown, (m,).
         time: Time of the loaded readings after the first reading [s], NaN unknown, (m,).
         time_zero: Time of the pose's unloaded readings [s], NaN unknown, (m,).
+        by: `PULLED`, `HUNG` or `MOUNTED`, shape (m,); by a chain where nothing is said.
+        acts_at: Where the force acts, flange frame [m]; NaN is the tool's load point, shape (m, 3).
     """
 
     pose: Ints
@@ -38,6 +44,16 @@ class Pulls(Locked):
     approach: Array
     time: Array
     time_zero: Array
+    by: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
+    acts_at: Array = field(default_factory=lambda: np.zeros((0, 3)))
+
+    def __post_init__(self) -> None:
+        """Pulls of which nothing else is said are those of a chain at the load point."""
+        if len(self.by) != len(self.pose):
+            object.__setattr__(self, "by", np.full(len(self.pose), PULLED))
+        if len(self.acts_at) != len(self.pose):
+            object.__setattr__(self, "acts_at", np.full((len(self.pose), 3), np.nan))
+        super().__post_init__()
 
     def __len__(self) -> int:
         """Number of pulls m."""
@@ -66,9 +82,14 @@ class Pulls(Locked):
             time_zero=none,
         )
 
+    @property
+    def pulled(self) -> Array:
+        """1 for pulls by a chain with a scale, 0 for weights and payloads, shape (m, 1)."""
+        return (self.by == PULLED)[:, None].astype(float)
+
     def part(self, which: slice | Ints) -> Pulls:
         """Some of the pulls."""
-        return Pulls(**{field.name: getattr(self, field.name)[which] for field in fields(self)})
+        return Pulls(**{one.name: getattr(self, one.name)[which] for one in fields(self)})
 
     def under(self, forces: Array) -> Pulls:
         """The same pulls under n sets of forces, one set after the other.
@@ -80,9 +101,7 @@ class Pulls(Locked):
             forces: [N], F_b, shape (n, m, 3).
         """
         n = len(forces)
-        tiled = {
-            field.name: np.concatenate([getattr(self, field.name)] * n) for field in fields(self)
-        }
+        tiled = {one.name: np.concatenate([getattr(self, one.name)] * n) for one in fields(self)}
         tiled["pose"] = tiled["pose"] + np.repeat(np.arange(n), len(self)) * (np.ptp(self.pose) + 1)
         return Pulls(**tiled | {"force": np.asarray(forces, float).reshape(-1, 3)})
 
@@ -153,6 +172,7 @@ class Effect:
         element: What of the machine the law is of: effects of one element at one place are laws of
             one thing. Empty where it is alone.
         shows_unloaded: It moves the unloaded reflectors by far more than it changes displacements.
+        of: Kinds of load that it takes part in; with no load of these it can act on nothing.
     """
 
     name: str
@@ -167,6 +187,7 @@ class Effect:
     tolerance: float = 0.03
     element: str = ""
     shows_unloaded: bool = False
+    of: tuple[int, ...] = (PULLED, HUNG, MOUNTED)
 
     def everywhere(self, robot: Robot) -> tuple[Effect, ...]:
         """An entry of the catalogue: the effect, the same on any robot."""

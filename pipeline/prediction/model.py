@@ -274,9 +274,10 @@ def part(
     keep = [not _measurement(effect) for effect in cell.effects]
     of_machine = np.repeat(keep, [len(effect.parameters) for effect in cell.effects])
     effects = tuple(effect for effect, kept in zip(cell.effects, keep, strict=True) if kept)
+    tool = replace(cell.tool, six=False)  # how it was measured is no part of the machine
     return Hypothesis(
         weight,
-        replace(cell, effects=effects),
+        replace(cell, tool=tool, effects=effects),
         estimate.value[of_machine],
         estimate.cov[np.ix_(of_machine, of_machine)],
         *_apart(estimate, of_machine, system, ratio),

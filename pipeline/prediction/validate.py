@@ -95,7 +95,8 @@ def _elastic(cell: Cell) -> Bools:
 def deflections(cell: Cell, q: Array, force: Array) -> Array:
     """A_i of Eq. (7) at joint values q (m, n) under force (m, 3), shape (m, t, 3, k)."""
     yields = tuple(effect for effect in cell.effects if isinstance(effect, Elastic))
-    elastic = replace(cell, effects=yields, equilibrium="undeformed")
+    tool = replace(cell.tool, six=False)  # of every target, however they were measured
+    elastic = replace(cell, tool=tool, effects=yields, equilibrium="undeformed")
     return jacobian(elastic, Pulls.at(q, force), np.zeros(len(elastic.parameters)))
 
 

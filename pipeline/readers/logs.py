@@ -13,9 +13,10 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings, sifted
 from pipeline.base.errors import InputError, at, listed
-from pipeline.base.strict import LEAST_FORCE
+from pipeline.base.strict import LEAST_FORCE, LEAST_MASS
 from pipeline.machine.robot import Robot
 from pipeline.readers._cells import bare
 from pipeline.readers._delimited import rows
@@ -27,8 +28,12 @@ _Rejection = tuple[str, int | None, str]
 
 FORCE = {"n": 1.0, "kn": 1e3, "kgf": 9.80665, "lbf": 4.4482216152605}
 """Units of force [N]; those of weight with standard gravity (CGPM 1901)."""
+MASS = {"kg": 1.0, "g": 1e-3, "lb": 0.45359237}
+"""Units of mass [kg]."""
 _LENGTH = {"m": 1.0, "mm": 1e-3}
 """Units of length [m]."""
+_FORCE_OF = {True: FORCE, False: {"nm": 1.0, "knm": 1e3}}
+"""Units of what drives a sliding joint [N], and of what turns another [N m]."""
 _ANGLE = {"deg": np.pi / 180.0, "rad": 1.0}
 """Units of angles [rad]."""
 BEYOND = 2**31
@@ -100,26 +105,47 @@ _REPEAT = Quantity("repeat", {})
 
 
 def loads(name: str, data: bytes) -> Log:
-    """Readings of the spring scale: pose, repeat, force [N] and, where known, branch.
+    """What loads the robot: pose, repeat, branch where known, and in each row one of three.
+
+    `force` [N] of a scale in a chain, `mass` [kg] of a weight at the load point with `mass_sigma`
+    where it is known, or the name of a `payload`; a column may be missing where no row has it.
 
     Raises:
         InputError: The file cannot be read or trusted as a whole.
     """
-    branch = Quantity("branch", {}, "name", needed=False)
-    log = _whole_numbers(table(name, data, [POSE, _REPEAT, Quantity("force", FORCE), branch]))
-    log = log.only(
-        log.number["force"] >= LEAST_FORCE, "the force is not above zero; correct or remove the row"
-    )
+    header = columns(name, data)
+    other = [Quantity("mass", MASS, needed=False), Quantity("mass_sigma", MASS, needed=False)]
+    other += [Quantity(word, {}, "name", needed=False) for word in ("payload", "branch")]
+    needed = not any(_suffixed(header, q) for q in other[:3])
+    log = table(name, data, [POSE, _REPEAT, Quantity("force", FORCE, needed=needed), *other])
+    log = _one_load(_whole_numbers(log))
     reason = "branch is neither up nor down; correct it or leave it empty"
     log = log.where("branch", lambda words: np.isin(words, [*_BRANCHES, ""]), reason)
     return once(log, ["pose", "repeat"])
+
+
+def _one_load(log: Log) -> Log:
+    """Only rows with one load, above zero; every kind is a column then, NaN or empty where not."""
+    none = np.full(len(log.line), np.nan)
+    number = dict.fromkeys(("force", "mass", "mass_sigma"), none) | log.number
+    word = {"payload": np.full(len(none), "", dtype=object)} | log.word
+    log = replace(log, number=number, word=word)
+    for name, least in (("force", LEAST_FORCE), ("mass", LEAST_MASS)):
+        small = log.number[name] < least  # NaN, an empty cell, is not
+        log = log.only(~small, f"the {name} is not above zero; correct or remove the row")
+    loaded = [~np.isnan(log.number[name]) for name in ("force", "mass")]
+    count = np.sum([*loaded, log.word["payload"] != ""], axis=0)
+    many = "has more than one of force, mass and payload; keep the one that was added in this pull"
+    log = log.only(count <= 1, many)
+    return log.only(count[count <= 1] == 1, "has no force, mass or payload; fill one of them in")
 
 
 def joints(name: str, data: bytes, robot: Robot) -> Log:
     """The controller's joint log, by the names of the robot's joints or of its controller's axes.
 
     Returns:
-        The log with its poses and a number for each joint of the robot [m] or [rad].
+        The log with its poses and a number for each joint of the robot [m] or [rad]; where it has
+        them the torques `tau1` ... of the joints [N m] or [N], and the `repeat` of each row.
 
     Raises:
         InputError: A joint is missing; the file cannot be read.
@@ -129,15 +155,34 @@ def joints(name: str, data: bytes, robot: Robot) -> Log:
     from_controller = bool(axes) and not _has(header, own) and _has(header, axes)
     wanted = axes if from_controller else own
     approach = Quantity("approach", {}, needed=False)
-    log = _whole_numbers(table(name, data, [POSE, *wanted, approach]))
+    torques = [Quantity(f"tau{j}", _FORCE_OF[q.units is _LENGTH], needed=False)
+               for j, q in enumerate(wanted, 1)]  # fmt: skip
+    repeat = Quantity("repeat", {}, needed=False)
+    log = _whole_numbers(table(name, data, [POSE, *wanted, approach, repeat, *torques]))
     reason = "approach is neither 1 nor -1; correct it or leave it empty"
     log = log.where("approach", lambda way: np.isin(way, [1, -1, 0]) | np.isnan(way), reason)
-    log = once(log, ["pose"])
+    log = once(log, ["pose", *({"repeat"} & {*log.number})])
     if not from_controller:
         return log
     axes_q = np.column_stack([log.number[axis.stem] for axis in axes])
     q = axes_q @ robot.controller_matrix.T + robot.controller_offset
-    return replace(log, number=log.number | {j.name: q[:, k] for k, j in enumerate(robot.joints)})
+    number = log.number | {j.name: q[:, k] for k, j in enumerate(robot.joints)}
+    if {one.stem for one in torques} <= {*log.number} and len(axes) == robot.n:
+        tau = np.column_stack([log.number[one.stem] for one in torques])
+        turned = linear.solve(robot.controller_matrix.T, tau.T)  # both do the same work
+        number |= {one.stem: tau for one, tau in zip(torques, turned, strict=True)}
+    return replace(log, number=number)
+
+
+def of_poses(log: Log) -> Log:
+    """The first row of each pose of a joint log; further ones are there for their torques."""
+    first = np.unique(log.number["pose"], return_index=True)[1]
+    if len(first) == len(log.line):
+        return log
+    rows = np.zeros(len(log.line), dtype=bool)
+    rows[first] = True
+    number, word = sifted(log.number, rows), sifted(log.word, rows)
+    return Log(log.file, number, word, log.line[rows], log.rejected)
 
 
 def joint_values(log: Log, robot: Robot) -> Array:

@@ -23,6 +23,7 @@ class _States(Locked):
         zero: Whether each measured target was read unloaded in the pose of the slot, shape (s, t).
         joints: Whether the pose has joint values, shape (s,).
         load: Row of the load log, -1 where there is none, shape (s,).
+        chain: Whether a chain loads it; so does one where no load is noted beside others, (s,).
         apart: Whether the ends of the chain are not in one place, shape (s,).
     """
 
@@ -30,6 +31,7 @@ class _States(Locked):
     zero: Bools
     joints: Bools
     load: Ints
+    chain: Bools
     apart: Bools
 
 
@@ -65,11 +67,13 @@ def _states(shots: Shots, t: int, loads: Log, joints: Log) -> _States:
         zero[of[~shots.loaded & present[:, k]], k] = True
     logged = (loads.number[name].astype(np.int64) for name in ("pose", "repeat"))
     load = found(pull_number(*logged), pull_number(shots.pose, shots.repeat))
+    pulled = ~np.isnan(loads.number["force"])
     return _States(
         present=present,
         zero=np.asfortranarray(zero[of]),
         joints=np.isin(poses, joints.number["pose"])[of],
         load=np.where(shots.loaded, load, -1),
+        chain=shots.loaded & np.append(pulled, pulled.any())[load],
         apart=_apart(shots, t),
     )
 
@@ -107,11 +111,11 @@ def _why_not(
     )
     for k, name in enumerate(settings.naming.chain):
         because(
-            loaded & ~chain & ~states.present[:, t + k],
+            states.chain & ~chain & ~states.present[:, t + k],
             f"loaded reading of {name}, so the direction of the pull is unknown; measure it",
         )
     ends = " and ".join(settings.naming.chain)
-    because(loaded & ~states.apart, f"distance between {ends}; measure them again")
+    because(states.chain & ~states.apart, f"distance between {ends}; measure them again")
     because(loaded & (states.load < 0), f"force in {load_file}; add the row")
     because(loaded & ~usable, "target read both unloaded and loaded; measure it")
     return why

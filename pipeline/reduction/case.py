@@ -30,6 +30,7 @@ class Case:
         displacements: Table DISPLACEMENTS of a campaign that arrives reduced.
         forces: Table FORCES of a campaign that arrives reduced.
         stale: Readings that repeat another one of their state, whether they are left out or not.
+        torques: Torques of the joints as logged, see `Ingested`; None where there are none.
     """
 
     settings: Settings
@@ -41,6 +42,7 @@ class Case:
     displacements: pa.Table | None = None
     forces: pa.Table | None = None
     stale: tuple[Stale, ...] = ()
+    torques: pd.DataFrame | None = None
 
     @property
     def tool(self) -> Tool:
@@ -71,4 +73,5 @@ def tool(settings: Settings) -> Tool:
         load_point=np.array(settings.tool["load_point"]),
         targets=np.array(names, dtype=object),
         points=np.array([settings.tool[name] for name in names]),
+        six=settings.instrument.measures == "poses",
     )

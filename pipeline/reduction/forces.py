@@ -1,4 +1,7 @@
-"""Stage 3. Chain reflectors and spring-scale readings in, force vectors out: Eqs. (10), (11)."""
+"""Stage 3. Chain reflectors and spring-scale readings in, force vectors out: Eqs. (10), (11).
+
+Rows of the loads that are weights or payloads need neither.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +9,11 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base import covariance
-from pipeline.base.arrays import Array, Ints
+from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.reduction._index import found, means, places, pull_numbers, run
 from pipeline.reduction.register import XYZ
 from pipeline.reduction.settings import Scale, Settings
+from pipeline.reduction.weights import PULL, Weights
 
 _BRANCH = np.array([1, -1, 0])
 """up, down, unknown"""
@@ -28,25 +32,30 @@ def forces(settings: Settings, placed: pd.DataFrame, loads: pd.DataFrame) -> pd.
         loads: Table LOADS.
 
     Returns:
-        Table FORCES, one row per pull that has both.
+        Table FORCES, one row per pull that has both, and per weight or payload.
     """
     loads, pulls = _in_order(loads)
     target = places(placed["target"], [*settings.naming.chain, *settings.measured])
     loaded = places(placed["state"], ["loaded"]) == 0
     pull = pull_numbers(placed)
     ends = [_rows(pull, loaded & (target == end), pulls) for end in (0, 1)]
-    both = (ends[0] >= 0) & (ends[1] >= 0)
+    hung = Weights.of(settings.payload, loads)
+    both = (hung.body != PULL) | ((ends[0] >= 0) & (ends[1] >= 0))
     loads, pulls, (near, far) = loads[both], pulls[both], (end[both] for end in ends)
+    hung = hung.only(both)
 
-    u, direction = _directions(placed, near, far)
-    reading = loads["force_n"].to_numpy()
-    force = [reading * part for part in u]
+    chain = hung.body == PULL
+    reading = np.where(chain, loads["force_n"].to_numpy(), 0.0)
+    u, direction = _of_chains(placed, near, far, chain)
+    weight = hung.force(settings.gravity.vector)
+    force = [np.where(chain, reading * part, weight[:, k]) for k, part in enumerate(u)]
     measured = np.flatnonzero(loaded & (target >= 2))
     return pd.DataFrame(
         {
             **{name: loads[name].to_numpy() for name in ("pose", "repeat")},
             **dict(zip(["fx_n", "fy_n", "fz_n"], force, strict=True)),
-            "reading_std_n": reading_std(settings.scale or Scale(), reading),
+            **hung.columns(settings),
+            "reading_std_n": np.where(chain, reading_std(settings.scale or Scale(), reading), 0.0),
             **dict(zip(covariance.columns("u", ""), direction, strict=True)),
             "branch": _BRANCH[places(loads["branch"], ["up", "down"])],
             "time_s": _mean_by_pull(placed["time_s"].to_numpy()[measured], pull[measured], pulls),
@@ -61,6 +70,25 @@ def _in_order(loads: pd.DataFrame) -> tuple[pd.DataFrame, Ints]:
         return loads, pulls
     order = np.argsort(pulls, kind="stable")
     return loads.iloc[order], pulls[order]
+
+
+def _of_chains(
+    placed: pd.DataFrame, near: Ints, far: Ints, chain: Bools
+) -> tuple[list[Array], list[Array]]:
+    """The same as `_directions`, zero in rows where no chain pulls."""
+    if chain.all():
+        return _directions(placed, near, far)
+    here = np.flatnonzero(chain)
+    found = _directions(placed, near[here], far[here])
+    u, C = ([_spread(column, here, len(chain)) for column in columns] for columns in found)
+    return u, C
+
+
+def _spread(column: Array, rows: Ints, size: int) -> Array:
+    """A column at some of so many rows, else zero."""
+    out = np.zeros(size)
+    out[rows] = column
+    return out
 
 
 def _directions(placed: pd.DataFrame, near: Ints, far: Ints) -> tuple[list[Array], list[Array]]:

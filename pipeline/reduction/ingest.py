@@ -7,7 +7,7 @@ is left out and listed with its reason.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,7 @@ from pipeline.reduction._index import numbered, pull_number
 from pipeline.reduction._shots import Rejection, Shots, Stale
 from pipeline.reduction.register import read_apart
 from pipeline.reduction.settings import BASE_REFLECTORS, Displacements, Settings, Tracker
+from pipeline.reduction.weights import PULL
 
 _SIX = covariance_columns()
 
@@ -45,6 +46,8 @@ class Ingested:
         loads: Table LOADS; empty for a campaign that arrives reduced.
         displacements: Table DISPLACEMENTS of a campaign that arrives reduced, else None.
         forces: Table FORCES of a campaign that arrives reduced, else None.
+        torques: Torques of the joints in their log: pose, repeat (NaN where it has none), tau1 ...;
+            None where it has none.
         doubt: Why the values are implausible, where that was not to stop the reading.
         stale: Readings that repeat another one of their state, whether they are left out or not.
     """
@@ -55,6 +58,7 @@ class Ingested:
     loads: pa.Table = field(default_factory=tables.LOADS.empty_table)
     displacements: pa.Table | None = None
     forces: pa.Table | None = None
+    torques: pd.DataFrame | None = None
     doubt: InputError | None = None
     stale: tuple[Stale, ...] = ()
 
@@ -77,11 +81,13 @@ def ingest(
     if settings.test_pose is not None:
         settings.test_pose.within_limits(robot)
     log = settings.joints.file
-    joints = logs.joints(log, _file(raw, log, "[joints]"), robot)
+    logged = logs.joints(log, _file(raw, log, "[joints]"), robot)
+    joints = logs.of_poses(logged)
     doubt = _doubt(lambda: logs.within_limits(joints, robot), plausible)
     if settings.displacements:
         return _reduced(settings, settings.displacements, robot, raw, joints, doubt)
-    return _raw(settings, robot, raw, joints, plausible, doubt)
+    found = _raw(settings, robot, raw, joints, plausible, doubt)
+    return replace(found, torques=_torques(logged, robot))
 
 
 def _doubt(check: Callable[[], None], plausible: bool) -> InputError | None:
@@ -116,12 +122,11 @@ def _raw(
     plausible: bool,
     doubt: InputError | None,
 ) -> Ingested:
-    tracker, scale = settings.tracker, settings.scale
+    tracker, file = settings.tracker, settings.loads_file
     assert tracker is not None  # there are no displacements
-    assert scale is not None
-    log = _file(raw, scale.file, "[scale]")
+    log = _file(raw, file, "[scale]")
     loads, exports = both(
-        lambda: logs.loads(scale.file, log),
+        lambda: _known_loads(settings, logs.loads(file, log)),
         lambda: _exports(settings, tracker, raw),
         much=len(log) > MUCH,
     )
@@ -149,10 +154,32 @@ def _raw(
     )
 
 
+def _known_loads(settings: Settings, loads: logs.Log) -> logs.Log:
+    """Rows whose scale or payload campaign.toml knows.
+
+    Raises:
+        InputError: A chain pulls, and there is no table [scale].
+    """
+    pulled = np.flatnonzero(~np.isnan(loads.number["force"]))
+    if settings.scale is None and len(pulled):
+        raise InputError(
+            f"there are {len(pulled)} readings of a scale, and campaign.toml has no table [scale]",
+            "add [scale] with sigma_n, the standard uncertainty of a reading",
+            file=loads.file,
+            line=int(loads.line[pulled[0]]),
+        )
+    known = listed(settings.payload) or "none"
+    return loads.where(
+        "payload",
+        lambda names: np.isin(names, ["", *settings.payload]),
+        f"campaign.toml has no [payload] table of this name (there is {known}); add or correct it",
+    )
+
+
 def _exports(settings: Settings, tracker: Tracker, raw: Mapping[str, bytes]) -> dict[str, Export]:
     """The tracker exports by name; a glob never takes the other logs."""
     others = {settings.joints.file, "campaign.toml", settings.robot, tracker.assignment}
-    others |= {settings.scale.file} if settings.scale else set()
+    others.add(settings.loads_file)
     globs = [one for one in tracker.files if is_glob(one)]
     globbed = {name for name in raw for glob in globs if fits(name, glob)}
     found = sorted((globbed - others) | ({*raw} & {*tracker.files}))
@@ -274,6 +301,9 @@ def _loads(loads: logs.Log) -> pa.Table:
     columns = {
         **_pulls_of(loads),
         "force_n": loads.number["force"],
+        "mass_kg": loads.number["mass"],
+        "mass_sigma_kg": np.nan_to_num(loads.number["mass_sigma"]),
+        "payload": [name or None for name in loads.word["payload"]],
         "branch": [branch or None for branch in loads.word.get("branch", [""] * len(loads.line))],
         **_source(loads),
     }
@@ -290,6 +320,16 @@ def _joints(joints: logs.Log, robot: Robot) -> pa.Table:
         **_source(joints),
     }
     return tables.conform(pa.table(columns), tables.joints(robot))
+
+
+def _torques(log: logs.Log, robot: Robot) -> pd.DataFrame | None:
+    """What `Ingested.torques` says."""
+    names = [f"tau{j}" for j in range(1, robot.n + 1)]
+    if not {*names} & {*log.number}:
+        return None
+    none = np.full(len(log.line), np.nan)
+    named = {name: log.number.get(name, none) for name in ("repeat", *names)}
+    return pd.DataFrame({"pose": log.number["pose"].astype(np.int64), **named})
 
 
 def _pulls_of(log: logs.Log) -> dict[str, Array]:
@@ -390,7 +430,8 @@ def _displacements(moved: logs.Log, sigma_m: float | None) -> pa.Table:
 
 def _forces(forces: logs.Log) -> pa.Table:
     axes = {f"{axis}_n": forces.number[axis] for axis in ("fx", "fy", "fz")}
-    return _conform({**_pulls_of(forces), **axes}, tables.FORCES)
+    at_load_point = {f"at_{axis}_m": np.nan for axis in "xyz"} | {"body": PULL}
+    return _conform({**_pulls_of(forces), **axes, **at_load_point}, tables.FORCES)
 
 
 def _conform(columns: Mapping[str, Any], promise: pa.Schema) -> pa.Table:

@@ -9,13 +9,19 @@ import pandas as pd
 
 from pipeline import tables
 from pipeline.base import covariance
-from pipeline.base.arrays import Array, Ints, Locked, Strings
+from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
+from pipeline.base.errors import InputError, listed
+from pipeline.machine import six
+from pipeline.machine.cell import Tool
 from pipeline.machine.effect import Pulls
-from pipeline.machine.robot import Robot
+from pipeline.machine.robot import Robot, configure
+from pipeline.reduction.case import tool
 from pipeline.reduction.register import Registration
-from pipeline.reduction.settings import Scale, Settings
+from pipeline.reduction.settings import Instrument, Scale, Settings
+from pipeline.reduction.weights import PULL
 
 _FORCE = ["fx_n", "fy_n", "fz_n"]
+_AT = ["at_x_m", "at_y_m", "at_z_m"]
 _DELTA = ["dx_m", "dy_m", "dz_m"]
 
 
@@ -37,10 +43,14 @@ class Measured(Locked):
         direction_cov: Covariance of the direction cosines, shape (m, 3, 3).
         rotation_cov: Covariance of the registration's rotation [rad^2], shape (3, 3).
         scale: What is stated of the scale.
+        body: Number of each pull's weight or payload, -1 where a chain pulls, shape (m,).
+        mass_std: Standard uncertainty of its weight, one error for each body [N], shape (m,).
+        center_std: The same of its centre per axis, flange frame [m], shape (m,).
         noise_stated: False: the covariances of readings are relative, 1 m^2 each, and so are those
             of zeros and directions.
         rotation_found: Whether `rotation_cov` rests on the scatter of the base reflectors.
         found_m: What the relative ones have been multiplied by [m], None if by nothing.
+        tracked: Whether the instrument is a laser tracker; else the data alone judge its noise.
         bends: Whether what an undeformed cell leaves out, the robot's own deflection, is an error.
         tool_std: Standard uncertainty per axis of the tool's nominal points [m].
         joint_std: Standard uncertainty of the joints' zeros [m] or [rad], shape (n,).
@@ -50,6 +60,7 @@ class Measured(Locked):
             each axis alike [m], shape (m, k); None where none is looked for.
         heavy: Probability that the readings are weighed by tails heavier than stated: what is left
             of them is then smaller than their noise, but in what a model explains it is not.
+        poses: What was read is a position and a rotation of the effector, targets 0 and 1.
         paper: The stated noise is that of Eq. (18), whose tails are heavier than normal.
     """
 
@@ -69,6 +80,9 @@ class Measured(Locked):
     noise_stated: bool
     tool_std: float = 0.0
     joint_std: Array = field(default_factory=lambda: np.zeros(0))
+    body: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
+    mass_std: Array = field(default_factory=lambda: np.zeros(0))
+    center_std: Array = field(default_factory=lambda: np.zeros(0))
     rotation_found: bool = False
     found_m: float | None = None
     bends: bool = False
@@ -76,6 +90,22 @@ class Measured(Locked):
     wander: Array | None = None
     paper: bool = False
     heavy: float = 0.0
+    poses: bool = False
+    tracked: bool = True
+
+    def __post_init__(self) -> None:
+        """Pulls of which nothing else is said have no weight."""
+        if len(self.body) != len(self.pulls):
+            nothing = np.zeros(len(self.pulls))
+            object.__setattr__(self, "body", np.full(len(self.pulls), PULL))
+            object.__setattr__(self, "mass_std", nothing)
+            object.__setattr__(self, "center_std", nothing)
+        super().__post_init__()
+
+    @property
+    def shifts(self) -> Bools:
+        """Displacements that a shift of the instrument moves: all but rotations, shape (d,)."""
+        return np.asarray(~(self.poses & (self.target == 1)))
 
     def scaled(self, factor: float) -> Measured:
         """The same with the standard uncertainties of readings, zeros, directions multiplied."""
@@ -133,7 +163,7 @@ def measured(
     zero_time = rows.groupby(pull)["zero_time_s"].mean().reindex(range(len(pulls))).to_numpy()
     loaded_cov, zero_cov, stated = _covariances(rows)
     values = [tables.joint_column(j.name, j.prismatic) for j in robot.joints]
-    return Measured(
+    data = Measured(
         pulls=Pulls(
             pose=pulls["pose"].to_numpy(np.int64),
             repeat=pulls["repeat"].to_numpy(np.int64),
@@ -143,6 +173,8 @@ def measured(
             approach=pulls["approach"].to_numpy(float),
             time=pulls["time_s"].to_numpy(float),
             time_zero=zero_time,
+            by=pulls["by"].to_numpy(np.int64),
+            acts_at=pulls[_AT].to_numpy(float),
         ),
         pull=pull,
         target=target,
@@ -159,9 +191,60 @@ def measured(
         noise_stated=stated,
         tool_std=settings.tool_uncertainty.sigma_m,
         joint_std=np.where(robot.prismatic, off.sigma_m, off.sigma_rad),
+        body=pulls["body"].to_numpy(np.int64),
+        mass_std=pulls["mass_std_n"].to_numpy(float),
+        center_std=pulls["center_std_m"].to_numpy(float),
         rotation_found=registration.from_scatter,
         zero_times=_zero_times(placed, pulls["pose"].to_numpy()),
         paper=placed is not None and bool((placed["covariance_from"] == "paper").any()),
+        tracked=settings.instrument.kind == "laser_tracker",
+    )
+    effector = tool(settings)
+    return in_poses(data, robot, effector, settings.instrument) if effector.six else data
+
+
+def in_poses(data: Measured, robot: Robot, effector: Tool, said: Instrument) -> Measured:
+    """The same with position and rotation of the effector in place of its targets.
+
+    Errors of both are those of a target, the rotation's at the radius of the targets, unless its
+    own standard uncertainty is stated. Where it stands unloaded is left open.
+
+    Raises:
+        InputError: No pull has all targets.
+    """
+    count = np.bincount(data.pull, minlength=len(data.pulls))
+    t = len(effector.points)
+    rows = (count == t)[data.pull]
+    pull = data.pull[rows][::t]
+    if not len(pull):
+        raise InputError(
+            f"no pull has all targets of a measured pose ({listed(effector.targets)})",
+            'export them all, or say measures = "points" in [instrument]',
+            file="campaign.toml",
+        )
+    here = configure(robot, data.pulls.q[pull])
+    delta = effector.coordinates(here, data.delta[rows].reshape(-1, t, 3))
+    loaded, zero = (
+        cov[rows].reshape(-1, t, 3, 3).mean(axis=1) for cov in (data.loaded_cov, data.zero_cov)
+    )
+    turned = (loaded, zero)
+    if data.noise_stated and said.sigma_rad is not None:
+        own = (six.radius(effector.points) * said.sigma_rad) ** 2 * np.eye(3)
+        fewer = np.trace(zero, axis1=1, axis2=2) / np.trace(loaded, axis1=1, axis2=2)
+        turned = (np.broadcast_to(own, loaded.shape), fewer[:, None, None] * own)
+    kind = np.tile([0, 1], len(pull))
+    which = np.unique(data.pulls.pose[pull], return_inverse=True)[1]
+    return replace(
+        data,
+        poses=True,
+        pull=np.repeat(pull, 2),
+        target=kind,
+        name=effector.read[kind],
+        delta=delta.reshape(-1, 3),
+        unloaded=np.full((2 * len(pull), 3), np.nan),
+        loaded_cov=np.stack([loaded, turned[0]], axis=1).reshape(-1, 3, 3),
+        zero_cov=np.stack([zero, turned[1]], axis=1).reshape(-1, 3, 3),
+        zero=2 * np.repeat(which, 2) + kind,
     )
 
 

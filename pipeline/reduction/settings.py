@@ -13,6 +13,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from pipeline.base import toml
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError, first_wrong, listed
+from pipeline.base.linear import extent
 from pipeline.base.patterns import is_glob
 from pipeline.base.strict import (
     LEAST_FORCE,
@@ -22,6 +23,8 @@ from pipeline.base.strict import (
     Glob,
     JointValue,
     Length,
+    Mass,
+    MassUncertainty,
     Name,
     Scatter,
     Strict,
@@ -39,6 +42,9 @@ BASE_REFLECTORS = 3
 
 _MOST_GLOBS = 20
 """Patterns that stand for several exports."""
+
+_ONE_LINE = 1e-3
+"""Second width of the targets over the first: below, nobody knows how they turn about it."""
 
 Point = tuple[Length, Length, Length]
 """Coordinates [m]."""
@@ -92,13 +98,46 @@ class Naming(Strict):
 
 
 class Scale(Strict):
-    """The spring scale: its log and its uncertainty."""
+    """The spring scale: its log, which holds weights and payloads too, and its uncertainty."""
 
     file: FileName = "loads.csv"
     sigma_n: ForceUncertainty = 0.0
     sigma_rel: Uncertainty = 0.0
     gain_sigma: Uncertainty = 0.0
     zero_sigma_n: ForceUncertainty = 0.0
+
+
+STANDARD_GRAVITY = 9.80665
+"""[m/s^2]; CGPM 1901. Between equator and pole it is 9.780 to 9.832 (WGS 84)."""
+
+
+class Gravity(Strict):
+    """Which way and how strongly weights pull, F_b [m/s^2]; its rail or foot is taken as level."""
+
+    direction: Point = (0.0, 0.0, -1.0)
+    m_s2: Annotated[float, Field(ge=9.0, le=10.0)] = STANDARD_GRAVITY
+
+    @field_validator("direction")
+    @classmethod
+    def points_somewhere(cls, direction: Point) -> Point:
+        """Its length does not count, but it has one."""
+        if np.linalg.norm(direction) < LEAST_FORCE:
+            raise ValueError("the direction is zero; without it weights pull along -z of F_b")
+        return direction
+
+    @property
+    def vector(self) -> Array:
+        """Acceleration in F_b [m/s^2], shape (3,)."""
+        return self.m_s2 * np.array(self.direction) / np.linalg.norm(self.direction)
+
+
+class Payload(Strict):
+    """What is mounted on the flange: its mass [kg] and centre [m], flange frame, per axis."""
+
+    mass_kg: Mass
+    mass_sigma_kg: MassUncertainty = 0.0
+    center_m: Point
+    center_sigma_m: Uncertainty = 0.0
 
 
 class JointLog(Strict):
@@ -171,6 +210,32 @@ class TestPose(Strict):
                 )
 
 
+class Instrument(Strict):
+    """What measured the effector: its kind, which says what is plausible, and what it measures.
+
+    Attributes:
+        kind: With `laser_tracker`, residuals that no tracker has are a misfit where no noise is
+            stated; any other kind is judged by the data alone.
+        measures: `points`, each target by itself, or `poses`: targets computed from one 6D pose.
+        sigma_rad: Standard uncertainty per axis of a pose's rotation, beside [tracker] sigma_m.
+        model: Kept and shown, not judged, as are serial number and date of calibration.
+    """
+
+    kind: Literal["laser_tracker", "camera", "arm", "unknown"] = "laser_tracker"
+    measures: Literal["points", "poses"] = "points"
+    sigma_rad: Scatter | None = None
+    model: Name | None = None
+    serial: Name | None = None
+    calibrated: datetime.date | None = None
+
+    @model_validator(mode="after")
+    def a_rotation_is_of_poses(self) -> Instrument:
+        """Points do not turn."""
+        if self.sigma_rad is not None and self.measures == "points":
+            raise ValueError('sigma_rad is that of a pose: say measures = "poses"')
+        return self
+
+
 class Model(Strict):
     """What the forward model takes into account."""
 
@@ -188,8 +253,11 @@ class Settings(Strict):
     naming: Naming = Naming()
     base_frame: dict[Name, Point] = Field(default_factory=dict)
     scale: Scale | None = None
+    gravity: Gravity = Gravity()
+    payload: dict[Name, Payload] = Field(default_factory=dict)
     joints: JointLog = JointLog()
     displacements: Displacements | None = None
+    instrument: Instrument = Instrument()
     tool: dict[Name, Point]
     tool_uncertainty: ToolUncertainty = ToolUncertainty()
     test_pose: TestPose | None = None
@@ -197,8 +265,8 @@ class Settings(Strict):
 
     @model_validator(mode="after")
     def raw_or_reduced(self) -> Settings:
-        """Either [tracker] and [scale], or [displacements]."""
-        if self.displacements is None and (self.tracker is None or self.scale is None):
+        """Either [tracker], with a [scale] where a chain pulls, or [displacements]."""
+        if self.displacements is None and self.tracker is None:
             raise ValueError("needs the tables [tracker] and [scale], or [displacements]")
         if self.displacements is not None and (self.tracker is not None or self.scale is not None):
             raise ValueError("has [displacements] beside [tracker] or [scale]; keep one way in")
@@ -210,6 +278,17 @@ class Settings(Strict):
         lacking = [name for name in ("load_point", *self.measured) if name not in self.tool]
         if lacking:
             raise ValueError(f"[tool] lacks {', '.join(lacking)}")
+        return self
+
+    @model_validator(mode="after")
+    def a_pose_has_three_targets(self) -> Settings:
+        """Three targets that are not on one line tell a pose."""
+        places = np.array([self.tool[name] for name in self.measured])
+        if self.instrument.measures == "poses" and not tells_a_pose(places):
+            raise ValueError(
+                'measures = "poses" needs three targets in [tool] that are not on one line; '
+                f"there are {listed(self.measured)}"
+            )
         return self
 
     @model_validator(mode="after")
@@ -231,11 +310,22 @@ class Settings(Strict):
         return self
 
     @property
+    def loads_file(self) -> str:
+        """Log of scale, weights and payloads; a campaign without a scale has it, too."""
+        return (self.scale or Scale()).file
+
+    @property
     def measured(self) -> list[str]:
         """Targets whose displacement is measured; a reduced campaign has those of its tool."""
         if self.displacements is not None and "measured" not in self.naming.model_fields_set:
             return [name for name in self.tool if name != "load_point"]
         return self.naming.measured
+
+
+def tells_a_pose(places: Array) -> bool:
+    """Whether targets at these places (t, 3) [m] tell a pose: three that are not on one line."""
+    first, second, *_ = *extent(places), 0.0, 0.0
+    return len(places) > 2 and bool(second > _ONE_LINE * first)
 
 
 def parse(text: str) -> Settings:

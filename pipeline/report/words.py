@@ -26,6 +26,8 @@ SOURCES = {
     "force_reading": "scale readings",
     "force_gain": "gain of the scale",
     "force_zero": "zero of the scale",
+    "payload_mass": "mass of weights and payloads",
+    "payload_center": "centre of the payloads",
     "law": "law of the identified causes",
     "second_order": "deflected geometry, which c = B x leaves out",
     "direction": "direction of the chain",

@@ -17,6 +17,7 @@ from pipeline.machine.poses import in_log_units
 from pipeline.machine.robot import SHIPPED, Robot
 from pipeline.machine.robot import load as load_robot
 from pipeline.readers import READERS, WRITERS, Readings, text_of
+from pipeline.reduction.settings import STANDARD_GRAVITY
 from pipeline.simulate.blunders import Notebook, controller_axes
 from pipeline.simulate.hidden import Planted, blunders
 from pipeline.simulate.noise import stated_covariance
@@ -129,11 +130,11 @@ def written(scene: Scene, notes: Notebook) -> dict[str, bytes]:
     if reader is None or reader.write is None:
         known = ", ".join(WRITERS)
         raise UsageError(f'there is no dialect "{tracker.dialect}"; choose from {known}.')
-    shown = text_of(notes.reading_n[:, None], None if tracker.decimals is None else 2)
+    shown = _shown(scene, notes.reading_n)
     files = {
         "campaign.toml": _campaign_toml(scene.plan, notes.robot),
         f"tracker{reader.suffix}": reader.write(notes.readings, tracker.unit, tracker.decimals),
-        "loads.csv": _loads(scene, [force for (force,) in shown]),
+        "loads.csv": _loads(scene, shown),
         "joints.csv": _joints(scene, notes.joints),
     }
     if not reader.says_names:
@@ -158,9 +159,11 @@ def readings(scene: Scene, draws: Draws, which: int = 0) -> Readings:
     """All readings of one drawn campaign in the order in which they were taken."""
     plan = scene.plan
     named = _names(scene)
-    loaded = np.concatenate([draws.loaded[which], draws.chain[which]], axis=1)
+    ends = _ends(plan)
+    loaded = np.concatenate([draws.loaded[which], draws.chain[which][:, : len(ends)]], axis=1)
     xyz = np.concatenate([a.reshape(-1, 3) for a in (draws.base[which], draws.zero[which], loaded)])
-    times = (scene.schedule.base, scene.schedule.zero, scene.schedule.loaded)
+    until = len(plan.targets) + len(ends)
+    times = (scene.schedule.base, scene.schedule.zero, scene.schedule.loaded[:, :until])
     time = np.concatenate([t.ravel() for t in times])
     order = np.argsort(time, kind="stable")
     stated = stated_covariance(plan.tracker.model, xyz[order]) if plan.tracker.stated else None
@@ -188,13 +191,34 @@ def _names(scene: Scene) -> list[tuple[str, str]]:
     return [
         *itertools.product(("base_start", "base_end"), base),
         *itertools.product(unloaded, targets),
-        *itertools.product(loaded, [*targets, *_CHAIN]),
+        *itertools.product(loaded, [*targets, *_ends(scene.plan)]),
     ]
 
 
-def _loads(scene: Scene, force: Sequence[str]) -> bytes:
-    branch = np.where(scene.pulls.branch > 0, "up", "down")
-    rows = zip(scene.pulls.pose, scene.pulls.repeat, force, branch, strict=True)
+def _ends(plan: Plan) -> list[str]:
+    """Reflectors on the chain, where there is one."""
+    return _CHAIN if plan.pulls.load == "chain" else []
+
+
+def _shown(scene: Scene, reading_n: Array) -> list[str]:
+    """What the operator notes of each load: newtons of a scale, kilograms of a weight."""
+    pulls, digits = scene.plan.pulls, 2 if scene.plan.tracker.decimals is not None else None
+    if pulls.load == "weights":  # a mass is no reading: as it is stated
+        return [f"{mass:.9g}" for mass in reading_n / STANDARD_GRAVITY]
+    return [text for (text,) in text_of(reading_n[:, None], digits)]
+
+
+def _loads(scene: Scene, shown: Sequence[str]) -> bytes:
+    pulls, load = scene.pulls, scene.plan.pulls.load
+    branch = np.where(pulls.branch > 0, "up", "down")
+    if load == "payloads":
+        named = zip(pulls.pose, pulls.repeat, scene.run.what, strict=True)
+        return _csv("pose,repeat,payload", named)
+    if load == "weights":
+        sigma = [scene.plan.pulls.mass_sigma_kg] * len(pulls)
+        hung = zip(pulls.pose, pulls.repeat, shown, sigma, branch, strict=True)
+        return _csv("pose,repeat,mass_kg,mass_sigma_kg,branch", hung)
+    rows = zip(pulls.pose, pulls.repeat, shown, branch, strict=True)
     return _csv("pose,repeat,force_n,branch", rows)
 
 
@@ -218,17 +242,32 @@ def _campaign_toml(plan: Plan, robot: str) -> bytes:
             "assignment": None if reader.says_names else "assignment.csv",
             **(_stated(plan) if plan.tracker.stated else {"covariance": "none"}),
         },
-        "naming": {"measured": plan.targets, "chain": _CHAIN},
+        **_instrument(plan),
+        "naming": {"measured": plan.targets, "chain": _ends(plan) or None},
         "base_frame": plan.base_frame,
-        "scale": {
-            "file": "loads.csv",
-            **_certified(plan.scale),
-        },
+        **_loaded_by(plan),
         "joints": {"file": "joints.csv"},
         "tool": plan.tool,
         "test_pose": plan.test_pose and plan.test_pose.model_dump(),
     }
     return toml.dumps(toml.given(content)).encode()
+
+
+def _instrument(plan: Plan) -> dict[str, Any]:
+    """What measured, where it is no laser tracker that measures points."""
+    said = plan.tracker.model_dump(include={"kind", "measures"}, exclude_defaults=True)
+    if plan.tracker.measures == "poses" and plan.tracker.stated:
+        said["sigma_rad"] = plan.tracker.sigma_rad
+    return {"instrument": said} if said else {}
+
+
+def _loaded_by(plan: Plan) -> dict[str, Any]:
+    """The tables of what loads the robot; weights have none."""
+    if plan.pulls.load == "payloads":
+        return {"payload": {name: one.model_dump() for name, one in plan.payload.items()}}
+    if plan.pulls.load == "weights":
+        return {}
+    return {"scale": {"file": "loads.csv", **_certified(plan.scale)}}
 
 
 def _certified(scale: SpringScale) -> dict[str, float]:

@@ -14,6 +14,8 @@ from pipeline.base.strict import (
     Force,
     ForceUncertainty,
     JointValue,
+    Mass,
+    MassUncertainty,
     Name,
     NotNegative,
     Scatter,
@@ -26,7 +28,7 @@ from pipeline.base.strict import (
 from pipeline.base.strict import Pull as PullForce
 from pipeline.base.toml import loads, merged
 from pipeline.machine.instrument import InstrumentNoise
-from pipeline.reduction.settings import Point, Scale, TestPose
+from pipeline.reduction.settings import Payload, Point, Scale, TestPose
 from pipeline.store.campaign import unfit
 
 TOOL: dict[str, Point] = {
@@ -44,6 +46,13 @@ BASE: dict[str, Point] = {
     "B4": (-0.6, -0.5, -0.28),
 }
 """Fixed reflectors at the ends of the rail's bed [m], F_b."""
+
+
+PAYLOADS = {
+    "light": Payload(mass_kg=60.0, center_m=(0.05, 0.02, 0.10)),
+    "heavy": Payload(mass_kg=220.0, center_m=(-0.04, 0.10, 0.25)),
+}
+"""Two loads within what a KR500 carries; their centres are off the axis of its last joint."""
 
 
 class Poses(Strict):
@@ -75,9 +84,12 @@ class Poses(Strict):
 
 
 class Pull(Strict):
-    """How the chain is pulled at every pose.
+    """How the robot is loaded at every pose.
 
     Attributes:
+        load: A chain with a scale, weights at the load point, or each payload on the flange.
+        masses_kg: The weights in the order in which they are hung.
+        mass_sigma_kg: Standard uncertainty of each, as stated; what is true is drawn from it.
         steps_n: What the scale shows at each load step, in the order of tightening.
         repeats: How often the steps are run through, the chain released in between.
         pose_steps_n: Load steps of each pose, where poses differ; a step is negative where the
@@ -88,6 +100,9 @@ class Pull(Strict):
         setting_sd_n: How closely the operator meets a step with the turnbuckle [N].
     """
 
+    load: Literal["chain", "weights", "payloads"] = "chain"
+    masses_kg: list[Mass] = Field(default=[100.0, 250.0, 150.0], min_length=1)
+    mass_sigma_kg: MassUncertainty = 0.0
     steps_n: list[PullForce] = Field(default=[1200.0, 3000.0, 2000.0], min_length=1)
     repeats: int = Field(default=1, ge=1)
     pose_steps_n: list[list[Force]] | None = Field(default=None, min_length=1)
@@ -103,6 +118,9 @@ class Instrument(Strict):
     Attributes:
         position: Of its origin [m], F_b.
         yaw_deg: Rotation of its frame about z, then `pitch_deg` about y, then `roll_deg` about x.
+        kind: What campaign.toml calls it.
+        measures: Each target by itself, or one pose of which all targets are computed.
+        sigma_rad: Standard uncertainty per axis of such a pose's rotation.
         sigma_m: Standard uncertainty per axis; this, or `noise`.
         noise: `paper` for Eq. (18), or range and transverse parts in the beam's frame.
         noise_scale: True scatter over stated scatter; 0 for readings without noise.
@@ -116,6 +134,9 @@ class Instrument(Strict):
     yaw_deg: Degrees = 132.0
     pitch_deg: Degrees = 0.4
     roll_deg: Degrees = -0.3
+    kind: Literal["laser_tracker", "camera", "arm", "unknown"] = "laser_tracker"
+    measures: Literal["points", "poses"] = "points"
+    sigma_rad: Uncertainty = 1e-4
     sigma_m: Scatter | None = None
     noise: InstrumentNoise | Literal["paper"] | None = None
     noise_scale: NotNegative = 1.0
@@ -204,6 +225,7 @@ class Plan(Strict):
     pulls: Pull = Pull()
     tracker: Instrument = Instrument()
     scale: SpringScale = SpringScale()
+    payload: dict[Name, Payload] = Field(default=PAYLOADS, min_length=1)
     clock: Clock = Clock()
     hidden: Hidden = Hidden()
     test_pose: TestPose | None = None

@@ -16,7 +16,7 @@ from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.base.errors import InputError
 from pipeline.machine import cell as forward
 from pipeline.machine.cell import Cell, Tool
-from pipeline.machine.effect import Noise, Observation, Pulls, branches
+from pipeline.machine.effect import Noise, Observation, Pulls
 from pipeline.machine.poses import (
     default_anchors,
     draw_poses,
@@ -27,6 +27,7 @@ from pipeline.machine.poses import (
 from pipeline.machine.robot import Robot, configure
 from pipeline.simulate import noise
 from pipeline.simulate.hidden import Planted, effects
+from pipeline.simulate.loads import DOWN, Run, run
 from pipeline.simulate.plan import Plan
 
 _CHAIN_POINTS_M = (0.1, 0.5)
@@ -58,6 +59,7 @@ class Scene(Locked):
         values: Parameters of all effects of `cell`, shape (k,).
         planted: The planted effects with their values.
         pulls: Nominal pulls, the force as the scale is meant to show it along the chain, m of them.
+        run: The loads they are of.
         anchor: Where each pose's chain is attached [m], shape (p, 3).
         schedule: When what is read.
     """
@@ -67,6 +69,7 @@ class Scene(Locked):
     values: Array
     planted: tuple[Planted, ...]
     pulls: Pulls
+    run: Run
     anchor: Array
     schedule: Schedule
 
@@ -126,28 +129,28 @@ def build(
     truth = replace(truth, equilibrium=plan.hidden.equilibrium)
     truth = truth.with_effects(*(one.effect for one in planted))
     values = np.concatenate([1 / stiffness, *(one.values for one in planted)])
-    each, repeats = plan.pulls.pose_steps_n or [plan.pulls.steps_n] * len(q), plan.pulls.repeats
-    runs = [np.array(steps, dtype=float) for steps in each]  # each run starts slack
-    count = repeats * np.array([len(run) for run in runs])
-    schedule = _schedule(plan, count)
-    pose_of = np.repeat(np.arange(len(q)), count)
+    loads = run(plan, len(q), for_truth)
+    schedule = _schedule(plan, loads.count)
+    pose_of = np.repeat(np.arange(len(q)), loads.count)
     pulls = Pulls(
         pose=pose_of + 1,
-        repeat=np.concatenate([np.arange(1, k + 1) for k in count]),
+        repeat=np.concatenate([np.arange(1, k + 1) for k in loads.count]),
         q=q[pose_of],
         force=np.zeros((len(pose_of), 3)),
-        branch=np.concatenate([np.tile(branches(run), repeats) for run in runs]),
+        branch=loads.branch,
         approach=_approach(plan)[pose_of],
         time=schedule.loaded.mean(axis=1),
         time_zero=schedule.zero.mean(axis=(1, 2))[pose_of],
+        by=loads.by,
+        acts_at=loads.acts_at,
     )
-    shown = np.abs(np.concatenate([np.tile(run, repeats) for run in runs]))
     return Scene(
         plan=plan,
         cell=truth,
         values=values,
         planted=planted,
-        pulls=_along_chain(truth, values, pulls, shown, anchor[pose_of]),
+        pulls=_along_chain(truth, values, pulls, loads.shown, anchor[pose_of]),
+        run=loads,
         anchor=anchor,
         schedule=schedule,
     )
@@ -171,16 +174,25 @@ def draw(scene: Scene, rng: np.random.Generator, n: int = 1) -> Draws:
     ]
     at = [scene.in_tracker(points) for points in exact]
     size = plan.tracker.noise_scale * _scaled(scene.cell, scene.values, "tracker")
+    rigid = (False, *[plan.tracker.measures == "poses"] * 2, False)
     base, zero, loaded, chain = (
-        _scattered(plan, np.broadcast_to(points, (n, *points.shape[1:])), size, part)
-        for points, part in zip(at, for_tracker.spawn(4), strict=True)
+        _scattered(plan, np.broadcast_to(points, (n, *points.shape[1:])), size, part, pose)
+        for points, part, pose in zip(at, for_tracker.spawn(4), rigid, strict=True)
     )
     return Draws(reading, pulls.force.reshape(n, m, 3), gain_error, base, zero, loaded, chain)
 
 
-def _scattered(plan: Plan, points: Array, size: float, rng: np.random.Generator) -> Array:
+def _scattered(
+    plan: Plan, points: Array, size: float, rng: np.random.Generator, pose: bool
+) -> Array:
+    """Points as read, each with an error of its own, or those of a pose with one in common."""
     if size == 0:
         return points
+    if pose:
+        middle = points.mean(axis=-2, keepdims=True)
+        turn = plan.tracker.sigma_rad * rng.standard_normal(middle.shape)
+        moved = noise.tracker_errors(plan.tracker.model, middle, rng)
+        return points + size * (moved + np.cross(turn, points - middle))
     return points + size * noise.tracker_errors(plan.tracker.model, points, rng)
 
 
@@ -281,8 +293,11 @@ def axes(plan: Plan) -> Array:
 
 
 def _aimed(pulls: Pulls, size: Array, load_point: Array, anchor: Array) -> Pulls:
-    """The pulls with forces of that size [N] from the load point to the anchor, both (m, 3)."""
-    chain = anchor - load_point
+    """The pulls with forces of that size [N] from the load point to the anchor, both (m, 3).
+
+    Weights pull down, wherever the load point is.
+    """
+    chain = np.where(pulls.pulled > 0, anchor - load_point, DOWN)
     unit = chain / np.linalg.norm(chain, axis=1, keepdims=True)
     return replace(pulls, force=size[:, None] * unit)
 
@@ -318,6 +333,9 @@ def _scale(scene: Scene, rng: np.random.Generator, n: int) -> tuple[Array, Array
     plan = scene.plan
     operator, gain, error = rng.spawn(3)
     nominal = np.linalg.norm(scene.pulls.force, axis=1)
+    if plan.pulls.load != "chain":
+        reading = np.tile(scene.run.shown, (n, 1))
+        return reading, np.zeros(n), reading * scene.run.heavier
     reading = nominal + operator.normal(0.0, plan.pulls.setting_sd_n, (n, len(nominal)))
     reading = np.maximum(reading, 0.1 * nominal)
     if plan.tracker.decimals is not None:

@@ -141,10 +141,9 @@ class Campaign:
             given = settings.displacements
             return [*filter(None, [given.file, given.forces, settings.joints.file, own])]
         assert settings.tracker is not None  # Settings sees to that
-        assert settings.scale is not None
         names = self._matching(settings.tracker.files)
         settings.tracker.none_missing(names)
-        others = [settings.tracker.assignment, settings.scale.file, settings.joints.file, own]
+        others = [settings.tracker.assignment, settings.loads_file, settings.joints.file, own]
         return list(dict.fromkeys([*names, *filter(None, others)]))
 
     def _matching(self, patterns: Sequence[str]) -> list[str]:

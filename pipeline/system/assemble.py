@@ -62,7 +62,7 @@ def _rows(data: Measured) -> Rows:
 
 
 def errors(cell: Cell, data: Measured, values: Array) -> Errors:
-    """G of c = B x + G e: tracker, shared zero, wander, force, frame, geometry.
+    """G of c = B x + G e: tracker, shared zero, wander, force, weights, frame, geometry.
 
     Column j is (dc/dv_j) u(v_j) for an independent input v_j, or (dc/dv) L with L L' = cov(v), so
     that G G' is the law of propagation J cov(v) J' (GUM, JCGM 100:2008, and JCGM 102:2011). A force
@@ -86,9 +86,10 @@ def errors(cell: Cell, data: Measured, values: Array) -> Errors:
     ]
     if data.wander is not None and data.wander.any():
         pose = np.unique(data.pulls.pose, return_inverse=True)[1][data.pull]
-        feels = by_axis(data.wander[data.pull])
+        feels = by_axis(data.wander[data.pull] * data.shifts[:, None])
         blocks.append(_Block("wander", False, feels, pose, int(pose.max()) + 1))
     once = {"registration": _turned(cell, data, values, turn)} | pulled
+    once["payload_center"] = _centers(cell, data, values)
     once["geometry"] = _geometry(cell, data, values)
     if data.bends and cell.equilibrium == "undeformed":
         once["second_order"] = second_order(cell, data, values)[..., None]
@@ -118,9 +119,16 @@ def _of_force(data: Measured, unit: float) -> dict[str, Array]:
         "direction": np.swapaxes(covariance.factors(data.direction_cov), 1, 2)
         * size[:, None]
         * unit,
-        "force_gain": force[:, None] * data.scale.gain_sigma,
-        "force_zero": along * data.scale.zero_sigma_n,
+        "force_gain": (data.pulls.pulled * force)[:, None] * data.scale.gain_sigma,
+        "force_zero": data.pulls.pulled[..., None] * along * data.scale.zero_sigma_n,
+        "payload_mass": along * (_of_body(data) * data.mass_std).T[..., None],
     }
+
+
+def _of_body(data: Measured) -> Array:
+    """Which weight or payload loads each pull, one row for each, shape (b, m)."""
+    bodies = np.unique(data.body[data.body >= 0])
+    return np.asarray(data.body == bodies[:, None])
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,9 +183,13 @@ def by_inputs(cell: Cell, data: Measured, values: Array) -> tuple[Array, Array]:
 
 
 def _turned(cell: Cell, data: Measured, values: Array, turns: Array) -> Array:
-    """What small rotations (r, 3) [rad] of the tracker do: displacement and force turn together."""
+    """What small rotations (r, 3) [rad] of the tracker do: displacement and force turn together.
+
+    A weight does not turn: nobody reads which way it pulls.
+    """
     moved = np.stack([np.cross(turn, data.delta) for turn in turns], axis=-1)
-    modes = np.stack([np.cross(turn, data.pulls.force) for turn in turns], axis=1)
+    read = data.pulls.pulled * data.pulls.force
+    modes = np.stack([np.cross(turn, read) for turn in turns], axis=1)
     return moved - _force_differences(cell, data, values, modes)
 
 
@@ -190,6 +202,19 @@ def _geometry(cell: Cell, data: Measured, values: Array) -> Array:
     wrong += [(cell, replace(data.pulls, q=data.pulls.q + turn)) for turn in turns if turn.any()]
     here = predict(cell, data.pulls, values).displacement
     modes = [here - predict(other, pulls, values).displacement for other, pulls in wrong]
+    if not modes:
+        return np.zeros((len(data.pull), 3, 0))
+    return np.stack([mode[data.pull, data.target] for mode in modes], axis=-1)
+
+
+def _centers(cell: Cell, data: Measured, values: Array) -> Array:
+    """What a wrong centre of each payload does, by one sigma along each axis, (d, 3, r) [m]."""
+    here = predict(cell, data.pulls, values).displacement
+    modes = []
+    for mine in _of_body(data) * data.center_std:
+        for axis in np.eye(3) if mine.any() else ():
+            moved = replace(data.pulls, acts_at=data.pulls.acts_at + mine[:, None] * axis)
+            modes.append(here - predict(cell, moved, values).displacement)
     if not modes:
         return np.zeros((len(data.pull), 3, 0))
     return np.stack([mode[data.pull, data.target] for mode in modes], axis=-1)

@@ -6,6 +6,7 @@ model of the robot therefore does not pass for noise.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ import scipy.sparse
 from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.machine.cell import Cell
+from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import configure
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.register import XYZ
@@ -166,17 +168,14 @@ def stacked(system: System, c: Array, data: Measured, zeros: Zeros, cell: Cell) 
     """Rows of c (or of residuals, shape (M,)), and below them the repeated zeros."""
     first = np.unique(data.pulls.pose, return_index=True)[1]
     q = dict(zip(data.pulls.pose[first].tolist(), data.pulls.q[first], strict=True))
+    zeros = _in_poses(zeros, q, cell) if cell.tool.six else zeros
     known = np.isin(zeros.pose, list(q))
     zero_pose, zero_target = zeros.pose[known], zeros.target[known]
     pose = np.concatenate([data.pulls.pose[data.pull], zero_pose])
     values, which = np.unique(pose, return_inverse=True)
     axes = configure(cell.robot, np.array([q[p] for p in values.tolist()])).flange_axes[which]
     target = np.concatenate([data.target, zero_target])
-    tool = cell.tool.points - cell.tool.points.mean(axis=0)
-    levers = np.einsum("rij,rj->ri", axes, tool[target])
-    modes = np.zeros((len(pose), 3, 6))
-    modes[:, :, :3] = np.eye(3)
-    modes[:, :, 3:] = np.swapaxes(np.cross(np.eye(3)[None], levers[:, None, :]), 1, 2)
+    modes = _rigid(cell, axes, target)
     repeats, to_first = _repeats(data)
     brought = np.repeat(np.append(to_first[data.pull], np.ones(len(zero_pose))), 3)
     group = np.concatenate([repeats[data.pull], zero_pose * 1000 + zeros.which[known]])
@@ -209,12 +208,52 @@ def stacked(system: System, c: Array, data: Measured, zeros: Zeros, cell: Cell) 
     )
 
 
+def _rigid(cell: Cell, axes: Array, target: Ints) -> Array:
+    """What six small rigid motions of the effector do to some targets, shape (n, 3, 6)."""
+    modes = np.zeros((len(target), 3, 6))
+    if cell.tool.six:
+        for k in (0, 1):
+            modes[target == k, :, 3 * k : 3 * k + 3] = np.eye(3)
+        return modes
+    tool = cell.tool.points - cell.tool.points.mean(axis=0)
+    levers = np.einsum("rij,rj->ri", axes, tool[target])
+    modes[:, :, :3] = np.eye(3)
+    modes[:, :, 3:] = np.swapaxes(np.cross(np.eye(3)[None], levers[:, None, :]), 1, 2)
+    return modes
+
+
+def _in_poses(zeros: Zeros, q: Mapping[int, Array], cell: Cell) -> Zeros:
+    """Differences of whole poses in place of those of their targets, where all of them were read.
+
+    Their covariance is that of a target; see `measured.in_poses`.
+    """
+    t = len(cell.tool.points)
+    order = np.lexsort((zeros.target, zeros.which, zeros.pose))
+    order = order[np.isin(zeros.pose[order], list(q))]
+    key = np.column_stack([zeros.pose, zeros.which])[order]
+    _, number, count = np.unique(key, axis=0, return_inverse=True, return_counts=True)
+    order = order[(count == t)[number.ravel()]]
+    first = order[::t]
+    if not len(first):
+        return Zeros.none()
+    here = configure(cell.robot, np.array([q[p] for p in zeros.pose[first].tolist()]))
+    delta = cell.tool.coordinates(here, zeros.delta[order].reshape(-1, t, 3))
+    cov = zeros.cov[order].reshape(-1, t, 3, 3).mean(axis=1)
+    return Zeros(
+        pose=np.repeat(zeros.pose[first], 2),
+        target=np.tile([0, 1], len(first)),
+        which=np.repeat(zeros.which[first], 2),
+        delta=delta.reshape(-1, 3),
+        cov=np.repeat(cov, 2, axis=0),
+    )
+
+
 def _repeats(data: Measured) -> tuple[Ints, Array]:
     """Which pulls repeat each other, and by what each is to be multiplied to be the first of them.
 
-    Repeats have the same pose, force and branch. Where the branch is not known, the pull before
-    and the last pull unlike theirs have to be alike too: friction answers to where one comes from,
-    and the chain may have been released between two pulls.
+    Repeats have the same pose, kind of load, force, where it acts and branch. Where the branch is
+    not known, the pull before and the last pull unlike theirs have to be alike too: friction
+    answers to where one comes from, and the chain may have been released between two pulls.
 
     Returns:
         Number of each pull's group, and force of the group's first over its own, both (m,).
@@ -222,7 +261,7 @@ def _repeats(data: Measured) -> tuple[Ints, Array]:
     pulls = data.pulls
     order = np.lexsort((pulls.repeat, pulls.time, pulls.pose))
     pose, force, branch = pulls.pose[order], pulls.force[order], pulls.branch[order]
-    like = _like(pose, force)
+    like = _like(_loaded_alike(pulls, order), force)
     before = np.where(branch[:, None] == 0, _before(pose, like), -1)
     key = np.column_stack([like, branch.astype(np.int64), before])
     _, first, number = np.unique(key, axis=0, return_index=True, return_inverse=True)
@@ -230,6 +269,15 @@ def _repeats(data: Measured) -> tuple[Ints, Array]:
     group, to_first = np.empty(len(order), dtype=np.int64), np.empty(len(order))
     group[order], to_first[order] = number.ravel(), size[first][number.ravel()] / size
     return group, to_first
+
+
+def _loaded_alike(pulls: Pulls, order: Ints) -> Ints:
+    """Pulls of one pose, loaded by one kind of load in one place, share a number, shape (m,)."""
+    pose, by, at = pulls.pose[order], pulls.by[order], pulls.acts_at[order]
+    if (by == by[:1]).all() and not np.isfinite(at).any():
+        return pose
+    key = np.column_stack([pose, by, np.nan_to_num(at)])
+    return np.asarray(np.unique(key, axis=0, return_inverse=True)[1].ravel(), dtype=np.int64)
 
 
 def _like(pose: Ints, force: Array) -> Ints:

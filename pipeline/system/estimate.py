@@ -28,10 +28,15 @@ _NO_NOISE_M = 1e-12
 """Residuals below this are rounding [m]."""
 
 
-def fits(estimate: Estimate) -> bool:
-    """Whether chance alone may have made the misfit; without stated noise, a tracker's noise."""
+def fits(estimate: Estimate, tracked: bool = True) -> bool:
+    """Whether chance alone may have made the misfit.
+
+    Args:
+        estimate: The estimate; where it states no noise, a laser tracker's is the largest.
+        tracked: Whether a laser tracker measured; of other instruments nothing is known beforehand.
+    """
     if estimate.p_value is None:
-        return estimate.residual_std_m < _TRACKER_M
+        return not tracked or estimate.residual_std_m < _TRACKER_M
     return estimate.p_value >= MISFIT_P
 
 

@@ -79,7 +79,7 @@ def beside_everything(cell: Cell, data: Measured, values: Array) -> Linearised:
 
     That is the catalogue, and what competes with it without a name.
     """
-    known = (one for one in catalogue(cell.robot) if not isinstance(one, Noise))
+    known = (one for one in catalogue(cell.robot, data.pulls) if not isinstance(one, Noise))
     model = Model(replace(cell, equilibrium="undeformed"), values, len(values))
     every = (*known, *nameless(cell.robot))
     return linearise(model, replace(data, bends=False), every)

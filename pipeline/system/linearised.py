@@ -106,7 +106,7 @@ def linearise(
     if near is None:
         system = assemble(flat, data, model.values)
         B, rows, errors = system.B, system.rows, system.errors
-        motions = _rigid(load(model.cell, data.pulls, model.values))[at].reshape(M, 6)
+        motions = _rigid(model.cell, load(model.cell, data.pulls, model.values))[at].reshape(M, 6)
     else:
         B = jacobian(flat, data.pulls, model.values)[at].reshape(M, -1)
         rows, errors, motions = near.rows, near.errors, near.motions
@@ -147,12 +147,13 @@ def owners(suspects: tuple[Effect, ...]) -> Ints:
     return np.repeat(np.arange(len(suspects)), [len(effect.parameters) for effect in suspects])
 
 
-def _rigid(loaded: Loaded) -> Array:
-    """Displacement of the targets by the six rigid motions of the effector, (m, t, 3, 6)."""
+def _rigid(cell: Cell, loaded: Loaded) -> Array:
+    """What is read of the six rigid motions of the effector, (m, t, 3, 6)."""
     m = len(loaded.pulls)
     centre = loaded.points.mean(axis=1)
     axes = [np.broadcast_to(row, (m, 3)) for row in np.eye(3)]
     turns = [rotation_about(np.zeros((m, 3)), axis) for axis in axes]
     around = velocity(np.stack(turns, axis=1), loaded.points - centre[:, None])
     along = np.broadcast_to(np.eye(3), (*loaded.points.shape, 3))
-    return np.concatenate([along, np.moveaxis(around, 2, 3)], axis=-1)
+    moved = np.concatenate([along, np.moveaxis(around, 2, 3)], axis=-1)
+    return cell.tool.coordinates(loaded.configuration, moved)

@@ -43,8 +43,9 @@ class Errors:
     Attributes:
         G: Sensitivity times standard uncertainty [m], sparse, shape (M, E).
         source: Source of each column: `tracker`, `zero`, `wander`, `force_reading`, `direction`,
-            `registration`, `force_gain`, `force_zero`, `geometry`, shape (E,).
-        common: True where one error moves more than one pose (registration, gain, geometry), (E,).
+            `registration`, `force_gain`, `force_zero`, `payload_mass`, `payload_center`,
+            `geometry`, shape (E,).
+        common: True where one error moves more than one pose (registration, gain, mass ...), (E,).
     """
 
     G: scipy.sparse.csr_array

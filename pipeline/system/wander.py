@@ -108,7 +108,9 @@ def wander(data: Measured, beyond: Beyond) -> Wander:
     nothing = Wander(factors[0] * 0.0, 0.0, 0.0, TIMES_S[0], 1.0, 0.0, np.zeros(len(TIMES_S)), unit)
     if not factors.any():
         return nothing
-    losses = np.array([_losses(beyond, unit * by_axis(one[data.pull])) for one in factors])
+    losses = np.array(
+        [_losses(beyond, unit * by_axis(one[data.pull] * data.shifts[:, None])) for one in factors]
+    )
     ratio = np.maximum(losses[:, 0, None] - losses, -700.0)  # 2 (L_a - L_0)
     before = np.log(np.append(_NONE, np.full(len(SIZES), (1 - _NONE) / len(SIZES))) / len(TIMES_S))
     weight = special.softmax(0.5 * ratio + before)

@@ -27,6 +27,7 @@ def simulate(
     robot: Annotated[str | None, Option(help="A robot that ships, or a robot file.")] = None,
     seed: Annotated[int | None, Option(help="Determines every byte.")] = None,
     poses: Annotated[int | None, Option(help="Draw so many feasible poses.")] = None,
+    load: Annotated[str | None, Option(help="chain, weights or payloads.")] = None,
     step: Steps = None,
     repeats: Annotated[int | None, Option(help="Runs through the steps.")] = None,
     noise: Annotated[str | None, Option(help="paper, instrument, or metres per axis.")] = None,
@@ -56,7 +57,7 @@ def simulate(
         "robot": robot,
         "seed": seed,
         "poses": {"count": poses},
-        "pulls": {"steps_n": step, "repeats": repeats},
+        "pulls": {"load": load, "steps_n": step, "repeats": repeats},
         "tracker": {
             "noise_scale": noise_scale,
             "dialect": dialect,

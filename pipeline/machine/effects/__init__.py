@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from pipeline.machine.effect import Effect
+from pipeline.machine.effect import HUNG, MOUNTED, PULLED, Effect, Pulls
 from pipeline.machine.effects import (
     base_rotation,
     chain_offset,
@@ -66,6 +66,14 @@ CATALOGUE: tuple[Callable[[Robot], tuple[Effect, ...]], ...] = (
 """What the paper's model does not know; each entry gives an effect for every place it can act."""
 
 
-def catalogue(robot: Robot) -> tuple[Effect, ...]:
-    """Every effect that may be missing from the model of this robot."""
-    return tuple(effect for entry in CATALOGUE for effect in entry(robot))
+def catalogue(robot: Robot, pulls: Pulls | None = None) -> tuple[Effect, ...]:
+    """Every effect that may be missing from the model of this robot.
+
+    Args:
+        robot: The robot.
+        pulls: The loads of a campaign, which leave out what cannot act on any of them; all kinds
+            when not given.
+    """
+    every = (effect for entry in CATALOGUE for effect in entry(robot))
+    loads = {PULLED, HUNG, MOUNTED} if pulls is None else set(pulls.by.tolist())
+    return tuple(effect for effect in every if loads.intersection(effect.of))

@@ -17,8 +17,9 @@ def observe(loaded: Loaded, points: Array, time: Array, values: Array) -> Array:
 
 
 def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
-    """The load point of the robot, the force turned back."""
-    return loaded.load_point, loaded.force - np.cross(values, loaded.force)
+    """The load point of the robot, the force as read turned back; weights pull where they did."""
+    read = loaded.pulls.pulled * loaded.force
+    return loaded.load_point, loaded.force - np.cross(values, read)
 
 
 _SAID: dict[str, Any] = {

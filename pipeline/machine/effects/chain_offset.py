@@ -7,7 +7,7 @@ distance between the two; only the part across the pull matters.
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
-from pipeline.machine.effect import Loaded, Wrench
+from pipeline.machine.effect import PULLED, Loaded, Wrench
 from pipeline.machine.effects._anatomy import direction
 
 
@@ -15,7 +15,7 @@ def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
     """The force as read, turned; its size stays."""
     u = direction(loaded)
     size = np.linalg.norm(loaded.force, axis=1, keepdims=True)
-    true = u + loaded.configuration.flange_axes @ values
+    true = u + loaded.pulls.pulled * (loaded.configuration.flange_axes @ values)
     length = np.linalg.norm(true, axis=1, keepdims=True)
     return loaded.load_point, size * true / np.where(size > 0, length, 1.0)
 
@@ -30,4 +30,5 @@ effects = Wrench(
     needs="one pose repeated with the last joint turned by 180 degrees",
     source="5 mm over 0.6 m of chain, an estimate",
     wrench=wrench,
+    of=(PULLED,),
 ).everywhere

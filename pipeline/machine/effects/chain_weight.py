@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
-from pipeline.machine.effect import Loaded, Wrench
+from pipeline.machine.effect import PULLED, Loaded, Wrench
 from pipeline.machine.effects._anatomy import direction
 from pipeline.machine.robot import Robot
 
@@ -22,7 +22,8 @@ def wrench(loaded: Loaded, values: Array, side: float) -> tuple[Array, Array]:
     """Load point and force that act."""
     u = direction(loaded)
     up = np.array([0.0, 0.0, 1.0])
-    return loaded.load_point, loaded.force - values[0] / 2 * (up - side * u * u[:, 2:])
+    weight = values[0] / 2 * (up - side * u * u[:, 2:])
+    return loaded.load_point, loaded.force - loaded.pulls.pulled * weight
 
 
 def effects(robot: Robot) -> tuple[Wrench, ...]:
@@ -39,6 +40,7 @@ def effects(robot: Robot) -> tuple[Wrench, ...]:
             needs="the weight of chain and scale, from any balance, and where the scale sits",
             source="catenary to first order; 50 to 100 N is an estimate",
             wrench=partial(wrench, side=side),
+            of=(PULLED,),
         )
         for form, side in _SIDE.items()
     )

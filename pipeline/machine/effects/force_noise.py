@@ -1,7 +1,7 @@
 """The scale scatters more than stated: its standard uncertainty times 1 + s."""
 
 from pipeline.base.arrays import Parameter
-from pipeline.machine.effect import Noise
+from pipeline.machine.effect import PULLED, Noise
 
 effects = Noise(
     name="force_noise",
@@ -12,4 +12,5 @@ effects = Noise(
     needs="repeated pulls at one pose",
     source="0.1 to 0.5 % of the reading",
     source_scaled=("force_reading",),
+    of=(PULLED,),
 ).everywhere

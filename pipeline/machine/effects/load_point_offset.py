@@ -10,13 +10,23 @@ from typing import Any
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
-from pipeline.machine.effect import Compound, Effect, Loaded, Reflectors, Wrench
+from pipeline.machine.effect import (
+    HUNG,
+    MOUNTED,
+    PULLED,
+    Compound,
+    Effect,
+    Loaded,
+    Reflectors,
+    Wrench,
+)
 from pipeline.machine.robot import Robot
 
 
 def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
-    """The load point that is true, the force as read."""
-    return loaded.load_point + loaded.configuration.flange_axes @ values, loaded.force
+    """The load point that is true, the force as read; a payload has a centre of its own."""
+    here = (loaded.pulls.by != MOUNTED)[:, None]
+    return loaded.load_point + here * (loaded.configuration.flange_axes @ values), loaded.force
 
 
 def points(loaded: Loaded, values: Array) -> Array:
@@ -27,9 +37,9 @@ def points(loaded: Loaded, values: Array) -> Array:
 
 def effects(robot: Robot) -> tuple[Effect, ...]:
     """One effect in three forms, on any robot."""
-    alone = Wrench(**_said("load point"), wrench=wrench)
+    alone = Wrench(**_said("load point"), wrench=wrench, of=(PULLED, HUNG))
     followed = Reflectors(**_said("measuring point"), points=points)
-    both = _said("both")
+    both = _said("both") | {"of": (PULLED, HUNG)}
     acts = (Wrench(**both, wrench=wrench), Reflectors(**both, points=points))
     return (alone, followed, Compound(**both, acts=acts))
 

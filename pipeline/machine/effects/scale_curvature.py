@@ -3,13 +3,13 @@
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
-from pipeline.machine.effect import Loaded, Wrench
+from pipeline.machine.effect import PULLED, Loaded, Wrench
 
 
 def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
     """Load point and force that act."""
     size = np.linalg.norm(loaded.force, axis=1, keepdims=True)
-    return loaded.load_point, loaded.force * (1 + values[0] * size / 1000.0)
+    return loaded.load_point, loaded.force * (1 + loaded.pulls.pulled * values[0] * size / 1000.0)
 
 
 effects = Wrench(
@@ -22,4 +22,5 @@ effects = Wrench(
     needs="two known dead weights on the scale",
     source="1 % of full scale at 2 kN, data sheets of mechanical dynamometers",
     wrench=wrench,
+    of=(PULLED,),
 ).everywhere

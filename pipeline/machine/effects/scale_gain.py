@@ -1,12 +1,12 @@
 """The spring scale reads a constant fraction wrong: the true force is f (1 + g)."""
 
 from pipeline.base.arrays import Array, Parameter
-from pipeline.machine.effect import Loaded, Wrench
+from pipeline.machine.effect import PULLED, Loaded, Wrench
 
 
 def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
     """Load point and force that act."""
-    return loaded.load_point, loaded.force * (1 + values[0])
+    return loaded.load_point, loaded.force * (1 + loaded.pulls.pulled * values[0])
 
 
 effects = Wrench(
@@ -18,4 +18,5 @@ effects = Wrench(
     needs="a known dead weight on the scale",
     source="calibration: crane scales 0.1 % of full scale, mechanical ones 1 %",
     wrench=wrench,
+    of=(PULLED,),
 ).everywhere

@@ -1,13 +1,13 @@
 """The spring scale does not read zero when nothing pulls: the true force is f + f_0 u."""
 
 from pipeline.base.arrays import Array, Parameter
-from pipeline.machine.effect import Loaded, Wrench
+from pipeline.machine.effect import PULLED, Loaded, Wrench
 from pipeline.machine.effects._anatomy import direction
 
 
 def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
     """Load point and force that act."""
-    return loaded.load_point, loaded.force + values[0] * direction(loaded)
+    return loaded.load_point, loaded.force + loaded.pulls.pulled * values[0] * direction(loaded)
 
 
 effects = Wrench(
@@ -19,4 +19,5 @@ effects = Wrench(
     needs="three load levels, or the scale read with nothing on it",
     source="equals a preload that is there when the zero is measured; 20 N is an estimate",
     wrench=wrench,
+    of=(PULLED,),
 ).everywhere

@@ -1,0 +1,46 @@
+"""A pose that was measured as one quantity: three targets or more tell its six coordinates alone.
+
+Small motions of a rigid effector are d_i = s + w x l_i at targets l_i from their centroid. What is
+read of them is
+
+    s = mean d_i    and    L w = L N^-1 sum l_i x d_i,    N = sum |l_i|^2 I - l_i l_i',
+
+both in metres, F_b, with L^2 = mean |l_i|^2: six rows instead of three to a target. Changes of the
+distances between targets that were computed from one pose hold nothing but rounding.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.base import linear
+from pipeline.base.arrays import Array
+
+ROWS = ("position", "rotation")
+"""What stands in place of the targets: s and L w."""
+
+
+def radius(points: Array) -> float:
+    """L: root mean square distance of the targets (t, 3) from their centroid [m]."""
+    levers = points - points.mean(axis=0)
+    return float(np.sqrt(np.mean(np.sum(levers**2, axis=1))))
+
+
+def coordinates(levers: Array, moved: Array, size: float) -> Array:
+    """The six coordinates of small motions of the targets.
+
+    Args:
+        levers: Targets from their centroid, F_b [m], shape (m, t, 3).
+        moved: How they move [m], shape (m, t, 3) or (m, t, 3, k).
+        size: L [m].
+
+    Returns:
+        s and L w, shape (m, 2, 3) or (m, 2, 3, k).
+    """
+    wide = moved if moved.ndim == 4 else moved[..., None]
+    N = np.einsum("mti,mti->m", levers, levers)[:, None, None] * np.eye(3)
+    N = N - np.einsum("mti,mtj->mij", levers, levers)
+    turning = np.cross(levers[..., None], wide, axis=2).sum(axis=1)
+    w = linear.solve(N, turning)
+    out = np.stack([wide.mean(axis=1), size * w], axis=1)
+    return out if moved.ndim == 4 else np.asarray(out[..., 0])

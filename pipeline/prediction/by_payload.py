@@ -1,0 +1,68 @@
+"""How well each weight or payload is predicted by springs that only the other loads determine."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.base.arrays import Bools
+from pipeline.base.linear import rms
+from pipeline.reduction.measured import Measured
+from pipeline.reduction.settings import Settings
+from pipeline.reduction.weights import PULL
+from pipeline.system.estimate import solve
+from pipeline.system.system import Errors, Rows, System
+
+
+def by_payload(settings: Settings, data: Measured, system: System) -> dict[str, float | None]:
+    """Rms [m] over coordinates of the rows of each payload or weight, held out; {} with one load.
+
+    r = c_k - B_k x, x from the rows of all other loads by their own covariance; None where these
+    leave open what moves the rows of k.
+
+    Args:
+        settings: The names of the payloads.
+        data: The measurements.
+        system: Their linear system, at the model that is asked.
+    """
+    body = data.body[system.rows.pull]
+    bodies = np.unique(body)
+    if len(bodies) < 2:
+        return {}
+    return {
+        _name(settings, data, int(one)): _held_out(system, body == one)
+        for one in bodies[bodies != PULL]
+    }
+
+
+def _name(settings: Settings, data: Measured, body: int) -> str:
+    """A payload's own, `120 kg` for a weight."""
+    names = list(settings.payload)
+    if body < len(names):
+        return names[body]
+    force = data.pulls.force[np.argmax(data.body == body)]
+    return f"{np.linalg.norm(force) / settings.gravity.m_s2:.6g} kg"
+
+
+def _held_out(system: System, mine: Bools) -> float | None:
+    found = solve(_only(system, ~mine), np.zeros(len(system.parameters)))
+    B = system.B[mine]
+    dark = np.isinf(np.diag(found.cov))
+    if (np.abs(B * system.typical)[:, dark].max(initial=0.0)) > _NOTHING_M:
+        return None
+    return rms(system.c[mine] - B @ found.value)
+
+
+_NOTHING_M = 1e-9
+"""A parameter that moves a row less than this at its typical size does not act there [m]."""
+
+
+def _only(system: System, rows: Bools) -> System:
+    """Some rows of a system."""
+    old, errors = system.rows, system.errors
+    kept = Rows(old.pose[rows], old.repeat[rows], old.target[rows], old.axis[rows], old.pull[rows])
+    G = errors.G[np.flatnonzero(rows)]
+    used = np.asarray(abs(G).sum(axis=0)).ravel() > 0
+    few = Errors(G[:, used], errors.source[used], errors.common[used])
+    return replace(system, rows=kept, B=system.B[rows], c=system.c[rows], errors=few)

@@ -1,0 +1,125 @@
+"""Targets that were computed from one measured pose, found where nobody says so.
+
+Such targets keep their distances to rounding, and no instrument reads two points so: what changes
+between them is no repeat of anything and tells no noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+import pandas as pd
+from scipy import special
+
+from pipeline.base.arrays import Array, Bools
+from pipeline.base.linear import rms
+from pipeline.machine.robot import configure
+from pipeline.machine.six import radius
+from pipeline.reduction.bring import Reduced, bring
+from pipeline.reduction.case import Case
+from pipeline.reduction.measured import Measured
+from pipeline.reduction.register import XYZ
+from pipeline.reduction.settings import tells_a_pose
+from pipeline.system import alarms
+from pipeline.system.estimate import identify
+
+_STILL_M = 1e-6
+"""No instrument repeats a distance between two targets to less [m]: the refractive index of air
+changes by 1e-6 per kelvin (Edlen, Metrologia 2, 1966), over a beam of metres within one reading."""
+
+_OFF_RAD = 1e-3
+"""How far a robot's links may point from where its table has them [rad]: as delivered."""
+
+_UNITS_M = (1.0, 1e-3, 0.0254)
+_DIGITS = 8
+_LOOKED_AT = 300
+"""So many readings show with how many digits an export is written."""
+
+_FEWEST = 12
+"""Fewer changes of distances show nothing."""
+
+
+@dataclass(frozen=True)
+class OnePose:
+    """What shows that targets were computed from one pose.
+
+    Attributes:
+        kept_m: How far their distances change between states, rms [m].
+        left_m: What the joint springs leave of their displacements, rms [m].
+    """
+
+    kept_m: float
+    left_m: float
+
+
+def as_measured(case: Case, reduced: Reduced) -> tuple[Case, Reduced, OnePose | None]:
+    """The campaign with its targets taken for those of one pose where they must be."""
+    found = one_pose(case, reduced.data)
+    if found is None:
+        return case, reduced, None
+    instrument = case.settings.instrument.model_copy(update={"measures": "poses"})
+    settings = case.settings.model_copy(update={"instrument": instrument})
+    case = replace(case, settings=settings)
+    return case, bring(case), found
+
+
+def one_pose(case: Case, data: Measured) -> OnePose | None:
+    """Whether the targets of each state come from one measured pose; None where they need not.
+
+    Their distances change by less than anything that is read, rms s < limit, and what the joint
+    springs leave, r, is impossible beside the limit: P[F(n_r, n_s) > (r / limit)^2] below
+    `alarms.READING`, n_r and n_s the numbers of residuals left and of changes. Data without any
+    scatter keep both small. The limit holds `_STILL_M`, the rounding of two readings, the second
+    order of a turn, and where it is unknown where the targets stand what `_OFF_RAD` does.
+
+    Args:
+        case: The campaign.
+        data: Its measurements, as points.
+    """
+    if case.tool.six or not tells_a_pose(case.tool.points):
+        return None
+    change, turned = _changes(case, data)
+    if change.size < _FEWEST:
+        return None
+    kept = rms(change)
+    lever = _OFF_RAD * turned if np.isnan(data.unloaded).any() else 0.0
+    bow = turned**2 / (2 * radius(case.tool.points))
+    limit = float(np.linalg.norm([_STILL_M, 2 * _rounding(case.readings), lever, bow]))
+    if kept > limit:
+        return None
+    left = identify(case.cell, data, case.robot.nominal_compliance)[1]
+    r = left.residual_std_m
+    chance = special.fdtrc(left.dof, change.size, (r / limit) ** 2) if left.dof > 0 else 1.0
+    return OnePose(kept, r) if chance < alarms.READING else None
+
+
+def _changes(case: Case, data: Measured) -> tuple[Array, float]:
+    """How each distance of two targets changes in each pull [m], and how far they turn, rms [m]."""
+    t = len(case.tool.points)
+    rows: Bools = (np.bincount(data.pull, minlength=len(data.pulls)) == t)[data.pull]
+    moved = data.delta[rows].reshape(-1, t, 3)
+    pull = data.pull[rows][::t]
+    if not len(pull):
+        return np.zeros(0), 0.0
+    here = configure(case.robot, data.pulls.q[pull])
+    seen = data.unloaded[rows].reshape(-1, t, 3)
+    at = np.where(np.isnan(seen), here.points(case.tool.points), seen)
+    change = [
+        np.linalg.norm(at[:, i] + moved[:, i] - at[:, j] - moved[:, j], axis=1)
+        - np.linalg.norm(at[:, i] - at[:, j], axis=1)
+        for i, j in combinations(range(t), 2)
+    ]
+    return np.concatenate(change), rms(moved - moved.mean(axis=1, keepdims=True))
+
+
+def _rounding(readings: pd.DataFrame) -> float:
+    """Standard uncertainty of a coordinate by the digits of the export [m]; 0 without an export."""
+    x = readings[XYZ].head(_LOOKED_AT).to_numpy(float).ravel()
+    for digits in range(_DIGITS):
+        for unit in _UNITS_M:
+            steps = x / unit * 10.0**digits
+            if len(x) and np.abs(steps - np.round(steps)).max() < 1e-3:
+                return float(unit / 10.0**digits / np.sqrt(12))
+    return 0.0

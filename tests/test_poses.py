@@ -1,0 +1,161 @@
+"""Instruments of other kinds: cameras and arms of unknown noise, 6D poses as one quantity."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.base.errors import InputError
+from pipeline.machine import six
+from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.settings import parse
+from pipeline.run import answered, ingested
+from pipeline.simulate import Plan, simulate
+from pipeline.store.campaign import in_memory
+from pipeline.system.fit import fit
+from pipeline.system.one_pose import as_measured, one_pose
+
+SIX = {"kind": "camera", "measures": "poses", "sigma_m": 5e-5, "sigma_rad": 2e-4, "stated": False}
+
+
+def made(seed=3, poses=10, **more):
+    """Files of a campaign."""
+    plan = Plan(name="s", seed=seed, poses={"count": poses}, **more)
+    return dict(simulate(plan).files)
+
+
+def case_of(files):
+    """As ingested."""
+    return ingested(in_memory(files), conformed, plain)
+
+
+def silent(files):
+    """The same with no word about its instrument."""
+    text = re.sub(r"\[instrument\]\n(?:\w+ = .*\n)+", "", files["campaign.toml"].decode())
+    return dict(files, **{"campaign.toml": text.encode()})
+
+
+def test_the_six_coordinates_are_shift_and_turn_of_a_rigid_motion():
+    """Of targets anywhere, by several columns at once; what is no rigid motion is left out."""
+    rng = np.random.default_rng(1)
+    levers = rng.standard_normal((5, 4, 3))
+    levers -= levers.mean(axis=1, keepdims=True)
+    s, w = rng.standard_normal((2, 5, 3))
+    moved = s[:, None] + np.cross(w[:, None], levers)
+    loose = rng.standard_normal((5, 4, 3))
+    part = six.coordinates(levers, loose, 2.0)
+    rigid = part[:, 0, None] + np.cross(part[:, 1, None] / 2, levers)
+
+    assert six.coordinates(levers, moved, 0.5) == pytest.approx(np.stack([s, 0.5 * w], axis=1))
+    both = np.stack([moved, 2 * moved], axis=-1)
+    assert six.coordinates(levers, both, 0.5)[..., 1] == pytest.approx(
+        2 * np.stack([s, 0.5 * w], axis=1)
+    )
+    assert np.linalg.norm(loose - rigid) < np.linalg.norm(loose)
+    assert np.sum((loose - rigid) * rigid) == pytest.approx(0, abs=1e-9)
+
+
+def test_a_6d_campaign_is_adequate_and_its_springs_are_right():
+    """Six rows to a pull, noise from repeats and residuals, whatever is not said."""
+    files = made(poses=16, tracker=SIX)
+    answer = answered("six", in_memory(files)).answer
+    quiet = answered("six", in_memory(silent(files))).answer
+    case = case_of(files)
+    x = case.robot.nominal_compliance
+    off = [
+        (joint.compliance - true) / joint.compliance_std
+        for joint, true in zip(answer.stiffness, x, strict=True)
+    ]
+
+    assert answer.diagnosis.verdict == quiet.diagnosis.verdict == "adequate"
+    assert answer.fit.dof == 16 * 3 * 6 - 7
+    assert 0.7 < answer.fit.chi2 / answer.fit.dof < 1.4
+    assert np.abs(off).max() < 4
+    assert sum(joint.identifiable for joint in answer.stiffness) >= 6
+    assert [j.compliance for j in quiet.stiffness] == [j.compliance for j in answer.stiffness]
+    assert not any("one measured pose" in line for line in answer.findings)
+    assert any("one measured pose" in line for line in quiet.findings)
+
+
+def test_intervals_of_6d_campaigns_cover():
+    """95 % of 95 % intervals hold the truth; three targets taken for three readings hold fewer."""
+    inside = []
+    for seed in range(24):
+        case = case_of(made(seed, 8, tracker=SIX | {"sigma_rad": 3e-4}))
+        found = fit(case, bring(case)).estimate
+        z = (found.value - case.robot.nominal_compliance) / found.std
+        inside += (np.abs(z) < found.quantile)[found.identifiable].tolist()
+
+    assert len(inside) > 110
+    assert np.mean(inside) > 0.90
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_targets_that_are_read_one_by_one_are_not_taken_for_a_pose(stated):
+    """Nor is anything in data without scatter; a pose is found whatever else is stated."""
+    points = case_of(made(tracker={"sigma_m": 1e-5, "stated": stated}))
+    still = {"noise_scale": 0.0, "digits": "full", "stated": stated}
+    exact = case_of(made(tracker=still, scale={"noise_scale": 0.0, "gain_error": 0.0}))
+    pose = case_of(silent(made(tracker=SIX | {"stated": stated})))
+    case, reduced, found = as_measured(pose, bring(pose))
+
+    assert one_pose(points, bring(points).data) is None
+    assert one_pose(exact, bring(exact).data) is None
+    assert found is not None
+    assert found.kept_m < 3e-6
+    assert case.settings.instrument.measures == "poses"
+    assert set(reduced.data.name) == {"position", "rotation"}
+
+
+def test_the_rotation_of_a_pose_has_its_own_uncertainty():
+    """At the radius of the targets; that of the position is a reading's."""
+    files = made(tracker=SIX | {"stated": True})
+    case = case_of(files)
+    data = bring(case).data
+    tool = np.array([p for name, p in Plan(name="s").tool.items() if name != "load_point"])
+    size = np.sqrt(np.mean(np.sum((tool - tool.mean(axis=0)) ** 2, axis=1)))
+    plain_case = replace(case, settings=case.settings.model_copy(
+        update={"instrument": case.settings.instrument.model_copy(update={"sigma_rad": None})}
+    ))  # fmt: skip
+    alike = bring(plain_case).data
+
+    assert data.loaded_cov[0] == pytest.approx(5e-5**2 * np.eye(3))
+    assert data.loaded_cov[1] == pytest.approx((size * 2e-4) ** 2 * np.eye(3))
+    assert data.zero_cov[1] == pytest.approx((size * 2e-4) ** 2 / 2 * np.eye(3))
+    assert alike.loaded_cov[1] == pytest.approx(5e-5**2 * np.eye(3))
+
+
+@pytest.mark.parametrize(("kind", "verdict"), [
+    ("laser_tracker", "unexplained"), ("camera", "adequate"), ("arm", "adequate"),
+    ("unknown", "adequate"),
+])  # fmt: skip
+def test_only_a_laser_tracker_is_held_to_what_trackers_can(kind, verdict):
+    """With one target and one zero nothing but residuals tells the noise, 0.25 mm here."""
+    tool = {name: at for name, at in Plan(name="s").tool.items() if name in ("load_point", "P1")}
+    files = made(tool=tool, pulls={"zero": "before"},
+                 tracker={"kind": kind, "sigma_m": 2.5e-4, "stated": False})  # fmt: skip
+    answer = answered("kind", in_memory(files)).answer
+
+    assert answer.fit.noise_from == "residuals"
+    assert answer.diagnosis.verdict == verdict
+    assert ("tracker measures" in answer.fit.noise_statement) is (kind == "laser_tracker")
+
+
+BAD = {
+    "no such kind": ('kind = "theodolite"', "laser_tracker"),
+    "too few targets": ('measures = "poses"', "three targets in [tool] that are not on one line"),
+    "points do not turn": ("sigma_rad = 1e-4", 'measures = "poses"'),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_an_instrument_that_cannot_be_is_refused(name):
+    """With what it may be."""
+    said, told = BAD[name]
+    text = 'format = 1\nname = "x"\nrobot = "kr500_rail"\n[tracker]\nfiles = ["t.csv"]\n'
+    text += f"[instrument]\n{said}\n[naming]\nmeasured = ['P1', 'P2']\n"
+    text += "[tool]\nload_point = [0, 0, 0]\nP1 = [0, 0, 1]\nP2 = [0, 1, 0]\n"
+
+    with pytest.raises(InputError, match=re.escape(told)):
+        parse(text)
