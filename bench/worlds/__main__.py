@@ -71,7 +71,7 @@ def chosen(text: str) -> list[str]:
     known |= {name: [name] for name in WORLDS}
     unknown = [word for word in asked if word not in known]
     if unknown:
-        raise UsageError(f"no world {listed(unknown)}; there are {listed(known)}")
+        raise UsageError(f"no world {listed(unknown)}; there are {listed(known, len(known))}")
     return list(dict.fromkeys(name for word in asked for name in known[word]))
 
 

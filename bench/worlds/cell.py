@@ -35,6 +35,20 @@ ROUND_POSES = (3, 7)
 
 
 @dataclass(frozen=True)
+class Manner(Rules):
+    """How a game is measured, beyond the league's rules; the tracker scatters as stated.
+
+    Attributes:
+        hang: Weights at the load point instead of a chain and a scale.
+        targets: Reflectors on the tool that are read, the first of three.
+    """
+
+    scatter: tuple[float, float] = (1.0, 1.0)
+    hang: bool = False
+    targets: int = 3
+
+
+@dataclass(frozen=True)
 class Slot:
     """One reading in the timetable.
 
@@ -62,6 +76,7 @@ class Cell:
     Attributes:
         robot: For the placements of its joints.
         plan: Where and with what.
+        rules: How it is measured.
         one: The machine with its secrets.
         tool: True load point and reflectors, flange frame, shape (4, 3) [m].
         stiffness: True ones, shape (n,) [N/m] or [N m/rad].
@@ -79,6 +94,7 @@ class Cell:
 
     robot: Robot
     plan: Plan
+    rules: Manner
     one: Setup
     tool: Array
     stiffness: Array
@@ -115,10 +131,9 @@ class Cell:
 def build(
     robot: Robot,
     plan: Plan,
-    rules: Rules,
+    rules: Manner,
     seed: int,
     secrets: Sequence[tuple[Secret, float]] = (),
-    hang: bool = False,
 ) -> Cell:
     """Set a cell up: the same machine, timetable and station for a seed, whatever it hides.
 
@@ -128,7 +143,6 @@ def build(
         rules: How it is measured.
         seed: Of everything that is drawn here.
         secrets: What it hides, each with its size in typical sizes.
-        hang: Weights at the load point instead of a chain.
     """
     of_truth, of_clock, of_secrets, of_station, of_scale, of_test = np.random.default_rng(
         [seed, 1]
@@ -137,18 +151,19 @@ def build(
     stiffness = spread / robot.nominal_compliance
     tool = plan.tool + rules.tool_m * of_truth.standard_normal(plan.tool.shape)
     base = REFLECTORS[: of_station.integers(3, len(REFLECTORS) + 1)]
-    slots = timetable(len(plan.q), len(rules.steps), len(base), () if hang else CHAIN, of_clock)
+    slots = timetable(len(plan.q), len(base), rules, of_clock)
     course = _course(plan, rules, slots, of_secrets)
     one = setup(robot, stiffness)
     planted = tuple(
         {"label": s.label, "place": s.place, "amplitudes": s.plant(one, size, course) or {}}
         for s, size in secrets
     )
-    scale, moves = _pulled(one, course, tool, plan, rules, of_scale, hang)
+    scale, moves = _pulled(one, course, tool, plan, rules, of_scale)
     u, _, v = np.linalg.svd(of_station.normal(size=(3, 3)))
     return Cell(
         robot=robot,
         plan=plan,
+        rules=rules,
         one=one,
         tool=tool,
         stiffness=stiffness,
@@ -187,24 +202,25 @@ class _Watch:
 
 
 def timetable(
-    poses: int, steps: int, reflectors: int, chain: Sequence[str], rng: np.random.Generator
+    poses: int, reflectors: int, rules: Manner, rng: np.random.Generator
 ) -> tuple[Slot, ...]:
     """When what is read: base, then pose by pose with rounds of the base between, then base."""
     watch, every = _Watch(rng), int(rng.integers(*ROUND_POSES))
     fixed = [f"B{k + 1}" for k in range(reflectors)]
+    names, chain, steps = NAMES[: rules.targets], () if rules.hang else CHAIN, len(rules.steps)
     watch.read("base_start", fixed, "base", -1)
     for pose in range(poses):
         if pose and pose % every == 0:
             watch.read(f"base_mid{pose // every}", fixed, "base", -1)
         watch.wait(MOVE_S)
         head, first = f"pose{pose + 1:02d}_rep", pose * steps
-        watch.read(f"{head}0_unloaded", NAMES, "unloaded", first)
+        watch.read(f"{head}0_unloaded", names, "unloaded", first)
         for step in range(steps):
             watch.wait(TIGHTEN_S)
-            watch.read(f"{head}{step + 1}_loaded", NAMES, "loaded", first + step)
+            watch.read(f"{head}{step + 1}_loaded", names, "loaded", first + step)
             watch.read(f"{head}{step + 1}_loaded", chain, "chain", first + step)
         watch.wait(TIGHTEN_S)
-        watch.read(f"{head}{steps + 1}_unloaded", NAMES, "unloaded", first + steps - 1)
+        watch.read(f"{head}{steps + 1}_unloaded", names, "unloaded", first + steps - 1)
     watch.read("base_end", fixed, "base", -1)
     return tuple(watch.slots)
 
@@ -223,19 +239,18 @@ def _pulled(
     course: Course,
     tool: Array,
     plan: Plan,
-    rules: Rules,
+    rules: Manner,
     rng: np.random.Generator,
-    hang: bool,
 ) -> tuple[Array, Moves]:
     """What the scale shows, and where everything then stands."""
     steps, m = np.array(rules.steps)[course.repeat], len(course.pose)
-    nominal = np.round(rules.force_n * steps + (0 if hang else rng.normal(0, 15.0, m)), 2)
+    nominal = np.round(rules.force_n * steps + (0 if rules.hang else rng.normal(0, 15.0, m)), 2)
     acts = nominal
     for hook in one.tension:
         acts = hook(acts, course)
     acts = acts + rng.normal(0, rules.scale_n, m)
     down = np.tile([0.0, 0.0, -1.0], (m, 1))
-    along = (lambda _: down) if hang else pull_to(plan.anchor[course.pose])
+    along = (lambda _: down) if rules.hang else pull_to(plan.anchor[course.pose])
     moves = strained(one, course, tool, along, acts)
     for target, shift in one.loose.items():
         moves.loaded[:, target] += shift * (nominal / rules.force_n)[:, None]

@@ -16,7 +16,7 @@ GRAVITY = 9.81
 
 
 def raw(
-    cell: Cell, record: Array, stated: str, instrument: str, factor: float, hang: bool
+    cell: Cell, record: Array, stated: str, instrument: str, factor: float, timed: bool
 ) -> dict[str, bytes]:
     """Content of the raw folder.
 
@@ -26,18 +26,18 @@ def raw(
         stated: Line on the noise in `[tracker]`, or empty.
         instrument: Its kind in `[instrument]`, or empty.
         factor: The log of the scale shows so many times the force.
-        hang: The log holds masses, not forces.
+        timed: The export says when each reading was taken.
     """
-    lines = ["group,target,x_mm,y_mm,z_mm,time"]
+    hang = cell.rules.hang
+    lines = ["group,target,x_mm,y_mm,z_mm" + (",time" if timed else "")]
     for slot, at in zip(cell.slots, 1e3 * record, strict=True):
         when = START + timedelta(seconds=round(3600 * slot.hours))
-        lines.append(
-            f"{slot.group},{slot.target},{at[0]:.4f},{at[1]:.4f},{at[2]:.4f},{when.isoformat()}"
-        )
+        row = f"{slot.group},{slot.target},{at[0]:.4f},{at[1]:.4f},{at[2]:.4f}"
+        lines.append(f"{row},{when.isoformat()}" if timed else row)
     shown = cell.scale / GRAVITY if hang else factor * cell.scale
     loads = loads_log(cell.course, shown, "mass_kg" if hang else "force_n")
     return {
-        "campaign.toml": _toml(cell, stated, instrument, hang).encode(),
+        "campaign.toml": _toml(cell, stated, instrument).encode(),
         "tracker.csv": ("\n".join(lines) + "\n").encode(),
         "loads.csv": loads.encode(),
         "joints.csv": joints_log(cell.robot, cell.course).encode(),
@@ -49,9 +49,10 @@ def line(reading: int) -> int:
     return reading + 2
 
 
-def _toml(cell: Cell, stated: str, instrument: str, hang: bool) -> str:
+def _toml(cell: Cell, stated: str, instrument: str) -> str:
     base = cell.base + np.cross(cell.one.base_turn, cell.base)
-    points = zip(("load_point", *NAMES), cell.plan.tool.tolist(), strict=True)
+    names = NAMES[: cell.rules.targets]
+    points = zip(("load_point", *names), cell.plan.tool.tolist(), strict=False)
     q = np.where(cell.robot.prismatic, cell.test_q, np.rad2deg(cell.test_q))
     kind = ["[instrument]", f'kind = "{instrument}"'] if instrument else []
     return "\n".join(
@@ -63,11 +64,13 @@ def _toml(cell: Cell, stated: str, instrument: str, hang: bool) -> str:
             "[tracker]",
             'files = ["tracker.csv"]',
             stated,
+            "[naming]",
+            f"measured = {list(names)}",
             "[base_frame]",
             *(f"B{k + 1} = {[round(v, 7) for v in row]}" for k, row in enumerate(base.tolist())),
             "[scale]",
             'file = "loads.csv"',
-            "sigma_n = 0.1" if hang else "sigma_n = 2.0",
+            "sigma_n = 0.1" if cell.rules.hang else "sigma_n = 2.0",
             "[joints]",
             'file = "joints.csv"',
             "[tool]",

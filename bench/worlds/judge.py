@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from bench.league.judge import SCATTER, label
+from bench.league.play import NAMES
+from bench.worlds.worlds import FORCE
 from pipeline.base.arrays import Array
 
 Json = Mapping[str, Any]
@@ -18,9 +20,6 @@ DATA = ("outlier", "label_swap", "unit_mixup", "sign_or_convention")
 
 MOVED = ("tracker_moved", "tracker_moved_or_knocked")
 """Findings that say that the tracker did not stand still."""
-
-FORCE = ("unit_mixup", "scale_gain", "sign_or_convention")
-"""Causes by which forces that are many times too large are called."""
 
 LISTED = 0.01
 """A rival less probable than this is not counted as one."""
@@ -77,12 +76,14 @@ class Spoilt:
         line: In tracker.csv.
         off_m: By how much.
         visible_m: Smallest error of that reading, in that direction, that shows; None: none does.
+        companions: file:line of all that goes with it when its pull is left out.
     """
 
     name: str
     line: int
     off_m: float
     visible_m: float | None
+    companions: tuple[str, ...] = ()
 
     def above(self, times: float) -> bool:
         """Whether it is beyond so many times the smallest visible error."""
@@ -185,10 +186,10 @@ def _doubts(verdict: str, excused: set[str]) -> bool:
 def _innocents(
     accused: Sequence[Json], rejected: set[tuple[str, int]], spoilt: Sequence[Spoilt]
 ) -> tuple[str, ...]:
-    guilty, lines = {one.name for one in spoilt}, {one.line for one in spoilt}
+    guilty = {one.name for one in spoilt}
+    along = {row for one in spoilt for row in one.companions}
     named = [label(cause) for cause in accused if cause["where"] not in guilty]
-    listed = [f"{file}:{line}" for file, line in rejected if line not in lines]
-    return (*named, *sorted(listed))
+    return (*named, *sorted({f"{file}:{line}" for file, line in rejected} - along))
 
 
 def _listed(causes: Sequence[Json]) -> set[str]:
@@ -207,7 +208,8 @@ def _springs(answer: Json, true: Sequence[float]) -> tuple[Interval, ...]:
 def _deflections(answer: Json, true: Array | None) -> tuple[Interval, ...]:
     rows = answer["test_pose_deflection"] if true is not None else []
     out = []
-    for t, row in enumerate(rows):
+    for row in rows:
+        t = NAMES.index(row["target"])
         for k, axis in enumerate("xyz"):
             value, std = row[f"d{axis}_mm"], (row["std_mm"] or [None] * 3)[k]
             if value is None or std is None:

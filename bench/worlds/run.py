@@ -193,9 +193,9 @@ def played(fixture: Fixture) -> Played:
     plan = world.plan(robot, seed)
     hidden = world.secrets
     if fixture.cause:
-        innocent = build(robot, plan, world.rules, seed, hang=world.hang)
+        innocent = build(robot, plan, world.rules, seed)
         hidden = (_sized(innocent, world, seed),)
-    cell = build(robot, plan, world.rules, seed, hidden, world.hang)
+    cell = build(robot, plan, world.rules, seed, hidden)
     clean, record, factor = _recorded(cell, world, seed)
     began = time.process_time()
     said = asked(_files(cell, world, record, factor))
@@ -229,7 +229,7 @@ def _recorded(cell: Cell, world: World, seed: int) -> tuple[Array, Array, float]
 
 
 def _files(cell: Cell, world: World, record: Array, factor: float) -> dict[str, bytes]:
-    return raw(cell, record, world.stated, world.instrument, factor, world.hang)
+    return raw(cell, record, world.stated, world.instrument, factor, world.timed)
 
 
 def _spoilt(cell: Cell, clean: Array, record: Array, other: Asked | None) -> tuple[Spoilt, ...]:
@@ -250,8 +250,18 @@ def _spoilt(cell: Cell, clean: Array, record: Array, other: Asked | None) -> tup
             assert own is not None
             visible = own.smallest(i, way)
         slot = cell.slots[i]
-        out.append(Spoilt(f"{slot.group}/{slot.target}", line(i), size, visible))
+        name = f"{slot.group}/{slot.target}"
+        out.append(Spoilt(name, line(i), size, visible, _companions(cell, i)))
     return tuple(out)
+
+
+def _companions(cell: Cell, reading: int) -> tuple[str, ...]:
+    """The reading, and where it belongs to a pull, all of that pull in both files."""
+    slot = cell.slots[reading]
+    if slot.state not in ("loaded", "chain"):
+        return (f"tracker.csv:{line(reading)}",)
+    group = [line(k) for k, other in enumerate(cell.slots) if other.group == slot.group]
+    return (*(f"tracker.csv:{k}" for k in group), f"loads.csv:{line(slot.pull)}")
 
 
 def _compared(answer: dict[str, Any], other: Asked | None, truth: Truth) -> dict[str, Any]:

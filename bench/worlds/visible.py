@@ -9,7 +9,7 @@ from bench.league.hidden_effect import setup
 from bench.league.play import pull_to, strained
 from bench.worlds.cell import Cell
 from bench.worlds.noise import SIGMA_M
-from pipeline.base.arrays import Array, Ints
+from pipeline.base.arrays import Array
 
 SHOWS = 17.0746
 """(z_0.9995 + z_0.80)^2: noncentrality at which a two-sided test at 0.001 has a power of 0.80."""
@@ -77,7 +77,7 @@ class Adjustment:
 
 def _design(cell: Cell, scale_n: float, sigma_m: float) -> tuple[Array, Array]:
     """Derivatives of readings (3r, k) over sigma, and what is known beforehand, likewise."""
-    n, m, t = cell.robot.n, len(cell.course.pose), 3
+    n, m, t = cell.robot.n, len(cell.course.pose), cell.rules.targets
     zeros, pulls = 6 + n, 6 + n + 3 * t * len(cell.plan.q)
     total = pulls + 6 * m + 1
     D, F, unit = _compliant(cell)
@@ -141,8 +141,3 @@ def _cross(p: Array) -> Array:
     K = np.zeros((len(p), 3, 3))
     K[:, 0, 1], K[:, 0, 2], K[:, 1, 2] = -p[:, 2], p[:, 1], -p[:, 0]
     return np.asarray(K - np.swapaxes(K, 1, 2))
-
-
-def of_pose(cell: Cell, pose: int) -> Ints:
-    """Readings of one pose."""
-    return np.flatnonzero([s.pull >= 0 and cell.course.pose[s.pull] == pose for s in cell.slots])

@@ -7,21 +7,29 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from bench.league.hidden import SECRETS
 from bench.league.hidden_effect import Secret, Setup, straight
 from bench.league.machine import Spring
-from bench.league.play import Plan, Rules
+from bench.league.play import Plan
 from bench.worlds import blunders
 from bench.worlds.blunders import Spoil, nothing, tracker_moves
-from bench.worlds.cell import random_plan
+from bench.worlds.cell import Manner, random_plan
 from bench.worlds.noise import Bursts, Noise, Student, Wander, White
 from pipeline.base.arrays import Array
 from pipeline.machine.robot import Robot
 
-EXACT = Rules(scatter=(1.0, 1.0))
-"""16 poses, 4 load steps, both branches, up to 3 kN; the tracker scatters as stated."""
+PULLED = Manner()
+"""16 poses, 4 load steps, both branches, up to 3 kN."""
 
-HUNG = replace(EXACT, scale_n=0.05)
+HUNG = Manner(hang=True, scale_n=0.05)
 """The same with weights, known to 5 g."""
+
+
+DRIFT = ("tracker_drift",)
+"""What moves slowly enough is a drift by another name."""
+
+FORCE = ("unit_mixup", "scale_gain", "sign_or_convention")
+"""Causes by which forces that are many times too large are called."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +50,7 @@ class World:
         factors: The scale's log shows so many times the force, drawn log-uniform in this range.
         stated: Line on the noise in `[tracker]`.
         instrument: Its kind in `[instrument]`.
-        hang: Weights instead of a chain and a scale.
+        timed: The export says when each reading was taken.
         secrets: Hidden causes, with sizes in typical ones.
     """
 
@@ -50,7 +58,7 @@ class World:
     exam: str
     says: str
     robot: str = "kr500_rail"
-    rules: Rules = EXACT
+    rules: Manner = PULLED
     noise: Noise = field(default_factory=White)
     family: tuple[str, ...] = ()
     allowed: tuple[str, ...] = ()
@@ -59,7 +67,7 @@ class World:
     factors: tuple[float, float] = (1.0, 1.0)
     stated: str = "sigma_m = 3e-5"
     instrument: str = ""
-    hang: bool = False
+    timed: bool = True
     secrets: tuple[tuple[Secret, float], ...] = ()
 
     @property
@@ -124,12 +132,9 @@ def _blunder(name: str, spoil: Spoil, says: str, drifts: bool = False) -> World:
         says,
         spoil=spoil,
         drifts=drifts,
-        allowed=("tracker_drift",) if drifts else (),
+        allowed=DRIFT if drifts else (),
     )
 
-
-DRIFT = ("tracker_drift",)
-"""What moves slowly enough is a drift by another name."""
 
 NOISE = (
     _noise("normal", White(), "normal, as stated"),
@@ -166,27 +171,50 @@ BLUNDERS = (
         "blunders",
         "all forces written 2 to 100 times too large",
         factors=(2.0, 100.0),
+        allowed=FORCE,
+    ),
+    World(
+        "drift_untimed",
+        "blunders",
+        "the tracker drifts, and the export has no times",
+        drifts=True,
+        allowed=DRIFT,
+        timed=False,
     ),
 )
 
 FANUC = "fanuc_r2000ic"
 LIGHT = replace(HUNG, force_n=1500.0)
-ONE_STEP = replace(EXACT, steps=(1.0,))
+ONE_STEP = replace(PULLED, steps=(1.0,))
 LOADS = (
-    World("weights_rail", "loads", "weights on the robot on its rail", rules=HUNG, hang=True),
-    World("weights_floor", "loads", "weights on a robot on the floor", FANUC, LIGHT, hang=True),
+    World("weights_rail", "loads", "weights on the robot on its rail", rules=HUNG),
+    World("weights_floor", "loads", "weights on a robot on the floor", FANUC, LIGHT),
     World(
         "weights_floor_cause",
         "loads",
         "the same, and joint 3 tilts",
         FANUC,
         LIGHT,
-        hang=True,
         secrets=((tilting(3, 3e-7), 1.0),),
     ),
-    World("poses3", "loads", "three poses", rules=replace(EXACT, poses=3)),
+    World(
+        "weights_rail_cause",
+        "loads",
+        "weights on the rail, and a compensator",
+        rules=HUNG,
+        secrets=((SECRETS["compensator"], 2.0),),
+    ),
+    World("poses3", "loads", "three poses", rules=replace(PULLED, poses=3)),
     World("pull1", "loads", "one pull", rules=replace(ONE_STEP, poses=1)),
     TwoJoints("two_joints", "loads", "197 poses of two joints", rules=replace(ONE_STEP, poses=197)),
+    TwoJoints(
+        "two_joints_weights",
+        "loads",
+        "197 poses of two joints, weights, one reflector, on the floor",
+        FANUC,
+        replace(LIGHT, poses=197, steps=(1.0,), targets=1),
+        moving=(0, 5),
+    ),
 )
 
 COARSE = White(2.2e-4)
