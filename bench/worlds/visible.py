@@ -54,6 +54,10 @@ class Adjustment:
         cell: What was measured.
         sigma_m: Of a reading, per axis [m].
         scale_n: Of the scale [N].
+
+    Attributes:
+        range: Orthonormal basis of what the unknown do, rows of the readings, shape (3r, k).
+        beforehand: Likewise, rows of what is known beforehand.
     """
 
     def __init__(self, cell: Cell, sigma_m: float = SIGMA_M, scale_n: float = 2.0) -> None:
@@ -62,7 +66,7 @@ class Adjustment:
         scaled = np.vstack([A, known])
         norm = np.linalg.norm(scaled, axis=0)
         u, s, _ = np.linalg.svd(scaled / np.where(norm > 0, norm, 1.0), full_matrices=False)
-        self.range = u[: len(A), s > 1e-10 * s[0]]
+        self.range, self.beforehand = np.split(u[:, s > 1e-10 * s[0]], [len(A)])
 
     def redundancy(self, reading: int, way: Array) -> float:
         """W' (I - H_jj) w of an error in a direction, between 0 and 1."""
