@@ -340,14 +340,12 @@ def test_what_stops_the_pipeline_is_told_apart(monkeypatch):
 
 def test_games_that_are_kept_are_not_played_again(tmp_path, monkeypatch):
     """A line that was cut off is; lines of other code stay and do not count."""
-    done = []
+    done, made_by = [], ""
 
     def inline(left, jobs, log):
         done.append(len(left))
-        return [
-            Played(one.kind, one.seed, run.code(), Judged("answered"), moved=(np.inf, 0.0))
-            for one in left
-        ]
+        by, judged = made_by or run.code(), Judged("answered")
+        return [Played(one.kind, one.seed, by, judged, moved=(np.inf, 0.0)) for one in left]
 
     monkeypatch.setattr(run, "_all", inline)
     log, wanted = tmp_path / "kept.jsonl", fixtures(["normal", "stale"], 2, 3, False, SEEDS)
@@ -356,11 +354,14 @@ def test_games_that_are_kept_are_not_played_again(tmp_path, monkeypatch):
     again = contest(wanted, log, 1)
     monkeypatch.setattr(run, "code", lambda: "other")
     contest(wanted[:1], log, 1)
+    made_by = "older"
+    with pytest.raises(InputError, match="changed on the way"):
+        contest(wanted[1:2], log, 1)
 
-    assert done == [4, 1, 1]
+    assert done == [4, 1, 1, 1]
     assert again == first
     assert again[0].moved == (np.inf, 0.0)
-    assert len(log.read_text().splitlines()) == 5
+    assert len(log.read_text().splitlines()) == 6
     assert [one.seed for one in first] == [one.seed for one in wanted]
 
 

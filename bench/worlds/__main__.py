@@ -35,7 +35,9 @@ def worlds(
     log: Annotated[
         Path | None, typer.Option(help="Where finished games are kept, one JSON line each.")
     ] = None,
-    page: Annotated[Path | None, typer.Option(help="Markdown page of the results.")] = None,
+    page: Annotated[
+        Path | None, typer.Option(help="Markdown page of all games of this code that are kept.")
+    ] = None,
     root: Root = Path(),
 ) -> None:
     """Play campaigns of other noise, blunders, loads and instruments, and judge the answers."""
@@ -49,12 +51,12 @@ def worlds(
         return
     names = chosen(",".join(world or []))
     wanted = fixtures(names, games, first, cause, seeds or SEEDS)
-    played = contest(wanted, log or root / "reports" / "worlds.jsonl", jobs or os.cpu_count() or 1)
+    kept = log or root / "reports" / "worlds.jsonl"
+    played = contest(wanted, kept, jobs or os.cpu_count() or 1)
     for line in [*spoken(played), "", *failures(played)]:
         typer.echo(line)
     if page is not None:
-        asked = f"python -m bench.worlds --world {','.join(names)} --games {games} --first {first}"
-        _write(page, f"{asked}{' --cause' if cause else ''}", played)
+        _write(page, kept)
 
 
 def chosen(text: str) -> list[str]:
@@ -75,17 +77,19 @@ def chosen(text: str) -> list[str]:
     return list(dict.fromkeys(name for word in asked for name in known[word]))
 
 
-def _write(page: Path, asked: str, played: list) -> None:
+def _write(page: Path, log: Path) -> None:
+    """All games of this code that are kept, in the order of the worlds."""
     from bench.league.page import between
-    from bench.worlds.run import code
+    from bench.worlds.run import code, games
     from bench.worlds.table import failures, lines
+    from bench.worlds.worlds import WORLDS
     from pipeline.base import files
 
+    order = list(WORLDS)
+    played = sorted(games(log), key=lambda g: (order.index(g.world.partition("+")[0]), g.seed))
     said = [
-        f"    {asked}",
-        "",
         f"{len(played)} games (code {code()}). In brackets: count, and 95 % interval after Clopper "
-        "and Pearson, as if intervals of one campaign were independent.",
+        "and Pearson, as if the intervals of one campaign were independent.",
         *lines(played),
         "",
         *(f"- {line}" for line in failures(played)),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -107,7 +108,7 @@ class Cell:
     points: Array
     test_q: Array
     test_force: Array
-    amplitudes: tuple[dict[str, object], ...]
+    amplitudes: tuple[dict[str, Any], ...]
 
     @property
     def hours(self) -> Array:
@@ -154,7 +155,7 @@ def build(
     slots = timetable(len(plan.q), len(base), rules, of_clock)
     course = _course(plan, rules, slots, of_secrets)
     one = setup(robot, stiffness)
-    planted = tuple(
+    planted: tuple[dict[str, Any], ...] = tuple(
         {"label": s.label, "place": s.place, "amplitudes": s.plant(one, size, course) or {}}
         for s, size in secrets
     )

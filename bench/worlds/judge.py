@@ -206,9 +206,10 @@ def _springs(answer: Json, true: Sequence[float]) -> tuple[Interval, ...]:
 
 
 def _deflections(answer: Json, true: Array | None) -> tuple[Interval, ...]:
-    rows = answer["test_pose_deflection"] if true is not None else []
+    if true is None:
+        return ()
     out = []
-    for row in rows:
+    for row in answer["test_pose_deflection"]:
         t = NAMES.index(row["target"])
         for k, axis in enumerate("xyz"):
             value, std = row[f"d{axis}_mm"], (row["std_mm"] or [None] * 3)[k]

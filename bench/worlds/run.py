@@ -7,7 +7,7 @@ import os
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
@@ -26,7 +26,7 @@ from bench.league.hidden_effect import Secret
 from bench.league.run import ABLE, largest, shown_in
 from bench.worlds.cell import Cell, build
 from bench.worlds.files import line, raw
-from bench.worlds.judge import Judged, Spoilt, Truth, forces_doubted, judged, shift
+from bench.worlds.judge import Json, Judged, Spoilt, Truth, forces_doubted, judged, shift
 from bench.worlds.noise import White
 from bench.worlds.visible import Adjustment, from_table
 from bench.worlds.worlds import WORLDS, World
@@ -45,6 +45,9 @@ SEEDS = Path(__file__).with_name("seeds.txt")
 
 SHELL = ("app", "report", "design")
 """Folders of the package in which no answer is made."""
+
+SHOWN = ("__init__.py", "__main__.py", "table.py", "page.py", "figures.py", "contest.py")
+"""Files of the benches that show games and make none."""
 
 TIMES = 2.0
 """Size of a hidden cause over the smallest identifiable one."""
@@ -146,8 +149,8 @@ def code() -> str:
         for path in package.rglob("*")
         if path.is_file() and not {"__pycache__", *SHELL} & set(path.relative_to(package).parts)
     ]
-    shown = {"table.py", "__main__.py", "__init__.py"}
-    own = [path for path in exam.glob("*.py") if path.name not in shown]
+    exams = [*exam.glob("*.py"), *(exam.parent / "league").glob("*.py")]
+    own = [path for path in exams if path.name not in SHOWN]
     lines = (f"{path.name}:{files.sha256(path.read_bytes())}\n" for path in sorted([*inside, *own]))
     return files.sha256("".join(lines).encode())[:16]
 
@@ -210,11 +213,14 @@ def played(fixture: Fixture) -> Played:
         allowed=world.allowed,
         family=world.family,
     )
-    head = {"world": fixture.kind, "seed": seed, "code": code(), "spoilt": spoilt}
+    word = Judged(said.outcome, said.message)
+    game = Played(fixture.kind, seed, code(), word, spoilt, seconds=seconds)
     if said.answer is None:
-        return Played(**head, judged=Judged(said.outcome, said.message), seconds=seconds)
-    more = _compared(said.answer, other, truth) | _on_cause(cell, said.answer, world, hidden)
-    return Played(**head, judged=judged(truth, said.answer), seconds=seconds, **more)
+        return game
+    game = replace(game, judged=judged(truth, said.answer))
+    if other is not None and other.answer is not None:
+        game = _beside(game, said.answer, other.answer, truth)
+    return _on_cause(game, cell, said.answer, world, hidden[0]) if hidden else game
 
 
 def _recorded(cell: Cell, world: World, seed: int) -> tuple[Array, Array, float]:
@@ -264,30 +270,27 @@ def _companions(cell: Cell, reading: int) -> tuple[str, ...]:
     return (*(f"tracker.csv:{k}" for k in group), f"loads.csv:{line(slot.pull)}")
 
 
-def _compared(answer: dict[str, Any], other: Asked | None, truth: Truth) -> dict[str, Any]:
-    """Beside the same campaign without what is wrong in it."""
-    if other is None or other.answer is None:
-        return {}
+def _beside(game: Played, answer: Json, before: Json, truth: Truth) -> Played:
+    """With what the answer would be without what is wrong in the campaign."""
     calm = Truth(truth.stiffness, truth.deflection, allowed=truth.allowed)
-    return {
-        "before": judged(calm, other.answer),
-        "moved": shift(answer, other.answer),
-        "said": forces_doubted(answer, other.answer),
-    }
+    return replace(
+        game,
+        before=judged(calm, before),
+        moved=shift(answer, before),
+        said=forces_doubted(answer, before),
+    )
 
 
 def _on_cause(
-    cell: Cell, answer: dict[str, Any], world: World, hidden: Sequence[tuple[Secret, float]]
-) -> dict[str, Any]:
-    """What the league's judge says of the hidden cause; what is right here is no name to him."""
-    if not hidden:
-        return {}
-    diagnosis = answer["diagnosis"]
-    left = [cause for cause in diagnosis["causes"] if cause["name"] not in world.allowed]
-    answer = {**answer, "diagnosis": {**diagnosis, "causes": left}}
+    game: Played, cell: Cell, answer: Json, world: World, hidden: tuple[Secret, float]
+) -> Played:
+    """With what the league's judge says; what is right here is no name to him."""
+    said = answer["diagnosis"]
+    left = [cause for cause in said["causes"] if cause["name"] not in world.allowed]
+    answer = {**answer, "diagnosis": {**said, "causes": left}}
     score = league.score({"secrets": list(cell.amplitudes)}, answer, twins(cell.robot))
-    secret, size = hidden[0]
-    return {"cause": secret.label, "size": size, "named": score.right, "sizes": score.sizes}
+    secret, size = hidden
+    return replace(game, cause=secret.label, size=size, named=score.right, sizes=score.sizes)
 
 
 def _sized(cell: Cell, world: World, seed: int) -> tuple[Secret, float]:
@@ -312,8 +315,9 @@ def contest(wanted: Sequence[Fixture], log: Path, jobs: int) -> list[Played]:
 
     Raises:
         Interrupted: With the number of games that are kept.
+        InputError: The code was changed while it was played.
     """
-    kept = {game.key: game for game in _lines(log)}
+    kept = {game.key: game for game in games(log)}
     left = [one for one in wanted if (one.kind, one.seed, code()) not in kept]
     with (
         Progress(len(left)) as progress,
@@ -326,11 +330,15 @@ def contest(wanted: Sequence[Fixture], log: Path, jobs: int) -> list[Played]:
             out.flush()
             kept[game.key] = game
             progress.done()
+    if any((one.kind, one.seed, code()) not in kept for one in wanted):
+        raise InputError(
+            "holds games of code that changed on the way", "run it again", file=str(log)
+        )
     return [kept[one.kind, one.seed, code()] for one in wanted]
 
 
-def _lines(log: Path) -> list[Played]:
-    """Games that are kept; a line that was cut off is taken away."""
+def games(log: Path) -> list[Played]:
+    """Games of this code that are kept; a line that was cut off is taken away."""
     files.write(log, b"") if not log.exists() else None
     whole, _, cut = log.read_text("utf-8").rpartition("\n")
     if cut:

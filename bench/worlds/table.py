@@ -20,11 +20,6 @@ Games = Sequence[Played]
 Column = tuple[str, Callable[[Games], str]]
 
 
-def tables(games: Games) -> dict[str, list[list[str]]]:
-    """Exam -> rows, the titles first; only what was played."""
-    return {exam: _rows(games, exam, cause) for exam, cause in _parts(games)}
-
-
 def _parts(games: Games) -> list[tuple[str, bool]]:
     there = {(_exam(g), _caused(g)) for g in games}
     order = [(exam, cause) for exam in EXAMS for cause in (False, True)]
@@ -148,7 +143,15 @@ def _pulls(games: Games) -> str:
 
 
 def _drift(games: Games) -> str:
-    return share(g.judged.drift_said for g in games)
+    return share(g.judged.drift_said for g in games if WORLDS[g.world].drifts)
+
+
+def _both(games: Games) -> str:
+    """Of games with both, and a blunder that is clearly visible."""
+    mine = [g for g in games if WORLDS[g.world].drifts and g.spoilt and not _hidden(g)]
+    return share(
+        g.judged.drift_said and bool(g.judged.placed) and all(g.judged.placed) for g in mine
+    )
 
 
 def _before(games: Games) -> str:
@@ -197,6 +200,7 @@ COLUMNS: dict[str, tuple[Column, ...]] = {
         ("springs covered", _springs),
         ("test pose covered", _deflections),
         ("width", _width),
+        ("reading left out", _innocents),
         ("verdicts", _verdicts),
         ("s", _seconds),
     ),
@@ -211,6 +215,7 @@ COLUMNS: dict[str, tuple[Column, ...]] = {
         ("test pose covered", _deflections),
         ("worst pull, 95 %", _pulls),
         ("drift said", _drift),
+        ("drift and blunder said", _both),
         ("forces doubted", _said),
         ("accused without the blunder", _before),
         ("verdicts", _verdicts),
