@@ -103,8 +103,10 @@ def test_a_doubt_without_a_name_is_an_accusation(clean, verdict):
 
     assert judged(truth, doubting).accused
     assert judged(excused, doubting).accused
-    named = judged(excused, accused_of(doubting, name="tracker_drift"))
-    assert named.accused == (verdict in ("unexplained", "bad_data"))
+    hiding = replace(truth, secrets=("tracker_drift",))
+    for right in (excused, hiding):
+        named = judged(right, accused_of(doubting, name="tracker_drift"))
+        assert named.accused == (verdict in ("unexplained", "bad_data"))
 
 
 def test_an_interval_beside_the_truth_is_counted(clean):
@@ -308,12 +310,20 @@ def test_the_adjustment_knows_what_the_machine_does(softer, harder_n, aside_m):
 
 def test_the_table_tells_what_shows_in_a_direction():
     """An error along x needs what x needs, one between x and y what both show together."""
-    rows = [("tracker.csv", 5, axis, v, "mm") for axis, v in zip("xyz", (0.3, 0.4, 9), strict=True)]
-    table = pd.DataFrame(rows, columns=["file", "line", "axis", "smallest_visible", "unit"])
+    rows = [
+        ("tracker", "tracker.csv", 5, axis, v, "mm")
+        for axis, v in zip("xyz", (0.3, 0.4, np.inf), strict=True)
+    ]
+    rows += [
+        ("zero", "tracker.csv", 7, "x", 0.1, "mm"),
+        ("direction", "tracker.csv", 8, "x", 1, "rad"),
+    ]
+    names = ["source", "file", "line", "axis", "smallest_visible", "unit"]
+    table = pd.DataFrame(rows, columns=names)
 
     assert from_table(table, 5, np.array([1.0, 0, 0])) == pytest.approx(3e-4)
     assert from_table(table, 5, np.array([0.6, 0.8, 0])) == pytest.approx(1e-3 / np.hypot(2, 2))
-    assert from_table(table, 6, np.array([1.0, 0, 0])) is None
+    assert [from_table(table, k, np.array([1.0, 0, 0])) for k in (6, 7, 8)] == [None] * 3
 
 
 def test_a_blunder_is_played_beside_its_own_campaign():

@@ -155,6 +155,8 @@ def judged(truth: Truth, answer: Json) -> Judged:
     every = said["causes"]
     names = {cause["name"] for cause in every}
     right = {*SCATTER, *truth.allowed}
+    found = bool(names & set(truth.allowed)) or bool({*map(label, every)} & set(truth.secrets))
+    excused = found and said["verdict"] in ("explained", "ambiguous")
     strange = [c for c in every if c["name"] not in right and label(c) not in truth.secrets]
     accused = [c for c in strange if c["name"] in DATA]
     rejected = {(row["file"], row["line"]) for row in answer["rejected"]}
@@ -162,7 +164,7 @@ def judged(truth: Truth, answer: Json) -> Judged:
         outcome="answered",
         verdict=said["verdict"],
         causes=tuple(label(cause) for cause in every),
-        accused=bool(strange) or _doubts(said["verdict"], names & set(truth.allowed)),
+        accused=bool(strange) or (said["verdict"] != "adequate" and not excused),
         family=bool(names & {*truth.family, *truth.allowed}),
         springs=_springs(answer, truth.stiffness),
         deflections=_deflections(answer, truth.deflection),
@@ -176,11 +178,6 @@ def judged(truth: Truth, answer: Json) -> Judged:
         drift_said="tracker_drift" in names or any(one in MOVED for one in said["reasons"]),
         listed=set(truth.secrets) <= _listed(every),
     )
-
-
-def _doubts(verdict: str, excused: set[str]) -> bool:
-    """Anything but a clean bill, unless a name that is right is the reason."""
-    return verdict != "adequate" and not (excused and verdict in ("explained", "ambiguous"))
 
 
 def _innocents(

@@ -244,17 +244,14 @@ def _spoilt(cell: Cell, clean: Array, record: Array, other: Asked | None) -> tup
     if not len(at):
         return ()
     table = other.reliability if other is not None else None
-    own = Adjustment(cell) if table is None else None
+    own = Adjustment(cell)
     out = []
     for i in at.tolist():
         off = record[i] - clean[i]
         size = float(np.linalg.norm(off))
         way = cell.axes @ off / size
-        if table is not None:
-            visible = from_table(table, line(i), way)
-        else:
-            assert own is not None
-            visible = own.smallest(i, way)
+        told = None if table is None else from_table(table, line(i), way)
+        visible = own.smallest(i, way) if told is None else told
         slot = cell.slots[i]
         name = f"{slot.group}/{slot.target}"
         out.append(Spoilt(name, line(i), size, visible, _companions(cell, i)))

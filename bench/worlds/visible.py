@@ -21,22 +21,23 @@ def from_table(table: pd.DataFrame, line: int, way: Array) -> float | None:
     """Smallest visible size of an error in a direction [m], from table `reliability`.
 
     With v_k the smallest visible errors along the axes, 1 / sqrt(sum (way_k / v_k)^2), which
-    leaves out what the axes share.
+    leaves out what the axes share. A row of a zero is one of the mean of its readings, and one
+    in radians of a direction: of these readings the table says nothing.
 
     Args:
-        table: Its rows are error columns: file, line, axis, smallest_visible, unit.
+        table: Its rows are error columns: source, file, line, axis, smallest_visible, unit.
         line: Of the reading, in tracker.csv.
         way: Unit vector in the axes of the table, shape (3,).
     """
     mine = table[(table["file"] == "tracker.csv") & (table["line"] == line)]
-    mine = mine[mine["unit"].isin(METRES)]
+    mine = mine[mine["unit"].isin(METRES) & (mine["source"] != "zero")]
+    axes = mine["axis"].astype(str)
     if mine.empty:
         return None
-    size = mine["smallest_visible"].astype(float) * mine["unit"].map(METRES)
-    if sorted(mine["axis"].astype(str)) == ["x", "y", "z"]:
-        parts = way[["xyz".index(axis) for axis in mine["axis"]]] / size.to_numpy()
-        seen = float(np.sqrt(np.nansum(parts**2)))
-    else:  # along axes of the beam: what shows along none of them is not counted
+    size = (mine["smallest_visible"].astype(float) * mine["unit"].map(METRES)).to_numpy()
+    if axes.isin(list("xyz")).all() and axes.is_unique:
+        seen = float(np.linalg.norm(way[["xyz".index(axis) for axis in axes]] / size))
+    else:  # along directions of their own: what shows along none of them is not counted
         seen = float((1 / size).min())
     return 1 / seen if seen > 0 else None
 

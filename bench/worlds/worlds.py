@@ -206,6 +206,13 @@ LOADS = (
     ),
     World("poses3", "loads", "three poses", rules=replace(PULLED, poses=3)),
     World("pull1", "loads", "one pull", rules=replace(ONE_STEP, poses=1)),
+    World(
+        "pull1_weights",
+        "loads",
+        "one weight on a robot on the floor",
+        FANUC,
+        replace(LIGHT, poses=1, steps=(1.0,)),
+    ),
     TwoJoints("two_joints", "loads", "197 poses of two joints", rules=replace(ONE_STEP, poses=197)),
     TwoJoints(
         "two_joints_weights",
