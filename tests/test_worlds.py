@@ -139,6 +139,9 @@ def test_a_reading_is_named_in_place_only(clean):
 
     assert said(spoilt.name, 80).placed == said(None, 80).placed == (True,)
     assert said(spoilt.name, 80).innocents == said(None, 81).innocents == ()
+    assert said("pose03_rep1_loaded/P1-P2", 81).placed == (True,)
+    assert said("pose03_rep1_loaded", 81).placed == (False,)
+    assert said("pose03_rep2_loaded/P2", 81).placed == (False,)
     assert said("pose03_rep1_loaded/P1", 81).placed == said(None, 81).placed == (False,)
     assert len(said("pose03_rep1_loaded/P1", 82).innocents) == 2
 

@@ -85,6 +85,12 @@ class Spoilt:
     visible_m: float | None
     companions: tuple[str, ...] = ()
 
+    def meant(self, where: object) -> bool:
+        """Whether a cause's place is this reading, or two ends of a chain with it among them."""
+        group, _, targets = str(where).partition("/")
+        mine, _, target = self.name.partition("/")
+        return group == mine and target in targets.split("-")
+
     def above(self, times: float) -> bool:
         """Whether it is beyond so many times the smallest visible error."""
         return self.visible_m is not None and self.off_m > times * self.visible_m
@@ -170,7 +176,7 @@ def judged(truth: Truth, answer: Json) -> Judged:
         deflections=_deflections(answer, truth.deflection),
         combinations=_combinations(answer, truth.stiffness),
         placed=tuple(
-            any(c["where"] == one.name for c in accused) or ("tracker.csv", one.line) in rejected
+            any(one.meant(c["where"]) for c in accused) or ("tracker.csv", one.line) in rejected
             for one in truth.spoilt
         ),
         innocents=_innocents(accused, rejected, truth.spoilt),
@@ -183,9 +189,8 @@ def judged(truth: Truth, answer: Json) -> Judged:
 def _innocents(
     accused: Sequence[Json], rejected: set[tuple[str, int]], spoilt: Sequence[Spoilt]
 ) -> tuple[str, ...]:
-    guilty = {one.name for one in spoilt}
     along = {row for one in spoilt for row in one.companions}
-    named = [label(cause) for cause in accused if cause["where"] not in guilty]
+    named = [label(c) for c in accused if not any(one.meant(c["where"]) for one in spoilt)]
     return (*named, *sorted({f"{file}:{line}" for file, line in rejected} - along))
 
 

@@ -33,7 +33,8 @@ def _rows(games: Games, exam: str, cause: bool) -> list[list[str]]:
     for world in dict.fromkeys(g.world for g in mine):
         of = [g for g in mine if g.world == world]
         rows.append([world, str(len(of)), *(count(of) for _, count in columns)])
-    return rows
+    said = [k for k in range(len(rows[0])) if any(row[k] != "-" for row in rows[1:])]
+    return [[row[k] for k in said] for row in rows]
 
 
 def titled(exam: str, cause: bool) -> str:
