@@ -166,7 +166,8 @@ def _said(games: Games) -> str:
 
 
 def _named(games: Games) -> str:
-    return share(g.named for g in games if g.cause or g.judged.outcome != "answered")
+    mine = [g for g in games if _caused(g) or WORLDS[g.world].secrets]
+    return share(g.named for g in mine)
 
 
 def _listed(games: Games) -> str:
