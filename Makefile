@@ -6,6 +6,7 @@
 #   make check    format, lint, types
 #   make bench    how good and how fast, side by side with the alternatives
 #   make league   every hidden cause against the diagnosis
+#   make worlds   campaigns with other noise, blunders, loads and instruments
 #   make paper    the paper's tables and figures, computed again
 #   make compare  every number that differs from an earlier commit      make compare BASE=HEAD~1
 #   make example  the report and the picture that the README shows, from the demo campaign
@@ -15,7 +16,7 @@
 #   make clean    remove .venv and the caches; data and reports stay
 
 .DELETE_ON_ERROR:
-.PHONY: run test slow check bench league paper compare example picture schema lock clean
+.PHONY: run test slow check bench league worlds paper compare example picture schema lock clean
 
 PYTHON ?=
 ARGS ?=
@@ -49,6 +50,9 @@ paper: .venv/.ready
 
 league: .venv/.ready
 	@$(PY) -m bench.league --page docs/league.md $(ARGS)
+
+worlds: .venv/.ready
+	@$(PY) -m bench.worlds --page docs/worlds.md $(ARGS)
 
 compare: .venv/.ready
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PY) -m bench.compare $(BASE) $(ARGS)

@@ -79,7 +79,7 @@ def _all(
         return
     os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # one core for each process
     done, end = total - len(left), time.monotonic() + 60 * minutes
-    with ProcessPoolExecutor(jobs, get_context("spawn"), _bound) as pool:
+    with ProcessPoolExecutor(jobs, get_context("spawn"), bound) as pool:
         waiting: list[Future[Played]] = [pool.submit(played, each, league) for each in left]
         try:
             for future in as_completed(waiting):
@@ -101,7 +101,7 @@ def _all(
             raise
 
 
-def _bound() -> None:
+def bound() -> None:
     """End this process at a Ctrl-C, and with the one that hands out the games, however it ends."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     parent = parent_process()

@@ -10,7 +10,7 @@ from pipeline.diagnosis.isolability import Twins
 
 Json = Mapping[str, Any]
 
-SCATTER = ("tracker_noise", "force_noise")
+SCATTER = ("tracker_noise", "force_noise", "heavy_tails", "tracker_wander")
 """Causes that say how much the readings scatter, not what moves them."""
 
 LISTED = 0.01

@@ -21,12 +21,17 @@ def page(games: Sequence[Played], total: int, command: str, code: str, old: str)
         code: Version of the code that played them.
         old: The page as it is; may be empty.
     """
-    before, found, rest = old.partition(BEGIN)
+    written = "\n".join(_written(games, total, command, code))
+    return between(old or "# The hidden-effect league\n\n", BEGIN, written)
+
+
+def between(old: str, begin: str, written: str) -> str:
+    """A page with what stands between a mark and `END` anew; without the mark it comes last."""
+    before, found, rest = old.partition(begin)
     _, ended, after = rest.partition(END)
     if not (found and ended):
-        before, after = old or "# The hidden-effect league\n\n", "\n"
-    written = "\n".join(_written(games, total, command, code))
-    return f"{before}{BEGIN}\n{written}\n{END}{after}"
+        before, after = old, "\n"
+    return f"{before}{begin}\n{written}\n{END}{after}"
 
 
 def _written(games: Sequence[Played], total: int, command: str, code: str) -> list[str]:

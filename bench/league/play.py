@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,6 +14,7 @@ from pipeline.machine.poses import default_anchors, draw_poses
 from pipeline.machine.robot import Robot
 
 NAMES = ("P1", "P2", "P3")
+CHAIN = ("Pl1", "Pl2")
 TOOLS = (
     ((0.15, 0.0, 0.25), (0.20, 0.05, 0.12), (-0.12, 0.19, 0.10), (-0.10, -0.18, 0.22)),
     ((0.28, 0.05, 0.30), (0.25, 0.10, 0.20), (-0.15, 0.22, 0.18), (-0.05, -0.25, 0.35)),
@@ -170,11 +171,7 @@ def _measure(
     rules: Rules,
     name: str,
 ) -> dict[str, bytes]:
-    m, robot = len(course.pose), one.machine.robot
     at_the_base, *at_pose = rng.spawn(1 + len(plan.q))
-    q = course.q + one.joint_shift
-    pull_at = tool[0] + one.load_shift
-    targets = tool[1:] + one.target_shift
     jitter, misread = np.concatenate(
         [pose.normal(0, [[15.0], [rules.scale_n]], (2, len(rules.steps))) for pose in at_pose],
         axis=1,
@@ -184,27 +181,69 @@ def _measure(
     for hook in one.tension:
         shown = hook(shown, course)
     tension = shown + misread
-    rest, at = one.machine.settle(q, targets, pull_at, np.zeros((m, 3)))
-    far = plan.anchor[course.pose]
-    for _ in range(4):
-        unit = (far - at) / np.linalg.norm(far - at, axis=1, keepdims=True)
-        force = tension[:, None] * unit
-        for hook in one.force:
-            force = hook(force, course)
-        moved, at = one.machine.settle(q, targets, pull_at, force)
+    moves = strained(one, course, tool, pull_to(plan.anchor[course.pose]), tension)
     for target, shift in one.loose.items():
-        moved[:, target] += shift * (reading / rules.force_n)[:, None]
-    axes = _flange_axes(one, q)
-    chain = at[:, None] + np.array([0.1, 0.5])[:, None] * unit[:, None]
-    chain[:, 0] += axes @ (one.chain_shift * 1.0)
+        moves.loaded[:, target] += shift * (reading / rules.force_n)[:, None]
     tracker = _Tracker(one, plan.isotropic, at_the_base)
-    readings = _readings(tracker, course, rest, moved, chain, at_the_base, at_pose)
+    readings = _readings(tracker, course, moves, at_the_base, at_pose)
     return {
         "campaign.toml": _toml(one, plan.tool, plan.isotropic, name).encode(),
         "tracker.csv": readings.encode(),
-        "loads.csv": _loads(course, reading).encode(),
-        "joints.csv": _joints(robot, course).encode(),
+        "loads.csv": loads_log(course, reading).encode(),
+        "joints.csv": joints_log(one.machine.robot, course).encode(),
     }
+
+
+Direction = Callable[[Array], Array]
+"""Where the load point ends up [m], F_b, shape (m, 3) -> unit vectors of the force there."""
+
+
+@dataclass(frozen=True, eq=False)
+class Moves:
+    """Where everything that is read stands, pull by pull, F_b [m].
+
+    Attributes:
+        rest: Reflectors before the pull, shape (m, t, 3).
+        loaded: The same under load.
+        chain: Both reflectors on the chain, shape (m, 2, 3).
+    """
+
+    rest: Array
+    loaded: Array
+    chain: Array
+
+
+def pull_to(anchor: Array) -> Direction:
+    """A chain to anchors, F_b, shape (m, 3) [m]."""
+
+    def towards(at: Array) -> Array:
+        return np.asarray((anchor - at) / np.linalg.norm(anchor - at, axis=1, keepdims=True))
+
+    return towards
+
+
+def strained(one: Setup, course: Course, tool: Array, along: Direction, size: Array) -> Moves:
+    """Let the machine come to rest under every pull, and without.
+
+    Args:
+        one: The machine and its secrets.
+        course: How the measurement went.
+        tool: True load point and reflectors, flange frame, shape (1 + t, 3) [m].
+        along: Which way the force acts.
+        size: True forces, shape (m,) [N].
+    """
+    q = course.q + one.joint_shift
+    pull_at, targets = tool[0] + one.load_shift, tool[1:] + one.target_shift
+    rest, at = one.machine.settle(q, targets, pull_at, np.zeros((len(q), 3)))
+    for _ in range(4):
+        unit = along(at)
+        force = size[:, None] * unit
+        for hook in one.force:
+            force = hook(force, course)
+        moved, at = one.machine.settle(q, targets, pull_at, force)
+    chain = at[:, None] + np.array([0.1, 0.5])[:, None] * unit[:, None]
+    chain[:, 0] += _flange_axes(one, q) @ (one.chain_shift * 1.0)
+    return Moves(rest, moved, chain)
 
 
 def _flange_axes(one: Setup, q: Array) -> Array:
@@ -251,9 +290,7 @@ def _line(group: str, target: str, at: Array, hours: float) -> str:
 def _readings(
     tracker: _Tracker,
     course: Course,
-    rest: Array,
-    moved: Array,
-    chain: Array,
+    moves: Moves,
     at_the_base: np.random.Generator,
     at_pose: Sequence[np.random.Generator],
 ) -> str:
@@ -273,20 +310,22 @@ def _readings(
         if repeat in (1, count):
             number, when = (0, hours - 0.02) if repeat == 1 else (count + 1, hours + 0.02)
             for t, target in enumerate(NAMES):
-                read(f"{head}{number}_unloaded", target, rest[i, t], when, rng)
-        points = [*zip(NAMES, moved[i], strict=True), ("Pl1", chain[i, 0]), ("Pl2", chain[i, 1])]
-        for target, point in points:
+                read(f"{head}{number}_unloaded", target, moves.rest[i, t], when, rng)
+        points = np.concatenate([moves.loaded[i], moves.chain[i]])
+        for target, point in zip((*NAMES, *CHAIN), points, strict=True):
             read(f"{head}{repeat}_loaded", target, point, hours, rng)
     return "\n".join(lines) + "\n"
 
 
-def _loads(course: Course, reading: Array) -> str:
+def loads_log(course: Course, reading: Array, title: str = "force_n") -> str:
+    """loads.csv of all pulls, with the readings under this title."""
     rows = zip(course.pose, course.repeat, reading, course.branch, strict=True)
     body = [f"{p + 1},{r + 1},{f:.2f},{'up' if b > 0 else 'down'}" for p, r, f, b in rows]
-    return "\n".join(["pose,repeat,force_n,branch", *body]) + "\n"
+    return "\n".join([f"pose,repeat,{title},branch", *body]) + "\n"
 
 
-def _joints(robot: Robot, course: Course) -> str:
+def joints_log(robot: Robot, course: Course) -> str:
+    """joints.csv, one row per pose."""
     names = [f"{j.name}_{'m' if j.prismatic else 'deg'}" for j in robot.joints]
     first = np.flatnonzero(course.repeat == 0)
     q = np.where(robot.prismatic, course.q[first], np.rad2deg(course.q[first]))

@@ -415,7 +415,16 @@ def shown_by(plan: Plan, rules: Rules, rng: np.random.Generator) -> Yardstick:
         rules: How it is measured.
         rng: Source of the machine and the scatter.
     """
-    files = play(load("kr500_rail"), plan, [], rng.spawn(1)[0], rules).files
+    return shown_in(play(load("kr500_rail"), plan, [], rng.spawn(1)[0], rules).files, rng)
+
+
+def shown_in(files: Mapping[str, bytes], rng: np.random.Generator) -> Yardstick:
+    """What would have shown in a campaign of a machine without hidden causes.
+
+    Args:
+        files: Content of its raw folder.
+        rng: For the threshold.
+    """
     case = ingested(in_memory(files), conformed, plain)
     fitted = fit(case, bring(case))
     asked, _ = case_of(fitted.case.cell, fitted.data, fitted.estimate)

@@ -1,0 +1,5 @@
+"""Worlds outside of the simulator: noise, blunders, loads and instruments as they occur.
+
+The machine is the league's chain of matrices; the timetable, the noise, the blunders and the
+files are made here. Nothing shares a formula with the code under test.
+"""

@@ -1,0 +1,273 @@
+"""What one game measures: a machine, where the tracker stands, and when each reading is taken."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from bench.league.hidden_effect import Course, Secret, Setup, setup
+from bench.league.play import CHAIN, NAMES, Moves, Plan, Rules, drawn, pull_to, strained
+from pipeline.base.arrays import Array, Ints
+from pipeline.machine.poses import default_anchors, draw_poses
+from pipeline.machine.robot import Robot
+
+REFLECTORS = np.array(
+    [
+        (0.6, -0.5, -0.30),
+        (0.6, 18.5, -0.30),
+        (-0.6, 18.5, -0.28),
+        (-0.6, -0.5, -0.28),
+        (1.4, 9.0, 0.35),
+    ]
+)
+"""Places of the base reflectors, F_b [m]; the first three to five are used."""
+
+READING_S = (10.0, 25.0)
+"""From one reading to the next [s]: the operator carries the reflector or turns the tracker."""
+TIGHTEN_S = (30.0, 60.0)
+"""To the next load step [s]."""
+MOVE_S = (60.0, 150.0)
+"""To the next pose [s]: drive, hook the chain in, wait."""
+ROUND_POSES = (3, 7)
+"""Poses between two rounds of the base reflectors, drawn once per campaign."""
+
+
+@dataclass(frozen=True)
+class Manner(Rules):
+    """How a game is measured, beyond the league's rules; the tracker scatters as stated.
+
+    Attributes:
+        hang: Weights at the load point instead of a chain and a scale.
+        targets: Reflectors on the tool that are read, the first of three.
+    """
+
+    scatter: tuple[float, float] = (1.0, 1.0)
+    hang: bool = False
+    targets: int = 3
+
+
+@dataclass(frozen=True)
+class Slot:
+    """One reading in the timetable.
+
+    Attributes:
+        group: Its name in the export.
+        target: Likewise.
+        hours: Since the start.
+        state: base, unloaded, loaded or chain.
+        pull: Row of the course that it belongs to; -1 for the base.
+        which: Number of the reflector within its state.
+    """
+
+    group: str
+    target: str
+    hours: float
+    state: str
+    pull: int
+    which: int
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """All that is true, before anything is read.
+
+    Attributes:
+        robot: For the placements of its joints.
+        plan: Where and with what.
+        rules: How it is measured.
+        one: The machine with its secrets.
+        tool: True load point and reflectors, flange frame, shape (4, 3) [m].
+        stiffness: True ones, shape (n,) [N/m] or [N m/rad].
+        base: Base reflectors, F_b, shape (b, 3) [m].
+        origin: The tracker's station, F_b, shape (3,) [m].
+        axes: Its axes as columns, F_b, shape (3, 3).
+        slots: The readings in the order of time.
+        course: The pulls.
+        scale: What the scale shows, shape (m,) [N].
+        points: Where each reading's reflector is, F_b, shape (r, 3) [m].
+        test_q: Test pose, shape (n,) [m] or [rad].
+        test_force: Force there, F_b, shape (3,) [N].
+        amplitudes: What was planted, as the league's judge wants it.
+    """
+
+    robot: Robot
+    plan: Plan
+    rules: Manner
+    one: Setup
+    tool: Array
+    stiffness: Array
+    base: Array
+    origin: Array
+    axes: Array
+    slots: tuple[Slot, ...]
+    course: Course
+    scale: Array
+    points: Array
+    test_q: Array
+    test_force: Array
+    amplitudes: tuple[dict[str, Any], ...]
+
+    @property
+    def hours(self) -> Array:
+        """When each reading is taken, shape (r,)."""
+        return np.array([slot.hours for slot in self.slots])
+
+    @property
+    def local(self) -> Array:
+        """The points in the tracker's frame, shape (r, 3) [m]."""
+        return np.asarray((self.points - self.origin) @ self.axes)
+
+    def deflection(self) -> Array:
+        """What the test force does to the reflectors, F_b, shape (t, 3) [m]."""
+        calm = setup(self.robot, self.stiffness).machine
+        q = self.test_q[None]
+        loaded, _ = calm.settle(q, self.tool[1:], self.tool[0], self.test_force[None])
+        rest, _ = calm.settle(q, self.tool[1:], self.tool[0], np.zeros((1, 3)))
+        return np.asarray((loaded - rest)[0])
+
+
+def build(
+    robot: Robot,
+    plan: Plan,
+    rules: Manner,
+    seed: int,
+    secrets: Sequence[tuple[Secret, float]] = (),
+) -> Cell:
+    """Set a cell up: the same machine, timetable and station for a seed, whatever it hides.
+
+    Args:
+        robot: Any.
+        plan: Where and with what.
+        rules: How it is measured.
+        seed: Of everything that is drawn here.
+        secrets: What it hides, each with its size in typical sizes.
+    """
+    of_truth, of_clock, of_secrets, of_station, of_scale, of_test = np.random.default_rng(
+        [seed, 1]
+    ).spawn(6)
+    spread = of_truth.uniform(1 - rules.spread, 1 + rules.spread, robot.n)
+    stiffness = spread / robot.nominal_compliance
+    tool = plan.tool + rules.tool_m * of_truth.standard_normal(plan.tool.shape)
+    base = REFLECTORS[: of_station.integers(3, len(REFLECTORS) + 1)]
+    slots = timetable(len(plan.q), len(base), rules, of_clock)
+    course = _course(plan, rules, slots, of_secrets)
+    one = setup(robot, stiffness)
+    planted: tuple[dict[str, Any], ...] = tuple(
+        {"label": s.label, "place": s.place, "amplitudes": s.plant(one, size, course) or {}}
+        for s, size in secrets
+    )
+    scale, moves = _pulled(one, course, tool, plan, rules, of_scale)
+    u, _, v = np.linalg.svd(of_station.normal(size=(3, 3)))
+    return Cell(
+        robot=robot,
+        plan=plan,
+        rules=rules,
+        one=one,
+        tool=tool,
+        stiffness=stiffness,
+        base=base,
+        origin=np.array([6.5, 8.0, 0.7]) + of_station.normal(0, 0.5, 3),
+        axes=u @ v * np.linalg.det(u @ v),
+        slots=slots,
+        course=course,
+        scale=scale,
+        points=_points(slots, moves, base, one),
+        test_q=draw_poses(robot, plan.tool, default_anchors(robot), np.zeros(1, int), of_test)[0],
+        test_force=of_test.normal(0, 300.0, 3) - np.array([0, 0, 300.0]),
+        amplitudes=planted,
+    )
+
+
+def random_plan(robot: Robot, rules: Rules, seed: int) -> Plan:
+    """Random reachable poses, as in the league."""
+    return drawn(robot, np.random.default_rng([seed, 0]), rules)
+
+
+class _Watch:
+    """The operator's day: what is read when."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self.rng, self.seconds = rng, 0.0
+        self.slots: list[Slot] = []
+
+    def wait(self, between: tuple[float, float]) -> None:
+        self.seconds += float(self.rng.uniform(*between))
+
+    def read(self, group: str, targets: Sequence[str], state: str, pull: int) -> None:
+        for which, target in enumerate(targets):
+            self.wait(READING_S)
+            self.slots.append(Slot(group, target, self.seconds / 3600, state, pull, which))
+
+
+def timetable(
+    poses: int, reflectors: int, rules: Manner, rng: np.random.Generator
+) -> tuple[Slot, ...]:
+    """When what is read: base, then pose by pose with rounds of the base between, then base."""
+    watch, every = _Watch(rng), int(rng.integers(*ROUND_POSES))
+    fixed = [f"B{k + 1}" for k in range(reflectors)]
+    names, chain, steps = NAMES[: rules.targets], () if rules.hang else CHAIN, len(rules.steps)
+    watch.read("base_start", fixed, "base", -1)
+    for pose in range(poses):
+        if pose and pose % every == 0:
+            watch.read(f"base_mid{pose // every}", fixed, "base", -1)
+        watch.wait(MOVE_S)
+        head, first = f"pose{pose + 1:02d}_rep", pose * steps
+        watch.read(f"{head}0_unloaded", names, "unloaded", first)
+        for step in range(steps):
+            watch.wait(TIGHTEN_S)
+            watch.read(f"{head}{step + 1}_loaded", names, "loaded", first + step)
+            watch.read(f"{head}{step + 1}_loaded", chain, "chain", first + step)
+        watch.wait(TIGHTEN_S)
+        watch.read(f"{head}{steps + 1}_unloaded", names, "unloaded", first + steps - 1)
+    watch.read("base_end", fixed, "base", -1)
+    return tuple(watch.slots)
+
+
+def _course(plan: Plan, rules: Rules, slots: Sequence[Slot], rng: np.random.Generator) -> Course:
+    p, k = len(plan.q), len(rules.steps)
+    pose, repeat = np.repeat(np.arange(p), k), np.tile(np.arange(k), p)
+    branch = np.concatenate([[1.0], np.sign(np.diff(rules.steps))])
+    begins = {slot.pull: slot.hours for slot in reversed(slots) if slot.state == "loaded"}
+    time = np.array([begins[i] for i in range(p * k)])
+    return Course(pose, repeat, time, np.tile(branch, p), plan.approach[pose], plan.q[pose], rng)
+
+
+def _pulled(
+    one: Setup,
+    course: Course,
+    tool: Array,
+    plan: Plan,
+    rules: Manner,
+    rng: np.random.Generator,
+) -> tuple[Array, Moves]:
+    """What the scale shows, and where everything then stands."""
+    steps, m = np.array(rules.steps)[course.repeat], len(course.pose)
+    nominal = np.round(rules.force_n * steps + (0 if rules.hang else rng.normal(0, 15.0, m)), 2)
+    acts = nominal
+    for hook in one.tension:
+        acts = hook(acts, course)
+    acts = acts + rng.normal(0, rules.scale_n, m)
+    down = np.tile([0.0, 0.0, -1.0], (m, 1))
+    along = (lambda _: down) if rules.hang else pull_to(plan.anchor[course.pose])
+    moves = strained(one, course, tool, along, acts)
+    for target, shift in one.loose.items():
+        moves.loaded[:, target] += shift * (nominal / rules.force_n)[:, None]
+    return nominal, moves
+
+
+def _points(slots: Sequence[Slot], moves: Moves, base: Array, one: Setup) -> Array:
+    """Where each reading's reflector is when it is read."""
+    stand = {"unloaded": moves.rest, "loaded": moves.loaded, "chain": moves.chain}
+    rows = [base[s.which] if s.state == "base" else stand[s.state][s.pull, s.which] for s in slots]
+    points = np.array(rows)
+    if one.drift is not None:
+        points = points + np.array([one.drift(np.array(s.hours)) for s in slots])
+    return points
+
+
+def indices(slots: Sequence[Slot], state: str) -> Ints:
+    """Readings of one state."""
+    return np.flatnonzero([slot.state == state for slot in slots])

@@ -1,0 +1,288 @@
+"""The judge: result.json beside the sealed truth, and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from bench.league.judge import SCATTER, label
+from bench.league.play import NAMES
+from bench.worlds.worlds import FORCE
+from pipeline.base.arrays import Array
+
+Json = Mapping[str, Any]
+
+DATA = ("outlier", "label_swap", "unit_mixup", "sign_or_convention")
+"""Causes that are mistakes in the data."""
+
+MOVED = ("tracker_moved", "tracker_moved_or_knocked")
+"""Findings that say that the tracker did not stand still."""
+
+LISTED = 0.01
+"""A rival less probable than this is not counted as one."""
+
+WIDE = 1.959964
+"""Half a 95 % interval in standard uncertainties."""
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A truth beside what the answer says of it.
+
+    Attributes:
+        name: Of the quantity.
+        true: Planted, SI.
+        value: Stated.
+        std: Stated standard uncertainty.
+        low: Lower end of the 95 % interval; None is no limit.
+        high: Upper end.
+    """
+
+    name: str
+    true: float
+    value: float
+    std: float
+    low: float | None
+    high: float | None
+
+    @property
+    def covered(self) -> bool:
+        """Whether the interval holds the truth."""
+        above = self.low is None or self.low <= self.true
+        return above and (self.high is None or self.true <= self.high)
+
+    @property
+    def pull(self) -> float:
+        """How many standard uncertainties the value is off."""
+        return (self.value - self.true) / self.std
+
+    @property
+    def width(self) -> float | None:
+        """Of the interval over the truth; None without limits."""
+        if self.low is None or self.high is None:
+            return None
+        return (self.high - self.low) / abs(self.true)
+
+
+@dataclass(frozen=True)
+class Spoilt:
+    """A reading that was spoilt.
+
+    Attributes:
+        name: group/target.
+        line: In tracker.csv.
+        off_m: By how much.
+        visible_m: Smallest error of that reading, in that direction, that shows; None: none does.
+        companions: file:line of all that goes with it when its pull is left out.
+    """
+
+    name: str
+    line: int
+    off_m: float
+    visible_m: float | None
+    companions: tuple[str, ...] = ()
+
+    def meant(self, where: object) -> bool:
+        """Whether a cause's place is this reading, or two ends of a chain with it among them."""
+        group, _, targets = str(where).partition("/")
+        mine, _, target = self.name.partition("/")
+        return group == mine and target in targets.split("-")
+
+    def above(self, times: float) -> bool:
+        """Whether it is beyond so many times the smallest visible error."""
+        return self.visible_m is not None and self.off_m > times * self.visible_m
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What was sealed.
+
+    Attributes:
+        stiffness: Shape (n,) [N/m] or [N m/rad].
+        deflection: At the test pose, shape (t, 3) [m], F_b; None where a hidden cause adds to it.
+        spoilt: What was spoilt.
+        secrets: Labels of hidden causes.
+        allowed: Names of causes that are right beside those of noise.
+        family: Names of noise that are right.
+    """
+
+    stiffness: Sequence[float]
+    deflection: Array | None
+    spoilt: tuple[Spoilt, ...] = ()
+    secrets: tuple[str, ...] = ()
+    allowed: tuple[str, ...] = ()
+    family: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What came of one answer.
+
+    Attributes:
+        outcome: answered, refused (InputError) or crashed.
+        message: Of the error.
+        verdict: The verdict.
+        causes: Labels of all causes.
+        accused: Something is said to be wrong that is not: a cause that is neither noise nor
+            allowed nor hidden, or a verdict that leaves doubt.
+        family: A name of noise that is right was given.
+        springs: Stiffnesses that are called identifiable.
+        deflections: At the test pose, each axis of each reflector.
+        combinations: What only a combination of compliances is said to be.
+        placed: For each spoilt reading, whether it is named in place or listed as rejected.
+        innocents: Readings accused that are not spoilt.
+        false_causes: Causes of the machine that are neither allowed nor hidden.
+        drift_said: The tracker is said to have moved.
+        listed: All hidden causes are among causes and rivals.
+    """
+
+    outcome: str
+    message: str = ""
+    verdict: str = ""
+    causes: tuple[str, ...] = ()
+    accused: bool = True
+    family: bool = False
+    springs: tuple[Interval, ...] = ()
+    deflections: tuple[Interval, ...] = ()
+    combinations: tuple[Interval, ...] = ()
+    placed: tuple[bool, ...] = ()
+    innocents: tuple[str, ...] = ()
+    false_causes: tuple[str, ...] = ()
+    drift_said: bool = False
+    listed: bool = False
+
+
+def judged(truth: Truth, answer: Json) -> Judged:
+    """Open the sealed truth beside result.json."""
+    said = answer["diagnosis"]
+    every = said["causes"]
+    names = {cause["name"] for cause in every}
+    right = {*SCATTER, *truth.allowed}
+    found = bool(names & set(truth.allowed)) or bool({*map(label, every)} & set(truth.secrets))
+    excused = found and said["verdict"] in ("explained", "ambiguous")
+    strange = [c for c in every if c["name"] not in right and label(c) not in truth.secrets]
+    accused = [c for c in strange if c["name"] in DATA]
+    rejected = {(row["file"], row["line"]) for row in answer["rejected"]}
+    return Judged(
+        outcome="answered",
+        verdict=said["verdict"],
+        causes=tuple(label(cause) for cause in every),
+        accused=bool(strange) or (said["verdict"] != "adequate" and not excused),
+        family=bool(names & {*truth.family, *truth.allowed}),
+        springs=_springs(answer, truth.stiffness),
+        deflections=_deflections(answer, truth.deflection),
+        combinations=_combinations(answer, truth.stiffness),
+        placed=tuple(
+            any(one.meant(c["where"]) for c in accused) or ("tracker.csv", one.line) in rejected
+            for one in truth.spoilt
+        ),
+        innocents=_innocents(accused, rejected, truth.spoilt),
+        false_causes=tuple(label(c) for c in strange if c["name"] not in DATA),
+        drift_said="tracker_drift" in names or any(one in MOVED for one in said["reasons"]),
+        listed=set(truth.secrets) <= _listed(every),
+    )
+
+
+def _innocents(
+    accused: Sequence[Json], rejected: set[tuple[str, int]], spoilt: Sequence[Spoilt]
+) -> tuple[str, ...]:
+    along = {row for one in spoilt for row in one.companions}
+    named = [label(c) for c in accused if not any(one.meant(c["where"]) for one in spoilt)]
+    return (*named, *sorted({f"{file}:{line}" for file, line in rejected} - along))
+
+
+def _listed(causes: Sequence[Json]) -> set[str]:
+    rivals = [r for c in causes for r in c["rivals"] if r["probability"] > LISTED]
+    return {label(one) for one in (*causes, *rivals)}
+
+
+def _springs(answer: Json, true: Sequence[float]) -> tuple[Interval, ...]:
+    return tuple(
+        Interval(row["name"], true[row["joint"] - 1], row["value"], row["std"], *row["ci95"])
+        for row in answer["stiffness"]
+        if row["identifiable"] and row["value"] is not None and row["std"] is not None
+    )
+
+
+def _deflections(answer: Json, true: Array | None) -> tuple[Interval, ...]:
+    if true is None:
+        return ()
+    out = []
+    for row in answer["test_pose_deflection"]:
+        t = NAMES.index(row["target"])
+        for k, axis in enumerate("xyz"):
+            value, std = row[f"d{axis}_mm"], (row["std_mm"] or [None] * 3)[k]
+            if value is None or std is None:
+                continue
+            ends = (value - WIDE * std, value + WIDE * std)
+            low, high = row["ci95_mm"][k] if "ci95_mm" in row else ends
+            name = f"{row['target']}.{axis}"
+            out.append(Interval(name, float(1e3 * true[t, k]), value, std, low, high))
+    return tuple(out)
+
+
+def _combinations(answer: Json, stiffness: Sequence[float]) -> tuple[Interval, ...]:
+    """Sums of weight times compliance; of geometry parameters nothing is known here."""
+    true = {row["name"]: 1 / stiffness[row["joint"] - 1] for row in answer["stiffness"]}
+    out = []
+    for one in answer.get("combinations") or []:
+        if not set(one["of"]) <= set(true):
+            continue
+        exact = sum(w * true[name] for w, name in zip(one["weights"], one["of"], strict=True))
+        half = WIDE * one["std"]
+        ends = one.get("ci95") or (one["value"] - half, one["value"] + half)
+        out.append(Interval("+".join(one["of"]), exact, one["value"], one["std"], *ends))
+    return tuple(out)
+
+
+def shift(answer: Json, before: Json) -> tuple[float, float]:
+    """How far compliances and test-pose deflections moved, at most, in stds of `before`.
+
+    What was determined and no longer is has moved without end.
+    """
+    return _moved(_compliances(before), _compliances(answer)), _moved(
+        _predicted(before), _predicted(answer)
+    )
+
+
+Values = dict[str, tuple[float | None, float | None]]
+
+
+def _moved(before: Values, after: Values) -> float:
+    far = [0.0]
+    for name, (value, std) in before.items():
+        if value is None or not std:
+            continue
+        now = after.get(name, (None, None))[0]
+        far.append(np.inf if now is None else abs(now - value) / std)
+    return float(max(far))
+
+
+def _compliances(answer: Json) -> Values:
+    return {
+        row["name"]: (row["compliance"], row["compliance_std"])
+        for row in answer["stiffness"]
+        if row["compliance_std"] is not None
+    }
+
+
+def _predicted(answer: Json) -> Values:
+    return {
+        f"{row['target']}.{axis}": (row[f"d{axis}_mm"], row["std_mm"][k])
+        for row in answer["test_pose_deflection"]
+        if row["std_mm"] is not None
+        for k, axis in enumerate("xyz")
+    }
+
+
+def forces_doubted(answer: Json, before: Json) -> bool:
+    """Whether anything is said of forces, or of stiffnesses, that was not said before."""
+    causes = {cause["name"] for cause in answer["diagnosis"]["causes"]}
+    return bool(causes & set(FORCE)) or bool(_odd(answer) - _odd(before))
+
+
+def _odd(answer: Json) -> set[str]:
+    return {r["odd"] for row in answer["stiffness"] for r in row["remarks"]} - {"uncertain"}

@@ -1,0 +1,95 @@
+"""How readings scatter, each law as the instrument would have it: errors in the tracker's frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.base.arrays import Array
+
+SIGMA_M = 3e-5
+"""Standard uncertainty per axis of one reading [m], as campaign.toml states it."""
+
+Noise = Callable[[Array, np.random.Generator], Array]
+"""Hours of the readings, shape (r,) -> their errors, shape (r, 3) [m], tracker's frame."""
+
+
+@dataclass(frozen=True)
+class White:
+    """Normal, e ~ N(0, sigma^2 I).
+
+    Attributes:
+        sigma_m: Per axis [m].
+    """
+
+    sigma_m: float = SIGMA_M
+
+    def __call__(self, hours: Array, rng: np.random.Generator) -> Array:
+        """Errors [m]."""
+        return rng.normal(0, self.sigma_m, (len(hours), 3))
+
+
+@dataclass(frozen=True)
+class Student:
+    """Student's t with the stated variance, e = sigma sqrt((nu - 2) / nu) z / sqrt(chi2_nu / nu).
+
+    Attributes:
+        freedom: nu, above 2.
+        per_axis: Each axis has a scale of its own; else a reading has one for its three.
+    """
+
+    freedom: float
+    per_axis: bool = False
+
+    def __call__(self, hours: Array, rng: np.random.Generator) -> Array:
+        """Errors [m]."""
+        normal = rng.normal(size=(len(hours), 3))
+        width = rng.chisquare(self.freedom, (len(hours), 3 if self.per_axis else 1))
+        return np.asarray(SIGMA_M * np.sqrt((self.freedom - 2) / width) * normal)
+
+
+@dataclass(frozen=True)
+class Bursts:
+    """A part of the readings scatters more.
+
+    Attributes:
+        share: Of the readings, drawn one by one.
+        times: So many times wider.
+    """
+
+    share: float = 0.05
+    times: float = 4.0
+
+    def __call__(self, hours: Array, rng: np.random.Generator) -> Array:
+        """Errors [m]."""
+        wide = np.where(rng.random(len(hours)) < self.share, self.times, 1.0)
+        return np.asarray(SIGMA_M * wide[:, None] * rng.normal(size=(len(hours), 3)))
+
+
+@dataclass(frozen=True)
+class Wander:
+    """White noise, and a slow common error: Ornstein and Uhlenbeck's, stationary.
+
+    d_0 ~ N(0, s^2), d_i = a d_{i-1} + s sqrt(1 - a^2) z_i with a = exp(-(t_i - t_{i-1}) / T),
+    each axis by itself, whatever reflector is read.
+
+    Attributes:
+        times: s over sigma.
+        minutes: T.
+    """
+
+    times: float
+    minutes: float
+
+    def __call__(self, hours: Array, rng: np.random.Generator) -> Array:
+        """Errors [m]."""
+        white = White()(hours, rng)
+        keeps = np.exp(-60 * np.diff(hours) / self.minutes)
+        steps = rng.normal(size=(len(hours), 3))
+        d = np.empty_like(steps)
+        d[0] = steps[0]
+        for i, a in enumerate(keeps, 1):
+            d[i] = a * d[i - 1] + np.sqrt(1 - a * a) * steps[i]
+        return np.asarray(white + self.times * SIGMA_M * d)

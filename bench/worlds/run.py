@@ -1,0 +1,367 @@
+"""Games of the worlds: drawn from their seeds, played over processes, kept as they end."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, replace
+from functools import cache
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, ClassVar
+from zlib import crc32
+
+import numpy as np
+import pandas as pd
+from pydantic import ConfigDict, TypeAdapter
+
+import pipeline
+from bench.league import judge as league
+from bench.league.contest import bound
+from bench.league.hidden import SECRETS
+from bench.league.hidden_effect import Secret
+from bench.league.run import ABLE, largest, shown_in
+from bench.worlds.cell import Cell, build
+from bench.worlds.files import line, raw
+from bench.worlds.judge import Json, Judged, Spoilt, Truth, forces_doubted, judged, shift
+from bench.worlds.noise import White
+from bench.worlds.visible import Adjustment, from_table
+from bench.worlds.worlds import WORLDS, World
+from pipeline.app.progress import Progress
+from pipeline.base import files
+from pipeline.base.arrays import Array
+from pipeline.base.errors import InputError, Interrupted, PipelineError
+from pipeline.diagnosis.isolability import twins
+from pipeline.machine.robot import load
+from pipeline.reduction.bring import conformed
+from pipeline.run import answered
+from pipeline.store.campaign import in_memory
+
+SEEDS = Path(__file__).with_name("seeds.txt")
+"""One whole number per game; game k of every world has the k-th."""
+
+SHELL = ("app", "report", "design")
+"""Folders of the package in which no answer is made."""
+
+SHOWN = ("__init__.py", "__main__.py", "table.py", "page.py", "figures.py", "contest.py")
+"""Files of the benches that show games and make none."""
+
+TIMES = 2.0
+"""Size of a hidden cause over the smallest identifiable one."""
+
+
+@dataclass(frozen=True)
+class Fixture:
+    """One game before it is played.
+
+    Attributes:
+        world: Its name.
+        number: Place of its seed in the file, from 0.
+        seed: Of everything.
+        cause: A cause of the league hides in it.
+    """
+
+    world: str
+    number: int
+    seed: int
+    cause: bool
+
+    @property
+    def kind(self) -> str:
+        """The world, with or without a cause."""
+        return f"{self.world}+cause" if self.cause else self.world
+
+
+@dataclass(frozen=True)
+class Played:
+    """A game with what came of it.
+
+    Attributes:
+        world: Kind of its fixture.
+        seed: Likewise.
+        code: Version of the code that played it.
+        judged: The judge's word.
+        spoilt: Readings that were spoilt.
+        cause: Label of what was hidden; empty for nothing.
+        size: Of it, in typical sizes.
+        named: It was named, and nothing else (twins as one).
+        sizes: True amplitudes beside those of the answer.
+        before: The judge's word on the same campaign without what is wrong in it.
+        moved: Compliances and deflections moved so far by it, in standard uncertainties.
+        said: Of forces that are too large: something was said.
+        seconds: Of a processor, for the answer.
+    """
+
+    __pydantic_config__: ClassVar = ConfigDict(ser_json_inf_nan="constants")
+
+    world: str
+    seed: int
+    code: str
+    judged: Judged
+    spoilt: tuple[Spoilt, ...] = ()
+    cause: str = ""
+    size: float = 0.0
+    named: bool = False
+    sizes: tuple[league.Size, ...] = ()
+    before: Judged | None = None
+    moved: tuple[float, float] | None = None
+    said: bool = False
+    seconds: float = 0.0
+
+    @property
+    def key(self) -> tuple[str, int, str]:
+        """Its name among the games that are kept."""
+        return self.world, self.seed, self.code
+
+
+LINE = TypeAdapter(Played)
+
+
+def fixtures(
+    worlds: Sequence[str], games: int, first: int, cause: bool, seeds: Path
+) -> list[Fixture]:
+    """Games of these worlds, one of each in turn.
+
+    Raises:
+        InputError: The file of seeds is shorter.
+    """
+    every = [int(word) for word in seeds.read_text("utf-8").split()]
+    if first + games > len(every):
+        raise InputError(
+            f"holds {len(every)} seeds, and game {first + games} is asked for",
+            "ask for fewer --games, or give a longer file with --seeds",
+            file=str(seeds),
+        )
+    return [
+        Fixture(world, k, every[k], cause) for k in range(first, first + games) for world in worlds
+    ]
+
+
+@cache
+def code() -> str:
+    """Hash of what makes an answer, and of the exam itself."""
+    package, exam = Path(pipeline.__file__).parent, Path(__file__).parent
+    inside = [
+        path
+        for path in package.rglob("*")
+        if path.is_file() and not {"__pycache__", *SHELL} & set(path.relative_to(package).parts)
+    ]
+    exams = [*exam.glob("*.py"), *(exam.parent / "league").glob("*.py")]
+    own = [path for path in exams if path.name not in SHOWN]
+    lines = (f"{path.name}:{files.sha256(path.read_bytes())}\n" for path in sorted([*inside, *own]))
+    return files.sha256("".join(lines).encode())[:16]
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What the pipeline says of some files.
+
+    Attributes:
+        answer: result.json; None where there is none.
+        outcome: answered, refused or crashed.
+        message: Why there is none.
+        reliability: Table of that name, where there is one.
+    """
+
+    answer: dict[str, Any] | None
+    outcome: str
+    message: str
+    reliability: pd.DataFrame | None
+
+
+def asked(content: Mapping[str, bytes]) -> Asked:
+    """What `pipeline run` says of these files, writing nothing."""
+    kept: dict[str, pd.DataFrame] = {}
+
+    def keep(name: str, table: Any, promise: Any) -> pd.DataFrame:
+        kept[name.partition("_")[2]] = held = conformed(name, table, promise)
+        return held
+
+    try:
+        answer = answered("game", in_memory(content), keep).answer.as_json()
+    except PipelineError as problem:
+        return Asked(None, "refused", str(problem), None)
+    except Exception as problem:  # whatever ends the command with code 1 is a finding of the exam
+        return Asked(None, "crashed", f"{type(problem).__name__}: {problem}", None)
+    return Asked(answer, "answered", "", kept.get("reliability"))
+
+
+def played(fixture: Fixture) -> Played:
+    """Play one game: the same in whatever process, order or company."""
+    world, seed = WORLDS[fixture.world], fixture.seed
+    robot = load(world.robot)
+    plan = world.plan(robot, seed)
+    hidden = world.secrets
+    if fixture.cause:
+        innocent = build(robot, plan, world.rules, seed)
+        hidden = (_sized(innocent, world, seed),)
+    cell = build(robot, plan, world.rules, seed, hidden)
+    clean, record, factor = _recorded(cell, world, seed)
+    began = time.process_time()
+    said = asked(_files(cell, world, record, factor))
+    seconds = time.process_time() - began
+    other = asked(_files(cell, world, clean, 1.0)) if world.compared else None
+    spoilt = _spoilt(cell, clean, record, other)
+    truth = Truth(
+        stiffness=cell.stiffness.tolist(),
+        deflection=None if hidden else cell.deflection(),
+        spoilt=spoilt,
+        secrets=tuple(secret.label for secret, _ in hidden),
+        allowed=world.allowed,
+        family=world.family,
+    )
+    word = Judged(said.outcome, said.message)
+    game = Played(fixture.kind, seed, code(), word, spoilt, seconds=seconds)
+    if said.answer is None:
+        return game
+    game = replace(game, judged=judged(truth, said.answer))
+    if other is not None and other.answer is not None:
+        game = _beside(game, said.answer, other.answer, truth)
+    return _on_cause(game, cell, said.answer, world, hidden[0]) if hidden else game
+
+
+def _recorded(cell: Cell, world: World, seed: int) -> tuple[Array, Array, float]:
+    """What the tracker records without and with blunders [m], and the factor of the forces."""
+    rng = np.random.default_rng([seed, 3, crc32(world.name.encode())])
+    for_noise, for_spoil, for_factor = rng.spawn(3)
+    clean = np.round(cell.local + world.errors(cell.hours, cell.local, for_noise), 7)
+    record = clean.copy()
+    for at, instead in world.spoil(cell.slots, clean, for_spoil).items():
+        record[at] = np.round(instead, 7)
+    return clean, record, float(np.exp(for_factor.uniform(*np.log(world.factors))))
+
+
+def _files(cell: Cell, world: World, record: Array, factor: float) -> dict[str, bytes]:
+    return raw(cell, record, world.stated, world.instrument, factor, world.timed)
+
+
+def _spoilt(cell: Cell, clean: Array, record: Array, other: Asked | None) -> tuple[Spoilt, ...]:
+    """The readings that differ, with the smallest error of each that shows."""
+    at = np.flatnonzero((clean != record).any(axis=1))
+    if not len(at):
+        return ()
+    table = other.reliability if other is not None else None
+    own = Adjustment(cell)
+    out = []
+    for i in at.tolist():
+        off = record[i] - clean[i]
+        size = float(np.linalg.norm(off))
+        way = cell.axes @ off / size
+        told = None if table is None else from_table(table, line(i), way)
+        visible = own.smallest(i, way) if told is None else told
+        slot = cell.slots[i]
+        name = f"{slot.group}/{slot.target}"
+        out.append(Spoilt(name, line(i), size, visible, _companions(cell, i)))
+    return tuple(out)
+
+
+def _companions(cell: Cell, reading: int) -> tuple[str, ...]:
+    """The reading, and where it belongs to a pull, all of that pull in both files."""
+    slot = cell.slots[reading]
+    if slot.state not in ("loaded", "chain"):
+        return (f"tracker.csv:{line(reading)}",)
+    group = [line(k) for k, other in enumerate(cell.slots) if other.group == slot.group]
+    return (*(f"tracker.csv:{k}" for k in group), f"loads.csv:{line(slot.pull)}")
+
+
+def _beside(game: Played, answer: Json, before: Json, truth: Truth) -> Played:
+    """With what the answer would be without what is wrong in the campaign."""
+    calm = Truth(truth.stiffness, truth.deflection, allowed=truth.allowed)
+    return replace(
+        game,
+        before=judged(calm, before),
+        moved=shift(answer, before),
+        said=forces_doubted(answer, before),
+    )
+
+
+def _on_cause(
+    game: Played, cell: Cell, answer: Json, world: World, hidden: tuple[Secret, float]
+) -> Played:
+    """With what the league's judge says; what is right here is no name to him."""
+    said = answer["diagnosis"]
+    left = [cause for cause in said["causes"] if cause["name"] not in world.allowed]
+    answer = {**answer, "diagnosis": {**said, "causes": left}}
+    score = league.score({"secrets": list(cell.amplitudes)}, answer, twins(cell.robot))
+    secret, size = hidden
+    return replace(game, cause=secret.label, size=size, named=score.right, sizes=score.sizes)
+
+
+def _sized(cell: Cell, world: World, seed: int) -> tuple[Secret, float]:
+    """A cause at twice the size that the campaign, read with stated noise, could identify."""
+    rng = np.random.default_rng([seed, 4])
+    record = cell.local + White()(cell.hours, rng)
+    known, most = shown_in(_files(cell, world, record, 1.0), rng), largest(cell.robot)
+    able = [name for name in ABLE if name not in world.allowed]
+    sizes = {name: TIMES * known.named.get(name, np.inf) for name in able}
+    sensible = [name for name in able if sizes[name] <= most.get(name, np.inf)]
+    name = str(rng.choice(sensible))
+    return SECRETS[name], sizes[name]
+
+
+def contest(wanted: Sequence[Fixture], log: Path, jobs: int) -> list[Played]:
+    """Play what is left of these games; the same games in any number of processes.
+
+    Args:
+        wanted: The games.
+        log: One JSON line per finished game, of any code; none of this code is played again.
+        jobs: Processes.
+
+    Raises:
+        Interrupted: With the number of games that are kept.
+        InputError: The code was changed while it was played.
+    """
+    kept = {game.key: game for game in games(log)}
+    left = [one for one in wanted if (one.kind, one.seed, code()) not in kept]
+    with (
+        Progress(len(left)) as progress,
+        files.writing(log),
+        log.open("a", encoding="utf-8") as out,
+    ):
+        for game in _all(left, jobs, log):
+            progress.now(game.world)
+            out.write(LINE.dump_json(game).decode() + "\n")
+            out.flush()
+            kept[game.key] = game
+            progress.done()
+    if any((one.kind, one.seed, code()) not in kept for one in wanted):
+        raise InputError(
+            "holds games of code that changed on the way", "run it again", file=str(log)
+        )
+    return [kept[one.kind, one.seed, code()] for one in wanted]
+
+
+def games(log: Path) -> list[Played]:
+    """Games of this code that are kept; a line that was cut off is taken away."""
+    files.write(log, b"") if not log.exists() else None
+    whole, _, cut = log.read_text("utf-8").rpartition("\n")
+    if cut:
+        files.write(log, f"{whole}\n".encode() if whole else b"")
+    mine = (text for text in whole.splitlines() if json.loads(text)["code"] == code())
+    return [LINE.validate_json(text) for text in mine]
+
+
+def _all(left: Sequence[Fixture], jobs: int, log: Path) -> Iterable[Played]:
+    """Games in the order in which they end."""
+    if not left:
+        return
+    os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # one core for each process
+    done = 0
+    with ProcessPoolExecutor(jobs, get_context("spawn"), bound) as pool:
+        waiting: list[Future[Played]] = [pool.submit(played, each) for each in left]
+        try:
+            for future in as_completed(waiting):
+                yield future.result()
+                done += 1
+        except KeyboardInterrupt:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise Interrupted(
+                f"Interrupted; {done} games more are kept in {log}, and the same command goes on "
+                f"from there."
+            ) from None
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise

@@ -1,0 +1,281 @@
+"""What the worlds say, counted: one table per exam, one row per world."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+
+import numpy as np
+
+from bench.league.judge import SCATTER
+from bench.league.table import share
+from bench.worlds.judge import Interval
+from bench.worlds.run import Played
+from bench.worlds.worlds import EXAMS, WORLDS
+
+CLEARLY = 1.5
+"""A blunder beyond so many times the smallest visible error is due to be named."""
+
+Games = Sequence[Played]
+Column = tuple[str, Callable[[Games], str]]
+
+
+def _parts(games: Games) -> list[tuple[str, bool]]:
+    there = {(_exam(g), _caused(g)) for g in games}
+    order = [(exam, cause) for exam in EXAMS for cause in (False, True)]
+    return [part for part in order if part in there]
+
+
+def _rows(games: Games, exam: str, cause: bool) -> list[list[str]]:
+    mine = [g for g in games if (_exam(g), _caused(g)) == (exam, cause)]
+    columns = CAUSE if cause else COLUMNS[exam]
+    rows = [["world", "games", *(title for title, _ in columns)]]
+    for world in dict.fromkeys(g.world for g in mine):
+        of = [g for g in mine if g.world == world]
+        rows.append([world, str(len(of)), *(count(of) for _, count in columns)])
+    said = [k for k in range(len(rows[0])) if any(row[k] != "-" for row in rows[1:])]
+    return [[row[k] for k in said] for row in rows]
+
+
+def titled(exam: str, cause: bool) -> str:
+    """Heading of a table."""
+    return f"{exam}, with a hidden cause" if cause else exam
+
+
+def _exam(game: Played) -> str:
+    return WORLDS[game.world.partition("+")[0]].exam
+
+
+def _caused(game: Played) -> bool:
+    return game.world.endswith("+cause")
+
+
+def _answered(games: Games) -> Games:
+    return [g for g in games if g.judged.outcome == "answered"]
+
+
+def _accused(games: Games) -> str:
+    return share(g.judged.accused for g in games)
+
+
+def _family(games: Games) -> str:
+    """The right family named; in a world without one, any family at all."""
+    if WORLDS[games[0].world.partition("+")[0]].family:
+        return share(g.judged.family for g in games)
+    return share(any(c in SCATTER for c in g.judged.causes) for g in games) + " falsely"
+
+
+def covered(intervals: Iterable[Interval]) -> str:
+    """Share of the intervals that hold the truth."""
+    return share(one.covered for one in intervals)
+
+
+def _springs(games: Games) -> str:
+    return covered(one for g in games for one in g.judged.springs)
+
+
+def _deflections(games: Games) -> str:
+    return covered(one for g in games for one in g.judged.deflections)
+
+
+def _combinations(games: Games) -> str:
+    return covered(one for g in games for one in g.judged.combinations)
+
+
+def _width(games: Games) -> str:
+    """Width of the springs' intervals over the truth, median."""
+    wide = [one.width for g in games for one in g.judged.springs if one.width is not None]
+    return f"{100 * np.median(wide):.2f} %" if wide else "-"
+
+
+def _outcomes(games: Games) -> str:
+    count = Counter(g.judged.outcome for g in games)
+    return ", ".join(f"{n} {outcome}" for outcome, n in count.most_common())
+
+
+def _verdicts(games: Games) -> str:
+    count = Counter(g.judged.verdict or g.judged.outcome for g in games)
+    return ", ".join(f"{n} {verdict}" for verdict, n in count.most_common())
+
+
+def _seconds(games: Games) -> str:
+    return f"{np.median([g.seconds for g in games]):.1f}"
+
+
+def _placed(clearly: bool) -> Callable[[Games], str]:
+    def count(games: Games) -> str:
+        return share(
+            k < len(g.judged.placed) and g.judged.placed[k]
+            for g in games
+            for k, one in enumerate(g.spoilt)
+            if one.above(CLEARLY) == clearly
+        )
+
+    return count
+
+
+def _hidden(game: Played) -> bool:
+    """Nothing that is wrong in it is due to be named."""
+    return bool(game.spoilt) and not any(one.above(CLEARLY) for one in game.spoilt)
+
+
+def _still(hidden: bool) -> Callable[[Games], str]:
+    """No compliance and no deflection moves by more than one standard uncertainty."""
+
+    def count(games: Games) -> str:
+        mine = [g for g in games if g.spoilt and _hidden(g) == hidden]
+        return share(g.moved is not None and max(g.moved) <= 1.0 for g in mine)
+
+    return count
+
+
+def _innocents(games: Games) -> str:
+    return share(bool(g.judged.innocents) for g in games)
+
+
+def _false(games: Games) -> str:
+    return share(bool(g.judged.false_causes) for g in _answered(games))
+
+
+def _pulls(games: Games) -> str:
+    """Largest error of a spring in its standard uncertainties, 95 % of the games."""
+    worst = [max(abs(one.pull) for one in g.judged.springs) for g in games if g.judged.springs]
+    return f"{np.quantile(worst, 0.95):.1f}" if worst else "-"
+
+
+def _drift(games: Games) -> str:
+    return share(g.judged.drift_said for g in games if WORLDS[g.world].drifts)
+
+
+def _both(games: Games) -> str:
+    """Of games with both, and a blunder that is clearly visible."""
+    mine = [g for g in games if WORLDS[g.world].drifts and g.spoilt and not _hidden(g)]
+    return share(
+        g.judged.drift_said and bool(g.judged.placed) and all(g.judged.placed) for g in mine
+    )
+
+
+def _before(games: Games) -> str:
+    """Accused without what is wrong in it; a drift that is allowed is none."""
+    return share(g.before.accused for g in games if g.before is not None)
+
+
+def _said(games: Games) -> str:
+    mine = [g for g in games if WORLDS[g.world].factors != (1.0, 1.0)]
+    return share(g.said for g in mine)
+
+
+def _named(games: Games) -> str:
+    mine = [g for g in games if _caused(g) or WORLDS[g.world].secrets]
+    return share(g.named for g in mine)
+
+
+def _listed(games: Games) -> str:
+    return share(g.judged.listed for g in games)
+
+
+def _sizes(games: Games) -> str:
+    return share(size.covered for g in games for size in g.sizes)
+
+
+def _identified(games: Games) -> str:
+    return f"{np.mean([len(g.judged.springs) for g in games]):.1f}"
+
+
+def _mixed(games: Games) -> str:
+    return f"{np.mean([len(g.judged.combinations) for g in games]):.1f}"
+
+
+CAUSE: tuple[Column, ...] = (
+    ("named, nothing else", _named),
+    ("among causes and rivals", _listed),
+    ("family named", _family),
+    ("amplitudes covered", _sizes),
+    ("springs covered", _springs),
+    ("verdicts", _verdicts),
+)
+
+COLUMNS: dict[str, tuple[Column, ...]] = {
+    "noise": (
+        ("accused", _accused),
+        ("family named", _family),
+        ("springs covered", _springs),
+        ("test pose covered", _deflections),
+        ("width", _width),
+        ("reading left out", _innocents),
+        ("verdicts", _verdicts),
+        ("s", _seconds),
+    ),
+    "blunders": (
+        ("named in place, clearly visible", _placed(True)),
+        ("named in place, others", _placed(False)),
+        ("nothing moved: clearly visible", _still(False)),
+        ("nothing moved: others", _still(True)),
+        ("innocent reading accused", _innocents),
+        ("false cause", _false),
+        ("springs covered", _springs),
+        ("test pose covered", _deflections),
+        ("worst pull, 95 %", _pulls),
+        ("drift said", _drift),
+        ("drift and blunder said", _both),
+        ("forces doubted", _said),
+        ("accused without the blunder", _before),
+        ("verdicts", _verdicts),
+        ("s", _seconds),
+    ),
+    "loads": (
+        ("outcome", _outcomes),
+        ("springs per game", _identified),
+        ("springs covered", _springs),
+        ("combinations per game", _mixed),
+        ("combinations covered", _combinations),
+        ("accused", _accused),
+        ("named, nothing else", _named),
+        ("verdicts", _verdicts),
+        ("s", _seconds),
+    ),
+    "instruments": (
+        ("accused", _accused),
+        ("springs covered", _springs),
+        ("test pose covered", _deflections),
+        ("width", _width),
+        ("verdicts", _verdicts),
+        ("s", _seconds),
+    ),
+}
+
+
+def lines(games: Games) -> list[str]:
+    """All tables as Markdown."""
+    out = []
+    for exam, cause in _parts(games):
+        titles, *rows = _rows(games, exam, cause)
+        out += ["", f"## {titled(exam, cause).capitalize()}", ""]
+        out += [_line(titles), "|---" * len(titles) + "|", *map(_line, rows)]
+    return out
+
+
+def _line(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def spoken(games: Games) -> list[str]:
+    """All tables for a screen: a world at a time, a figure a line."""
+    out = []
+    for exam, cause in _parts(games):
+        titles, *rows = _rows(games, exam, cause)
+        out += ["", titled(exam, cause)]
+        for world, count, *cells in rows:
+            out.append(f"  {world}, {count} games")
+            out += [f"    {t:34} {c}" for t, c in zip(titles[2:], cells, strict=True) if c != "-"]
+    return out
+
+
+def failures(games: Games) -> list[str]:
+    """Games without an answer, each with its message, alike ones once."""
+    said = Counter(
+        (g.world, g.judged.outcome, g.judged.message)
+        for g in games
+        if g.judged.outcome != "answered"
+    )
+    return [f"{n}x {world} {outcome}: {why}" for (world, outcome, why), n in said.most_common()]

@@ -1,0 +1,243 @@
+"""The worlds, each a small class or an instance of one: what the exam holds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from bench.league.hidden import SECRETS
+from bench.league.hidden_effect import Secret, Setup, straight
+from bench.league.machine import Spring
+from bench.league.play import Plan
+from bench.worlds import blunders
+from bench.worlds.blunders import Spoil, nothing, tracker_moves
+from bench.worlds.cell import Manner, random_plan
+from bench.worlds.noise import Bursts, Noise, Student, Wander, White
+from pipeline.base.arrays import Array
+from pipeline.machine.robot import Robot
+
+PULLED = Manner()
+"""16 poses, 4 load steps, both branches, up to 3 kN."""
+
+HUNG = Manner(hang=True, scale_n=0.05)
+"""The same with weights, known to 5 g."""
+
+
+DRIFT = ("tracker_drift",)
+"""What moves slowly enough is a drift by another name."""
+
+FORCE = ("unit_mixup", "scale_gain", "sign_or_convention")
+"""Causes by which forces that are many times too large are called."""
+
+
+@dataclass(frozen=True)
+class World:
+    """A kind of campaign as it occurs.
+
+    Attributes:
+        name: Of the command's option.
+        exam: noise, blunders, loads or instruments.
+        says: What it is, in a line.
+        robot: That is measured.
+        rules: How it is measured.
+        noise: How the tracker scatters.
+        family: Names of noise that are right here; empty where none is.
+        allowed: Names of causes that are right here beside those of noise.
+        spoil: What goes wrong in the record.
+        drifts: The tracker moves by a fifth to one millimetre, too.
+        factors: The scale's log shows so many times the force, drawn log-uniform in this range.
+        stated: Line on the noise in `[tracker]`.
+        instrument: Its kind in `[instrument]`.
+        timed: The export says when each reading was taken.
+        secrets: Hidden causes, with sizes in typical ones.
+    """
+
+    name: str
+    exam: str
+    says: str
+    robot: str = "kr500_rail"
+    rules: Manner = PULLED
+    noise: Noise = field(default_factory=White)
+    family: tuple[str, ...] = ()
+    allowed: tuple[str, ...] = ()
+    spoil: Spoil = nothing
+    drifts: bool = False
+    factors: tuple[float, float] = (1.0, 1.0)
+    stated: str = "sigma_m = 3e-5"
+    instrument: str = ""
+    timed: bool = True
+    secrets: tuple[tuple[Secret, float], ...] = ()
+
+    @property
+    def compared(self) -> bool:
+        """Whether the same campaign is played without what is wrong in it."""
+        return self.exam == "blunders"
+
+    def plan(self, robot: Robot, seed: int) -> Plan:
+        """Where it is measured."""
+        return random_plan(robot, self.rules, seed)
+
+    def errors(self, hours: Array, local: Array, rng: np.random.Generator) -> Array:
+        """What the tracker adds to the points, its own frame, shape (r, 3) [m]."""
+        for_noise, for_drift = rng.spawn(2)
+        noise = self.noise(hours, for_noise)
+        return noise + tracker_moves(hours, local, for_drift) if self.drifts else noise
+
+
+@dataclass(frozen=True)
+class TwoJoints(World):
+    """Many poses in which two joints move only."""
+
+    moving: tuple[int, int] = (2, 4)
+    within_rad: float = 0.5
+
+    def plan(self, robot: Robot, seed: int) -> Plan:
+        """One random pose, and all others near it in two joints."""
+        first = random_plan(robot, replace(self.rules, poses=1), seed)
+        rng, p = np.random.default_rng([seed, 2]), self.rules.poses
+        q = np.repeat(first.q, p, axis=0)
+        for joint in self.moving:
+            q[:, joint] += rng.uniform(-self.within_rad, self.within_rad, p)
+            limits = robot.lower[joint], robot.upper[joint]
+            q[:, joint] = np.clip(q[:, joint], *limits)
+        q = np.where(robot.prismatic, q, np.deg2rad(np.round(np.rad2deg(q), 6)))
+        approach = np.where(np.arange(p) % 2 == 0, 1.0, -1.0)
+        return replace(first, q=q, anchor=np.repeat(first.anchor, p, axis=0), approach=approach)
+
+
+def tilting(joint: int, compliance: float) -> Secret:
+    """A bearing of a floor robot that gives way about both cross axes [rad/(N m)]."""
+
+    def plant(one: Setup, size: float, course: object) -> None:
+        one.machine.springs += [
+            Spring(f"tilt{joint}x", joint, (1, 0, 0), False, straight(size * compliance)),
+            Spring(f"tilt{joint}y", joint, (0, 1, 0), False, straight(0.6 * size * compliance)),
+        ]
+
+    return Secret(f"joint_tilt:{joint}", f"joint {joint}", True, plant)
+
+
+def _noise(
+    name: str, noise: Noise, says: str, *family: str, allowed: tuple[str, ...] = ()
+) -> World:
+    return World(name, "noise", says, noise=noise, family=family, allowed=allowed)
+
+
+def _blunder(name: str, spoil: Spoil, says: str, drifts: bool = False) -> World:
+    return World(
+        name,
+        "blunders",
+        says,
+        spoil=spoil,
+        drifts=drifts,
+        allowed=DRIFT if drifts else (),
+    )
+
+
+NOISE = (
+    _noise("normal", White(), "normal, as stated"),
+    _noise("student5", Student(5), "Student t, 5 degrees of freedom, same variance", "heavy_tails"),
+    _noise("student3", Student(3), "Student t, 3 degrees of freedom, same variance", "heavy_tails"),
+    _noise("student5_axes", Student(5, True), "Student t 5, each axis by itself", "heavy_tails"),
+    _noise("student3_axes", Student(3, True), "Student t 3, each axis by itself", "heavy_tails"),
+    _noise("bursts", Bursts(), "5 % of the readings four times wider", "heavy_tails"),
+    _noise("wander10", Wander(1, 10), "wander of 1 sigma over 10 min", "tracker_wander"),
+    _noise(
+        "wander60", Wander(1, 60), "wander of 1 sigma over 60 min", "tracker_wander", allowed=DRIFT
+    ),
+    _noise(
+        "wander60x2",
+        Wander(2, 60),
+        "wander of 2 sigma over 60 min",
+        "tracker_wander",
+        allowed=DRIFT,
+    ),
+)
+
+BLUNDERS = (
+    _blunder("base_off", blunders.off("base"), "one base reading off by 0.3 mm to 5 m"),
+    _blunder("unloaded_off", blunders.off("unloaded"), "one unloaded reading off"),
+    _blunder("loaded_off", blunders.off("loaded"), "one loaded reading off"),
+    _blunder("chain_off", blunders.off("chain"), "one reading of the chain off"),
+    _blunder("stale", blunders.stale, "one reading repeats the one before"),
+    _blunder("failed_lock", blunders.failed_lock, "one reading is (0, 0, 0)"),
+    _blunder("pair_one_pose", blunders.pair(True), "two blunders in one pose"),
+    _blunder("pair_two_poses", blunders.pair(False), "two blunders in two poses"),
+    _blunder("with_drift", blunders.either, "one blunder while the tracker drifts", drifts=True),
+    World(
+        "forces_times",
+        "blunders",
+        "all forces written 2 to 100 times too large",
+        factors=(2.0, 100.0),
+        allowed=FORCE,
+    ),
+    World(
+        "drift_untimed",
+        "blunders",
+        "the tracker drifts, and the export has no times",
+        drifts=True,
+        allowed=DRIFT,
+        timed=False,
+    ),
+)
+
+FANUC = "fanuc_r2000ic"
+LIGHT = replace(HUNG, force_n=1500.0)
+ONE_STEP = replace(PULLED, steps=(1.0,))
+LOADS = (
+    World("weights_rail", "loads", "weights on the robot on its rail", rules=HUNG),
+    World("weights_floor", "loads", "weights on a robot on the floor", FANUC, LIGHT),
+    World(
+        "weights_floor_cause",
+        "loads",
+        "the same, and joint 3 tilts",
+        FANUC,
+        LIGHT,
+        secrets=((tilting(3, 3e-7), 1.0),),
+    ),
+    World(
+        "weights_rail_cause",
+        "loads",
+        "weights on the rail, and a compensator",
+        rules=HUNG,
+        secrets=((SECRETS["compensator"], 2.0),),
+    ),
+    World("poses3", "loads", "three poses", rules=replace(PULLED, poses=3)),
+    World("pull1", "loads", "one pull", rules=replace(ONE_STEP, poses=1)),
+    World(
+        "pull1_weights",
+        "loads",
+        "one weight on a robot on the floor",
+        FANUC,
+        replace(LIGHT, poses=1, steps=(1.0,)),
+    ),
+    TwoJoints("two_joints", "loads", "197 poses of two joints", rules=replace(ONE_STEP, poses=197)),
+    TwoJoints(
+        "two_joints_weights",
+        "loads",
+        "197 poses of two joints, weights, one reflector, on the floor",
+        FANUC,
+        replace(LIGHT, poses=197, steps=(1.0,), targets=1),
+        moving=(0, 5),
+    ),
+)
+
+COARSE = White(2.2e-4)
+INSTRUMENTS = tuple(
+    World(
+        f"{kind}_022",
+        "instruments",
+        f"0.22 mm of noise that nobody stated, instrument {kind}",
+        noise=COARSE,
+        stated="",
+        instrument=kind,
+    )
+    for kind in ("unknown", "camera")
+)
+
+WORLDS: Mapping[str, World] = {
+    world.name: world for world in (*NOISE, *BLUNDERS, *LOADS, *INSTRUMENTS)
+}
+EXAMS = tuple(dict.fromkeys(world.exam for world in WORLDS.values()))
