@@ -210,10 +210,12 @@ RELIABILITY = _promise(
     _LINE.with_nullable(True),
     _word("axis", "axis of F_b nearest to the error, null where it has no direction", True),
     _number("r", "1", "redundancy: the part of the error that the residuals show, 0 to 1"),
-    _number("w", "1", "standardised residual, normal with variance 1 if there is no blunder"),
-    _number("smallest_visible", "see unit", "size that w shows in 80 % of the cases; inf: none"),
+    _number("w", "1", "standardised residual, normal with variance 1; NaN where r is zero"),
+    _number(
+        "smallest_visible", "see unit", "size that w shows in 80 % of the cases; infinite: none"
+    ),
     _text("unit", "of smallest_visible; 1: standard uncertainties"),
-    _number("moves_sigmas", "1", "what that size moves most, in its standard uncertainties"),
+    _number("moves_sigmas", "1", "what that size moves most, in its std; infinite: no limit"),
     _text("moves_most", "what it moves most: a stiffness, or a target's deflection at test pose"),
 )
 """How well the readings control each other: one row for each column of G, then the base readings.
@@ -227,7 +229,7 @@ INFLUENCE = _promise(
     "pose,repeat,what",
     *_PULL,
     _word("what", "parameter of the model: compliance of a joint, or size of a cause"),
-    _number("moves_sigmas", "1", "how far it moves without this pull, in standard uncertainties"),
+    _number("moves_sigmas", "1", "how far it moves without this pull, in std; NaN: lost"),
 )
 """What each pull carries of what is estimated; a parameter that is not determined is left out."""
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from pipeline.base.arrays import Parameter
 from pipeline.diagnosis.identify import Case
+from pipeline.system.evidence import ROUNDING
 from pipeline.system.system import Rows
 from pipeline.system.whitened import Whitened
 
@@ -85,6 +86,7 @@ class Made:
             common=1,
             spread=np.full(M, STD_M),
             noise=1.0,
+            least=ROUNDING,
             seen=None,
             white=None,
         )

@@ -32,7 +32,7 @@ def test_every_rate_is_used_where_a_test_is_made():
             if named and node.value.id == "alarms":
                 used.add(node.attr)
 
-    rates = {"SUSPECT", "LACK_OF_FIT", "READING", "DRIFT", "SCATTER", "COMPONENT"}
+    rates = {"SUSPECT", "LACK_OF_FIT", "READING", "DRIFT", "MISFIT", "SCATTER", "COMPONENT"}
     assert used == rates | {"PLANNED"}  # that of one suspect, where nothing is measured yet
 
 

@@ -144,7 +144,7 @@ def campaign(y):
     pulls = Base.of(MOTIONS, y, PULL, own=True)
     made = SimpleNamespace(
         rows=y, A=A, M=A.T @ A, free=free, springs=4, first=4,
-        scatter=pulls.rest, scatter_dof=pulls.dof, tells_scatter=True,
+        scatter=pulls.rest, scatter_dof=pulls.dof, tells_scatter=True, least=1e-4,
     )  # fmt: skip
     return made, by_products(A.T @ A, np.arange(4), np.zeros((0, 1), int), len(y) - 4)
 

@@ -257,7 +257,9 @@ def noise_entry(found: Components, estimate: Estimate) -> contract.Noise:
 
 
 def _shaped(found: Shape) -> list[contract.Cause]:
-    """Tails heavier than stated, and a wander of the instrument, as causes."""
+    """Tails heavier than stated, and a wander of the instrument, beside a model that fits."""
+    if not found.weighed:
+        return []
     family, wander = found.family, found.wander
     freedom = contract.Amplitude(
         name="degrees_of_freedom", value=family.freedom, std=None, unit="1"

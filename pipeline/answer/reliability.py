@@ -73,7 +73,7 @@ def asked(cell: Cell, values: Array, where: Where) -> Asked:
     A = jacobian(flat, Pulls.at(where.q, where.force), values).reshape(-1, k)
     names = [f"k_{joint.name}" for joint in cell.robot.joints]
     names += [parameter.name for parameter in cell.parameters[n:]]
-    names += [f"{target} d{axis}" for target in cell.tool.targets for axis in "xyz"]
+    names += [f"{target} d{axis}" for target in cell.tool.read for axis in "xyz"]
     number = np.arange(len(names))
     return Asked(
         np.array(names, dtype=object), np.vstack([np.eye(k), A]), (number < n) | (number >= k)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy import special
 
 from pipeline.base.arrays import Array
 from pipeline.base.linear import rms
@@ -32,7 +33,7 @@ from pipeline.system.estimate import fits
 from pipeline.system.linearised import Linearised
 from pipeline.system.noise import scatter
 from pipeline.system.system import Estimate, Scatter, System
-from pipeline.system.variance import Components, misfit_p, variance_components
+from pipeline.system.variance import Components, variance_components
 from pipeline.system.whitened import Whitened
 
 _EQUILIBRIA = ("deformed", "undeformed")
@@ -92,7 +93,7 @@ def diagnose(
     held = (facts.causes if facts.helps else ()) + facts.scatter
     drifts = of_base(drift, held)
     facts = replace(facts, drift=drift if drifts else None)
-    stated_p, misfit = _misfit(sets[0].estimate if sets else estimate, noise)
+    stated_p, misfit = _misfit(sets[0].estimate if sets else estimate, spread)
     facts = replace(facts, stated_p=stated_p, misfit_p=misfit)
     main = [forms[0] for forms in by_label(case.suspects).values()]
     return Diagnosis(
@@ -121,13 +122,20 @@ def diagnose(
     )
 
 
-def _misfit(estimate: Estimate, noise: Components | None) -> tuple[float | None, float]:
-    """`stated_p` and `misfit_p` of what stands."""
-    p = estimate.p_value
+def _misfit(estimate: Estimate, spread: Scatter) -> tuple[float | None, float]:
+    """`stated_p` and `misfit_p` of what stands.
+
+    The latter is that of F = (chi2 / dof) / s^2 with dof and nu = (u(s) / s)^-2 / 2 degrees of
+    freedom, s the scale of the tracker in contrasts over the noise in use.
+    """
+    p, dof = estimate.p_value, estimate.dof
     if p is None:
         return None, 1.0
-    other = misfit_p(estimate.chi2, estimate.dof, noise) if noise else 0.0
-    return p, max(p, other)
+    if dof < 1 or spread.known_from != "contrasts":
+        return p, p
+    nu = 0.5 * (spread.tracker / spread.tracker_std) ** 2
+    ratio = estimate.chi2 / dof / spread.tracker**2
+    return p, max(p, float(special.fdtrc(dof, nu, ratio)))
 
 
 def _alone(found: Found, worth: Gain | None, rng: np.random.Generator) -> tuple[Alone, ...]:

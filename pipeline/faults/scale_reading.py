@@ -195,4 +195,5 @@ FAULT = Fault(
         asked.case, asked.cell, asked.reduced.data, asked.system, asked.estimate
     ),
     beside_model=True,
+    tracked=False,
 )

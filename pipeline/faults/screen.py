@@ -13,8 +13,8 @@ from pipeline.reduction.bring import Reduced
 from pipeline.reduction.case import Case
 from pipeline.system.system import Estimate
 
-_SURE = 0.95
-"""Probability from which a reading is a blunder [1]: odds of 19 to 1, as for a cause."""
+_SURE = 0.9
+"""Probability from which a reading is a blunder [1]: odds of 9 to 1, those of the stated family."""
 
 _MOST = 12
 """With more bad readings than this, the campaign as a whole is wrong."""
@@ -103,9 +103,11 @@ def _put_right(case: Case, found: list[Mistake], findings: list[Mistake]) -> Cas
 
 def _first(tests: Sequence[Fault], asked: Screening) -> list[Mistake]:
     """What the first test finds that finds anything beyond what such noise may do by itself."""
-    found = (fault.find(asked) for fault in tests)
-    sure = ([one for one in some if _mistaken(one, asked)] for some in found)
-    return next(filter(None, sure), [])
+    for fault in tests:
+        found = fault.find(asked)
+        if sure := [one for one in found if not fault.tracked or _mistaken(one, asked)]:
+            return sure
+    return []
 
 
 def _mistaken(one: Mistake, asked: Screening) -> bool:

@@ -69,6 +69,15 @@ def columns(seen: Linearised, causes: Bools) -> Array:
     return np.hstack([seen.B * typical, (seen.Z * others)[:, causes]])
 
 
+def free(seen: Linearised) -> Array:
+    """Six rigid motions of the effector in each pose in proportion to the pull, (M, 6 p)."""
+    size = np.linalg.norm(seen.data.pulls.force, axis=1)[seen.rows.pull, None]
+    pose = np.unique(seen.rows.pose, return_inverse=True)[1]
+    own = np.eye(int(pose.max()) + 1)[pose]
+    moves = seen.motions * size
+    return np.asarray((own[:, :, None] * moves[:, None, :]).reshape(len(pose), -1))
+
+
 @dataclass(frozen=True, eq=False)
 class Readings(Locked):
     """The readings behind the rows: each loaded target, and the zero of each target in each pose.

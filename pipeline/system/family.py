@@ -3,7 +3,7 @@
 A reading's error is normal with covariance lambda C, C the stated one, lambda its own:
 
     normal:   lambda = s^2                             Student: lambda = s^2 nu / chi2(nu)
-    Eq. (18): lambda = 3 Beta(1/2, 1) s^2              blunder: log lambda uniform, one in 1000
+    Eq. (18): lambda = 3 Beta(1/2, 1) s^2              blunder: log lambda uniform, one in 100
 
 (Lange, Little and Taylor, J. Am. Stat. Assoc. 84, 1989: Student's t as a mixture; Box and Tiao,
 Biometrika 55, 1968, for blunders). What the other readings leave of a reading's error, x ~ N(0,
@@ -24,12 +24,13 @@ from pipeline.base.arrays import Array, Locked
 FREEDOM = (2.5, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0)
 """Degrees of freedom of Student's distribution that are tried; more look normal in any campaign."""
 
-_NORMAL = 0.5
-"""Probability of the stated family before the data."""
+_NORMAL = 0.9
+"""Probability of the stated family before the data [1]: an assumption, like every prior. A tracker
+that is as its certificate says is the rule."""
 
-BLUNDERS = 1e-3
-"""Part of all readings that are mistakes, as large as they like [1]; a published stationary series
-of an absolute tracker holds 13 failed locks in some thousand rows."""
+BLUNDERS = 1e-2
+"""Part of all readings that are mistakes, as large as they like [1]: of 1000 rows of a
+published stationary series of an absolute tracker 13 are failed locks."""
 
 _STEP = 0.1
 _GRID = np.arange(-3.0, 25.0, _STEP)

@@ -16,7 +16,7 @@ from scipy import special
 from pipeline.base.arrays import Array, Locked
 from pipeline.reduction.measured import Measured
 from pipeline.system.assemble import errors
-from pipeline.system.beyond import Beyond, Readings, columns, estimates
+from pipeline.system.beyond import Beyond, Readings, columns, estimates, free
 from pipeline.system.family import Family, family, likelihood
 from pipeline.system.linearised import Linearised
 from pipeline.system.system import System
@@ -31,12 +31,16 @@ _STILL = 0.3
 """Change of a log variance from which they are weighed once more [1]."""
 
 _MANY = 20_000
-"""Rows from which the springs alone stand for the model: a catalogue beside them fills a memory."""
+"""Rows from which the springs alone stand for the model: a catalogue beside them fills a memory.
+The same where the catalogue would take half of the rows."""
 
 _DRAWS = 2000
 """Campaigns of pure noise that a misfit is compared with."""
 
 _LIKELY = 0.5
+
+_FEWEST = 12
+"""Degrees of freedom from which the residuals say anything of tails."""
 
 _HEAVY = 0.05
 """Below this probability of heavier tails the misfit is chi-square [1]."""
@@ -92,7 +96,9 @@ def shape(seen: Linearised, accepted: tuple[int, ...] | None = None) -> Shape:
     """The shape of a campaign's noise.
 
     Beside the accepted causes each reading is weighed by its own variance; beside the whole
-    catalogue it is not, as many columns leave too little of some readings to weigh them by.
+    catalogue it is not, as many columns leave too little of some readings to weigh them by. Where
+    there are too few rows for the catalogue, a stiffness of its own for each pose takes its place;
+    where there are too many, the springs alone.
 
     Args:
         seen: The campaign linearised at a model; the noise of its data is as it is stated or was
@@ -104,7 +110,8 @@ def shape(seen: Linearised, accepted: tuple[int, ...] | None = None) -> Shape:
     readings, found, variance, beyond = tails(seen, accepted, 1)
     if accepted is None:
         variance = np.ones(len(variance))
-    return Shape(found, variance, readings, wander(seen.data, beyond), accepted is not None)
+    slow = wander(seen.data, beyond, beyond.base.dof >= _FEWEST)
+    return Shape(found, variance, readings, slow, accepted is not None)
 
 
 def tails(
@@ -121,9 +128,12 @@ def tails(
         The readings, their family, the variance of each over its stated one (n,), and the rows so
         weighed.
     """
-    every = len(seen.rows) <= _MANY and accepted is None
+    few = 2 * (seen.B.shape[1] + seen.Z.shape[1]) > len(seen.rows)
+    every = accepted is None and not few and len(seen.rows) <= _MANY
     owner = np.repeat(np.arange(len(seen.suspects)), [len(e.parameters) for e in seen.suspects])
     X = columns(seen, np.full(len(owner), True) if every else np.isin(owner, accepted or ()))
+    if accepted is None and few and len(seen.rows) <= _MANY:
+        X = np.hstack([X, free(seen)])
     data, values = replace(seen.data, bends=False), seen.model.values
     flat = replace(seen.model.cell, equilibrium="undeformed")
     beyond = Beyond.of(seen, X, errors(flat, data, values))
@@ -132,6 +142,8 @@ def tails(
         readings = Readings.of(data, beyond.white)
         if turn == 0:
             variance = np.ones(readings.loaded + len(readings.zero))
+            if beyond.base.dof < _FEWEST:
+                break
         square, spread, good = estimates(beyond.base, readings)
         told, mean = family(likelihood(square, spread, variance)[good], data.paper)
         found = told if turn == 0 else replace(told, p_value=found.p_value)
@@ -159,7 +171,7 @@ def misfit(system: System, found: Shape, chi2: float, rng: np.random.Generator) 
     base = white.base(system.B * system.typical, system.c)
     exact = float(special.chdtrc(max(base.dof, 1), chi2))
     heavy = found.family.heavy
-    if heavy < _HEAVY and not found.family.paper:
+    if base.dof < _FEWEST or (heavy < _HEAVY and not found.family.paper):
         return exact
     which = found.readings.columns(system)
     n = len(found.variance)

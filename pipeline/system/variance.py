@@ -187,18 +187,6 @@ def resting_on(estimate: Estimate, found: Components) -> Estimate:
     )
 
 
-def misfit_p(chi2: float, dof: int, found: Components) -> float:
-    """Probability of what a model leaves by the tracker's noise found in contrasts.
-
-    F = (chi2 / dof) / s^2 with dof and nu = (u(s) / s)^-2 / 2 degrees of freedom, s the scale over
-    the noise in use; 0 where the contrasts cannot tell.
-    """
-    scale, relative = found.left
-    if dof < 1 or not np.isfinite(relative):
-        return 0.0
-    return float(special.fdtrc(dof, 0.5 / relative**2, chi2 / dof / scale**2))
-
-
 def at_most(p: float) -> float:
     """The largest probability that a p-value leaves to what contradicts the null, at even odds.
 

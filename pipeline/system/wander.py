@@ -21,6 +21,7 @@ from scipy import special
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Locked
 from pipeline.reduction.measured import Measured
+from pipeline.system import alarms
 from pipeline.system.assemble import by_axis
 from pipeline.system.beyond import Beyond
 
@@ -92,7 +93,7 @@ def kernel(data: Measured, time_s: float) -> tuple[Array, float]:
     return out / np.sqrt(mean), mean
 
 
-def wander(data: Measured, beyond: Beyond) -> Wander:
+def wander(data: Measured, beyond: Beyond, told: bool = True) -> Wander:
     """How much of it the rows show, by restricted likelihood over `SIZES` and `TIMES_S`.
 
     With W = L^-1 K L^-T of each pose, rotated to diag(w), and a the size:
@@ -101,44 +102,77 @@ def wander(data: Measured, beyond: Beyond) -> Wander:
 
     N = X' D X + prior, g = X' D y, D = diag(1 / (1 + a^2 w)). p is that of the likelihood ratio
     with two degrees of freedom, half of it as the size is at its bound under the null.
+
+    What wanders along one axis only is no instrument, and none is found.
+
+    Args:
+        data: The measurements.
+        beyond: Their rows beside a model.
+        told: Whether there are enough of them; else nothing is looked for.
     """
     unit = float(np.sqrt(np.einsum("dii->", data.loaded_cov) / (3 * len(data.pull))))
     kernels = [kernel(data, time_s) for time_s in TIMES_S]
     factors = np.stack([factor for factor, _ in kernels])
     nothing = Wander(factors[0] * 0.0, 0.0, 0.0, TIMES_S[0], 1.0, 0.0, np.zeros(len(TIMES_S)), unit)
-    if not factors.any():
+    if not (told and factors.any()):
         return nothing
-    losses = np.array(
-        [_losses(beyond, unit * by_axis(one[data.pull] * data.shifts[:, None])) for one in factors]
-    )
+    by_row = [unit * by_axis(one[data.pull] * data.shifts[:, None]) for one in factors]
+    a = np.append(0.0, SIZES)
+    losses = np.array([_losses(beyond, one, a) for one in by_row])
     ratio = np.maximum(losses[:, 0, None] - losses, -700.0)  # 2 (L_a - L_0)
     before = np.log(np.append(_NONE, np.full(len(SIZES), (1 - _NONE) / len(SIZES))) / len(TIMES_S))
     weight = special.softmax(0.5 * ratio + before)
-    a = np.append(0.0, SIZES)
-    of_time = weight @ a**2
-    size2 = float(of_time.sum())
-    size = unit * np.sqrt(size2)
-    mean = float((weight * a).sum())
-    std = unit * float(np.sqrt(max((weight * a**2).sum() - mean**2, 0.0)))
-    process = unit**2 * of_time / np.array([mean for _, mean in kernels])
     p = 0.5 * float(special.chdtrc(2, max(float(ratio.max()), 0.0)))
     best = int(np.argmax(weight[:, 1:].max(axis=1)))
-    factor = unit * np.concatenate(
-        [np.sqrt(w) * one for w, one in zip(of_time, factors, strict=True)], axis=1
-    )
+    if p < alarms.COMPONENT and _along_one_axis(beyond, by_row[best], a[weight[best].argmax()]):
+        return nothing
+    of_time = weight @ a**2
+    mean = float((weight * a).sum())
     return Wander(
-        factor, float(size), std, TIMES_S[best], p, float(weight[:, 1:].sum()), process, unit
+        factor=unit
+        * np.concatenate(
+            [np.sqrt(w) * one for w, one in zip(of_time, factors, strict=True)], axis=1
+        ),
+        size=unit * float(np.sqrt(of_time.sum())),
+        std=unit * float(np.sqrt(max((weight * a**2).sum() - mean**2, 0.0))),
+        time_s=TIMES_S[best],
+        p_value=p,
+        probability=float(weight[:, 1:].sum()),
+        process=unit**2 * of_time / np.array([size for _, size in kernels]),
+        unit=unit,
     )
 
 
-def _losses(beyond: Beyond, factor: Array) -> Array:
-    """Minus twice the restricted log likelihood without the wander and at each of `SIZES`."""
+def _along_one_axis(beyond: Beyond, factor: Array, size: float) -> bool:
+    """Whether sizes of their own along the axes of F_b fit better than one, by chi2(2).
+
+    Each in turn is put where the likelihood is largest, twice.
+    """
+    sizes = np.full(3, size)
+    start = least = float(_losses(beyond, factor, np.array([size]))[0])
+    for axis in (0, 1, 2) * 2:
+        tried = np.tile(sizes, (1 + len(SIZES), 1))
+        tried[:, axis] = np.append(0.0, SIZES)
+        found = [
+            float(_losses(beyond, factor * np.resize(one, factor.shape[2]), _ONE)[0])
+            for one in tried
+        ]
+        if min(found) < least:
+            least, sizes = min(found), tried[int(np.argmin(found))]
+    return bool(special.chdtrc(2, max(start - least, 0.0)) < alarms.COMPONENT)
+
+
+_ONE = np.ones(1)
+
+
+def _losses(beyond: Beyond, factor: Array, sizes: Array) -> Array:
+    """Minus twice the restricted log likelihood at some sizes."""
     blocks = beyond.white.blocks
     A = beyond.white.inverse @ blocks.padded(factor.reshape(-1, factor.shape[2]))
     w, y, X = beyond.rotated(A @ np.swapaxes(A, 1, 2))
     prior = np.diag(beyond.prior)
     out = []
-    for a in (0.0, *SIZES):
+    for a in sizes.tolist():
         D = 1 / (1 + a**2 * w)
         N, g = (X.T * D) @ X + prior, (X.T * D) @ y
         fixed = linear.solve(N, g)
