@@ -29,12 +29,15 @@ class Screening:
         cell: The model that the readings are tested against.
         start: Where its estimate starts, shape (k,).
         known: Its measurements, if they are at hand.
+        before: The same campaign with one mistake more: what was put right since is missing from
+            the tails of its readings.
     """
 
     case: Case
     cell: Cell
     start: Array
     known: Reduced | None = None
+    before: Screening | None = None
 
     @cached_property
     def reduced(self) -> Reduced:
@@ -67,6 +70,15 @@ class Screening:
         data = data.in_metres(self.system.found_m)
         values = self.estimate.value[: len(springs.parameters)]
         return tails(beside_everything(springs, data, values))[1]
+
+    def mistaken(self, square: float) -> float:
+        """Probability that a reading is a blunder, the square of its error in std.
+
+        Of the families with and without the mistakes that were put right the lower one counts: a
+        tail that was taken for blunders reading by reading would soon be none.
+        """
+        mine = self.family.mistaken(square)
+        return mine if self.before is None else min(mine, self.before.mistaken(square))
 
     @cached_property
     def spread(self) -> tuple[float, int]:

@@ -48,9 +48,10 @@ def screen(case: Case, reduced: Reduced) -> Screened:
             asked = Screening(case, case.cell, case.robot.nominal_compliance)
             case = _put_right(case, fault.find(asked), findings)
     single = [fault for fault in tests if not fault.in_files]
+    asked: Screening | None = None
     for _ in range(_MOST):
         known = reduced if case is given else None
-        asked = Screening(case, case.cell, case.robot.nominal_compliance, known)
+        asked = Screening(case, case.cell, case.robot.nominal_compliance, known, asked)
         found = _first(single, asked)
         case = _put_right(case, found, findings)
         if not found:
@@ -114,4 +115,4 @@ def _mistaken(one: Mistake, asked: Screening) -> bool:
     """Whether a reading that is off is a blunder, and not of the family that the others show."""
     if one.name != "outlier" or one.unit != "sigma" or one.p_value is None:
         return True
-    return asked.family.mistaken(one.before**2) > _SURE
+    return asked.mistaken(one.before**2) > _SURE

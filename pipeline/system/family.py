@@ -32,6 +32,10 @@ BLUNDERS = 1e-2
 """Part of all readings that are mistakes, as large as they like [1]: of 1000 rows of a
 published stationary series of an absolute tracker 13 are failed locks."""
 
+_SCATTER = 6.0
+"""Standard uncertainties below which a reading that is off is scatter, not a mistake [1]: what a
+normal reading reaches once in a hundred million."""
+
 _STEP = 0.1
 _GRID = np.arange(-3.0, 25.0, _STEP)
 """log lambda: up to an error of ten metres where 0.03 mm is stated."""
@@ -175,7 +179,7 @@ def _student(nu: float, log_scale: float, paper: bool) -> Array:
 
 
 def _blunder() -> Array:
-    return _normed((_GRID >= 0).astype(float))
+    return _normed((np.log(_SCATTER**2) <= _GRID).astype(float))
 
 
 def _normed(share: Array) -> Array:
