@@ -274,7 +274,7 @@ def _settled(right: Fitted, said: Diagnosis, where: Where, step: Step) -> tuple[
     a machine could do, and makes the model whole. Then its size: where the model leaves more than
     the stated noise allows and no more than that of the contrasts, the latter is used.
     """
-    if not (said.settled or right.shape.likely):
+    if not right.plain.noise_stated or not (said.settled or right.shape.likely):
         return right, said
     seen = _beside(right, said)
     if seen.differs(right.shape):

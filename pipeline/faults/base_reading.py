@@ -115,7 +115,16 @@ def base_outlier(registration: Registration, scale: float) -> list[Mistake]:
         return []
     every = [_freed(one, seen.table, near, limit) for one in _courses(seen, scale)]
     best = min(every, key=lambda free: free.score)
-    return list(_findings(best, seen.table, scale)) if best.certain else []
+    if not best.certain or _whole_reflector(seen.table, best):
+        return []
+    return list(_findings(best, seen.table, scale))
+
+
+def _whole_reflector(table: pd.DataFrame, free: _Free) -> bool:
+    """Whether every one of several readings of a reflector is off: `base_reflector` tells which."""
+    off = np.isin(np.arange(len(table)), list(free.drop))
+    of = pd.Series(off).groupby(table["target"].astype(str).to_numpy())
+    return bool((of.all() & (of.count() > 1)).any())
 
 
 def _findings(free: _Free, table: pd.DataFrame, scale: float) -> Iterator[Mistake]:

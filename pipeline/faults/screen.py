@@ -48,11 +48,11 @@ def screen(case: Case, reduced: Reduced) -> Screened:
             asked = Screening(case, case.cell, case.robot.nominal_compliance)
             case = _put_right(case, fault.find(asked), findings)
     single = [fault for fault in tests if not fault.in_files]
-    asked: Screening | None = None
+    before = None
     for _ in range(_MOST):
         known = reduced if case is given else None
-        asked = Screening(case, case.cell, case.robot.nominal_compliance, known, asked)
-        found = _first(single, asked)
+        before = Screening(case, case.cell, case.robot.nominal_compliance, known, before)
+        found = _first(single, before)
         case = _put_right(case, found, findings)
         if not found:
             break

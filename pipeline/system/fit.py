@@ -70,7 +70,10 @@ def fit(case: Case, reduced: Reduced, taken: bool = False) -> Fitted:
     if found.used:
         data = replace(rescaled(data, found), bends=True)
         estimate = identify(case.cell, data, start)[1]
-    of = shape(beside_everything(case.cell, data, estimate.value))
+    if data.noise_stated:
+        of = shape(beside_everything(case.cell, data, estimate.value))
+    else:  # where noise is what a model leaves, its shape is the model's
+        of = Shape.unseen(data)
     return _shaped(case, reduced, data, found, of, estimate.value)
 
 

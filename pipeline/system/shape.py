@@ -68,6 +68,13 @@ class Shape(Locked):
     wander: Wander
     weighed: bool
 
+    @classmethod
+    def unseen(cls, data: Measured) -> Shape:
+        """Nothing but what is stated, all readings alike."""
+        readings = Readings.unseen(data)
+        variance = np.ones(readings.loaded + len(readings.zero))
+        return cls(Family.stated(data.paper), variance, readings, Wander.none(data), False)
+
     @property
     def likely(self) -> bool:
         """Whether there rather is heavier noise, or a wander, than not."""

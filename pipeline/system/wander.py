@@ -64,12 +64,22 @@ class Wander(Locked):
     process: Array
     unit: float
 
+    @classmethod
+    def none(cls, data: Measured) -> Wander:
+        """No wander."""
+        factor, process = np.zeros((len(data.pulls), 1)), np.zeros(len(TIMES_S))
+        return cls(factor, 0.0, 0.0, TIMES_S[0], 1.0, 0.0, process, _unit(data))
+
     def between(self, times: Array) -> Array:
         """Its covariance between times [s], shape (n, n) [m^2], each axis alike."""
         apart = np.abs(times[:, None] - times)
         return np.asarray(
             sum(v * np.exp(-apart / tau) for v, tau in zip(self.process, TIMES_S, strict=True))
         )
+
+
+def _unit(data: Measured) -> float:
+    return float(np.sqrt(np.einsum("dii->", data.loaded_cov) / (3 * len(data.pull))))
 
 
 def kernel(data: Measured, time_s: float) -> tuple[Array, float]:
@@ -110,7 +120,7 @@ def wander(data: Measured, beyond: Beyond, told: bool = True) -> Wander:
         beyond: Their rows beside a model.
         told: Whether there are enough of them; else nothing is looked for.
     """
-    unit = float(np.sqrt(np.einsum("dii->", data.loaded_cov) / (3 * len(data.pull))))
+    unit = _unit(data)
     kernels = [kernel(data, time_s) for time_s in TIMES_S]
     factors = np.stack([factor for factor, _ in kernels])
     nothing = Wander(factors[0] * 0.0, 0.0, 0.0, TIMES_S[0], 1.0, 0.0, np.zeros(len(TIMES_S)), unit)
