@@ -1,0 +1,81 @@
+"""The shape of the noise in whole campaigns of another machine, and what is carried of it in V."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+from small_case import small
+from test_worlds import asked, written
+
+from pipeline.reduction.bring import bring
+from pipeline.system.assemble import assemble
+from pipeline.system.estimate import solve
+from pipeline.system.family import FREEDOM, Family
+from pipeline.system.fit import fit
+from pipeline.system.shape import Shape, misfit
+
+
+@pytest.fixture(scope="module")
+def case():
+    """Six poses, each pulled twice."""
+    return small()
+
+
+@pytest.mark.parametrize(
+    ("world", "name"), [("student3", "heavy_tails"), ("wander10", "tracker_wander")]
+)
+def test_noise_of_another_family_is_named_and_accuses_nobody(world, name):
+    """Readings of a machine that shares no formula with the package: adequate, and what it is."""
+    answer = asked(written(world)[3]).answer
+
+    assert answer["diagnosis"]["verdict"] == "adequate"
+    names = [cause["name"] for cause in answer["diagnosis"]["causes"]]
+    assert name in names
+    assert not set(names) - {"heavy_tails", "tracker_wander", "tracker_noise"}
+
+
+def test_a_wander_moves_all_targets_of_a_pose_alike(case):
+    """Covariance of two displacements by the wander alone: F F' between their pulls, by axis."""
+    data, start = bring(case).data, case.robot.nominal_compliance
+    factor = 1e-5 * np.random.default_rng(1).standard_normal((len(data.pulls), 2))
+    without = assemble(case.cell, data, start).errors
+    errors = assemble(case.cell, replace(data, wander=factor), start).errors
+    V = (errors.G @ errors.G.T - without.G @ without.G.T).toarray()
+    pose = data.pulls.pose[data.pull]
+    for a, b in [(0, 0), (0, 2), (0, 4), (1, 5), (0, len(pose) - 1)]:
+        expected = factor[data.pull[a]] @ factor[data.pull[b]] * (pose[a] == pose[b]) * np.eye(3)
+        assert V[3 * a : 3 * a + 3, 3 * b : 3 * b + 3] == pytest.approx(expected, abs=1e-18)
+
+
+def test_readings_are_weighed_and_unweighed(case):
+    """What is put into a campaign comes out of it again, each reading's own variance."""
+    fitted = fit(case, bring(case))
+    n = len(fitted.shape.variance)
+    shape = replace(fitted.shape, variance=np.linspace(0.5, 4.0, n), weighed=True)
+    weighed, d = shape.on(fitted.plain), len(fitted.plain.pull)
+
+    assert weighed.loaded_cov == pytest.approx(
+        fitted.plain.loaded_cov * shape.variance[:d, None, None]
+    )
+    back = shape.off(weighed)
+    assert back.zero_cov == pytest.approx(fitted.plain.zero_cov)
+    assert back.wander is None
+
+
+def test_a_misfit_of_normal_noise_is_chi_square(case):
+    """And that of Student's noise is what numpy draws, reading by reading."""
+    fitted = fit(case, bring(case))
+    system = assemble(case.cell, fitted.plain, fitted.estimate.value)
+    chi2, rng = solve(system, fitted.estimate.value).chi2, np.random.default_rng(1)
+    normal = Shape.unseen(fitted.plain)
+    dof = len(system.rows) - 7
+
+    assert misfit(system, normal, chi2, rng) == pytest.approx(stats.chi2.sf(chi2, dof), rel=1e-9)
+    weight = np.zeros(1 + len(FREEDOM))
+    weight[1 + FREEDOM.index(5.0)] = 1.0
+    scale = np.full(len(weight), np.log(3 / 5))  # variances as stated
+    heavy = replace(normal, family=Family(weight, scale, 0.0, False))
+    high = float(stats.chi2.isf(0.01, dof))
+    p = misfit(system, heavy, high, rng)
+    assert 0.02 < p < 0.15  # five times as often as in normal noise, by the kurtosis of 9

@@ -1,0 +1,155 @@
+"""A wander of the instrument: numpy walks it, and dense algebra is the likelihood's judge."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from pipeline.system import wander as module
+from pipeline.system.beyond import Beyond
+from pipeline.system.blocks import Blocks
+from pipeline.system.wander import TIMES_S, Wander, kernel, wander
+
+POSES, PULLS, TARGETS = 16, 4, 3
+SIGMA_M = 3e-5
+
+
+def walk(times, tau, rng):
+    """An Ornstein-Uhlenbeck process of unit variance at sorted times, step by step."""
+    w = [rng.standard_normal(3)]
+    for step in np.diff(times):
+        keep = np.exp(-step / tau)
+        w.append(keep * w[-1] + np.sqrt(1 - keep**2) * rng.standard_normal(3))
+    return np.array(w)
+
+
+def timetable():
+    """Zeros before and after four pulls of each pose [s]."""
+    start = 600.0 * np.arange(POSES)
+    pulls = start[:, None] + 90.0 * np.arange(1, PULLS + 1)
+    zeros = start[:, None] + [0.0, 90.0 * (PULLS + 1)]
+    return pulls, zeros
+
+
+def measured():
+    pulls, zeros = timetable()
+    pose = np.repeat(np.arange(POSES), PULLS)
+    d = POSES * PULLS * TARGETS
+    return SimpleNamespace(
+        pulls=SimpleNamespace(pose=pose, time=pulls.ravel(), __len__=lambda: len(pose)),
+        zero_times=zeros[pose],
+        pull=np.repeat(np.arange(len(pose)), TARGETS),
+        shifts=np.ones(d, dtype=bool),
+        loaded_cov=np.tile(SIGMA_M**2 * np.eye(3), (d, 1, 1)),
+    )
+
+
+def beyond_of(y):
+    """Rows of white noise beside three columns that nothing else spans."""
+    X = np.linalg.qr(np.random.default_rng(0).standard_normal((len(y), 3)))[0]
+    pose = np.repeat(np.arange(POSES), PULLS * TARGETS * 3)
+    blocks = Blocks.of(pose)
+    inverse = np.tile(np.eye(blocks.shape[1]) / SIGMA_M, (POSES, 1, 1))
+    return Beyond(SimpleNamespace(blocks=blocks, inverse=inverse), X, np.zeros(3), y)
+
+
+def drawn(size, tau, rng, axes=(1.0, 1.0, 1.0)):
+    """Whitened rows of a campaign with a wander of some standard uncertainties."""
+    pulls, zeros = timetable()
+    times = np.sort(np.concatenate([pulls.ravel(), zeros.ravel()]))
+    w = dict(zip(times.tolist(), size * walk(times, tau, rng) * axes, strict=True))
+    moved = np.array(
+        [
+            w[t] - (w[zeros[p, 0]] + w[zeros[p, 1]]) / 2
+            for p in range(POSES)
+            for t in pulls[p].tolist()
+        ]
+    )
+    rows = np.repeat(moved, TARGETS, axis=0) + rng.standard_normal((POSES * PULLS * TARGETS, 3))
+    return rows.ravel()
+
+
+def test_the_kernel_is_the_covariance_of_what_walks():
+    """Ten thousand walks through one pose."""
+    pulls, zeros = timetable()
+    t, z = pulls[0], zeros[0]
+    times, rng = np.sort(np.concatenate([t, z])), np.random.default_rng(1)
+    factor, mean = kernel(measured(), 1200.0)
+    K = factor[:PULLS] @ factor[:PULLS].T * mean
+    walked = np.array([walk(times, 1200.0, rng)[:, 0] for _ in range(10_000)])
+    at = np.searchsorted(times, t), np.searchsorted(times, z)
+    moved = walked[:, at[0]] - walked[:, at[1]].mean(axis=1, keepdims=True)
+
+    assert np.cov(moved.T) == pytest.approx(K, abs=5 * K.max() * np.sqrt(2 / 10_000))
+    assert np.mean(np.sum(factor**2, axis=1)) == pytest.approx(1.0)
+
+
+def test_the_likelihood_is_that_of_dense_algebra():
+    """log|V| + log|X'V^-1 X| + r'V^-1 r with the whole V, at three sizes."""
+    data, rng = measured(), np.random.default_rng(2)
+    y = drawn(1.0, 1200.0, rng)
+    beyond = beyond_of(y)
+    factor = SIGMA_M * module.by_axis(kernel(data, 1200.0)[0][data.pull])
+    sizes = np.array([0.0, 0.6, 3.0])
+    got = module._losses(beyond, factor, sizes)
+    pose = np.repeat(np.arange(POSES), PULLS * TARGETS * 3)
+    flat = factor.reshape(len(y), -1) / SIGMA_M
+    K = flat @ flat.T * (pose[:, None] == pose)
+    out = []
+    for a in sizes:
+        V = np.eye(len(y)) + a**2 * K
+        solved = np.linalg.solve(V, np.column_stack([beyond.X, y]))
+        N, g = beyond.X.T @ solved[:, :-1], beyond.X.T @ solved[:, -1]
+        rest = y @ solved[:, -1] - g @ np.linalg.solve(N, g)
+        out.append(np.linalg.slogdet(V)[1] + np.linalg.slogdet(N)[1] + rest)
+
+    assert got - got[0] == pytest.approx(np.array(out) - out[0], rel=1e-8, abs=1e-6)
+
+
+def test_a_wander_is_found_and_white_noise_has_none():
+    """Of one standard uncertainty over ten minutes; its size comes out."""
+    data = measured()
+    found = [
+        wander(data, beyond_of(drawn(1.0, 600.0, np.random.default_rng(k)))) for k in range(10)
+    ]
+    factor = kernel(data, 600.0)[1]
+    none = [wander(data, beyond_of(drawn(0.0, 600.0, np.random.default_rng(k)))) for k in range(10)]
+
+    assert sum(one.p_value < 0.003 for one in found) >= 9
+    assert np.median([one.size for one in found]) == pytest.approx(
+        SIGMA_M * np.sqrt(factor), rel=0.25
+    )
+    assert sum(one.p_value < 0.003 for one in none) == 0
+    assert np.median([one.size for one in none]) < 0.15 * SIGMA_M
+
+
+def test_what_moves_along_one_axis_is_no_wander():
+    """Three standard uncertainties along y alone: something on the rail, not the tracker."""
+    data = measured()
+    rows = drawn(3.0, 600.0, np.random.default_rng(3), (0.0, 1.0, 0.0))
+
+    assert wander(data, beyond_of(rows)).size == 0.0
+
+
+def test_between_two_times_it_is_that_of_the_process():
+    """Exponentials of the times that are tried, each with its variance."""
+    process = np.array([1.0, 2.0, 3.0])
+    one = Wander(np.zeros((1, 1)), 0.0, 0.0, TIMES_S[0], 1.0, 0.0, process, SIGMA_M)
+    C = one.between(np.array([0.0, 1200.0]))
+
+    assert C[0, 0] == pytest.approx(6.0)
+    assert C[0, 1] == pytest.approx(
+        sum(v * np.exp(-1200.0 / t) for v, t in zip(process, TIMES_S, strict=True))
+    )
+
+
+def test_without_times_nothing_wanders():
+    """One pull without a time, and no pose is said to wander."""
+    data = measured()
+    data.pulls.time = np.full(POSES * PULLS, np.nan)
+
+    assert wander_or_none(data).size == 0.0
+
+
+def wander_or_none(data):
+    return wander(data, beyond_of(np.zeros(POSES * PULLS * TARGETS * 3)), told=True)
