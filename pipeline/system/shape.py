@@ -135,31 +135,35 @@ def tails(
         The readings, their family, the variance of each over its stated one (n,), and the rows so
         weighed.
     """
-    few = 2 * (seen.B.shape[1] + seen.Z.shape[1]) > len(seen.rows)
-    every = accepted is None and not few and len(seen.rows) <= _MANY
-    owner = np.repeat(np.arange(len(seen.suspects)), [len(e.parameters) for e in seen.suspects])
-    X = columns(seen, np.full(len(owner), True) if every else np.isin(owner, accepted or ()))
-    if accepted is None and few and len(seen.rows) <= _MANY:
-        X = np.hstack([X, free(seen)])
+    X = _taken_out(seen, accepted)
     data, values = replace(seen.data, bends=False), seen.model.values
     flat = replace(seen.model.cell, equilibrium="undeformed")
     beyond = Beyond.of(seen, X, errors(flat, data, values))
-    variance, found = np.ones(0), Family.stated(data.paper)
+    readings, found = Readings.of(data, beyond.white), Family.stated(data.paper)
+    variance = np.ones(readings.loaded + len(readings.zero))
+    if beyond.base.dof < _FEWEST:
+        return readings, found, variance, beyond
     for turn in range(rounds):
-        readings = Readings.of(data, beyond.white)
-        if turn == 0:
-            variance = np.ones(readings.loaded + len(readings.zero))
-            if beyond.base.dof < _FEWEST:
-                break
         square, spread, good = estimates(beyond.base, readings)
         told, mean = family(likelihood(square, spread, variance)[good], data.paper)
         found = told if turn == 0 else replace(told, p_value=found.p_value)
         before, variance = variance, np.ones(len(variance))
         variance[good] = mean
         beyond = Beyond.of(seen, X, errors(flat, readings.scaled(data, variance), values))
+        readings = Readings.of(data, beyond.white)
         if np.abs(np.log(variance / before)).max() < _STILL:
             break
     return readings, found, variance, beyond
+
+
+def _taken_out(seen: Linearised, accepted: tuple[int, ...] | None) -> Array:
+    """Columns (M, k) of springs and accepted causes, or of all that a machine could do."""
+    owner = np.repeat(np.arange(len(seen.suspects)), [len(e.parameters) for e in seen.suspects])
+    if accepted is not None or len(seen.rows) > _MANY:
+        return columns(seen, np.isin(owner, accepted or ()))
+    if 2 * (seen.B.shape[1] + seen.Z.shape[1]) > len(seen.rows):
+        return np.hstack([columns(seen, np.full(len(owner), False)), free(seen)])
+    return columns(seen, np.full(len(owner), True))
 
 
 def misfit(system: System, found: Shape, chi2: float, rng: np.random.Generator) -> float:
