@@ -78,6 +78,7 @@ def test_a_6d_campaign_is_adequate_and_its_springs_are_right():
     assert any("one measured pose" in line for line in quiet.findings)
 
 
+@pytest.mark.slow
 def test_intervals_of_6d_campaigns_cover():
     """95 % of 95 % intervals hold the truth; three targets taken for three readings hold fewer."""
     inside = []

@@ -196,6 +196,7 @@ def test_what_is_uncertain_of_a_payload_is_one_error_for_all_its_rows():
             assert np.abs(here) == pytest.approx(np.abs(expected), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_intervals_of_payload_campaigns_cover():
     """Masses and centres wrong as stated: 95 % of 95 % intervals hold the truth, and more noise.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -41,7 +42,7 @@ class Beyond(Locked):
         X = np.hstack([fixed, white.common])
         return cls(white, X, prior, white.by_pose(seen.y))
 
-    @property
+    @cached_property
     def base(self) -> Base:
         """The same as a base, beside which single readings stand."""
         rows = np.vstack([self.X, np.diag(self.prior)[self.prior > 0]])

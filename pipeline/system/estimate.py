@@ -24,6 +24,9 @@ _TRACKER_M = 1e-4
 """A laser tracker measures displacements in a hall to this or better (MPE of the AT500 class)
 [m]."""
 
+_STEADY = 1e-9
+"""Relative change of a parameter from one round to the next that moves no digit anybody reads [1]."""
+
 _NO_NOISE_M = 1e-12
 """Residuals below this are rounding [m]."""
 
@@ -176,7 +179,7 @@ def _iterate(
         estimate = solve(system, np.asarray(start, dtype=float))
         step = np.abs(estimate.value - value)
         value = estimate.value
-        if np.all(step <= 1e-12 * np.abs(value)):
+        if np.all(step <= _STEADY * np.abs(value)):
             break
     return system, estimate
 

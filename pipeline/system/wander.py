@@ -29,7 +29,7 @@ TIMES_S = (300.0, 1200.0, 4800.0)
 """Correlation times that are tried [s]: from the length of a pose to that of a campaign; longer
 ones are a random walk within a pose."""
 
-SIZES = (0.15, 0.25, 0.4, 0.6, 0.9, 1.3, 2.0, 3.0, 5.0, 8.0, 13.0)
+SIZES = (0.2, 0.35, 0.6, 1.0, 1.8, 3.2, 6.0, 12.0)
 """What the wander adds to a displacement, rms, over the standard uncertainty of a reading per
 axis."""
 
