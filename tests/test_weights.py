@@ -351,6 +351,7 @@ def test_a_payload_that_the_torques_contradict_is_said():
     assert light.name == "light"
 
 
+@pytest.mark.slow
 def test_each_payload_is_predicted_from_the_other():
     """To the scatter of the readings where both are right; not where one of them is not."""
     good = answered("good", in_memory(hang(MOUNTED, more=payload_tables())[0])).answer

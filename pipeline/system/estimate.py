@@ -25,7 +25,7 @@ _TRACKER_M = 1e-4
 [m]."""
 
 _STEADY = 1e-9
-"""Relative change of a parameter from one round to the next that moves no digit anybody reads [1]."""
+"""Relative change of a parameter from one round to the next that moves no digit one reads [1]."""
 
 _NO_NOISE_M = 1e-12
 """Residuals below this are rounding [m]."""
