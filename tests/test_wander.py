@@ -123,14 +123,6 @@ def test_a_wander_is_found_and_white_noise_has_none():
     assert np.median([one.size for one in none]) < 0.15 * SIGMA_M
 
 
-def test_what_moves_along_one_axis_is_no_wander():
-    """Three standard uncertainties along y alone: something on the rail, not the tracker."""
-    data = measured()
-    rows = drawn(3.0, 600.0, np.random.default_rng(3), (0.0, 1.0, 0.0))
-
-    assert wander(data, beyond_of(rows)).size == 0.0
-
-
 def test_between_two_times_it_is_that_of_the_process():
     """Exponentials of the times that are tried, each with its variance."""
     process = np.array([1.0, 2.0, 3.0])
@@ -144,12 +136,19 @@ def test_between_two_times_it_is_that_of_the_process():
 
 
 def test_without_times_nothing_wanders():
-    """One pull without a time, and no pose is said to wander."""
-    data = measured()
+    """The rows of a wander that is found, and no time of any pull."""
+    data, rows = measured(), drawn(1.0, 600.0, np.random.default_rng(0))
+    assert wander(data, beyond_of(rows)).size > 0.0
     data.pulls.time = np.full(POSES * PULLS, np.nan)
 
-    assert wander_or_none(data).size == 0.0
+    assert wander(data, beyond_of(rows)).size == 0.0
 
 
-def wander_or_none(data):
-    return wander(data, beyond_of(np.zeros(POSES * PULLS * TARGETS * 3)), told=True)
+def test_one_axis_alone_is_told_from_three():
+    """The same walk along y only, and in all three axes: only the latter is an instrument's."""
+    data, rng = measured(), np.random.default_rng
+    alone = wander(data, beyond_of(drawn(3.0, 600.0, rng(3), (0.0, 1.0, 0.0))))
+    together = wander(data, beyond_of(drawn(3.0, 600.0, rng(3))))
+
+    assert (alone.size, alone.p_value) == (0.0, 1.0)
+    assert together.p_value < 1e-6

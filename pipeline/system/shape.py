@@ -113,7 +113,7 @@ def shape(seen: Linearised, accepted: tuple[int, ...] | None = None) -> Shape:
         accepted: Suspects that are taken out beside the springs; all of them when not given.
     """
     # once: weights that follow from weights trust what is off towards the others more than it is
-    # worth, and uncertainties come out a tenth too small
+    # worth, and uncertainties come out too small
     readings, found, variance, beyond = tails(seen, accepted, 1)
     if accepted is None:
         variance = np.ones(len(variance))
