@@ -243,6 +243,22 @@ def test_arrow_keys_walk_through_the_values(opened):
     assert box["x"] + box["width"] <= 360
 
 
+def test_a_value_stays_beside_its_mark_while_the_page_scrolls(opened):
+    """The browser may scroll a figure into view after the first arrow key: the value moves along."""
+    page = opened(360)
+    page.locator("#figure-stiffness .plot").focus()
+    page.keyboard.press("ArrowRight")
+    mark, tip = page.locator(".seen"), page.locator("#tip")
+    gap = tip.bounding_box()["y"] - mark.bounding_box()["y"]
+    page.evaluate("""new Promise(done => {
+        addEventListener("scroll", () => requestAnimationFrame(done), { once: true });
+        scrollBy(0, 40);
+    })""")
+
+    assert tip.is_visible()
+    assert abs(tip.bounding_box()["y"] - mark.bounding_box()["y"] - gap) < 1.0
+
+
 def test_a_smuggled_script_does_not_run(browser, tmp_path):
     """Even markup that got past the escaping could not run: the page allows its own script only."""
     answer = report_sample.answer().model_copy(update={"campaign": "SMUGGLED"})

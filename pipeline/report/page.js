@@ -34,6 +34,14 @@
     if (seen) seen.classList.remove("seen");
     seen = null;
   };
+  const place = () => {
+    if (!seen) return;
+    const at = seen.getBoundingClientRect(), box = tip.getBoundingClientRect();
+    const left = Math.min(Math.max(4, at.x + at.width / 2 - box.width / 2), innerWidth - box.width - 4);
+    const above = at.y - box.height - 8;
+    tip.style.left = `${left}px`;
+    tip.style.top = `${above < 4 ? at.bottom + 8 : above}px`;
+  };
   const show = (mark) => {
     if (seen === mark) return;
     hide();
@@ -41,11 +49,7 @@
     mark.classList.add("seen");
     tip.textContent = mark.dataset.tip;
     tip.hidden = false;
-    const at = mark.getBoundingClientRect(), box = tip.getBoundingClientRect();
-    const left = Math.min(Math.max(4, at.x + at.width / 2 - box.width / 2), innerWidth - box.width - 4);
-    const above = at.y - box.height - 8;
-    tip.style.left = `${left}px`;
-    tip.style.top = `${above < 4 ? at.bottom + 8 : above}px`;
+    place();
   };
   const distance = (box, x, y) =>
     Math.hypot(Math.max(box.left - x, 0, x - box.right), Math.max(box.top - y, 0, y - box.bottom)) +
@@ -72,5 +76,7 @@
       show(marks[index]);
     });
   }
-  addEventListener("scroll", hide, { passive: true });
+  // Followed, not hidden: a figure reached by Tab is scrolled into view, and that may end after the first arrow key.
+  // Captured, because a wide figure scrolls in its own box and such a scroll does not bubble.
+  addEventListener("scroll", place, { passive: true, capture: true });
 })();
