@@ -95,8 +95,22 @@ def ingested(raw: Raw, keep: Keep, step: Step, plausible: bool = True) -> Case:
 
     Raises:
         InputError: A file cannot be trusted; with `plausible` also when only a wrong unit or
-            convention explains its values, else when not even that does.
+            convention explains its values, else when not even that does. Poses beyond the robot's
+            limits are left out where no wrong unit or convention explains them.
     """
+    case, doubt = as_read(raw, keep, step, plausible)
+    if doubt is None:
+        return case
+    if not conventions(case):
+        return as_read(raw, keep, step)[0]
+    doubted = pd.concat([case.rejected, _doubt_row(doubt)], ignore_index=True)
+    return replace(case, rejected=keep("13_rejected", doubted, tables.REJECTED))
+
+
+def as_read(
+    raw: Raw, keep: Keep = conformed, step: Step = plain, plausible: bool = True
+) -> tuple[Case, InputError | None]:
+    """What was ingested, and why its values are implausible where that was not to stop it."""
     got = step(ingest)(raw.settings, raw.robot, raw.files, plausible)
     case = Case(
         raw.settings,
@@ -108,14 +122,11 @@ def ingested(raw: Raw, keep: Keep, step: Step, plausible: bool = True) -> Case:
         displacements=got.displacements,
         forces=got.forces,
         stale=got.stale,
+        unused=got.unused,
+        treated=got.treated,
         torques=got.torques,
     )
-    if got.doubt is None:
-        return case
-    if not conventions(case):
-        raise got.doubt
-    doubted = pd.concat([case.rejected, _doubt_row(got.doubt)], ignore_index=True)
-    return replace(case, rejected=keep("13_rejected", doubted, tables.REJECTED))
+    return case, got.doubt
 
 
 def _doubt_row(doubt: InputError) -> pd.DataFrame:
@@ -161,6 +172,7 @@ class Answered:
 @at(_LAST_RESORT)
 def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) -> Answered:
     """To stiffnesses and what is wrong with data or model."""
+    raw.settings.within_reach(raw.files[_LAST_RESORT].decode("utf-8", "replace"))
     case = ingested(raw, keep, step, plausible=False)
     case, reduced, pose = step(as_measured)(case, bring(case, keep, step))
     _enough(reduced.data, raw.robot)

@@ -18,6 +18,13 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # a shell's background jo
 SEED = 20261103
 
 
+@pytest.fixture
+def unseen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Runs in this process leave blank pages: drawing is two thirds of a run on a few poses."""
+    blank = {"index.html": b"", "report.pdf": b""}
+    monkeypatch.setattr("pipeline.run.render", lambda *_: blank)
+
+
 @pytest.fixture(scope="session")
 def small_plan() -> Plan:
     """Seven poses, two load steps up and one down: enough for every joint, quick to compute."""

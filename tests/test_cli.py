@@ -1,6 +1,7 @@
 """The command line as people and programs meet it: words, exit codes, interruption."""
 
 import contextlib
+import io
 import json
 import os
 import pty
@@ -14,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.app import doctor
+from pipeline.app import cli, doctor
 from pipeline.run import run
 from pipeline.store import campaign as campaigns
 
@@ -48,24 +49,30 @@ def pipeline(root, *arguments, **more):
         (["run", "--no-such-option"], 2, "--no-such-option"),
     ],
 )
-def test_what_cannot_be_done_is_said_in_a_sentence(tmp_path, arguments, code, said):
+def test_what_cannot_be_done_is_said_in_a_sentence(
+    tmp_path, capsys, monkeypatch, arguments, code, said
+):
     """One line on stderr, nothing on stdout but the campaign's name, the documented exit code."""
+    monkeypatch.delenv("PREFECT_API_URL", raising=False)
     shutil.copytree(DATA / "kr500_demo", tmp_path / "data" / "raw" / "kr500_demo")
-    done = pipeline(tmp_path, *arguments)
+    found = cli._exit_code([*arguments, "--root", str(tmp_path)])
+    err = capsys.readouterr().err
 
-    assert done.returncode == code
-    assert said in done.stderr
-    assert len(done.stderr.splitlines()) == 1
+    assert found == code
+    assert said in err
+    assert len(err.splitlines()) == 1
 
 
-def test_strict_turns_a_misfit_into_exit_code_4(tmp_path):
+@pytest.mark.usefixtures("unseen")
+def test_strict_turns_a_misfit_into_exit_code_4(tmp_path, capsys):
     """Without --strict a verdict is no error."""
     shutil.copytree(DATA / "fanuc_r2000ic", tmp_path / "data" / "raw" / "a")
-    plain = pipeline(tmp_path, "run", "--engine", "local", "a")
-    strict = pipeline(tmp_path, "run", "--engine", "local", "a", "--strict")
+    words = ["run", "--engine", "local", "a", "--root", str(tmp_path)]
+    plain, said = cli._exit_code(words), capsys.readouterr().out
+    strict, again = cli._exit_code([*words, "--strict"]), capsys.readouterr().out
 
-    assert (plain.returncode, strict.returncode) == (0, 4)
-    assert plain.stdout == strict.stdout
+    assert (plain, strict) == (0, 4)
+    assert said == again != ""
 
 
 @pytest.mark.slow
@@ -154,14 +161,15 @@ def test_init_asks_on_a_terminal(tmp_path):
     assert content["scale"]["sigma_n"] == 4.0
 
 
-def test_init_without_a_terminal_asks_nothing(tmp_path):
+def test_init_without_a_terminal_asks_nothing(tmp_path, capsys, monkeypatch):
     """A script gets the defaults, and a sentence where the name is missing."""
-    named = pipeline(tmp_path, "init", "a", stdin=subprocess.DEVNULL)
-    nameless = pipeline(tmp_path, "init", stdin=subprocess.DEVNULL)
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+    named, said = cli._exit_code(["init", "a", "--root", str(tmp_path)]), capsys.readouterr()
+    nameless, why = cli._exit_code(["init", "--root", str(tmp_path)]), capsys.readouterr()
 
-    assert (named.returncode, named.stderr) == (0, "")
-    assert nameless.returncode == 2
-    assert "pipeline init NAME" in nameless.stderr
+    assert (named, said.err) == (0, "")
+    assert nameless == 2
+    assert "pipeline init NAME" in why.err
 
 
 def test_doctor_names_what_is_missing_and_the_way_out(tmp_path, monkeypatch):

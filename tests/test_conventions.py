@@ -19,6 +19,7 @@ from pipeline.faults.conventions import (
     unloaded,
 )
 from pipeline.machine.instrument import InstrumentNoise, beam_covariance
+from pipeline.machine.robot import load
 from pipeline.reduction.bring import conformed, plain
 from pipeline.run import ingested
 from pipeline.simulate import Plan, simulate
@@ -267,3 +268,14 @@ def test_only_unloaded_readings_of_known_poses_are_judged():
     assert set(unloaded(less)["pose"]) == set(rows["pose"]) - {3}
     again = renamed(renamed(good(), ("P2", "P3", "P1")), ("P3", "P1", "P2"))
     assert (again.readings["target"] == good().readings["target"]).all()
+
+
+def test_the_robot_of_another_table_is_called_by_its_name():
+    """Whoever names the wrong one of the robots that ship is told which one stood there."""
+    plan = PLAN.model_copy(update={"robot": "irb6640", "pulls": Plan().pulls})
+    measured = ingested(in_memory(simulate(plan).files), conformed, plain, plausible=False)
+    (found,) = conventions(replace(measured, robot=load("kr210_r2700_2")))
+
+    assert found.where == "irb6640"
+    assert found.evidence.startswith("the robot is irb6640, not kr210_r2700_2: as given ")
+    assert conventions(measured) == []

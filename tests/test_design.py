@@ -2,6 +2,7 @@
 
 import itertools
 import json
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -547,6 +548,7 @@ def test_more_readings_and_a_freer_anchor_never_hurt(reference, proposal):
 
 def test_the_command_prints_the_promised_keys(capsys, monkeypatch):
     """One JSON object with the keys that others read, consistent with itself."""
+    monkeypatch.setattr("pipeline.design.search.Effort", lambda **said: replace(QUICK, **said))
     code = cli._exit_code(["design", "paper_reference", "--json", "--rounds", "1", "--seed", "7"])
     printed = json.loads(capsys.readouterr().out)
 

@@ -14,7 +14,7 @@ from pipeline.machine.cell import baseline
 from pipeline.machine.effect import Compound, Elastic, Geometry, Noise
 from pipeline.machine.effects import catalogue
 from pipeline.machine.effects.joint_hysteresis import slid
-from pipeline.machine.effects.nameless import nameless
+from pipeline.machine.effects.nameless import mounting, nameless
 from pipeline.machine.robot import load, model
 
 NAMES = [
@@ -419,6 +419,46 @@ def test_what_competes_without_a_name_is_no_stiffness_and_no_cause(robot):
         assert (beyond(moved(robot, [strange]), springs) > 1e-3).all(), strange.label
     labels = [effect.label for effect in (*nameless(robot), *catalogue(robot))]
     assert len(set(labels)) == len(nameless(robot)) + len({e.label for e in catalogue(robot)})
+
+
+def test_an_effector_turned_on_its_flange_is_a_tool_with_turned_points(bench):
+    """About a skew axis, by much: the same displacements as those of the turned tool's own cell."""
+    cell, pulls, x = bench
+    turn = np.array([0.3, -0.2, 0.4])
+    points = (
+        np.vstack([cell.tool.load_point, cell.tool.points])
+        @ Rotation.from_rotvec(turn).as_matrix().T
+    )
+    other = replace(cell, tool=replace(cell.tool, load_point=points[0], points=points[1:]))
+    effect = next(e for e in mounting(KR500) if e.name == "effector_turned")
+
+    seen = forward.predict(cell.with_effects(effect), pulls, np.append(x, turn)).displacement
+
+    assert seen == pytest.approx(forward.predict(other, pulls, x).displacement, abs=1e-12)
+
+
+def test_a_load_on_the_forearm_does_not_turn_with_the_wrist(bench):
+    """The lever stands still in the frame of joint 5 while joints 6 and 7 turn."""
+    cell, pulls, x = bench
+    effect = next(e for e in mounting(KR500) if e.name == "load_on_the_forearm")
+    loaded = forward.load(cell, pulls, x)
+    frame = pin_frame(KR500, pulls.q, 5)
+    shift = np.array([0.1, 0.2, -0.3])
+
+    acts, force = effect.wrench(loaded, shift)
+
+    assert acts - loaded.load_point == pytest.approx(frame @ shift, abs=1e-12)
+    assert force is loaded.force
+
+
+def pin_frame(robot, q, joint):
+    """Rotation of a joint's frame by Pinocchio, shape (m, 3, 3)."""
+    own = model.model(robot)
+    data, out = own.createData(), []
+    for one in q:
+        pin.forwardKinematics(own, data, one)
+        out.append(data.oMi[joint].rotation.copy())
+    return np.array(out)
 
 
 def test_a_hinge_between_parallel_joints_moves_as_their_cross_talk():

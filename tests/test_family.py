@@ -1,5 +1,7 @@
 """Tails of single readings: numpy draws them, the family has to be seen, each reading weighed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -75,9 +77,9 @@ def test_one_gross_reading_is_a_blunder_and_not_a_tail():
 
 def test_drawn_variances_are_those_of_the_family():
     """Inverse gamma for Student; for Eq. (18), 3 Beta(1/2, 1), whose kurtosis per axis is 5.4."""
-    weight = np.zeros(1 + len(FREEDOM))
+    weight = np.zeros(len(Family.stated().weight))
     weight[1 + FREEDOM.index(5.0)] = 1.0
-    told = Family(weight, np.zeros(len(weight)), 0.0, False)
+    told = replace(Family.stated(), weight=weight)
     drawn = told.drawn(200_000, np.random.default_rng(2))
 
     assert stats.kstest(5.0 / drawn, stats.chi2(5).cdf).pvalue > 1e-3

@@ -61,6 +61,13 @@ def test_what_else_could_stand_there_is_said(found):
     assert verdict(found.facts) in ("ambiguous", "explained")
 
 
+def test_a_turned_effector_does_as_well_as_an_offset_of_the_load_point(found):
+    """It has no name, and stands beside the cause that has one."""
+    offset = next(c for c in found.causes if c.effect.name == "load_point_offset")
+
+    assert "effector_turned" in [one.effect.name for one in offset.as_good]
+
+
 def test_noise_that_nobody_stated_is_what_the_causes_leave(found):
     """Without causes 0.22 mm remain, with them 0.12 mm: the intervals rest on the latter."""
     left = found.estimate.residual

@@ -4,8 +4,13 @@ from bench.compare import FROZEN, answer_of, differences, digest, flat, frozen, 
 
 HELD = frozen()
 
+LONG = ("single2", "strange5", "strange8", "doubtful4")
+"""Of kinds of which another is held in every run of the tests, or `bench.compare` plays eight."""
 
-@pytest.mark.parametrize("key", HELD)
+
+@pytest.mark.parametrize(
+    "key", [pytest.param(one, marks=[pytest.mark.slow] * (one in LONG)) for one in HELD]
+)
 def test_a_campaign_gets_the_answer_that_was_written_down(key):
     """Numbers agree to a millionth, p values in their logarithm, words to the letter."""
     held = HELD[key]

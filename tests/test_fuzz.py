@@ -143,6 +143,8 @@ def text_lines(data):
             text = data[len(mark) :].decode(encoding)
             break
     else:
+        if data[1:80:2].count(0) > 30:  # UTF-16 has a zero behind each letter of ours
+            return [line.strip() for line in re.split(r"\r\n|\n|\r", data.decode("utf-16-le"))]
         try:
             text = data.decode("utf-8")
         except UnicodeDecodeError:
@@ -158,7 +160,8 @@ NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)(?:[eE][+-]?[0-9]
 
 def says(line, row, named):
     """Whether a line, read by eye, has the names and the three numbers [mm] of a reading."""
-    numbers = [float(n.replace(",", ".")) / 1000.0 for n in NUMBER.findall(line)]
+    together = line + re.sub(r"(?<=[0-9])[' ](?=[0-9]{3})", "", line)  # 18'500.0 is a number, too
+    numbers = [float(n.replace(",", ".")) / 1000.0 for n in NUMBER.findall(together)]
     numbers += [
         float(n) / 1000.0
         for n in re.findall(r"[+-]?[0-9.]+(?:[eE][+-]?[0-9]+)?", line)

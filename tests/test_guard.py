@@ -1,7 +1,6 @@
 """A campaign of a service in a process of its own: what it may take, and what its end costs."""
 
 import os
-import shutil
 import signal
 import threading
 import time
@@ -9,19 +8,23 @@ from pathlib import Path
 
 import pytest
 
+from bench.bench_kill import PLAN
 from pipeline.app.guard import Guard
 from pipeline.app.preferences import Service
 from pipeline.app.processes import alive
+from pipeline.simulate import simulate
 from pipeline.store import campaign as campaigns
-
-KEPT = Path(__file__).parents[1] / "data" / "raw" / "fanuc_r2000ic"
 
 
 @pytest.fixture
 def root(tmp_path):
     """A project with two campaigns."""
+    files = simulate(PLAN).files
     for name in ("a", "b"):
-        shutil.copytree(KEPT, tmp_path / "data" / "raw" / name)
+        folder = tmp_path / "data" / "raw" / name
+        folder.mkdir(parents=True)
+        for file, content in files.items():
+            (folder / file).write_bytes(content)
     return tmp_path
 
 

@@ -295,6 +295,11 @@ def test_a_log_with_its_header_only_is_named(log):
     ("old", "new", "said"),
     [
         ("P1 = [0.20", "P1 = [1e160", r"tool\.P1.*1e\+160 should be less than"),
+        (
+            "[scale]",
+            "[payload.a]\nmass_kg = 1.0\ncenter_m = [0, 250.0, 0]\n[scale]",
+            r"payload\.a\.center_m: .*250 m is on no effector",
+        ),
         ("B2 = [0.6", "B2 = [-1e308", r"base_frame\.B2.*-1e\+308 should be greater than"),
         ("sigma_m = 3.0e-5", "sigma_m = 1e160", r"tracker\.sigma_m: 1e\+160 should be less"),
         ("sigma_m = 3.0e-5", "sigma_m = 1e-320", r"tracker\.sigma_m: .* is as good as zero"),
@@ -369,6 +374,7 @@ def test_a_missing_zero_costs_its_target_only():
         ),
         (change(loads=without(LOADS, "1,2,")), (1, 2), "pose 1 repeat 2 has no force in loads.csv"),
         (change(joints=without(JOINTS, "2,7.5")), (2, 1), "pose 2 has no row in joints.csv"),
+        (change(joints=JOINTS.replace(",35,", ",235,")), (2, 1), "joint theta3 is at 235 deg, 1"),
         (change(loads=LOADS.replace("698.0", "-698.0")), (2, 1), "force is not above zero"),
         (
             change(
@@ -378,7 +384,7 @@ def test_a_missing_zero_costs_its_target_only():
             "pose 2 has no unloaded reading",
         ),
     ],
-    ids=["chain", "ends in one place", "load", "joints", "negative force", "zero"],
+    ids=["chain", "ends in one place", "load", "joints", "limits", "negative force", "zero"],
 )
 def test_an_incomplete_pull_goes_as_a_whole(changed, pull, said):
     """Without chain, force, joints or zero a pull is of no use; the others stay."""
@@ -506,8 +512,8 @@ def test_a_wrong_unit_in_one_file_of_two_is_refused():
             "joints.csv:1: .*no column theta4_deg.*; ",
         ),
         (
-            change(joints=JOINTS.replace(",50,", ",250,")),
-            "joints.csv:2: joint theta3 is at 250 deg.*; ",
+            change(joints=JOINTS.replace(",50,", ",250,").replace(",35,", ",235,")),
+            "joints.csv:2: pose 1: joint theta3 is at 250 deg.*; ",
         ),
         (
             change(tracker=tracker_csv(tracker_rows()[1:])),

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -131,3 +132,50 @@ def test_a_missing_file_is_one_sentence(capsys, tmp_path):
     assert code == 5
     assert err.strip().endswith("nix.csv: there is no such file; correct the path.")
     assert json.loads(out)["error"]["thing"] == "there is no such file"
+
+
+POSES = [
+    f"Pose {k} {word};{name};{k}{n}01,{n}5;-2{k}{n}1,5;30{n}{k},25"
+    for k in (1, 2)
+    for word in ("leer", "Last")
+    for n, name in enumerate(("A", "B"))
+]
+"""Two targets in four groups."""
+
+
+def test_the_number_of_a_row_is_no_target_beside_names():
+    """`Nr.` counts rows where there are names; alone it is the name of a point."""
+    numbered = [f"{k};{row}" for k, row in enumerate(POSES, 7)]
+    unnamed = [re.sub(";.*?;.*?;", ";", row, count=1) for row in numbered]
+    beside, alone = (
+        inspect("m.csv", "\n".join([f"Nr.;{title}X [mm];Y [mm];Z [mm]", *rows, ""]).encode())
+        for title, rows in (("Messgruppe;Punkt;", numbered), ("", unnamed))
+    )
+
+    assert (beside.groups, beside.targets, beside.unused) == (4, ["A", "B"], ["Nr."])
+    assert alone.targets == sorted(map(str, range(7, 15)))
+
+
+def test_a_point_may_have_a_number_behind_its_group():
+    """Names that come again and differ within a group; the place of a word is not asked."""
+    rows = [row.replace("Pose ", "").replace(" ", "").replace(",", ".") for row in POSES]
+    named = "\n".join(rows).replace(";A;", ";101;").replace(";B;", ";102;").replace(";", "  ")
+    seen = inspect("points.txt", named.encode(), Hints(unit="mm"))
+
+    assert (seen.groups, seen.targets) == (4, ["101", "102"])
+    assert seen.preview[0]["x_mm"] == 1001.05
+
+
+def test_a_log_is_told_from_an_export(capsys, tmp_path):
+    """With what to write into campaign.toml, and with no question about coordinates."""
+    log = tmp_path / "kraft.csv"
+    log.write_text("Pose;Zug Nr.;Kraft [kg];Richtung\n1;1;122,5;auf\n1;2;305,1;ab\n")
+    code, said, _ = run(capsys, log, "--json")
+    joints = GOLDEN.parents[1] / "data/raw/kr500_demo/joints.csv"
+    _, other, _ = run(capsys, joints, "--json")
+
+    assert code == 0
+    assert json.loads(said)["dialect"] == "log of loads"
+    assert '[scale.columns]\n"Zug Nr." = "repeat"' in json.loads(said)["proposal"]
+    assert json.loads(other)["proposal"] == '[joints]\nfile = "joints.csv"'
+    assert "kr500_rail" in json.loads(other)["robots"]

@@ -113,11 +113,11 @@ def test_an_innocent_machine_is_let_go():
     [
         {"rail_backlash": 1.0},
         {"joint_tilt_3": 2.5},
-        {"link_bending:forearm": 2.0},
+        pytest.param({"link_bending:forearm": 2.0}, marks=pytest.mark.slow),
         pytest.param({"joint_hardening_3": 3.0}, marks=pytest.mark.slow),
         pytest.param({"joint_lost_motion_3": 2.5}, marks=pytest.mark.slow),
         {"joint_hysteresis_4": 2.0},
-        {"compensator": 2.0},
+        pytest.param({"compensator": 2.0}, marks=pytest.mark.slow),
         pytest.param({"chain_offset": 2.0}, marks=pytest.mark.slow),
         {"rail_roll": 1.0, "joint_hysteresis_4": 2.0},
     ],
@@ -136,9 +136,9 @@ def test_a_secret_is_named(sizes):
     [
         "rail_joint_rocks",
         "loose_nest",
-        "shoulder_elbow_coupling",
-        "hertzian_rollers",
-        "clamp_turns",
+        pytest.param("shoulder_elbow_coupling", marks=pytest.mark.slow),
+        pytest.param("hertzian_rollers", marks=pytest.mark.slow),
+        pytest.param("clamp_turns", marks=pytest.mark.slow),
     ],
 )
 def test_what_nobody_knows_is_not_given_a_name(name):
@@ -149,7 +149,9 @@ def test_what_nobody_knows_is_not_given_a_name(name):
     assert not one.confident
 
 
-@pytest.mark.parametrize("name", ["joint_tilt_6", "tool_flex"])
+@pytest.mark.parametrize(
+    "name", [pytest.param("joint_tilt_6", marks=pytest.mark.slow), "tool_flex"]
+)
 def test_twins_stay_undecided(name):
     """A twin is found, and both are stated."""
     one = judged(42, **{name: 2.5})

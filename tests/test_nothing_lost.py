@@ -9,7 +9,9 @@ import pytest
 from bench.bench_kill import PLAN, Victim, survived
 from pipeline.app.pages import refresh
 from pipeline.base.errors import InputError
+from pipeline.base.files import leftovers
 from pipeline.run import run
+from pipeline.simulate import simulate
 from pipeline.store.campaign import find
 
 COMMAND = [sys.executable, "-m", "pipeline"]
@@ -19,6 +21,16 @@ COMMAND = [sys.executable, "-m", "pipeline"]
 def victim(tmp_path):
     with Victim(tmp_path, PLAN) as one:
         yield one
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """The raw folder of the same campaign, without a process that runs it."""
+    folder = tmp_path / "data" / "raw" / "killed"
+    folder.mkdir(parents=True)
+    for name, content in simulate(PLAN).files.items():
+        (folder / name).write_bytes(content)
+    return folder
 
 
 @pytest.mark.slow
@@ -32,45 +44,47 @@ def test_a_killed_run_leaves_nothing_behind(victim):
     assert not victim.leftovers
 
 
-def test_what_a_killed_run_left_goes_though_nothing_is_computed(victim):
+@pytest.mark.usefixtures("folder", "unseen")
+def test_what_a_killed_run_left_goes_though_nothing_is_computed(tmp_path):
     """The answer stands, half-written files beside it go; while another run works they stay."""
-    victim.run()
-    one = find(victim.root, "killed")
+    one = find(tmp_path, "killed")
+    run(one)
     begun = [one.reports / ".index.html.abcd1234", one.processed / ".40_estimate.parquet.x_y_z_12"]
     for path in begun:
         path.write_bytes(b"half")
     with one.locked():
         begun[0].write_bytes(b"half")
-        refresh(victim.root)
-        assert victim.leftovers == begun[:1]
+        refresh(tmp_path)
+        assert leftovers(tmp_path) == begun[:1]
     begun[1].write_bytes(b"half")
-    refresh(victim.root)
+    refresh(tmp_path)
 
-    assert not victim.leftovers
+    assert not leftovers(tmp_path)
 
 
-def test_a_full_disk_leaves_the_old_answer(victim):
+@pytest.mark.usefixtures("folder", "unseen")
+def test_a_full_disk_leaves_the_old_answer(tmp_path):
     """No file may grow beyond 20 kB: one sentence, exit code 3, the answer as it was."""
-    victim.run()
-    before = victim.result
+    one = find(tmp_path, "killed")
+    before = run(one)
     limited = "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000)); "
     limited += "from pipeline.app.cli import main; main(sys.argv[1:])"
     command = [sys.executable, "-c", limited, "run", "killed", "--engine", "local", "--force"]
     done = subprocess.run(
-        [*command, "--root", str(victim.root)], capture_output=True, text=True, check=False
+        [*command, "--root", str(tmp_path)], capture_output=True, text=True, check=False
     )
 
     assert done.returncode == 3
     assert "Traceback" not in done.stderr
     assert "cannot be written" in done.stderr
-    assert not victim.leftovers
-    assert victim.run() == 0
-    assert victim.result == before
+    assert not leftovers(tmp_path)
+    assert run(one).as_json() == one.result() == before.as_json()
 
 
-def test_two_runs_at_once_agree(victim):
+@pytest.mark.usefixtures("folder")
+def test_two_runs_at_once_agree(tmp_path):
     """The second waits for the first and finds its work done."""
-    command = [*COMMAND, "run", "killed", "--engine", "local", "--json", "--root", str(victim.root)]
+    command = [*COMMAND, "run", "killed", "--engine", "local", "--json", "--root", str(tmp_path)]
     both = [
         subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         for _ in range(2)
@@ -81,14 +95,14 @@ def test_two_runs_at_once_agree(victim):
     assert said[0] == said[1] != ""
 
 
-def test_raw_files_stay_as_they_are(victim):
+@pytest.mark.usefixtures("unseen")
+def test_raw_files_stay_as_they_are(folder, tmp_path):
     """A run reads the raw folder and never writes there, so that it may be read-only."""
-    folder = victim.root / "data" / "raw" / "killed"
     before = {path.name: (path.read_bytes(), path.stat().st_mtime_ns) for path in folder.iterdir()}
     for path in [*folder.iterdir(), folder]:
         path.chmod(path.stat().st_mode & ~0o222)
     try:
-        run(find(victim.root, "killed"))
+        run(find(tmp_path, "killed"))
     finally:
         folder.chmod(0o755)
 
@@ -96,9 +110,8 @@ def test_raw_files_stay_as_they_are(victim):
     assert after == before
 
 
-def test_a_file_that_grows_while_it_is_read_is_refused(victim, monkeypatch):
+def test_a_file_that_grows_while_it_is_read_is_refused(folder, tmp_path, monkeypatch):
     """The exporter still writes: come back when it is finished."""
-    folder = victim.root / "data" / "raw" / "killed"
     path = folder / "tracker.csv"
     whole = os.path.getsize(path)
     look = os.fstat
@@ -112,7 +125,7 @@ def test_a_file_that_grows_while_it_is_read_is_refused(victim, monkeypatch):
     monkeypatch.setattr(os, "fstat", slow)
 
     with pytest.raises(InputError, match=r"tracker.csv: changed while it was read") as refused:
-        run(find(victim.root, "killed"))
+        run(find(tmp_path, "killed"))
 
     assert refused.value.passing
     assert os.path.getsize(path) > whole

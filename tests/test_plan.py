@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
+from pipeline import simulate as simulated
 from pipeline.app import cli
 from pipeline.app.commands.design import added_to, write
 from pipeline.base.errors import InputError, UsageError
@@ -82,7 +83,7 @@ def test_a_rehearsal_is_as_uncertain_as_the_design_says(proposal):
     plan = parse(text_of(plan_content(proposal)))
     raw, data = reduced(simulate(plan).files)
     cell = paper_cell(raw.robot, made.tool)
-    _, estimate = identify(cell, data, raw.robot.nominal_compliance)
+    system, estimate = identify(cell, data, raw.robot.nominal_compliance)
     spec = made.spec.test_pose[0]
     q = np.where(raw.robot.prismatic, spec.q, np.deg2rad(spec.q))[None]
     none, number = np.zeros(1), np.arange(1)
@@ -91,7 +92,7 @@ def test_a_rehearsal_is_as_uncertain_as_the_design_says(proposal):
     figure = np.sqrt(np.trace(A @ estimate.cov @ A.T))
 
     assert figure == pytest.approx(proposal.figure, rel=0.03)
-    known = information_of(cell, data, made.experiment.scale)
+    known = information_of(system, estimate, made.experiment.scale)
     assert known == pytest.approx(
         proposal.plan.M, rel=0.1, abs=0.02 * np.abs(proposal.plan.M).max()
     )
@@ -447,6 +448,29 @@ def test_further_poses_build_on_what_is_known(written, realistic):
     at = station(further.experiment, last.plan.q, last.plan.anchor)
     gained = information(further.experiment, at).sum(axis=0)
     assert np.abs(last.plan.M - known - gained).max() < 1e-9 * np.abs(known).max()
+
+
+def test_a_campaign_noisier_than_stated_is_known_less_of(tmp_path):
+    """Three times the scatter of the tracker: nearly a ninth of the information, not all of it."""
+    base = changed(
+        "diagnosis_reference",
+        plan={"poses": 3, "readings": 3},
+        limits={"max_relative_std": 9.0},
+        diagnosis=None,
+    )
+    traces = []
+    for scatter in (1.0, 3.0):
+        plan = simulated.Plan(
+            name=f"s{scatter:g}", tracker={"noise_scale": scatter}, scale={"gain_sigma": 0.0}
+        )
+        folder = tmp_path / "data" / "raw" / plan.name
+        folder.mkdir(parents=True)
+        for file, content in simulate(plan).files.items():
+            (folder / file).write_bytes(content)
+        known = added_to(base, find(tmp_path, plan.name)).known
+        traces.append(np.trace(known[1:, 1:]))
+
+    assert 4 < traces[0] / traces[1] < 10
 
 
 def test_an_ordinary_plan_crosses_its_approaches(realistic, proposal):

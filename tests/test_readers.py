@@ -269,7 +269,8 @@ def test_tables_with_runs_of_blanks():
         ("semicolon.xyz", Hints(), 'write unit = "mm"'),
         ("sa_compound.txt", Hints(unit="m"), "says mm .* says m; remove unit"),
         ("sa_everything.txt", Hints(covariance="a-priori"), "has no a-priori covariance"),
-        ("odd_table.txt", Hints(), "none of .*; describe its columns in \\[tracker.mapping\\]"),
+        ("odd_table.txt", Hints(), 'odd_table.txt:2: .* unit of length; write unit = "mm"'),
+        ("odd_table.txt", MM, 'odd_table.txt:2: .* unit of angles; write angle = "gon"'),
         ("odd_table.txt", Hints(unit="mm", mapping=MAPPING), 'write angle = "deg"'),
         (
             "odd_table.txt",
@@ -322,12 +323,13 @@ def test_thousands_or_decimals_is_asked():
 
 
 def test_points_among_decimal_commas_are_left_out():
-    """`1.234,5` and `12.5` in a file of decimal commas are no numbers of that file."""
+    """`12.5` in a file of decimal commas is no number of that file; `1.234,5` has thousands."""
     text = "a;P1;1,25;2,5;3,5\nb;P1;1.234,5;2,5;3,5\nc;P1;12.5;2,5;3,5\n"
     export = readers.read("t.xyz", text.encode(), MM)
 
-    assert export.line.tolist() == [1]
-    assert [line for line, _ in export.rejected] == [2, 3]
+    assert export.line.tolist() == [1, 2]
+    assert export.position[1, 0] == 1.2345
+    assert [line for line, _ in export.rejected] == [3]
 
 
 def test_a_file_of_two_dialects_is_asked():

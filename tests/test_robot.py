@@ -13,6 +13,7 @@ from pipeline.machine.robot import SHIPPED, configure, load
 from pipeline.machine.robot.configuration import torque, velocity
 from pipeline.machine.robot.mdh import parse
 from pipeline.machine.robot.model import model
+from pipeline.machine.robot.variants import alike, differing, misread
 
 POINT = np.array([0.11, -0.07, 0.23])
 RNG = np.random.default_rng(7)
@@ -25,9 +26,17 @@ def inside(robot, m, rng=RNG):
     return rng.uniform(lower, upper, (m, robot.n))
 
 
-def product(rows, q):
+def step(table):
+    """The constant step of a `[base]` or `[flange]`, by Pinocchio's roll, pitch and yaw."""
+    table = table or {"xyz_m": [0.0] * 3, "rpy_deg": [0.0] * 3}
+    R = pin.rpy.rpyToMatrix(*np.deg2rad(table["rpy_deg"]))
+    return pin.SE3(R, np.array(table["xyz_m"])).homogeneous
+
+
+def product(content, q):
     """The plain product of one transform per row, straight from the TOML of a modified table."""
-    T = np.eye(4)
+    T = step(content.get("base"))
+    rows = content["joint"]
     for row, value in zip(rows, q, strict=True):
         alpha = np.deg2rad(row.get("alpha_deg", 0))
         theta = np.deg2rad(row.get("theta_deg", 0))
@@ -46,7 +55,7 @@ def product(rows, q):
                 [0, 0, 0, 1],
             ]
         )
-    return T
+    return T @ step(content.get("flange"))
 
 
 @pytest.fixture(params=SHIPPED)
@@ -56,7 +65,7 @@ def robot(request):
 
 def test_flange_is_the_product_of_the_rows_and_what_pinocchio_says(robot):
     """Numpy product, batched frames and Pinocchio agree to 1e-12 m."""
-    rows = tomllib.loads((resources.files(robots) / f"{robot.name}.toml").read_text())
+    content = tomllib.loads((resources.files(robots) / f"{robot.name}.toml").read_text())
     q = inside(robot, 50)
     batched = configure(robot, q).points(POINT[None])[:, 0]
     built = model(robot, {"tool": POINT})
@@ -65,9 +74,95 @@ def test_flange_is_the_product_of_the_rows_and_what_pinocchio_says(robot):
     for here, there in zip(q, batched, strict=True):
         pin.framesForwardKinematics(built, data, here)
         by_pin = data.oMf[built.getFrameId("tool")].translation
-        by_hand = (product(rows["joint"], here) @ np.append(POINT, 1))[:3]
+        by_hand = (product(content, here) @ np.append(POINT, 1))[:3]
         assert np.abs(by_pin - by_hand).max() < 1e-12
         assert np.abs(there - by_hand).max() < 1e-12
+
+
+PUBLISHED = [
+    (
+        "ur10",
+        [20, -60, 80, 30, 50, -70],
+        [-0.6759340914, -0.4835507722, 0.3330937116],
+        [-0.2428619789, -0.7724348179, -0.5868240889],
+        [0.8988366212, 0.0483324003, -0.4356107293],
+    ),
+    (
+        "ur10",
+        [-100, -40, -30, -120, -80, 140],
+        [-0.0497795192, 0.7539849107, 1.1881814896],
+        [-0.0025980273, 0.9852658553, 0.1710100715],
+        [-0.7463110983, 0.1119133594, -0.6561212879],
+    ),
+    (
+        "ur10e",
+        [20, -60, 80, 30, 50, -70],
+        [-0.6750353605, -0.5107442328, 0.3703997094],
+        [-0.2428619789, -0.7724348179, -0.5868240889],
+        [0.8988366212, 0.0483324003, -0.4356107293],
+    ),
+    (
+        "ur10e",
+        [-100, -40, -30, -120, -80, 140],
+        [-0.0599732492, 0.7793146832, 1.2495777189],
+        [-0.0025980273, 0.9852658553, 0.1710100715],
+        [-0.7463110983, 0.1119133594, -0.6561212879],
+    ),
+    (
+        "kr210_l150",
+        [20, -60, 80, 30, 50, -70],
+        [0.6701190006, 0.338363851, 0.6162282245],
+        [0.2028115384, 0.8228649885, 0.5308113513],
+        [0.223377295, 0.4889064209, -0.843251502],
+    ),
+    (
+        "kr210_l150",
+        [-100, -40, -30, -120, -80, 140],
+        [0.1488837181, -0.263538269, 3.0968414032],
+        [0.2599437661, 0.2867951462, 0.9220508568],
+        [0.7492499221, -0.6622666662, -0.0052361333],
+    ),
+    (
+        "kr210_r2700_2",
+        [20, -60, 80, 30, 50, -70],
+        [2.0126953381, -0.8201959966, 1.150430218],
+        [0.223377295, -0.4889064209, -0.843251502],
+        [-0.2028115384, 0.8228649885, -0.5308113513],
+    ),
+    (
+        "kr210_r2700_2",
+        [-100, -40, -30, -120, -80, 140],
+        [-0.1028827234, 1.6394438563, 2.5688372963],
+        [0.7492499221, 0.6622666662, -0.0052361333],
+        [-0.2599437661, 0.2867951462, -0.9220508568],
+    ),
+    (
+        "irb6640",
+        [20, -60, 80, 30, 50, -70],
+        [0.7639902836, 0.3595904694, 0.8606961842],
+        [0.223377295, 0.4889064209, -0.843251502],
+        [-0.2028115384, -0.8228649885, -0.5308113513],
+    ),
+    (
+        "irb6640",
+        [-100, -40, -30, -120, -80, 140],
+        [0.1642355491, -0.050868742, 2.9789067065],
+        [0.7492499221, -0.6622666662, -0.0052361332],
+        [-0.2599437661, -0.2867951462, -0.9220508568],
+    ),
+]
+"""Robot, joint values [deg], flange [m], its z and its x, by Pinocchio from the URDF of the package
+that the robot file names."""
+
+
+@pytest.mark.parametrize(("name", "q", "at", "z", "x"), PUBLISHED)
+def test_a_table_from_a_package_stands_where_its_urdf_stands(name, q, at, z, x):
+    """Origin and axes of the flange, to a nanometre and to what the package's pi is rounded to."""
+    here = configure(load(name), np.deg2rad(q)[None])
+
+    assert here.flange_origin[0] == pytest.approx(at, abs=1e-9)
+    assert here.flange_axes[0, :, 2] == pytest.approx(z, abs=1e-9)
+    assert here.flange_axes[0, :, 0] == pytest.approx(x, abs=1e-9)
 
 
 def test_jacobians_are_finite_differences(robot):
@@ -140,6 +235,23 @@ a_m = 0.7
 
     assert np.abs(configure(parse(text, "two.toml"), q).flange_origin[0] - expected).max() < 1e-15
 
+    ends = """
+[base]
+xyz_m = [1.0, 2.0, 3.0]
+rpy_deg = [0, 0, 90]
+[flange]
+xyz_m = [0.1, 0, 0]
+rpy_deg = [0, 0, 90]
+"""
+    longer = expected + 0.1 * np.array(
+        [np.cos(one) * np.cos(two), np.sin(one) * np.cos(two), np.sin(two)]
+    )
+    turned = [1 - longer[1], 2 + longer[0], 3 + longer[2]]
+
+    assert (
+        np.abs(configure(parse(text + ends, "two.toml"), q).flange_origin[0] - turned).max() < 1e-14
+    )
+
 
 def test_the_real_kr500_is_the_published_arm():
     """kr500_rail_kuka reaches where KUKA's dimensions 500, 1045, 1300, 55, 1525, 290 say.
@@ -154,6 +266,18 @@ def test_the_real_kr500_is_the_published_arm():
 
     assert np.linalg.norm(flange[:2]) == pytest.approx(0.5 + 1.525 + 0.290, abs=1e-12)
     assert flange[2] == pytest.approx(1.045 + 1.3 - 0.055, abs=1e-12)
+
+
+def test_letters_are_compared_within_one_convention():
+    """One length that is off is named; of two arms, or of two conventions, none is."""
+    craig, kr500 = load("ur10e"), load("kr500_rail")
+    standard = parse(misread(craig)[0], "x.toml")
+
+    assert differing(kr500, load("kr500_rail_kuka")) == "d_5"
+    assert differing(load("kr210_r2700_2"), load("irb6640")) is None
+    assert differing(craig, standard) is None
+    assert alike(craig, standard)
+    assert not alike(craig, kr500)
 
 
 def test_a_robot_that_does_not_ship_is_refused_by_name():
@@ -173,6 +297,10 @@ def test_a_robot_that_does_not_ship_is_refused_by_name():
         (("d_m = 1.3", "d_m = 1e160"), r"d_m: 1e\+160 should be less than"),
         (("d_m = 1.3", "d_m = nan"), "d_m: nan should be"),
         (("lower_deg = -120.0", "lower_deg = -inf"), "lower_deg: -inf should be"),
+        (("lower_deg = -120.0", "effort_n = 5"), "theta6 is revolute"),
+        (("lower_deg = -120.0", "stiffness_range_nm_per_rad = [2e5, 1e5]"), "theta6: the range"),
+        (("payload_kg = 480", "payload_kg = 0"), "payload_kg"),
+        (("payload_kg = 480", "flange = { rpy_deg = [0, 0] }"), "flange.rpy_deg"),
     ],
 )
 def test_a_wrong_robot_file_is_refused_with_the_place(change, says):

@@ -3,7 +3,7 @@
 import csv
 import json
 import math
-import shutil
+import re
 import subprocess
 import sys
 import tomllib
@@ -11,13 +11,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from bench.league.play import Rules, drawn, play
+from pipeline.base.errors import InputError
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import bring, conformed, plain
-from pipeline.run import ingested, run
+from pipeline.run import answered, ingested, run
 from pipeline.simulate import Plan, revised, simulate
 from pipeline.store import campaign as campaigns
 from pipeline.store.campaign import in_memory
@@ -47,6 +47,11 @@ def write(root, files, name="campaign"):
     return campaigns.find(root, name)
 
 
+def told(files):
+    """What these files say, without tables and report on disk."""
+    return answered("told", in_memory(files)).answer
+
+
 def exact(changes=None):
     """A KR500 campaign without any noise, coordinates written in full."""
     plan = Plan(name="exact")
@@ -58,12 +63,13 @@ def exact(changes=None):
 
 
 SWAPPED = "label_swap:pose03_rep1_loaded"
+FEW = Plan(name="c", poses={"count": 7})
 TABLE_III = [8.0e7, 3.8e6, 6.6e6, 3.9e6, 5.6e5, 6.6e5, 4.7e5]
 
 
-def test_exact_data_give_back_the_stiffnesses(tmp_path):
+def test_exact_data_give_back_the_stiffnesses():
     """Through the raw files, all seven come back to 1e-9 of Table III."""
-    answer = run(write(tmp_path, simulate(exact()).files))
+    answer = told(simulate(exact()).files)
     found = [entry.value for entry in answer.stiffness]
 
     assert found == pytest.approx(TABLE_III, rel=1e-9)
@@ -118,15 +124,20 @@ def fanuc_by_hand():
     return np.vstack(B), moved.ravel()
 
 
-def test_real_fanuc_pulls_agree_with_an_independent_least_squares(tmp_path):
+def fanuc():
+    """The FANUC's published campaign."""
+    folder = PROJECT / "data" / "raw" / "fanuc_r2000ic"
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_real_fanuc_pulls_agree_with_an_independent_least_squares():
     """Equal weights, joints only: k_1..k_6, 0.220 mm left, 0.2339 mm on left-out poses."""
     B, c = fanuc_by_hand()
     scale = np.linalg.norm(B, axis=0)
     x = np.linalg.lstsq(B / scale, c, rcond=None)[0] / scale
     residual = c - B @ x
-    shutil.copytree(PROJECT / "data/raw/fanuc_r2000ic", tmp_path / "data/raw/fanuc")
 
-    answer = run(campaigns.find(tmp_path, "fanuc"))
+    answer = told(fanuc())
 
     springs = answer.joint_springs
     assert [e.value for e in springs.stiffness] == pytest.approx(1 / x, rel=1e-6)
@@ -140,7 +151,7 @@ def test_real_fanuc_pulls_agree_with_an_independent_least_squares(tmp_path):
     assert "Joint springs alone do not explain the readings" in answer.verdict_sentence[0]
 
 
-def test_left_out_error_is_that_of_refitting_without_the_pose(tmp_path):
+def test_left_out_error_is_that_of_refitting_without_the_pose():
     """FANUC: 43 refits by lstsq give the same left-out residuals as the table."""
     B, c = fanuc_by_hand()
     scale = np.linalg.norm(B, axis=0)
@@ -150,23 +161,17 @@ def test_left_out_error_is_that_of_refitting_without_the_pose(tmp_path):
         keep[i : i + 3] = False
         x = np.linalg.lstsq(B[keep] / scale, c[keep], rcond=None)[0] / scale
         out[~keep] = (c - B @ x)[~keep]
-    shutil.copytree(PROJECT / "data/raw/fanuc_r2000ic", tmp_path / "data/raw/fanuc")
-
-    answer = run(campaigns.find(tmp_path, "fanuc"))
+    answer = told(fanuc())
 
     assert answer.joint_springs.validation.held_out_rms_mm == pytest.approx(
         1e3 * math.sqrt(np.mean(out**2)), rel=1e-9
     )
 
 
-def test_a_pull_through_the_axis_of_joint_7_is_told_by_name(tmp_path):
+def test_a_pull_through_the_axis_of_joint_7_is_told_by_name():
     """The other six are given; k_theta7 is not, and the finding says what to change."""
-    answer = run(
-        write(
-            tmp_path,
-            simulate(exact({"tool": exact().tool | {"load_point": [0.0, 0.0, 0.25]}})).files,
-        )
-    )
+    tool = exact().tool | {"load_point": [0.0, 0.0, 0.25]}
+    answer = told(simulate(exact({"tool": tool})).files)
     entries = {entry.name: entry for entry in answer.stiffness}
 
     assert entries["k_theta7"].value is None
@@ -176,13 +181,11 @@ def test_a_pull_through_the_axis_of_joint_7_is_told_by_name(tmp_path):
     assert values == pytest.approx(TABLE_III[:6], rel=1e-9)
 
 
-def test_a_negative_compliance_is_a_finding_and_no_stiffness(tmp_path):
+def test_a_negative_compliance_is_a_finding_and_no_stiffness():
     """Rail displacements of the wrong sign: k_r1 has no value, the sentence says why."""
     files = dict(simulate(exact()).files)
-    answer = run(write(tmp_path, files, "right"))
-    kept = campaigns.find(tmp_path, "right").processed
-    moved = pd.read_parquet(kept / "23_displacements.parquet")
-    forces = pd.read_parquet(kept / "22_forces.parquet")
+    right = answered("right", in_memory(files))
+    answer, moved, forces = right.answer, right.shown["displacements"].copy(), right.shown["forces"]
     pull = moved.merge(forces, on=["pose", "repeat"])
     moved["dy_m"] -= 3 * pull["fy_n"] / 8.0e7
     content = tomllib.loads(files["campaign.toml"].decode())
@@ -202,7 +205,7 @@ def test_a_negative_compliance_is_a_finding_and_no_stiffness(tmp_path):
         "forces.csv": csv_of(forces, ["pose", "repeat", "fx_n", "fy_n", "fz_n"]),
     }
 
-    wrong = run(write(tmp_path, reduced, "wrong")).stiffness[0]
+    wrong = told(reduced).stiffness[0]
 
     assert answer.stiffness[0].value == pytest.approx(8e7, rel=1e-9)
     assert wrong.compliance == pytest.approx(-2 / 8e7, rel=1e-6)
@@ -217,7 +220,7 @@ def csv_of(table, columns):
 
 def test_json_on_stdout_is_the_result_file(tmp_path):
     """One line per campaign; a bad one has an error, stops nothing, and gives the exit code."""
-    write(tmp_path, simulate(Plan(name="good")).files, "good")
+    write(tmp_path, simulate(FEW).files, "good")
     write(tmp_path, {"campaign.toml": b"format = 1\n"}, "broken")
 
     done = pipeline(tmp_path, "run", "--engine", "local", "--json")
@@ -230,9 +233,10 @@ def test_json_on_stdout_is_the_result_file(tmp_path):
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.usefixtures("unseen")
 def test_a_second_run_computes_nothing_and_a_changed_input_does(tmp_path):
     """No file is touched when nothing changed; one changed byte of input makes a new result."""
-    campaign = write(tmp_path, simulate(Plan(name="c")).files)
+    campaign = write(tmp_path, simulate(FEW).files)
     first = run(campaign)
     stamps = {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*") if p.is_file()}
 
@@ -247,15 +251,25 @@ def test_a_second_run_computes_nothing_and_a_changed_input_does(tmp_path):
     assert run(campaign).stiffness != first.stiffness
 
 
+@pytest.mark.usefixtures("unseen")
 def test_a_damaged_answer_is_made_again(tmp_path):
     """The manifest knows what the outputs were."""
-    campaign = write(tmp_path, simulate(Plan(name="c")).files)
+    campaign = write(tmp_path, simulate(FEW).files)
     first = run(campaign)
     result = campaign.reports / "result.json"
     result.write_text(result.read_text().replace('"dof"', '"dog"'))
 
     assert run(campaign) == first
     assert json.loads((campaign.reports / "result.json").read_text()) == first.as_json()
+
+
+def test_a_point_that_no_effector_reaches_is_refused():
+    """Millimetres in [tool] stop whoever would compute with them."""
+    files = dict(simulate(Plan(name="mm")).files)
+    toml = re.sub(rb"(?m)^P1 = .*$", b"P1 = [200.0, 50.0, 120.0]", files["campaign.toml"])
+
+    with pytest.raises(InputError, match=r":\d+: \[tool\] P1: a coordinate of 200 m is on"):
+        told(files | {"campaign.toml": toml})
 
 
 def few(poses, steps, targets):
@@ -265,41 +279,41 @@ def few(poses, steps, targets):
 
 
 @pytest.mark.parametrize("size", [(2, 1, 1), (1, 1, 3)])
-def test_too_few_pulls_are_answered_by_what_they_determine(size, tmp_path):
+def test_too_few_pulls_are_answered_by_what_they_determine(size):
     """Fewer rows than unknowns, or none determined by itself: combinations, and no stiffness."""
-    answer = run(write(tmp_path, simulate(few(*size)).files))
+    answer = told(simulate(few(*size)).files)
 
     assert not any(entry.identifiable for entry in answer.stiffness)
     assert answer.combinations
     assert not answer.rejected
 
 
-def test_two_poses_cannot_predict_each_other(tmp_path):
+def test_two_poses_cannot_predict_each_other():
     """Then there is no cross-validation error, and no number is given for it."""
-    answer = run(write(tmp_path, simulate(few(2, 1, 3)).files))
+    answer = told(simulate(few(2, 1, 3)).files)
 
     assert answer.validation.held_out_rms_mm is None
     assert any(entry.value for entry in answer.stiffness)
 
 
-def test_a_base_reflector_off_by_centimetres_is_told(tmp_path):
+def test_a_base_reflector_off_by_centimetres_is_told():
     """The finding names it; the registration claims no microradians any more."""
     files = dict(simulate(Plan(name="c")).files)
-    good = run(write(tmp_path, files, "good"))
+    good = told(files)
     toml = files["campaign.toml"].replace(b"B2 = [0.6, 18.5, -0.3]", b"B2 = [0.63, 18.5, -0.3]")
     assert toml != files["campaign.toml"]
-    bad = run(write(tmp_path, files | {"campaign.toml": toml}, "bad"))
+    bad = told(files | {"campaign.toml": toml})
 
     assert good.findings == tuple(e.finding for e in good.stiffness if e.finding)
     assert "base reflectors do not fit" in bad.findings[0]
     assert bad.registration.rotation_std_rad[2] > (50 * good.registration.rotation_std_rad[2])
 
 
-def test_exchanged_names_are_told_and_the_corrected_result_stands_beside(tmp_path):
+def test_exchanged_names_are_told_and_the_corrected_result_stands_beside():
     """P2 and P3 of one pull exchanged hide every stiffness: name, place and right values come."""
     plan = revised(Plan(name="swapped", seed=5), {"hidden": {"effects": [SWAPPED]}})
 
-    answer = run(write(tmp_path, simulate(plan).files))
+    answer = told(simulate(plan).files)
 
     assert answer.diagnosis.verdict == "bad_data"
     assert answer.diagnosis.causes[0].name == "label_swap"
@@ -315,11 +329,12 @@ def test_what_the_undeformed_robot_leaves_out_biases_no_stiffness():
     plan = replace(drawn(robot, np.random.default_rng(2), rules), scatter=0.0)
     game = play(robot, plan, [], np.random.default_rng(12), rules)
     case = ingested(in_memory(game.files), conformed, plain)
-    told = fit(case, bring(case))
-    _, without = identify(told.case.cell, replace(told.data, bends=False), robot.nominal_compliance)
+    fitted = fit(case, bring(case))
+    data = replace(fitted.data, bends=False)
+    _, without = identify(fitted.case.cell, data, robot.nominal_compliance)
 
     def off(estimate):
         return np.abs(estimate.value - 1 / np.array(game.truth["stiffness"])) / estimate.std
 
-    assert off(told.estimate).max() < 0.3
+    assert off(fitted.estimate).max() < 0.3
     assert off(without).max() > 1

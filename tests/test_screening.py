@@ -11,7 +11,6 @@ import pytest
 
 from bench.league.hidden import SECRETS
 from bench.league.play import Rules, drawn, play
-from pipeline.base.errors import InputError
 from pipeline.diagnosis.diagnose import diagnose
 from pipeline.faults.conventions import anchored_miss, conventions, miss
 from pipeline.faults.screen import screen, screen_again
@@ -280,18 +279,24 @@ def test_the_corrected_result_is_that_of_good_data():
     assert fit(right, bring(right)).estimate.value == pytest.approx(expected, rel=1e-3)
 
 
-def test_a_value_that_no_mistake_explains_is_refused():
-    """One joint value outside its limits stays an error with its line."""
+def test_a_value_that_no_mistake_explains_costs_its_pose():
+    """One joint value outside its limits: the pose is left out with its line, the others go on."""
     made = campaign()
     head, row, *rest = made.files["joints.csv"].decode().splitlines()
     cells = row.split(",")
     cells[3] = "170.0"
     log = "\n".join([head, ",".join(cells), *rest]).encode()
 
-    with pytest.raises(InputError, match="outside its limits"):
-        case_of({**made.files, "joints.csv": log})
+    case = case_of({**made.files, "joints.csv": log})
+    out = case.rejected[case.rejected["file"] == "joints.csv"]
+
+    assert out["line"].tolist() == [2]
+    assert "outside its limits" in out["reason"].iloc[0]
+    assert 1 not in case.joints["pose"].to_numpy()
+    assert len(case.joints) == len(rest)
 
 
+@pytest.mark.usefixtures("unseen")
 def test_the_answer_has_both_results(tmp_path):
     """result.json: bad_data, the corrected values at the top, as given under joint_springs."""
     made = campaign("sign_or_convention:pull_reversed")

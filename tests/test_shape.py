@@ -72,10 +72,11 @@ def test_a_misfit_of_normal_noise_is_chi_square(case):
     dof = len(system.rows) - 7
 
     assert misfit(system, normal, chi2, rng) == pytest.approx(stats.chi2.sf(chi2, dof), rel=1e-9)
-    weight = np.zeros(1 + len(FREEDOM))
+    stated = Family.stated()
+    weight = np.zeros(len(stated.weight))
     weight[1 + FREEDOM.index(5.0)] = 1.0
     scale = np.full(len(weight), np.log(3 / 5))  # variances as stated
-    heavy = replace(normal, family=Family(weight, scale, 0.0, False))
+    heavy = replace(normal, family=replace(stated, weight=weight, log_scale=scale))
     high = float(stats.chi2.isf(0.01, dof))
     p = misfit(system, heavy, high, rng)
     assert 0.02 < p < 0.15  # five times as often as in normal noise, by the kurtosis of 9

@@ -9,15 +9,19 @@ from pipeline.answer.diagnosis import diagnosis_entry, noise_entry, placed
 from pipeline.answer.findings import Findings
 from pipeline.answer.inputs import (
     assumptions,
+    growth_findings,
     input_entries,
     instrument_entry,
+    limit_findings,
     measured_on,
     payload_entries,
     pose_findings,
     registration_entry,
     registration_findings,
     rejected_entries,
+    treated_findings,
 )
+from pipeline.answer.overload import overload_entry, overloaded
 from pipeline.answer.recommended import Values
 from pipeline.answer.reliability import carried_entries, controlled_entries
 from pipeline.answer.remarks import common_factor, contradicted
@@ -37,6 +41,7 @@ def answer(found: Findings) -> Answer:
     values, springs = values_entry(found.told, where), values_entry(found.springs, where)
     base = given.reduced.registration
     fits = registration_entry(base)
+    overload = overload_entry(raw.robot, given.reduced.data.pulls)
     said = [joint.finding for joint in values.stiffness if joint.finding]
     said += filter(None, [common_factor(values.stiffness), *map(enormous, found.diagnosis.causes)])
     payloads = payload_entries(given.case)
@@ -49,7 +54,7 @@ def answer(found: Findings) -> Answer:
         format=1,
         campaign=found.campaign,
         name=raw.settings.name,
-        robot=raw.settings.robot,
+        robot=raw.robot.name,
         measured=measured_on(raw.settings, given.reduced.shown["readings"]),
         verdict_sentence=tuple(sentences(found, values, springs, together)),
         recommended=contract.Recommended(
@@ -69,8 +74,12 @@ def answer(found: Findings) -> Answer:
         rejected=rejected_entries(given.case.rejected),
         findings=(
             *registration_findings(base, fits, _tracker_drifts(found)),
+            *growth_findings(fits),
+            *limit_findings(given.case),
+            *treated_findings(given.case),
             *pose_findings(found.one_pose),
             *contradicted(payloads),
+            *overloaded(overload),
             *said,
             *told(together),
         ),
@@ -79,6 +88,7 @@ def answer(found: Findings) -> Answer:
         influence=carried,
         payloads=payloads,
         instrument=instrument_entry(given.case.settings),
+        overload=overload,
         model=contract.Forward(
             equilibrium=contract.Equilibrium(found.told.values.first.cell.equilibrium)
         ),

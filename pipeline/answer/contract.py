@@ -518,6 +518,18 @@ class Rejected(Fact):
     reason: str
 
 
+class Growth(Fact):
+    """How much longer the base frame is than campaign.toml has it, relative."""
+
+    value: float
+    std: float
+    expected: Number = Field(description="by temperature_c; null without")
+    expected_std: float = Field(description="of that, or how far it may be without a temperature")
+    seen: Number = Field(description="by the base reflectors alone; null where they do not tell")
+    seen_std: Number
+    probability: float = Field(description="that it has grown at all; 1 with temperature_c")
+
+
 class Registration(Fact):
     """How the base reflectors fit."""
 
@@ -528,6 +540,11 @@ class Registration(Fact):
     p_value: Number
     rotation_std_rad: tuple[float, float, float]
     translation_std_m: tuple[float, float, float]
+    growth: Growth | None = Field(
+        default=None,
+        exclude_if=_nothing,
+        description="of rail and base frame with the temperature; absent where there is none",
+    )
 
 
 class Controlled(Fact):
@@ -580,6 +597,16 @@ class Payload(Fact):
     found: Body | None = Field(description="from the joint torques; null where none tell")
     poses: int = Field(description="how many the torques are of")
     p_value: Number = Field(description="of differing so much from the stated one by chance")
+
+
+class Overload(Fact):
+    """The hardest pull, where it is many times what the robot is built to carry."""
+
+    pose: int
+    repeat: int
+    force_n: float
+    payload_kg: float
+    times: float = Field(description="force over the weight of the payload")
 
 
 class Measuring(Fact):
@@ -645,6 +672,11 @@ class Answer(Values, Heading):
     )
     instrument: Measuring | None = Field(
         default=None, exclude_if=_nothing, description="what measured; absent where nobody says"
+    )
+    overload: Overload | None = Field(
+        default=None,
+        exclude_if=_nothing,
+        description="a force that the robot would hardly hold; absent without one",
     )
     model: Forward
     assumptions: tuple[str, ...]

@@ -13,8 +13,12 @@ from pipeline.answer import contract
 from pipeline.answer.contract import Input, Rejected
 from pipeline.base import files
 from pipeline.base.arrays import Array
+from pipeline.base.errors import listed
+from pipeline.base.quantities import with_std
 from pipeline.machine.effects.tracker_drift import GROUP_S
 from pipeline.reduction.case import Case
+from pipeline.reduction.growth import REFERENCE_C, STEEL, Growth
+from pipeline.reduction.limits import beyond
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.reduction.register import Registration
 from pipeline.reduction.settings import Instrument, Settings
@@ -22,6 +26,9 @@ from pipeline.reduction.torques import Weighed, weighed
 from pipeline.store.campaign import Raw
 from pipeline.system.estimate import MISFIT_P
 from pipeline.system.one_pose import OnePose
+
+_APART = 3.0
+"""Standard uncertainties between thermometer and reflectors from which they contradict: 0.3 %."""
 
 
 def measured_on(settings: Settings, readings: pd.DataFrame | None) -> str | None:
@@ -68,7 +75,46 @@ def registration_entry(registration: Registration) -> contract.Registration | No
         p_value=None if chi2 is None or dof < 1 else float(special.chdtrc(dof, chi2)),
         rotation_std_rad=tuple(std[:3].tolist()),
         translation_std_m=tuple(std[3:].tolist()),
+        growth=_growth_entry(registration.growth),
     )
+
+
+def _growth_entry(grown: Growth) -> contract.Growth | None:
+    """None where no temperature is stated and the base frame is as long as it should be."""
+    if not grown.probability:
+        return None
+    return contract.Growth(
+        value=grown.value,
+        std=grown.std,
+        expected=grown.expected,
+        expected_std=grown.expected_std,
+        seen=grown.seen,
+        seen_std=None if grown.seen is None else grown.seen_std,
+        probability=grown.probability,
+    )
+
+
+def growth_findings(told: contract.Registration | None) -> list[str]:
+    """A sentence where the base frame has another length than it should have."""
+    grown = told.growth if told is not None else None
+    if grown is None or grown.seen is None or grown.seen_std is None:
+        return []
+    seen = f"{with_std(1e3 * grown.seen, 1e3 * grown.seen_std)} mm per metre"
+    if grown.expected is None:
+        sure = "> 99.9" if grown.probability > 0.999 else f"{100 * grown.probability:.3g}"
+        return [
+            "The base reflectors stand elsewhere than in [base_frame] by a common scale, longer by "
+            f"{seen}, as steel at {REFERENCE_C + grown.seen / STEEL:.1f} °C "
+            f"(probability {sure} %): this is taken out; state temperature_c, or measure "
+            "[base_frame] again."
+        ]
+    if abs(grown.seen - grown.expected) < _APART * np.hypot(grown.seen_std, grown.expected_std):
+        return []
+    return [
+        f"By temperature_c the base frame is longer by {1e3 * grown.expected:.4f} mm per metre, by "
+        f"its reflectors by {seen}: the export may be compensated already, or [base_frame] was "
+        "measured as warm."
+    ]
 
 
 def _miss_m(registration: Registration) -> Array:
@@ -148,6 +194,39 @@ def _body(one: Weighed) -> contract.Body:
     return contract.Body(
         mass_kg=one.mass, mass_std_kg=one.mass_std, center_m=(x, y, z), center_std_m=(a, b, c)
     )
+
+
+def limit_findings(case: Case) -> list[str]:
+    """A sentence for the joints that stand a little beyond the limits of the robot file."""
+    found = [one for one in beyond(case) if not one.out]
+    if not found:
+        return []
+    worst = max(found, key=lambda one: one.over)
+    poses = listed(str(pose) for pose in sorted({one.pose for one in found}))
+    return [
+        f"The joint log has joints beyond the limits of the robot file, in pose {poses}; the "
+        f"farthest is {worst.file}:{worst.line}: {worst.said}. They are used: check the limits in "
+        "the robot file."
+    ]
+
+
+def treated_findings(case: Case) -> list[str]:
+    """Sentences for exports that were not used as they stand."""
+    out = []
+    for one in case.treated:
+        if one.faces:
+            single = one.faces.single
+            alone = f"; {single} stand in the second face only" if single else ""
+            out.append(
+                f"{one.file} has readings in two faces: {one.faces.pairs} pairs are averaged, up "
+                f"to {1e3 * one.faces.largest_m:.2g} mm apart{alone}."
+            )
+        if one.untimed:
+            out.append(
+                f"{one.file} has no times that can be trusted ({one.untimed}): the order of its "
+                "groups is the clock. Export them with date, hours, minutes and seconds."
+            )
+    return out
 
 
 def pose_findings(pose: OnePose | None) -> list[str]:

@@ -128,20 +128,22 @@ def _base(fitted: Fitted, at: Solution, turn: Array, about: Asked) -> Iterator[p
     rows = registration.table
     if not len(rows):
         return
-    base = of_base(registration, at, turn, fitted.data.rotation_cov)
-    size = np.linalg.norm(base.error, axis=1)
-    named = rows["group"].astype(str) + "/" + rows["target"].astype(str)
-    yield pd.DataFrame(
-        {
-            "source": "base",
-            "reading": np.repeat(named.to_numpy(object), 3),
-            "file": np.repeat(rows["file"].astype(str).to_numpy(object), 3),
-            "line": np.repeat(rows["line"].to_numpy(), 3),
-            "axis": _nearest(base.error),
-            "unit": "m",
-            **_told(base.each, size, about),
-        }
-    )
+    begin = 0
+    for base in of_base(registration, at, turn, fitted.data.rotation_cov):
+        size = np.linalg.norm(base.error, axis=1)
+        mine = rows.iloc[begin : (begin := begin + len(size) // 3)]
+        named = mine["group"].astype(str) + "/" + mine["target"].astype(str)
+        yield pd.DataFrame(
+            {
+                "source": "base",
+                "reading": np.repeat(named.to_numpy(object), 3),
+                "file": np.repeat(mine["file"].astype(str).to_numpy(object), 3),
+                "line": np.repeat(mine["line"].to_numpy(), 3),
+                "axis": _nearest(base.error),
+                "unit": "m",
+                **_told(base.each, size, about),
+            }
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -295,7 +297,7 @@ def _names(case: Case, placed: pd.DataFrame) -> _Names:
 
 def controlled_entries(control: pd.DataFrame) -> tuple[Controlled, ...]:
     """`reliability`: the errors with the lowest r of table RELIABILITY."""
-    least = control.sort_values("r", kind="stable").head(_TOLD)
+    least = control.nsmallest(_TOLD, "r")
     return tuple(Controlled(**_plain(row)) for row in least.to_dict("records"))
 
 

@@ -1,26 +1,36 @@
-"""The folder of a campaign that is still to be measured, for people to fill in."""
+"""A campaign.toml for what lies in a folder, or for what is still to be measured."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
 
 import jinja2
 
 from pipeline.base import files
-from pipeline.base.errors import InputError, UsageError
+from pipeline.base.errors import InputError, UsageError, listed
+from pipeline.base.quantities import plain
 from pipeline.base.shown import printable
 from pipeline.base.toml import quoted
 from pipeline.machine.robot import SHIPPED, Robot, load
-from pipeline.store.campaign import unfit
+from pipeline.store.campaign import Campaign, unfit
+
+if TYPE_CHECKING:  # it brings the readers
+    from pipeline.reduction.proposal import Proposal
 
 NAME = "a plain folder name that begins with no dot"
 
-ASKED = {
-    "sigma_mm": ("Standard uncertainty of one tracker reading per axis", "mm", 0.03),
-    "sigma_n": ("Standard uncertainty of one scale reading", "N", 2.0),
-}
-"""What `init` asks on a terminal, with unit and default."""
+_Value = TypeVar("_Value")
+
+_DEFAULTS = ("tracker*.csv", "tracker*.txt")
+"""What exports are called where there are none yet."""
+_TARGETS = ("P1", "P2", "P3")
+_BASE = ("B1", "B2", "B3")
+_OURS = ("unloaded", "loaded")
 
 
 def robots() -> str:
@@ -28,49 +38,203 @@ def robots() -> str:
     return ", ".join(SHIPPED)
 
 
-def init(root: Path, name: str, robot: str, sigma_mm: float, sigma_n: float) -> Path:
-    """Make the folder of a new campaign.
+@dataclass(frozen=True)
+class Known:
+    """What a person knows and no file says; None and missing where it stays open.
+
+    Attributes:
+        robot: A robot that ships, or a robot file.
+        unit: Of the exports that do not say it.
+        sigma_m: Standard uncertainty of one tracker reading per axis [m].
+        sigma_n: Standard uncertainty of one scale reading [N].
+        temperature_c: Of rail and base [degC].
+        places: Points of [tool] and [base_frame] [m], by name.
+    """
+
+    robot: str | None = None
+    unit: str | None = None
+    sigma_m: float | None = None
+    sigma_n: float | None = None
+    temperature_c: float | None = None
+    places: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+
+
+def write(folder: Path, said: Proposal, known: Known) -> list[str]:
+    """Write campaign.toml, and empty logs where there are none; what is still to be filled in.
 
     Args:
-        root: The project's root.
-        name: Of the campaign and its folder.
-        robot: A robot that ships, or a robot file.
-        sigma_mm: Standard uncertainty of one tracker reading per axis [mm].
-        sigma_n: Standard uncertainty of one scale reading [N].
-
-    Raises:
-        UsageError: The name is no folder name, the folder is there already, or there is no such
-            robot.
+        folder: Of the campaign.
+        said: What its files say.
+        known: What a person says.
     """
-    folder, joints = vacant(root, name), known(root, name, robot).joints
-    columns = [f"{j.name}_m" if j.prismatic else f"{j.name}_deg" for j in joints]
+    from pipeline.reduction.settings import unfilled
+
+    fresh = not (said.exports or said.loads or said.joints)
     template = (resources.files("pipeline.app") / "campaign.toml.jinja").read_text("utf-8")
     text = jinja2.Template(template, keep_trailing_newline=True).render(
-        name=quoted(name),
-        robot=quoted(robot),
-        shipped=robots(),
-        sigma_m=f"{1e-3 * sigma_mm:.3g}",
-        sigma_n=f"{sigma_n:g}",
-        q=", ".join("0" for _ in joints),
+        _words(folder, said, known, fresh)
     )
-    files.write(folder / "loads.csv", b"pose,repeat,force_n,branch\n")
-    files.write(folder / "joints.csv", f"pose,{','.join(columns)},approach\n".encode())
+    if fresh and known.robot is not None:
+        joints = load(known.robot, folder).joints
+        columns = [f"{j.name}_m" if j.prismatic else f"{j.name}_deg" for j in joints]
+        files.write(folder / "loads.csv", b"pose,repeat,force_n,branch\n")
+        files.write(folder / "joints.csv", f"pose,{','.join(columns)},approach\n".encode())
     files.write(folder / "campaign.toml", text.encode())
-    return folder
+    return [f"{name} (line {line})" for line, name in unfilled(text).items()]
+
+
+def _words(folder: Path, said: Proposal, known: Known, fresh: bool) -> dict[str, object]:
+    """What stands in the template; None and nothing where it stays open."""
+    loads, joints = ("loads.csv", "joints.csv") if fresh else (said.loads, said.joints)
+    return {
+        "name": quoted(folder.name),
+        "loads": _shown(loads, quoted),
+        "joints": _shown(joints, quoted),
+        "base": _points(said.base or _BASE * fresh, known),
+        "tool": _points(["load_point", *(said.measured or _TARGETS)], known),
+        "load_columns": _pairs(said.load_columns),
+        "joint_columns": _pairs(_joint_columns(said, known.robot)),
+        **_of_files(said),
+        **_of_a_person(known),
+    }
+
+
+def _of_files(said: Proposal) -> dict[str, object]:
+    from pipeline.readers.offer import mapping_lines
+
+    apart, asked = said.apart_m.items(), () if said.group else said.groups
+    blind = bool(said.loads or said.joints or said.refused)
+    mapping = said.offer.hints.mapping if said.offer else None
+    return {
+        "robots": _fitting(said.robots),
+        "exports": _quoted(said.exports or (() if blind else _DEFAULTS)),
+        "tracker": _tracker(said),
+        "mapping": mapping_lines(mapping) if mapping else [],
+        "nameless": said.nameless,
+        "reach": _shown(said.reach, plain),
+        "group": _shown(said.group, lambda group: quoted(group.pattern)),
+        "asked_group": _shown(asked or None, lambda names: printable(listed(names), 200)),
+        "states": _shown(said.group, lambda group: _states(group.states)),
+        "measured": _quoted(said.measured),
+        "chain": _quoted(said.chain),
+        "apart": [f"{one} to {two}: {1e3 * m:.2f} mm as read" for (one, two), m in apart],
+        "refused": [(printable(name, 80), why) for name, why in said.refused.items()],
+    }
+
+
+def _of_a_person(known: Known) -> dict[str, object]:
+    return {
+        "robot": _shown(known.robot, quoted),
+        "unit": _shown(known.unit, quoted),
+        "sigma_m": _shown(known.sigma_m, "{:.3g}".format),
+        "sigma_n": _shown(known.sigma_n, "{:g}".format),
+        "warm": _shown(known.temperature_c, "{:g}".format),
+    }
+
+
+def _shown(value: _Value | None, words: Callable[[_Value], str]) -> str | None:
+    """A value in words, None where nobody says it."""
+    return None if value is None else words(value)
+
+
+def _tracker(said: Proposal) -> list[str]:
+    """What [tracker] says, and has to say, of an export that leaves more open than its unit."""
+    if said.offer is None:
+        return []
+    asked = {question.about: question for question in said.offer.questions}
+    lines = []
+    for word in ("unit", "decimal", "coordinates", "angle", "vertical"):
+        value = getattr(said.offer.hints, word)
+        if word in asked and word != "unit":  # which is asked of every export
+            answers = " or ".join(quoted(answer.said) for answer in asked[word].answers)
+            lines.append(f"# {word} = ?   # {answers}: the export does not say it")
+        elif value and word not in asked:
+            lines.append(f"{word} = {quoted(value)}")
+    if asked.keys() & {"columns", "instrument", "coordinates"}:
+        lines.append("# columns = ?   # not certain: see `pipeline inspect`, correct "
+                     "[tracker.mapping], remove this line")  # fmt: skip
+    return lines
+
+
+def log_lines(said: Proposal) -> list[str]:
+    """What campaign.toml says of the one log of a proposal."""
+    table, file = ("scale", said.loads) if said.loads else ("joints", said.joints)
+    columns = _pairs(said.load_columns if said.loads else _joint_columns(said, None))
+    lines = [f"[{table}]", f"file = {quoted(str(file))}"]
+    return [*lines, "", f"[{table}.columns]", *columns] if columns else lines
+
+
+def _fitting(found: Sequence[str]) -> str:
+    """Which robots a joint log fits, or those there are."""
+    if found:
+        return f"{' or '.join(found)}: the joint log fits each of them"
+    return f"{robots()}, or a robot file in this folder"
+
+
+def _joint_columns(said: Proposal, robot: str | None) -> Mapping[str, str]:
+    """Our names for the titles of the joint log; of the first robot it fits, where none is said."""
+    first = next(iter(said.joint_columns.values()), {})
+    return said.joint_columns.get(robot, {}) if robot else first
+
+
+def _pairs(columns: Mapping[str, str]) -> list[str]:
+    """A line for each title, to be filled in where it does not state its unit."""
+    return [
+        f"# {quoted(title)} = ?   # {ours.replace('|', ' or ')}: the title states no unit"
+        if "|" in ours
+        else f"{quoted(title)} = {quoted(ours)}"
+        for title, ours in columns.items()
+    ]
+
+
+def _states(states: tuple[str, str]) -> str:
+    """The words of the two states as a table on one line, nothing where they are ours."""
+    if states == _OURS:
+        return ""
+    pairs = zip(states, _OURS, strict=True)
+    return "{ " + ", ".join(f"{quoted(own)} = {quoted(ours)}" for own, ours in pairs) + " }"
+
+
+def _points(names: Sequence[str], known: Known) -> list[tuple[str, str | None]]:
+    """Each point with its place, None where it stays open."""
+    found = ((name, known.places.get(name)) for name in names)
+    return [(_key(name), None if at is None else str(list(at))) for name, at in found]
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else quoted(name)
+
+
+def _quoted(names: Sequence[str]) -> str:
+    return ", ".join(map(quoted, names))
 
 
 def vacant(root: Path, name: str) -> Path:
-    """The folder that a campaign of this name gets.
+    """The folder that a campaign of this name gets; there may be files in it already.
 
     Raises:
-        UsageError: The name is no folder name, or the folder is there already.
+        UsageError: The name is no folder name, or there is a campaign in it already.
     """
     if why := unfit(name):
         raise UsageError(f'"{printable(name, 80)}" cannot name a campaign ({why}): use {NAME}')
     folder = root / "data" / "raw" / name
-    if folder.exists():
+    if (folder / "campaign.toml").exists() or (folder.exists() and not folder.is_dir()):
         raise UsageError(f"{folder} is there already: choose another name")
     return folder
+
+
+def there(root: Path, folder: Path) -> dict[str, bytes]:
+    """Files that lie in a folder, but what other programs keep there; those not read are empty."""
+    if not folder.is_dir():
+        return {}
+    campaign, found = Campaign(root, folder), {}
+    for path in sorted(folder.iterdir()):
+        if path.is_file() and not path.name.startswith("."):
+            try:
+                found[path.name] = campaign.content(path.name)
+            except InputError:
+                found[path.name] = b""
+    return found
 
 
 def known(root: Path, name: str, robot: str) -> Robot:

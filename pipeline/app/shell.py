@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -78,59 +79,50 @@ def _through_prefect(campaign: Campaign, force: bool, tell: Tell) -> Answer:
 
 
 def check(root: Path, name: str) -> Outcome:
-    """Ingest a campaign and say what would be used; write nothing."""
-    return named(root, name, _check)
+    """Read a campaign, say what would be used and which line is wrong; write nothing."""
+    from pipeline.app.check import check as look
+
+    return named(root, name, look)
 
 
-def _check(campaign: Campaign) -> Outcome:
-    from pipeline.answer.inputs import rejected_entries
-    from pipeline.machine.effect import HUNG, MOUNTED
-    from pipeline.reduction.bring import conformed
-    from pipeline.run import reduce
+def inspect(
+    path: Path,
+    said: Mapping[str, Any],
+    csv: bool = False,
+    mapping: Path | None = None,
+    ask: Ask | None = None,
+) -> Outcome:
+    """Say what a tracker export or a log is, or with `csv` give an export's readings in SI.
 
-    name, reduced = campaign.name, reduce(campaign.read(), conformed)
-    rejected = rejected_entries(reduced.shown["rejected"])
-    used = {
-        "readings": len(reduced.shown["readings"]),
-        "poses": len(set(reduced.data.pulls.pose)),
-        "pulls": len(reduced.data.pulls),
-        "displacements": len(reduced.data.delta),
-        "rejected": len(rejected),
-    }
-    by = reduced.data.pulls.by
-    kinds = {"weights": int((by == HUNG).sum()), "payloads": int((by == MOUNTED).sum())}
-    used |= {what: count for what, count in kinds.items() if count}
-    text = f"{name}: " + ", ".join(f"{count} {what}" for what, count in used.items())
-    return Outcome(
-        campaign=name,
-        content={"campaign": name, **used},
-        text=text,
-        exit_code=InputError.exit_code if rejected else 0,
-        complaints=[f"{name}: {line}" for line in sentences(rejected)],
-    )
+    A campaign.toml beside it says what the export does not; what is left open is asked, or said
+    with an answer to paste.
 
-
-def inspect(path: Path, unit: str | None, csv: bool = False) -> Outcome:
-    """Say what a tracker export is, or with `csv` give its readings in SI.
-
-    A campaign.toml beside it says what the export does not.
+    Args:
+        path: The export.
+        said: What [tracker] would say, by its keys; None where nobody says it.
+        csv: Whether to give its readings.
+        mapping: A file with [tracker.mapping] to try.
+        ask: Answers a question; None where nobody can be asked.
     """
     from pipeline.answer.contract import Rejected
-    from pipeline.readers import LARGEST_FILE, refuse_other_programs
+    from pipeline.readers import largest, refuse_other_programs
     from pipeline.readers.inspect import as_csv
     from pipeline.readers.inspect import inspect as look
 
+    data, hints = b"", None
     try:
         none = InputError("there is no such file", "correct the path", file=str(path))
         begins = partial(refuse_other_programs, path.name)
-        data = files.read(path, path.name, LARGEST_FILE, none, begins)
-        hints = _hints(Campaign(path.parent, path.parent), unit)
+        data = files.read(path, path.name, largest(path.name), none, begins)
+        folder = Campaign(path.parent, path.parent)
+        if not (csv or mapping or any(said.values())) and (log := _log(path, data, folder)):
+            return log
+        hints = _hints(folder, said, mapping)
+        hints = _answered(path.name, data, hints, ask)
         seen = look(path.name, data, hints)
         text = as_csv(path.name, data, hints).decode().rstrip("\n") if csv else seen.to_text()
     except PipelineError as problem:
-        refused = failed(path.name, problem)
-        content = {"file": path.name, "error": refused.content["error"]}
-        return replace(refused, content=content, complaints=[str(problem)])
+        return _unread(path.name, data, hints, problem)
     return Outcome(
         campaign=path.name,
         content=seen.to_json(),
@@ -140,12 +132,77 @@ def inspect(path: Path, unit: str | None, csv: bool = False) -> Outcome:
     )
 
 
-def _hints(folder: Campaign, unit: str | None) -> Any:
+def _log(path: Path, data: bytes, folder: Campaign) -> Outcome | None:
+    """What a file is that is a log beside the exports, None where it is none."""
+    from pipeline.app.blank import log_lines
+    from pipeline.reduction.proposal import propose_logs
+
+    robots = {}
+    for one in sorted(path.parent.glob("*.toml")):
+        with contextlib.suppress(InputError):  # what cannot be read is no robot that matters here
+            robots[one.name] = folder.content(one.name)
+    said = propose_logs(robots | {path.name: data})
+    if not (said.loads or said.joints):
+        return None
+    what = "log of loads" if said.loads else "joint log"
+    facts = {"dialect": what} | ({"robots": ", ".join(said.robots)} if said.joints else {})
+    lines = [path.name, *(f"  {name:12} {fact}" for name, fact in facts.items())]
+    proposal = "\n".join(log_lines(said))
+    content = {"file": path.name, **facts, "proposal": proposal}
+    return Outcome(path.name, content, "\n".join([*lines, "", proposal]))
+
+
+Ask = Callable[[Any], Mapping[str, Any]]
+"""What [tracker] says in answer to the question of a `readers.offer.Offer`."""
+
+
+def _hints(folder: Campaign, said: Mapping[str, Any], mapping: Path | None) -> Any:
+    """What campaign.toml, a mapping to try and the command line say, the last before the first."""
+    from pipeline.base import toml
+    from pipeline.base.strict import checked
     from pipeline.readers import Hints
 
     there = (folder.folder / "campaign.toml").is_file()
-    said = (folder.settings().tracker if there else None) or Hints()
-    return said.model_copy(update={"unit": unit or said.unit})
+    known = (folder.settings().tracker if there else None) or Hints()
+    if mapping is not None:
+        none = InputError("there is no such file", "correct --mapping", file=str(mapping))
+        text = files.read(mapping, mapping.name, toml.LARGEST, none).decode("utf-8", "replace")
+        tracker = toml.loads(text, mapping.name).get("tracker", {})
+        words = {word: tracker[word] for word in Hints.model_fields if word in tracker}
+        tried = checked(Hints, words, mapping.name, "[tracker]", "correct it")
+        known = known.model_copy(update={word: getattr(tried, word) for word in words})
+    given = {word: value for word, value in said.items() if value is not None}
+    return known.model_copy(update=given)
+
+
+def _answered(name: str, data: bytes, hints: Any, ask: Ask | None) -> Any:
+    """What is said of an export, with all that it leaves open asked."""
+    from pipeline.readers.offer import offer
+
+    found = None
+    while ask is not None and (found := offer(name, data, hints)) and found.question:
+        hints = hints.model_copy(update=dict(ask(found)))
+    return found.hints if found and hints.mapping else hints
+
+
+def _unread(name: str, data: bytes, hints: Any, problem: PipelineError) -> Outcome:
+    """Why an export cannot be read, and what can be pasted for it to be."""
+    from pipeline.readers.inspect import offer_in_words
+    from pipeline.readers.offer import offer
+
+    refused = failed(name, problem)
+    content = {"file": name, "error": refused.content["error"]}
+    try:
+        found = offer(name, data, hints) if hints is not None else None
+    except PipelineError:
+        found = None
+    text = offer_in_words(name, found) if found else refused.text
+    return replace(
+        refused,
+        content=content | (found.to_json() if found else {}),
+        text=text,
+        complaints=[str(problem)],
+    )
 
 
 def status(root: Path) -> Iterator[Outcome]:

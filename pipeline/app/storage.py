@@ -16,7 +16,7 @@ from urllib.parse import urlsplit
 
 from pipeline.base.errors import CannotWrite, InputError
 from pipeline.base.files import too_large
-from pipeline.readers import LARGEST_FILE
+from pipeline.readers import largest
 
 _OURS = ("s3", "gs", "gcs", "abfs", "abfss", "file")
 """Addresses that pyarrow knows without fsspec."""
@@ -93,8 +93,8 @@ class Store:
         with self._reading():
             files, folder = self._place
             with files.open_input_file(f"{folder.rstrip('/')}/{name}") as source:
-                if source.size() > LARGEST_FILE:
-                    thing = f"{self.shown}/{name} {too_large(source.size(), LARGEST_FILE)}"
+                if source.size() > largest(name):
+                    thing = f"{self.shown}/{name} {too_large(source.size(), largest(name))}"
                     raise InputError(thing, "split the export")
                 return bytes(source.read())
 

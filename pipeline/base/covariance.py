@@ -32,6 +32,12 @@ def matrices(table: pd.DataFrame, names: Sequence[str] | None = None) -> Array:
     return full(numbers(table, names))
 
 
+def weighing(table: pd.DataFrame) -> Array:
+    """The covariances of a table, shape (rows, 3, 3); all alike [1 m^2] where one is not known."""
+    C = matrices(table)
+    return C if np.isfinite(C).all() else np.broadcast_to(np.eye(3), C.shape)
+
+
 def symmetric(upper: Array) -> Array:
     """Matrices (m, 3, 3) from their six numbers (m, 6), in the order of `PAIRS`."""
     return full(list(upper.T))
@@ -53,6 +59,17 @@ def flat(matrices: Array) -> Array:
 def numbers(table: pd.DataFrame, names: Sequence[str] | None = None) -> list[Array]:
     """The six columns of a table, each shape (rows,)."""
     return [table[name].to_numpy(dtype=float) for name in names or columns()]
+
+
+def alike(C: Array, work: Callable[[Array], Array]) -> Array:
+    """Work done on every matrix (m, k, k), once where all of them are equal.
+
+    A million readings of one stated noise have one covariance.
+    """
+    if len(C) < 2 or not (C[:1] == C).all():
+        return work(C)
+    one = work(C[:1])
+    return np.broadcast_to(one, (len(C), *one.shape[1:]))
 
 
 def each(columns: Sequence[Any], work: Callable[[Any], T]) -> list[T]:

@@ -57,8 +57,12 @@ Uncertainty = Annotated[float, Field(ge=0, le=10)]
 """Standard uncertainty of a length [m], of an angle [rad], or one relative to a length or force."""
 ForceUncertainty = Annotated[float, Field(ge=0, le=1e7)]
 """Standard uncertainty of a force [N]: as large as the largest."""
+STANDARD_GRAVITY = 9.80665
+"""[m/s^2]; CGPM 1901. Between equator and pole it is 9.780 to 9.832 (WGS 84)."""
 LEAST_MASS = 1e-7
 """A weight is heavier [kg]: it pulls with a micronewton."""
+Temperature = Annotated[float, Field(ge=-50, le=100)]
+"""Of a hall [degC]; kelvins and Fahrenheit of most halls are above."""
 Mass = Annotated[float, Field(gt=0, le=1e6), _visible(LEAST_MASS)]
 """Of a weight or payload [kg]: a thousand tonnes."""
 MassUncertainty = Annotated[float, Field(ge=0, le=1e6)]

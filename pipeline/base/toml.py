@@ -33,6 +33,12 @@ _STRINGS = re.compile(
 _LONG_KEY = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{_MOST_PARTS}}}")
 
 
+_AT_LINE = re.compile(r"\(at line (\d+),")
+"""How `tomllib` says where it stopped; at the end of the text it says otherwise."""
+_DECIMAL_COMMA = re.compile(r"=\s*\[?\s*[-+]?\d+,\d")
+"""A number as much of Europe writes it, where a value begins."""
+
+
 def loads(text: str, file: str, most: int = LARGEST) -> dict[str, Any]:
     """The record in a TOML text, in a time that grows with the text only.
 
@@ -54,9 +60,23 @@ def loads(text: str, file: str, most: int = LARGEST) -> dict[str, Any]:
         content = tomllib.loads(text)
     except (ValueError, RecursionError) as problem:
         why = "nested too deeply" if isinstance(problem, RecursionError) else problem
-        raise InputError(f"not valid TOML ({why})", "correct that place", file=file) from problem
+        raise _invalid(text, f"not valid TOML ({why})", file) from problem
     _numbers_of_64_bits(content, file)
     return content
+
+
+def _invalid(text: str, thing: str, file: str) -> InputError:
+    """What is said of a text that is no TOML, with the line where the reader stopped."""
+    at = _AT_LINE.search(thing)
+    line = int(at[1]) if at else None
+    return InputError(thing, remedy(text, line, "correct that place"), file=file, line=line)
+
+
+def remedy(text: str, line: int | None, usual: str) -> str:
+    """What to do about a line: a point for a comma that makes two numbers of one, or as usual."""
+    there = text.splitlines()[line - 1 : line] if line else []
+    commas = any(_DECIMAL_COMMA.search(one) for one in there)
+    return "write numbers with a decimal point" if commas else usual
 
 
 def _numbers_of_64_bits(content: Mapping[str, Any], file: str) -> None:

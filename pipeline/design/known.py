@@ -9,22 +9,19 @@ import numpy as np
 from pipeline.base.arrays import Array
 from pipeline.base.toml import given
 from pipeline.design.spec import ProblemFile, validated
-from pipeline.machine.cell import Cell
-from pipeline.reduction.measured import Measured
 from pipeline.reduction.settings import Settings
-from pipeline.system.estimate import identify
+from pipeline.system.system import Estimate, System
 from pipeline.system.whiten import whitener
 
 
-def information_of(cell: Cell, data: Measured, scale: Array) -> Array:
+def information_of(system: System, estimate: Estimate, scale: Array) -> Array:
     """Fisher information of a campaign's readings about the scaled compliances, shape (n, n).
 
     Args:
-        cell: The paper's cell of its robot and tool.
-        data: Its measurements; where they state no noise, the residuals determine it.
+        system: c = B x + G e, with the noise that the campaign shows.
+        estimate: Its solution; where no noise is stated, its residuals determine it.
         scale: Compliance that counts as one, shape (n,).
     """
-    system, estimate = identify(cell, data, scale)
     white = whitener(system.errors, system.rows.pose)
     B = white(system.B) * scale
     noise = (

@@ -13,12 +13,12 @@ from pipeline.design import criteria
 from pipeline.design.criteria import Criterion
 from pipeline.design.information import Experiment
 from pipeline.design.scatter import Beam, Scatter
-from pipeline.design.spec import Limits, NoiseSpec, ProblemFile
+from pipeline.design.spec import Limits, NoiseSpec, ProblemFile, revised
 from pipeline.machine.cell import Tool, jacobian, paper_cell
 from pipeline.machine.effect import Pulls
 from pipeline.machine.instrument import PAPER_SHARE, PAPER_SIGMA_M
 from pipeline.machine.poses import from_log_units, rounded
-from pipeline.machine.robot import Joint, Robot, configure
+from pipeline.machine.robot import Joint, Robot, configure, rating
 from pipeline.machine.robot.configuration import velocity
 
 _G_N_PER_KG = 9.81
@@ -80,6 +80,7 @@ def build(spec: ProblemFile, robot: Robot) -> Problem:
         InputError: The request cannot be met; says why and what to change.
     """
     tool = Tool.of(spec.tool)
+    spec = _pulled(spec, robot, tool)
     repeats = _shared_repeats(spec, robot)
     scale = robot.nominal_compliance
     scatter = _scatter(spec.noise, np.array(spec.pull.steps_n), repeats)
@@ -87,7 +88,7 @@ def build(spec: ProblemFile, robot: Robot) -> Problem:
     lower, upper = _joint_limits(spec, robot)
     anchor = spec.anchor
     ends = np.array([np.broadcast_to(at, 2) for at in (anchor.x_m, anchor.y_m, anchor.z_m)])
-    _check_payload(spec)
+    _check_payload(spec, robot)
     _check_every_joint_turns(robot, tool, lower, upper)
     return Problem(
         spec=spec,
@@ -104,6 +105,14 @@ def build(spec: ProblemFile, robot: Robot) -> Problem:
         anchor_upper=ends[:, 1],
         known=np.zeros((robot.n, robot.n)),
     )
+
+
+def _pulled(spec: ProblemFile, robot: Robot, tool: Tool) -> ProblemFile:
+    """The problem with a load step; where it states none, one that suits the robot."""
+    if spec.pull.steps_n:
+        return spec
+    pull = rating.round_pull(rating.REFERENCE_PULL_N * rating.share(robot, tool.load_point))
+    return revised(spec, {"pull": {"steps_n": [pull]}})
 
 
 def _shared_repeats(spec: ProblemFile, robot: Robot) -> int:
@@ -175,7 +184,7 @@ def _span(joint: Joint) -> str:
     return f"{one * joint.lower:g} to {one * joint.upper:g} {unit}"
 
 
-def _check_payload(spec: ProblemFile) -> None:
+def _check_payload(spec: ProblemFile, robot: Robot) -> None:
     payload, pull = spec.limits.payload_kg, max(spec.pull.steps_n)
     if spec.diagnosis is not None:
         pull = max(pull, *(abs(step) for steps in spec.diagnosis.programmes for step in steps))
@@ -185,6 +194,7 @@ def _check_payload(spec: ProblemFile) -> None:
             f"({payload * _G_N_PER_KG:.0f} N)",
             "pull less, or correct limits.payload_kg",
         )
+    rating.refuse_absurd(robot, pull, "state other load steps, or leave pull.steps_n out")
 
 
 def _check_every_joint_turns(robot: Robot, tool: Tool, lower: Array, upper: Array) -> None:

@@ -41,9 +41,12 @@ class PlanSize(Strict):
 
 
 class PullSpec(Strict):
-    """Load steps of the chain at every pose [N], in the order of tightening."""
+    """Load steps of the chain at every pose [N], in the order of tightening.
 
-    steps_n: list[Pull] = Field(min_length=1)
+    Where nobody states them `problem.build` puts one that suits the robot.
+    """
+
+    steps_n: list[Pull] = Field(default=[], min_length=1)
 
 
 class AnchorSpec(Strict):
@@ -159,7 +162,7 @@ class ProblemFile(Strict):
     assumptions: list[Prose] = Field(default_factory=list)
     tool: dict[Name, Point]
     plan: PlanSize
-    pull: PullSpec
+    pull: PullSpec = PullSpec()
     anchor: AnchorSpec
     criterion: CriterionSpec = CriterionSpec()
     test_pose: list[WeightedPose] = Field(default_factory=list)

@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.base.arrays import Array
 from pipeline.diagnosis.amplitude import averaged
 from pipeline.diagnosis.average import Hypothesis
-from pipeline.diagnosis.facts import Amplitude, Cause, Drift, Gain, Named, Standing
+from pipeline.diagnosis.facts import Amplitude, AsGood, Cause, Drift, Gain, Named, Standing
 from pipeline.diagnosis.hypotheses import accepted
 from pipeline.diagnosis.identify import NAMELESS, Case, Found
 from pipeline.diagnosis.improvement import as_good
@@ -17,6 +17,7 @@ from pipeline.diagnosis.isolability import Twins
 from pipeline.diagnosis.unloaded_fit import student
 from pipeline.machine.cell import predict
 from pipeline.machine.effect import Effect, Noise, Pulls
+from pipeline.machine.effects.nameless import mounting
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.system import alarms
 from pipeline.system.system import Scatter
@@ -46,7 +47,10 @@ def of_displacements(
     if not found.accepted:
         return ()
     held = sets if sets and sets[0].effects else (accepted(case, found),)
-    change, sizes, out = _change(found, where), averaged(case, found.plain, held), []
+    change, sizes = _change(found, where), averaged(case, found.plain, held)
+    none: list[tuple[AsGood, ...]] = [()] * len(found.accepted)
+    alike = _alike(case, found, rng) if worth and found.strange else none
+    out = []
     for place, suspect in enumerate(found.accepted):
         effect = case.suspects[suspect]
         standing = [Named(case.suspects[r.suspect], r.probability) for r in found.rivals[place]]
@@ -60,15 +64,20 @@ def of_displacements(
                 p_value=found.p_values[place],
                 rivals=tuple(odds.values()),
                 unnamed=_unnamed(found, place),
-                as_good=as_good(found.wide, place, len(case.suspects), rng)
-                if worth and found.strange
-                else (),
+                as_good=alike[place],
                 twins=known.of(effect.label),
                 gain=worth,
                 test_pose_change_m=change,
             )
         )
     return tuple(out)
+
+
+def _alike(case: Case, found: Found, rng: np.random.Generator) -> list[tuple[AsGood, ...]]:
+    """What does as well in the place of each cause, of all that has a name or none."""
+    more = (*case.nameless, *mounting(case.cell.robot))
+    wide = case.whitened(found.seen.beside(more))
+    return [as_good(wide, k, len(case.suspects), rng) for k in range(len(found.accepted))]
 
 
 def _change(found: Found, where: Where) -> float:

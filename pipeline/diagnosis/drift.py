@@ -17,6 +17,7 @@ from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools
 from pipeline.diagnosis.blindspots import needed
 from pipeline.diagnosis.facts import Drift
+from pipeline.diagnosis.rounds import in_rounds
 from pipeline.machine.effect import Effect, Observation
 from pipeline.machine.effects.tracker_drift import HOUR_S, LAWS, PER_GROUP, amount
 from pipeline.reduction.register import XYZ, Registration, seconds
@@ -64,7 +65,8 @@ def drift(
         reflectors, or with one round of readings.
     """
     forms = [e for e in effects if isinstance(e, Observation) and e.form in LAWS]
-    table = _repeated(registration.table, any(e.parameters[0].unit == PER_GROUP for e in forms))
+    by_order = any(e.parameters[0].unit == PER_GROUP for e in forms)
+    table = in_rounds(_repeated(registration.table, by_order))
     since = table["since"].to_numpy(float)
     if not forms or table["target"].nunique() < 3 or since.max() <= 0:
         return None
@@ -157,8 +159,7 @@ def _base(
 
     Shifts, and turns about `at` at LEVER_M; the latter two of shapes (k, 3, 3) and (k, 3, 6).
     """
-    C = covariance.matrices(table)
-    C = C if np.isfinite(C).all() else np.broadcast_to(np.eye(3), C.shape)
+    C = covariance.weighing(table)
     R = registration.R
     white = linear.whitening(R @ C @ R.T * scale**2)
     points = table[XYZ].to_numpy(float)

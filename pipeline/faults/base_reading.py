@@ -11,7 +11,7 @@ believed: every reading and every motion costs the threshold of its own test.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -31,6 +31,10 @@ _AGREES = 0.01
 
 _DECIDES = 9.2
 """Drop of chi-square by which a reading must beat any other in its place: odds of 100."""
+
+_ROUNDS = 100
+"""Rounds of readings between which a moved tracker is told from bad readings; one of more counts
+for less than a hundredth of where the tracker stands, and their motions are a drift."""
 
 _REFLECTORS = 3
 """Fewer place no tracker."""
@@ -56,10 +60,13 @@ class _Readings(Locked):
         """What is estimated in any case, from some of the readings."""
         return Base.of(self.X[used].reshape(-1, self.X.shape[2]), self.y[used].ravel())
 
-    def shifts(self, used: Bools, which: Ints) -> Beside:
-        """Readings shifted together [m]; `which` numbers the suspect of each used one."""
-        D = self.white[used][:, :, None, :] * np.eye(which.max() + 1)[which][:, None, :, None]
-        return self.base(used).beside(D.reshape(1, -1, *D.shape[2:])).of_block(0)
+    def each(self, used: Bools) -> Beside:
+        """Every used reading shifted by itself [m]."""
+        white, y = self.white[used], self.y[used].ravel()
+        X = self.X[used].reshape(-1, self.X.shape[2])
+        base = Base.of(X, y, key=np.repeat(np.arange(len(white)), 3))
+        found = base.beside(white[:, :, None, :])
+        return replace(found, N=found.N[:, 0], g=found.g[:, 0], whole=found.whole[:, 0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,13 +118,30 @@ def base_outlier(registration: Registration, scale: float) -> list[Mistake]:
             return []
         scale = _scatter(seen, near)
     limit = float(stats.chi2.isf(alarms.READING / count, 3))
-    if near.all() and shifts(seen, scale, np.arange(count)).drop.max() <= limit:
+    if near.all() and not _stands_out(next(_courses(seen, scale)), limit):
+        return []
+    if seen.table["group"].nunique() > _ROUNDS:
         return []
     every = [_freed(one, seen.table, near, limit) for one in _courses(seen, scale)]
     best = min(every, key=lambda free: free.score)
     if not best.certain or _whole_reflector(seen.table, best):
         return []
     return list(_findings(best, seen.table, scale))
+
+
+def _stands_out(one: _Readings, limit: float) -> bool:
+    """Whether any reading drops the sum of squares by more.
+
+    With H = Q Q' of its rows and r what is left of them the drop is r' (1 - H)^-1 r, at most
+    r' r / (1 - tr H): where that is below the limit for all, none needs a closer look.
+    """
+    every = np.ones(len(one.y), dtype=bool)
+    base = one.base(every)
+    held = np.sum(base.Q[0] ** 2, axis=1).reshape(-1, 3).sum(axis=1)
+    left = np.sum(base.left[0].reshape(-1, 3) ** 2, axis=1)
+    if (left <= limit * (1 - held)).all():
+        return False
+    return bool(one.each(every).drop.max() > limit)
 
 
 def _whole_reflector(table: pd.DataFrame, free: _Free) -> bool:
@@ -145,27 +169,30 @@ def shifts(registration: Registration, scale: float, which: Ints) -> Beside:
         which: Number of the suspect that each reading belongs to, shape (m,).
     """
     still = next(_courses(registration, scale))
-    return still.shifts(np.ones(len(which), dtype=bool), which)
+    D = still.white[:, :, None, :] * np.eye(which.max() + 1)[which][:, None, :, None]
+    base = still.base(np.ones(len(which), dtype=bool))
+    return base.beside(D.reshape(1, -1, *D.shape[2:])).of_block(0)
 
 
 def _courses(registration: Registration, scale: float) -> Iterator[_Readings]:
     """A tracker that stands still; shifted between rounds of readings; shifted and turned."""
     table = registration.table
-    C = covariance.matrices(table)
-    C = C if np.isfinite(C).all() else np.broadcast_to(np.eye(3), C.shape)
-    white = linear.whitening(registration.R @ C @ registration.R.T * scale**2)
+    C = covariance.weighing(table)
+    R = registration.R
+    white = covariance.alike(C, lambda own: linear.whitening(R @ own @ R.T * scale**2))
     off = table[["dx_m", "dy_m", "dz_m"]].to_numpy(float)
     lever = table[XYZ].to_numpy(float) - off - registration.centre  # of the nominal places
     turns = np.swapaxes(np.cross(np.eye(3)[None], lever[:, None, :]), 1, 2)
     rigid = white @ np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2)
     y = (white @ off[..., None])[..., 0]
+    yield _Readings(rigid, y, white, 0.0)
     rounds = pd.factorize(table["group"])[0]
     later = np.eye(rounds.max() + 1)[rounds][:, 1:]
-    for some in (0, 3, 6) if later.shape[1] else (0,):
+    for some in (3, 6) if later.shape[1] else ():
         moved = rigid[:, :, None, :some] * later[:, None, :, None]
         X = np.concatenate([rigid, moved.reshape(len(y), 3, -1)], axis=2)
         dof = some * later.shape[1]
-        yield _Readings(X, y, white, float(stats.chi2.isf(alarms.DRIFT, dof)) if dof else 0.0)
+        yield _Readings(X, y, white, float(stats.chi2.isf(alarms.DRIFT, dof)))
 
 
 def _scatter(registration: Registration, near: Bools) -> float:
@@ -199,7 +226,7 @@ def _drops(one: _Readings, free: set[int]) -> tuple[Array, Beside]:
     """What every reading would drop beside those that are free, -1 for these, shape (m,)."""
     used = np.ones(len(one.y), dtype=bool)
     used[sorted(free)] = False
-    found = one.shifts(used, np.arange(used.sum()))
+    found = one.each(used)
     drop = np.full(len(used), -1.0)
     drop[used] = found.drop
     return drop, found

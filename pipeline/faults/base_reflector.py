@@ -78,7 +78,7 @@ def _freed(case: Case, registration: Registration, name: str) -> tuple[float, Ar
     except InputError:
         return None
     rows = case.readings.loc[registration.table.index[registration.table["target"] == name]]
-    at = rows[XYZ].to_numpy(float) @ lost.R.T + lost.t
+    at = lost.placed(rows[XYZ].to_numpy(float))
     V = linear.inverse(lost.R @ covariance.matrices(rows) @ lost.R.T)
     mean = linear.solve(V.sum(axis=0), np.einsum("mij,mj->i", V, at))
     own = float(np.einsum("mi,mij,mj->", at - mean, V, at - mean))

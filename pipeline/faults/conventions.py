@@ -23,17 +23,17 @@ from pipeline.faults.mistake import Mistake
 from pipeline.machine import instrument
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import SHIPPED, Robot, configure, load
-from pipeline.machine.robot.variants import differing, variants
+from pipeline.machine.robot.variants import alike, differing, variants
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 
-_GROSS_M = 0.03
+GROSS_M = 0.03
 """No robot in use is this far off its own table."""
 
 _GROSS_ANCHORED_M = 0.3
 """Nor this far from it in a base frame, however poor its reflectors."""
 
-_BETTER = 3.0
+BETTER = 3.0
 """A correction must bring the reflectors this many times nearer."""
 
 FEWEST_POSES = 3
@@ -90,7 +90,7 @@ def conventions(case: Case) -> list[Mistake]:
     measured, or where no single mistake and no pair of them explains their positions. What moves
     the whole robot rigidly shows only against the base reflectors, which are tested second.
     """
-    for how, gross in ((miss, _GROSS_M), (anchored_miss, _GROSS_ANCHORED_M)):
+    for how, gross in ((miss, GROSS_M), (anchored_miss, _GROSS_ANCHORED_M)):
         before = how(case)
         if before is not None and before >= gross:
             return _search(case, how, gross, before)
@@ -106,7 +106,7 @@ def _search(
     for tried in ([(h,) for h in singles], pairs):
         misses = [_after(case, chosen, how) for chosen in tried]
         best = int(np.argmin([*misses, np.inf]))
-        if best < len(tried) and misses[best] < gross and _BETTER * misses[best] < before:
+        if best < len(tried) and misses[best] < gross and BETTER * misses[best] < before:
             return [_finding(h, before, misses[best]) for h in tried[best]]
     return []
 
@@ -218,14 +218,9 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
             partial(_logged, [column], -1.0),
             table=True,
         )
-    for name, robot in _robots(case.robot):
-        yield Hypothesis(
-            "sign_or_convention",
-            name,
-            _DH_SAYS.get(name) or f"the robot's table is wrong in {name}" + _called(robot),
-            partial(replace, robot=robot),
-            table=True,
-        )
+    for where, says, robot in _robots(case.robot):
+        correct = partial(replace, robot=robot)
+        yield Hypothesis("sign_or_convention", where, says, correct, table=True)
     yield from _names(case)
 
 
@@ -250,20 +245,17 @@ def _names(case: Case) -> Iterator[Hypothesis]:
         )
 
 
-def _called(robot: Robot) -> str:
-    return f", as {robot.name} has it," if robot.name in SHIPPED else ""
-
-
-def _robots(robot: Robot) -> Iterator[tuple[str, Robot]]:
-    """Other robots that a wrong sign or convention in the table may stand for."""
+def _robots(robot: Robot) -> Iterator[tuple[str, str, Robot]]:
+    """Other robots that may have stood there: what is wrong where, and the robot."""
     for name in SHIPPED:
         other = load(name)
-        alike = [(j.name, j.prismatic) for j in other.joints] == [
-            (j.name, j.prismatic) for j in robot.joints
-        ]
-        if alike and name != robot.name:
-            yield differing(robot, other), other
-    yield from variants(robot)
+        if name == robot.name or not alike(robot, other):
+            continue
+        where = differing(robot, other)
+        wrong = f"the robot's table is wrong in {where}, as {name} shows"
+        yield where or name, wrong if where else f"the robot is {name}, not {robot.name}", other
+    for where, other in variants(robot):
+        yield where, _DH_SAYS.get(where) or f"the robot's table is wrong in {where}", other
 
 
 def scaled(factor: float) -> Callable[[Case], Case]:

@@ -12,6 +12,8 @@ from pipeline.reduction.case import Case
 
 def stale(case: Case) -> list[Mistake]:
     """Stale readings that left their pull out."""
+    if not case.stale:
+        return []
     used = set(zip(case.readings["file"], case.readings["line"], strict=True))
     return [
         outlying(

@@ -198,13 +198,22 @@ def columns(effect: Elastic, loaded: Loaded) -> Array:
     Returns:
         Shape (m, t, 3, k).
     """
-    twists = effect.screws(loaded)
-    response = effect.response(loaded, torque(twists, loaded.load_point, loaded.force))
-    moved = velocity(twists, loaded.points).swapaxes(2, 3) * response[:, None, None, :]
-    if not effect.shared:
-        return moved
-    of = np.eye(len(effect.parameters))[list(effect.shared)]
-    return moved @ of
+    return _columns((effect,), loaded)[0]
+
+
+def _columns(effects: Sequence[Elastic], loaded: Loaded) -> list[Array]:
+    """`columns` of many effects at once, as numpy likes it."""
+    own = [effect.screws(loaded) for effect in effects]
+    ends = np.cumsum([twists.shape[1] for twists in own])[:-1]
+    twists = np.concatenate(own, axis=1)
+    tau = np.split(torque(twists, loaded.load_point, loaded.force), ends, axis=1)
+    answers = [effect.response(loaded, one) for effect, one in zip(effects, tau, strict=True)]
+    moved = velocity(twists, loaded.points).swapaxes(2, 3)
+    moved *= np.concatenate(answers, axis=1)[:, None, None, :]
+    return [
+        part @ np.eye(len(effect.parameters))[list(effect.shared)] if effect.shared else part
+        for effect, part in zip(effects, np.split(moved, ends, axis=3), strict=True)
+    ]
 
 
 def predict(cell: Cell, pulls: Pulls, values: Array) -> Prediction:
@@ -244,9 +253,11 @@ def _undeformed(cell: Cell, loaded: Loaded, values: Array) -> tuple[Array, Array
         loaded, points=np.concatenate([loaded.points, loaded.load_point[:, None]], axis=1)
     )
     moved = np.zeros_like(here.points)
-    for effect, part in _elastic(cell, values):
-        if part.any():
-            moved = moved + columns(effect, here) @ part
+    acting = [(effect, part) for effect, part in _elastic(cell, values) if part.any()]
+    if acting:
+        effects, parts = zip(*acting, strict=True)
+        for column, part in zip(_columns(effects, here), parts, strict=True):
+            moved = moved + column @ part
     return moved[:, :-1], loaded.load_point + moved[:, -1]
 
 
@@ -340,8 +351,15 @@ def jacobian(cell: Cell, pulls: Pulls, values: Array) -> Array:
 def _jacobian(cell: Cell, pulls: Pulls, values: Array) -> Array:
     loaded = load(cell, pulls, values)
     firsts = np.cumsum([0, *(len(effect.parameters) for effect in cell.effects)]).tolist()
-    parts = zip(cell.effects, firsts[:-1], strict=True)
-    return np.concatenate([_derivative(cell, *part, loaded, values) for part in parts], axis=-1)
+    parts = tuple(zip(cell.effects, firsts[:-1], strict=True))
+    linear = _linear(cell, cell.effects, loaded)
+    return np.concatenate(
+        [
+            linear[i] if i in linear else _derivative(cell, *part, loaded, values)
+            for i, part in enumerate(parts)
+        ],
+        axis=-1,
+    )
 
 
 def sensitivity(cell: Cell, pulls: Pulls, values: Array, effects: Sequence[Effect]) -> Array:
@@ -357,19 +375,33 @@ def sensitivity(cell: Cell, pulls: Pulls, values: Array, effects: Sequence[Effec
         Shape (m, t, 3, K), zero in the columns of effects that move nothing.
     """
     loaded = load(cell, pulls, values)
+    linear = _linear(cell, effects, loaded)
     out = []
-    for effect in effects:
+    for i, effect in enumerate(effects):
         more = np.append(values, np.zeros(len(effect.parameters)))
-        out.append(_derivative(cell.with_effects(effect), effect, len(values), loaded, more))
+        out.append(
+            linear[i]
+            if i in linear
+            else _derivative(cell.with_effects(effect), effect, len(values), loaded, more)
+        )
     return np.concatenate(out, axis=-1)
+
+
+def _linear(cell: Cell, effects: Sequence[Effect], loaded: Loaded) -> dict[int, Array]:
+    """Exact derivatives by the elastic ones among the effects, by index; all at once."""
+    if cell.equilibrium != "undeformed":
+        return {}
+    elastic = {i: effect for i, effect in enumerate(effects) if isinstance(effect, Elastic)}
+    if not elastic:
+        return {}
+    found = _columns(tuple(elastic.values()), loaded)
+    return {i: _read(cell, loaded.pulls, one) for i, one in zip(elastic, found, strict=True)}
 
 
 def _derivative(cell: Cell, effect: Effect, first: int, loaded: Loaded, values: Array) -> Array:
     """Derivative of the displacements by the parameters of one effect, from `first` on."""
     if isinstance(effect, Noise):
         return np.zeros((len(loaded.pulls), len(cell.tool.read), 3, len(effect.parameters)))
-    if isinstance(effect, Elastic) and cell.equilibrium == "undeformed":
-        return _read(cell, loaded.pulls, columns(effect, loaded))
     out = []
     for k, parameter in enumerate(effect.parameters, first):
         step = np.zeros_like(values)

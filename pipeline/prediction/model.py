@@ -467,9 +467,9 @@ def urdf(handed: Model) -> str:
         element = _joint(root, joint.name, parent, f"link_{joint.name}", robot.placement[j])
         element.set("type", "prismatic" if joint.prismatic else "revolute")
         ET.SubElement(element, "axis", xyz="0 0 1")
-        # URDF wants finite limits, of effort and velocity too, which a robot file does not have
+        # URDF wants finite limits, of velocity too, which a robot file does not have
         ends = {"lower": max(joint.lower, -_FAR), "upper": min(joint.upper, _FAR)}
-        ends |= {"effort": _FAR, "velocity": _FAR}
+        ends |= {"effort": joint.effort or _FAR, "velocity": _FAR}
         ET.SubElement(element, "limit", {name: repr(float(end)) for name, end in ends.items()})
         if stated := handed.stiffness(j):
             stiffness, std, unit = stated

@@ -3,11 +3,22 @@
 from __future__ import annotations
 
 from pipeline.base.errors import InputError, at, listed
-from pipeline.readers import emscon, leica_6dof, mapped, plain, spatial_analyzer, tracker_pilot, xyz
+from pipeline.readers import (
+    emscon,
+    leica_6dof,
+    mapped,
+    plain,
+    spatial_analyzer,
+    table,
+    tracker_pilot,
+    xyz,
+)
 from pipeline.readers._cells import text_of
+from pipeline.readers._faces import Faces
 from pipeline.readers._names import split
 from pipeline.readers._reader import Columns, Export, Hints, Reader, Readings
-from pipeline.readers._text import LARGEST_FILE, Text, refuse_other_programs, text
+from pipeline.readers._text import Text, largest, refuse_other_programs, text
+from pipeline.readers._workbook import opened
 
 READERS: dict[str, Reader] = {
     "plain": plain.READER,
@@ -16,43 +27,51 @@ READERS: dict[str, Reader] = {
     "leica_6dof": leica_6dof.READER,
     "tracker_pilot": tracker_pilot.READER,
     "xyz": xyz.READER,
+    "table": table.READER,
 }
 
 WRITERS = {key: reader for key, reader in READERS.items() if reader.write}
 """Those in whose dialect `simulate` writes, too."""
 
 __all__ = [
-    "LARGEST_FILE",
     "READERS",
     "WRITERS",
     "Columns",
     "Export",
+    "Faces",
     "Hints",
     "Reader",
     "Readings",
     "Text",
+    "largest",
+    "opened_as_text",
     "read",
     "recognise",
     "refuse_other_programs",
+    "sheet",
+    "text",
     "text_of",
 ]
 
 
 def recognise(file: Text) -> Reader:
-    """The reader whose dialect a file is written in.
+    """The reader whose dialect a file is written in; a table of no dialect is one of its own.
 
     Raises:
-        InputError: No dialect fits, or more than one.
+        InputError: More than one dialect fits, or there is no table of points.
     """
     sample = file.sample()
-    fitting = [reader for reader in READERS.values() if reader.recognise(sample)]
+    dialects = [reader for reader in READERS.values() if reader is not table.READER]
+    fitting = [reader for reader in dialects if reader.recognise(sample)]
     fitting = [reader for reader in fitting if not reader.general] or fitting
+    if not fitting and table.holds_one(file):
+        return table.READER
     if len(fitting) == 1:
         return fitting[0]
-    known = listed(reader.name for reader in fitting or READERS.values())
-    thing = f"the file may be {known}" if fitting else f"the file is none of {known}"
+    known = listed(reader.name for reader in fitting or dialects)
+    none = f"the file is none of {known}, and there are no rows with three numbers in it"
     raise InputError(
-        thing,
+        f"the file may be {known}" if fitting else none,
         "describe its columns in [tracker.mapping] of campaign.toml, or export it as CSV with the "
         "columns group,target,x_mm,y_mm,z_mm,time",
         line=1,
@@ -72,6 +91,23 @@ def read(name: str, data: bytes, hints: Hints | None = None) -> Export:
     """
     hints = hints or Hints()
     with at(name):
-        file = text(name, data)
-        read_by = mapped.read if hints.mapping else recognise(file).read
-        return split(read_by(file, hints), hints.names)
+        return split(_read(opened_as_text(name, data, hints), hints), hints.names)
+
+
+def opened_as_text(name: str, data: bytes, hints: Hints) -> Text:
+    """An export as text, of a workbook the sheet that is meant."""
+    refuse_other_programs(name, data)
+    return opened(name, data, hints.sheet, hints.decimal, "tracker", lambda one: _fits(one, hints))
+
+
+def _read(file: Text, hints: Hints) -> Export:
+    read_by = mapped.read if hints.mapping else recognise(file).read
+    return read_by(file, hints)
+
+
+def _fits(sheet: Text, hints: Hints) -> int:
+    """How well a sheet of a workbook fits: 2 where it can be read, 1 where points may be in it."""
+    try:
+        return 2 if len(_read(sheet, hints).line) else 0
+    except InputError:
+        return int(table.holds_one(sheet))

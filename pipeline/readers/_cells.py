@@ -4,12 +4,30 @@ from __future__ import annotations
 
 import csv
 import re
+from collections.abc import Sequence
 
 from pipeline.base.arrays import Array, Ints
 from pipeline.readers._layout import Layout
 from pipeline.readers._text import Text
 
 NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_SIGN = r"(?P<sign>[+-]?)"
+_GROUPS = tuple(
+    re.compile(rf"{_SIGN}(?P<whole>[0-9]{{1,3}}(?:{between}[0-9]{{3}})+)(?P<rest>[{mark}][0-9]+)")
+    for between, mark in ((",", "."), (r"\.", ","), ("[ '\u2019\u00a0\u202f\u2009]", ".,"))
+)
+"""Thousands with a sign between them, told by a decimal mark of another kind behind."""
+_TURNS = re.compile(
+    rf"{_SIGN}(?P<d>[0-9]{{1,3}})"
+    r"(?:[°d] ?(?P<m>[0-9]{1,2})['′m] ?|-(?P<mm>[0-9]{2})-(?=.*[.,]))"
+    r"(?P<s>[0-9]{1,2}(?:[.,][0-9]+)?)(?:\"|″|''|s)?"
+)
+"""Degrees, minutes and seconds; with hyphens only where a fraction says that it is no date."""
+_FORTRAN = re.compile(r"(?<=[0-9.])[dD](?=[+-][0-9])")
+ODD = "[ '’\u00a0\u202f\u2009−°dD]|,.*\\.|\\..*,|[0-9]-[0-9]"
+"""What no number has that is written as programs read them."""
+_IS_ODD = re.compile(ODD)
+_MINUTES = 60
 
 
 _GLANCE = 40
@@ -43,6 +61,24 @@ def cells_or_none(line: str, delimiter: str) -> list[str] | None:
         return None
 
 
+def above(text: Text, header: int, delimiter: str, numbers: Sequence[int]) -> list[tuple[int, str]]:
+    """Line and reason of rows above a header, which only a damaged file has.
+
+    Args:
+        text: The file.
+        header: Line of its header.
+        delimiter: What separates cells.
+        numbers: Places of cells that hold a number in every row; remarks have none there.
+    """
+    reason = "the row stands above the header; move it below"
+    rows = ((n, cells_or_none(line, delimiter) or []) for n, line in text.lines(1, header - 1))
+    return [
+        (number, reason)
+        for number, row in rows
+        if max(numbers) < len(row) and all(is_number(row[k]) for k in numbers)
+    ]
+
+
 def bare(title: str) -> str:
     """A column's title without quotes and the blanks around and inside them."""
     return title.strip().strip('"').strip()
@@ -50,7 +86,34 @@ def bare(title: str) -> str:
 
 def is_number(cell: str) -> bool:
     """Whether a cell holds a number, with whatever decimal mark."""
-    return NUMBER.fullmatch(cell.replace(",", ".", 1)) is not None
+    return NUMBER.fullmatch(bare_number(cell).replace(",", ".", 1)) is not None
+
+
+def bare_number(cell: str) -> str:
+    """A number without what people and other languages write in it; other cells as they are.
+
+    Thousands kept apart, a typographer's minus, Fortran's exponent, and degrees, minutes and
+    seconds, which become degrees.
+    """
+    if not _IS_ODD.search(cell):
+        return cell
+    plain = _FORTRAN.sub("E", cell.replace("−", "-"))
+    for grouped in _GROUPS:
+        if found := grouped.fullmatch(plain):
+            return found["sign"] + re.sub(r"[^0-9]", "", found["whole"]) + found["rest"]
+    found = _TURNS.fullmatch(plain)
+    return _in_degrees(found) if found else plain
+
+
+def is_turn(cell: str) -> bool:
+    """Whether a cell is an angle in degrees, minutes and seconds."""
+    return _TURNS.fullmatch(cell.replace("−", "-")) is not None
+
+
+def _in_degrees(turn: re.Match[str]) -> str:
+    mark = "," if "," in turn["s"] else "."
+    minutes = int(turn["m"] or turn["mm"]) + float(turn["s"].replace(",", ".")) / _MINUTES
+    return turn["sign"] + f"{int(turn['d']) + minutes / _MINUTES:.12f}".replace(".", mark)
 
 
 def shown(cell: str, most: int = _GLANCE) -> str:

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.base.arrays import Array
+from pipeline.base.arrays import Array, Bools
 from pipeline.base.covariance import flat, symmetric
 from pipeline.base.errors import InputError
 
-_INCH = 0.0254
-"""An inch [m], by definition."""
-_IN_A_METRE = {"mm": 1e3, "m": 1.0, "um": 1e6}
+_LONG = {"in": 0.0254, "ft": 0.3048}
+"""An inch and a foot [m], by definition."""
+_IN_A_METRE = {"mm": 1e3, "cm": 1e2, "m": 1.0, "um": 1e6}
 """How many of the other units of length there are in a metre."""
 _ANGLES = {"deg": np.pi / 180.0, "rad": 1.0, "gon": np.pi / 200.0}
 """Units of angles [rad]."""
@@ -30,7 +30,7 @@ class Meaning:
     """How the three numbers of a reading are to be read.
 
     Attributes:
-        unit: Unit of length, `mm`, `m` or `in`.
+        unit: Unit of length, `mm`, `m`, `in`, `um`, `cm` or `ft`.
         kind: `cartesian` x, y, z; `spherical` range, azimuth, vertical angle; `cylindrical`
             radius, azimuth, z. Azimuths count from x towards y.
         angle: Unit of angles, `deg`, `rad` or `gon`; None for Cartesian coordinates.
@@ -45,18 +45,18 @@ class Meaning:
 
 def metres(values: Array, unit: str) -> Array:
     """Lengths in metres; mm are divided by 1000, which rounds once, 0.001 would round twice."""
-    return values * _INCH if unit == "in" else values / _IN_A_METRE[unit]
+    return values * _LONG[unit] if unit in _LONG else values / _IN_A_METRE[unit]
 
 
 def uncertainties(values: Array, stated: str | None, unit: str) -> Array:
     """Uncertainties of a column that may state another unit, in the unit of the coordinates."""
-    same = stated == unit or stated not in ("in", *_IN_A_METRE)
+    same = stated == unit or stated not in (*_LONG, *_IN_A_METRE)
     return values if same else _in_unit(metres(values, str(stated)), unit)
 
 
 def _in_unit(values: Array, unit: str) -> Array:
     """Lengths in metres in another unit."""
-    return values / _INCH if unit == "in" else values * _IN_A_METRE[unit]
+    return values / _LONG[unit] if unit in _LONG else values * _IN_A_METRE[unit]
 
 
 def cartesian(numbers: Sequence[Array], meaning: Meaning) -> Array:
@@ -181,12 +181,15 @@ def settled_vertical(stated: str | None, said: str | None, values: Array, angle:
     """Whether vertical angles count from the zenith or from the horizon.
 
     Where nobody says it, the angles may: below 0 there is no zenith angle, above 90 degrees no
-    elevation.
+    elevation. Programs call zenith angles elevations; what is called one and would look steeply
+    upwards is believed only where somebody confirms it.
 
     Raises:
         InputError: Nobody says and the angles leave it open.
     """
-    if stated is None and said is None and len(values):
+    if stated == "elevation" and steeper_than_not(values, angle):
+        stated = None
+    elif stated is None and said is None and len(values):
         degrees = np.rad2deg(values * _ANGLES[angle])
         if degrees.min() < 0 and degrees.max() <= 90:
             return "elevation"
@@ -194,3 +197,20 @@ def settled_vertical(stated: str | None, said: str | None, values: Array, angle:
             return "zenith"
     what = 'vertical = "zenith" (or "elevation")'
     return settled(stated, said, "vertical angle's zero", what)
+
+
+def second_face(vertical: Array, meaning: Meaning) -> Bools:
+    """Which vertical angles only a plunged telescope has, shape (n,)."""
+    circle = 2 * np.pi
+    zenith = vertical * _ANGLES[meaning.angle or "rad"]
+    if meaning.vertical == "elevation":
+        zenith = circle / 4 - zenith
+    return np.asarray(zenith % circle > circle / 2)
+
+
+def steeper_than_not(values: Array, angle: str) -> bool:
+    """Whether angles, read as elevations, lie farther from the horizon than as zenith angles."""
+    degrees = np.rad2deg(values * _ANGLES[angle])
+    if not len(degrees) or degrees.min() < 0:
+        return False
+    return bool(np.median(np.abs(degrees)) > np.median(np.abs(90.0 - degrees)))

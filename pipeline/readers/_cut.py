@@ -94,7 +94,11 @@ def _read(body: pa.Buffer, layout: Layout) -> pa.Table:
     wanted = {key: kind for key, kind in zip(keys, types, strict=True) if kind}
     return arrow_csv.read_csv(
         pa.BufferReader(body),
-        arrow_csv.ReadOptions(column_names=keys, block_size=_BLOCK),
+        arrow_csv.ReadOptions(
+            column_names=keys,
+            block_size=_BLOCK,
+            use_threads=body.size > _BLOCK,  # threads that are still there at exit end it badly
+        ),
         arrow_csv.ParseOptions(
             delimiter=layout.delimiter, quote_char=False, ignore_empty_lines=False
         ),
@@ -150,9 +154,20 @@ def _row(line: str, layout: Layout) -> list[str]:
                 "write the name again or remove the row"
             )
         found = [*names, *found[1:]]
+    found = _to_width(found, layout)
     if len(found) != len(layout.fields):
         raise Bad(_wrong_count(found, layout))
     return found
+
+
+def _to_width(found: list[str], layout: Layout) -> list[str]:
+    """The cells without empty ones behind the last column, or with those that nobody needs."""
+    width = len(layout.fields)
+    if len(found) > width and not any(found[width:]):
+        return found[:width]
+    lacking = layout.fields[len(found) :]
+    loose = all(field.kind in ("any", "blank") for field in lacking)
+    return [*found, *[""] * len(lacking)] if loose else found
 
 
 def _wrong_count(found: Sequence[str], layout: Layout) -> str:

@@ -18,13 +18,13 @@ from pipeline.base.arrays import Bools, Ints, Locked, sifted
 from pipeline.base.errors import InputError
 from pipeline.base.threads import MUCH, spread
 from pipeline.readers import _time
-from pipeline.readers._cells import NUMBER, cut_off, shown
+from pipeline.readers._cells import NUMBER, ODD, bare_number, cut_off, is_turn, shown
 from pipeline.readers._cut import cut
 from pipeline.readers._layout import Field, Layout, Rows
 from pipeline.readers._text import Text
 
-_GROUPED = r"^[+-]?[0-9]{1,3}(,[0-9]{3})+$"
-"""Commas that may stand between thousands, or one for a decimal point."""
+_GROUPED = r"^[+-]?[1-9][0-9]{0,2}(,[0-9]{3})+$"
+"""Commas that may stand between thousands, or one for a decimal point; none begins with 0."""
 _LAST = ord("~")
 """The last letter of ASCII; blanks of other scripts come behind it."""
 _NO_NUMBERS = ("nan", "inf", "infinity", "na", "n/a", "null", "none", "1.#qnan")
@@ -60,7 +60,14 @@ def rows(text: Text, layout: Layout) -> Rows:
     fields = [field for field in layout.fields if field.kind != "any"]
     much = len(found.line) > MUCH
     cells = spread(_trimmed, found.columns, much)
-    layout = replace(layout, decimal=layout.decimal or _decimal(fields, cells, found.line))
+    cells = [
+        _bare_numbers(c) if field.kind == "number" else c
+        for c, field in zip(cells, fields, strict=True)
+    ]
+    numbers = [c for c, field in zip(cells, fields, strict=True) if field.kind == "number"]
+    layout = replace(
+        layout, decimal=layout.decimal or decimal_mark(numbers, found.line, layout.table)
+    )
     columns = spread(lambda k: _parsed(fields[k], cells[k], layout), range(len(fields)), much)
     good = np.logical_and.reduce([column.good for column in columns])
     _zones_alike(columns, good)
@@ -93,6 +100,22 @@ def _trimmed(cells: pa.Array) -> pa.Array:
     return cells if bare else pc.utf8_trim_whitespace(cells)
 
 
+def _bare_numbers(cells: pa.StringArray) -> pa.StringArray:
+    """Numbers without what people write in them, where there is any."""
+    letters = _letters(cells)
+    plain = letters.min(initial=_LAST) > ord("'") and letters.max(initial=0) <= ord("9")
+    turns = any(map(is_turn, cells[:_GLIMPSE].to_pylist()))
+    if plain and not turns and not ((letters == ord(",")).any() and (letters == ord(".")).any()):
+        return cells
+    odd = pc.match_substring_regex(cells, ODD)
+    bare = pa.array(map(bare_number, cells.filter(odd).to_pylist()), pa.string())
+    return pc.replace_with_mask(cells, odd, bare)
+
+
+_GLIMPSE = 50
+"""Rows that tell whether a column holds degrees, minutes and seconds, as all of it does then."""
+
+
 def _letters(cells: pa.StringArray) -> npt.NDArray[np.uint8]:
     """All letters of a column as they stand in memory, shape (letters,)."""
     return np.frombuffer(cells.buffers()[2] or b"", dtype=np.uint8)
@@ -109,13 +132,17 @@ def _zones_alike(columns: list[_Column], good: Bools) -> None:
             )
 
 
-def _decimal(fields: list[Field], cells: list[pa.Array], line: Ints) -> str:
+def decimal_mark(numeric: list[pa.Array], line: Ints, table: str | None) -> str:
     """The decimal mark of a file: the one that most of its numbers have.
+
+    Args:
+        numeric: Its columns of numbers as text, without blanks around them.
+        line: Line of each row, shape (n,).
+        table: Of campaign.toml, where it can be stated; None where it cannot.
 
     Raises:
         InputError: Every comma could as well stand between thousands.
     """
-    numeric = [c for c, field in zip(cells, fields, strict=True) if field.kind == "number"]
     if not any((_letters(column) == ord(",")).any() for column in numeric):
         return "."
     grouped, comma, point = (
@@ -128,7 +155,9 @@ def _decimal(fields: list[Field], cells: list[pa.Array], line: Ints) -> str:
         cell = numeric[k][int(row)].as_py()
         raise InputError(
             f'"{cell}" may be {cell.replace(",", ".", 1)} or {cell.replace(",", "")}',
-            'say which with decimal = "," or decimal = "." in [tracker] of campaign.toml',
+            f'say which with decimal = "," or decimal = "." in [{table}] of campaign.toml'
+            if table
+            else "write all numbers with a point, and none between thousands",
             line=int(line[row]),
         )
     return "," if commas > points else "."
@@ -213,10 +242,15 @@ def _why_no_number(cell: str, layout: Layout) -> str:
         return ", too large for a number; correct or remove the row"
     if cell.lower().lstrip("+-") in _NO_NUMBERS:
         return ", not a number; measure it again or remove the row"
+    if _WITH_UNIT.fullmatch(cell):
+        return ", a number with its unit; write the unit into the title and only the number here"
     foreign = "." if mark == "," else ","
     if foreign in cell and re.fullmatch(r"[+-]?[0-9.,]+(?:[eE][+-]?[0-9]+)?", cell):
         return f': this file has the decimal mark "{mark}"; write all numbers the same way'
     return ", not a number; correct or remove the row"
+
+
+_WITH_UNIT = re.compile(r"[+-]?[0-9]+(?:[.,][0-9]+)? ?(?:mm|m|in|µm|um|cm|ft|\"|°|deg|gon|rad)")
 
 
 def _why_no_time(cell: str, layout: Layout) -> str:

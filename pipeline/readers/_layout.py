@@ -50,6 +50,7 @@ class Layout:
         comment: Start of a line that is no row.
         moment: How times are written, `_time.ISO` or a `strptime` form.
         joined: How many of the first fields stand in one cell, with `::` between them; 0 for none.
+        table: Table of campaign.toml that may say the decimal mark; None where none may.
     """
 
     fields: tuple[Field, ...]
@@ -59,6 +60,7 @@ class Layout:
     comment: str | None = None
     moment: str = _time.ISO
     joined: int = 0
+    table: str | None = "tracker"
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,14 +7,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from pipeline.base.errors import InputError
-from pipeline.readers._cells import bare
+from pipeline.readers._cells import bare, shown
 from pipeline.readers._layout import DELIMITERS
+from pipeline.readers._text import Text
 
 UNIT_WORDS = {
     "mm": "mm", "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
     "m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
     "in": "in", "inch": "in", "inches": "in",
     "um": "um", "µm": "um", "μm": "um", "micron": "um", "microns": "um",
+    "ft": "ft", "foot": "ft", "feet": "ft", "cm": "cm", "centimeter": "cm", "centimeters": "cm",
+    "centimetre": "cm", "centimetres": "cm",
 }  # fmt: skip
 ANGLE_WORDS = {
     "deg": "deg", "degree": "deg", "degrees": "deg", "°": "deg",
@@ -29,12 +32,15 @@ _AXES = {
     "phi": "vertical", "zenith": "zenith", "elevation": "elevation", "el": "elevation",
     "inclination": "elevation",
 }  # fmt: skip
+_SPACE = ("x", "y", "z")
 _FILLING = {
     "coordinate", "coord", "koordinate", "pos", "position", "angle", "value", "actual", "measured",
 }  # fmt: skip
 _STANDARD_WORDS = {
     "std", "stddev", "sigma", "uncertainty", "sd", "unc", "u", "1", "dev", "standard", "deviation",
 }  # fmt: skip
+DEVIATION = {"dev", "deviation"}
+"""Of an axis alone it is that from a nominal place, which is no uncertainty."""
 _TIMES = ({"time"}, {"timestamp"}, {"date", "time"}, {"datetime"}, {"date"}, {"time", "stamp"})
 _NAMES = {
     "collection": "collection", "group": "group", "group name": "group", "groupname": "group",
@@ -44,9 +50,19 @@ _NAMES = {
     "punkt": "target", "punktname": "target", "gruppe": "group",
     "reflector": "reflector",
     "delete": "delete", "deleted": "delete", "rms": "rms",
+    **{one: one for one in ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")},
 }  # fmt: skip
-_SHORT_UNITS = ("mm", "m", "in", "um", "µm", "μm", "deg", "rad", "gon")
+_OTHER_UNITS = {"km", "dm", "nm", "mil", "mils", "thou", "yd", "yard", "yards"}
+_SHORT_UNITS = ("mm", "m", "in", "um", "µm", "μm", "ft", "cm", "deg", "rad", "gon")
 _EXPANDED_WORDS = {"u", "95", "expanded", "k", "2", "uncertainty"}
+UNIT_LINE = re.compile(
+    r"\b(units?|einheit(en)?|coordinates?|koordinaten|lengths?|längen)\b", re.IGNORECASE
+)
+_WORD = re.compile(r"[^\W\d_]+|°")
+_SHORT = re.compile(
+    r"(?:[:=(\[,/]|\bin)\s*(m|in)(?=\s*(?:$|[)\],;/|]|gon\b|deg|rad|mm\b))", re.IGNORECASE
+)
+"""Units that are words of other meaning, where nothing but a unit stands."""
 _IN_UNIT = re.compile(r"\[[^\]]*\]")
 _IN_BRACKETS = re.compile(r"[\[(]\s*([^\])]*?)\s*[\])]")
 
@@ -60,7 +76,7 @@ class Named:
         role: `x`, `y`, `z`, `range`, `azimuth`, `vertical`, `zenith`, `elevation`; the same
             after `std ` or `u95 `; `time`, `group`, `target`, `collection`, `delete`, `rms`; or
             empty when we do not know.
-        unit: `mm`, `m`, `in`, `um`, `deg`, `rad`, `gon`, or None where it says none.
+        unit: `mm`, `m`, `in`, `um`, `ft`, `cm`, `deg`, `rad`, `gon`, or None where it says none.
     """
 
     title: str
@@ -76,11 +92,18 @@ class Header:
         line: Its number, counted from 1.
         delimiter: What separates the columns.
         columns: Left to right; a last empty one stands for the delimiter at the end of rows.
+        first: Line of the first row, 0 for the one behind the header.
     """
 
     line: int
     delimiter: str
     columns: tuple[Named, ...]
+    first: int = 0
+
+    @property
+    def begins(self) -> int:
+        """Line of the first row."""
+        return self.first or self.line + 1
 
     def where(self, role: str) -> int | None:
         """Place of the column with a role."""
@@ -124,7 +147,7 @@ def _of_axis(words: Sequence[str]) -> str:
         return axis
     if others <= _EXPANDED_WORDS and others & {"95", "expanded"}:
         return f"u95 {axis}"
-    return f"std {axis}" if others <= _STANDARD_WORDS else ""
+    return f"std {axis}" if others <= _STANDARD_WORDS and others - DEVIATION else ""
 
 
 def header(line: str, number: int, delimiter: str | None = None) -> Header:
@@ -137,9 +160,10 @@ def in_context(columns: Sequence[Named]) -> tuple[Named, ...]:
     """Roles that a title has beside others: U(95) behind its axis, a date beside a time of day."""
     out: list[Named] = []
     titles = [_words(column.title) for column in columns]
+    alternate = titles.count({"u", "95"}) == len(_SPACE)
     for column, words in zip(columns, titles, strict=True):
         behind = out[-1].role if out else ""
-        if words == {"u", "95"} and behind in _AXES.values():
+        if alternate and words == {"u", "95"} and behind in _SPACE:
             column = replace(column, role=f"u95 {behind}")
         if words == {"date"} and {"time"} in titles:
             column = replace(column, role="date")
@@ -161,6 +185,44 @@ def find(lines: Sequence[str]) -> Header | None:
     return None
 
 
+def is_unit_title(title: str) -> bool:
+    """Whether a column says the unit of each row."""
+    return bare(title).lower() in ("unit", "units", "einheit", "length unit")
+
+
+def remark(text: Text, header: Header) -> str | None:
+    """How remarks between rows begin: no such line has as many cells as a row; None without."""
+    if not any(mark in text.data for mark in (b"#", b"//", b"%", b"!")):  # as most
+        return None
+    begins = re.compile(rb"^[ \t]*(#|//|%|!).*$", re.MULTILINE)
+    found = [(m[1].decode(), m[0].decode()) for m in begins.finditer(text.data)]
+    marks = {mark for mark, _ in found}
+    rows = any(line.count(header.delimiter) >= len(header.columns) - 1 for _, line in found)
+    return marks.pop() if len(marks) == 1 and not rows else None
+
+
+def said_units(line: str) -> set[str]:
+    """Units of length that a line names which speaks of units; others may mean something else."""
+    words = [word for word in _WORD.findall(line.lower()) if word not in ("m", "in")]
+    words += [word.lower() for word in _SHORT.findall(line)]
+    return {UNIT_WORDS[word] for word in words if word in UNIT_WORDS}
+
+
+def known_units(columns: Sequence[Named]) -> None:
+    """No column of lengths may be in a unit that we do not read, as if it said none.
+
+    Raises:
+        InputError: One is.
+    """
+    for column in columns:
+        words = re.findall(r"[^\W\d_]+", column.title.lower())
+        if column.unit is None and words and words[-1] in _OTHER_UNITS:
+            raise InputError(
+                f'the coordinates of column "{shown(column.title)}" are in {words[-1]}',
+                f"export them in one of {', '.join(dict.fromkeys(UNIT_WORDS.values()))}",
+            )
+
+
 def one_unit(found: Header, roles: Sequence[str]) -> str | None:
     """The unit that some columns state, None where none does.
 
@@ -168,6 +230,7 @@ def one_unit(found: Header, roles: Sequence[str]) -> str | None:
         InputError: They state different ones.
     """
     columns = [column for column in found.columns if column.role in roles]
+    known_units(columns)
     units = {column.unit for column in columns}
     if len(units) > 1:
         titles = ", ".join(column.title for column in columns)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -13,16 +14,19 @@ from pydantic import Field
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked, sifted
 from pipeline.base.errors import InputError
-from pipeline.base.strict import Positive, Strict, with_parts
+from pipeline.base.strict import Name, Positive, Strict, with_parts
+from pipeline.readers import _faces
 from pipeline.readers._cells import text_of
 from pipeline.readers._coordinates import (
     Meaning,
     cartesian,
     covariance,
     raw,
+    second_face,
     settled,
     settled_vertical,
 )
+from pipeline.readers._faces import Faces
 from pipeline.readers._layout import Rows
 from pipeline.readers._text import Text
 
@@ -43,6 +47,11 @@ _NO_UNCERTAINTY = (
     "its uncertainty is none (a variance below zero or a correlation above one); export it again, "
     'or set covariance = "none" in [tracker]'
 )
+_NINES = re.compile(r"999+(\.9+)?")
+"""What programs write for no number."""
+_NOTHING = (
+    "its three numbers are those that stand for no reading; measure it again or remove the row"
+)
 _TOO_VAGUE = "its uncertainty is larger than 1 km; measure it again or remove the row"
 _TOO_FAR = (
     f"the coordinates are farther than {_FARTHEST_M / 1e3:_.0f} km; ".replace("_", " ")
@@ -53,7 +62,8 @@ USUAL_FACTORS = {STANDARD: 1.0, EXPANDED: 2.0}
 
 
 _Role = Literal[
-    "group", "target", "time", "delete", "x", "y", "z", "range", "azimuth", "vertical",
+    "group", "target", "date", "time", "delete", "active", "instrument",
+    "x", "y", "z", "range", "azimuth", "vertical",
     "sx", "sy", "sz", "u95_x", "u95_y", "u95_z", "cxx", "cxy", "cxz", "cyy", "cyz", "czz",
 ]  # fmt: skip
 _Column = Annotated[int, Field(ge=1)] | Annotated[str, Field(min_length=1)]
@@ -66,15 +76,21 @@ class Columns(Strict):
         columns: Name or number of the column by role; sx, sy, sz and cxx ... czz are uncertainties.
         delimiter: One character, or None to find it.
         header: Line of the header, 0 for none, or None to find it.
+        first: Line of the first row, where it is not the one behind the header.
+        last: Line of the last row, None for the last one of the file.
         comment: Start of lines that are no rows.
         time_format: A `strptime` form, or None for the forms we know.
+        instrument: Which of the instruments in the column of that name to read, None for all.
     """
 
     columns: dict[_Role, _Column] = Field(min_length=3)
     delimiter: Annotated[str, Field(min_length=1, max_length=1)] | None = None
     header: Annotated[int, Field(ge=0)] | None = None
+    first: Annotated[int, Field(ge=1)] | None = None
+    last: Annotated[int, Field(ge=1)] | None = None
     comment: Annotated[str, Field(min_length=1)] | None = None
     time_format: str | None = None
+    instrument: str | None = None
 
 
 class Hints(Strict):
@@ -90,9 +106,10 @@ class Hints(Strict):
         coverage_factor: k of stated uncertainties.
         names: Expression with the parts group and target, for names that hold both.
         mapping: Columns of a table in no dialect of its own.
+        sheet: Of workbooks, where several of theirs fit.
     """
 
-    unit: Literal["mm", "m", "in"] | None = None
+    unit: Literal["mm", "m", "in", "um", "cm", "ft"] | None = None
     decimal: Literal[".", ","] | None = None
     coordinates: Literal["cartesian", "spherical", "cylindrical"] | None = None
     angle: Literal["deg", "rad", "gon"] | None = None
@@ -101,6 +118,7 @@ class Hints(Strict):
     coverage_factor: Positive | None = None
     names: Annotated[str, with_parts("group", "target")] | None = None
     mapping: Columns | None = None
+    sheet: Name | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,6 +141,8 @@ class Export(Locked):
         rows: How many rows the file has, those left out included.
         unused: Columns that were not looked at.
         rejected: Line and reason of what was left out.
+        faces: Of polar readings in two faces, which are averaged; None where there is one face.
+        untimed: A column that should hold times and does not, None where there is none.
     """
 
     file: str
@@ -140,6 +160,8 @@ class Export(Locked):
     rows: int
     unused: tuple[str, ...]
     rejected: tuple[tuple[int, str], ...]
+    faces: Faces | None = None
+    untimed: str | None = None
 
 
 _OF_EACH = ("group", "target", "position", "covariance", "time", "line", "order")
@@ -243,7 +265,39 @@ def export(
         unused=tuple(unused),
         rejected=rows.rejected,
     )
+    nothing = _nothing(numbers)
+    if nothing.any():
+        everything = kept(everything, ~nothing, _NOTHING)
+        numbers = [column[~nothing] for column in numbers]
+    if meaning.kind == "spherical":
+        everything = _one_face(everything, second_face(numbers[2], meaning))
     return _possible(everything)
+
+
+def _nothing(numbers: Sequence[Array]) -> Bools:
+    """Rows of which three times -9999 or so says that there is no reading, shape (n,).
+
+    0, 0, 0 may be a place; where it is none, the campaign's other readings show it.
+    """
+    x, y, z = numbers
+    alike = (x == y) & (y == z)
+    nines = [v for v in np.unique(np.abs(x[alike])) if _NINES.fullmatch(f"{v:.12g}")]
+    return np.asarray(alike & np.isin(np.abs(x), nines))
+
+
+def _one_face(readings: Export, second: Bools) -> Export:
+    """Targets read in both faces as one reading each, their mean in the place of the first."""
+    if not second.any() or readings.target is None:
+        return readings
+    columns = [c.to_pylist() for c in (readings.group, readings.target) if c is not None]
+    found = _faces.pairs(list(zip(*columns, strict=True)), second)
+    told = _faces.summary(readings.position, found, second)
+    position, C = _faces.mean(readings.position, readings.covariance, found)
+    keep = np.ones(len(second), dtype=bool)
+    keep[found[:, 1]] = False
+    averaged = replace(readings, position=position, covariance=C, faces=told)
+    of_each = sifted({name: getattr(averaged, name) for name in _OF_EACH}, keep)
+    return replace(averaged, **of_each)
 
 
 def _possible(everything: Export) -> Export:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
 
@@ -10,14 +10,23 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from pipeline.base.arrays import Array
+from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError, at, listed
 from pipeline.readers import _time
-from pipeline.readers._cells import cells_or_none, shown
+from pipeline.readers._cells import above, cells_or_none, shown
 from pipeline.readers._coordinates import AXES, Meaning, uncertainties
 from pipeline.readers._delimited import rows
 from pipeline.readers._layout import Field, Kind, Layout, Rows
-from pipeline.readers._named import UNIT_WORDS, Header, Named, find, in_context, named, one_unit
+from pipeline.readers._named import (
+    UNIT_LINE,
+    UNIT_WORDS,
+    Header,
+    Named,
+    find,
+    is_unit_title,
+    one_unit,
+    said_units,
+)
 from pipeline.readers._reader import (
     EXPANDED,
     RMS,
@@ -31,6 +40,7 @@ from pipeline.readers._reader import (
     settled_unit,
 )
 from pipeline.readers._text import Text
+from pipeline.readers._titles import titled, triples
 
 _VERTICALS = ("vertical", "zenith", "elevation")
 COVARIANCE = ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")
@@ -40,14 +50,19 @@ _UNCERTAINTIES = {
 }
 _SEARCHED = 1000
 """How many rows are searched for the first one with a time; without any it is ISO 8601."""
-_NOT_DELETED = ("", "-", "0", "no", "false", "n")
+_SEVERAL = 2
+"""Cells that are no times from which on it is the column that is none, and not a damaged cell."""
+_FLAGS = ("delete", "active", "instrument")
+"""Columns that say whether a row counts."""
+_NO = ("0", "no", "false", "n", "nein")
+_BLANK = ("", "-")
 _LOST_IF_MISSPELT = {
     "time": "time", "timestamp": "time", "delete": "delete", "deleted": "delete",
     "group": "group", "point group": "group",
 }  # fmt: skip
 _ALIKE = 0.75
 """Share of letters alike (difflib's ratio) from which a title is a slip of the pen."""
-_NAMES = ("group", "target", "reflector", "delete")
+_NAMES = ("group", "target", "reflector", *_FLAGS)
 
 
 def below_header(text: Text, hints: Hints, dialect: str) -> Export:
@@ -80,14 +95,16 @@ def read(
     """
     with at(line=header.line or None):
         _once(header)
-        _nearly(header)
+        if hints.mapping is None:  # whoever wrote one has said which column is what
+            _nearly(header)
         _group_needs_target(header)
         kind, axes = _kind(header, hints)
+        header, untimed = (header, None) if form else _trusted_times(text, header, comment)
         form = form or _form(text, header, comment)
     layout = Layout(
         fields=tuple(_field(c, k, axes, header.has("date")) for k, c in enumerate(header.columns)),
         delimiter=header.delimiter,
-        first=header.line + 1,
+        first=header.begins,
         decimal=hints.decimal,
         comment=comment,
         moment=form,
@@ -97,14 +114,17 @@ def read(
         table = _dated(table, layout.moment)
     with at(line=header.line or None):
         meaning = _meaning(header, hints, table, kind, axes)
-        table = _not_deleted(table)
+        _same_unit(text, header, meaning.unit)
+        _unit_of_rows(text, header, meaning.unit, comment)
+        table = _counting(table, hints)
         for roles in (*_UNCERTAINTIES.values(), COVARIANCE):
             _all_or_none(header, roles)
         found = covariances(table, header, hints, meaning.unit)
     unused = [c.title for c in header.columns if c.title and not _used(c, axes)]
     readings = export(text, hints, dialect, table, meaning, axes, found, unused)
     again = _again(text, header, readings.rejected)
-    return replace(readings, rejected=(*_above(text, header), *again))
+    early = above(text, header.line, header.delimiter, [header.where(axis) or 0 for axis in axes])
+    return replace(readings, rejected=(*early, *again), untimed=untimed)
 
 
 def _again(
@@ -122,8 +142,7 @@ def _again(
             out.append((number, "the header comes again; remove the row"))
             continue
         cells = cells_or_none(text.line(number), header.delimiter) or []
-        found = in_context([named(cell) for cell in cells])
-        if {"x", "y", "z"} <= {column.role for column in found}:
+        if triples(titled(cells)):
             raise InputError(
                 "another header begins here, with other columns or units",
                 "split the export there into two files and list them in [tracker] files",
@@ -131,6 +150,48 @@ def _again(
             )
         out.append((number, reason))
     return out
+
+
+def _same_unit(text: Text, header: Header, unit: str) -> None:
+    """No line between the rows may name another unit for those below it.
+
+    Raises:
+        InputError: One does.
+    """
+    place = text.data.find(b"nit", text.starts[header.begins - 1])
+    while place >= 0:
+        number = int(np.searchsorted(text.starts, place, side="right"))
+        line = text.line(number)
+        said = said_units(line) if UNIT_LINE.search(line) else {unit}
+        if line.count(header.delimiter) < len(header.columns) - 1 and said - {unit}:
+            raise InputError(
+                f"the unit of length changes here to {listed(said - {unit})}, above it was {unit}",
+                "split the export there into two files and list them in [tracker] files",
+                line=number,
+            )
+        place = text.data.find(b"nit", text.starts[number])
+
+
+def _unit_of_rows(text: Text, header: Header, unit: str, comment: str | None) -> None:
+    """A column of units may say no other one than that of the table.
+
+    Raises:
+        InputError: It does.
+    """
+    place = next((k for k, c in enumerate(header.columns) if is_unit_title(c.title)), None)
+    if place is None:
+        return
+    for number, line in text.lines(header.begins):
+        if comment and line.lstrip().startswith(comment):
+            continue
+        cells = cells_or_none(line, header.delimiter) or []
+        said = UNIT_WORDS.get("".join(cells[place : place + 1]).lower(), unit)
+        if said != unit:
+            raise InputError(
+                f"the row is in {said} by its unit, others or the file are in {unit}",
+                "export all rows in one unit, or split the export",
+                line=number,
+            )
 
 
 def _dated(table: Rows, form: str) -> Rows:
@@ -143,16 +204,6 @@ def _dated(table: Rows, form: str) -> Rows:
     return replace(table, columns={**table.columns, "time": times}).only(
         keep, "date and time are no time in the form of the others; correct or remove the row"
     )
-
-
-def _above(text: Text, header: Header) -> list[tuple[int, str]]:
-    """Rows that stand above the header, which only a damaged file has."""
-    reason = "the row stands above the header; move it below"
-    return [
-        (number, reason)
-        for number, line in text.lines(1, header.line - 1)
-        if len(cells_or_none(line, header.delimiter) or []) == len(header.columns)
-    ]
 
 
 def _group_needs_target(header: Header) -> None:
@@ -214,11 +265,11 @@ def _present(header: Header, role: str) -> str | None:
 
 def _field(column: Named, place: int, axes: Sequence[str], dated: bool = False) -> Field:
     name = column.role or f"column {place + 1}"
-    kind: Kind = "any" if column.title else "blank"
+    kind: Kind = "any" if column.title or not place else "blank"  # pandas' index has no title
     if column.role in axes:
         return Field(name, "number", title=column.title)
     if column.role in _NAMES:
-        return Field(name, "name", column.role != "delete", column.title)
+        return Field(name, "name", column.role not in _FLAGS, column.title)
     if column.role == "time" and not dated:
         return Field(name, "time", needed=False, title=column.title)
     if column.role in ("date", "time"):
@@ -242,9 +293,24 @@ def _form(text: Text, header: Header, comment: str | None) -> str:
     return _time.form_of(first) or _time.ISO
 
 
+def _trusted_times(text: Text, header: Header, comment: str | None) -> tuple[Header, str | None]:
+    """The header without a column of times of which none is one, and its title with an example."""
+    place = header.where("time")
+    if place is None or header.has("date"):
+        return header, None
+    cells = [row[place] for row in _sample(text, header, comment) if len(row) > place]
+    filled = [cell for cell in cells if cell]
+    if len(filled) < _SEVERAL or any(map(_time.form_of, filled)):
+        return header, None
+    columns = list(header.columns)
+    columns[place] = replace(columns[place], role="")
+    untimed = f'{columns[place].title} ("{shown(filled[0])}")'
+    return replace(header, columns=tuple(columns)), untimed
+
+
 def _sample(text: Text, header: Header, comment: str | None) -> Iterator[list[str]]:
     """Cells of the rows below the header, as many as it may take to find one with a time."""
-    for _, line in text.lines(header.line + 1, most=_SEARCHED):
+    for _, line in text.lines(header.begins, most=_SEARCHED):
         remark = comment and line.lstrip().startswith(comment)
         if line.strip() and not remark and (cells := cells_or_none(line, header.delimiter)):
             yield cells
@@ -267,16 +333,28 @@ def _no_times_elsewhere(cells: Sequence[str], header: Header) -> None:
             )
 
 
-def _not_deleted(table: Rows) -> Rows:
-    """Rows that the operator did not mark as deleted."""
-    marks = table.columns.get("delete")
-    if marks is None:
-        return table
-    kept = [str(mark).lower() in _NOT_DELETED for mark in marks.dictionary.to_pylist()]
-    return table.only(
-        np.array(kept, dtype=bool)[np.asarray(marks.indices)],
-        "the operator marked it as deleted; clear the mark if it is to be used",
-    )
+def _counting(table: Rows, hints: Hints) -> Rows:
+    """Rows that the operator did not mark as deleted or inactive, of the instrument asked for."""
+    counting: dict[str, Callable[[str], bool]] = {
+        "delete": lambda mark: mark.lower() in (*_BLANK, *_NO),
+        "active": lambda mark: mark.lower() not in _NO,
+    }
+    for flag in counting.keys() & table.columns.keys():
+        kept = _cells_that(table, flag, counting[flag])
+        reason = "the operator marked it as deleted; clear the mark if it is to be used"
+        table = table.only(kept, reason)
+    one = hints.mapping.instrument if hints.mapping else None
+    if one is not None and "instrument" in table.columns:
+        theirs = _cells_that(table, "instrument", lambda name: name == one)
+        table = table.only(theirs, f"it is not of {one}; correct instrument if it is to be used")
+    return table
+
+
+def _cells_that(table: Rows, name: str, fits: Callable[[str], bool]) -> Bools:
+    """Rows whose cell of a column of words fits, shape (n,)."""
+    marks = table.columns[name]
+    fitting = [fits(str(mark)) for mark in marks.dictionary.to_pylist()]
+    return np.array(fitting, dtype=bool)[np.asarray(marks.indices)]
 
 
 def _meaning(header: Header, hints: Hints, table: Rows, kind: str, axes: Sequence[str]) -> Meaning:

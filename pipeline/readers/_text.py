@@ -13,7 +13,7 @@ from pipeline.base.errors import InputError
 from pipeline.base.files import too_large
 from pipeline.base.threads import spread
 
-LARGEST_FILE = 2_000_000_000
+_LARGEST_FILE = 2_000_000_000
 """Bytes of a file at most: 25 million readings, and Arrow's offsets fit into 32 bits."""
 _MAX_LINE_BYTES = 10_000
 """Bytes of a line at most; fifty columns of twenty digits are a tenth of it."""
@@ -24,14 +24,22 @@ SAMPLE_LINES = 60
 _CHUNK = 1 << 20
 """Bytes looked at in one go: temporary arrays of this size stay in the cache."""
 
+LARGEST_WORKBOOK = 100 * 2**20
+"""Bytes of a workbook at most: Excel's million rows of six columns have a third of it."""
+_ZIP = b"PK\x03\x04"
+_WORKBOOKS = (".xlsx", ".xlsm")
 _OTHER_PROGRAMS = {
-    b"PK\x03\x04": "an Excel workbook or a ZIP archive",
+    _ZIP: "an Excel workbook or a ZIP archive",
     b"\xd0\xcf\x11\xe0": "an old Excel workbook",
     b"\x1f\x8b": "compressed",
     b"%PDF": "a PDF",
 }
 """How files begin that are no text, and what they are."""
 
+_BEGIN = 4096
+"""Bytes that tell whether a file is text."""
+_NEARLY = 0.9
+"""Share of letters of ASCII in a text of any language with numbers in it."""
 _MARKS = {b"\xef\xbb\xbf": "utf-8", b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
 
 
@@ -85,9 +93,9 @@ def text(name: str, data: bytes) -> Text:
     Raises:
         InputError: Empty, too large, a line too long, or no text.
     """
-    if len(data) > LARGEST_FILE:
+    if len(data) > _LARGEST_FILE:
         raise InputError(
-            f"the file {too_large(len(data), LARGEST_FILE)}",
+            f"the file {too_large(len(data), _LARGEST_FILE)}",
             "split it into several exports and list them in [tracker] files",
         )
     refuse_other_programs(name, data)
@@ -104,17 +112,29 @@ def text(name: str, data: bytes) -> Text:
     return Text(name, data, encoding, starts)
 
 
+def is_workbook(begin: bytes) -> bool:
+    """Whether a file begins as workbooks do, which are packed XML."""
+    return begin.startswith(_ZIP)
+
+
+def largest(name: str) -> int:
+    """Bytes that are read of a file, told before it is opened."""
+    return LARGEST_WORKBOOK if name.lower().endswith(_WORKBOOKS) else _LARGEST_FILE
+
+
 def refuse_other_programs(name: str, begin: bytes) -> None:
     """Tell a file that is no text by how it begins, however long it is.
 
     Raises:
         InputError: Another program wrote it for itself.
     """
+    if is_workbook(begin) and name.lower().endswith(_WORKBOOKS):
+        return
     for known, what in _OTHER_PROGRAMS.items():
         if begin.startswith(known):
-            raise InputError(f"the file is {what}", "save it as CSV or text", file=name)
-    marked = begin.startswith(tuple(_MARKS))
-    if not marked and b"\0" in begin[:4096]:
+            raise InputError(f"the file is {what}", "save it as .xlsx, CSV or text", file=name)
+    marked = begin.startswith(tuple(_MARKS)) or _unmarked(begin)
+    if not marked and b"\0" in begin[:_BEGIN]:
         raise InputError(_ZERO, "export it as text", file=name)
 
 
@@ -125,6 +145,8 @@ def _as_utf8(data: bytes) -> tuple[bytes, str]:
     for mark, encoding in _MARKS.items():
         if data.startswith(mark):
             return _recoded(data[len(mark) :], encoding)
+    if unmarked := _unmarked(data):
+        return _recoded(data, unmarked)
     if data.isascii():
         return data, "ascii"
     try:
@@ -132,6 +154,15 @@ def _as_utf8(data: bytes) -> tuple[bytes, str]:
     except UnicodeDecodeError:
         return _recoded(data, "cp1252")
     return data, "utf-8"
+
+
+def _unmarked(data: bytes) -> str | None:
+    """UTF-16 without a byte order mark: nearly every second byte at its begin is zero."""
+    begin = data[: min(_BEGIN, len(data) // 2 * 2)]
+    zeros = {"utf-16-le": begin[1::2].count(0), "utf-16-be": begin[::2].count(0)}
+    encoding, most = max(zeros.items(), key=lambda one: one[1])
+    clear = most > _NEARLY * len(begin) / 2 and sum(zeros.values()) == most
+    return encoding if clear and begin.strip(b"\0") else None
 
 
 def _recoded(data: bytes, encoding: str) -> tuple[bytes, str]:
@@ -184,3 +215,9 @@ def squeezed(text: Text) -> Text:
     data = re.sub(rb"[ \t]+", b" ", text.data)
     data = re.sub(rb"^ | (?=\r?$)", b"", data, flags=re.MULTILINE)
     return Text(text.name, data, text.encoding, _starts(data))
+
+
+def until(text: Text, last: int) -> Text:
+    """The text up to a line, that one included."""
+    starts = text.starts[: last + 1]
+    return Text(text.name, text.data[: starts[-1]], text.encoding, starts)

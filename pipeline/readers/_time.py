@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -16,7 +17,8 @@ ISO = "ISO 8601"
 APOSTROPHE = "'"
 """Leica's programs put one before a time, so that Excel leaves it alone."""
 
-_CLOCK = r"[0-9]{1,2}:[0-9]{2}:[0-9]{2}"
+_MINUTE = r"[0-9]{1,2}:[0-9]{2}"
+_CLOCK = rf"{_MINUTE}:[0-9]{{2}}"
 _FORMS = {
     ISO: r"[0-9]{4}-[0-9]{2}-[0-9]{2}[T ][0-9]{2}:[0-9]{2}(:[0-9]{2}(\.[0-9]{1,9})?)?"
     r"(Z|[+-][0-9]{2}:?[0-9]{2})?",
@@ -24,9 +26,15 @@ _FORMS = {
     "%m/%d/%Y %H:%M:%S": rf"[0-9]{{1,2}}/[0-9]{{1,2}}/[0-9]{{4}} {_CLOCK}",
     "%m/%d/%y %I:%M:%S %p": rf"[0-9]{{1,2}}/[0-9]{{1,2}}/[0-9]{{2}} {_CLOCK} [AP]M",
     "%m/%d/%Y %I:%M:%S %p": rf"[0-9]{{1,2}}/[0-9]{{1,2}}/[0-9]{{4}} {_CLOCK} [AP]M",
+    "%m/%d/%Y %H:%M": rf"[0-9]{{1,2}}/[0-9]{{1,2}}/[0-9]{{4}} {_MINUTE}",
     "%d.%m.%Y %H:%M:%S": rf"[0-9]{{1,2}}\.[0-9]{{1,2}}\.[0-9]{{4}} {_CLOCK}",
+    "%d.%m.%y %H:%M:%S": rf"[0-9]{{1,2}}\.[0-9]{{1,2}}\.[0-9]{{2}} {_CLOCK}",
+    "%d.%m.%Y %H:%M": rf"[0-9]{{1,2}}\.[0-9]{{1,2}}\.[0-9]{{4}} {_MINUTE}",
+    "%Y/%m/%d %H:%M:%S": rf"[0-9]{{4}}/[0-9]{{1,2}}/[0-9]{{1,2}} {_CLOCK}",
 }
 """SpatialAnalyzer writes month/day/year, Leica's programs day.month.year; slashes are American."""
+_OTHER_DAY = {"%m/%d": "%d/%m"}
+"""What slashes mean where no month has the number that stands first."""
 
 _PLACES = {
     "%Y": slice(4), "%y": slice(2, 4), "%m": slice(5, 7), "%d": slice(8, 10),
@@ -51,6 +59,20 @@ def form_of(cell: str) -> str | None:
         if re.fullmatch(pattern, bare):
             return form
     return None
+
+
+def form_of_all(cells: Sequence[str], most: float) -> str | None:
+    """The form in which so large a share of some cells are written as times, None for none.
+
+    Slashes are American unless the numbers between them say otherwise.
+    """
+    form = next(filter(None, map(form_of, cells)), None)
+    if form is None:
+        return None
+    ways = [form, *(form.replace(a, b) for a, b in _OTHER_DAY.items() if a in form)]
+    fitting = [sum(_moment(cell, way) is not None for cell in cells) for way in ways]
+    best = max(fitting)
+    return ways[fitting.index(best)] if best >= most * len(cells) else None
 
 
 def _moment(cell: str, form: str) -> datetime | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -9,7 +10,10 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from pipeline import tables
-from pipeline.readers import Hints, read
+from pipeline.readers import Export, Hints, read
+from pipeline.readers._names import rounds
+from pipeline.readers.offer import Offer, offer
+from pipeline.readers.table import NAME
 
 _MOST_TARGETS = 50
 """Names that are listed; more of them nobody reads."""
@@ -35,6 +39,12 @@ class Inspection:
         covariance: Kind of the uncertainty that is used, None where the file has none.
         unused: Columns that were not looked at.
         rejected: Line and reason of what was left out.
+        rounds: How often the names begin again, None where groups say what belongs together.
+        two_faces: Pairs that were averaged, their largest difference, single ones; None for one.
+        untimed: Column that should hold times and does not, with one of its cells.
+        columns: What each column of a table without a dialect was taken for, and why.
+        preview: Its first rows as they are read.
+        proposal: The same as [tracker.mapping] to paste.
     """
 
     file: str
@@ -52,33 +62,108 @@ class Inspection:
     covariance: str | None
     unused: list[str]
     rejected: list[dict[str, Any]]
+    rounds: int | None = None
+    two_faces: dict[str, Any] | None = None
+    untimed: str | None = None
+    columns: list[dict[str, Any]] | None = None
+    preview: list[dict[str, Any]] | None = None
+    proposal: str | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """For `--json`."""
-        return asdict(self)
+        """For `--json`; what few files have is there only where they have it."""
+        rare = ("rounds", "two_faces", "untimed", "columns", "preview", "proposal")
+        return {k: v for k, v in asdict(self).items() if k not in rare or v is not None}
 
     def to_text(self) -> str:
         """For people, one line per fact."""
-        kind = self.coordinates
-        if self.angle:
-            kind += f", angles in {self.angle}"
-        if self.vertical:
-            kind += f" from the {self.vertical}" if self.vertical == "zenith" else ", elevations"
         facts = {
             "dialect": self.dialect,
             "encoding": self.encoding,
             "unit": self.unit,
-            "coordinates": kind,
+            "coordinates": self._kind(),
             "readings": str(self.readings),
-            "groups": "not named" if self.groups is None else str(self.groups),
+            "groups": self._groups(),
             "targets": "not named" if self.targets is None else " ".join(self.targets),
-            "times": f"{self.time_first} to {self.time_last}" if self.time_first else "none",
+            "times": self._times(),
             "uncertainty": self.covariance or "not stated",
             "not used": ", ".join(self.unused) or "nothing",
             "rejected": str(len(self.rejected)),
         }
+        if self.two_faces:
+            facts["two faces"] = _faces_in_words(self.two_faces)
         lines = [f"{self.file}", *(f"  {name:12} {fact}" for name, fact in facts.items())]
-        return "\n".join(lines)
+        lines += columns_in_words(self.columns or []) + rows_in_words(self.preview or [])
+        return "\n".join([*lines, "", self.proposal.rstrip()] if self.proposal else lines)
+
+    def _kind(self) -> str:
+        """Kind of coordinates, with their angles where they have any."""
+        kind = f"{self.coordinates}, angles in {self.angle}" if self.angle else self.coordinates
+        vertical = {"zenith": " from the zenith", "elevation": ", elevations", None: ""}
+        return kind + vertical[self.vertical]
+
+    def _groups(self) -> str:
+        if self.rounds is not None:
+            return f"not named; {self.rounds} rounds of names"
+        return "not named" if self.groups is None else str(self.groups)
+
+    def _times(self) -> str:
+        if self.time_first:
+            return f"{self.time_first} to {self.time_last}"
+        return (
+            f"none; {self.untimed} holds no times that can be trusted" if self.untimed else "none"
+        )
+
+
+def _faces_in_words(faces: dict[str, Any]) -> str:
+    single = f", {faces['single']} in the second face only" if faces["single"] else ""
+    return f"{faces['pairs']} pairs averaged, up to {faces['largest_mm']:.3g} mm apart{single}"
+
+
+_WHY = {
+    "title": "by its title",
+    "words": "words that differ",
+    "names": "names",
+    "numbers": "numbers that name points",
+    "time": "times",
+    "matrix": "a covariance: symmetric",
+    "faces": "a point is read in two faces",
+    "rigid": "targets keep their distances while they move",
+    "range": "no angles: too large, or no distance among them",
+    "order": "three numbers, in this order",
+    "stated": "as stated",
+    "empty": "empty",
+    "untold": "",
+    "untimed": "holds no times that can be trusted",
+}
+"""What says what a column is, in words."""
+
+
+def columns_in_words(columns: Sequence[Mapping[str, Any]]) -> list[str]:
+    """One line for each column: number, title, first cell, what it is, and why."""
+    out = []
+    for one in columns:
+        title = one["title"] or "no title"
+        said = one["role"] or "not used"
+        why = f" ({_WHY[one['why']]})" if _WHY[one["why"]] else ""
+        out.append(f"  column {one['number']:<5} {title}, {one['example'] or 'empty'}: {said}{why}")
+    return out
+
+
+def offer_in_words(file: str, found: Offer) -> str:
+    """What a file seems to be, for people: its columns, first rows and what to paste."""
+    lines = [file, f"  {'dialect':12} {found.dialect}"]
+    lines += columns_in_words([vars(column) for column in found.columns])
+    lines += rows_in_words(found.preview)
+    return "\n".join([*lines, "", found.proposal.rstrip()])
+
+
+def rows_in_words(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """First rows as they would be read."""
+    head = ["  the first rows as they would be read:"] if rows else []
+    return head + [
+        "  " + "  ".join("-" if cell is None else str(cell) for cell in row.values())
+        for row in rows
+    ]
 
 
 def inspect(name: str, data: bytes, hints: Hints | None = None) -> Inspection:
@@ -113,7 +198,37 @@ def inspect(name: str, data: bytes, hints: Hints | None = None) -> Inspection:
         covariance=export.covariance_kind,
         unused=list(export.unused),
         rejected=[{"line": line, "reason": reason} for line, reason in sorted(export.rejected)],
+        rounds=_rounds(export),
+        two_faces=_two_faces(export),
+        untimed=export.untimed,
+        **_as_proposed(name, data, hints, export),
     )
+
+
+def _rounds(export: Export) -> int | None:
+    """How often the names begin again; None where groups say what belongs together."""
+    if export.group is not None or export.target is None:
+        return None
+    return int(rounds(export.target.indices.to_numpy())[-1]) if len(export.line) else 0
+
+
+def _two_faces(export: Export) -> dict[str, Any] | None:
+    if export.faces is None:
+        return None
+    largest = export.faces.largest_m * 1000.0
+    return {"pairs": export.faces.pairs, "largest_mm": largest, "single": export.faces.single}
+
+
+def _as_proposed(name: str, data: bytes, hints: Hints | None, export: Export) -> dict[str, Any]:
+    """How the columns of a table without a dialect were taken."""
+    found = offer(name, data, hints or Hints()) if export.dialect == NAME else None
+    if found is None:
+        return {}
+    return {
+        "columns": [dict(vars(one)) for one in found.columns],
+        "preview": [dict(row) for row in found.preview],
+        "proposal": found.proposal,
+    }
 
 
 def as_csv(name: str, data: bytes, hints: Hints | None = None) -> bytes:

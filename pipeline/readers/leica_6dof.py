@@ -23,13 +23,13 @@ from pipeline.readers._reader import (
     written,
 )
 from pipeline.readers._text import Text
-from pipeline.readers.tracker_pilot import six_dof
+from pipeline.readers.tracker_pilot import expanded
 
 
 def recognise(lines: Sequence[str]) -> bool:
-    """A header names X, Y, Z and orientations or U(95)."""
+    """A header names X, Y, Z and U(95)."""
     header = _named.find(lines)
-    return header is not None and six_dof(header) and not plain.recognise(lines)
+    return header is not None and expanded(header) and not plain.recognise(lines)
 
 
 def read(text: Text, hints: Hints) -> Export:

@@ -1,6 +1,7 @@
 """The logs beside the tracker exports: scale, joints, and tables of already reduced campaigns.
 
-All are delimited tables with a header whose column names carry the units.
+All are delimited tables with a header whose column names carry the units; campaign.toml may say
+what others call them.
 """
 
 from __future__ import annotations
@@ -16,18 +17,21 @@ import pyarrow as pa
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings, sifted
 from pipeline.base.errors import InputError, at, listed
-from pipeline.base.strict import LEAST_FORCE, LEAST_MASS
+from pipeline.base.strict import LEAST_FORCE, LEAST_MASS, STANDARD_GRAVITY
 from pipeline.machine.robot import Robot
-from pipeline.readers._cells import bare
+from pipeline.readers import _log_words
 from pipeline.readers._delimited import rows
-from pipeline.readers._layout import DELIMITERS, Field, Kind, Layout, Rows
-from pipeline.readers._text import text
+from pipeline.readers._layout import Field, Kind, Layout, Rows
+from pipeline.readers._log_form import OURS, LogForm, Titled, opened, understood
 
 _Rejection = tuple[str, int | None, str]
 """File, line and reason of what was left out."""
 
-FORCE = {"n": 1.0, "kn": 1e3, "kgf": 9.80665, "lbf": 4.4482216152605}
-"""Units of force [N]; those of weight with standard gravity (CGPM 1901)."""
+FORCE = {"n": 1.0, "kn": 1e3, "kgf": STANDARD_GRAVITY, "lbf": 0.45359237 * STANDARD_GRAVITY}
+"""Units of force [N]; those of weight with standard gravity."""
+_SCALE = FORCE | {"dan": 10.0} | dict.fromkeys(("kg", "kp"), FORCE["kgf"])
+"""What a scale may show: one in kilograms shows kilogram-force, the old kilopond. Decanewtons are
+so near to it that no data tell the two apart."""
 MASS = {"kg": 1.0, "g": 1e-3, "lb": 0.45359237}
 """Units of mass [kg]."""
 _LENGTH = {"m": 1.0, "mm": 1e-3}
@@ -104,24 +108,58 @@ POSE = Quantity("pose", {})
 _REPEAT = Quantity("repeat", {})
 
 
-def loads(name: str, data: bytes) -> Log:
+def loads(name: str, data: bytes, said: LogForm = OURS) -> Log:
     """What loads the robot: pose, repeat, branch where known, and in each row one of three.
 
     `force` [N] of a scale in a chain, `mass` [kg] of a weight at the load point with `mass_sigma`
     where it is known, or the name of a `payload`; a column may be missing where no row has it.
+    Without a column `repeat` the rows of each pose are counted from 1.
+
+    Args:
+        name: Name of the file.
+        data: Its content.
+        said: [scale] of campaign.toml.
 
     Raises:
         InputError: The file cannot be read or trusted as a whole.
     """
-    header = columns(name, data)
     other = [Quantity("mass", MASS, needed=False), Quantity("mass_sigma", MASS, needed=False)]
     other += [Quantity(word, {}, "name", needed=False) for word in ("payload", "branch")]
-    needed = not any(_suffixed(header, q) for q in other[:3])
-    log = table(name, data, [POSE, _REPEAT, Quantity("force", FORCE, needed=needed), *other])
+    force = Quantity("force", _SCALE)
+    kinds = [force, *other[:3]]
+    file = opened(name, data, said, "scale", POSE.stem,
+                  lambda titles: any(_suffixed(titles, q) for q in kinds))  # fmt: skip
+    needed = not any(_suffixed(file.titles, q) for q in other[:3])
+    repeat = replace(_REPEAT, needed=False)
+    wanted = [POSE, repeat, replace(force, needed=needed), *other]
+    _known(said, "scale", wanted)
+    log = _counted(_table(file, wanted, said, "scale"))
     log = _one_load(_whole_numbers(log))
     reason = "branch is neither up nor down; correct it or leave it empty"
     log = log.where("branch", lambda words: np.isin(words, [*_BRANCHES, ""]), reason)
     return once(log, ["pose", "repeat"])
+
+
+def _counted(log: Log) -> Log:
+    """A log with a number for each row of a pose, where it has none.
+
+    Raises:
+        InputError: A row cannot be read, and others of its pose may stand behind it.
+    """
+    if "repeat" in log.number:
+        return log
+    pose = pd.Series(log.number["pose"])
+    if log.rejected and pose.duplicated().any():
+        _, line, reason = log.rejected[0]
+        raise InputError(
+            f"without a column repeat nobody knows which pulls the rows after this one are: "
+            f"{reason.partition('; ')[0]}",
+            "correct the row, or add the column repeat",
+            file=log.file,
+            line=line,
+        )
+    number = np.asarray(pose.groupby(pose).cumcount() + 1, dtype=np.float64)
+    return replace(log, number=log.number | {"repeat": number})
 
 
 def _one_load(log: Log) -> Log:
@@ -140,8 +178,14 @@ def _one_load(log: Log) -> Log:
     return log.only(count[count <= 1] == 1, "has no force, mass or payload; fill one of them in")
 
 
-def joints(name: str, data: bytes, robot: Robot) -> Log:
+def joints(name: str, data: bytes, robot: Robot, said: LogForm = OURS) -> Log:
     """The controller's joint log, by the names of the robot's joints or of its controller's axes.
+
+    Args:
+        name: Name of the file.
+        data: Its content.
+        robot: Whose joints they are.
+        said: [joints] of campaign.toml.
 
     Returns:
         The log with its poses and a number for each joint of the robot [m] or [rad]; where it has
@@ -150,15 +194,19 @@ def joints(name: str, data: bytes, robot: Robot) -> Log:
     Raises:
         InputError: A joint is missing; the file cannot be read.
     """
-    header = columns(name, data)
     own, axes = _own(robot), _controller(robot)
-    from_controller = bool(axes) and not _has(header, own) and _has(header, axes)
+    kinds = [names for names in (own, axes) if names]
+    file = opened(name, data, said, "joints", POSE.stem,
+                  lambda titles: any(_has(titles, one) for one in kinds))  # fmt: skip
+    from_controller = bool(axes) and not _has(file.titles, own) and _has(file.titles, axes)
     wanted = axes if from_controller else own
     approach = Quantity("approach", {}, needed=False)
     torques = [Quantity(f"tau{j}", _FORCE_OF[q.units is _LENGTH], needed=False)
                for j, q in enumerate(wanted, 1)]  # fmt: skip
-    repeat = Quantity("repeat", {}, needed=False)
-    log = _whole_numbers(table(name, data, [POSE, *wanted, approach, repeat, *torques]))
+    repeat = replace(_REPEAT, needed=False)
+    others = [approach, repeat, *torques]
+    _known(said, "joints", [POSE, *own, *axes, *others])
+    log = _whole_numbers(_table(file, [POSE, *wanted, *others], said, "joints"))
     reason = "approach is neither 1 nor -1; correct it or leave it empty"
     log = log.where("approach", lambda way: np.isin(way, [1, -1, 0]) | np.isnan(way), reason)
     log = once(log, ["pose", *({"repeat"} & {*log.number})])
@@ -172,6 +220,35 @@ def joints(name: str, data: bytes, robot: Robot) -> Log:
         turned = linear.solve(robot.controller_matrix.T, tau.T)  # both do the same work
         number |= {one.stem: tau for one, tau in zip(torques, turned, strict=True)}
     return replace(log, number=number)
+
+
+def may_be_log(name: str, data: bytes) -> bool:
+    """Whether a file has a line with a title for the number of a pose; one look, at all sheets.
+
+    Raises:
+        InputError: It is no text, or several sheets have one.
+    """
+
+    def poses(titles: Sequence[str]) -> dict[str, str] | None:
+        return {} if _log_words.has_poses(titles) else None
+
+    return understood(name, data, "scale", poses) is not None
+
+
+def understood_loads(name: str, data: bytes) -> LogForm | None:
+    """What [scale] may say of a log of loads with the titles of others; None where it is none."""
+    units = {"force": tuple(_SCALE), "mass": tuple(MASS)}
+    return understood(name, data, "scale", lambda titles: _log_words.of_loads(titles, units))
+
+
+def understood_joints(name: str, data: bytes, robot: Robot) -> LogForm | None:
+    """What [joints] may say of a joint log with the titles of others; None where it is none."""
+    axes = _controller(robot) or _own(robot)
+    slides = [q.units is _LENGTH for q in axes]
+    names, units = [q.stem for q in axes], ([*_LENGTH], [*_ANGLE])
+    return understood(
+        name, data, "joints", lambda titles: _log_words.of_joints(titles, names, slides, units)
+    )
 
 
 def of_poses(log: Log) -> Log:
@@ -206,28 +283,6 @@ def _has(header: Sequence[str], wanted: Sequence[Quantity]) -> bool:
     return all(_suffixed(header, q) for q in wanted)
 
 
-def within_limits(log: Log, robot: Robot) -> None:
-    """The values of a joint log lie within the robot's limits.
-
-    Raises:
-        InputError: One of them does not.
-    """
-    q = joint_values(log, robot)
-    outside = (q < robot.lower - LIMIT_SLACK) | (q > robot.upper + LIMIT_SLACK)
-    if not outside.any():
-        return
-    row, j = (int(k) for k in np.argwhere(outside)[0])
-    joint, value = robot.joints[j], q[row, j]
-    unit, scale = ("m", 1.0) if joint.prismatic else ("deg", np.rad2deg(1.0))
-    raise InputError(
-        f"joint {joint.name} is at {value * scale:.6g} {unit}, outside its limits "
-        f"{joint.lower * scale:.6g} to {joint.upper * scale:.6g} {unit}",
-        "correct the value or the unit in the column name, or the limits in the robot file",
-        file=log.file,
-        line=int(log.line[row]),
-    )
-
-
 def displacements(name: str, data: bytes) -> Log:
     """Displacements of an already reduced campaign: pose, repeat, target, dx, dy, dz [m]."""
     target = Quantity("target", {}, "name")
@@ -246,25 +301,46 @@ def forces(name: str, data: bytes) -> Log:
 
 
 def table(name: str, data: bytes, wanted: Sequence[Quantity]) -> Log:
-    """The wanted columns of a delimited table with a header, in SI.
+    """The wanted columns of a delimited table with a header, in SI; the first names its rows.
 
     Raises:
         InputError: Empty, a needed column is missing, or it has no unit.
     """
+    return _table(opened(name, data, OURS, None, wanted[0].stem), wanted, OURS, None)
+
+
+def _table(file: Titled, wanted: Sequence[Quantity], said: LogForm, where: str | None) -> Log:
+    """The same of a log whose header was found, and that a table of campaign.toml may describe."""
+    name, titles = file.text.name, file.titles
     with at(name):
-        file = text(name, data)
-        first, header = file.first()
-        delimiter, titles = _titles(header)
-        with at(line=first):
-            _unique(titles)
-            there = [(q, *column) for q in wanted if (column := _column(titles, q))]
+        with at(line=file.line):
+            there = [(q, *column) for q in wanted if (column := _column(titles, q, where))]
         known = {title: Field(title, q.kind, q.needed) for q, title, _ in there}
         other = {title: Field(title, "any" if title else "blank", False) for title in titles}
         fields = tuple((other | known)[title] for title in titles)
-        log = _log(name, rows(file, Layout(fields, delimiter, first + 1)), there)
+        layout = Layout(fields, file.delimiter, file.line + 1, said.decimal, table=where)
+        log = _log(name, rows(file.text, layout), there)
+        early = tuple((name, line, reason) for line, reason in file.above)
+        log = replace(log, rejected=early + log.rejected)
         if not len(log.line) + len(log.rejected):
             raise InputError("there is no row in it, nothing but a header", "export it again")
     return _possible(log, [q.stem for q in wanted if q.units])
+
+
+def _known(said: LogForm, where: str, quantities: Sequence[Quantity]) -> None:
+    """Every name that campaign.toml gives a column is one of ours.
+
+    Raises:
+        InputError: One is not.
+    """
+    names = [name for q in quantities for name in _names(q)]
+    for title, ours in said.columns.items():
+        if ours.lower() not in {name.lower() for name in names}:
+            raise InputError(
+                f'[{where}.columns] calls "{title}" {ours}, which is no column of ours',
+                f"there are {listed(names, most=40)}",
+                file="campaign.toml",
+            )
 
 
 def _log(file: str, read: Rows, columns: Sequence[tuple[Quantity, str, float]]) -> Log:
@@ -284,27 +360,14 @@ def _possible(log: Log, names: Sequence[str]) -> Log:
     return log
 
 
-def columns(name: str, data: bytes) -> list[str]:
+def columns(name: str, data: bytes) -> tuple[str, ...]:
     """Names of the columns in the header of a delimited table."""
-    with at(name):
-        return _titles(text(name, data).first()[1])[1]
+    return opened(name, data, OURS, None, POSE.stem).titles
 
 
-def _titles(header: str) -> tuple[str, list[str]]:
-    """The delimiter of a header line and its column names, in lower case and without quotes."""
-    delimiter = max(DELIMITERS, key=header.count)
-    return delimiter, [bare(title).lower() for title in header.split(delimiter)]
-
-
-def _unique(titles: Sequence[str]) -> None:
-    """No two columns may have the same name.
-
-    Raises:
-        InputError: Two have.
-    """
-    twice = sorted({title for title in titles if title and titles.count(title) > 1})
-    if twice:
-        raise InputError(f"there are two columns {listed(twice)}", "remove or rename one")
+def _names(q: Quantity) -> list[str]:
+    """What the column of a quantity may be called."""
+    return [f"{q.stem}_{unit}" for unit in q.units] or [q.stem]
 
 
 def _suffixed(titles: Sequence[str], q: Quantity) -> tuple[str, str | None] | None:
@@ -313,18 +376,23 @@ def _suffixed(titles: Sequence[str], q: Quantity) -> tuple[str, str | None] | No
     return next(((name, of_unit[name]) for name in titles if name in of_unit), None)
 
 
-def _column(titles: Sequence[str], q: Quantity) -> tuple[str, float] | None:
+def _column(titles: Sequence[str], q: Quantity, where: str | None) -> tuple[str, float] | None:
     """The column of a quantity and its factor to SI, or None where it has none and needs none."""
     found = _suffixed(titles, q)
-    examples = [f"{q.stem}_{unit}" for unit in q.units] or [q.stem]
+    mapped = (
+        f", or say what it is in [{where}.columns] of campaign.toml, as `pipeline inspect` proposes"
+        if where
+        else ""
+    )
     if found is None and q.needed:
         raise InputError(
-            f"there is no column {examples[0]} among {listed(titles)}",
-            "add it to the header and to every row",
+            f"there is no column {_names(q)[0]} among {listed(titles)}",
+            f"add it to the header and to every row{mapped}",
         )
     if found and q.units and found[1] is None:
         raise InputError(
-            f"column {found[0]} does not say its unit", f"call it {' or '.join(examples)}"
+            f"column {found[0]} does not say its unit",
+            f"call it {' or '.join(_names(q))}{mapped}",
         )
     return (found[0], q.units[found[1]] if found[1] else 1.0) if found else None
 

@@ -8,7 +8,7 @@ from pipeline.readers._cells import bare
 from pipeline.readers._layout import DELIMITERS
 from pipeline.readers._named import Header, Named
 from pipeline.readers._reader import Columns, Export, Hints
-from pipeline.readers._text import Text, squeezed
+from pipeline.readers._text import Text, squeezed, until
 
 NAME = "table by [tracker.mapping]"
 _ROLES = {
@@ -18,7 +18,7 @@ _ROLES = {
 """Words of [tracker.mapping.columns] that are not those of a header."""
 
 
-def read(text: Text, hints: Hints) -> Export:
+def read(text: Text, hints: Hints, dialect: str = NAME) -> Export:
     """Readings of a table whose columns campaign.toml describes.
 
     Raises:
@@ -26,10 +26,12 @@ def read(text: Text, hints: Hints) -> Export:
     """
     assert hints.mapping is not None
     mapping = hints.mapping
+    if mapping.last is not None:
+        text = until(text, mapping.last)
     if mapping.delimiter == " ":
         text = squeezed(text)
     header = _header(text, mapping)
-    return _tables.read(text, hints, header, NAME, mapping.comment, mapping.time_format)
+    return _tables.read(text, hints, header, dialect, mapping.comment, mapping.time_format)
 
 
 def _header(text: Text, mapping: Columns) -> Header:
@@ -44,7 +46,8 @@ def _header(text: Text, mapping: Columns) -> Header:
         unit = _named.named(title).unit if line else None
         title = title if line else f"column {place + 1}"
         named.append(Named(title, _ROLES.get(word, word), unit))
-    return Header(line or _first(text, mapping) - 1, delimiter, tuple(named))
+    first = _first(text, mapping)
+    return Header(line or first - 1, delimiter, tuple(named), mapping.first or 0)
 
 
 def _words(titles: list[str], mapping: Columns, line: int) -> dict[int, str]:
@@ -64,7 +67,9 @@ def _words(titles: list[str], mapping: Columns, line: int) -> dict[int, str]:
 
 
 def _first(text: Text, mapping: Columns) -> int:
-    """The first line that is neither blank nor a comment."""
+    """The first line that is neither blank nor a comment, or the one that is said to be it."""
+    if mapping.first is not None:
+        return _there(mapping.first, text, "first row")
     comment = mapping.comment
     return next(
         (
@@ -79,14 +84,23 @@ def _first(text: Text, mapping: Columns) -> int:
 def _header_line(text: Text, mapping: Columns) -> int:
     """Line of the header, 0 for none: as stated, else the first row if columns are named."""
     if mapping.header is not None:
-        if mapping.header > len(text):
-            raise InputError(
-                f"the file has no line {mapping.header} for its header",
-                "correct header in [tracker.mapping] of campaign.toml",
-            )
-        return mapping.header
+        return _there(mapping.header, text, "header")
     by_name = any(isinstance(column, str) for column in mapping.columns.values())
     return _first(text, mapping) if by_name else 0
+
+
+def _there(line: int, text: Text, what: str) -> int:
+    """A line of the file by its number.
+
+    Raises:
+        InputError: The file is shorter.
+    """
+    if line > len(text):
+        raise InputError(
+            f"the file has no line {line} for its {what}",
+            "correct [tracker.mapping] of campaign.toml",
+        )
+    return line
 
 
 def _place(word: str, column: str | int, titles: list[str]) -> int:

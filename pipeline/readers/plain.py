@@ -12,6 +12,7 @@ from pipeline.base.errors import InputError, listed
 from pipeline.readers import _named, _tables
 from pipeline.readers._reader import Export, Hints, Reader, Readings, written
 from pipeline.readers._text import Text
+from pipeline.readers._titles import titled
 
 _NEEDED = ("group", "target", "x", "y", "z")
 _ENOUGH = 3
@@ -19,11 +20,12 @@ _ENOUGH = 3
 
 
 def recognise(lines: Sequence[str]) -> bool:
-    """The first line that is not blank has three of the five columns, `group` or `target` too."""
+    """The first line that is not blank has three of the five columns, `group` among them."""
     header = _named.header(next((line for line in lines if line.strip()), ""), 1)
     exact = {column.title.lower() for column in header.columns}
     there = sum(header.has(role) for role in _NEEDED)
-    return there >= _ENOUGH and bool({"group", "target"} & exact)
+    other = any(column.role == "target" for column in titled([c.title for c in header.columns]))
+    return there >= _ENOUGH and "group" in exact and ("target" in exact or not other)
 
 
 def read(text: Text, hints: Hints) -> Export:
@@ -42,7 +44,8 @@ def read(text: Text, hints: Hints) -> Export:
             "add it to the header and to every row",
             line=line,
         )
-    return _tables.read(text, hints, header, READER.name)
+    remark = _named.remark(text, header)
+    return _tables.read(text, hints, header, READER.name, remark)
 
 
 def write(readings: Readings, unit: str, digits: int | None) -> bytes:

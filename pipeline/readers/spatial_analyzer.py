@@ -17,7 +17,7 @@ from typing import TypeVar
 import numpy as np
 
 from pipeline.base.errors import InputError, at
-from pipeline.readers import _named, _tables, _time, plain
+from pipeline.readers import _named, _tables, _time, plain, table
 from pipeline.readers._cells import cells_or_none, is_number
 from pipeline.readers._coordinates import AXES, Meaning, settled
 from pipeline.readers._delimited import rows
@@ -34,13 +34,13 @@ from pipeline.readers._reader import (
     written,
 )
 from pipeline.readers._text import SAMPLE_LINES, Text
+from pipeline.readers.proposal import KIND_WORDS
 
 _T = TypeVar("_T")
 
 _COMMENT = "//"
 _AXES = ("1", "2", "3")
 _PARTS = ("collection", "group", "target")
-KIND_WORDS = {kind: kind for kind in AXES} | {"polar": "spherical"}
 _SHORT_UNIT = re.compile(r"\bunits?\s*[:=]?\s*(mm|m|in)\b|[\[(](mm|m|in)[\])]", re.IGNORECASE)
 
 
@@ -70,8 +70,7 @@ def recognise(lines: Sequence[str]) -> bool:
     shape = _shape(sample, comments)
     if shape is None or _named.find(sample) or plain.recognise(sample):  # rows under a header
         return False
-    columns = len(shape.names) > 1 and shape.delimiter != ";"  # those are rows of an .xyz file
-    return bool(comments) or shape.compound > 0 or columns
+    return bool(comments) or shape.compound > 0
 
 
 def read(text: Text, hints: Hints) -> Export:
@@ -80,6 +79,8 @@ def read(text: Text, hints: Hints) -> Export:
     Raises:
         InputError: Its unit or its angles are not stated.
     """
+    if not _says_kind(text) and hints.coordinates is None:
+        return table.read(text, hints, READER.name)
     first = next(n for n, line in text.lines() if _is_row(line))
     comments = [line for _, line in text.lines(1, first - 1) if line.strip()]
     sample = [line for _, line in text.lines(first, SAMPLE_LINES) if _is_row(line)]
@@ -93,13 +94,20 @@ def read(text: Text, hints: Hints) -> Export:
     layout = Layout(
         fields, shape.delimiter, first, hints.decimal, _COMMENT, shape.form, shape.compound
     )
-    table = rows(text, layout)
-    meaning = _meaning(comments, hints, table, first)
+    found = rows(text, layout)
+    meaning = _meaning(comments, hints, found, first)
     covariances = _tables.covariances(
-        table, Header(0, shape.delimiter, shape.rest), hints, meaning.unit
+        found, Header(0, shape.delimiter, shape.rest), hints, meaning.unit
     )
     unused = [n.title for n in shape.rest if not n.role or n.role == "rms"]
-    return export(text, hints, READER.name, table, meaning, _AXES, covariances, unused)
+    return export(text, hints, READER.name, found, meaning, _AXES, covariances, unused)
+
+
+def _says_kind(text: Text) -> bool:
+    """Whether comments say what the coordinates are; without them any three numbers may stand."""
+    head = [line for line in text.sample() if line.lstrip().startswith(_COMMENT)]
+    words = set(re.findall(r"[a-z]+", " ".join(head).lower()))
+    return bool(words & KIND_WORDS.keys() or _kinds_by_titles(head))
 
 
 def _is_row(line: str) -> bool:
@@ -111,7 +119,13 @@ def _shape(sample: Sequence[str], comments: Sequence[str]) -> _Shape | None:
 
     A damaged row says nothing about the others, but at least half of them must be alike.
     """
-    delimiter = max(DELIMITERS, key="".join(sample).count)
+    whole = "".join(sample)
+    delimiters = sorted(DELIMITERS, key=whole.count, reverse=True)
+    shapes = (_shape_by(delimiter, sample, comments) for delimiter in delimiters)
+    return next((shape for shape in shapes if shape), None)
+
+
+def _shape_by(delimiter: str, sample: Sequence[str], comments: Sequence[str]) -> _Shape | None:
     cut = [cells for line in sample if (cells := cells_or_none(line, delimiter))]
     for cells in cut:
         titles = _titles(comments, len(cells), delimiter)

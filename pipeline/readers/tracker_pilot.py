@@ -5,9 +5,10 @@ Columns are found by their titles, wherever they stand; lines above the header a
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
-from pipeline.readers import _named, _tables, plain
+from pipeline.readers import _named, plain, table
 from pipeline.readers._named import Header
 from pipeline.readers._reader import Export, Hints, Reader, Readings, written
 from pipeline.readers._text import Text
@@ -15,12 +16,14 @@ from pipeline.readers._text import Text
 _TURNED = {"rx", "ry", "rz", "q0", "q1", "q2", "q3", "qw", "qx", "qy", "qz", "roll", "pitch", "yaw"}
 
 
-def six_dof(header: Header) -> bool:
-    """Whether there are orientations or expanded uncertainties, as a T-Mac gives them."""
-    turned = {
-        column.title.lower().split(" ")[0].split("[")[0] for column in header.columns
-    } & _TURNED
-    return bool(turned) or any(column.role.startswith("u95") for column in header.columns)
+def expanded(header: Header) -> bool:
+    """Whether there are expanded uncertainties, U(95), as Leica gives them for a T-Mac."""
+    return any(re.search(r"\bu[xyz]?\s*\(?95", c.title.lower()) for c in header.columns)
+
+
+def _turned(header: Header) -> bool:
+    """Whether there are orientations, so that a row is a pose and no point."""
+    return bool({c.title.lower().split(" ")[0].split("[")[0] for c in header.columns} & _TURNED)
 
 
 def recognise(lines: Sequence[str]) -> bool:
@@ -28,12 +31,12 @@ def recognise(lines: Sequence[str]) -> bool:
     header = _named.find(lines)
     if header is None or plain.recognise(lines):
         return False
-    return header.has("target") and not six_dof(header)
+    return header.has("target") and not expanded(header) and not _turned(header)
 
 
 def read(text: Text, hints: Hints) -> Export:
     """Readings of a Tracker Pilot export."""
-    return _tables.below_header(text, hints, READER.name)
+    return table.read(text, hints, READER.name)
 
 
 def write(readings: Readings, unit: str, digits: int | None) -> bytes:

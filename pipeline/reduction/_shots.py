@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 
@@ -14,11 +16,12 @@ from pipeline.base import patterns
 from pipeline.base.arrays import Array, Bools, Ints, Locked, sifted
 from pipeline.base.errors import InputError, listed
 from pipeline.base.threads import MUCH, spread
+from pipeline.base.toml import quoted
 from pipeline.readers import Export
 from pipeline.readers._cells import shown
 from pipeline.readers.logs import BEYOND
 from pipeline.reduction._index import numbered
-from pipeline.reduction.settings import Settings
+from pipeline.reduction.settings import Naming, Settings
 
 BASE, STRANGE = -1, -2
 """Roles of a target beside 0..t-1: a base reflector, and a name nobody knows."""
@@ -93,6 +96,12 @@ class Shots(Locked):
         left_out = tuple(self.rejection(k, why[k]) for k in sorted(why))
         return replace(self, **of_each, rejected=self.rejected + left_out)
 
+    def without_poses(self, why: Mapping[int, str]) -> Shots:
+        """All readings but those of some poses, which are rejected, each for its pose's reason."""
+        of = np.append(self.pose, -1)[self.slot]  # -1, a base reading, takes the last
+        rows = np.flatnonzero(np.isin(of, [*why])).tolist()
+        return self.without({k: why[int(of[k])] for k in rows})
+
     def counted(self, width: int) -> Ints:
         """How often each target with a role was read in each slot, shape (s, width)."""
         place = (self.slot + 1) * (width + 1) + self.role + 1  # base readings come first
@@ -117,7 +126,7 @@ def gather(exports: Mapping[str, Export], settings: Settings) -> Shots:
     """Put the readings of all files together and look up what they are."""
     group = _joined([export.group for export in exports.values()])
     target = _joined([export.target for export in exports.values()])
-    slot_of_group, pose, repeat, loaded = _slots(group.dictionary, settings.naming.group)
+    slot_of_group, pose, repeat, loaded = _slots(group.dictionary, settings.naming)
     role_of_target = _roles(target.dictionary.to_pylist(), settings)
     role = role_of_target[np.asarray(target.indices)]
     slot = slot_of_group[np.asarray(group.indices)]
@@ -141,6 +150,12 @@ def gather(exports: Mapping[str, Export], settings: Settings) -> Shots:
         loaded=loaded,
         rejected=unread(exports),
     )
+
+
+def unused(everything: Shots, used: Shots) -> tuple[str, ...]:
+    """Groups of which no reading is used, in their order."""
+    there, left = (pc.unique(one.group.cast(pa.string())) for one in (everything, used))
+    return tuple(there.filter(pc.invert(pc.is_in(there, left))).to_pylist())
 
 
 def unread(exports: Mapping[str, Export]) -> tuple[Rejection, ...]:
@@ -168,18 +183,18 @@ def _covariances(exports: Sequence[Export]) -> Array | None:
     )
 
 
-def _slots(names: pa.StringArray, pattern: str) -> tuple[Ints, Ints, Ints, Bools]:
+def _slots(names: pa.StringArray, naming: Naming) -> tuple[Ints, Ints, Ints, Bools]:
     """Slot of each group name, -1 where it is none, and what the slots are."""
     half = len(names) // 2
     parts = pa.chunked_array(
         spread(
-            lambda part: patterns.parts(part, pattern),
+            lambda part: patterns.parts(part, naming.group),
             [names[:half], names[half:]],
             half > MUCH // 2,
         )
     ).combine_chunks()
     matched = np.asarray(parts.is_valid())
-    pose, repeat, loaded = _keys(names, parts)
+    pose, repeat, loaded = _keys(names, parts, naming)
     # one number for pose, repeat and state: both are below 2^31
     packed, member = numbered(pose * 2**32 + repeat * 2 + loaded)
     slot = np.full(len(names), -1, dtype=np.int64)
@@ -187,35 +202,75 @@ def _slots(names: pa.StringArray, pattern: str) -> tuple[Ints, Ints, Ints, Bools
     return slot, packed // 2**32, packed % 2**32 // 2, packed % 2 == 1
 
 
-def _keys(names: pa.StringArray, parts: pa.StructArray) -> Ints:
+def _keys(names: pa.StringArray, parts: pa.StructArray, naming: Naming) -> Ints:
     """Pose, repeat and loaded of the names that have them, shape (3, n)."""
     found = parts.drop_null()
-    state = pc.index_in(pc.utf8_lower(found.field("state")), pa.array(["unloaded", "loaded"]))
+    named = names.filter(parts.is_valid())
+    said = naming.state_of
+    word = pc.index_in(pc.utf8_lower(found.field("state")), pa.array(list(said)))
+    loaded = np.array([*(state == "loaded" for state in said.values()), -1], dtype=np.int64)[
+        word.fill_null(-1)
+    ]
+    pose, repeat = _whole(found, "pose"), _whole(found, "repeat", missing=_UNNUMBERED)
+    for wrong in np.flatnonzero((pose < 0) | (repeat == _NO_NUMBER) | (loaded < 0))[:1]:
+        raise _no_state(str(named[wrong]), found[wrong].as_py(), said)
+    return np.array([pose, _counted(pose, repeat, loaded == 1), loaded], dtype=np.int64)
+
+
+_NO_NUMBER, _UNNUMBERED = -1, -2
+"""In place of a number: the part is none, or the name has none."""
+
+
+def _whole(found: pa.StructArray, part: str, missing: int = _NO_NUMBER) -> Ints:
+    """A part of names as whole numbers below BEYOND, shape (n,)."""
+    if part not in found.type.names:
+        return np.full(len(found), missing)
     try:
-        numbers = [found.field(name).cast(pa.int64()) for name in ("pose", "repeat")]
-        keys = np.array([*numbers, state.fill_null(-1)], dtype=np.int64)
+        plain = found.field(part).cast(pa.int64()).to_numpy()
+        if plain.min(initial=0) >= 0 and plain.max(initial=0) < BEYOND:
+            return np.asarray(plain)
     except pa.ArrowInvalid:
-        keys = np.array([[-1]])
-    if keys.min(initial=0) >= 0 and keys.max(initial=0) < BEYOND:
-        return keys
-    named = zip(names.filter(parts.is_valid()).to_pylist(), found.to_pylist(), strict=True)
-    return np.array([_key(name, match) for name, match in named], dtype=np.int64).T
+        pass  # some name has none, or one that is no number: see which
+    cells = pc.utf8_trim_whitespace(found.field(part))
+    there = np.asarray(pc.greater(pc.binary_length(cells), 0))
+    short = pc.match_substring_regex(cells, r"^[0-9]{1,18}$")
+    values = pc.if_else(short, cells, str(_NO_NUMBER)).cast(pa.int64()).to_numpy()
+    return np.where(there, np.where(values < BEYOND, values, _NO_NUMBER), missing)
 
 
-def _key(name: str, match: Mapping[str, str]) -> tuple[int, int, bool]:
-    pose, repeat, state = match["pose"], match["repeat"], match["state"].lower()
-    try:
-        key = int(pose), int(repeat)
-    except (TypeError, ValueError):
-        key = -1, -1
-    if min(key) < 0 or max(key) >= BEYOND or state not in ("unloaded", "loaded"):
-        raise InputError(
-            f'naming.group reads pose "{pose}", repeat "{repeat}" and state "{state}" '
-            f'from group "{shown(name)}"',
-            "let it find two whole numbers and unloaded or loaded",
-            file="campaign.toml",
-        )
-    return *key, state == "loaded"
+def _counted(pose: Ints, repeat: Ints, loaded: Bools) -> Ints:
+    """Repeats with numbers for names that have none: from 0 unloaded, from 1 loaded.
+
+    Names of a pose are counted as they stand in the files, past the numbers that other names of it
+    have: "Last" beside "Last 2" is the first pull.
+    """
+    nameless = repeat == _UNNUMBERED
+    out = np.where(nameless, -1, repeat)
+    used = {key: set[int]() for key in zip(pose[nameless], loaded[nameless], strict=True)}
+    for k in np.flatnonzero(~nameless) if used else ():
+        used.get((pose[k], loaded[k]), set[int]()).add(int(repeat[k]))
+    for k in np.flatnonzero(nameless):
+        taken = used[pose[k], loaded[k]]
+        out[k] = next(n for n in itertools.count(int(loaded[k])) if n not in taken)
+        taken.add(int(out[k]))
+    return out
+
+
+def _no_state(name: str, parts: Mapping[str, str], said: Mapping[str, str]) -> InputError:
+    """A group whose name holds no pose, repeat and state after all."""
+    read = listed(f'{part} "{shown(text)}"' for part, text in parts.items() if part in _PARTS)
+    word = parts.get("state", "")
+    known = not word or word.lower() in said
+    line = f'states = {{ {quoted(word)} = "loaded" }}'
+    add = "" if known else f', or write {line} (or "unloaded") into [naming], beside what is there'
+    return InputError(
+        f'naming.group reads {read} from group "{shown(name)}"',
+        f"let it find whole numbers and one of {listed(said)}{add}",
+        file="campaign.toml",
+    )
+
+
+_PARTS = ("pose", "repeat", "state")
 
 
 def _roles(names: Sequence[str], settings: Settings) -> Ints:
@@ -332,8 +387,13 @@ def _repeated(shots: Shots, width: int) -> Bools:
         state = shots.slot >= 0
         out[state] = twice[shots.slot[state], shots.role[state]]
     base = np.flatnonzero(shots.slot < 0)
-    _, first, number = np.unique(shots.position[base, 0], return_inverse=True, return_counts=True)
-    out[base] = number[first] > 1
+    same = {
+        **{f"{axis}": shots.position[base, axis] for axis in range(3)},
+        "target": np.asarray(shots.target.indices)[base],
+        "group": np.asarray(shots.group.indices)[base],
+        "time": shots.time.cast(pa.int64()).fill_null(-1).to_numpy()[base],
+    }
+    out[base] = pd.DataFrame(same).duplicated(keep=False).to_numpy()
     return out
 
 

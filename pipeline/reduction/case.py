@@ -12,8 +12,24 @@ from pipeline import tables
 from pipeline.base.arrays import Array, Ints
 from pipeline.machine.cell import Cell, Tool, paper_cell
 from pipeline.machine.robot import Robot
+from pipeline.readers import Faces
 from pipeline.reduction._shots import Stale
 from pipeline.reduction.settings import Settings
+
+
+@dataclass(frozen=True)
+class Treated:
+    """What was done to an export, or left out of it, before it was used.
+
+    Attributes:
+        file: Its name.
+        faces: Two faces that were averaged, or None.
+        untimed: Its column of times that holds none, and one of its cells; None where it has times.
+    """
+
+    file: str
+    faces: Faces | None
+    untimed: str | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +46,8 @@ class Case:
         displacements: Table DISPLACEMENTS of a campaign that arrives reduced.
         forces: Table FORCES of a campaign that arrives reduced.
         stale: Readings that repeat another one of their state, whether they are left out or not.
+        unused: Groups of the exports of which no reading is used.
+        treated: Exports that were not used as they stand.
         torques: Torques of the joints as logged, see `Ingested`; None where there are none.
     """
 
@@ -42,6 +60,8 @@ class Case:
     displacements: pa.Table | None = None
     forces: pa.Table | None = None
     stale: tuple[Stale, ...] = ()
+    unused: tuple[str, ...] = ()
+    treated: tuple[Treated, ...] = ()
     torques: pd.DataFrame | None = None
 
     @property

@@ -25,9 +25,10 @@ from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import Robot
 from pipeline.readers import Export, logs
 from pipeline.readers.assignment import assigned
-from pipeline.reduction import _pulls, _shots
+from pipeline.reduction import _pulls, _shots, limits
 from pipeline.reduction._index import numbered, pull_number
 from pipeline.reduction._shots import Rejection, Shots, Stale
+from pipeline.reduction.case import Treated
 from pipeline.reduction.register import read_apart
 from pipeline.reduction.settings import BASE_REFLECTORS, Displacements, Settings, Tracker
 from pipeline.reduction.weights import PULL
@@ -50,6 +51,8 @@ class Ingested:
             None where it has none.
         doubt: Why the values are implausible, where that was not to stop the reading.
         stale: Readings that repeat another one of their state, whether they are left out or not.
+        unused: Groups of the exports of which no reading is used.
+        treated: Exports that were not used as they stand.
     """
 
     joints: pa.Table
@@ -61,6 +64,8 @@ class Ingested:
     torques: pd.DataFrame | None = None
     doubt: InputError | None = None
     stale: tuple[Stale, ...] = ()
+    unused: tuple[str, ...] = ()
+    treated: tuple[Treated, ...] = ()
 
 
 def ingest(
@@ -72,8 +77,8 @@ def ingest(
         settings: campaign.toml.
         robot: The robot, for the columns and limits of the joint log.
         raw: Content of the raw files by name relative to the campaign folder.
-        plausible: Refuse values that only a wrong unit or convention explains; False lets them
-            through to whoever can say which one it is.
+        plausible: Refuse values that only a wrong unit or convention explains, and leave out poses
+            that the robot cannot take; False lets them through to whoever can say which one it is.
 
     Raises:
         InputError: A file is missing or cannot be trusted, or nothing usable is left.
@@ -81,13 +86,26 @@ def ingest(
     if settings.test_pose is not None:
         settings.test_pose.within_limits(robot)
     log = settings.joints.file
-    logged = logs.joints(log, _file(raw, log, "[joints]"), robot)
+    logged = logs.joints(log, _file(raw, log, "[joints]"), robot, settings.joints)
     joints = logs.of_poses(logged)
-    doubt = _doubt(lambda: logs.within_limits(joints, robot), plausible)
+    out = limits.impossible(joints, robot)
+    doubt = limits.doubt(list(out.values()))
+    if doubt and plausible and len(out) == len(joints.line):
+        raise doubt
+    doubt = None if plausible else doubt
+    why = {one.pose: limits.reason(one) for one in out.values()} if plausible else {}
+    joints = _leaving(joints, why)
     if settings.displacements:
-        return _reduced(settings, settings.displacements, robot, raw, joints, doubt)
-    found = _raw(settings, robot, raw, joints, plausible, doubt)
+        return _reduced(settings, settings.displacements, robot, raw, joints, doubt, why)
+    found = _raw(settings, robot, raw, joints, plausible, doubt, why)
     return replace(found, torques=_torques(logged, robot))
+
+
+def _leaving(log: logs.Log, why: Mapping[int, str]) -> logs.Log:
+    """Rows of a log but those of some poses, which are left out for these reasons."""
+    poses = log.number["pose"]
+    rows = np.flatnonzero(np.isin(poses, [*why])).tolist()
+    return log.without({k: why[int(poses[k])] for k in rows})
 
 
 def _doubt(check: Callable[[], None], plausible: bool) -> InputError | None:
@@ -121,22 +139,25 @@ def _raw(
     joints: logs.Log,
     plausible: bool,
     doubt: InputError | None,
+    left_out: Mapping[int, str],
 ) -> Ingested:
     tracker, file = settings.tracker, settings.loads_file
     assert tracker is not None  # there are no displacements
     log = _file(raw, file, "[scale]")
     loads, exports = both(
-        lambda: _known_loads(settings, logs.loads(file, log)),
+        lambda: _known_loads(settings, logs.loads(file, log, settings.loads_log)),
         lambda: _exports(settings, tracker, raw),
         much=len(log) > MUCH,
     )
     _some_reading(exports)
-    shots = _shots.known(_shots.gather(exports, settings), settings)
+    everything = _shots.gather(exports, settings)
+    shots = _shots.known(everything, settings)
     doubt = _doubt(lambda: _shots.check_units(shots, settings), plausible) or doubt
     once = _shots.once(shots, len(settings.measured) + 2)
     weighed = _shots.weighed(once, tracker.noise is not None or tracker.sigma_m is not None)
     _three_base_reflectors(weighed, settings)
     _some_pull(weighed, settings)
+    weighed, loads = weighed.without_poses(left_out), _leaving(loads, left_out)
     causes = [*weighed.rejected, *loads.rejected, *joints.rejected]
     whole, loads = _pulls.complete(weighed, settings, loads, joints)
     seen = np.bincount(whole.slot + 1, minlength=len(whole.pose) + 1)[1:] > 0
@@ -151,6 +172,12 @@ def _raw(
         rejected=_rejected([*whole.rejected, *loads.rejected, *joints.rejected]),
         doubt=doubt,
         stale=_shots.stale(weighed),
+        unused=_shots.unused(everything, whole),
+        treated=tuple(
+            Treated(name, one.faces, one.untimed)
+            for name, one in exports.items()
+            if one.faces or one.untimed
+        ),
     )
 
 
@@ -374,6 +401,7 @@ def _reduced(
     raw: Mapping[str, bytes],
     joints: logs.Log,
     doubt: InputError | None,
+    left_out: Mapping[int, str],
 ) -> Ingested:
     moved = logs.displacements(said.file, _file(raw, said.file, "[displacements]"))
     forces = logs.forces(said.forces, _file(raw, said.forces, "[displacements]"))
@@ -381,6 +409,7 @@ def _reduced(
         np.isin(moved.word["target"], settings.measured),
         f"this target is none of {listed(settings.measured)}; add it to [tool] or rename it",
     )
+    moved, forces = _leaving(moved, left_out), _leaving(forces, left_out)
     poses = joints.number["pose"]
     causes = [*moved.rejected, *forces.rejected, *joints.rejected]
     moved, forces = (

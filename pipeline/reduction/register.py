@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import Any
 
@@ -17,6 +17,7 @@ from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.base.errors import InputError
 from pipeline.machine.effects.tracker_drift import GROUP_S
 from pipeline.reduction._index import run
+from pipeline.reduction.growth import Growth, by_temperature, with_reflectors
 from pipeline.reduction.settings import BASE_REFLECTORS, Settings
 
 XYZ = ["x_m", "y_m", "z_m"]
@@ -40,13 +41,16 @@ _FEW = 15
 """Of so many readings every triple is tried."""
 _TRIALS = 500
 """Of more, so many triples: of half the readings each third one is good in 1 of 8."""
+_JUDGES = 10_000
+"""By so many readings, evenly from all, a triple is judged: what share of all is near is known to
+a hundredth then."""
 _SPREAD = np.array([0.8191725134, 0.6710436067, 0.5497004779])
 """Steps that fill a cube evenly: powers of 1 / x where x^4 = x + 1 (a Kronecker sequence)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Registration(Locked):
-    """The tracker's pose in F_b: p_b = R p_t + t.
+    """The tracker's pose in F_b: p_b = (R p_t + t) / (1 + g), g the growth of the base frame.
 
     Attributes:
         R: Rotation from the tracker's frame into F_b, shape (3, 3).
@@ -57,6 +61,7 @@ class Registration(Locked):
         chi2: Weighted sum of squared residuals; None without stated noise or base frame.
         dof: Coordinates minus six.
         from_scatter: Whether `cov` rests on the residuals instead of a stated noise.
+        growth: How much longer the base frame is than it is stated, see `growth`.
     """
 
     R: Array
@@ -67,14 +72,21 @@ class Registration(Locked):
     chi2: float | None
     dof: int
     from_scatter: bool = False
+    growth: Growth = field(default_factory=Growth)
+
+    def placed(self, points: Array) -> Array:
+        """Points of the tracker's frame (m, 3) in F_b [m]."""
+        return (points @ self.R.T + self.t) / (1 + self.growth.value)
 
 
 def register(settings: Settings, readings: pd.DataFrame) -> Registration:
     """Fit the tracker's pose to the nominal base reflectors by weighted least squares.
 
-    sum_i r_i' (R C_i R')^-1 r_i is smallest, r_i = n_i - (R p_i + t) [m] in F_b: n_i the nominal
-    place, p_i the reading and C_i its covariance [m^2] in the tracker's frame. Gauss-Newton from
-    the unweighted closed form (Kabsch, Acta Cryst. A32, 1976; Umeyama, IEEE Trans. PAMI 13, 1991).
+    sum_i r_i' (R C_i R')^-1 r_i is smallest, r_i = (1 + g) n_i - (R p_i + t) [m]: n_i the nominal
+    place, g the growth of the base frame (none where no temperature is stated and the reflectors
+    agree without), p_i the reading and C_i its covariance [m^2] in the tracker's frame.
+    Gauss-Newton from the unweighted closed form (Kabsch, Acta Cryst. A32, 1976; Umeyama, IEEE
+    Trans. PAMI 13, 1991).
     cov = (D' W D)^-1, times chi2 / dof where the noise is not stated or the misfit is improbable
     (p < `_MISFIT`; Birge, Physical Review 40, 1932). Without [base_frame] the readings are in F_b
     already.
@@ -96,21 +108,48 @@ def register(settings: Settings, readings: pd.DataFrame) -> Registration:
     nominal = np.array([settings.base_frame[target] for target in base["target"]]).reshape(-1, 3)
     points = base[XYZ].to_numpy()
     _enough(base, nominal)
-    C = covariance.matrices(base)
-    stated = bool(np.isfinite(C).all())
-    if not stated:
-        C = np.broadcast_to(np.eye(3), C.shape)
+    C = covariance.weighing(base)
+    stated = bool(covariance.known(covariance.numbers(base)).all())
     R, t, cov, chi2, centre = _fit(points, nominal, C)
     dof = 3 * len(base) - 6
-    from_scatter = not stated or (dof > 0 and bool(special.chdtrc(dof, chi2) < _MISFIT))
+    grown = by_temperature(settings.temperature_c)
+    if grown.expected is not None or (stated and _contradicted(chi2, dof)):
+        grown = with_reflectors(grown, stated, *_white(R, t, points, nominal, C))
+    if grown.value:
+        R, t, cov, chi2, centre = _fit(points, (1 + grown.value) * nominal, C)
+        centre = centre / (1 + grown.value)
+        dof -= round(grown.determined)
+    from_scatter = not stated or _contradicted(chi2, dof)
     if from_scatter:
-        cov = cov * (chi2 / dof if dof > 0 else 0.0)  # reflectors that disagree place it worse
-    placed = points @ R.T + t
-    table = base.assign(
-        **dict(zip(XYZ, placed.T, strict=True)),
-        **dict(zip(_OFF, (placed - nominal).T, strict=True)),
+        cov = cov * (chi2 / dof)  # reflectors that disagree place it worse
+    cov[3:, 3:] += grown.std**2 * np.outer(centre, centre)
+    bare = base.assign(dx_m=0.0, dy_m=0.0, dz_m=0.0)
+    found = Registration(
+        R, t, cov, centre, bare, chi2 if stated else None, dof, from_scatter, grown
     )
-    return Registration(R, t, cov, centre, table, chi2 if stated else None, dof, from_scatter)
+    return replace(found, table=_with_residuals(base, found.placed(points), nominal))
+
+
+def _contradicted(chi2: float, dof: int) -> bool:
+    """Whether the base reflectors disagree by more than their stated uncertainties."""
+    return bool(special.chdtrc(dof, chi2) < _MISFIT)
+
+
+def _white(
+    R: Array, t: Array, points: Array, nominal: Array, C: Array
+) -> tuple[Array, Array, Array]:
+    """Residuals, places and columns of a motion of the tracker, whitened; (3 m, ...)."""
+    placed = points @ R.T + t
+    W = linear.whitening(R @ C @ R.T)
+    D = _motions(placed - placed.mean(axis=0))
+    r, n = ((W @ rows[..., None]).ravel() for rows in (nominal - placed, nominal))
+    return r, n, (W @ D).reshape(-1, 6)
+
+
+def _with_residuals(table: pd.DataFrame, placed: Array, nominal: Array) -> pd.DataFrame:
+    """Table REGISTRATION: base readings in F_b and what they are off [m]."""
+    columns = np.hstack([placed, placed - nominal]).T
+    return table.assign(**dict(zip([*XYZ, *_OFF], columns, strict=True)))
 
 
 def agreed(registration: Registration) -> tuple[Registration, Bools]:
@@ -127,17 +166,15 @@ def agreed(registration: Registration) -> tuple[Registration, Bools]:
     table = registration.table
     placed = table[XYZ].to_numpy(float)
     nominal = placed - table[_OFF].to_numpy(float)
-    points = (placed - registration.t) @ registration.R
-    agree = _agreeing(points, nominal)
+    grown = 1 + registration.growth.value
+    points = (grown * placed - registration.t) @ registration.R
+    agree = _agreeing(points, grown * nominal)
     if agree.all():
         return registration, agree
-    C = covariance.matrices(table)
-    C = C if np.isfinite(C).all() else np.broadcast_to(np.eye(3), C.shape)
-    R, t, cov, _, centre = _fit(points[agree], nominal[agree], C[agree])
-    placed = points @ R.T + t
-    columns = np.hstack([placed, placed - nominal]).T
-    table = table.assign(**dict(zip([*XYZ, *_OFF], columns, strict=True)))
-    return replace(registration, R=R, t=t, cov=cov, centre=centre, table=table), agree
+    C = covariance.weighing(table)
+    R, t, cov, _, centre = _fit(points[agree], grown * nominal[agree], C[agree])
+    found = replace(registration, R=R, t=t, cov=cov, centre=centre / grown)
+    return replace(found, table=_with_residuals(table, found.placed(points), nominal)), agree
 
 
 def _agreeing(points: Array, nominal: Array) -> Bools:
@@ -149,10 +186,16 @@ def _agreeing(points: Array, nominal: Array) -> Bools:
     triples = [list(one) for one in every if _apart(nominal[list(one)])]
     if not triples:
         return np.ones(m, dtype=bool)
-    motions = (linear.rigid(points[one], nominal[one]) for one in triples)
-    away = np.array([np.linalg.norm(nominal - points @ R.T - t, axis=1) for R, t in motions])
-    near = np.sort(away**2, axis=1)[:, : (m + 3) // 2].sum(axis=1)
-    return np.asarray(away[np.argmin(near)] < _GROSS_M)
+    motions = [linear.rigid(points[one], nominal[one]) for one in triples]
+    some = slice(None, None, -(-m // _JUDGES))
+    away = np.array([_away(points[some], nominal[some], *motion) for motion in motions])
+    near = np.sort(away**2, axis=1)[:, : (away.shape[1] + 3) // 2].sum(axis=1)
+    return np.asarray(_away(points, nominal, *motions[int(np.argmin(near))]) < _GROSS_M)
+
+
+def _away(points: Array, nominal: Array, R: Array, t: Array) -> Array:
+    """How far each point that was moved is from its place [m], shape (m,)."""
+    return np.asarray(np.linalg.norm(nominal - points @ R.T - t, axis=1))
 
 
 def _apart(nominal: Array) -> bool:
@@ -169,6 +212,9 @@ def place(registration: Registration, readings: pd.DataFrame) -> pd.DataFrame:
     moved = R @ np.array([poses[axis].to_numpy() for axis in XYZ])
     moved += t[:, None]
     C = covariance.turned(covariance.numbers(poses), R)
+    if registration.growth.value:
+        grown = 1 + registration.growth.value
+        moved, C = moved / grown, [column / grown**2 for column in C]
     new = {
         **{name: poses[name].to_numpy().astype(np.int32) for name in ("pose", "repeat")},
         **dict(zip(XYZ, moved, strict=True)),
@@ -277,14 +323,19 @@ def _gauss_newton(
     """
     placed = points @ R.T + t
     centre = placed.mean(axis=0)
-    lever = placed - centre
-    D = np.zeros((len(points), 3, 6))
-    for axis in range(3):
-        D[:, :, axis] = np.cross(np.eye(3)[axis], lever)
-    D[:, :, 3:] = np.eye(3)
-    W = linear.inverse(R @ C @ R.T)
+    D = _motions(placed - centre)
+    W = covariance.alike(C, lambda own: linear.inverse(R @ own @ R.T))
     residual = nominal - placed
     N = np.einsum("mia,mij,mjb->ab", D, W, D)
     step = linear.solve(N, np.einsum("mia,mij,mj->a", D, W, residual))
     chi2 = float(np.einsum("mi,mij,mj->", residual, W, residual))
     return step, linear.inverse(N), chi2, centre
+
+
+def _motions(lever: Array) -> Array:
+    """How points with these levers [m] move per turn [rad] and shift [m], shape (m, 3, 6)."""
+    D = np.zeros((len(lever), 3, 6))
+    for axis in range(3):
+        D[:, :, axis] = np.cross(np.eye(3)[axis], lever)
+    D[:, :, 3:] = np.eye(3)
+    return D

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic import AfterValidator, Field, ValidationError, field_validator, model_validator
 
 from pipeline.base import toml
 from pipeline.base.arrays import Array
@@ -17,6 +17,7 @@ from pipeline.base.linear import extent
 from pipeline.base.patterns import is_glob
 from pipeline.base.strict import (
     LEAST_FORCE,
+    STANDARD_GRAVITY,
     FileName,
     Force,
     ForceUncertainty,
@@ -28,6 +29,7 @@ from pipeline.base.strict import (
     Name,
     Scatter,
     Strict,
+    Temperature,
     Uncertainty,
     with_parts,
 )
@@ -35,6 +37,7 @@ from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.poses import from_log_units
 from pipeline.machine.robot import Robot
 from pipeline.readers import Hints
+from pipeline.readers._log_form import LogForm
 from pipeline.readers.logs import LIMIT_SLACK
 
 BASE_REFLECTORS = 3
@@ -48,6 +51,24 @@ _ONE_LINE = 1e-3
 
 Point = tuple[Length, Length, Length]
 """Coordinates [m]."""
+
+_REACH_M = 20.0
+"""No effector reaches further from its flange [m]; in millimetres this is two centimetres."""
+
+
+def _on_the_effector(point: Point) -> Point:
+    """A point of the effector, flange frame [m].
+
+    Raises:
+        ValueError: It is out of reach.
+    """
+    if (far := max(map(abs, point))) > _REACH_M:
+        raise ValueError(f"a coordinate of {far:g} m is on no effector; give it in metres")
+    return point
+
+
+Centre = Annotated[Point, AfterValidator(_on_the_effector)]
+"""Centre of mass in the flange frame [m]."""
 
 
 class Tracker(Hints):
@@ -87,17 +108,43 @@ class Tracker(Hints):
                 )
 
 
-class Naming(Strict):
-    """How group and target names are read."""
+State = Literal["unloaded", "loaded"]
 
-    group: Annotated[str, with_parts("pose", "repeat", "state")] = (
+
+class Naming(Strict):
+    """How group and target names are read.
+
+    Attributes:
+        group: Expression with the parts pose and state and, where pulls are numbered, repeat.
+        states: What others call the two states, beside our own words; small letters are as good.
+        measured: Targets on the effector.
+        chain: Ends of the chain.
+    """
+
+    group: Annotated[str, with_parts("pose", "state")] = (
         r"pose(?P<pose>[0-9]+)_rep(?P<repeat>[0-9]+)_(?P<state>unloaded|loaded)"
     )
+    states: dict[Annotated[str, Field(max_length=200)], State] = Field(default_factory=dict)
     measured: list[Name] = Field(default=["P1", "P2", "P3"], min_length=1)
     chain: list[Name] = Field(default=["Pl1", "Pl2"], min_length=2, max_length=2)
 
+    @model_validator(mode="after")
+    def one_state_each(self) -> Naming:
+        """No word is both, whatever the size of its letters."""
+        said = {word.lower(): state for word, state in self.states.items()}
+        for word, state in self.states.items():
+            if said[word.lower()] != state:
+                raise ValueError(f'states has "{word}" for unloaded and for loaded; keep one')
+        return self
 
-class Scale(Strict):
+    @property
+    def state_of(self) -> dict[str, State]:
+        """State by its word in small letters, ours and theirs."""
+        ours: dict[str, State] = {"unloaded": "unloaded", "loaded": "loaded"}
+        return ours | {word.lower(): state for word, state in self.states.items()}
+
+
+class Scale(LogForm):
     """The spring scale: its log, which holds weights and payloads too, and its uncertainty."""
 
     file: FileName = "loads.csv"
@@ -105,10 +152,6 @@ class Scale(Strict):
     sigma_rel: Uncertainty = 0.0
     gain_sigma: Uncertainty = 0.0
     zero_sigma_n: ForceUncertainty = 0.0
-
-
-STANDARD_GRAVITY = 9.80665
-"""[m/s^2]; CGPM 1901. Between equator and pole it is 9.780 to 9.832 (WGS 84)."""
 
 
 class Gravity(Strict):
@@ -136,11 +179,11 @@ class Payload(Strict):
 
     mass_kg: Mass
     mass_sigma_kg: MassUncertainty = 0.0
-    center_m: Point
+    center_m: Centre
     center_sigma_m: Uncertainty = 0.0
 
 
-class JointLog(Strict):
+class JointLog(LogForm):
     """The controller's joint log, and how far the joints' zeros may be off, one for all poses."""
 
     file: FileName = "joints.csv"
@@ -249,6 +292,7 @@ class Settings(Strict):
     name: Name
     robot: FileName
     date: datetime.date | None = None
+    temperature_c: Temperature | None = None
     tracker: Tracker | None = None
     naming: Naming = Naming()
     base_frame: dict[Name, Point] = Field(default_factory=dict)
@@ -309,10 +353,32 @@ class Settings(Strict):
             raise ValueError(f"[tool] has {listed(same)} in one place; give each its own")
         return self
 
+    def within_reach(self, text: str) -> None:
+        """Every point of [tool] may be one of an effector; not asked of what a file only says.
+
+        Args:
+            text: campaign.toml, for the line.
+
+        Raises:
+            InputError: One is not.
+        """
+        for name, point in self.tool.items():
+            try:
+                _on_the_effector(point)
+            except ValueError as wrong:
+                thing, _, way_out = str(wrong).partition("; ")
+                line = line_of(text, ["tool", name])
+                raise InputError(f"[tool] {name}: {thing}", way_out, line=line) from wrong
+
+    @property
+    def loads_log(self) -> Scale:
+        """Log of scale, weights and payloads; a campaign without a scale has it, too."""
+        return self.scale or Scale()
+
     @property
     def loads_file(self) -> str:
-        """Log of scale, weights and payloads; a campaign without a scale has it, too."""
-        return (self.scale or Scale()).file
+        """Its name."""
+        return self.loads_log.file
 
     @property
     def measured(self) -> list[str]:
@@ -328,29 +394,57 @@ def tells_a_pose(places: Array) -> bool:
     return len(places) > 2 and bool(second > _ONE_LINE * first)
 
 
+_UNFILLED = re.compile(r'\s*#\s*("[^"]+"|[^\s=#]+)\s*=\s*\?')
+"""A value that `init` leaves open: `# P1 = ?`, and what goes there."""
+
+
 def parse(text: str) -> Settings:
     """Settings from the text of campaign.toml.
 
     Raises:
-        InputError: Not TOML, an unknown word, a missing table or a value of the wrong kind.
+        InputError: Not TOML, a value that is still to be filled in, an unknown word, a missing
+            table or a value of the wrong kind.
     """
     content = toml.loads(text, "campaign.toml")
+    _filled_in(text)
     try:
         return Settings.model_validate(content)
     except ValidationError as problem:
         words, message = first_wrong(problem)
         where = ".".join(words)
+        lines = (line_of(text, words[:k]) for k in range(len(words), 0, -1))
+        line = next(filter(None, lines), None)
         raise InputError(
             f"{where}: {message}" if where else message,
-            "correct it as docs/campaign.md describes",
+            toml.remedy(text, line, "correct it as docs/campaign.md describes"),
             file="campaign.toml",
-            line=next(
-                filter(None, (_line(text, words[:k]) for k in range(len(words), 0, -1))), None
-            ),
+            line=line,
         ) from problem
 
 
-def _line(text: str, path: list[str]) -> int | None:
+def unfilled(text: str) -> dict[int, str]:
+    """Values of campaign.toml that are still to be filled in, by their lines."""
+    found = ((k, _UNFILLED.match(line)) for k, line in enumerate(text.splitlines(), 1))
+    return {k: one[1].strip('"') for k, one in found if one}
+
+
+def _filled_in(text: str) -> None:
+    """Nobody runs a campaign of which something is still to be said.
+
+    Raises:
+        InputError: Names each such value with its line.
+    """
+    if left := unfilled(text):
+        named = listed((f"{name} (line {line})" for line, name in left.items()), most=20)
+        raise InputError(
+            f"not filled in yet: {named}",
+            "write what goes there without the #, or remove the line of what your cell has not",
+            file="campaign.toml",
+            line=min(left),
+        )
+
+
+def line_of(text: str, path: list[str]) -> int | None:
     """The line on which the last known word of a path stands, as good as text search can tell."""
     table = None
     for number, line in enumerate(text.splitlines(), 1):
@@ -359,7 +453,12 @@ def _line(text: str, path: list[str]) -> int | None:
             table = header[1].strip()
             if path == [table]:
                 return number
-        key = re.match(r'\s*"?([^"=\s]+)"?\s*=', line)
-        if key and path and key[1] == path[-1] and (len(path) == 1 or table == ".".join(path[:-1])):
+        key = re.match(r'\s*(?:"([^"]*)"|([^"=\s]+))\s*=', line)
+        if (
+            key
+            and path
+            and (key[1] or key[2]) == path[-1]
+            and (len(path) == 1 or table == ".".join(path[:-1]))
+        ):
             return number
     return None

@@ -138,7 +138,7 @@ def _visibility(sights: list[Sight]) -> str:
 def _setting_up(problem: Problem, measurement: Measurement) -> Section | None:
     spec = problem.spec
     rows = [
-        ("Robot", spec.robot),
+        ("Robot", problem.robot.name),
         ("Anchor of the chain, F_b [m]", ", ".join(f"{x:.3f}" for x in measurement.anchor)),
         ("Load point, flange frame [m]", _point(spec.tool["load_point"])),
         *((f"Reflector {n}, flange frame [m]", _point(spec.tool[n])) for n in spec.targets),

@@ -13,11 +13,11 @@ import numpy as np
 from pipeline.base import toml
 from pipeline.base.arrays import Array, Parameter
 from pipeline.base.errors import UsageError
+from pipeline.base.strict import STANDARD_GRAVITY
 from pipeline.machine.poses import in_log_units
 from pipeline.machine.robot import SHIPPED, Robot
 from pipeline.machine.robot import load as load_robot
 from pipeline.readers import READERS, WRITERS, Readings, text_of
-from pipeline.reduction.settings import STANDARD_GRAVITY
 from pipeline.simulate.blunders import Notebook, controller_axes
 from pipeline.simulate.hidden import Planted, blunders
 from pipeline.simulate.noise import stated_covariance
@@ -75,8 +75,8 @@ def simulate(
 
 
 _TO_FILL = b"""
-[base_frame]                # fixed reflectors, nominal coordinates in F_b [m]: at least three
-# B1 = [0.6, -0.5, -0.30]
+[base_frame]
+# B1 = ?                    # fixed reflectors, coordinates in F_b [m]: x, y, z; three or more
 """
 
 
@@ -91,6 +91,7 @@ def prepared(plan: Plan, robot: Robot) -> dict[str, bytes]:
         InputError: A pose of the plan is out of limits, or no feasible one was found.
     """
     scene = build(plan, robot, np.random.default_rng(plan.seed))
+    plan = scene.plan
     settings = _campaign_toml(plan, plan.robot)
     if "base_frame" not in plan.model_fields_set:
         bare = plan.model_copy(update={"base_frame": {}})

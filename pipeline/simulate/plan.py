@@ -6,10 +6,12 @@ import re
 from datetime import datetime
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from pipeline.base.errors import UsageError
 from pipeline.base.strict import (
+    STANDARD_GRAVITY,
     Degrees,
     Force,
     ForceUncertainty,
@@ -28,6 +30,7 @@ from pipeline.base.strict import (
 from pipeline.base.strict import Pull as PullForce
 from pipeline.base.toml import loads, merged
 from pipeline.machine.instrument import InstrumentNoise
+from pipeline.machine.robot import Robot, rating
 from pipeline.reduction.settings import Payload, Point, Scale, TestPose
 from pipeline.store.campaign import unfit
 
@@ -84,7 +87,7 @@ class Poses(Strict):
 
 
 class Pull(Strict):
-    """How the robot is loaded at every pose.
+    """How the robot is loaded at every pose; loads that are not stated suit the robot.
 
     Attributes:
         load: A chain with a scale, weights at the load point, or each payload on the flange.
@@ -296,6 +299,54 @@ def parse(text: str, file: str = "plan.toml") -> Plan:
         InputError: Not TOML, an unknown word or a value out of range; names the place.
     """
     return _validated(loads(text, file), file)
+
+
+def fitted(plan: Plan, robot: Robot) -> Plan:
+    """The plan with the loads that suit the robot in place of those that nobody stated.
+
+    With the pulls come the scale that shows them and the hand that sets them: a dynamometer is
+    chosen by its range, and reads to about the same part of it.
+
+    Raises:
+        InputError: A load is more than any such robot holds.
+    """
+    size = rating.share(robot, np.array(plan.tool["load_point"]))
+    if size != 1.0:
+        plan = revised(plan, _unstated(plan, size))
+    way_out = "state others in the plan, or leave them out"
+    rating.refuse_absurd(robot, _hardest(plan), way_out, "plan")
+    return plan
+
+
+def _unstated(plan: Plan, size: float) -> dict[str, Any]:
+    """Loads that the plan leaves to us, so many times those of the reference set-up."""
+    pulls, scale, one = plan.pulls, plan.scale, rating.round_pull
+    changed: dict[str, Any] = {
+        "steps_n": [one(size * step) for step in pulls.steps_n],
+        "masses_kg": [one(size * mass) for mass in pulls.masses_kg],
+        "setting_sd_n": one(size * pulls.setting_sd_n),
+    }
+    payload = {
+        name: body.model_copy(update={"mass_kg": one(size * body.mass_kg)}).model_dump()
+        for name, body in plan.payload.items()
+    }
+    return {
+        "pulls": {k: v for k, v in changed.items() if k not in pulls.model_fields_set},
+        "scale": {}
+        if scale.model_fields_set & {"sigma_n"}
+        else {"sigma_n": one(size * scale.sigma_n)},
+        **({} if "payload" in plan.model_fields_set else {"payload": payload}),
+    }
+
+
+def _hardest(plan: Plan) -> float:
+    """The hardest load of a plan [N]."""
+    pulls = plan.pulls
+    if pulls.load == "payloads":
+        return STANDARD_GRAVITY * max(body.mass_kg for body in plan.payload.values())
+    if pulls.load == "weights":
+        return STANDARD_GRAVITY * max(pulls.masses_kg)
+    return max(abs(step) for steps in pulls.pose_steps_n or [pulls.steps_n] for step in steps)
 
 
 _INSTRUMENT = {

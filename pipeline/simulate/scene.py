@@ -28,7 +28,7 @@ from pipeline.machine.robot import Robot, configure
 from pipeline.simulate import noise
 from pipeline.simulate.hidden import Planted, effects
 from pipeline.simulate.loads import DOWN, Run, run
-from pipeline.simulate.plan import Plan
+from pipeline.simulate.plan import Plan, fitted
 
 _CHAIN_POINTS_M = (0.1, 0.5)
 """Where Pl1 and Pl2 sit on the chain, from the load point."""
@@ -118,8 +118,9 @@ def build(
         hidden: Further effects, beyond those that the plan names.
 
     Raises:
-        InputError: A pose or an effect of the plan cannot be.
+        InputError: A pose, a load or an effect of the plan cannot be.
     """
+    plan = fitted(plan, robot)
     for_poses, for_truth = rng.spawn(2)
     tool = Tool.of(plan.tool)
     q, anchor = _stand(plan, robot, tool, for_poses)

@@ -34,11 +34,14 @@ from pipeline.machine.robot import SHIPPED, Robot
 from pipeline.machine.robot import load as load_robot
 from pipeline.machine.robot.mdh import no_robot
 from pipeline.machine.robot.mdh import parse as parse_robot
-from pipeline.readers import LARGEST_FILE, refuse_other_programs
+from pipeline.readers import largest, refuse_other_programs
 from pipeline.reduction.settings import Settings
 from pipeline.reduction.settings import parse as parse_settings
 
-_LIBRARIES = ("numpy", "scipy", "pandas", "pyarrow", "pin", "prefect", "matplotlib", "typst")
+_LIBRARIES = (
+    *("numpy", "scipy", "pandas", "pyarrow", "python-calamine", "pin"),
+    *("prefect", "matplotlib", "typst"),
+)
 MANIFEST = "manifest.json"
 _REJECTION = "rejection.json"
 
@@ -180,7 +183,7 @@ class Campaign:
         )
         if name.endswith(".toml"):
             return files.read(path, name, toml.LARGEST, missing)
-        return files.read(path, name, LARGEST_FILE, missing, partial(refuse_other_programs, name))
+        return files.read(path, name, largest(name), missing, partial(refuse_other_programs, name))
 
     def keep(
         self, name: str, table: pd.DataFrame | pa.Table | None, promise: pa.Schema
@@ -259,7 +262,7 @@ class Campaign:
             return False
         try:
             return all(
-                files.sha256(files.read(self.root / name, name, LARGEST_FILE)) == digest
+                files.sha256(files.read(self.root / name, name, largest(name))) == digest
                 for name, digest in manifest["outputs"].items()
             )
         except InputError:
@@ -344,7 +347,7 @@ def dump(content: object) -> bytes:
 def recalled(path: Path) -> Any:
     """What `dump` has left in a file; None where there is none, or one that cannot be read."""
     try:
-        return json.loads(files.read(path, path.name, LARGEST_FILE))
+        return json.loads(files.read(path, path.name, largest(path.name)))
     except (InputError, ValueError, RecursionError):
         return None
 

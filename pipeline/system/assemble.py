@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse
 
 from pipeline.base import covariance
-from pipeline.base.arrays import Array, Bools, Ints, Strings
+from pipeline.base.arrays import Array, Ints
 from pipeline.machine.cell import Cell, jacobian, predict
 from pipeline.reduction.measured import Measured
 from pipeline.system.system import Errors, Rows, System
@@ -94,11 +94,7 @@ def errors(cell: Cell, data: Measured, values: Array) -> Errors:
     if data.bends and cell.equilibrium == "undeformed":
         once["second_order"] = second_order(cell, data, values)[..., None]
     blocks += [_Block(source, True, part, np.zeros(d, int), 1) for source, part in once.items()]
-    parts = [_sparse(block) for block in blocks]
-    G, source, common = zip(*parts, strict=True)
-    return Errors(
-        scipy.sparse.hstack(G, format="csr"), np.concatenate(source), np.concatenate(common)
-    )
+    return _together(blocks)
 
 
 def by_axis(factor: Array) -> Array:
@@ -142,19 +138,31 @@ class _Block:
     owners: int
 
 
-def _sparse(block: _Block) -> tuple[scipy.sparse.csr_array, Strings, Bools]:
+def _together(blocks: list[_Block]) -> Errors:
+    """G of all sources, without the columns that move nothing."""
+    ends = np.cumsum([block.owners * block.factor.shape[2] for block in blocks]).tolist()
+    firsts = [0, *ends[:-1]]
+    value = np.concatenate([block.factor.ravel() for block in blocks])
+    row, column = (np.concatenate(some) for some in zip(*map(_where, blocks, firsts), strict=True))
+    there = value != 0
+    value, row, column = value[there], row[there], column[there]
+    used = np.flatnonzero(np.bincount(column, minlength=ends[-1]))
+    at = np.searchsorted(used, column)
+    shape = (3 * len(blocks[0].factor), len(used))
+    of = np.searchsorted(ends, used, side="right")
+    return Errors(
+        scipy.sparse.coo_array((value, (row, at)), shape).tocsr(),
+        np.array([block.source for block in blocks], dtype=object)[of],
+        np.array([block.common for block in blocks])[of],
+    )
+
+
+def _where(block: _Block, first: int) -> tuple[Ints, Ints]:
+    """Row and column of every entry of a block whose columns begin at `first`."""
     d, _, r = block.factor.shape
     row = np.broadcast_to(np.arange(3 * d).reshape(d, 3, 1), (d, 3, r))
     column = np.broadcast_to((block.owner[:, None] * r + np.arange(r))[:, None, :], (d, 3, r))
-    shape = (3 * d, block.owners * r)
-    coo = scipy.sparse.coo_array((block.factor.ravel(), (row.ravel(), column.ravel())), shape)
-    coo.eliminate_zeros()
-    used = np.flatnonzero(np.bincount(coo.col, minlength=shape[1]))
-    return (
-        coo.tocsc()[:, used],
-        np.full(len(used), block.source, dtype=object),
-        np.full(len(used), block.common),
-    )
+    return row.ravel(), first + column.ravel()
 
 
 def _moved(cell: Cell, data: Measured, values: Array, modes: Array) -> Array:

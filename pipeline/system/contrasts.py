@@ -77,19 +77,17 @@ def repeated_zeros(settings: Settings, placed: pd.DataFrame) -> Zeros:
     rows = rows.sort_values("time", kind="stable")
     groups = rows.groupby(["pose", "target"])
     nth = groups.cumcount().to_numpy()
-    points, C = rows[XYZ], covariance.matrices(rows)
-    past = (groups[XYZ].cumsum() - points).to_numpy() / np.maximum(nth, 1)[:, None]
-    six = rows[covariance.columns()]
-    C_past = (groups[covariance.columns()].cumsum() - six).assign(
-        **{n: lambda t, n=n: t[n] / np.maximum(nth, 1) ** 2 for n in covariance.columns()}
-    )
+    every = [*XYZ, *covariance.columns()]
+    past = (groups[every].cumsum() - rows[every]).to_numpy()
+    count = np.maximum(nth, 1)[:, None]
+    C_past = covariance.symmetric(past[:, 3:] / count**2)
     again = nth > 0
     return Zeros(
         pose=rows["pose"].to_numpy(np.int64)[again],
         target=np.asarray(names.get_indexer(pd.Index(rows["target"])), dtype=np.int64)[again],
         which=np.asarray(nth, dtype=np.int64)[again],
-        delta=(points.to_numpy() - past)[again],
-        cov=(C + covariance.matrices(C_past))[again],
+        delta=(rows[XYZ].to_numpy() - past[:, :3] / count)[again],
+        cov=(covariance.matrices(rows) + C_past)[again],
     )
 
 

@@ -3,10 +3,12 @@
 A reading's error is normal with covariance lambda C, C the stated one, lambda its own:
 
     normal:   lambda = s^2                             Student: lambda = s^2 nu / chi2(nu)
-    Eq. (18): lambda = 3 Beta(1/2, 1) s^2              blunder: log lambda uniform, one in 100
+    Eq. (18): lambda = 3 Beta(1/2, 1) s^2              bursts:  lambda = s^2, or k^2 s^2 in a part
+    blunder:  log lambda uniform, in a part that nobody knows
 
-(Lange, Little and Taylor, J. Am. Stat. Assoc. 84, 1989: Student's t as a mixture; Box and Tiao,
-Biometrika 55, 1968, for blunders). What the other readings leave of a reading's error, x ~ N(0,
+(Lange, Little and Taylor, J. Am. Stat. Assoc. 84, 1989: Student's t as a mixture; Tukey, A survey
+of sampling from contaminated distributions, 1960, for bursts; Box and Tiao, Biometrika 55, 1968,
+for blunders). What the other readings leave of a reading's error, x ~ N(0,
 lambda I + S), says what its lambda is; the product of these densities over all readings, what the
 family is. V then has each reading's lambda at its posterior mean over lambda and family, so that
 nothing is switched on or off.
@@ -24,13 +26,20 @@ from pipeline.base.arrays import Array, Locked
 FREEDOM = (2.5, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0)
 """Degrees of freedom of Student's distribution that are tried; more look normal in any campaign."""
 
-_NORMAL = 0.9
+BURSTS = ((0.03, 3.0), (0.03, 5.0), (0.1, 3.0), (0.1, 5.0))
+"""Part of the readings in bursts that is tried, and how much wider these are."""
+
+_LAWS = 1 + len(FREEDOM) + len(BURSTS)
+"""The stated family, Student's and bursts, in this order."""
+
+_NORMAL = 0.95
 """Probability of the stated family before the data [1]: an assumption, like every prior. A tracker
 that is as its certificate says is the rule."""
 
-BLUNDERS = 1e-2
-"""Part of all readings that are mistakes, as large as they like [1]: of 1000 rows of a
-published stationary series of an absolute tracker 13 are failed locks."""
+MISTAKES = (1e-4, 1e-3, 1e-2)
+"""Parts of all readings that are mistakes, as large as they like, that are tried [1]: nobody knows
+how careful a campaign was. Of 1000 rows of a published stationary series of an absolute tracker 13
+are failed locks; with one in 10 000 most campaigns have none."""
 
 _SCATTER = 6.0
 """Standard uncertainties below which a reading that is off is scatter, not a mistake [1]: what a
@@ -49,14 +58,16 @@ class Family(Locked):
     """What the noise of single readings is.
 
     Attributes:
-        weight: Probability of the stated family, then of each of `FREEDOM`, shape (1 + f,).
-        log_scale: log s^2 of each, shape (1 + f,).
+        weight: Probability of the stated family, each of `FREEDOM` and of `BURSTS`, shape (f,).
+        log_scale: log s^2 of each, shape (f,).
+        mistakes: Part of the readings that are mistakes beside each, posterior mean, shape (f,).
         p_value: Probability of tails as heavy if the stated family were true.
         paper: The stated family is that of Eq. (18).
     """
 
     weight: Array
     log_scale: Array
+    mistakes: Array
     p_value: float
     paper: bool
 
@@ -68,13 +79,13 @@ class Family(Locked):
     @property
     def freedom(self) -> float:
         """Degrees of freedom of the likeliest Student distribution."""
-        return FREEDOM[int(np.argmax(self.weight[1:]))]
+        return FREEDOM[int(np.argmax(self.weight[1 : 1 + len(FREEDOM)]))]
 
     @classmethod
     def stated(cls, paper: bool = False) -> Family:
         """Nothing but what is stated."""
-        none = np.zeros(1 + len(FREEDOM))
-        return cls(np.append(1.0, none[1:]), none, 1.0, paper)
+        none = np.zeros(_LAWS)
+        return cls(np.append(1.0, none[1:]), none, none + np.mean(MISTAKES), 1.0, paper)
 
     def mistaken(self, square: float, axes: int = 3) -> float:
         """Probability that a reading so far off is a blunder and not one of this family.
@@ -85,23 +96,26 @@ class Family(Locked):
         """
         seen = np.exp(-0.5 * (axes * _GRID + square * np.exp(-_GRID)))
         own = np.stack([seen @ bulk for bulk in _bulks(self.log_scale, self.paper)])
-        odd = BLUNDERS * float(seen @ _blunder())
-        return float(self.weight @ (odd / (odd + (1 - BLUNDERS) * own)))
+        odd = self.mistakes * float(seen @ _blunder())
+        return float(self.weight @ (odd / (odd + (1 - self.mistakes) * own)))
 
     def drawn(self, n: int, rng: np.random.Generator) -> Array:
         """Lambda of n readings, blunders apart."""
         which = rng.choice(len(self.weight), n, p=self.weight)
         out = 3 * rng.beta(0.5, 1.0, n) if self.paper else np.ones(n)
-        for k in range(1, len(self.weight)):
+        for k, nu in enumerate(FREEDOM, 1):
             of = which == k
-            nu = FREEDOM[k - 1]
-            out[of] *= np.exp(self.log_scale[k]) * nu / rng.chisquare(nu, int(of.sum()))
-        return out
+            out[of] *= nu / rng.chisquare(nu, int(of.sum()))
+        for k, (part, width) in enumerate(BURSTS, 1 + len(FREEDOM)):
+            of = which == k
+            out[of] *= np.where(rng.random(int(of.sum())) < part, width**2, 1.0)
+        return out * np.exp(self.log_scale[which])
 
 
 def _posterior_mean(found: Family, seen: Array) -> Array:
     """Mean of each reading's lambda given what is seen of it, `seen` as of `likelihood`, (n,)."""
-    kept = (1 - BLUNDERS) * _bulks(found.log_scale, found.paper) + BLUNDERS * _blunder()
+    part = found.mistakes[:, None]
+    kept = (1 - part) * _bulks(found.log_scale, found.paper) + part * _blunder()
     joint = seen[None] * kept[:, None, :]
     mean = (joint @ np.exp(_GRID)) / joint.sum(axis=2)
     return np.asarray(found.weight @ mean)
@@ -136,27 +150,31 @@ def family(seen: Array, paper: bool) -> tuple[Family, Array]:
         seen: `likelihood` of every reading, shape (n, K).
         paper: The stated family is that of Eq. (18).
     """
-    odd = _blunder()
-    own = np.stack([_stated(scale, paper) for scale in _SCALES])
-    bulks = [own, *(np.stack([_student(nu, s, paper) for s in _SCALES]) for nu in FREEDOM)]
-    priors = (1 - BLUNDERS) * np.stack(bulks) + BLUNDERS * odd  # (1 + f, scales, K)
-    logs = np.log(np.einsum("nk,fsk->fsn", seen, priors) + 1e-300).sum(axis=2)
+    tried = np.stack([_bulks(np.full(_LAWS, scale), paper) for scale in _SCALES], axis=1)
+    own = (seen @ tried.reshape(-1, seen.shape[1]).T).T.reshape(*tried.shape[:2], len(seen))
+    odd = seen @ _blunder()
+    each = np.stack([np.log((1 - b) * own + b * odd + 1e-300).sum(axis=2) for b in MISTAKES])
+    logs = special.logsumexp(each, axis=0) - np.log(len(MISTAKES))  # (f, scales)
     best = logs.max(axis=1)
-    free = np.append(best[0], special.logsumexp(logs[1:], axis=1) - np.log(len(_SCALES)))
-    free[0] = special.logsumexp(logs[0]) - np.log(len(_SCALES))
-    before = np.append(_NORMAL, np.full(len(FREEDOM), (1 - _NORMAL) / len(FREEDOM)))
+    free = special.logsumexp(logs, axis=1) - np.log(len(_SCALES))
+    before = np.append(_NORMAL, np.full(_LAWS - 1, (1 - _NORMAL) / (_LAWS - 1)))
     weight = special.softmax(free + np.log(before))
     scale = _SCALES[logs.argmax(axis=1)]
-    p = 0.5 * float(special.chdtrc(1, max(2 * (best[1:].max() - best[0]), 0.0)))
+    student = best[1 : 1 + len(FREEDOM)]
+    p = 0.5 * float(special.chdtrc(1, max(2 * (student.max() - best[0]), 0.0)))
+    mistakes = np.array(MISTAKES) @ special.softmax(special.logsumexp(each, axis=2), axis=0)
     scale[0] = 0.0  # what is stated, or was found in contrasts, holds
-    told = Family(weight, scale, p, paper)
+    told = Family(weight, scale, mistakes, p, paper)
     return told, _posterior_mean(told, seen)
 
 
 def _bulks(log_scale: Array, paper: bool) -> Array:
-    """Share of each log lambda under the stated family, and under each of `FREEDOM`, (1 + f, K)."""
-    student = [_student(nu, s, paper) for nu, s in zip(FREEDOM, log_scale[1:], strict=True)]
-    return np.stack([_stated(float(log_scale[0]), paper), *student])
+    """Share of each log lambda under each family, blunders apart, shape (f, K)."""
+    scale = iter(log_scale.tolist())
+    stated = [_stated(next(scale), paper)]
+    student = [_student(nu, next(scale), paper) for nu in FREEDOM]
+    bursts = [_bursts(part, width, next(scale), paper) for part, width in BURSTS]
+    return np.stack([*stated, *student, *bursts])
 
 
 def _stated(log_scale: float, paper: bool) -> Array:
@@ -166,6 +184,12 @@ def _stated(log_scale: float, paper: bool) -> Array:
         return _normed(np.where(share <= 1, np.sqrt(share), 0.0))
     at = int(np.argmin(np.abs(_GRID - log_scale)))
     return np.eye(len(_GRID))[at]
+
+
+def _bursts(part: float, width: float, log_scale: float, paper: bool) -> Array:
+    """The same where a part of the readings is wider."""
+    wide = _stated(log_scale + 2 * np.log(width), paper)
+    return (1 - part) * _stated(log_scale, paper) + part * wide
 
 
 def _student(nu: float, log_scale: float, paper: bool) -> Array:

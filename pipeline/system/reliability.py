@@ -13,6 +13,7 @@ What d_j would do to the estimate, (B'WB)^+ B'W g_j d_j, is the external one.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -160,22 +161,45 @@ class BaseReliability(Locked):
     error: Array
 
 
-def of_base(registration: Registration, at: Solution, turned: Array, cov: Array) -> BaseReliability:
+_PIECE = 20_000
+"""Base readings at once: what they move of thirty quantities are 15 MB."""
+
+
+def of_base(
+    registration: Registration, at: Solution, turned: Array, cov: Array
+) -> Iterator[BaseReliability]:
     """Base readings in the adjustment that places the tracker, 3 n rows and six parameters.
 
-    Their errors reach c through the rotation w of the tracker alone, as `turned` w.
+    Their errors reach c through the rotation w of the tracker alone, as `turned` w. Many readings
+    are told in pieces, in their order.
 
     Args:
         registration: Where the tracker stands.
         at: The solution of the campaign's system.
         turned: What a small rotation of the tracker about the axes of F_b does to c, (M, 3) [m].
         cov: Covariance of that rotation as it is in use [rad^2], shape (3, 3).
+
+    Yields:
+        What is known of the next pieces' errors.
     """
+    r, g, rotation, error, scale = _in_registration(registration, cov)
+    M = len(turned)
+    steps = at.white.by_pose(turned).T @ at.U[:M]  # what each axis of the rotation does, (3, d)
+    for begin in range(0, len(r), 3 * _PIECE):
+        some = slice(begin, begin + 3 * _PIECE)
+        moves = at.sigmas(rotation[some] @ steps)
+        yield BaseReliability(_reliability(r[some], g[some], moves, scale), error[some])
+
+
+def _in_registration(
+    registration: Registration, cov: Array
+) -> tuple[Array, Array, Array, Array, float]:
+    """Of every error r, g, the rotation it makes [rad], itself [m], F_b; and their scale."""
     table = registration.table
     C = covariance.full(covariance.turned(covariance.numbers(table), registration.R))
     if not np.isfinite(C).all():
         C = np.broadcast_to(np.eye(3), C.shape)
-    factor, white = covariance.factors(C), linear.whitening(C)
+    factor, white = (covariance.alike(C, make) for make in (covariance.factors, linear.whitening))
     lever = table[XYZ].to_numpy() - registration.centre
     turns = np.swapaxes(np.cross(np.eye(3)[None], lever[:, None, :]), 1, 2)
     moves = np.concatenate([turns, np.broadcast_to(np.eye(3), turns.shape)], axis=2)
@@ -187,11 +211,8 @@ def of_base(registration: Registration, at: Solution, turned: Array, cov: Array)
     r = np.einsum("nij,nij->nj", D, D).ravel() - np.sum(along**2, axis=1)
     g = np.einsum("nij,ni->nj", D, left).ravel()
     scale = float(np.sqrt(np.trace(cov) / np.trace(inverse.cov[:3, :3])))
-    M = len(turned)
-    steps = at.white.by_pose(turned).T @ at.U[:M]  # what each axis of the rotation does, (3, d)
-    rotation = along @ inverse.half[:3].T  # [rad] for each error
     error = np.swapaxes(factor, 1, 2).reshape(-1, 3) * scale
-    return BaseReliability(_reliability(r, g, at.sigmas(rotation @ steps), scale), error)
+    return r, g, along @ inverse.half[:3].T, error, scale
 
 
 def influence(system: System, at: Solution) -> Array:

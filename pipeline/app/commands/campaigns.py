@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import math
+import re
 import sys
+from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from typer import Argument, Option
@@ -14,8 +18,15 @@ from pipeline.app.commands._shared import AsJson, Named, Root, app, at_work, ope
 from pipeline.base.errors import MISFIT, UsageError, worst
 from pipeline.base.shown import lines
 
+if TYPE_CHECKING:  # they bring the numerical libraries, which take a second
+    from pipeline.app.blank import Known
+    from pipeline.reduction.proposal import Proposal
 
-@app.command(short_help="Make the folder of a new campaign.")
+_USUAL = "kr500_rail"
+"""The robot of a campaign that has no files yet, where nobody names another."""
+
+
+@app.command(short_help="Write campaign.toml for the files of a folder.")
 def init(
     name: Annotated[
         str | None, Argument(metavar="NAME", help="Of the new campaign and its folder.")
@@ -26,7 +37,10 @@ def init(
     ] = None,
     root: Root = Path(),
 ) -> None:
-    """Make the folder of a new campaign; asks on a terminal."""
+    """Write campaign.toml for the files that lie in a folder, or for none yet.
+
+    On a terminal it asks for what no file says.
+    """
     from pipeline.app import blank
 
     ask = sys.stdin.isatty()
@@ -36,42 +50,140 @@ def init(
         name = str(typer.prompt(f"Name of the campaign ({blank.NAME})", err=True))
     folder = blank.vacant(root, name)
     if plan is None:
-        _blank(root, name, robot, ask)
-    elif robot is None:
+        _propose(root, folder, robot, ask)
+    elif robot is not None:
+        raise UsageError("the plan names its robot: leave out --robot, or --plan")
+    elif folder.exists():
+        raise UsageError(f"{folder} is there already: choose another name")
+    else:
         from pipeline.app.commands.simulate import prepare
 
         prepare(folder, plan)
         typer.echo(folder)
-    else:
-        raise UsageError("the plan names its robot: leave out --robot, or --plan")
 
 
-def _blank(root: Path, name: str, robot: str | None, ask: bool) -> None:
-    """A folder to be filled in by hand, with what is known or asked."""
+def _propose(root: Path, folder: Path, robot: str | None, ask: bool) -> None:
+    """A campaign.toml for what lies in the folder, with what is known or asked."""
+    from pipeline.app import asking, blank
+    from pipeline.readers import Hints
+    from pipeline.reduction.proposal import propose
+
+    hints: Hints | None = None
+    if robot is not None:
+        blank.known(root, folder.name, robot)
+    files = blank.there(root, folder)
+    said = propose(files)
+    while ask and said.offer and said.offer.question:
+        told = asking.ask(said.offer, partial(typer.echo, err=True))
+        hints = (hints or Hints()).model_copy(update=told)
+        said = propose(files, hints)
+    for line in _seen(said) if ask else ():
+        at_work(line)
+    if robot is None:
+        robot = _robot(root, folder, said, ask)
+    known = _asked(said, robot) if ask else blank.Known(robot=robot)
+    left = blank.write(folder, said, known)
+    typer.echo(folder)
+    for name, why in said.refused.items():
+        at_work(f"{name} is not used: {why}.")
+    at_work(f"Fill in campaign.toml ({', '.join(left) or 'nothing is left'}), "
+            f"then: pipeline check {folder.name}")  # fmt: skip
+
+
+def _robot(root: Path, folder: Path, said: Proposal, ask: bool) -> str | None:
+    """The only robot that fits, or the one that is typed; None where it stays open."""
     from pipeline.app import blank
 
-    if robot is None and ask:
-        robot = typer.prompt(f"Robot ({blank.robots()}, or a file)", "kr500_rail", err=True)
-    robot = robot or "kr500_rail"
-    blank.known(root, name, robot)
-    sizes = {
-        key: _size(f"{what} [{unit}]", default) if ask else default
-        for key, (what, unit, default) in blank.ASKED.items()
-    }
-    typer.echo(blank.init(root, name, robot, **sizes))
-    at_work(
-        f"Fill in campaign.toml, copy the files it names beside it, then: pipeline check {name}"
+    fitting = said.robots
+    if len(fitting) == 1:
+        return fitting[0]
+    if not ask:
+        return None if said.exports or said.joints else _USUAL
+    which = " or ".join(fitting) or f"{blank.robots()}, or a file"
+    usual = "" if fitting else _USUAL
+    typed = str(typer.prompt(f"Robot ({which})", usual, err=True, show_default=bool(usual)))
+    if not typed:
+        return None
+    blank.known(root, folder.name, typed)
+    return typed
+
+
+def _asked(said: Proposal, robot: str | None) -> Known:
+    """What only a person knows, one question at a time; an empty answer leaves it open."""
+    from pipeline.app.blank import Known
+
+    unit = None
+    if said.reach is not None:
+        unit = _one_of(f"Unit of lengths, the numbers reach {said.reach:.0f}", ("mm", "m", "in"))
+    sigma_mm = _size("Standard uncertainty of one tracker reading per axis [mm]")
+    sigma_n = _size("Standard uncertainty of one scale reading [N]")
+    warm = _number("Temperature of rail and base [degC]") if said.exports else None
+    frames = [("the flange frame", ["load_point", *said.measured]), ("F_b", said.base)]
+    asked = [(name, frame) for frame, names in frames for name in names if said.measured]
+    places = {name: _place(f"{name} in {frame}, x y z [m]") for name, frame in asked}
+    return Known(
+        robot=robot,
+        unit=unit,
+        sigma_m=None if sigma_mm is None else 1e-3 * sigma_mm,
+        sigma_n=sigma_n,
+        temperature_c=warm,
+        places={name: at for name, at in places.items() if at is not None},
     )
 
 
-def _size(question: str, default: float) -> float:
+def _answer(question: str) -> str:
+    """What is typed, without blanks around it; empty where it stays open."""
+    asked = f"{question} (Enter leaves it open)"
+    return str(typer.prompt(asked, "", err=True, show_default=False)).strip()
+
+
+def _one_of(question: str, words: tuple[str, ...]) -> str | None:
+    """One of some words, asked until it is one."""
+    while answer := _answer(f"{question}: {', '.join(words)}"):
+        if answer in words:
+            return answer
+        typer.echo(f'"{answer}" is none of {", ".join(words)}.', err=True)
+    return None
+
+
+def _size(question: str) -> float | None:
     """A number above zero, asked until it is one; a decimal comma is as good as a point."""
-    while True:
-        answer = str(typer.prompt(question, f"{default:g}", err=True))
+    while answer := _answer(question):
         with contextlib.suppress(ValueError):
             if 0 < (size := float(answer.replace(",", "."))) < float("inf"):
                 return size
         typer.echo(f'"{answer}" is no number above zero.', err=True)
+    return None
+
+
+def _number(question: str) -> float | None:
+    """A number, asked until it is one."""
+    while answer := _answer(question):
+        with contextlib.suppress(ValueError):
+            if math.isfinite(number := float(answer.replace(",", "."))):
+                return number
+        typer.echo(f'"{answer}" is no number.', err=True)
+    return None
+
+
+def _seen(said: Proposal) -> Iterator[str]:
+    """What the files are taken for, before anything is asked."""
+    files = {"exports": said.exports, "loads": said.loads, "joints": said.joints}
+    names = {"measured targets": said.measured, "chain": said.chain, "base": said.base}
+    for what, found in (files | names).items():
+        if found:
+            yield f"{what}: {found if isinstance(found, str) else ' '.join(found)}"
+
+
+def _place(question: str) -> tuple[float, float, float] | None:
+    """Three coordinates with blanks or semicolons between them, asked until they are."""
+    while answer := _answer(question):
+        with contextlib.suppress(ValueError):
+            x, y, z = (float(one.replace(",", ".")) for one in re.split(r"[;\s]+|,\s+", answer))
+            if all(map(math.isfinite, (x, y, z))):
+                return x, y, z
+        typer.echo(f'"{answer}" is no three numbers: write 0.2 0.05 0.12.', err=True)
+    return None
 
 
 @app.command(short_help="Read a campaign, say what would be used and what is wrong.")
@@ -84,23 +196,51 @@ def check(campaign: Named, as_json: AsJson = False, root: Root = Path()) -> None
     raise typer.Exit(outcome.exit_code)
 
 
-@app.command(short_help="Say what a tracker export is, and what is wrong with it.")
+@app.command(short_help="Say what an export or a log is, and what is wrong with it.")
 def inspect(
-    file: Annotated[Path, Argument(metavar="FILE", help="A tracker export.")],
+    file: Annotated[Path, Argument(metavar="FILE", help="A tracker export, or a log.")],
     unit: Annotated[str | None, Option(help="mm, m or in, where the export does not say.")] = None,
+    decimal: Annotated[str | None, Option(help="The decimal mark, likewise.")] = None,
+    angles: Annotated[str | None, Option(help="deg, rad or gon, likewise.")] = None,
+    vertical: Annotated[str | None, Option(help="zenith or elevation, likewise.")] = None,
+    coordinates: Annotated[
+        str | None, Option(help="cartesian, spherical or cylindrical, likewise.")
+    ] = None,
+    mapping: Annotated[
+        Path | None, Option(metavar="TOML", help="File with a [tracker.mapping] to try.")
+    ] = None,
     as_json: AsJson = False,
     csv: Annotated[
         bool, Option("--csv", help="Print the readings in SI, for a spreadsheet.")
     ] = False,
 ) -> None:
-    """Say what a tracker export is: dialect, unit, coordinates, times, what is wrong with it."""
-    from pipeline.app import shell
+    """Say what a tracker export is: dialect, unit, coordinates, times, what is wrong with it.
 
-    if unit not in (None, "mm", "m", "in"):
-        raise UsageError(f'there is no unit "{unit}": use mm, m or in')
-    outcome = shell.inspect(file, unit, csv)
+    Of a table that it does not know it says what each column seems to be, of a log which one it
+    is, and what to write into campaign.toml; on a terminal it asks what an export leaves open.
+    """
+    from pipeline.app import asking, shell
+
+    said = {
+        "unit": _known("unit", unit, ("mm", "m", "in")),
+        "decimal": _known("decimal mark", decimal, (".", ",")),
+        "angle": _known("unit of angles", angles, ("deg", "rad", "gon")),
+        "vertical": _known("vertical angle", vertical, ("zenith", "elevation")),
+        "coordinates": _known("kind", coordinates, ("cartesian", "spherical", "cylindrical")),
+    }
+    answers = sys.stdin.isatty() and sys.stderr.isatty() and not as_json
+    ask = partial(asking.ask, say=partial(typer.echo, err=True)) if answers else None
+    outcome = shell.inspect(file, said, csv, mapping, ask)
     show(outcome, as_json)
     raise typer.Exit(outcome.exit_code)
+
+
+def _known(what: str, word: str | None, known: Sequence[str]) -> str | None:
+    """A word of the command line that has to be one of a few."""
+    if word is None or word in known:
+        return word
+    others = f"{', '.join(known[:-1])} or {known[-1]}"
+    raise UsageError(f'there is no {what} "{word}": use {others}')
 
 
 @app.command(short_help="Compute what is new or changed, and write the reports.")

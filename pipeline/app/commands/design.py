@@ -104,15 +104,16 @@ def added_to(problem: Problem, campaign: Campaign) -> Problem:
     """
     from pipeline.design.known import continued, information_of
     from pipeline.design.problem import build
-    from pipeline.machine.cell import paper_cell
-    from pipeline.reduction.bring import conformed
-    from pipeline.run import reduce
+    from pipeline.reduction.bring import bring, conformed, plain
+    from pipeline.run import ingested
+    from pipeline.system.fit import fit
 
     raw = campaign.read()
     further = build(continued(problem.spec, raw.settings, f"{campaign.name}_next"), raw.robot)
-    cell = paper_cell(raw.robot, further.tool)
-    data = reduce(raw, conformed).data
-    return replace(further, known=information_of(cell, data, further.experiment.scale))
+    case = ingested(raw, conformed, plain)
+    found = fit(case, bring(case))
+    known = information_of(found.system, found.estimate, further.experiment.scale)
+    return replace(further, known=known)
 
 
 def write(root: Path, made: Made, seed: int) -> Made:

@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
+from pipeline.base.strict import STANDARD_GRAVITY
 from pipeline.machine.effect import Compound, Elastic, Geometry, Loaded, Pulls
 from pipeline.machine.effects._anatomy import arm, turning
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.configuration import torque
+from pipeline.machine.robot.rating import relative
 
-_WEIGHT_OF_1_KG = np.array([0.0, 0.0, -9.80665])
+_WEIGHT_OF_1_KG = np.array([0.0, 0.0, -STANDARD_GRAVITY])
 """Of a kilogram at the standard acceleration of gravity [N], F_b."""
 
 
@@ -28,29 +30,33 @@ def effects(robot: Robot) -> tuple[Compound, ...]:
     first = turning(robot)[0]
     upper = _Link(robot, shoulder, elbow, tuple(range(first, shoulder + 1)))
     masses = _Masses((upper, _Link(robot, elbow, wrist, tuple(range(first, elbow + 1)))))
+    said = _said(relative(robot))
     elastic = Elastic(
-        **_SAID,
+        **said,
         carrier=tuple(joint for link in masses.links for joint in link.chain),
         response=masses.response,
         shared=tuple(k for k, link in enumerate(masses.links) for _ in link.chain),
     )
-    return (Compound(**_SAID, acts=(Geometry(**_SAID, geometry=masses.geometry), elastic)),)
+    return (Compound(**said, acts=(Geometry(**said, geometry=masses.geometry), elastic)),)
 
 
-_SAID: dict[str, Any] = {
-    "name": "gravity_sag",
-    "noun": "sag under the arm's own weight",
-    "place": "metrology",
-    "shows_unloaded": True,
-    "parameters": (
-        Parameter("m_upper_arm", "kg", 500.0, 0.0, 2000.0),
-        Parameter("m_forearm", "kg", 400.0, 0.0, 2000.0),
-    ),
-    "signature": "the unloaded reflectors hang millimetres lower the further the arm reaches; "
-    "the displacements hardly show it",
-    "needs": "the unloaded absolute positions, in F_b, with the tool's coordinates known",
-    "source": "stiffness of a loaded chain, K_C = d tau_g / dq; masses of the links are estimates",
-}
+def _said(size: float) -> dict[str, Any]:
+    """Links of the KR500, or as much lighter as the robot carries less."""
+    return {
+        "name": "gravity_sag",
+        "noun": "sag under the arm's own weight",
+        "place": "metrology",
+        "shows_unloaded": True,
+        "parameters": (
+            Parameter("m_upper_arm", "kg", 500.0 * size, 0.0, 2000.0 * size),
+            Parameter("m_forearm", "kg", 400.0 * size, 0.0, 2000.0 * size),
+        ),
+        "signature": "the unloaded reflectors hang millimetres lower the further the arm reaches; "
+        "the displacements hardly show it",
+        "needs": "the unloaded absolute positions, in F_b, with the tool's coordinates known",
+        "source": "stiffness of a loaded chain, K_C = d tau_g / dq; masses of the links are "
+        "estimates",
+    }
 
 
 @dataclass(frozen=True)

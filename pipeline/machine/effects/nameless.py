@@ -12,16 +12,34 @@ the catalogue: no campaign is ever said to suffer from one of them.
 - guide_along_the_rail:  a guide of the carriage is softer here than there, two harmonics
 - guide_contact:         a guide yields less than in proportion to its load, as rollers do
 - effector_play:         the effector turns in its clamp, about the axis of the last joint
+
+Mistakes of mounting only compete in what they predict, never for a name: their sizes have no usual
+one that could weigh against a cause.
+
+- effector_turned:       the effector is mounted on the flange turned by some angle
+- load_on_the_forearm:   the force acts elsewhere, by a vector fixed to the link before the wrist
 """
 
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from pipeline.base.arrays import Array, Parameter
-from pipeline.machine.effect import Effect, Elastic, Loaded, linear
+from pipeline.machine.effect import (
+    HUNG,
+    PULLED,
+    Compound,
+    Effect,
+    Elastic,
+    Loaded,
+    Reflectors,
+    Wrench,
+    linear,
+)
 from pipeline.machine.effects import (
     joint_lost_motion,
     rail_lateral,
@@ -43,6 +61,12 @@ from pipeline.machine.robot.configuration import translation_along
 
 _BEARING = 5e-9
 """Typical compliance of a bearing along an axis [m/N], that of loaded guide rollers."""
+
+_TURN_RAD = 0.05
+"""Typical error of mounting an effector by hand [rad]."""
+
+_OFFSET_M = 5e-3
+"""Typical error of a point measured on a tool [m], as in the catalogue."""
 
 _LARGE = {"m/N": 1000.0, "rad/(N m)": 3000.0}
 """A load on the guides of a rail that counts as large [N] or [N m], by the unit of compliance."""
@@ -68,6 +92,12 @@ def nameless(robot: Robot) -> tuple[Effect, ...]:
         *(_contact(guide) for guide in guides),
         *(_play(effect) for effect in joint_lost_motion.effects(robot) if effect.where == robot.n),
     )
+
+
+def mounting(robot: Robot) -> tuple[Effect, ...]:
+    """Mistakes of mounting that this robot can have."""
+    places = arm(robot)
+    return (_turned(), *((_on_the_forearm(places[2] - 1),) if places else ()))
 
 
 def _own_bearings(robot: Robot, numbers: Sequence[int]) -> list[int]:
@@ -184,3 +214,46 @@ def _play(gear: Elastic) -> Effect:
     where = f"{gear.where} {gear.form}"
     play = _effect("effector_play", where, size, gear.carrier, gear.response, signed=False)
     return replace(play, signature="the effector turning in its clamp")
+
+
+def _acting(name: str, unit: str, size: float) -> dict[str, Any]:
+    """What an effect of three parameters that moves no virtual joint says of itself."""
+    said = name.replace("_", " ")
+    return {
+        "name": name,
+        "noun": said,
+        "place": "force",
+        "parameters": tuple(
+            Parameter(f"{name}_{axis}", unit, size, -20 * size, 20 * size) for axis in "xyz"
+        ),
+        "signature": said,
+        "needs": "",
+        "source": "",
+        "of": (PULLED, HUNG),
+    }
+
+
+def _turned() -> Effect:
+    """Load point and targets, turned together about the flange's origin."""
+    said = _acting("effector_turned", "rad", _TURN_RAD)
+
+    def turned(loaded: Loaded, points: Array, values: Array) -> Array:
+        here = loaded.configuration
+        axes, origin = here.flange_axes, here.flange_origin[:, None]
+        R = axes @ Rotation.from_rotvec(values).as_matrix() @ np.swapaxes(axes, 1, 2)
+        return np.asarray(origin + np.einsum("mij,mtj->mti", R, points - origin))
+
+    def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
+        return turned(loaded, loaded.load_point[:, None], values)[:, 0], loaded.force
+
+    def points(loaded: Loaded, values: Array) -> Array:
+        return turned(loaded, loaded.points, values)
+
+    return Compound(**said, acts=(Wrench(**said, wrench=wrench), Reflectors(**said, points=points)))
+
+
+def _on_the_forearm(joint: int) -> Effect:
+    def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
+        return loaded.load_point + loaded.configuration.frame(joint)[0] @ values, loaded.force
+
+    return Wrench(**_acting("load_on_the_forearm", "m", _OFFSET_M), wrench=wrench)

@@ -6,8 +6,9 @@ everything behind this file (numpy kinematics, Pinocchio, B) knows one form only
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from importlib import resources
 from pathlib import Path
 from typing import Literal
@@ -21,20 +22,35 @@ from pipeline.base.errors import InputError, first_wrong, listed
 from pipeline.base.strict import (
     Degrees,
     Length,
+    Mass,
     Name,
     NotNegative,
+    Positive,
     Prose,
     Stiffness,
 )
 
-SHIPPED = ("kr500_rail", "kr500_rail_kuka", "fanuc_r2000ic")
+SHIPPED = (
+    "kr500_rail",
+    "kr500_rail_kuka",
+    "fanuc_r2000ic",
+    "ur10",
+    "ur10e",
+    "kr210_l150",
+    "kr210_r2700_2",
+    "irb6640",
+)
 
 CONVENTIONS = {
     "khalil": "Rx(alpha) Tx(d) Rz(theta) Tz(r): modified DH, letters of Khalil and Kleinfinger",
     "craig": "Rx(alpha) Tx(a) Rz(theta) Tz(d): modified DH in the letters of Craig, rows i-1 | i",
     "standard": "Rz(theta) Tz(d) Tx(a) Rx(alpha): the classic (distal) DH table",
 }
-"""What the letters of a row mean. Khalil's d is Craig's a; Khalil's r is Craig's d."""
+"""What the letters of a row mean. Khalil's d is Craig's a; Khalil's r is Craig's d.
+
+Between axes that are nearly parallel these letters run off to infinity; a turn Ry(beta) behind
+Rx(alpha), Hayati and Mirmirani's fifth letter (J. Robotic Systems 2, 1985), keeps them small.
+"""
 
 
 class Joint(BaseModel):
@@ -48,6 +64,7 @@ class Joint(BaseModel):
     name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9]*$", max_length=50)
     type: Literal["revolute", "prismatic"]
     alpha_deg: Degrees = 0.0
+    beta_deg: Degrees = 0.0
     theta_deg: Degrees = 0.0
     a_m: Length | None = None
     d_m: Length = 0.0
@@ -58,21 +75,23 @@ class Joint(BaseModel):
     upper_deg: Degrees | None = None
     stiffness_n_per_m: Stiffness | None = None
     stiffness_nm_per_rad: Stiffness | None = None
+    stiffness_range_n_per_m: tuple[Stiffness, Stiffness] | None = None
+    stiffness_range_nm_per_rad: tuple[Stiffness, Stiffness] | None = None
+    effort_n: Positive | None = None
+    effort_nm: Positive | None = None
     mass_kg: NotNegative | None = None
     centre_of_mass_m: tuple[Length, Length, Length] | None = None
 
     @model_validator(mode="after")
     def units_fit_the_type(self) -> Joint:
-        """A prismatic joint has limits in m and N/m, a revolute one in degrees and N m/rad."""
-        wrong = (
-            (self.lower_deg, self.upper_deg, self.stiffness_nm_per_rad)
-            if self.type == "prismatic"
-            else (self.lower_m, self.upper_m, self.stiffness_n_per_m)
-        )
-        if any(value is not None for value in wrong):
+        """A prismatic joint has m, N and N/m, a revolute one degrees, N m and N m/rad."""
+        wrong = _TURNING if self.type == "prismatic" else _SLIDING
+        if any(getattr(self, key) is not None for key in wrong):
             raise ValueError(
                 f"joint {self.name} is {self.type}: its limits or stiffness have the other unit"
             )
+        if self.stiffness_range and self.stiffness_range[0] >= self.stiffness_range[1]:
+            raise ValueError(f"joint {self.name}: the range of its stiffness does not go upwards")
         if self.lower >= self.upper:
             raise ValueError(
                 f"joint {self.name}: lower limit {self.lower} is not below upper {self.upper}"
@@ -121,9 +140,49 @@ class Joint(BaseModel):
         return "m/N" if self.prismatic else "rad/(N m)"
 
     @property
+    def stiffness_range(self) -> tuple[float, float] | None:
+        """Between which stiffnesses it is said to lie [N/m] or [N m/rad], None when nobody says."""
+        return self.stiffness_range_n_per_m or self.stiffness_range_nm_per_rad
+
+    @property
+    def effort(self) -> float | None:
+        """What its drive exerts at most [N] or [N m], None when unknown."""
+        return self.effort_n or self.effort_nm
+
+    @property
     def typical_stiffness(self) -> float:
-        """The nominal stiffness, or the usual size for industrial arms of this class."""
+        """The nominal stiffness, the middle of the range by its ratios, or that of large arms."""
+        if self.stiffness is None and self.stiffness_range is not None:
+            return math.sqrt(self.stiffness_range[0] * self.stiffness_range[1])
         return self.stiffness or (5e7 if self.prismatic else 1e6)
+
+
+_SLIDING = ("lower_m", "upper_m", "stiffness_n_per_m", "stiffness_range_n_per_m", "effort_n")
+_TURNING = (
+    "lower_deg",
+    "upper_deg",
+    "stiffness_nm_per_rad",
+    "stiffness_range_nm_per_rad",
+    "effort_nm",
+)
+"""What only a sliding and only a turning joint has."""
+
+
+class Fixed(BaseModel):
+    """A constant step between two frames: a shift [m], then Rz(yaw) Ry(pitch) Rx(roll) [deg]."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    xyz_m: tuple[Length, Length, Length] = (0.0, 0.0, 0.0)
+    rpy_deg: tuple[Degrees, Degrees, Degrees] = (0.0, 0.0, 0.0)
+
+    @property
+    def step(self) -> Array:
+        """The second frame in the first, shape (4, 4)."""
+        roll, pitch, yaw = np.deg2rad(self.rpy_deg)
+        step = _screw_z(yaw, 0.0) @ _turn_y(pitch) @ _screw_x(roll, 0.0)
+        step[:3, 3] = self.xyz_m
+        return step
 
 
 class Controller(BaseModel):
@@ -147,6 +206,9 @@ class RobotFile(BaseModel):
     convention: Literal["khalil", "craig", "standard"]
     source: Prose
     assumptions: list[Prose] = []
+    payload_kg: Mass | None = None
+    base: Fixed | None = None
+    flange: Fixed | None = None
     joint: list[Joint] = Field(min_length=1)
     controller: Controller | None = None
 
@@ -165,6 +227,7 @@ class Robot(Locked):
         controller_matrix: q = controller_matrix @ axes + controller_offset, shape (n, axes).
         controller_offset: [rad] or [m], shape (n,).
         assumptions: What the file assumes, for the report.
+        payload_kg: What its manufacturer lets it carry, None when the file does not say.
         text: The file itself, for hashing and the report.
     """
 
@@ -177,6 +240,7 @@ class Robot(Locked):
     controller_matrix: Array
     controller_offset: Array
     assumptions: tuple[str, ...]
+    payload_kg: float | None
     text: str
 
     @property
@@ -199,7 +263,7 @@ class Robot(Locked):
         """Upper joint limits [m] or [rad], shape (n,)."""
         return np.array([joint.upper for joint in self.joints])
 
-    @property
+    @cached_property
     def nominal_compliance(self) -> Array:
         """1 / nominal (or typical) stiffness [m/N] or [rad/(N m)], shape (n,)."""
         return np.array([1.0 / joint.typical_stiffness for joint in self.joints])
@@ -226,28 +290,35 @@ def _letters(row: Joint, convention: str) -> tuple[float, float]:
     return row.a_m or 0.0, row.d_m
 
 
-def placements(rows: list[Joint], convention: str) -> tuple[Array, Array]:
-    """Constant joint placements of a table, and the flange.
+def _turn_y(beta: float) -> Array:
+    c, s = np.cos(beta), np.sin(beta)
+    return np.array([[c, 0, s, 0], [0, 1, 0, 0], [-s, 0, c, 0], [0, 0, 0, 1.0]])
 
-    Args:
-        rows: One row per joint, base to flange.
-        convention: A key of `CONVENTIONS`.
+
+def placements(file: RobotFile) -> tuple[Array, Array]:
+    """Constant joint placements of a table between its base and flange.
 
     Returns:
         placement (n, 4, 4) and flange (4, 4) as in `Robot`.
+
+    Raises:
+        ValueError: A row has letters that are not of its convention.
     """
     placement = []
-    behind = np.eye(4)  # what a distal table puts between a joint and the next one
-    for row in rows:
-        x, z = _letters(row, convention)
-        along_x = _screw_x(np.deg2rad(row.alpha_deg), x)
+    before = Fixed() if file.base is None else file.base
+    behind = before.step  # what a distal table puts between a joint and the next one, and the base
+    for row in file.joint:
+        x, z = _letters(row, file.convention)
+        along_x = _screw_x(np.deg2rad(row.alpha_deg), x) @ _turn_y(np.deg2rad(row.beta_deg))
         along_z = _screw_z(np.deg2rad(row.theta_deg), z)
-        if convention == "standard":
+        if file.convention == "standard":
             placement.append(behind)
             behind = along_z @ along_x
         else:
-            placement.append(along_x @ along_z)
-    return np.array(placement), behind
+            placement.append(behind @ along_x @ along_z)
+            behind = np.eye(4)
+    after = Fixed() if file.flange is None else file.flange
+    return np.array(placement), behind @ after.step
 
 
 def parse(text: str, file: str) -> Robot:
@@ -259,7 +330,7 @@ def parse(text: str, file: str) -> Robot:
     table = toml.loads(text, file)
     try:
         content = RobotFile.model_validate(table)
-        placement, flange = placements(content.joint, content.convention)
+        placement, flange = placements(content)
     except ValidationError as problem:
         words, message = first_wrong(problem)
         where = ".".join(words) or "the robot"
@@ -280,6 +351,7 @@ def parse(text: str, file: str) -> Robot:
         controller_matrix=matrix,
         controller_offset=offset,
         assumptions=tuple(content.assumptions),
+        payload_kg=content.payload_kg,
         text=text,
     )
 

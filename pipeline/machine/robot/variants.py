@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from pipeline.base import toml
-from pipeline.machine.robot.mdh import Joint, Robot, RobotFile, placements
+from pipeline.machine.robot.mdh import Robot, RobotFile, placements
 
 _LENGTHS = {"a_m": "a", "d_m": "d", "r_m": "r"}
 _VISIBLE_M = 0.01
@@ -30,48 +30,59 @@ def variants(robot: Robot) -> Iterator[tuple[str, Robot]]:
                 yield f"{letter}_{j + 1}", _with_row(robot, file, j, {key: -getattr(row, key)})
         if row.alpha_deg % 180:
             yield f"alpha_{j + 1}", _with_row(robot, file, j, {"alpha_deg": -row.alpha_deg})
-    rows, convention, name = _other_convention(file)
-    yield name, _with_rows(robot, rows, convention)
+    other, name = _other_convention(file)
+    yield name, _as(robot, other)
 
 
 def misread(robot: Robot) -> tuple[str, str]:
     """The robot's file with its letters under the other convention, and what they are in truth."""
     file = _file(robot)
-    rows, convention, _ = _other_convention(file)
-    wrong = file.model_copy(update={"joint": rows, "convention": convention})
+    wrong, _ = _other_convention(file)
     text = toml.dumps(wrong.model_dump(exclude_none=True))
     return text, "standard_dh" if file.convention == "standard" else "modified_dh"
 
 
 def _with_row(robot: Robot, file: RobotFile, j: int, change: dict[str, float]) -> Robot:
     rows = [*file.joint[:j], file.joint[j].model_copy(update=change), *file.joint[j + 1 :]]
-    return _with_rows(robot, rows, file.convention)
+    return _as(robot, file.model_copy(update={"joint": rows}))
 
 
-def _with_rows(robot: Robot, rows: list[Joint], convention: str) -> Robot:
-    placement, flange = placements(rows, convention)
+def _as(robot: Robot, file: RobotFile) -> Robot:
+    placement, flange = placements(file)
     return replace(robot, placement=placement, flange=flange)
 
 
-def _other_convention(file: RobotFile) -> tuple[list[Joint], str, str]:
+def _other_convention(file: RobotFile) -> tuple[RobotFile, str]:
     """The same letters under the other convention; Khalil's d and r are Craig's a and d."""
-    rows = file.joint
     if file.convention == "standard":
-        return rows, "craig", "modified_dh"
+        return file.model_copy(update={"convention": "craig"}), "modified_dh"
+    rows = file.joint
     if file.convention == "khalil":
         rows = [
             row.model_copy(update={"a_m": row.d_m, "d_m": row.r_m or 0.0, "r_m": None})
             for row in rows
         ]
-    return rows, "standard", "standard_dh"
+    return file.model_copy(update={"joint": rows, "convention": "standard"}), "standard_dh"
 
 
-def differing(robot: Robot, other: Robot) -> str:
-    """The length, `d_5`, in which two tables with the same joints differ most."""
-    pairs = enumerate(zip(_file(robot).joint, _file(other).joint, strict=True), 1)
-    apart = {
-        f"{letter}_{j}": abs((getattr(one, key) or 0.0) - (getattr(two, key) or 0.0))
-        for j, (one, two) in pairs
+def alike(robot: Robot, other: Robot) -> bool:
+    """Whether two robots have the same joints, so that one may stand in for the other."""
+    rows = [[(joint.name, joint.prismatic) for joint in one.joints] for one in (robot, other)]
+    return rows[0] == rows[1]
+
+
+def differing(robot: Robot, other: Robot) -> str | None:
+    """The one length, `d_5`, in which two tables with the same joints differ visibly.
+
+    None where there are several, or where their letters mean something else.
+    """
+    one, two = _file(robot), _file(other)
+    if one.convention != two.convention:
+        return None
+    apart = [
+        f"{letter}_{j}"
+        for j, (a, b) in enumerate(zip(one.joint, two.joint, strict=True), 1)
         for key, letter in _LENGTHS.items()
-    }
-    return max(apart, key=lambda name: apart[name])
+        if abs((getattr(a, key) or 0.0) - (getattr(b, key) or 0.0)) > _VISIBLE_M
+    ]
+    return apart[0] if len(apart) == 1 else None

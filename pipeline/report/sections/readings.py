@@ -8,8 +8,15 @@ from typing import Any
 
 import pandas as pd
 
-from pipeline.answer.contract import Answer, NoiseComponent, Registration, Rejected, Stiffness
-from pipeline.base.quantities import known, p_value, plain
+from pipeline.answer.contract import (
+    Answer,
+    Growth,
+    NoiseComponent,
+    Registration,
+    Rejected,
+    Stiffness,
+)
+from pipeline.base.quantities import known, p_value, plain, with_std
 from pipeline.report import words
 from pipeline.report.columns import Cells, measured, number, roughly, said, table_of
 from pipeline.report.figures.catalogue import figures
@@ -105,8 +112,19 @@ def _registration_text(given: Registration) -> Text:
         f"The base reflectors fit their nominals to {plain(given.rms_mm)} mm rms, "
         f"{plain(given.max_mm)} mm at worst.{'' if given.chi2 is None else chi2} The standard "
         f"uncertainty of its orientation is {plain(1e6 * rotation, 2)} µrad. That of its origin is "
-        f"{plain(1e6 * translation, 2)} µm."
+        f"{plain(1e6 * translation, 2)} µm.{_growth_text(given.growth)}"
     )
+
+
+def _growth_text(grown: Growth | None) -> str:
+    """How long a metre of the base frame is, where that is not a metre."""
+    if grown is None:
+        return ""
+    from_what = (
+        "the temperature and its reflectors" if grown.expected is not None else "its reflectors"
+    )
+    size = with_std(1e3 * grown.value, 1e3 * grown.std)
+    return f" A metre of the base frame is longer by {size} mm, by {from_what}."
 
 
 def reliability(tables: Tables) -> Section | None:
@@ -123,7 +141,7 @@ def _harm(single: pd.DataFrame) -> Text | None:
     """What the reading moves that does most harm by an error that nobody notices."""
     if single.empty:
         return None
-    row = next(each_row(single.sort_values("moves_sigmas", ascending=False, kind="stable")))
+    row = next(each_row(single.nlargest(1, "moves_sigmas")))
     who = f"{row.reading}{f' along {row.axis}' if known(row.axis) else ''}"
     size = words.size(row.smallest_visible, row.unit)
     if not known(row.moves_sigmas):
@@ -147,7 +165,7 @@ def _least(single: pd.DataFrame) -> Table | None:
         number("Moves by [σ]", lambda row: row.moves_sigmas, roughly),
         said("Which", lambda row: row.moves_most),
     ]
-    rows = each_row(single.sort_values("r", kind="stable").head(_LEAST))
+    rows = each_row(single.nsmallest(_LEAST, "r"))
     note = (
         "Redundancy is the part of an error that the residuals show, 0 to 1. The smallest visible "
         "error is found in 80 % of the cases at 0.1 % false alarms; the last two columns say what "

@@ -1,0 +1,48 @@
+"""Questions about an export at a terminal: one at a time, each with the first rows as they are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second
+    from pipeline.readers.offer import Offer
+
+_ASKED = {
+    "columns": "Which columns are the coordinates?",
+    "coordinates": "Which kind of coordinates are they?",
+    "instrument": "Which instrument's readings?",
+    "unit": "In which unit are lengths?",
+    "angle": "In which unit are angles?",
+    "vertical": "Where are vertical angles zero: at the zenith, or at the horizon (elevation)?",
+    "decimal": "Which is the decimal mark?",
+}
+
+
+def ask(found: Offer, say: Callable[[str], None]) -> dict[str, Any]:
+    """The answer to the question of an offer, as words of [tracker].
+
+    Args:
+        found: What a file seems to be.
+        say: Shows a line.
+    """
+    from pipeline.readers.inspect import rows_in_words
+
+    question = found.question
+    assert question is not None
+    for line in rows_in_words(found.preview):
+        say(line)
+    say(_ASKED[question.about])
+    for number, answer in enumerate(question.answers, 1):
+        say(f"  {number}  {answer.said}")
+    return dict(question.answers[_number(len(question.answers)) - 1].hints)
+
+
+def _number(most: int) -> int:
+    """The number of an answer, asked until it is one."""
+    while True:
+        typed = str(typer.prompt(f"1 to {most}", "1", err=True))
+        if typed.isdecimal() and 1 <= int(typed) <= most:
+            return int(typed)

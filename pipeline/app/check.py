@@ -1,0 +1,273 @@
+"""`check`: what a campaign holds, what is wrong with it, what to type next."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from pipeline.answer.inputs import (
+    growth_findings,
+    limit_findings,
+    registration_entry,
+    rejected_entries,
+    treated_findings,
+)
+from pipeline.answer.overload import overload_entry, overloaded
+from pipeline.app.outcome import Outcome, sentences
+from pipeline.app.wrong_lines import TOML, Wrong, mistaken, text_of, wrong_lines
+from pipeline.base.errors import InputError, at, listed
+from pipeline.base.quantities import plain as in_digits
+from pipeline.faults.conventions import conventions
+from pipeline.faults.survey import Clock, Distance, Stand, clock, distances, over_nominal, stands
+from pipeline.machine.effect import HUNG, MOUNTED
+from pipeline.machine.poses import in_log_units
+from pipeline.machine.robot import Robot
+from pipeline.reduction.bring import Reduced, bring, conformed, plain
+from pipeline.reduction.case import Case
+from pipeline.reduction.settings import line_of
+from pipeline.run import ingested
+from pipeline.store.campaign import Campaign, Raw
+
+_MOST_LINES = 40
+"""More of a kind fit no screen."""
+_OTHER_UNIT = 2.2
+"""A scale read in another unit is off by as much (lb and kg) or more; robots of one type differ by
+tens of per cent."""
+
+
+def check(campaign: Campaign) -> Outcome:
+    """Read a campaign and say what would be used; write nothing.
+
+    Raises:
+        InputError: It cannot be used, and no line of campaign.toml explains why.
+    """
+    raw = campaign.read()
+    wrong = wrong_lines(raw)
+    try:
+        with at(TOML):
+            case = ingested(raw, conformed, plain)
+            reduced = bring(case)
+    except InputError as problem:
+        others = [] if wrong else mistaken(raw)
+        if not wrong and not others:
+            raise
+        return _refused(campaign, wrong, others, problem)
+    return _told(campaign, raw, case, reduced, wrong)
+
+
+def _refused(
+    campaign: Campaign, wrong: list[Wrong], others: list[str], problem: InputError
+) -> Outcome:
+    """A campaign that can be used when a line, or a whole file, is corrected."""
+    shown = problem
+    for first in wrong[:1]:
+        shown = InputError(first.said, "then check again", file=TOML, line=first.line)
+    error = {"kind": "InputError", "message": str(shown), "exit_code": InputError.exit_code}
+    return Outcome(
+        campaign=campaign.name,
+        content={
+            "campaign": campaign.name,
+            "error": error | shown.parts,
+            "wrong": _entries(wrong),
+            "notes": others,
+        },
+        text=f"{campaign.name}: rejected",
+        exit_code=InputError.exit_code,
+        complaints=[
+            *_complaints(campaign.name, wrong),
+            *(f"{campaign.name}: {one}" for one in [*others, str(problem)]),
+        ],
+    )
+
+
+def _entries(wrong: list[Wrong]) -> list[dict[str, Any]]:
+    return [
+        {"file": TOML, "line": one.line, "key": one.key, "reason": one.said,
+         "probability": one.probability}
+        for one in wrong
+    ]  # fmt: skip
+
+
+def _complaints(name: str, wrong: list[Wrong]) -> list[str]:
+    return [f"{name}: {one.sentence}" for one in wrong]
+
+
+def _told(
+    campaign: Campaign, raw: Raw, case: Case, reduced: Reduced, wrong: list[Wrong]
+) -> Outcome:
+    name, shown, data = campaign.name, reduced.shown, reduced.data
+    rejected = rejected_entries(shown["rejected"])
+    used = _used(reduced) | {"rejected": len(rejected)} | _hung(reduced)
+    there, ratio = stands(data), over_nominal(case, data)
+    when = clock(case, _logs(raw))
+    line = ", ".join(f"{count} {what}" for what, count in used.items())
+    found = _Seen(case, there, ratio, when)
+    grown = growth_findings(registration_entry(reduced.registration))
+    others = [] if wrong else [one.evidence for one in conventions(case)]
+    overload = overload_entry(raw.robot, reduced.data.pulls)
+    said = [*limit_findings(case), *treated_findings(case), *grown]
+    notes = [*others, *said, *found.doubts(), *overloaded(overload)]
+    todo, next_step = _next(name, wrong)
+    text = [f"{name}: {line}", *found.lines(raw), f"  next         {todo}"]
+    return Outcome(
+        campaign=name,
+        content={"campaign": name, **used, **found.content(), "wrong": _entries(wrong),
+                 "notes": notes, "next": next_step}
+        | ({"overload": overload.model_dump(mode="json")} if overload else {}),
+        text="\n".join(text),
+        exit_code=InputError.exit_code if rejected or wrong else 0,
+        complaints=[
+            *_complaints(name, wrong),
+            *(f"{name}: {note}" for note in notes),
+            *(f"{name}: {one}" for one in sentences(rejected)),
+        ],
+    )  # fmt: skip
+
+
+def _used(reduced: Reduced) -> dict[str, int]:
+    data = reduced.data
+    return {
+        "readings": len(reduced.shown["readings"]),
+        "poses": len(set(data.pulls.pose)),
+        "pulls": len(data.pulls),
+        "displacements": len(data.delta),
+    }
+
+
+def _hung(reduced: Reduced) -> dict[str, int]:
+    """How many pulls are no pulls of a chain, where there are such."""
+    by = reduced.data.pulls.by
+    kinds = {"weights": int((by == HUNG).sum()), "payloads": int((by == MOUNTED).sum())}
+    return {what: count for what, count in kinds.items() if count}
+
+
+def _next(name: str, wrong: list[Wrong]) -> tuple[str, str]:
+    """What is to be done, in words and as a command."""
+    command = f"pipeline check {name}" if wrong else f"pipeline run {name}"
+    return f"correct campaign.toml, then: {command}" if wrong else command, command
+
+
+def _logs(raw: Raw) -> dict[str, bytes]:
+    names = (raw.settings.loads_file, raw.settings.joints.file)
+    return {name: raw.files[name] for name in names if name in raw.files}
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """What is there, for text and for JSON."""
+
+    case: Case
+    stands: list[Stand]
+    ratio: float | None
+    clock: Clock | None
+
+    @cached_property
+    def between(self) -> list[Distance]:
+        """Distances between reflectors."""
+        return distances(self.case)
+
+    @property
+    def range_n(self) -> tuple[float, float]:
+        """Smallest and largest force [N]."""
+        least = min((one.least_n for one in self.stands), default=0.0)
+        return least, max((one.most_n for one in self.stands), default=0.0)
+
+    def content(self) -> dict[str, Any]:
+        """For JSON."""
+        robot = self.case.robot
+        return {
+            "force_range_n": list(self.range_n),
+            "over_nominal": self.ratio,
+            "unused_groups": list(self.case.unused),
+            "distances": [
+                {"table": d.table, "between": [d.first, d.second], "read_m": d.read_m,
+                 "stated_m": d.stated_m}
+                for d in self.between
+            ],
+            "each_pose": [
+                {"pose": one.pose, "q": in_log_units(robot, one.q).tolist(), "pulls": one.pulls,
+                 "force_n": [one.least_n, one.most_n]}
+                for one in self.stands
+            ],
+            "times": self._times(),
+        }  # fmt: skip
+
+    def _times(self) -> dict[str, Any] | None:
+        when = self.clock
+        if when is None:
+            return None
+        return {
+            "first": when.first.isoformat(),
+            "last": when.last.isoformat(),
+            "longest_pause_s": when.pause.total_seconds(),
+            "pause_before": when.before,
+            "backwards": when.backwards,
+            "away_s": {name: by.total_seconds() for name, by in when.away.items()},
+        }
+
+    def lines(self, raw: Raw) -> Iterator[str]:
+        """For people."""
+        text = text_of(raw)
+        least, most = self.range_n
+        nominal = "" if self.ratio is None else (
+            f"; displacements {in_digits(self.ratio, 2)} times those of the nominal stiffnesses"
+        )  # fmt: skip
+        yield f"  forces       {least:.0f} to {most:.0f} N{nominal}"
+        if self.clock is not None:
+            yield f"  times        {_span(self.clock)}"
+        if self.case.unused:
+            yield f"  not used     groups {listed(self.case.unused)}"
+        for d in self._farthest_off():
+            lines = [line_of(text, [d.table, name]) for name in (d.first, d.second)]
+            where = " and ".join(str(one) for one in lines if one)
+            yield (
+                f"  {d.first + ' ' + d.second:12} {1e3 * d.read_m:9.2f} mm as read, "
+                f"{1e3 * d.stated_m:9.2f} mm by lines {where}"
+            )
+        yield from _table(self.case.robot, self.stands)
+
+    def _farthest_off(self) -> list[Distance]:
+        """Distances to show: all, or the worst where they are many."""
+        every = self.between
+        most = sorted((one.off_m for one in every), reverse=True)[:_MOST_LINES]
+        return [one for one in every if one.off_m >= most[-1]] if most else []
+
+    def doubts(self) -> Iterator[str]:
+        """What may be wrong, in sentences."""
+        if self.ratio is not None and not 1 / _OTHER_UNIT < self.ratio < _OTHER_UNIT:
+            yield (
+                f"the displacements are {in_digits(self.ratio, 2)} times those of the nominal "
+                "stiffnesses: check the unit of the force column, or the stiffnesses of the robot "
+                "file"
+            )
+        for name, by in self.clock.away.items() if self.clock else ():
+            hours = in_digits(abs(by.total_seconds()) / 3600, 2)
+            way = "after" if by.total_seconds() > 0 else "before"
+            yield f"{name}: its times are {hours} h {way} those of the readings: another time zone?"
+
+
+def _span(when: Clock) -> str:
+    """First and last reading, the longest pause, and rows out of order."""
+    back = f"; {when.backwards} rows are earlier than the one above" if when.backwards else ""
+    pause = in_digits(when.pause.total_seconds() / 60, 2)
+    return (
+        f"{when.first:%Y-%m-%d %H:%M} to {when.last:%Y-%m-%d %H:%M}, longest pause {pause} min "
+        f"(before {when.before}){back}"
+    )
+
+
+def _table(robot: Robot, poses: list[Stand]) -> Iterator[str]:
+    """Every pose with joint values, pulls and forces."""
+    units = ["m" if joint.prismatic else "deg" for joint in robot.joints]
+    titles = [f"{j.name}_{unit}" for j, unit in zip(robot.joints, units, strict=True)]
+    yield "  " + " ".join(["pose", *(f"{one:>10}" for one in titles), " pulls", "force_n"])
+    for one in poses[:_MOST_LINES]:
+        values = " ".join(f"{x:10.3f}" for x in np.asarray(in_log_units(robot, one.q)))
+        force = f"{one.least_n:.0f} to {one.most_n:.0f}"
+        yield f"  {one.pose:4d} {values} {one.pulls:6d} {force}"
+    if len(poses) > _MOST_LINES:
+        yield f"  and {len(poses) - _MOST_LINES} more poses; --json has them all"

@@ -1,0 +1,82 @@
+"""`pipeline robot`: a robot file from a URDF."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from typer import Argument, Option
+
+from pipeline.app.commands._shared import app
+from pipeline.base import files
+from pipeline.base.errors import InputError, UsageError
+
+if TYPE_CHECKING:
+    from pipeline.machine.robot.agreement import Agreement
+
+_LARGEST = 2**24
+"""Bytes of a URDF; that of a humanoid has a hundredth of it."""
+
+_FAR_M = 1e-6
+"""A table that is farther from its URDF [m] was made wrongly: ten digits of a URDF are a nanometre
+on every robot."""
+
+
+@app.command(short_help="Make a robot file from a URDF.")
+def robot(
+    file: Annotated[Path, Argument(metavar="FILE.urdf", help="URDF of the robot.")],
+    base: Annotated[str, Option(help="Link whose frame is F_b.")],
+    flange: Annotated[str, Option(help="Link whose frame is the flange.")],
+    output: Annotated[
+        Path | None, Option(help="Robot file to write, .toml; stdout without it.")
+    ] = None,
+    payload: Annotated[float | None, Option(help="What it carries [kg]; no URDF says it.")] = None,
+) -> None:
+    """Make a robot file of the joints between two links of a URDF, and hold it against the URDF."""
+    if output is not None and output.suffix != ".toml":
+        raise UsageError(f"{output} does not end in .toml, as a robot file does")
+    if output is not None and output.exists():
+        raise UsageError(f"{output} is there already: choose another --output")
+    text, found = made(file, base, flange, payload)
+    if output is None:
+        typer.echo(text, nl=False)
+    else:
+        files.write(output, text.encode())
+        typer.echo(output)
+    typer.secho(
+        f"Largest difference from the URDF by Pinocchio at {found.configurations} configurations: "
+        f"{found.position_m:.1e} m, {found.angle_rad:.1e} rad.",
+        err=True,
+    )
+
+
+def made(
+    path: Path, base: str, flange: str, payload_kg: float | None = None
+) -> tuple[str, Agreement]:
+    """The text of a robot file made from a URDF, and how far it is from that.
+
+    Raises:
+        InputError: It is no URDF, has no such chain, or a robot file cannot have it.
+    """
+    import numpy as np
+
+    from pipeline.base import toml
+    from pipeline.machine.robot import urdf
+    from pipeline.machine.robot.agreement import agreement
+    from pipeline.machine.robot.from_urdf import robot_file
+    from pipeline.machine.robot.mdh import parse
+
+    missing = InputError("there is no such file", "check the path", file=str(path))
+    source = files.words(path, path.name, _LARGEST, missing)
+    content = robot_file(urdf.read(source, path.name), base, flange, path.name, payload_kg)
+    text = toml.dumps(content)
+    built = parse(text, path.name)
+    found = agreement(built, source, base, flange, path.name, np.random.default_rng(0))
+    if not found.position_m < _FAR_M:
+        raise InputError(
+            f"the table made of it is {found.position_m:.1e} m off",
+            "report it with the file",
+            file=path.name,
+        )
+    return text, found

@@ -1,0 +1,119 @@
+"""Which line of campaign.toml the readings contradict, in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+from pipeline.base.errors import InputError, place
+from pipeline.base.quantities import plain as in_digits
+from pipeline.faults.conventions import conventions
+from pipeline.faults.entries import Entry, wrong_entries
+from pipeline.faults.export_words import Word, wrong_word
+from pipeline.reduction.case import Case
+from pipeline.reduction.settings import Settings, line_of
+from pipeline.run import as_read
+from pipeline.store.campaign import Raw
+
+TOML = "campaign.toml"
+
+
+@dataclass(frozen=True)
+class Wrong:
+    """A line of campaign.toml that is wrong.
+
+    Attributes:
+        line: Its number; None where it cannot be found.
+        key: What stands there.
+        said: What is wrong with it, and the way out.
+        probability: That it is this line, if one is wrong.
+    """
+
+    line: int | None
+    key: str
+    said: str
+    probability: float = 1.0
+
+    @property
+    def sentence(self) -> str:
+        """With the place in front."""
+        return f"{place(TOML, self.line)}{self.said}"
+
+
+def wrong_lines(raw: Raw) -> list[Wrong]:
+    """Lines of campaign.toml that the readings contradict, the most probable first.
+
+    At most one of them is wrong; several are said where the readings leave it open.
+    """
+    if raw.settings.tracker is None:
+        return []
+    given = _read(raw, raw.settings)
+    text = text_of(raw)
+    word = wrong_word(raw.settings, given, partial(_read, raw))
+    if word is not None:
+        return [_wrong_word(text, word)]
+    found = [] if given is None else wrong_entries(given)
+    return [_wrong_entry(text, one, found) for one in found]
+
+
+def _read(raw: Raw, settings: Settings) -> Case | None:
+    """With some settings, whatever is implausible in it; None where it cannot be read so."""
+    try:
+        return as_read(replace(raw, settings=settings), plausible=False)[0]
+    except InputError:
+        return None
+
+
+def text_of(raw: Raw) -> str:
+    """campaign.toml as it stands."""
+    return raw.files[TOML].decode("utf-8", "replace")
+
+
+def _wrong_word(text: str, word: Word) -> Wrong:
+    off = (
+        "the export cannot be read"
+        if word.before_m is None
+        else f"the reflectors are {_mm(word.before_m)} off"
+    )
+    right = f'write {word.key} = "{word.better}"' if word.better else f"remove {word.key}"
+    said = (
+        f'{word.key} = "{word.stated}" is wrong: with it {off}, and {_mm(word.after_m)} without; '
+        f"{right}"
+    )
+    return Wrong(line_of(text, ["tracker", word.key]), f"tracker.{word.key}", said)
+
+
+def _wrong_entry(text: str, one: Entry, found: list[Entry]) -> Wrong:
+    path = [one.table, *one.names[:1]]
+    key = ".".join([one.table, *(["/".join(one.names)] if one.names else [])])
+    return Wrong(line_of(text, path), key, _contradicted(text, one, found), one.probability)
+
+
+def _contradicted(text: str, one: Entry, found: list[Entry]) -> str:
+    """What the readings have against an entry, and the way out."""
+    if not one.names:
+        return f"[{one.table}] is in {one.unit}, as the distances as read show; write it in metres"
+    if len(one.names) == 2:
+        line = line_of(text, [one.table, one.names[1]])
+        return (
+            f"{one.names[0]} and {one.names[1]} (line {line}) in [{one.table}] carry each other's "
+            "places; exchange them"
+        )
+    where = ", ".join(f"{x:.4f}" for x in one.found)
+    other = [" and ".join(rival.names) or rival.table for rival in found if rival is not one]
+    maybe = f" (or {' or '.join(other)})" if other else ""
+    return (
+        f"{one.names[0]} in [{one.table}] is {_mm(one.off_m)} from where the readings put it"
+        f"{maybe}: about [{where}], ± {_mm(float(one.std.max()))}; measure it again, and correct "
+        "the line"
+    )
+
+
+def _mm(metres: float) -> str:
+    return f"{in_digits(1e3 * metres, 3)} mm"
+
+
+def mistaken(raw: Raw) -> list[str]:
+    """Units, signs and names of whole files that explain readings that are far off."""
+    given = _read(raw, raw.settings)
+    return [] if given is None else [one.evidence for one in conventions(given)]

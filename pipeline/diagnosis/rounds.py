@@ -1,0 +1,54 @@
+"""Base reflectors that were read without pause, as rounds of readings."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from pipeline.base import covariance, linear
+from pipeline.base.arrays import Array, Ints
+from pipeline.reduction.register import XYZ
+
+_MANY = 1000
+"""Readings from which on they are taken together: all pairs of a thousand are 8 MB."""
+_ROUNDS = 100
+"""How many rounds are made of them."""
+_OFF = ["dx_m", "dy_m", "dz_m"]
+
+
+def in_rounds(table: pd.DataFrame) -> pd.DataFrame:
+    """Many readings as few, each the mean of those of one reflector in one span of time.
+
+    p = C sum C_k^-1 p_k, C = (sum C_k^-1)^-1 (m and m^2, F_b), at the mean of their times: what a
+    motion that is straight within a hundredth of the campaign does to the readings, it does to
+    their means. A thousand readings or fewer stay as they are.
+
+    Args:
+        table: Table REGISTRATION with `since`, seconds after the first reading.
+    """
+    if len(table) <= _MANY:
+        return table
+    since = table["since"].to_numpy(float)
+    whole_s = since.max() or 1.0  # without times those of one group are all at once
+    span = np.minimum((since / whole_s * _ROUNDS).astype(np.int64), _ROUNDS - 1)
+    target, names = pd.factorize(table["target"])
+    _, first, which = np.unique(span * len(names) + target, return_index=True, return_inverse=True)
+    C = covariance.weighing(table)
+    W = covariance.alike(C, linear.inverse)
+    whole = linear.inverse(_sums(W.reshape(-1, 9), which).reshape(-1, 3, 3))
+    values = table[[*XYZ, *_OFF]].to_numpy(float)
+    sums = _sums(np.einsum("kij,kaj->kai", W, values.reshape(-1, 2, 3)).reshape(-1, 6), which)
+    means = np.einsum("kij,kaj->kai", whole, sums.reshape(-1, 2, 3)).reshape(-1, 6)
+    count = np.bincount(which)
+    out = table.iloc[first].copy()
+    out[[*XYZ, *_OFF]] = means
+    out[covariance.columns()] = covariance.flat(whole)
+    out["since"] = np.bincount(which, since) / count
+    begins = table["group"].astype(str).to_numpy()[first]
+    out["group"] = [f"{name} ({k})" for name, k in zip(begins, span[first], strict=True)]
+    return out
+
+
+def _sums(rows: Array, which: Ints) -> Array:
+    """Sums of the rows with each number, shape (numbers, columns)."""
+    return np.column_stack([np.bincount(which, column) for column in rows.T])

@@ -1,0 +1,401 @@
+"""A point of campaign.toml that the readings contradict: which single entry is wrong.
+
+Where the flange of each unloaded pose stands by the robot's table, the places of the reflectors in
+[tool] and [base_frame], and the readings can be wrong together in one way only: all entries have
+the small errors that nominal points have, or one of them has any error. With rows y (readings in
+F_b minus stated places), the unknown place of the tracker and an entry i that is free,
+
+    y = D x + G_i d_i + e,   e ~ N(0, V),   V = noise + entries + robot's errors of size s
+
+each hypothesis has the likelihood of what no choice of x and d_i explains (Harville, J. Am. Stat.
+Assoc. 72, 1977), its mean over s. A free entry costs a factor for each axis, the width of its
+estimate over a metre, so that it must explain far more than chance. Two entries exchanged, and a
+table in another unit, are hypotheses without anything free.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+import pandas as pd
+from scipy.spatial.transform import Rotation
+from scipy.special import logsumexp
+
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.faults.conventions import GROSS_M, unloaded
+from pipeline.machine.robot import configure
+from pipeline.reduction.case import Case
+from pipeline.reduction.register import XYZ
+
+_NOISE_M = 1e-4
+"""Of a reading and of a reflector put back into its nest, per axis [m]."""
+_TOOL_M = 5e-4
+"""Standard uncertainty of a point in [tool], where it is not stated [m]: measured once with the
+tracker or a caliper, and mounted again."""
+_BASE_M = 2e-3
+"""The same of a point in [base_frame] [m]: surveyed once, on a floor that settles."""
+_ROBOT_M = np.geomspace(1e-4, 3e-2, 6)
+"""Sizes s of the robot's own errors that are tried [m]: from its repeatability to 30 mm, which no
+robot in use has. A flange turns by s at a metre, and the robot in F_b by s at `_CELL_M`."""
+_CELL_M = 5.0
+"""Lever at which the robot's foot or rail is off in F_b by its errors [m]."""
+_MOST_POSES = 24
+"""More poses tell no more of one entry."""
+_STEPS = 3
+"""Gauss-Newton steps: from readings that exclude a wrong entry two are enough."""
+_FAR = 6.0
+"""Standard deviations, or times the usual misfit, from which a state is not one of the others."""
+_RIVAL = 0.05
+"""An entry less probable than this is no rival."""
+_UNITS = {"mm": 1e-3, "in": 25.4e-3}
+"""What a table in metres may be written in instead."""
+
+
+@dataclass(frozen=True, eq=False)
+class Entry(Locked):
+    """An entry of campaign.toml that may be wrong.
+
+    Attributes:
+        table: `tool` or `base_frame`.
+        names: The point that is wrong, or two that carry each other's places; none where all
+            points of the table are in another unit.
+        unit: That unit, else None.
+        stated: Where campaign.toml has the point [m], shape (3,); empty for several.
+        found: Where the readings put it [m], the same frame.
+        std: Standard uncertainty of that per axis [m].
+        probability: That this entry is the wrong one, if one is.
+    """
+
+    table: str
+    names: tuple[str, ...]
+    unit: str | None
+    stated: Array
+    found: Array
+    std: Array
+    probability: float
+
+    @property
+    def off_m(self) -> float:
+        """How far it is from where it should be [m]."""
+        return float(np.linalg.norm(self.found - self.stated))
+
+
+@dataclass(frozen=True, eq=False)
+class _Scene(Locked):
+    """What the points are held against: m readings of p poses and of b base reflectors.
+
+    Attributes:
+        seen: Readings of targets, then of base reflectors, tracker's frame [m], (m + b, 3).
+        pose: Pose of each reading of a target, shape (m,).
+        target: Its target, shape (m,).
+        axes: Rotation of the flange in each pose, shape (p, 3, 3).
+        origin: Its origin [m], shape (p, 3).
+        tool: Stated places of the targets, flange frame [m], shape (t, 3).
+        base: Stated places of the base reflectors, F_b [m], shape (b, 3).
+        tool_std: Standard uncertainty of a point of the tool per axis [m].
+    """
+
+    seen: Array
+    pose: Ints
+    target: Ints
+    axes: Array
+    origin: Array
+    tool: Array
+    base: Array
+    tool_std: float
+
+    @property
+    def m(self) -> int:
+        """How many readings of targets there are."""
+        return len(self.pose)
+
+    @property
+    def stated(self) -> Array:
+        """Where the readings should be, F_b [m], shape (m + b, 3)."""
+        turned = np.einsum("nij,nj->ni", self.axes[self.pose], self.tool[self.target])
+        return np.vstack([self.origin[self.pose] + turned, self.base])
+
+    def of(self, entry: int) -> Bools:
+        """Readings of an entry: targets first, then base reflectors; shape (m + b,)."""
+        which = np.concatenate([self.target, len(self.tool) + np.arange(len(self.base))])
+        return np.asarray(which == entry)
+
+    def column(self, entry: int) -> Array:
+        """G: how an error of an entry moves its stated places, (3 (m + b), 3)."""
+        turn = np.concatenate([self.axes[self.pose], np.tile(np.eye(3), (len(self.base), 1, 1))])
+        return np.where(self.of(entry)[:, None, None], turn, 0.0).reshape(-1, 3)
+
+    def errors(self, at: Array) -> tuple[Array, Array, Array]:
+        """Columns of all small errors of entries, of the robot, and the sizes of the first.
+
+        Args:
+            at: The readings in F_b [m], shape (m + b, 3).
+        """
+        entries = [self.column(k) for k in range(len(self.tool) + len(self.base))]
+        size = [self.tool_std] * (3 * len(self.tool)) + [_BASE_M] * (3 * len(self.base))
+        lever = at[: self.m] - self.origin[self.pose]
+        every = [_screw(lever, self._in_pose(k)) for k in range(len(self.axes))]
+        foot = _screw(at[: self.m] / _CELL_M, np.ones(self.m, bool))
+        robot = np.hstack([*every, foot, self._flange(lever)])
+        below = np.zeros((3 * len(self.base), robot.shape[1]))
+        return np.hstack(entries), np.vstack([robot, below]), np.array(size)
+
+    def _in_pose(self, k: int) -> Bools:
+        return np.asarray(self.pose == k)
+
+    def _flange(self, lever: Array) -> Array:
+        """Columns of an error of the flange that goes with it from pose to pose."""
+        turn = self.axes[self.pose]
+        own = np.einsum("nji,nj->ni", turn, lever)
+        inner = _screw(own, np.ones(self.m, bool)).reshape(-1, 3, 6)
+        return np.asarray(np.einsum("nij,njk->nik", turn, inner).reshape(-1, 6))
+
+    def only(self, poses: Bools) -> _Scene:
+        """The same with some poses only."""
+        keep = poses[self.pose]
+        number = np.cumsum(poses) - 1
+        return replace(
+            self,
+            seen=np.vstack([self.seen[: self.m][keep], self.seen[self.m :]]),
+            pose=number[self.pose[keep]],
+            target=self.target[keep],
+            axes=self.axes[poses],
+            origin=self.origin[poses],
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit(Locked):
+    """One hypothesis: how probable the readings are with it, and what they make of the entry.
+
+    Attributes:
+        evidence: Log likelihood.
+        shift: Error of the entry that is free [m], shape (3,) or (0,).
+        std: Standard uncertainty of that.
+        left: What remains of each reading [m], shape (m + b, 3).
+    """
+
+    evidence: float
+    shift: Array
+    std: Array
+    left: Array
+
+
+def wrong_entries(case: Case) -> list[Entry]:
+    """Entries of [tool] and [base_frame] one of which is wrong, the most probable first.
+
+    Nothing where all entries as stated are likelier than any single error, where no single one
+    brings the reflectors to where the robot's table has them, or where too little was read to tell.
+    """
+    scene = _scene(case)
+    if scene is None:
+        return []
+    found = _single(case, scene)
+    kept = scene.only(_alike(scene, max(found, key=lambda one: one[1].evidence)[1]))
+    if len(kept.axes) < len(scene.axes):
+        found = _single(case, kept)
+    if not _doubted(found):
+        return []  # exchanged points would leave one that is free far ahead of none
+    found += [(claim, _fit(other, None)) for claim, other in _together(case, kept)]
+    evidence = np.array([fit.evidence for _, fit in found[1:]])
+    share = np.exp(evidence - logsumexp(evidence))
+    named = [
+        _entry(case, claim, fit, float(p))
+        for (claim, fit), p in zip(found[1:], share, strict=True)
+        if p >= _RIVAL and float(np.median(_missed(kept, fit))) < GROSS_M
+    ]
+    return sorted(named, key=lambda one: -one.probability)
+
+
+def _doubted(found: Sequence[tuple[_Claim, _Fit]]) -> bool:
+    """Whether one of the entries is rather wrong than none, at even odds before."""
+    none, *single = (fit.evidence for _, fit in found)
+    return bool(single) and float(logsumexp(single)) - np.log(len(single)) > none
+
+
+@dataclass(frozen=True)
+class _Claim:
+    """What may be wrong: table, points and unit as in `Entry`; nothing at all without a table."""
+
+    table: str = ""
+    names: tuple[str, ...] = ()
+    unit: str | None = None
+
+
+def _single(case: Case, scene: _Scene) -> list[tuple[_Claim, _Fit]]:
+    """That nothing is wrong, and each entry by itself, with their fits."""
+    named = [(table, name) for table, names, _ in _tables(case) for name in names]
+    single = [(_Claim(table, (name,)), _fit(scene, k)) for k, (table, name) in enumerate(named)]
+    return [(_Claim(), _fit(scene, None)), *single]
+
+
+def _together(case: Case, scene: _Scene) -> Iterator[tuple[_Claim, _Scene]]:
+    """The scene with a table in another unit, and with two of its points exchanged."""
+    for table, names, which in _tables(case):
+        places = getattr(scene, which)
+        for unit, factor in _UNITS.items() if names else ():
+            yield _Claim(table, (), unit), replace(scene, **{which: factor * places})
+        for i, j in combinations(range(len(names)), 2):
+            order = np.arange(len(names))
+            order[[i, j]] = j, i
+            yield _Claim(table, (names[i], names[j])), replace(scene, **{which: places[order]})
+
+
+def _tables(case: Case) -> list[tuple[str, Sequence[str], str]]:
+    """Each table with its points in the order of a scene, and what the scene calls it."""
+    return [("tool", case.settings.measured, "tool"), ("base_frame", _base(case)[0], "base")]
+
+
+def _entry(case: Case, claim: _Claim, fit: _Fit, probability: float) -> Entry:
+    places = case.settings.tool if claim.table == "tool" else case.settings.base_frame
+    stated = np.array(places[claim.names[0]]) if len(claim.names) == 1 else np.zeros(0)
+    found = stated + fit.shift
+    return Entry(claim.table, claim.names, claim.unit, stated, found, fit.std, probability)
+
+
+def _scene(case: Case) -> _Scene | None:
+    """What was read unloaded, one mean for each target of a pose; None where nothing was."""
+    zeros = unloaded(case)
+    at = zeros.groupby(["pose", "target"], observed=True)[XYZ].median().reset_index()
+    names, seen = _base(case)
+    if not len(at):
+        return None
+    poses, pose = np.unique(at["pose"].to_numpy(int), return_inverse=True)
+    here = configure(case.robot, case.q(poses))
+    stated = case.settings.tool_uncertainty.sigma_m
+    scene = _Scene(
+        seen=np.vstack([at[XYZ].to_numpy(float), seen]),
+        pose=pose,
+        target=pd.Index(case.settings.measured).get_indexer(pd.Index(at["target"])),
+        axes=here.flange_axes,
+        origin=here.flange_origin,
+        tool=case.tool.points,
+        base=np.array([case.settings.base_frame[one] for one in names]).reshape(-1, 3),
+        tool_std=max(stated, _TOOL_M),
+    )
+    scene = scene.only(_same_shape(scene))
+    few = np.unique(np.linspace(0, len(scene.axes) - 1, _MOST_POSES).astype(int))
+    return scene.only(np.isin(np.arange(len(scene.axes)), few)) if len(scene.axes) else None
+
+
+def _base(case: Case) -> tuple[list[str], Array]:
+    """Base reflectors that were read, and where in the tracker's frame [m], (b, 3)."""
+    rows = case.readings[case.readings["pose"].isna()]
+    names = [one for one in case.settings.base_frame if (rows["target"] == one).any()]
+    at = [rows.loc[rows["target"] == one, XYZ].median().to_numpy(float) for one in names]
+    return names, np.array(at).reshape(-1, 3)
+
+
+def _same_shape(scene: _Scene) -> Bools:
+    """Poses in which the targets keep the distances that they mostly have, shape (p,)."""
+    at = np.full((len(scene.axes), len(scene.tool), 3), np.nan)
+    at[scene.pose, scene.target] = scene.seen[: scene.m]
+    first, second = np.triu_indices(len(scene.tool), 1)
+    apart = pd.DataFrame(np.linalg.norm(at[:, first] - at[:, second], axis=-1))
+    off = (apart - apart.median()).abs()
+    usual = np.hypot(_NOISE_M, 1.4826 * off.median())  # of a normal distribution
+    return np.asarray(~(off > _FAR * usual).any(axis=1))
+
+
+def _alike(scene: _Scene, fit: _Fit) -> Bools:
+    """Poses that the likeliest hypothesis misses no more than the others, shape (p,)."""
+    each = _missed(scene, fit)
+    return np.asarray(each <= _FAR * max(float(np.median(each)), _NOISE_M))
+
+
+def _missed(scene: _Scene, fit: _Fit) -> Array:
+    """How far a hypothesis misses the targets of each pose [m], rms, shape (p,)."""
+    square = (fit.left[: scene.m] ** 2).sum(axis=1)
+    return np.sqrt(np.bincount(scene.pose, square) / np.bincount(scene.pose))
+
+
+def _fit(scene: _Scene, entry: int | None) -> _Fit:
+    """The hypothesis that one entry is wrong, or none."""
+    out = np.zeros(len(scene.seen), bool) if entry is None else scene.of(entry)
+    R, t = _placed(scene, ~out)
+    free = np.zeros((3 * len(out), 0)) if entry is None else scene.column(entry)
+    for _ in range(_STEPS):
+        rows = _Rows.of(scene, free, R, t)
+        step = -rows.solved(_ROBOT_M[len(_ROBOT_M) // 2])[0][:6]
+        turn = Rotation.from_rotvec(step[:3]).as_matrix()
+        R, t = turn @ R, turn @ (t - rows.centre) + rows.centre + step[3:]
+    rows = _Rows.of(scene, free, R, t)
+    tried = [rows.evidence(s) for s in _ROBOT_M]
+    x, std = rows.solved(_ROBOT_M[int(np.argmax(tried))])
+    left = (rows.y - rows.X @ x).reshape(-1, 3)
+    evidence = float(logsumexp(tried) - np.log(len(tried)))
+    return _Fit(evidence if np.isfinite(evidence) else -np.inf, x[6:], std[6:], left)
+
+
+def _placed(scene: _Scene, kept: Bools) -> tuple[Array, Array]:
+    """Where the tracker stands by some readings, or by all where these do not tell."""
+    seen, stated = scene.seen[kept], scene.stated[kept]
+    if len(seen) < 3 or linear.extent(stated)[1] < _TOOL_M:
+        seen, stated = scene.seen, scene.stated
+    return linear.rigid(seen, stated)
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows(Locked):
+    """The rows of a hypothesis, linearised at a place of the tracker.
+
+    Attributes:
+        y: Readings in F_b minus stated places [m], shape (k,).
+        X: Columns of what is free: the tracker's turn and shift, and an entry, shape (k, 6 or 9).
+        base: Covariance of all but the robot's errors [m^2], shape (k, k).
+        robot: That of the robot's errors of unit size, shape (k, k).
+        centre: About which the tracker turns [m], F_b.
+    """
+
+    y: Array
+    X: Array
+    base: Array
+    robot: Array
+    centre: Array
+
+    @classmethod
+    def of(cls, scene: _Scene, free: Array, R: Array, t: Array) -> _Rows:
+        """At p_b = R p_t + t."""
+        at = scene.seen @ R.T + t
+        centre = at.mean(axis=0)
+        entries, robot, size = scene.errors(at)
+        sized = entries * size
+        placing = _screw(at - centre, np.ones(len(at), bool))
+        return cls(
+            y=(at - scene.stated).ravel(),
+            X=np.hstack([placing[:, 3:], placing[:, :3], free]),
+            base=sized @ sized.T + _NOISE_M**2 * np.eye(3 * len(at)),
+            robot=robot @ robot.T,
+            centre=centre,
+        )
+
+    def _white(self, s: float) -> tuple[Array, Array, Array]:
+        W = linear.whitening(self.base + s**2 * self.robot)
+        return W, W @ self.X, W @ self.y
+
+    def solved(self, s: float) -> tuple[Array, Array]:
+        """What is free with a robot's error of size s [m], and its standard uncertainty."""
+        _, X, y = self._white(s)
+        inverse = linear.pseudoinverse(X)
+        return inverse(y), np.sqrt(np.diag(inverse.cov))
+
+    def evidence(self, s: float) -> float:
+        """Log likelihood of what X leaves, -1/2 (log|V| + log|X' V^-1 X| + y' P y)."""
+        W, X, y = self._white(s)
+        inside = linear.orthonormal(X)
+        if inside.shape[1] < X.shape[1]:
+            return -np.inf
+        rest = float(y @ y - np.sum((inside.T @ y) ** 2))
+        size = -2 * np.log(np.diag(W)).sum() + float(linear.log_det(X.T @ X))
+        return -0.5 * float(size + rest)
+
+
+def _screw(lever: Array, rows: Bools) -> Array:
+    """Columns of a shift and of a turn with these levers [m], zero in other rows, (3 n, 6)."""
+    turn = np.stack([np.cross(axis, lever) for axis in np.eye(3)], axis=-1)
+    both = np.concatenate([np.tile(np.eye(3), (len(lever), 1, 1)), turn], axis=-1)
+    return np.asarray(np.where(rows[:, None, None], both, 0.0).reshape(-1, 6))

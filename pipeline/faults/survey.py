@@ -1,0 +1,185 @@
+"""What a campaign holds, said before anybody computes with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from pipeline.base.arrays import Array
+from pipeline.base.errors import InputError
+from pipeline.base.linear import rms
+from pipeline.faults.conventions import unloaded
+from pipeline.machine.cell import predict
+from pipeline.readers import logs
+from pipeline.reduction.case import Case
+from pipeline.reduction.measured import Measured
+from pipeline.reduction.register import XYZ
+from pipeline.reduction.settings import Point
+
+_ZONE = pd.Timedelta(minutes=15)
+"""Time zones differ by multiples of it (IANA tz database); clocks that are set differ by less."""
+
+
+@dataclass(frozen=True)
+class Distance:
+    """Between two reflectors, as read and as campaign.toml has it.
+
+    Attributes:
+        table: `tool` or `base_frame`.
+        first: One of them.
+        second: The other.
+        read_m: Median over the unloaded states of all poses, or of all readings [m].
+        stated_m: By their places in campaign.toml [m].
+        count: Of how many states or rounds.
+    """
+
+    table: str
+    first: str
+    second: str
+    read_m: float
+    stated_m: float
+    count: int
+
+    @property
+    def off_m(self) -> float:
+        """How far they are apart [m]."""
+        return abs(self.read_m - self.stated_m)
+
+
+def distances(case: Case) -> list[Distance]:
+    """Between all measured targets read unloaded, and between all base reflectors."""
+    base = case.readings[case.readings["pose"].isna()]
+    tool = {name: case.settings.tool[name] for name in case.settings.measured}
+    known = [("tool", tool, unloaded(case)), ("base_frame", case.settings.base_frame, base)]
+    return [one for table, places, rows in known for one in _between(table, places, rows)]
+
+
+@dataclass(frozen=True, eq=False)
+class Stand:
+    """One pose with what was done in it.
+
+    Attributes:
+        pose: Its number.
+        q: Joint values [m] or [rad], shape (n,).
+        pulls: How many loads.
+        least_n: The smallest force [N].
+        most_n: The largest [N].
+    """
+
+    pose: int
+    q: Array
+    pulls: int
+    least_n: float
+    most_n: float
+
+
+def stands(data: Measured) -> list[Stand]:
+    """Every pose that is used, with its forces."""
+    if not len(data.pulls):
+        return []
+    order = np.argsort(data.pulls.pose, kind="stable")
+    pose, first, count = np.unique(data.pulls.pose[order], return_index=True, return_counts=True)
+    force = np.linalg.norm(data.pulls.force[order], axis=1)
+    least, most = (over.reduceat(force, first) for over in (np.minimum, np.maximum))
+    q = data.pulls.q[order][first]
+    return [
+        Stand(int(pose[k]), q[k], int(count[k]), float(least[k]), float(most[k]))
+        for k in range(len(pose))
+    ]
+
+
+def over_nominal(case: Case, data: Measured) -> float | None:
+    """Measured displacements over those of the nominal stiffnesses, rms.
+
+    None where the robot file lacks a stiffness.
+    """
+    if any(joint.stiffness is None for joint in case.robot.joints) or not len(data.delta):
+        return None
+    moved = predict(case.cell, data.pulls, case.robot.nominal_compliance).displacement
+    expected = rms(moved[data.pull, data.target])
+    return rms(data.delta) / expected if expected else None
+
+
+@dataclass(frozen=True)
+class Clock:
+    """When a campaign was measured.
+
+    Attributes:
+        first: Time of the first reading.
+        last: That of the last one.
+        pause: The longest time between two readings.
+        before: Group of the reading after it.
+        backwards: Readings that are earlier than the row above, in their file.
+        away: How far the times of a log are from those of the readings, by its file name.
+    """
+
+    first: pd.Timestamp
+    last: pd.Timestamp
+    pause: pd.Timedelta
+    before: str
+    backwards: int
+    away: dict[str, pd.Timedelta]
+
+
+def clock(case: Case, files: Mapping[str, bytes]) -> Clock | None:
+    """The times of a campaign; None where no reading has one.
+
+    Args:
+        case: The campaign.
+        files: Content of its logs by name; those that have a column `time` are compared.
+    """
+    rows = case.readings.dropna(subset=["time"])
+    if not len(rows):
+        return None
+    ordered = rows.sort_values("time", kind="stable")
+    step = ordered["time"].diff()
+    at = int(np.argmax(step.fillna(pd.Timedelta(0)).to_numpy()))
+    back = rows.groupby("file", observed=True)["time"].diff() < pd.Timedelta(0)
+    away = {name: _away(rows, name, data) for name, data in files.items()}
+    return Clock(
+        first=ordered["time"].iloc[0],
+        last=ordered["time"].iloc[-1],
+        pause=pd.Timedelta(0) if len(rows) < 2 else step.iloc[at],
+        before=str(ordered["group"].iloc[at]),
+        backwards=int(back.sum()),
+        away={name: by for name, by in away.items() if by is not None and abs(by) >= _ZONE},
+    )
+
+
+def _away(rows: pd.DataFrame, name: str, data: bytes) -> pd.Timedelta | None:
+    """Median time of a log's rows after the readings of their poses; None where it has none."""
+    time = logs.Quantity("time", {}, "name", needed=False)
+    try:
+        log = logs.table(name, data, [logs.POSE, time])
+    except InputError:
+        return None
+    if "time" not in log.word:
+        return None
+    at = pd.to_datetime(pd.Series(log.word["time"]), errors="coerce", format="ISO8601")
+    pose = rows.groupby("pose")["time"].mean().reindex(log.number["pose"])
+    off = (at.to_numpy() - pose.to_numpy()).astype("timedelta64[s]")
+    known = off[~np.isnat(off)]
+    return pd.Timedelta(np.median(known.astype(float)), unit="s") if len(known) else None
+
+
+def _between(table: str, places: Mapping[str, Point], rows: pd.DataFrame) -> Iterator[Distance]:
+    at = {name: _by_group(rows, name) for name in places if (rows["target"] == name).any()}
+    names = list(at)
+    for k, first in enumerate(names):
+        for second in names[k + 1 :]:
+            both = pd.concat([at[first], at[second]], axis=1, join="inner").to_numpy(float)
+            if len(both):
+                seen = float(np.median(np.linalg.norm(both[:, :3] - both[:, 3:], axis=1)))
+                stated = float(np.linalg.norm(_array(places[first]) - _array(places[second])))
+                yield Distance(table, first, second, seen, stated, len(both))
+
+
+def _by_group(rows: pd.DataFrame, name: str) -> pd.DataFrame:
+    return rows[rows["target"] == name].groupby("group", observed=True)[XYZ].median()
+
+
+def _array(place: Point) -> Array:
+    return np.array(place)

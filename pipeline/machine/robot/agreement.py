@@ -1,0 +1,95 @@
+"""How far a robot file is from the URDF it was made of, as Pinocchio reads that."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pipeline.base.arrays import Array
+from pipeline.base.errors import InputError
+from pipeline.machine.robot.configuration import configure
+from pipeline.machine.robot.mdh import Robot
+
+if TYPE_CHECKING:
+    import pinocchio as pin
+
+CONFIGURATIONS = 1000
+"""Drawn within the limits; a joint without limits turns once, or slides a metre."""
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """The largest differences between the flange of a table and that of a URDF.
+
+    Attributes:
+        configurations: How many were compared.
+        position_m: Between the origins [m].
+        angle_rad: Between the axes [rad].
+    """
+
+    configurations: int
+    position_m: float
+    angle_rad: float
+
+
+def agreement(
+    robot: Robot, text: str, base: str, flange: str, file: str, rng: np.random.Generator
+) -> Agreement:
+    """Compare a robot with the URDF text it was made of, at random joint values.
+
+    Args:
+        robot: The robot; its controller's axes are the joints of the URDF.
+        text: The URDF.
+        base: Link that is F_b.
+        flange: Link that is the flange.
+        file: Name of the URDF, for messages.
+        rng: Draws the joint values.
+
+    Raises:
+        InputError: Pinocchio does not read the URDF.
+    """
+    import pinocchio as pin
+
+    try:
+        model = pin.buildModelFromXML(text)
+    except (ValueError, RuntimeError) as problem:
+        why = " ".join(str(problem).split())
+        raise InputError(
+            f"Pinocchio does not read it ({why})", "correct the URDF", file=file
+        ) from problem
+    free = np.where(robot.prismatic, 1.0, np.pi)
+    lower = np.where(np.isfinite(robot.lower), robot.lower, -free)
+    upper = np.where(np.isfinite(robot.upper), robot.upper, free)
+    q = rng.uniform(lower, upper, (CONFIGURATIONS, robot.n))
+    here = configure(robot, q)
+    there = [_flange(model, robot, one, base, flange) for one in q]
+    R = np.stack([one.rotation for one in there])
+    at = np.stack([one.translation for one in there])
+    return Agreement(
+        configurations=CONFIGURATIONS,
+        position_m=float(np.linalg.norm(here.flange_origin - at, axis=1).max()),
+        angle_rad=float(_angles(here.flange_axes, R).max()),
+    )
+
+
+def _flange(model: pin.Model, robot: Robot, q: Array, base: str, flange: str) -> pin.SE3:
+    """The flange of the URDF in its base; all joints beside the chain stay where they are."""
+    import pinocchio as pin
+
+    data, values = model.createData(), pin.neutral(model)
+    for name, value in zip(robot.controller, q, strict=True):
+        joint = model.joints[model.getJointId(name)]
+        turns = joint.nq == 2  # a joint without limits: cosine and sine
+        values[joint.idx_q : joint.idx_q + joint.nq] = (
+            [np.cos(value), np.sin(value)] if turns else value
+        )
+    pin.framesForwardKinematics(model, data, values)
+    first, last = (data.oMf[model.getFrameId(link, pin.BODY)] for link in (base, flange))
+    return first.actInv(last)
+
+
+def _angles(one: Array, other: Array) -> Array:
+    """Angles between rotations (m, 3, 3) [rad], exact for small ones too, shape (m,)."""
+    return 2 * np.arcsin(np.linalg.norm(one - other, axis=(1, 2)) / np.sqrt(8.0))

@@ -1,0 +1,64 @@
+"""Two faces: a target read with the instrument turned and plunged is one reading, without its tilt.
+
+Collimation and the tilt of its axes move the two readings apart and their mean not at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pipeline.base.arrays import Array, Bools, Ints
+
+
+@dataclass(frozen=True)
+class Faces:
+    """What two faces said of an instrument.
+
+    Attributes:
+        pairs: Targets read in both, each now one reading.
+        largest_m: Largest distance between the two [m].
+        single: Readings in the second face that have none in the first.
+    """
+
+    pairs: int
+    largest_m: float
+    single: int
+
+
+def pairs(names: Sequence[Any], second: Bools) -> Ints:
+    """Readings of one target in both faces, each with the nearest one before, shape (pairs, 2).
+
+    Args:
+        names: Group and target of each reading.
+        second: Which are in the second face, shape (n,).
+    """
+    waiting: dict[Any, int] = {}
+    found = []
+    for k, name in enumerate(names):
+        before = waiting.pop(name, None)
+        if before is not None and second[before] != second[k]:
+            found.append((before, k))
+        else:
+            waiting[name] = k
+    return np.array(found, dtype=np.int64).reshape(-1, 2)
+
+
+def summary(position: Array, found: Ints, second: Bools) -> Faces:
+    """What pairs of readings say [m]; position has shape (n, 3)."""
+    apart = np.linalg.norm(position[found[:, 0]] - position[found[:, 1]], axis=1)
+    return Faces(len(found), float(apart.max(initial=0.0)), int(second.sum()) - len(found))
+
+
+def mean(position: Array, covariance: Array | None, found: Ints) -> tuple[Array, Array | None]:
+    """Positions and covariances with the mean of each pair in the place of its first reading."""
+    one, other = found.T
+    position = position.copy(order="F")
+    position[one] = (position[one] + position[other]) / 2
+    if covariance is not None:
+        covariance = covariance.copy()
+        covariance[one] = (covariance[one] + covariance[other]) / 4
+    return position, covariance

@@ -1,0 +1,200 @@
+"""The header of a log: which line it is, and our names for what others call its columns."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from pydantic import Field
+
+from pipeline.base.errors import InputError, at, listed
+from pipeline.base.strict import Name, Strict
+from pipeline.readers._cells import above, bare
+from pipeline.readers._layout import DELIMITERS
+from pipeline.readers._text import Text, refuse_other_programs, squeezed
+from pipeline.readers._workbook import opened as workbook
+
+_IN_BRACKETS = re.compile(r"\s*[\[(]\s*([^\])]*?)\s*[\])]$")
+"""A unit at the end of a title."""
+_ALIKE = {"°": "deg", "kg": "kgf", "kp": "kgf"}
+"""Units that are others: a scale in kilograms shows kilogram-force."""
+_UNITS = {"n", "kn", "dan", "kgf", "lbf", "g", "lb", "m", "mm", "deg", "rad", "nm", "knm"}
+"""What may stand in brackets and contradict the name that a column is given."""
+
+
+class LogForm(Strict):
+    """How a log is written where others wrote it.
+
+    Attributes:
+        columns: Our name of a column, with its unit, by its title in the file.
+        decimal: The decimal mark, where the numbers leave it open.
+        sheet: Of a workbook, where several of its sheets fit.
+    """
+
+    columns: dict[Name, Name] = Field(default_factory=dict)
+    decimal: Literal[".", ","] | None = None
+    sheet: Name | None = None
+
+
+OURS = LogForm()
+"""A log as we write it."""
+
+
+@dataclass(frozen=True)
+class Titled:
+    """A log whose header was found.
+
+    Attributes:
+        text: The file, with single blanks where blanks separate its cells.
+        line: Line of the header.
+        delimiter: What separates the cells.
+        titles: Our names of its columns in small letters; of those we do not know their titles.
+        above: Line and reason of rows that stand above the header.
+    """
+
+    text: Text
+    line: int
+    delimiter: str
+    titles: tuple[str, ...]
+    above: tuple[tuple[int, str], ...]
+
+
+def opened(
+    name: str,
+    data: bytes,
+    said: LogForm,
+    table: str | None,
+    key: str,
+    holds: Callable[[Sequence[str]], bool] = bool,
+) -> Titled:
+    """Find the header of a log.
+
+    It is the first line that names the column `key`, and without one the first that is not blank.
+
+    Args:
+        name: Name of the file, for messages.
+        data: Its content.
+        said: What campaign.toml says of its columns.
+        table: Where it says so; None where it cannot.
+        key: A column that every log of this kind has.
+        holds: Whether our names of all columns are those of this kind, to tell sheets apart.
+
+    Raises:
+        InputError: Empty or no text; a title of campaign.toml is not there, or a column twice.
+    """
+    with at(name):
+        refuse_other_programs(name, data)
+        own = {title.lower(): ours.lower() for title, ours in said.columns.items()}
+        sheet, mark = said.sheet, said.decimal
+
+        def fits(one: Text) -> int:
+            found = _found(one, own, key)
+            return 0 if found is None else 1 + holds(_ours(found[2], own))
+
+        file = workbook(name, data, sheet, mark, table, fits)
+        line, delimiter, titles = _found(file, own, key) or _header(*file.first())
+        with at(line=line):
+            ours = _ours(titles, own)
+            _agree(titles, said.columns, table)
+            _unique(ours)
+        file = squeezed(file) if delimiter == " " else file
+        early = above(file, line, delimiter, [ours.index(key)]) if key in ours else []
+        return Titled(file, line, delimiter, tuple(ours), tuple(early))
+
+
+def _found(file: Text, own: Mapping[str, str], key: str) -> tuple[int, str, list[str]] | None:
+    """The first line that names a column, as a header; None where none does."""
+    headers = (_header(number, line) for number, line in enumerate(file.sample(), 1))
+    return next((header for header in headers if key in _ours(header[2], own)), None)
+
+
+def _header(line: int, content: str) -> tuple[int, str, list[str]]:
+    """A line as a header: its number, its delimiter, its titles in small letters."""
+    delimiter, titles = _cut(content)
+    return line, delimiter, [title.lower() for title in titles]
+
+
+def _cut(content: str) -> tuple[str, list[str]]:
+    """The delimiter of a header, and its titles as written."""
+    delimiter = max(DELIMITERS, key=content.count)
+    if delimiter not in content:
+        delimiter, content = " ", " ".join(content.split())
+    return delimiter, [bare(title) for title in content.split(delimiter)]
+
+
+def understood(
+    name: str, data: bytes, table: str, meaning: Callable[[Sequence[str]], dict[str, str] | None]
+) -> LogForm | None:
+    """What [scale] or [joints] may say of a log by its titles, None where they mean nothing.
+
+    Args:
+        name: Name of the file, for messages.
+        data: Its content.
+        table: `scale` or `joints`.
+        meaning: Our names for the titles of a line, None where it is no header of such a log.
+    """
+
+    def meant(file: Text) -> dict[str, str] | None:
+        found = (meaning(_cut(line)[1]) for line in file.sample())
+        return next((columns for columns in found if columns is not None), None)
+
+    with at(name):
+        refuse_other_programs(name, data)
+        columns = meant(workbook(name, data, None, None, table, lambda one: meant(one) is not None))
+    return None if columns is None else LogForm(columns=columns)
+
+
+def _ours(titles: Sequence[str], said: Mapping[str, str]) -> list[str]:
+    """What we call the columns; `Force [N]` is `force_n` where nothing else is said of it.
+
+    What is said of `Force` is said of `Force [N]`, too.
+    """
+    return [said.get(title) or said.get(_parted(title)[0]) or _suffixed(title) for title in titles]
+
+
+def _parted(title: str) -> tuple[str, str]:
+    """A title without the unit in brackets at its end, and that unit."""
+    unit = _IN_BRACKETS.search(title)
+    return (title[: unit.start()], unit[1]) if unit else (title, "")
+
+
+def _suffixed(title: str) -> str:
+    stem, unit = _parted(title)
+    return f"{stem}_{unit.replace('°', 'deg')}" if unit else title
+
+
+def _agree(titles: Sequence[str], said: Mapping[str, str], table: str | None) -> None:
+    """Every title of campaign.toml is there, and its unit is the one in its brackets.
+
+    Raises:
+        InputError: It is not; a title that is written out with its unit is believed.
+    """
+    parted = {stem: (title, unit) for title in titles for stem, unit in [_parted(title)]}
+    for title, ours in said.items():
+        if title.lower() in titles:
+            continue
+        if title.lower() not in parted:
+            raise InputError(
+                f'there is no column "{title}" among {listed(titles)}',
+                f"correct [{table}.columns] of campaign.toml",
+            )
+        whole, unit = parted[title.lower()]
+        stated, named = (_ALIKE.get(one, one) for one in (unit, ours.lower().rpartition("_")[2]))
+        if stated in _UNITS and named != stated:
+            raise InputError(
+                f'[{table}.columns] calls "{title}" {ours}, and the title says [{unit}]',
+                f'correct it, or write "{whole}" = "{ours}" where the title is wrong',
+            )
+
+
+def _unique(titles: Sequence[str]) -> None:
+    """No two columns may have the same name.
+
+    Raises:
+        InputError: Two have.
+    """
+    twice = sorted({title for title in titles if title and titles.count(title) > 1})
+    if twice:
+        raise InputError(f"there are two columns {listed(twice)}", "remove or rename one")

@@ -1,0 +1,248 @@
+"""A file cut into a table of cells: separator, preamble, titles, first row, blocks.
+
+Nothing is said here of what a column means. A separator is taken where it cuts most lines alike
+into rows of numbers; what stands above the first row is titles, units or preamble.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pipeline.readers._cells import bare, cells_or_none, is_number
+from pipeline.readers._named import ANGLE_WORDS, UNIT_WORDS
+from pipeline.readers._text import Text
+from pipeline.readers._titles import titled, triples
+
+SEPARATORS = (";", "\t", "|", ",", " ")
+"""What may stand between cells; of two that cut a file alike the first, which is the rarer sign."""
+MARKS = ("//", "#", "%", "!")
+"""How lines begin that are no rows."""
+_SAMPLED = 400
+"""Lines by which a table is known: the longest preamble seen has 60, and a pose has 10 rows."""
+_LEAST = 3
+"""Numbers in a row at least: a point."""
+_WIDE_GAP = re.compile(r"\t+| {2,}")
+_ABOVE = 3
+"""Lines above the first row in which titles are looked for: titles, units and a rule."""
+_RULE = re.compile(r"[-=_+|\s;,]+")
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A table in a file.
+
+    Attributes:
+        delimiter: What separates cells; a blank stands for any run of blanks and tabs.
+        header: Line of the titles, 0 where there are none.
+        commented: How the line of the titles begins where it is a comment, else None.
+        first: Line of the first row.
+        comment: How lines begin that are no rows, None where there are none.
+        titles: One for each column, empty where there is none.
+        units: What the line below the titles says, one for each column; empty where it says none.
+        columns: Cells of the sampled rows, column by column.
+        lines: Line of each sampled row.
+        preamble: Lines above titles and rows.
+        stray: A line above the first row seems to hold titles, and has not as many as there are
+            columns.
+        blocks: Lines at which the same titles stand again.
+    """
+
+    delimiter: str
+    header: int
+    commented: str | None
+    first: int
+    comment: str | None
+    titles: tuple[str, ...]
+    units: tuple[str, ...]
+    columns: tuple[tuple[str, ...], ...]
+    lines: tuple[int, ...]
+    preamble: tuple[str, ...]
+    stray: bool
+    blocks: tuple[int, ...]
+
+    @property
+    def titled(self) -> bool:
+        """Whether the columns have titles."""
+        return self.header > 0
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Lines that one separator cuts alike."""
+
+    delimiter: str
+    width: int
+    rows: tuple[tuple[int, tuple[str, ...]], ...]
+
+    @property
+    def rank(self) -> tuple[int, int]:
+        numbers = sum(map(is_number, self.rows[0][1])) if self.rows else 0
+        return len(self.rows), numbers
+
+
+def sheet(text: Text) -> Sheet | None:
+    """The table in a file, None where no separator gives rows with three numbers."""
+    lines = list(text.lines(1, _SAMPLED))
+    mark = _mark(lines)
+    found = max((_rows(lines, one, mark) for one in SEPARATORS), key=lambda one: one.rank)
+    if not found.rows:
+        return None
+    found = _below_titles(_without_numbered_titles(found), lines, mark)
+    above = [(n, line) for n, line in lines if n < found.rows[0][0]]
+    header, titles, units, stray = _titles(above, found, mark)
+    commented = next((m for m in MARKS if header and _line(text, header).startswith(m)), None)
+    return Sheet(
+        delimiter=found.delimiter,
+        header=header,
+        commented=commented,
+        first=found.rows[0][0],
+        comment=mark,
+        titles=titles,
+        units=units,
+        columns=tuple(zip(*(cells for _, cells in found.rows), strict=True)),
+        lines=tuple(n for n, _ in found.rows),
+        preamble=tuple(line for n, line in above if n != header),
+        stray=stray,
+        blocks=_blocks(text, header),
+    )
+
+
+def cells_of(line: str, delimiter: str) -> list[str] | None:
+    """The cells of a line; runs of blanks and tabs are one separator where it is a blank."""
+    if delimiter != " ":
+        return cells_or_none(line, delimiter)
+    return cells_or_none(" ".join(line.split()), " ") if '"' in line else line.split()
+
+
+def _line(text: Text, number: int) -> str:
+    return text.line(number).lstrip()
+
+
+def _mark(lines: Sequence[tuple[int, str]]) -> str | None:
+    """How comments begin: the mark of most lines that begin with one, if others do not."""
+    begins = Counter(m for _, line in lines for m in MARKS if line.lstrip().startswith(m))
+    if not begins:
+        return None
+    mark, often = begins.most_common(1)[0]
+    rows = sum(bool(line.strip()) for _, line in lines)
+    return mark if often < rows else None
+
+
+def _rows(lines: Sequence[tuple[int, str]], delimiter: str, mark: str | None) -> _Rows:
+    """The lines with as many cells as most of those that hold a point."""
+    found: dict[int, list[tuple[int, tuple[str, ...]]]] = {}
+    for number, line in lines:
+        if not line.strip() or (mark and line.lstrip().startswith(mark)):
+            continue
+        cells = cells_of(line, delimiter)
+        if cells and sum(map(is_number, cells)) >= _LEAST:
+            found.setdefault(len(cells), []).append((number, tuple(cells)))
+    if not found:
+        return _Rows(delimiter, 0, ())
+    width = max(found, key=lambda one: len(found[one]))
+    return _Rows(delimiter, width, tuple(found[width]))
+
+
+def _without_numbered_titles(found: _Rows) -> _Rows:
+    """The rows without a first one that only counts the columns, as pandas writes it."""
+    counted = [cell for cell in found.rows[0][1] if cell]
+    starts = [str(k) for k in range(len(counted))], [str(k + 1) for k in range(len(counted))]
+    if counted not in starts or len(found.rows) == 1 or found.rows[0][0] != 1:
+        return found
+    return _Rows(found.delimiter, found.width, found.rows[1:])
+
+
+def _below_titles(found: _Rows, lines: Sequence[tuple[int, str]], mark: str | None) -> _Rows:
+    """The rows below a line that names coordinates; those above it only a damaged file has."""
+    first, last = found.rows[0][0], found.rows[-1][0]
+    if any(n < first and _known(_fitting(line, found, mark)) for n, line in lines):
+        return found
+    below = (n for n, line in lines if first < n < last and _known(_fitting(line, found, mark)))
+    header = next(below, None)
+    if header is None:
+        return found
+    return _Rows(found.delimiter, found.width, tuple(row for row in found.rows if row[0] > header))
+
+
+def _known(cells: Sequence[str] | None) -> bool:
+    """Whether cells are titles of three coordinates."""
+    return bool(cells and triples(titled(cells)))
+
+
+def _titles(
+    above: Sequence[tuple[int, str]], found: _Rows, mark: str | None
+) -> tuple[int, tuple[str, ...], tuple[str, ...], bool]:
+    """Line of the titles, titles, units, and whether titles seem to be there that do not fit."""
+    nothing = ("",) * found.width
+    units, stray = nothing, False
+    near = [(n, line) for n, line in above if line.strip() and not _RULE.fullmatch(line)]
+    for number, line in reversed(near[-_ABOVE:]):
+        cells = _fitting(line, found, mark)
+        if cells is None:
+            stray = stray or _names_axes(line)
+        elif any(map(is_number, cells)):
+            continue
+        elif all(map(_is_unit, filter(_filled, cells))):
+            units = tuple(cells)
+        elif 2 * sum(map(bool, cells)) >= found.width and _no_sentence(cells, found.delimiter):
+            return number, tuple(map(bare, cells)), units, False
+    return 0, nothing, units, stray
+
+
+def _no_sentence(cells: Sequence[str], delimiter: str) -> bool:
+    """Whether cells are titles: between blanks, where any words may stand, one is a known one."""
+    columns = titled(cells)
+    return delimiter != " " or any(column.role for column in columns) or bool(triples(columns))
+
+
+def _fitting(line: str, found: _Rows, mark: str | None) -> list[str] | None:
+    """The cells of a line above the rows, one for each column; None where they are not."""
+    line = line.strip(" \r\n") if found.delimiter != " " else line.strip()
+    for begin in {mark, *MARKS} - {None}:
+        line = line.removeprefix(str(begin))
+    ways = [cells_of(line, found.delimiter)]
+    if found.delimiter == " ":
+        ways.append([cell.strip() for cell in _WIDE_GAP.split(line.strip())])
+    for cells in filter(None, ways):
+        fits = _padded(cells, found)
+        if fits is not None:
+            return fits
+    return None
+
+
+def _padded(cells: list[str], found: _Rows) -> list[str] | None:
+    """As many cells as there are columns: those at the end that are empty may come and go."""
+    while len(cells) > found.width and not cells[-1]:
+        cells = cells[:-1]
+    if len(cells) < found.width:
+        behind = (row[len(cells) :] for _, row in found.rows)
+        if not any(map(any, behind)):
+            return [*cells, *[""] * (found.width - len(cells))]
+    return cells if len(cells) == found.width else None
+
+
+def _filled(cell: str) -> bool:
+    return bool(cell.strip("[]()- "))
+
+
+def _is_unit(cell: str) -> bool:
+    return cell.strip("[]() ").lower() in UNIT_WORDS | ANGLE_WORDS
+
+
+def _names_axes(line: str) -> bool:
+    """Whether a line seems to name three coordinates."""
+    words = set(re.findall(r"[^\W\d_]+", line.lower()))
+    return {"x", "y", "z"} <= words or len(words & {"hz", "v", "d", "azimuth", "range"}) > 1
+
+
+def _blocks(text: Text, header: int) -> tuple[int, ...]:
+    """Lines with the same titles as the header, itself included."""
+    if not header:
+        return ()
+    same = text.line(header).strip().encode()
+    if text.data.count(same) == 1:
+        return (header,)
+    return tuple(n for n, line in text.lines(header) if line.strip().encode() == same)

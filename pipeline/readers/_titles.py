@@ -1,0 +1,216 @@
+"""What the titles of a table say together: names, times, and sets of three coordinates."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from pipeline.readers._coordinates import AXES
+from pipeline.readers._named import (
+    ANGLE_WORDS,
+    DEVIATION,
+    UNIT_WORDS,
+    Named,
+    in_context,
+    named,
+)
+
+_CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
+_WORDS = re.compile(r"[^\W\d_]+|[0-9]+")
+_ROLES = {
+    "target": (
+        "messpunkt", "punktnummer", "punkt nr", "punktnr", "punkt no", "point no", "point number",
+        "pt", "pkt", "ziel", "zielpunkt", "label", "marker", "id", "nr", "no", "nummer", "number",
+        "punkt name", "punktbezeichnung", "bezeichnung", "pointno", "target id", "smr",
+    ),
+    "group": (
+        "serie", "series", "gruppenname", "punktgruppe", "set", "round", "runde", "satz", "pose",
+        "messung", "epoch", "epoche", "durchgang",
+    ),
+    "collection": ("sammlung",),
+    "instrument": ("instrument", "station", "instrument name", "station name", "standpunkt"),
+    "time": ("zeit", "datum zeit", "zeitstempel", "messzeit", "date time", "measured at"),
+    "clock": ("uhrzeit", "clock", "time of day"),
+    "date": ("datum", "day"),
+    "active": ("active", "aktiv", "use", "used", "valid", "gültig", "enabled"),
+    "azimuth": (
+        "hz angle", "horizontal angle", "horizontal", "azimut", "hz winkel", "horizontalwinkel",
+        "richtung", "hr", "ha",
+    ),
+    "vertical": ("v", "vz", "vertical angle", "vertical", "v angle", "v winkel", "va",
+                 "vertikalwinkel"),
+    "zenith": ("zenit", "zenith angle", "zenitwinkel", "zenitdistanz", "zenith distance", "za",
+               "vz zenith"),
+    "elevation": ("elevation angle", "elev", "höhenwinkel"),
+    "range": ("slope distance", "sd", "dist", "strecke", "schrägstrecke", "s", "entfernung"),
+    "x": ("easting", "rechtswert", "ost", "e"),
+    "y": ("northing", "hochwert", "nord", "n"),
+    "height": ("height", "höhe", "hoehe", "h"),
+}  # fmt: skip
+_ROLE_OF = {title: role for role, titles in _ROLES.items() for title in titles}
+_SHORT_OF_A_DISTANCE = {"horizontal distance", "hd", "horizontaldistanz", "horizontalstrecke"}
+"""Distances that are no ranges: reduced to the horizon."""
+_PLAIN = {
+    "coordinate", "coord", "koordinate", "pos", "position", "value", "actual", "act", "measured",
+    "measurement", "meas", "ist", "gemessen", "messwert", "point", "punkt", "cartesian", "xyz",
+    "global", "observed",
+}  # fmt: skip
+"""Words beside x, y, z that leave them what they are: the coordinates that were measured."""
+_OTHERS = {
+    "d", "delta", "dev", "deviation", "diff", "difference", "error", "err", "residual", "res", "v",
+    "abweichung", "offset", "correction", "n", "normal", "r", "rot", "rotation", "q", "quat", "f",
+    "force", "a", "u", "std", "stddev", "sigma", "uncertainty", "sd", "unc", "standard", "s", "i",
+    "c", "cov", "vel", "velocity", "speed", "w", "omega", "m", "moment", "torque", "t",
+}  # fmt: skip
+"""Words that make something else of x, y, z than a place."""
+_NOMINAL = {
+    "nominal", "nom", "goal", "soll", "cmd", "command", "commanded", "setpoint", "ref", "reference",
+    "desired", "expected", "cad", "design", "theoretical", "planned", "target",
+}  # fmt: skip
+"""Words of places that nobody has measured."""
+_STD = {"std", "stddev", "sigma", "uncertainty", "unc", "standard", "deviation", "sd", "dev"}
+
+
+@dataclass(frozen=True)
+class Triple:
+    """Three columns that may be the place of a point.
+
+    Attributes:
+        kind: As in `AXES`.
+        columns: Their numbers, counted from 0, in the order of `AXES`.
+        roles: Role of each; of a vertical angle `vertical`, `zenith` or `elevation`.
+        plain: Whether nothing in their titles says that they are anything else.
+        nominal: Whether their titles say that nobody has measured them.
+    """
+
+    kind: str
+    columns: tuple[int, int, int]
+    roles: tuple[str, str, str]
+    plain: bool
+    nominal: bool = False
+
+
+def titled(titles: Sequence[str]) -> tuple[Named, ...]:
+    """Every column as its title calls it, the more common words of other programs included."""
+    found = [_known(named(title)) for title in titles]
+    return _heights(in_context(found))
+
+
+def _known(one: Named) -> Named:
+    words = _words(one.title)
+    other = _ROLE_OF.get(" ".join(words), "")
+    if " ".join(words) in _SHORT_OF_A_DISTANCE:
+        return replace(one, role="")
+    return one if one.role and not other else replace(one, role=other or one.role)
+
+
+def _heights(columns: Sequence[Named]) -> tuple[Named, ...]:
+    """A height is z beside x and y, and so is an elevation there."""
+    roles = [column.role for column in columns]
+    level = {"x", "y"} <= {*roles} and "z" not in roles and "azimuth" not in roles
+    as_z = ("height", "elevation") if level else ()
+    return tuple(
+        replace(c, role="z" if c.role in as_z else "") if c.role in ("height", *as_z) else c
+        for c in columns
+    )
+
+
+def _words(title: str) -> list[str]:
+    """The words of a title in lower case, units left out."""
+    bare = re.sub(r"\[[^\]]*\]|\([^)]*\)", " ", _CAMEL.sub(" ", title))
+    words = _WORDS.findall(bare.lower())
+    while len(words) > 1 and words[-1] in UNIT_WORDS | ANGLE_WORDS:
+        words.pop()
+    return words
+
+
+def triples(columns: Sequence[Named]) -> list[Triple]:
+    """The sets of three columns that may be a place, those called so plainly first."""
+    found = [*_polar(columns), *_cartesian(columns)]
+    called = [one for one in found if one.plain]
+    rest = [one for one in found if not one.plain and not (called and one.nominal)]
+    return [*called, *rest]
+
+
+def _cartesian(columns: Sequence[Named]) -> Iterator[Triple]:
+    """Columns of x, y and z whose other words are the same, left to right."""
+    sets: dict[tuple[str, ...], dict[str, list[int]]] = {}
+    for place, column in enumerate(columns):
+        axis, stem = _axis(column)
+        if axis:
+            sets.setdefault(stem, {}).setdefault(axis, []).append(place)
+    for stem, axes in sets.items():
+        if {*axes} != {"x", "y", "z"} or {*stem} & _OTHERS:
+            continue
+        plain, nominal = {*stem} <= _PLAIN, bool({*stem} & _NOMINAL)
+        for x, y, z in zip(*(axes[axis] for axis in "xyz"), strict=False):
+            yield Triple("cartesian", (x, y, z), AXES["cartesian"], plain, nominal)
+
+
+def _polar(columns: Sequence[Named]) -> list[Triple]:
+    """Range and angles, and cylinder coordinates.
+
+    Theta and phi are azimuth and zenith angle to some, zenith angle and azimuth to others.
+    """
+    roles = [column.role for column in columns]
+    at = {role: place for place, role in reversed([*enumerate(roles)])}
+    out = []
+    vertical = next((r for r in ("vertical", "zenith", "elevation") if r in at), None)
+    if "range" in at and "azimuth" in at:
+        if vertical:
+            three = ("range", "azimuth", vertical)
+            places = _three(at, three)
+            out.append(Triple("spherical", places, three, True))
+            if {*_words(columns[places[1]].title)} == {"theta"}:
+                out.append(Triple("spherical", (places[0], places[2], places[1]), three, True))
+        elif "z" in at and "x" not in at:
+            across = ("range", "azimuth", "z")
+            out.append(Triple("cylindrical", _three(at, across), across, True))
+    return out
+
+
+def _three(at: dict[str, int], roles: tuple[str, str, str]) -> tuple[int, int, int]:
+    first, second, third = (at[role] for role in roles)
+    return first, second, third
+
+
+def _axis(column: Named) -> tuple[str, tuple[str, ...]]:
+    """The axis in a title, and its other words; nothing where it has none or is known as other."""
+    if column.role and column.role not in "xyz":
+        return "", ()
+    words = _words(column.title)
+    if column.role:
+        return column.role, tuple(word for word in words if word in _OTHERS)
+    axes = [word for word in words if word in ("x", "y", "z")]
+    if len(axes) != 1:
+        return "", ()
+    return axes[0], tuple(word for word in words if word != axes[0])
+
+
+def uncertainties(columns: Sequence[Named], triple: Triple) -> dict[int, str]:
+    """Roles of the columns with uncertainties of a Cartesian triple, by their place.
+
+    Of several sets that of the same words as the coordinates counts: `measurement_std_x` beside
+    `measurement_x`.
+    """
+    stem = {*_axis(columns[triple.columns[0]])[1]}
+    found: dict[int, str] = {}
+    for place, column in enumerate(columns):
+        words = _words(column.title)
+        axes = [word for word in words if word in ("x", "y", "z")]
+        others = {*words} - {*axes}
+        if column.role.startswith(("std ", "u95 ")) and others - stem <= {*"ux"} | _STD | {"95"}:
+            found[place] = column.role
+        elif len(axes) == 1 and others & _STD - DEVIATION and others - _STD == stem:
+            found[place] = f"std {axes[0]}"
+    return _of_space(found) if _all(found, "std") or _all(found, "u95") else {}
+
+
+def _of_space(found: dict[int, str]) -> dict[int, str]:
+    return {place: role for place, role in found.items() if role.split(" ")[1] in "xyz"}
+
+
+def _all(found: dict[int, str], kind: str) -> bool:
+    """Whether each axis has one uncertainty of a kind."""
+    return sorted(r for r in found.values() if r.startswith(kind)) == [f"{kind} {a}" for a in "xyz"]

@@ -1,0 +1,158 @@
+"""Workbooks (.xlsx): the sheet that is meant becomes the text that a delimited file is.
+
+One line for each row, cells between tabs, so that line numbers are those that Excel shows.
+"""
+
+from __future__ import annotations
+
+import copy
+import datetime
+import io
+import re
+import zipfile
+import zlib
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from typing import Any
+
+from python_calamine import CalamineError, CalamineWorkbook, SheetTypeEnum
+
+from pipeline.base.errors import InputError, listed
+from pipeline.base.files import too_large
+from pipeline.readers._text import LARGEST_WORKBOOK, Text, is_workbook, text
+
+_UNPACKED = 1_000_000_000
+"""Bytes of all that is packed in a workbook; sheets are XML that shrinks to a tenth."""
+_PIECE = 1 << 20
+"""Bytes that are unpacked in one go."""
+_MILLISECOND = 1000
+"""[us]; Excel shows no finer times, and keeps days as numbers that are good for 1 us."""
+_BREAKS = re.compile(r"[\t\r\n]+")
+
+
+def opened(
+    name: str,
+    data: bytes,
+    sheet: str | None,
+    mark: str | None,
+    table: str | None,
+    fits: Callable[[Text], int],
+) -> Text:
+    """A file as text, whether it is text or a workbook.
+
+    Args:
+        name: Its name, for messages.
+        data: Its content.
+        sheet: Which sheet is meant, None where nobody says.
+        mark: The decimal mark that is expected, None for any.
+        table: Table of campaign.toml that may say both; None where none may.
+        fits: How well a sheet fits, 0 for not at all, where there are several and none is named.
+
+    Raises:
+        InputError: No text and no workbook, too large, or not one sheet fits.
+    """
+    if not is_workbook(data):
+        return text(name, data)
+    _bounded(data)
+    try:
+        book = CalamineWorkbook.from_filelike(io.BytesIO(data))
+        there = [one.name for one in book.sheets_metadata if one.typ == SheetTypeEnum.WorkSheet]
+        wanted = [one for one in there if sheet in (None, one)]
+        lines = {one: _lines(book.get_sheet_by_name(one).iter_rows(), mark) for one in wanted}
+    except CalamineError as problem:
+        thing = f"the workbook cannot be read ({problem})"
+        raise InputError(thing, "save it again, or as CSV") from problem
+    if not wanted:
+        raise InputError(
+            f'the workbook has no sheet "{sheet}", only {listed(there)}',
+            f"correct sheet in [{table}] of campaign.toml",
+        )
+    filled = {one: _text(name, one, lines[one]) for one in wanted if lines[one].strip()}
+    if not filled:
+        raise InputError("the workbook is empty", "export it again")
+    return _chosen(filled, fits, table)
+
+
+def _chosen(sheets: Mapping[str, Text], fits: Callable[[Text], int], table: str | None) -> Text:
+    """The one sheet that is meant.
+
+    Raises:
+        InputError: Of several none fits, or more than one.
+    """
+    if len(sheets) == 1:
+        return next(iter(sheets.values()))
+    rank = {one: fits(sheet) for one, sheet in sheets.items()}
+    fitting = [one for one, how in rank.items() if how and how == max(rank.values())]
+    if len(fitting) == 1:
+        return sheets[fitting[0]]
+    which = listed(fitting or sheets)
+    way_out = f'say which is meant with sheet = "..." in [{table}] of campaign.toml'
+    raise InputError(
+        f"{len(fitting) or 'none'} of the workbook's {len(sheets)} sheets fit, of {which}",
+        way_out if table else "keep one of them",
+    )
+
+
+def _text(name: str, sheet: str, data: bytes) -> Text:
+    return replace(text(name, data), encoding=f'workbook, sheet "{sheet}"')
+
+
+def _lines(rows: Iterable[list[Any]], mark: str | None) -> bytes:
+    """Rows as lines; one without a filled cell is blank."""
+    lines = ("\t".join(_cell(value, mark or ".") for value in row) for row in rows)
+    return "".join(f"{line}\n" if line.strip("\t") else "\n" for line in lines).encode()
+
+
+def _cell(value: Any, mark: str) -> str:
+    """What a cell says, as a delimited file would."""
+    if isinstance(value, float):
+        plain = str(int(value)) if value.is_integer() and abs(value) < 2**53 else repr(value)
+        return plain.replace(".", mark)
+    if isinstance(value, datetime.datetime):
+        return _time(value).isoformat()
+    if isinstance(value, str):
+        bare = _BREAKS.sub(" ", value)
+        return '"' + bare.replace('"', '""') + '"' if '"' in bare else bare
+    return str(value)
+
+
+def _time(value: datetime.datetime) -> datetime.datetime:
+    """To the millisecond."""
+    whole = round(value.microsecond / _MILLISECOND) * _MILLISECOND
+    return value.replace(microsecond=0) + datetime.timedelta(microseconds=whole)
+
+
+def _bounded(data: bytes) -> None:
+    """Nothing in a workbook is larger than may be, whatever it says of itself.
+
+    Raises:
+        InputError: It is larger, or no workbook.
+    """
+    if len(data) > LARGEST_WORKBOOK:
+        raise InputError(f"the workbook {too_large(len(data), LARGEST_WORKBOOK)}", _SMALLER)
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as packed:
+            said = sum(one.file_size for one in packed.infolist())
+            if said > _UNPACKED:
+                raise InputError(f"the workbook unpacked {too_large(said, _UNPACKED)}", _SMALLER)
+            if "xl/workbook.xml" not in packed.namelist():
+                raise InputError("the file is a ZIP archive and no workbook", "unpack it")
+            for one in packed.infolist():
+                _as_said(packed, one)
+    except (zipfile.BadZipFile, zlib.error, RuntimeError, NotImplementedError, EOFError) as problem:
+        thing = f"the workbook is damaged ({problem})"
+        raise InputError(thing, "save it again, or as CSV") from problem
+
+
+_SMALLER = "save the sheet as CSV, which may be larger"
+
+
+def _as_said(packed: zipfile.ZipFile, one: zipfile.ZipInfo) -> None:
+    """A part is as long as it says: zipfile stops there, but what reads it next does not."""
+    longer = copy.copy(one)
+    longer.file_size += 1
+    del longer.CRC  # which is that of the length it says
+    with packed.open(longer) as part:
+        found = sum(len(piece) for piece in iter(lambda: part.read(_PIECE), b""))
+    if found > one.file_size:
+        raise zipfile.BadZipFile(f"{one.filename} is longer than it says")

@@ -1,0 +1,531 @@
+"""How a table that no dialect knows would be read: one proposal, and what has to be asked first.
+
+A table is cut into cells, every way to read its columns that makes sense is found, and what the
+file leaves open becomes a question with the answers that fit. The proposal is a [tracker.mapping]:
+what is read without a question is read by the same lines that somebody could paste.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from pipeline.base.errors import InputError, at, listed
+from pipeline.readers import _roles
+from pipeline.readers._cells import is_number, is_turn, shown
+from pipeline.readers._contents import contents, mark_of
+from pipeline.readers._coordinates import (
+    AXES,
+    settled,
+    settled_vertical,
+    steeper_than_not,
+)
+from pipeline.readers._named import (
+    ANGLE_WORDS,
+    UNIT_LINE,
+    UNIT_WORDS,
+    is_unit_title,
+    known_units,
+    said_units,
+)
+from pipeline.readers._polar import FULL
+from pipeline.readers._reader import Columns, Hints, settled_unit
+from pipeline.readers._roles import Reading, Role, Table, Why
+from pipeline.readers._sheet import Sheet, cells_of, sheet
+from pipeline.readers._text import Text
+from pipeline.readers._time import ISO
+
+About = Literal["columns", "coordinates", "instrument", "unit", "angle", "vertical", "decimal"]
+"""What is asked."""
+
+KIND_WORDS = {kind: kind for kind in AXES} | {"polar": "spherical", "kartesisch": "cartesian"}
+_WORD = re.compile(r"[^\W\d_]+|°")
+_PACKED = re.compile(r"\bd+\.?m+\.?s+\b", re.IGNORECASE)
+_METRES = 50.0
+"""Largest coordinate that is taken for metres first: no cell is longer by much, and no cell in
+millimetres or inches is so small."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """What a column seems to be.
+
+    Attributes:
+        number: Counted from 1.
+        title: As written, empty where it has none.
+        example: Its first cell that is filled in.
+        role: A word of [tracker.mapping] columns, empty where it is not used.
+        why: What says so.
+    """
+
+    number: int
+    title: str
+    example: str
+    role: str
+    why: Why
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One answer to a question.
+
+    Attributes:
+        said: The answer in a word: `mm`, `zenith`, or the columns it stands for.
+        hints: What [tracker] then says, by its keys.
+    """
+
+    said: str
+    hints: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Question:
+    """What a file leaves open.
+
+    Attributes:
+        about: What is asked.
+        answers: Those that make sense, the most plausible one first.
+        line: Line of the file it is about.
+        wrong: What a reader says of it, None where nothing but the question has to be said.
+    """
+
+    about: About
+    answers: tuple[Answer, ...]
+    line: int
+    wrong: InputError | None = None
+
+    def problem(self) -> InputError:
+        """The same as an error, with the way out."""
+        if self.wrong is not None:
+            return self.wrong
+        said = [answer.said for answer in self.answers]
+        thing, way_out = _WORDS[self.about]
+        shown = f'"{said[0]}"' + (f" (or {listed(map(_quoted, said[1:]))})" if said[1:] else "")
+        paste = "paste what `pipeline inspect` proposes"
+        return InputError(
+            thing.format(listed(map(_quoted, said))), way_out.format(shown, paste), line=self.line
+        )
+
+
+def _quoted(word: str) -> str:
+    return f'"{word}"'
+
+
+_COORDINATES = 'coordinates = "cartesian" (or "spherical", "cylindrical")'
+_WRITE = "into [tracker] of campaign.toml"
+_WORDS: dict[str, tuple[str, str]] = {
+    "columns": ("the table does not say for certain which columns are the coordinates (maybe {0})",
+                "describe its columns in [tracker.mapping] of campaign.toml: {1}"),
+    "coordinates": ("the coordinates may be {0}, the numbers allow each",
+                    f"write coordinates = {{0}} {_WRITE}, or {{1}}"),
+    "instrument": ("there are readings of several instruments ({0}), each in a frame of its own",
+                   "describe those of one in [tracker.mapping] of campaign.toml: {1}"),
+    "unit": ("the export does not say its unit of length", f"write unit = {{0}} {_WRITE}"),
+    "angle": ("the export does not say its unit of angles", f"write angle = {{0}} {_WRITE}"),
+    "vertical": ("the export does not say its vertical angle's zero",
+                 f"write vertical = {{0}} {_WRITE}"),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """How a table would be read.
+
+    Attributes:
+        hints: All of [tracker] that the reading needs, open questions answered by their first
+            answer.
+        columns: What each column seems to be.
+        questions: What is open, in the order in which it is asked.
+    """
+
+    hints: Hints
+    columns: tuple[Column, ...]
+    questions: tuple[Question, ...] = ()
+
+
+@dataclass
+class _Draft:
+    """A proposal in the making: what is settled by now, and what is open."""
+
+    hints: Hints
+    line: int
+    questions: list[Question] = field(default_factory=list)
+
+    def ask(self, about: About, answers: Sequence[Answer], wrong: InputError | None = None) -> None:
+        """Ask, and go on with the first answer; one answer alone is no question."""
+        if len(answers) > 1 or about == "columns":
+            self.questions.append(Question(about, tuple(answers), self.line, wrong))
+        self.settle(answers[0].hints)
+
+    def settle(self, known: Mapping[str, Any]) -> None:
+        self.hints = self.hints.model_copy(update=dict(known))
+
+
+def propose(text: Text, hints: Hints) -> Proposal | None:
+    """How a table would be read, None where there is no table with three numbers in a row.
+
+    Args:
+        text: The file.
+        hints: What campaign.toml or somebody on the command line says.
+
+    Raises:
+        InputError: The file contradicts itself or what is said of it.
+    """
+    found = sheet(text)
+    if found is None:
+        return None
+    draft = _Draft(hints, found.header or found.first)
+    table = _table(found, draft)
+    stated = Stated.of(found)
+    reading = _chosen(_ways(table, stated, hints), table, draft)
+    _whole_points(table, reading, draft)
+    _instruments(table, reading, draft, text)
+    _length(table, reading, draft, stated)
+    if reading.kind != "cartesian":
+        _angle(table, reading, draft, stated)
+    return Proposal(draft.hints, _columns(table, reading), tuple(draft.questions))
+
+
+def _ways(table: Table, stated: Stated, hints: Hints) -> list[Reading]:
+    """The ways to read a table that what is said of it allows.
+
+    Raises:
+        InputError: There is none.
+    """
+    kind = stated.only("kinds") or hints.coordinates
+    if kind:
+        kind = settled(stated.only("kinds"), hints.coordinates, "coordinates", _COORDINATES)
+    if hints.mapping:
+        return [_told(table, hints.mapping)]
+    unit = hints.unit or stated.only("units")
+    ways = _roles.readings(table, kind, unit)
+    allowed = [one for one in ways if kind in (None, one.kind)]
+    if not allowed:
+        said = f"are no {kind} coordinates" if kind else "hold no three coordinates"
+        raise InputError(
+            f"the columns {said}",
+            "describe them in [tracker.mapping] of campaign.toml",
+            line=table.sheet.header or table.sheet.first,
+        )
+    return allowed
+
+
+def _told(table: Table, mapping: Columns) -> Reading:
+    """The reading that a mapping describes."""
+    titles = [title.lower() for title in table.sheet.titles]
+    roles = {}
+    for role, one in mapping.columns.items():
+        named = isinstance(one, str) and one.lower() in titles
+        place = titles.index(str(one).lower()) if named else one - 1 if isinstance(one, int) else -1
+        if 0 <= place < len(titles):
+            roles[place] = Role(role, "stated")
+    said = {one.role for one in roles.values()}
+    kind = next((kind for kind, axes in AXES.items() if said.issuperset(axes)), None)
+    if kind is None:
+        raise InputError(
+            "the columns of [tracker.mapping] are not those of the table",
+            "correct them: three coordinates are needed",
+            line=table.sheet.header or table.sheet.first,
+        )
+    return Reading(kind, roles)
+
+
+def _table(found: Sheet, draft: _Draft) -> Table:
+    """Titles and cells; the decimal mark is asked where commas leave it open."""
+    content = contents(found)
+    numbers = [one for one in content if one.kind == "number"]
+    mark = draft.hints.decimal
+    try:
+        mark = mark or mark_of(numbers, found.lines)  # type: ignore[assignment]
+    except InputError as wrong:
+        draft.ask("decimal", [Answer(one, {"decimal": one}) for one in (",", ".")], wrong)
+        mark = ","
+    return Table(found, _roles.named(found), content, mark or ".")
+
+
+# --- what the file says of itself -----------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What the lines above a table and the one below its titles say of all of it.
+
+    Attributes:
+        kinds: Kinds of coordinates.
+        units: Units of length.
+        angles: Units of angles.
+    """
+
+    kinds: frozenset[str]
+    units: frozenset[str]
+    angles: frozenset[str]
+
+    @classmethod
+    def of(cls, found: Sheet) -> Stated:
+        """Words of lines that speak of units or of the kind of coordinates; others may mean else.
+
+        A reflector's diameter in millimetres says nothing of the coordinates.
+        """
+        kinds, units, angles = set(), set(), set()
+        for line in found.preamble:
+            words = _WORD.findall(line.lower())
+            here = {KIND_WORDS[word] for word in words if word in KIND_WORDS}
+            kinds |= here
+            if not here and not UNIT_LINE.search(line):
+                continue
+            units |= said_units(line)
+            angles |= {ANGLE_WORDS[word] for word in words if word in ANGLE_WORDS}
+        return cls(frozenset(kinds), frozenset(units), frozenset(angles))
+
+    def only(self, what: str) -> str | None:
+        """The one word that is said of something, None where there is none.
+
+        Raises:
+            InputError: There are several.
+        """
+        found = sorted(getattr(self, what))
+        if len(found) > 1:
+            raise InputError(
+                f"the lines above the table name several {what} ({', '.join(found)})",
+                "correct them, or describe the table in [tracker.mapping] of campaign.toml",
+            )
+        return found[0] if found else None
+
+
+def _said(table: Table, places: Sequence[int | None], known: Mapping[str, str]) -> set[str]:
+    """Units that titles and the line below them state of some columns."""
+    here = [k for k in places if k is not None]
+    below = (table.sheet.units[k].strip("[]() ").lower() for k in here)
+    found = {table.named[k].unit for k in here} | {known.get(word) for word in below}
+    return {unit for unit in found if unit and unit in known.values()}
+
+
+# --- what is open ---------------------------------------------------------------------------------
+
+
+def _chosen(ways: list[Reading], table: Table, draft: _Draft) -> Reading:
+    """The reading that the proposal follows, its columns written into it."""
+    answers = [Answer(_named(table, one), {"mapping": _mapping(table, one)}) for one in ways]
+    about = ways[0].open
+    if about == "coordinates":
+        answers = [
+            Answer(one.kind, {"coordinates": one.kind, **answer.hints})
+            for one, answer in zip(ways, answers, strict=True)
+        ]
+    if about:
+        draft.ask(about, answers)
+    else:
+        draft.settle(answers[0].hints)
+    return ways[0]
+
+
+def _named(table: Table, reading: Reading) -> str:
+    """A reading in a word: which columns are the coordinates."""
+    axes = AXES[reading.kind]
+    places = [reading.place(axis) for axis in axes]
+    titles = [_called(table.sheet.titles, k) for k in places if k is not None]
+    return ", ".join(f"{axis} = {title}" for axis, title in zip(axes, titles, strict=True))
+
+
+def _called(titles: Sequence[str], place: int) -> str:
+    """A column by its title, by its number where that says no more than others do."""
+    title = titles[place]
+    return title if title and titles.count(title) == 1 else f"{title} column {place + 1}".strip()
+
+
+def _mapping(table: Table, reading: Reading) -> Columns:
+    """[tracker.mapping] of a reading."""
+    found = table.sheet
+    readable = found.titled and found.commented is None and _as_cut(found)
+    titles = [title.lower() for title in found.titles]
+    columns: dict[str, Any] = {}
+    for place, one in sorted(reading.roles.items()):
+        if one.role:
+            title = found.titles[place]
+            by_title = readable and title and titles.count(title.lower()) == 1
+            columns[one.role] = title if by_title else place + 1
+    header = found.header if readable else 0
+    form = next((c.form for k, c in enumerate(table.content)
+                 if c.form and reading.roles.get(k, _NOTHING).role == "time"), None)  # fmt: skip
+    mapping = {
+        "columns": columns,
+        "delimiter": found.delimiter,
+        "header": header,
+        "first": found.first if found.first != header + 1 else None,
+        "comment": found.comment,
+        "time_format": None if form == ISO else form,
+    }
+    return Columns.model_validate(mapping)
+
+
+_NOTHING = Role("", "untold")
+
+
+def _as_cut(found: Sheet) -> bool:
+    """Whether the titles are cut by the sign that cuts the rows."""
+    return found.delimiter != " " or not any(" " in title for title in found.titles)
+
+
+def _instruments(table: Table, reading: Reading, draft: _Draft, text: Text) -> None:
+    """Readings of several instruments are in frames of their own, unless they are Cartesian."""
+    place = reading.place("instrument")
+    mapping = draft.hints.mapping
+    if reading.kind == "cartesian" or mapping is None:
+        return
+    if place is not None:
+        names = sorted({cell for cell in table.content[place].cells if cell})
+        pick = [(name, {"instrument": name}) for name in names]
+    else:
+        pick = list(_blocks(table.sheet, text))
+    if len(pick) > 1:
+        answers = [
+            Answer(name, {"mapping": mapping.model_copy(update=part)}) for name, part in pick
+        ]
+        draft.ask("instrument", answers)
+
+
+def _blocks(found: Sheet, text: Text) -> Iterator[tuple[str, dict[str, Any]]]:
+    """The parts of a file that begin with the same titles under different lines."""
+    if not found.blocks:
+        return
+    ends = [*(line - 1 for line in found.blocks[1:]), len(text)]
+    above = found.preamble
+    first = found.first - found.header
+    for header, end in zip(found.blocks, ends, strict=True):
+        rows = [n for n in range(header + first, end + 1) if _is_row(text.line(n), found)]
+        if rows:
+            name = next((line.strip(" ;,\t#/") for line in above if "nstrument" in line), "")
+            yield name or f"line {header}", {"header": header, "first": rows[0], "last": rows[-1]}
+            above = tuple(text.line(n) for n in range(rows[-1] + 1, end + 1))
+
+
+def _is_row(line: str, found: Sheet) -> bool:
+    cells = cells_of(line, found.delimiter) or []
+    return sum(map(is_number, cells)) >= len(AXES["cartesian"])
+
+
+def _whole_points(table: Table, reading: Reading, draft: _Draft) -> None:
+    """Rows that are called x, y and z hold one axis of a point each.
+
+    Raises:
+        InputError: They are.
+    """
+    place = reading.place("target")
+    names = {cell.lower() for cell in table.content[place].cells} if place is not None else set()
+    if len(names) > 1 and names <= {*"xyz"}:
+        raise InputError(
+            f"each row holds one axis of a point ({listed(sorted(names))}), not x, y and z of one",
+            "export one row for each point",
+            line=draft.line,
+        )
+
+
+def _length(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> None:
+    """The unit of length: what titles say, the lines above, or somebody; else it is asked."""
+    lengths = [
+        reading.place(axis) for axis in AXES[reading.kind] if axis in ("x", "y", "z", "range")
+    ]
+    with at(line=draft.line):
+        known_units([table.named[k] for k in lengths if k is not None])
+    said = _said(table, lengths, UNIT_WORDS) | stated.units | _unit_column(table)
+    angular = _said(table, lengths, ANGLE_WORDS)
+    if len(said) > 1 or angular:
+        named = listed(sorted(said | angular))
+        raise InputError(
+            f"the export names several units for its coordinates ({named})",
+            "correct its titles, or export all coordinates in the same unit",
+            line=draft.line,
+        )
+    if said or draft.hints.unit:
+        draft.settle({"unit": settled_unit(next(iter(said), None), draft.hints)})
+        return
+    largest = np.nanmax(np.abs(table.numbers([k for k in lengths if k is not None])), initial=0.0)
+    units = ("m", "mm", "in") if largest < _METRES else ("mm", "m", "in")
+    draft.ask("unit", [Answer(unit, {"unit": unit}) for unit in units])
+
+
+def _unit_column(table: Table) -> set[str]:
+    """Units of length in a column that is called so."""
+    places = [k for k, c in enumerate(table.named) if is_unit_title(c.title)]
+    cells = {cell.lower() for k in places for cell in table.content[k].cells}
+    return {UNIT_WORDS[cell] for cell in cells if cell in UNIT_WORDS}
+
+
+def _angle(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> None:
+    """Unit of angles and zero of the vertical one, likewise; ranges and faces may say them too."""
+    angular = [k for axis in ("azimuth", "vertical") if (k := reading.place(axis)) is not None]
+    said = _said(table, angular, ANGLE_WORDS) | stated.angles
+    _no_packed_angles(table, angular, draft)
+    cells = [cell for k in angular for cell in table.content[k].cells if cell]
+    said |= {"deg"} if any(map(is_turn, cells)) else set()
+    if len(said) > 1:
+        raise InputError(
+            f"the export names several units of angles ({', '.join(sorted(said))})",
+            "correct its titles, or export all angles in the same unit",
+            line=draft.line,
+        )
+    if said or draft.hints.angle:
+        example = 'angle = "deg" (or "rad", "gon")'
+        found = settled(next(iter(said), None), draft.hints.angle, "unit of angles", example)
+        draft.settle({"angle": found})
+    else:
+        largest = np.nanmax(np.abs(table.numbers(angular)), initial=0.0)
+        allowed = {way.angle for way in reading.ways} or {u for u in FULL if largest <= FULL[u]}
+        units = [unit for unit in FULL if unit in allowed] or [*FULL]
+        draft.ask("angle", [Answer(unit, {"angle": unit}) for unit in units])
+    if reading.kind == "spherical":
+        _vertical(table, reading, draft)
+
+
+def _no_packed_angles(table: Table, places: Sequence[int], draft: _Draft) -> None:
+    """Angles whose title says that digits behind the point are minutes and seconds.
+
+    Raises:
+        InputError: There are some, and no signs that tell degrees from minutes.
+    """
+    for place in places:
+        title = table.sheet.titles[place]
+        if _PACKED.search(title) and not is_turn(table.content[place].example):
+            raise InputError(
+                f'the angles of column "{shown(title)}" have minutes and seconds behind the point',
+                "export them in degrees with decimals, or in gon",
+                line=draft.line,
+            )
+
+
+def _vertical(table: Table, reading: Reading, draft: _Draft) -> None:
+    place, angle = reading.place("vertical"), str(draft.hints.angle)
+    assert place is not None
+    values = table.numbers([place])[:, 0]
+    role = table.named[place].role
+    called = role if role in ("zenith", "elevation") else None
+    allowed = {way.vertical for way in reading.ways if way.angle == angle}
+    if draft.hints.vertical is None and called is None and len(allowed) == 1:
+        called = allowed.pop()
+    try:
+        draft.settle({"vertical": settled_vertical(called, draft.hints.vertical, values, angle)})
+    except InputError:
+        if draft.hints.vertical is not None:
+            raise
+        steep = steeper_than_not(values, angle)
+        zeros = ("zenith", "elevation") if steep else ("elevation", "zenith")
+        draft.ask("vertical", [Answer(zero, {"vertical": zero}) for zero in zeros])
+
+
+# --- shown ----------------------------------------------------------------------------------------
+
+
+def _columns(table: Table, reading: Reading) -> tuple[Column, ...]:
+    out = []
+    for place, content in enumerate(table.content):
+        role = reading.roles.get(place)
+        if role is None:
+            role = Role("", "empty" if content.kind == "empty" else "untold")
+        out.append(
+            Column(place + 1, table.sheet.titles[place], content.example, role.role, role.why)
+        )
+    return tuple(out)

@@ -1,0 +1,133 @@
+"""How much longer rail and base frame are than campaign.toml has them, being as warm as the hall.
+
+Nominal coordinates hold at 20 degC (ISO 1:2022). At T the places n of the base reflectors are
+n (1 + g), and g is known from the thermometer, g = alpha (T - 20 degC), and from the reflectors.
+What is read in the hall is divided by 1 + g, so that F_b is the base frame at 20 degC whatever the
+day: rail and arm grow with it, and the controller's rail and joint values hold as they are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.base import linear
+from pipeline.base.arrays import Array
+
+STEEL = 11.5e-6
+"""Expansion of steel [1/K]: (11.5 +- 1.0) 1e-6, ISO 3650:1998, 6.2, for gauge blocks."""
+STEEL_STD = 1.0e-6 / 3**0.5
+"""Its standard uncertainty [1/K]: the limits of ISO 3650, anything between alike (GUM 4.3.7)."""
+REFERENCE_C = 20.0
+"""Where lengths hold [degC], ISO 1:2022."""
+THERMOMETER_K = 1.0
+"""Standard uncertainty of a rail's mean temperature by one thermometer in the hall [K]."""
+HALL_K = 10.0
+"""Where nobody says how warm it was: halls are within so much of 20 degC, one in three is not."""
+
+
+_NONE = 1e-12
+"""A probability below is rounding."""
+
+
+@dataclass(frozen=True)
+class Growth:
+    """Relative growth of the base frame [1].
+
+    Attributes:
+        value: As used.
+        std: Its standard uncertainty.
+        expected: By the temperature; None where none is stated.
+        expected_std: Standard uncertainty of that, or how far it may be where none is stated.
+        seen: By the base reflectors alone; None where they do not tell.
+        seen_std: Standard uncertainty of that.
+        probability: That the base frame has grown at all: 1 where a temperature is stated.
+    """
+
+    value: float = 0.0
+    std: float = 0.0
+    expected: float | None = None
+    expected_std: float = STEEL * HALL_K
+    seen: float | None = None
+    seen_std: float = np.inf
+    probability: float = 0.0
+
+    @property
+    def determined(self) -> float:
+        """Part of the value that the reflectors determine, and not what was known before."""
+        known = self.expected_std**2
+        return self.probability * known / (known + self.seen_std**2)
+
+
+def by_temperature(temperature_c: float | None) -> Growth:
+    """What is known before any reflector was read: g = alpha (T - 20 degC)."""
+    if temperature_c is None:
+        return Growth()
+    warmer = temperature_c - REFERENCE_C
+    std = float(np.hypot(STEEL * THERMOMETER_K, STEEL_STD * warmer))
+    value = STEEL * warmer
+    return Growth(value, std, expected=value, expected_std=std, probability=1.0)
+
+
+def with_reflectors(
+    before: Growth, stated: bool, residual: Array, places: Array, rigid: Array
+) -> Growth:
+    """The same after the base reflectors were read.
+
+    r + g n - D x = e, e ~ N(0, 1): g from what no motion x of the tracker explains. Where no
+    temperature is stated, one of two things has happened to reflectors that disagree, and g is the
+    mean over both: they scatter more than stated, by any factor f >= 1, or they have grown
+    together, and nothing else is wrong with them.
+
+    Args:
+        before: What the temperature says.
+        stated: Whether the noise is stated; else it is what the reflectors leave.
+        residual: Nominal minus placed, r, whitened, shape (3 m,).
+        places: Nominal places n [m], whitened, shape (3 m,).
+        rigid: Columns D of a motion of the tracker, whitened, shape (3 m, 6).
+    """
+    U = linear.orthonormal(rigid)
+    r, n = (one - U @ (U.T @ one) for one in (residual, places))
+    weight, dof = float(n @ n), len(r) - 7
+    if dof < 1 or weight <= 0:
+        return before
+    seen = -float(n @ r) / weight
+    scatter, rest = float(r @ r), float(r @ r - (n @ r) ** 2 / weight)
+    factor = rest / dof if not stated else max(1.0, rest / dof)
+    if before.expected is None:
+        return _untold(before, seen, weight**-0.5, scatter, rest, dof)
+    std = (factor / weight) ** 0.5
+    known, data = before.expected_std**-2, std**-2
+    value = (known * before.expected + data * seen) / (known + data)
+    return Growth(
+        value=value,
+        std=(known + data) ** -0.5,
+        expected=before.expected,
+        expected_std=before.expected_std,
+        seen=seen,
+        seen_std=std,
+        probability=1.0,
+    )
+
+
+def _untold(
+    before: Growth, seen: float, std: float, scatter: float, rest: float, dof: int
+) -> Growth:
+    """The mean over a base frame that has grown and one that has not, no temperature stated."""
+    wide = before.expected_std**2
+    narrower = 0.5 * np.log1p(wide / std**2) + 0.5 * seen**2 / (wide + std**2)
+    odds = -0.5 * rest - narrower - _any_scatter(scatter, dof + 1)
+    p = float(1 / (1 + np.exp(np.clip(-odds, -700, 700))))
+    if p < _NONE:
+        return before
+    value = p * seen * wide / (wide + std**2)
+    spread = (p * std**2 + p * (1 - p) * seen**2) ** 0.5
+    return Growth(value, spread, None, before.expected_std, seen, std, p)
+
+
+def _any_scatter(square: float, dof: int) -> float:
+    """Log likelihood of residuals that scatter by the best factor f >= 1 over their noise."""
+    if square <= dof:
+        return -0.5 * square
+    return -0.5 * dof * (1 + float(np.log(square / dof)))

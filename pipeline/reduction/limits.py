@@ -1,0 +1,104 @@
+"""Poses that the robot cannot take by its own file: a little beyond a limit, or by far.
+
+A controller stops a joint at its software limit, and robot files round them: a joint that stands a
+little beyond is told. One that stands farther off was mistyped, or is in another unit or sense.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.base.arrays import Array, Ints
+from pipeline.base.errors import InputError
+from pipeline.machine.robot import Joint, Robot
+from pipeline.readers.logs import LIMIT_SLACK, Log, joint_values
+from pipeline.reduction.case import Case
+
+LEEWAY = float(np.deg2rad(1.0))
+"""How far a joint may stand beyond a limit of the robot file: 1 deg [rad]; a sliding joint [m] as
+far as 1 deg moves a point at a metre."""
+
+
+@dataclass(frozen=True)
+class Beyond:
+    """A joint beyond a limit of the robot file.
+
+    Attributes:
+        pose: Number of the pose.
+        joint: The joint.
+        value: Where it stands [m] or [rad].
+        file: The joint log.
+        line: Its line there.
+    """
+
+    pose: int
+    joint: Joint
+    value: float
+    file: str
+    line: int
+
+    @property
+    def over(self) -> float:
+        """How far it is beyond [m] or [rad]."""
+        return max(self.joint.lower - self.value, self.value - self.joint.upper)
+
+    @property
+    def out(self) -> bool:
+        """Whether the pose is out of the question."""
+        return self.over > LEEWAY
+
+    @property
+    def said(self) -> str:
+        """The thing, with its numbers."""
+        unit, one = ("m", 1.0) if self.joint.prismatic else ("deg", float(np.rad2deg(1.0)))
+        return (
+            f"pose {self.pose}: joint {self.joint.name} is at {self.value * one:.6g} {unit}, "
+            f"{self.over * one:.2g} {unit} outside its limits {self.joint.lower * one:.6g} to "
+            f"{self.joint.upper * one:.6g} {unit}"
+        )
+
+
+_WAY_OUT = "correct the value or the unit in the column name, or the limits in the robot file"
+
+
+def beyond(case: Case) -> list[Beyond]:
+    """Every joint of a campaign that is beyond a limit of its robot."""
+    rows = case.joints
+    if not len(rows):
+        return []
+    pose, line = (rows[name].to_numpy() for name in ("pose", "line"))
+    q = rows[case.joint_columns].to_numpy(float)
+    return _beyond(case.robot, str(rows["file"].iloc[0]), pose, line, q)
+
+
+def _beyond(robot: Robot, file: str, pose: Array, line: Ints, q: Array) -> list[Beyond]:
+    """The same of joint values (p, n) [m] or [rad], each pose with its line in the log."""
+    outside = (q < robot.lower - LIMIT_SLACK) | (q > robot.upper + LIMIT_SLACK)
+    return [
+        Beyond(int(pose[k]), robot.joints[j], float(q[k, j]), file, int(line[k]))
+        for k, j in np.argwhere(outside).tolist()
+    ]
+
+
+def impossible(log: Log, robot: Robot) -> dict[int, Beyond]:
+    """The rows of a joint log that are out of the question, each with the joint that is most so."""
+    every = _beyond(robot, log.file, log.number["pose"], log.line, joint_values(log, robot))
+    row = {line: k for k, line in enumerate(log.line.tolist())}
+    worst = sorted((one for one in every if one.out), key=lambda one: one.over)
+    return {row[one.line]: one for one in worst}
+
+
+def reason(one: Beyond) -> str:
+    """Why a row is left out."""
+    return f"{one.said}; {_WAY_OUT}"
+
+
+def doubt(found: Sequence[Beyond]) -> InputError | None:
+    """What is said where such rows are let through; None without any."""
+    if not found:
+        return None
+    first = min(found, key=lambda one: one.line)
+    return InputError(first.said, _WAY_OUT, file=first.file, line=first.line)

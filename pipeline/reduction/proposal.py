@@ -1,0 +1,409 @@
+"""What the files of a new campaign say themselves: which is which, names, states, units.
+
+Nothing is made up: what only a person knows (places of reflectors, uncertainties, a unit that no
+file states) stays open.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from pipeline import readers
+from pipeline.base import patterns
+from pipeline.base.arrays import Array
+from pipeline.base.errors import InputError
+from pipeline.machine.robot import SHIPPED, Robot, load
+from pipeline.machine.robot.mdh import parse as parse_robot
+from pipeline.readers import Export, Hints, logs
+from pipeline.readers._log_form import OURS, LogForm
+from pipeline.readers._text import is_workbook
+from pipeline.readers.logs import Log
+from pipeline.readers.offer import Offer, offer
+from pipeline.reduction.settings import Naming
+
+_STATES = ("unloaded", "loaded")
+_TOKEN = re.compile(r"[0-9]+|[^\W\d_]+|[\W_]+")
+"""A number, a word, or what stands between them."""
+_UNIT = Hints(unit="mm")
+_LOOKED_AT = 100_000
+"""Readings of an export from which names are understood: they repeat from pose to pose."""
+_SHOWN = 8
+"""Group names that are given on; their form shows in fewer."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """How group names are read.
+
+    Attributes:
+        pattern: Regular expression with the parts pose, state and, where there is one, repeat.
+        states: The words of the two states as they stand in the names, unloaded and loaded.
+    """
+
+    pattern: str
+    states: tuple[str, str] = _STATES
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """What the files say.
+
+    Attributes:
+        exports: Names of the tracker exports.
+        reach: Largest number in an export that does not state its unit; None where all do.
+        offer: What else [tracker] has to say of the export, None where nothing else is open.
+        nameless: Whether an export does not say what its readings are.
+        loads: Log of the loads, None where there is none.
+        joints: Joint log, None where there is none.
+        robots: Robots whose joints the log has; those that ship, and files in the folder.
+        load_columns: Our names for the columns of the loads, by their titles; without those that
+            have ours; several, with bars between them, where a title does not state its unit.
+        joint_columns: The same of the joint log, by robot.
+        group: How group names are read; None where nobody can tell.
+        groups: Group names, some of them.
+        measured: Targets read unloaded and loaded.
+        chain: Both ends of the chain, the one at the effector first; empty where there is none.
+        base: Reflectors in groups that are no state of a pose.
+        apart_m: Distances between measured targets as read [m], by both names.
+        refused: Why a file is none of these.
+    """
+
+    exports: tuple[str, ...] = ()
+    reach: float | None = None
+    offer: Offer | None = None
+    nameless: bool = False
+    loads: str | None = None
+    joints: str | None = None
+    robots: tuple[str, ...] = ()
+    load_columns: dict[str, str] = field(default_factory=dict)
+    joint_columns: dict[str, dict[str, str]] = field(default_factory=dict)
+    group: Group | None = None
+    groups: tuple[str, ...] = ()
+    measured: tuple[str, ...] = ()
+    chain: tuple[str, ...] = ()
+    base: tuple[str, ...] = ()
+    apart_m: dict[tuple[str, str], float] = field(default_factory=dict)
+    refused: dict[str, str] = field(default_factory=dict)
+
+
+def propose(files: Mapping[str, bytes], hints: Hints | None = None) -> Proposal:
+    """What the files of a campaign's folder say.
+
+    Args:
+        files: Content by name; TOML files are taken for robots.
+        hints: What is said by now of an export that leaves more open than its unit.
+    """
+    logged = propose_logs(files)
+    known = {logged.loads, logged.joints, *logged.refused}
+    others = [
+        name
+        for name, data in files.items()
+        if not name.endswith(".toml") and (name not in known or is_workbook(data))
+    ]
+    exports: dict[str, Export] = {}
+    refused: dict[str, str] = {}
+    reach: list[float] = []
+    for name in others:
+        try:
+            exports[name], largest = _export(name, files[name])
+            reach += largest
+        except InputError as problem:
+            if name not in known:
+                refused[name] = problem.thing
+    found = None if exports else _offered({name: files[name] for name in refused}, hints)
+    if found:
+        name, _, exports[name], largest = found
+        del refused[name]
+        reach += largest
+    return replace(
+        _named(list(exports.values())),
+        offer=found[1] if found else None,
+        exports=tuple(exports),
+        reach=max(reach, default=None),
+        loads=logged.loads,
+        joints=logged.joints,
+        robots=logged.robots,
+        load_columns=logged.load_columns,
+        joint_columns=logged.joint_columns,
+        refused=logged.refused | refused,
+    )
+
+
+def propose_logs(files: Mapping[str, bytes]) -> Proposal:
+    """Which files are the logs beside the exports; of several alike the first.
+
+    A workbook may be both, and an export, too: on a sheet for each.
+
+    Args:
+        files: Content by name; TOML files are taken for robots.
+    """
+    robots = dict(_robots(files))
+    said = Proposal()
+    for name, data in files.items():
+        if name.endswith(".toml") or not _may_be_log(name, data):
+            continue
+        if fits := dict(_having(name, data, robots)):
+            columns = {robot: form.columns for robot, form in fits.items()}
+            new = {"joints": name, "robots": tuple(fits), "joint_columns": columns}
+            said = _added(said, name, new, said.joints)
+        form = _loads(name, data) if not fits or is_workbook(data) else None
+        if form:
+            said = _added(said, name, {"loads": name, "load_columns": form.columns}, said.loads)
+    return said
+
+
+def _may_be_log(name: str, data: bytes) -> bool:
+    try:
+        return logs.may_be_log(name, data)
+    except InputError:
+        return is_workbook(data)  # several of its sheets may be meant: each log looks for its own
+
+
+def _added(said: Proposal, name: str, new: Mapping[str, Any], earlier: str | None) -> Proposal:
+    """A proposal with a log, refused where an earlier one is of the same kind."""
+    if earlier is None:
+        return replace(said, **new)
+    return replace(said, refused=said.refused | {name: f"{earlier} is such a log, too"})
+
+
+def _robots(files: Mapping[str, bytes]) -> Iterator[tuple[str, Robot]]:
+    """Robots in the folder, then those that ship."""
+    for name, data in files.items():
+        if name.endswith(".toml"):
+            try:
+                yield name, parse_robot(data.decode("utf-8", "replace"), name)
+            except InputError:
+                continue
+    for name in SHIPPED:
+        yield name, load(name)
+
+
+def _having(name: str, data: bytes, robots: Mapping[str, Robot]) -> Iterator[tuple[str, LogForm]]:
+    """Robots all of whose joints a log has, and what has to be said of its columns."""
+    for key, robot in robots.items():
+        form = _form(
+            partial(logs.joints, name, data, robot),
+            partial(logs.understood_joints, name, data, robot),
+        )
+        if form:
+            yield key, form
+
+
+def _loads(name: str, data: bytes) -> LogForm | None:
+    """What has to be said of the columns of a log of loads, None where it is none."""
+    return _form(partial(logs.loads, name, data), partial(logs.understood_loads, name, data))
+
+
+def _form(read: Callable[[LogForm], Log], meant: Callable[[], LogForm | None]) -> LogForm | None:
+    """How a log is read: as ours, else by what its titles mean; None where it is none.
+
+    A row that cannot be read, or a decimal mark that has to be asked, makes no other file of it.
+    """
+    try:
+        return OURS if _readable(read, OURS) else meant()
+    except InputError:
+        return None
+
+
+def _readable(read: Callable[[LogForm], Log], form: LogForm) -> bool:
+    """Whether a log can be read; one without rows is one."""
+    try:
+        read(form)
+    except InputError as problem:
+        return "nothing but a header" in problem.thing
+    return True
+
+
+def _export(name: str, data: bytes) -> tuple[Export, list[float]]:
+    """An export, and its largest number where it does not state its unit."""
+    try:
+        return readers.read(name, data), []
+    except InputError:
+        found = readers.read(name, data, _UNIT)
+        return found, [1e3 * float(np.abs(found.position).max(initial=0.0))]
+
+
+def _offered(
+    files: Mapping[str, bytes], hints: Hints | None
+) -> tuple[str, Offer, Export, list[float]] | None:
+    """The one file that is an export if something is said of it, as it is most likely read."""
+    found = []
+    for name, data in files.items():
+        try:
+            one = offer(name, data, hints or Hints())
+            if one is not None:
+                found.append((name, one, readers.read(name, data, one.hints)))
+        except InputError:
+            continue
+    if len(found) != 1:
+        return None
+    name, one, export = found[0]
+    metres = {"mm": 1e-3, "in": 0.0254}.get(str(one.hints.unit), 1.0)
+    largest = float(np.abs(export.position).max(initial=0.0)) / metres
+    unsaid = any(question.about == "unit" for question in one.questions)
+    return name, one, export, [largest] if unsaid else []
+
+
+# --- names ----------------------------------------------------------------------------------------
+
+
+def _named(exports: Sequence[Export]) -> Proposal:
+    """What the names of groups and targets are, as far as they tell."""
+    rows = _by_group(exports)
+    if rows is None:
+        return Proposal(nameless=True)
+    group = _grouped(rows)
+    if group is None:
+        return Proposal(groups=tuple(rows)[:_SHOWN])
+    state = _state_of(list(rows), group)
+    unloaded, loaded, others = (
+        [at for name, at in rows.items() if state.get(name) == one] for one in (*_STATES, None)
+    )
+    read = _targets(unloaded)
+    measured = [name for name in read if name in _targets(loaded)]
+    ends = [name for name in _targets(loaded) if name not in read]
+    return Proposal(
+        group=group,
+        groups=tuple(rows)[:_SHOWN],
+        measured=tuple(measured),
+        chain=_chain(ends, measured, loaded),
+        base=tuple(_targets(others)),
+        apart_m=_apart(measured, unloaded),
+    )
+
+
+def _by_group(exports: Sequence[Export]) -> dict[str, dict[str, Array]] | None:
+    """Where the targets of each group were read; None where an export has no names."""
+    rows: dict[str, dict[str, Array]] = {}
+    for one in exports:
+        if one.group is None or one.target is None:
+            return None
+        groups, targets = (
+            names[:_LOOKED_AT].cast(pa.string()).to_pylist() for names in (one.group, one.target)
+        )
+        for group, target, at in zip(groups, targets, one.position[:_LOOKED_AT], strict=True):
+            rows.setdefault(group, {})[target] = at
+    return rows
+
+
+def _targets(states: Sequence[Mapping[str, Array]]) -> list[str]:
+    return list(dict.fromkeys(target for at in states for target in at))
+
+
+def _chain(
+    ends: Sequence[str], measured: Sequence[str], loaded: Sequence[Mapping[str, Array]]
+) -> tuple[str, ...]:
+    """Two ends, the one nearer to the effector first; none where there are not two."""
+    if len(ends) != 2:
+        return ()
+    nearer = Counter[str]()
+    for at in loaded:
+        effector = [at[name] for name in measured if name in at]
+        if effector and all(end in at for end in ends):
+            away = [float(np.linalg.norm(at[end] - np.mean(effector, axis=0))) for end in ends]
+            nearer[ends[int(np.argmin(away))]] += 1
+    first = max(ends, key=lambda end: nearer[end])
+    return first, next(end for end in ends if end != first)
+
+
+def _apart(
+    names: Sequence[str], states: Sequence[Mapping[str, Array]]
+) -> dict[tuple[str, str], float]:
+    """Median distances between targets over states [m]."""
+    out = {}
+    for k, one in enumerate(names):
+        for other in names[k + 1 :]:
+            seen = [np.linalg.norm(at[one] - at[other]) for at in states if {one, other} <= {*at}]
+            if seen:
+                out[one, other] = float(np.median(seen))
+    return out
+
+
+def _state_of(names: Sequence[str], group: Group) -> dict[str, str]:
+    """State of each group that is one."""
+    found = patterns.parts(pa.array(names, pa.string()), group.pattern).to_pylist()
+    word = {said.lower(): state for said, state in zip(group.states, _STATES, strict=True)}
+    return {
+        name: word[parts["state"].lower()]
+        for name, parts in zip(names, found, strict=True)
+        if parts is not None and parts["state"].lower() in word
+    }
+
+
+def _grouped(rows: Mapping[str, Mapping[str, Array]]) -> Group | None:
+    """How group names are read: the usual way, or by a number and a word of two.
+
+    Names of one form are a number for the pose, a word for the state and perhaps a number for the
+    repeat. Of the two words the one whose groups have more targets is loaded: the chain's ends are
+    read only then.
+    """
+    usual = Group(Naming().group)
+    if _state_of(list(rows), usual):
+        return usual
+    tokens = {name: _TOKEN.findall(name) for name in rows if re.search("[0-9]", name)}
+    longest = max(tokens.values(), key=len, default=[])
+    alike = {name: own for name, own in tokens.items() if _fits(own, longest)}
+    numbers = [k for k, token in enumerate(longest) if token.isdigit()]
+    for k in range(len(longest)):
+        said = {name: own[k] for name, own in alike.items() if len(own) > k}
+        if _two_states(said, alike, numbers[0]):
+            states = _in_order(said, rows)
+            least = min(len(alike[name]) for name in said)
+            return states and Group(_pattern(longest, numbers, k, states, least), states)
+    return None
+
+
+def _two_states(said: Mapping[str, str], alike: Mapping[str, Sequence[str]], place: int) -> bool:
+    """Whether a part of the names is one of two words, and most numbers at a place have both."""
+    words = set(said.values())
+    pose = {name: alike[name][place] for name in said if len(alike[name]) > place}
+    both = {(number, said[name]) for name, number in pose.items()}
+    return (
+        len(words) == 2
+        and all(word.isalpha() for word in words)
+        and len(both) >= 1.5 * len(set(pose.values()))
+    )
+
+
+def _fits(own: Sequence[str], longest: Sequence[str]) -> bool:
+    """Whether numbers and words stand where they stand in the longest name, as far as it goes."""
+    return all(
+        a.isdigit() == b.isdigit() and a.isalpha() == b.isalpha()
+        for a, b in zip(own, longest, strict=False)
+    )
+
+
+def _in_order(
+    said: Mapping[str, str], rows: Mapping[str, Mapping[str, Array]]
+) -> tuple[str, str] | None:
+    """The words of the unloaded and the loaded state; None where both have as many targets."""
+    most = {w: max(len(rows[name]) for name in said if said[name] == w) for w in {*said.values()}}
+    unloaded, loaded = sorted(most, key=lambda word: most[word])
+    return (unloaded, loaded) if most[unloaded] < most[loaded] else None
+
+
+def _pattern(
+    tokens: Sequence[str], numbers: Sequence[int], state: int, states: tuple[str, str], least: int
+) -> str:
+    """An expression for names of one form, the last parts of which may be missing."""
+    parts = {
+        numbers[0]: "(?P<pose>[0-9]+)",
+        state: f"(?P<state>{'|'.join(map(re.escape, states))})",
+    }
+    if len(numbers) > 1:
+        parts[numbers[1]] = "(?P<repeat>[0-9]*)" if numbers[1] >= least else "(?P<repeat>[0-9]+)"
+    out = []
+    for k, token in enumerate(tokens):
+        fixed = "[0-9]+" if token.isdigit() else re.escape(token).replace("\\ ", " ")
+        maybe = f"{fixed}?" if len(fixed) == 1 else f"(?:{fixed})?"
+        out.append(parts.get(k, maybe if k >= least else fixed))
+    none = "" if len(numbers) > 1 else "(?P<repeat>[0-9]*)"
+    return "".join(out) + none

@@ -1,0 +1,314 @@
+"""Every kind of file on a tracker's PC is read, or asked with an answer to paste."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from foreign_exports import GON, KINDS, MATRIX, POSE, TWO, TWO_PLACES, polar, rows
+from random_tables import written
+from scipy import stats
+
+from pipeline import readers
+from pipeline.app.cli import main
+from pipeline.base.errors import InputError
+from pipeline.readers import Hints
+from pipeline.readers.inspect import inspect
+from pipeline.run import answered
+from pipeline.store.campaign import in_memory
+
+
+def run(capsys, *arguments):
+    """Exit code, stdout and stderr of the command."""
+    with pytest.raises(SystemExit) as stopped:
+        main(["inspect", *map(str, arguments)])
+    said = capsys.readouterr()
+    return stopped.value.code, said.out, said.err
+
+
+def options(said):
+    """Words of [tracker] as options of the command."""
+    return [word for k, v in said.items() for word in (f"--{k.replace('angle', 'angles')}", v)]
+
+
+def names(export):
+    """Group and target of every reading, None where there are none."""
+    columns = [
+        [None] * len(export.line) if column is None else column.to_pylist()
+        for column in (export.group, export.target)
+    ]
+    return list(zip(*columns, strict=True))
+
+
+def right(export, kind):
+    """Whether the readings are those of the file."""
+    assert names(export) == kind.names
+    np.testing.assert_allclose(export.position, kind.places, atol=kind.tolerance, rtol=0)
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_every_kind_is_read_or_asked(name, tmp_path, capsys):
+    """Read where nothing but the unit is open; else the proposal, with the answers, reads it."""
+    kind, path = KINDS[name], tmp_path / "export.txt"
+    path.write_bytes(kind.data)
+    if kind.read:
+        right(readers.read("export.txt", kind.data, Hints(**kind.said)), kind)
+        seen = inspect("export.txt", kind.data, Hints(**kind.said)).to_json()
+        assert {word: seen.get(word) for word in kind.facts} == kind.facts
+
+    code, out, _ = run(capsys, path, *options(kind.said if not kind.read else {}), "--json")
+    answer = json.loads(out)
+    if kind.read and not kind.said:
+        assert code == 0
+        return
+    assert code == 5
+    assert answer["error"]["line"]
+    assert answer["question"]["answers"]
+    mapping = tmp_path / "try.toml"
+    mapping.write_text(answer["proposal"])
+    code, out, _ = run(
+        capsys, path, "--mapping", mapping, *options(kind.said | kind.answers), "--json"
+    )
+
+    assert json.loads(out).get("readings") == len(kind.places)
+    tried = readers.read("export.txt", kind.data, hints_of(answer["proposal"], kind))
+    right(tried, kind)
+
+
+def hints_of(proposal, kind):
+    """What a proposal says, with the answers of somebody who knows."""
+    import tomllib
+
+    said = tomllib.loads(proposal)["tracker"]
+    return Hints.model_validate(said | kind.said | kind.answers)
+
+
+@pytest.mark.parametrize("unit", ["mm", "m", "in"])
+@pytest.mark.parametrize("name", ["two faces", "Hz V D", "instrument report", "total station"])
+def test_polar_is_never_cartesian_whatever_unit_is_stated(name, unit):
+    """Read as polar, or asked."""
+    try:
+        export = readers.read("t", KINDS[name].data, Hints(unit=unit))
+    except InputError:
+        return
+
+    assert export.meaning.kind == "spherical"
+    assert name == "two faces"
+
+
+def test_two_faces_are_one_reading_and_their_difference_is_told(capsys, tmp_path):
+    """The mean of both, and how far apart they were."""
+    path = tmp_path / "polar.txt"
+    path.write_bytes(KINDS["two faces"].data)
+    apart = np.subtract(
+        polar(1.9968235, 236.31352 * np.pi / 200, 110.43128 * np.pi / 200),
+        polar(1.9968231, 36.31478 * np.pi / 200, 289.56919 * np.pi / 200),
+    )
+
+    seen = json.loads(run(capsys, path, "--unit", "mm", "--json")[1])["two_faces"]
+
+    assert (seen["pairs"], seen["single"]) == (1, 0)
+    assert seen["largest_mm"] == pytest.approx(1e3 * np.linalg.norm(apart), rel=1e-6)
+
+
+def test_a_covariance_without_titles_is_known_by_its_symmetry():
+    """Row by row behind the coordinates, in their unit squared."""
+    kind = KINDS["uncertainties and covariance"]
+    C = np.array([float(cell) for cell in MATRIX.split(",")])
+    got = readers.read("t", kind.data, Hints(unit="mm")).covariance
+
+    np.testing.assert_allclose(got[0], C[[0, 1, 2, 4, 5, 8]] * 1e-6, rtol=1e-12)
+
+
+def test_instruments_in_one_file_are_told_apart():
+    """Polar readings of two instruments are in two frames: one has to be chosen."""
+    kind = KINDS["two faces"]
+    other = kind.data.replace(b"Instrument_0", b"Instrument_1")
+    with pytest.raises(InputError, match=r"several instruments .*Instrument_0.*Instrument_1"):
+        readers.read("t", kind.data + other, Hints(unit="mm"))
+
+
+def test_reports_of_two_instruments_in_one_file_are_told_apart(capsys, tmp_path):
+    """Each below its own lines; the proposal reads the first one only."""
+    data = KINDS["instrument report"].data
+    second = data.removeprefix("\ufeff".encode()).replace(b"A::0", b"A::1")
+    path = tmp_path / "report.csv"
+    path.write_bytes(data + second)
+    code, out, _ = run(capsys, path, "--vertical", "zenith", "--json")
+    answer = json.loads(out)
+
+    assert code == 5
+    assert answer["question"]["about"] == "instrument"
+    assert len(answer["question"]["answers"]) == 2
+    mapping = tmp_path / "try.toml"
+    mapping.write_text(answer["proposal"])
+    code, out, _ = run(capsys, path, "--mapping", mapping, "--json")
+    assert json.loads(out)["readings"] == 2
+
+
+def test_a_tool_that_keeps_its_size_tells_metres_from_angles():
+    """Small numbers without titles: targets keep their distances as x, y, z, or as angles."""
+    rng = np.random.default_rng(17)
+    tool = np.array([[0.2, 0.0, 0.1], [-0.1, 0.2, 0.1], [-0.1, -0.2, 0.2]])
+    turns = [np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]]), np.eye(3), np.diag([-1, -1, 1])]
+    poses = [rng.uniform([2, -4, -1], [5, 4, 3]) + tool @ turn.T for turn in turns]
+    places = np.concatenate(poses)
+    far = np.linalg.norm(places, axis=1)
+    azimuth = np.degrees(np.arctan2(places[:, 1], places[:, 0]))
+    elevation = np.degrees(np.arcsin(places[:, 2] / far))
+
+    def text(columns):
+        lines = [f"P{k % 3} {' '.join(f'{v:.7f}' for v in row)}" for k, row in enumerate(columns)]
+        return rows(*lines).encode()
+
+    cartesian = readers.read("t", text(places), Hints(unit="m"))
+    angles = np.column_stack([far, azimuth, elevation])
+    turned = readers.read("t", text(angles), Hints(unit="m", angle="deg"))
+
+    assert (cartesian.meaning.kind, turned.meaning.kind) == ("cartesian", "spherical")
+    np.testing.assert_allclose(turned.position, places, atol=1e-6)
+    with pytest.raises(InputError, match='may be "spherical", "cartesian"'):
+        readers.read("t", text(places[:3]), Hints(unit="m"))
+
+
+def test_a_mapping_is_tried_and_what_is_wrong_with_it_is_said(capsys, tmp_path):
+    """The file of the mapping is named; a word of the command line goes before it."""
+    path, mapping = tmp_path / "t.txt", tmp_path / "try.toml"
+    path.write_bytes(KINDS["name x y z"].data)
+    mapping.write_text('[tracker]\nunit = "km"\n')
+    code, _, err = run(capsys, path, "--mapping", mapping)
+    assert (code, "try.toml: unit: " in err) == (5, True)
+
+    mapping.write_text('[tracker]\nunit = "mm"\n')
+    code, out, _ = run(capsys, path, "--mapping", mapping, "--unit", "m", "--json")
+    assert (code, json.loads(out)["unit"]) == (0, "m")
+
+
+def test_on_a_terminal_one_question_is_asked_after_the_other(capsys, tmp_path, monkeypatch):
+    """What kind, which unit: typed as numbers of the answers."""
+    path = tmp_path / "t.txt"
+    path.write_bytes(KINDS["Hz V D"].data)
+    typed = iter(["9", "1", "1", "1"])
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True)
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
+    monkeypatch.setattr("typer.prompt", lambda *_, **__: next(typed))
+    code, out, err = run(capsys, path)
+
+    assert code == 0
+    assert "spherical, angles in gon from the zenith" in out
+    asked = [line for line in err.splitlines() if line.endswith("?")]
+    assert asked == [
+        "Which kind of coordinates are they?",
+        "In which unit are lengths?",
+        "In which unit are angles?",
+    ]
+
+
+def test_names_that_begin_again_begin_a_round():
+    """Six readings of three numbers are two rounds, and still need an assignment."""
+    seen = inspect("t", KINDS["target only"].data, Hints(unit="mm"))
+
+    assert seen.rounds == 2
+    assert "2 rounds of names" in seen.to_text()
+
+
+def test_a_comma_between_digits_may_not_be_two_columns():
+    """Numbers cut in two by the sign between cells are no coordinates."""
+    text = rows("P1,4685,0611,5282,1400,-550,2172", "P2,4785,0611,5182,1400,-530,2172")
+    with pytest.raises(InputError, match="does not say for certain which columns"):
+        readers.read("t", text.encode(), Hints(unit="mm"))
+
+
+def test_points_without_names_are_not_one_that_moves():
+    """Neighbours along a beam say nothing of their kind of coordinates."""
+    table = written(np.random.default_rng(12846))
+
+    assert table.kind == "spherical"
+    assert misread(table) == "asked"
+
+
+def test_titles_decide_and_not_places():
+    """The same columns in another order are the same readings."""
+    head = "Z [mm];Temp;Y [mm];Name;X [mm];Serie"
+    lines = [
+        f"{z * 1e3:.4f};20;{y * 1e3:.4f};{t};{x * 1e3:.4f};{g}"
+        for (g, t), (x, y, z) in zip(TWO, TWO_PLACES, strict=True)
+    ]
+    export = readers.read("t", rows("Hall 3", "", head, *lines).encode())
+
+    assert names(export) == TWO
+    np.testing.assert_allclose(export.position, TWO_PLACES, atol=1e-12)
+    assert POSE in export.group.to_pylist()
+
+
+# --- any table ------------------------------------------------------------------------------------
+
+
+def misread(table):
+    """What is wrong with how a table was read; None for nothing, `asked` where it was asked."""
+    try:
+        export = readers.read("t", table.data, Hints(**table.said))
+    except InputError:
+        return "asked"
+    places = np.array([place for _, _, place in table.points])
+    if len(export.line) != len(places):
+        return f"{len(export.line)} readings of {len(places)}"
+    if np.abs(export.position - places).max() > 1e-6:
+        return f"places {export.position[0]} for {places[0]}"
+    if names(export) != [(group, target) for group, target, _ in table.points]:
+        return f"names {names(export)[0]}"
+    return "times" if table.times and export.time.to_pylist() != table.times else None
+
+
+def counted(seeds):
+    """Misread tables, how many of the plain ones were asked, and how many may be.
+
+    Of a share of one in twenty, drawn at random, so many come up in 999 of 1000 cases at most.
+    """
+    wrong, plain, asked = [], 0, 0
+    for seed in seeds:
+        table = written(np.random.default_rng(seed))
+        found = misread(table)
+        plain, asked = plain + table.plain, asked + (table.plain and found == "asked")
+        if found not in (None, "asked"):
+            wrong.append((seed, found, table.told))
+    return wrong, asked, stats.binom.ppf(0.999, plain, 0.05)
+
+
+def test_tables_of_any_make_are_read_right_or_asked():
+    """No silent misreading; plain Cartesian ones are hardly ever asked."""
+    wrong, asked, most = counted(range(200))
+
+    assert wrong == []
+    assert asked <= most
+
+
+@pytest.mark.slow
+def test_many_tables_of_any_make_are_read_right_or_asked():
+    """The same of twenty thousand."""
+    wrong, asked, most = counted(range(1000, 21_000))
+
+    assert wrong == []
+    assert asked <= most
+
+
+def test_whoever_runs_is_told_of_two_faces_and_of_times_that_are_none(small_campaign):
+    """A whole campaign in polar coordinates, every point read in both faces, its clock stopped."""
+    rows = list(csv.DictReader(small_campaign.files["tracker.csv"].decode().splitlines()))
+    lines = ["Group\tTarget\tAzimuth (gon)\tZenith (gon)\tDistance (mm)\tTime"]
+    for row in rows:
+        x, y, z = (float(row[f"{axis}_mm"]) for axis in "xyz")
+        distance, level = np.sqrt(x * x + y * y + z * z), np.hypot(x, y)
+        azimuth, zenith = np.arctan2(y, x) / GON, np.arctan2(level, z) / GON
+        for turn, plunge in ((azimuth, zenith), (azimuth + 200.002, 400 - zenith)):
+            cells = (f"{turn:.7f}", f"{plunge:.7f}", f"{distance:.5f}", "00:00.0")
+            lines.append("\t".join((row["group"], row["target"], *cells)))
+    files = small_campaign.files | {"tracker.csv": "\n".join([*lines, ""]).encode()}
+
+    answer = answered("two", in_memory(files)).answer
+
+    (faces,) = [line for line in answer.findings if "two faces" in line]
+    (clock,) = [line for line in answer.findings if "no times that can be trusted" in line]
+    assert f"{len(rows)} pairs are averaged" in faces
+    assert "00:00.0" in clock
+    assert sum(joint.identifiable for joint in answer.stiffness) >= 6

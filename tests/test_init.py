@@ -1,0 +1,257 @@
+"""`init` on files that lie there: what they say is proposed, what they do not say stays open."""
+
+import csv
+import io
+import re
+import tomllib
+
+import numpy as np
+import openpyxl
+import pytest
+import typer
+from small_case import PLAN
+
+from pipeline.app import cli
+from pipeline.base.errors import InputError
+from pipeline.base.patterns import named
+from pipeline.machine.robot import load
+from pipeline.reduction.proposal import propose
+from pipeline.reduction.settings import parse, unfilled
+from pipeline.simulate import simulate
+
+MADE = simulate(PLAN, np.random.default_rng(3)).files
+FILES = {name: data for name, data in MADE.items() if name != "campaign.toml"}
+TRUE = tomllib.loads(MADE["campaign.toml"].decode())
+
+
+def foreign(form):
+    """The export as another laboratory has it: group names, separator, decimal mark, no unit."""
+    rows = [row.split(",") for row in FILES["tracker.csv"].decode().splitlines()[1:]]
+    lines = []
+    for group, target, *xyz, _ in rows:
+        parts = re.fullmatch(r"pose(\d+)_rep(\d+)_(\w+)", group)
+        name = form(int(parts[1]), int(parts[2]), parts[3]) if parts else group
+        lines.append(";".join([name, target, *(x.replace(".", ",") for x in xyz)]))
+    return FILES | {"tracker.csv": "\n".join([*lines, ""]).encode()}
+
+
+def german(pose, repeat, state):
+    """Without a number for the first zero."""
+    word = "leer" if state == "unloaded" else "Last"
+    return f"Pose {pose} {word} {repeat}" if repeat else f"Pose {pose} {word}"
+
+
+def short(pose, repeat, state):
+    """The state in front."""
+    return f"{'Z' if state == 'unloaded' else 'F'}-{pose:03d}-{repeat}"
+
+
+def test_what_the_files_say_is_proposed():
+    """Which is which, targets, chain, base, and all robots whose joints the log has."""
+    said = propose(FILES)
+
+    assert (said.exports, said.loads, said.joints) == (("tracker.csv",), "loads.csv", "joints.csv")
+    assert list(said.measured) == TRUE["naming"]["measured"]
+    assert list(said.chain) == TRUE["naming"]["chain"]
+    assert set(said.base) == set(TRUE["base_frame"])
+    assert said.reach is None
+    assert "kr500_rail" in said.robots
+    assert "fanuc_r2000ic" not in said.robots
+
+
+@pytest.mark.parametrize(("form", "states"), [(german, ("leer", "Last")), (short, ("Z", "F"))])
+def test_the_names_of_others_are_understood_from_what_was_read(form, states):
+    """The state with more reflectors is the loaded one; a repeat may be missing."""
+    said = propose(foreign(form))
+
+    assert said.group.states == states
+    assert named(said.group.pattern) == {"pose", "repeat", "state"}
+    for pose, repeat, state in ((1, 0, "unloaded"), (6, 2, "loaded"), (3, 3, "unloaded")):
+        found = re.fullmatch(said.group.pattern, form(pose, repeat, state))
+        assert int(found["pose"]) == pose
+        assert found["state"] == states[state == "loaded"]
+        assert int(found["repeat"] or 0) == repeat
+    assert list(said.measured) == TRUE["naming"]["measured"]
+    assert set(said.base) == set(TRUE["base_frame"])
+    assert said.reach == pytest.approx(12560, rel=0.3)
+
+
+def test_names_that_tell_nothing_stay_open():
+    """Two words with as many reflectors each, a file of something else."""
+    rows = FILES["tracker.csv"].decode().splitlines()
+    unloaded = [row for row in rows if not re.search(r",Pl\d,", row)]
+    swapped = [re.sub(r"(\d)_(un)?loaded", r"\1_\2x", row) for row in unloaded]
+    said = propose({"tracker.csv": "\n".join(swapped).encode(), "notes.txt": b"hello"})
+
+    assert said.group is None
+    assert said.groups[1].startswith("pose01")
+    assert "notes.txt" in said.refused
+
+
+def test_readings_without_names_are_asked_for(init):
+    """In a table that says what each row is."""
+    rows = [row.split(",")[2:5] for row in FILES["tracker.csv"].decode().splitlines()[1:]]
+    text = init(FILES | {"tracker.csv": "\n".join(map(";".join, rows)).encode()})
+
+    assert {"assignment", "unit"} <= set(unfilled(text).values())
+
+
+def test_a_workbook_may_hold_everything():
+    """Loads, joints and points, on a sheet for each."""
+    book = openpyxl.Workbook()
+    book.remove(book.active)
+    for name in ("tracker", "loads", "joints"):
+        page = book.create_sheet(name)
+        for row in csv.reader(FILES[f"{name}.csv"].decode().splitlines()):
+            page.append([float(x) if re.fullmatch(r"-?\d+(\.\d+)?", x) else x for x in row])
+    book.save(made := io.BytesIO())
+    said = propose({"all.xlsx": made.getvalue()})
+
+    assert (said.exports, said.loads, said.joints) == (("all.xlsx",), "all.xlsx", "all.xlsx")
+    assert (list(said.measured), said.refused) == (TRUE["naming"]["measured"], {})
+
+
+def test_without_an_export_none_is_made_up(init):
+    """Files that are there and none of which is an export leave it open."""
+    files = {name: FILES[name] for name in ("loads.csv", "joints.csv")}
+
+    assert {"files", "robot"} <= set(unfilled(init(files)).values())
+
+
+def unknown(between, title=""):
+    """The export as a table whose columns nobody knows, group and target around the numbers."""
+    rows = [row.split(",") for row in FILES["tracker.csv"].decode().splitlines()[1:]]
+    lines = [between.join([group, *xyz, target]) for group, target, *xyz, _ in rows]
+    return FILES | {"tracker.csv": "\n".join([title, *lines, ""]).encode()}
+
+
+def test_a_table_that_nobody_knows_is_proposed_and_asked(init):
+    """As `inspect` proposes it; what is not certain stands as open."""
+    text = init(unknown("|", "Serie|A|B|C|Ziel"))
+    mapping = tomllib.loads(text)["tracker"]["mapping"]
+
+    assert mapping["columns"] == {"group": "Serie", "target": "Ziel", "x": "A", "y": "B", "z": "C"}
+    assert {"columns", "unit"} <= set(unfilled(text).values())
+    assert tomllib.loads(text)["naming"]["measured"] == TRUE["naming"]["measured"]
+
+
+def test_what_inspect_asks_of_a_table_is_asked(init):
+    """On a terminal: the columns, then the unit, and nothing of it twice."""
+    places = [""] * (len(TRUE["tool"]) + len(TRUE["base_frame"]))
+    text = init(unknown("|", "Serie|A|B|C|Ziel"), "1", "1", "kr500_rail", "0.03", "2", "", *places)
+
+    assert tomllib.loads(text)["tracker"]["unit"] == "mm"
+    assert tomllib.loads(text)["tracker"]["mapping"]["columns"]["z"] == "C"
+    assert not {"columns", "unit"} & set(unfilled(text).values())
+
+
+LOADS = "Waage 12;;\nPose Nr.;Zug Nr.;Kraft [kg];Richtung\n1;1;122,5;auf\n1;2;305,0;ab\n"
+JOINTS = "Pose;Lineareinheit [mm];" + ";".join(f"Achse {k} [°]" for k in range(1, 7))
+JOINTS += "\n1;3988,357;52,2396;-46,5960;7,3074;-173,0226;-63,4588;-121,5295\n"
+
+
+def test_titles_of_others_are_proposed_for_the_logs(init):
+    """With the units that they state; only robots with as many axes fit."""
+    logs = {"kraft.csv": LOADS.encode("cp1252"), "achsen.csv": JOINTS.encode("cp1252")}
+    files = {"tracker.csv": FILES["tracker.csv"], **logs}
+    said = propose(logs | FILES)
+    text = init(files, "kr500_rail", *[""] * 11)
+
+    assert said.refused["loads.csv"] == "kraft.csv is such a log, too"
+    assert set(said.refused) == {"loads.csv", "joints.csv"}
+    assert propose(files).robots == ("kr500_rail", "kr500_rail_kuka")
+    assert tomllib.loads(text)["scale"]["columns"] == {
+        "Pose Nr.": "pose", "Zug Nr.": "repeat", "Kraft [kg]": "force_kg"}  # fmt: skip
+    assert tomllib.loads(text)["joints"]["columns"]["Achse 6 [°]"] == "A6_deg"
+
+
+def test_a_log_that_states_no_unit_is_a_log(init):
+    """Its unit stays open, and a comma that may be two things makes no export of it."""
+    logs = {
+        "kraft.csv": LOADS.replace("[kg]", "").replace(",5", ",225").replace(",0", ",000").encode(),
+        "achsen.csv": JOINTS.replace("[°]", "").encode(),
+    }
+    text = init({"tracker.csv": FILES["tracker.csv"], **logs})
+
+    assert {"Kraft ", "Achse 6 "} <= {f"{name} " for name in unfilled(text).values()}
+    assert '# "Achse 6" = ?   # A6_deg or A6_rad: the title states no unit' in text
+    assert tomllib.loads(text)["tracker"]["files"] == ["tracker.csv"]
+    points = b"Pose;Last;Punkt;X [mm];Y [mm];Z [mm]\n1;0;A;10,5;20,5;30,5\n1;1;A;10,6;20,5;30,5\n"
+    assert propose({"points.csv": points}).loads is None
+
+
+@pytest.fixture
+def init(tmp_path, monkeypatch, capsys):
+    """`init` on some files, with these answers on a terminal or none."""
+
+    def typed(files, *answers, words=()):
+        folder = tmp_path / "data" / "raw" / "mine"
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, data in files.items():
+            (folder / name).write_bytes(data)
+        left = list(answers)
+        if answers:
+            monkeypatch.setattr("sys.stdin.isatty", lambda: True)
+            monkeypatch.setattr(typer, "prompt", lambda *_, **__: left.pop(0))
+        code = cli._exit_code(["init", "mine", *words, "--root", str(tmp_path)])
+        assert code == 0, capsys.readouterr().err
+        assert not left
+        return (folder / "campaign.toml").read_text()
+
+    return typed
+
+
+def test_with_all_answers_it_is_the_campaign_that_was_measured(init):
+    """One question at a time: robot, uncertainties, places; nothing else is needed."""
+    points = TRUE["tool"] | TRUE["base_frame"]
+    order = ["load_point", "P1", "P2", "P3", "B1", "B2", "B3", "B4"]
+    places = ["; ".join(str(x).replace(".", ",") for x in points[name]) for name in order]
+    said = parse(init(FILES, "kr500_rail", "0.03", "2,0", "21,5", *places))
+    true = parse(MADE["campaign.toml"].decode())
+
+    for part in ("robot", "tool", "base_frame", "joints"):
+        assert getattr(said, part) == getattr(true, part)
+    assert said.naming.measured == true.naming.measured
+    assert said.scale.sigma_n == true.scale.sigma_n
+    assert said.tracker.sigma_m == pytest.approx(true.tracker.sigma_m)
+    assert said.temperature_c == 21.5
+    assert said.tracker.files == true.tracker.files
+
+
+def test_what_nobody_said_is_named_with_its_lines(init):
+    """No number that was not given stands in the file, not even in a comment."""
+    text = init(foreign(german))
+    rows = text.splitlines()
+    left = unfilled(text)
+
+    assert set(left.values()) == {"robot", "unit", "sigma_n", "load_point", *["P1", "P2", "P3"],
+                                  *TRUE["base_frame"]}  # fmt: skip
+    assert all(f"{name} = ?" in rows[line - 1] for line, name in left.items())
+    with pytest.raises(InputError) as refused:
+        parse(text.replace("states", "# states"))
+    assert all(f"{name} (line {line})" in str(refused.value) for line, name in left.items())
+    assert refused.value.line == min(left)
+    assert not re.search(r"^# \w+ = *[-0-9\[]", text, re.M)
+
+
+def test_a_blank_cannot_be_run_by_accident(init, tmp_path, capsys):
+    """Tool, base and scale are to be filled in; the logs have the titles of the robot."""
+    text = init({}, words=("--robot", "fanuc_r2000ic"))
+    titles = (tmp_path / "data" / "raw" / "mine" / "joints.csv").read_text().split(",")
+    for command in (["check", "mine"], ["run", "mine", "--engine", "local"]):
+        assert cli._exit_code([*command, "--root", str(tmp_path)]) == 5
+        assert "not filled in yet" in capsys.readouterr().err
+
+    assert {"load_point", "P1", "B1", "sigma_n"} <= set(unfilled(text).values())
+    assert titles[1:7] == [f"{joint.name}_deg" for joint in load("fanuc_r2000ic").joints]
+
+
+def test_a_campaign_is_never_written_over(init, tmp_path, capsys):
+    """A second `init` is refused, and files that lie there stay as they are."""
+    text = init(FILES)
+    folder = tmp_path / "data" / "raw" / "mine"
+
+    assert cli._exit_code(["init", "mine", "--root", str(tmp_path)]) == 2
+    assert "is there already" in capsys.readouterr().err
+    assert (folder / "campaign.toml").read_text() == text
+    assert all((folder / name).read_bytes() == data for name, data in FILES.items())
