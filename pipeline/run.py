@@ -33,7 +33,7 @@ from pipeline.diagnosis.facts import Diagnosis
 from pipeline.diagnosis.tables import apart_table, clues_table, examined_table
 from pipeline.diagnosis.verdict import verdict
 from pipeline.faults.conventions import conventions
-from pipeline.faults.screen import screen, screen_again
+from pipeline.faults.screen import Screened, acquit, screen, screen_again
 from pipeline.machine.effects import catalogue
 from pipeline.machine.effects.tracker_drift import by_order
 from pipeline.machine.robot import Robot
@@ -178,15 +178,18 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
     _enough(reduced.data, raw.robot)
     screened = step(screen)(case, reduced)
     given = step(fit)(case, reduced)
-    right = step(fit)(screened.case, bring(screened.case)) if screened.findings else given
+    right = _righted(screened, given, step)
     where = place_of_interest(raw.settings.test_pose, right.case.robot, right.data.pulls)
     diagnosis = _diagnosed(right, where, step)
     judged = step(screen_again)(case, screened, diagnosis.modelled, diagnosis.estimate)
     if judged is not screened:
-        screened = judged
-        right = step(fit)(screened.case, bring(screened.case)) if screened.findings else given
+        screened, right = judged, _righted(judged, given, step)
         diagnosis = _diagnosed(right, where, step)
     right, diagnosis = _settled(right, diagnosis, where, step)
+    judged = step(acquit)(case, screened, right, diagnosis.seen)
+    if judged is not screened:
+        screened, right = judged, _righted(judged, given, step)
+        right, diagnosis = _settled(right, _diagnosed(right, where, step), where, step)
     given = given if screened.findings else right
 
     facts = replace(diagnosis.facts, mistakes=screened.findings)
@@ -218,6 +221,11 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
     )
     shown = {**right.reduced.shown, "rejected": case.rejected, **_kept(found, keep, step)}
     return Answered(answer_of(found), shown, told.model)
+
+
+def _righted(screened: Screened, given: Fitted, step: Step) -> Fitted:
+    """The campaign without what is wrong in it; as given where nothing is."""
+    return step(fit)(screened.case, bring(screened.case)) if screened.findings else given
 
 
 def _told(model: handover.Model, values: Values, where: Where, step: Step) -> Told:

@@ -244,7 +244,7 @@ def test_arrow_keys_walk_through_the_values(opened):
 
 
 def test_a_value_stays_beside_its_mark_while_the_page_scrolls(opened):
-    """The browser may scroll a figure into view after the first arrow key: the value moves along."""
+    """A browser may scroll a figure into view after the first arrow key: the value goes along."""
     page = opened(360)
     page.locator("#figure-stiffness .plot").focus()
     page.keyboard.press("ArrowRight")

@@ -8,11 +8,16 @@ from scipy import stats
 from small_case import small
 from test_worlds import asked, written
 
-from pipeline.reduction.bring import bring
+from pipeline.faults.reading import bad_reading
+from pipeline.faults.screen import Screened, acquit
+from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.run import ingested
+from pipeline.store.campaign import in_memory
 from pipeline.system.assemble import assemble
 from pipeline.system.estimate import solve
 from pipeline.system.family import FREEDOM, Family
 from pipeline.system.fit import fit
+from pipeline.system.linearised import Model, linearise
 from pipeline.system.shape import Shape, misfit
 
 
@@ -33,6 +38,29 @@ def test_noise_of_another_family_is_named_and_accuses_nobody(world, name):
     names = [cause["name"] for cause in answer["diagnosis"]["causes"]]
     assert name in names
     assert not set(names) - {"heavy_tails", "tracker_wander", "tracker_noise"}
+
+
+@pytest.mark.parametrize(("world", "kept"), [("normal", True), ("student3", False)])
+def test_a_reading_is_judged_by_the_tails_beside_the_accepted_model(world, kept):
+    """20 sigma: out of the question where noise is normal, one reading in 5000 of Student's 3."""
+    raw = in_memory(written(world)[3])
+    case = ingested(raw, conformed, plain)
+    reduced = bring(case)
+    right = fit(case, reduced)
+    row = reduced.placed[reduced.placed["state"] == "loaded"].iloc[7]
+    doubted = bad_reading(row, "all other readings", 6e-4, 20.0, 1e-9, beside_model=True)
+    here = (case.readings["line"] == row["line"]) & (case.readings["file"] == row["file"])
+    given = replace(
+        case, readings=case.readings.assign(x_m=case.readings["x_m"] + np.where(here, 6e-4, 0.0))
+    )
+    screened = Screened((doubted,), doubted.correct(given))
+    data = bring(screened.case).data
+    model = Model(case.cell, right.estimate.value, 7)
+
+    judged = acquit(given, screened, right, linearise(model, data, ()))
+
+    assert (judged is screened) is kept
+    assert len(judged.case.readings) == len(given.readings) - kept
 
 
 def test_a_wander_moves_all_targets_of_a_pose_alike(case):

@@ -97,7 +97,6 @@ class Fault:
         find: What of it is found; nothing in a clean campaign.
         in_files: It spoils whole files: tested once, before anything is estimated.
         in_forces: It can be made in a campaign that arrives reduced to forces and displacements.
-        tracked: What it accuses are readings of the tracker, whose family of noise is known.
         beside_model: Tested once more beside the causes that were identified without its readings.
     """
 
@@ -107,4 +106,3 @@ class Fault:
     in_files: bool = False
     in_forces: bool = False
     beside_model: bool = False
-    tracked: bool = True

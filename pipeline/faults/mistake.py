@@ -42,6 +42,12 @@ class Mistake:
     p_value: float | None = None
     beside_model: bool = False
 
+    @property
+    def of_tracker(self) -> bool:
+        """Whether it accuses one reading of the tracker, which heavy tails may throw as far."""
+        told = self.name == "outlier" and self.p_value is not None
+        return told and (self.unit, self.size_unit) == ("sigma", "m")
+
 
 def outlying(where: str, evidence: str, correction: str, **known: Any) -> Mistake:
     """One reading, or one row, that contradicts all others; `known` as in `Mistake`."""

@@ -195,5 +195,4 @@ FAULT = Fault(
         asked.case, asked.cell, asked.reduced.data, asked.system, asked.estimate
     ),
     beside_model=True,
-    tracked=False,
 )

@@ -9,8 +9,12 @@ from pipeline.faults import FAULTS
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake
 from pipeline.machine.effect import Effect
-from pipeline.reduction.bring import Reduced
+from pipeline.reduction.bring import Reduced, bring
 from pipeline.reduction.case import Case
+from pipeline.system.family import Family
+from pipeline.system.fit import Fitted
+from pipeline.system.linearised import Linearised, linearise
+from pipeline.system.shape import tails
 from pipeline.system.system import Estimate
 
 _SURE = 0.9
@@ -95,6 +99,35 @@ def screen_again(
     return Screened(tuple(kept), case) if len(kept) < len(screened.findings) else screened
 
 
+def acquit(given: Case, screened: Screened, right: Fitted, seen: Linearised) -> Screened:
+    """Give back readings that the noise throws as far by itself, as seen beside the accepted model.
+
+    Screening knows the tails beside everything that a machine could do, which leaves little to see
+    them in. Here all doubted readings are back among the others, in whose tails they belong.
+
+    Args:
+        given: The campaign as given.
+        screened: What was found in it.
+        right: The campaign without it, for the size of the noise in use.
+        seen: The same linearised at the accepted model.
+
+    Returns:
+        `screened` itself where every reading stays out.
+    """
+    if not right.plain.noise_stated or not any(one.of_tracker for one in screened.findings):
+        return screened
+    case = given
+    for finding in screened.findings:
+        case = case if finding.of_tracker else finding.correct(case)
+    data = right.as_noisy(bring(case).data)
+    found = tails(linearise(seen.model, data, seen.suspects), seen.model.accepted)[1]
+    kept = [one for one in screened.findings if not one.of_tracker or _sure(one, found)]
+    if len(kept) == len(screened.findings):
+        return screened
+    findings: list[Mistake] = []
+    return Screened(tuple(kept), _put_right(given, kept, findings))
+
+
 def _put_right(case: Case, found: list[Mistake], findings: list[Mistake]) -> Case:
     for finding in found:
         findings.append(finding)
@@ -106,13 +139,11 @@ def _first(tests: Sequence[Fault], asked: Screening) -> list[Mistake]:
     """What the first test finds that finds anything beyond what such noise may do by itself."""
     for fault in tests:
         found = fault.find(asked)
-        if sure := [one for one in found if not fault.tracked or _mistaken(one, asked)]:
+        if sure := [one for one in found if not one.of_tracker or _sure(one, asked)]:
             return sure
     return []
 
 
-def _mistaken(one: Mistake, asked: Screening) -> bool:
+def _sure(one: Mistake, of: Screening | Family) -> bool:
     """Whether a reading that is off is a blunder, and not of the family that the others show."""
-    if one.name != "outlier" or one.unit != "sigma" or one.p_value is None:
-        return True
-    return asked.mistaken(one.before**2) > _SURE
+    return of.mistaken(one.before**2) > _SURE

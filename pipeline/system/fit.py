@@ -48,6 +48,10 @@ class Fitted:
     noise: Components
     shape: Shape
 
+    def as_noisy(self, data: Measured) -> Measured:
+        """Measurements of the same campaign with the size of the noise that is used."""
+        return rescaled(data, self.noise) if self.noise.used else data
+
     def shaped(self, found: Shape) -> Fitted:
         """The same campaign weighed by another shape of the noise."""
         near = self.estimate.value
