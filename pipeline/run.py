@@ -290,11 +290,11 @@ def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosis:
 def _settled(right: Fitted, said: Diagnosis, where: Where, step: Step) -> tuple[Fitted, Diagnosis]:
     """The campaign weighed by the noise that is seen beside the accepted model.
 
-    First its shape; where the model misses something, only if such noise is likely beside all that
-    a machine could do, and makes the model whole. Then its size: where the model leaves more than
-    the stated noise allows and no more than that of the contrasts, the latter is used.
+    First its shape; where the model misses something, only if such noise is likely whatever the
+    machine does, and makes the model whole. Then its size: where the model leaves more than the
+    stated noise allows and no more than that of the contrasts, the latter is used.
     """
-    if not right.plain.noise_stated or not (said.settled or right.shape.likely):
+    if not right.plain.noise_stated or not (said.settled or _noise_likely(right, said)):
         return right, said
     seen = _beside(right, said)
     if seen.differs(right.shape):
@@ -311,10 +311,20 @@ def _settled(right: Fitted, said: Diagnosis, where: Where, step: Step) -> tuple[
     return right, _diagnosed(right, where, step)
 
 
-def _beside(right: Fitted, said: Diagnosis) -> Shape:
-    """The shape of the noise beside the accepted model."""
+def _noise_likely(right: Fitted, said: Diagnosis) -> bool:
+    """Whether there rather is other noise than not, whatever the machine does.
+
+    Beside all that a machine could do, which leaves little to see it in; where no cause was found,
+    also beside a stiffness of its own for each pose.
+    """
+    causes = said.seen.model.accepted
+    return right.shape.likely or (not causes and _beside(right, said, loose=True).likely)
+
+
+def _beside(right: Fitted, said: Diagnosis, loose: bool = False) -> Shape:
+    """The shape of the noise beside the accepted model; `loose` as of `shape`."""
     seen = replace(said.seen, data=right.shape.off(said.seen.data))
-    return shape(seen, said.seen.model.accepted)
+    return shape(seen, said.seen.model.accepted, loose)
 
 
 def _enough(data: Measured, robot: Robot) -> None:

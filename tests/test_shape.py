@@ -14,11 +14,12 @@ from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
 from pipeline.store.campaign import in_memory
 from pipeline.system.assemble import assemble
+from pipeline.system.beyond import free
 from pipeline.system.estimate import solve
 from pipeline.system.family import FREEDOM, Family
 from pipeline.system.fit import fit
 from pipeline.system.linearised import Model, linearise
-from pipeline.system.shape import Shape, misfit
+from pipeline.system.shape import Shape, misfit, shape
 
 
 @pytest.fixture(scope="module")
@@ -61,6 +62,25 @@ def test_a_reading_is_judged_by_the_tails_beside_the_accepted_model(world, kept)
 
     assert (judged is screened) is kept
     assert len(judged.case.readings) == len(given.readings) - kept
+
+
+@pytest.mark.parametrize("off_m", [0.0, 1e-4])
+@pytest.mark.parametrize("world", ["normal", "wander10"])
+def test_what_goes_with_the_pull_is_no_noise(world, off_m):
+    """A robot that turns in each pose as it likes, in proportion to the pull, hides no wander."""
+    raw = in_memory(written(world)[3])
+    case = ingested(raw, conformed, plain)
+    right = fit(case, bring(case))
+    seen = linearise(Model(case.cell, right.estimate.value, 7), right.plain, ())
+    columns = free(seen)
+    size = off_m / np.sqrt(np.mean(np.sum(columns**2, axis=1)))
+    y = seen.y + columns @ (size * np.random.default_rng(5).standard_normal(columns.shape[1]))
+
+    beside_springs = shape(replace(seen, y=y), ())
+    beside_free = shape(replace(seen, y=y), (), loose=True)
+
+    assert beside_free.likely is (world == "wander10")
+    assert beside_springs.likely is (world == "wander10" or off_m > 0)
 
 
 def test_a_wander_moves_all_targets_of_a_pose_alike(case):

@@ -99,7 +99,7 @@ class Shape(Locked):
         return bool(abs(own - theirs) > _SEEN * unit or np.sqrt(np.mean(weights**2)) > _SEEN)
 
 
-def shape(seen: Linearised, accepted: tuple[int, ...] | None = None) -> Shape:
+def shape(seen: Linearised, accepted: tuple[int, ...] | None = None, loose: bool = False) -> Shape:
     """The shape of a campaign's noise.
 
     Beside the accepted causes each reading is weighed by its own variance; beside the whole
@@ -111,10 +111,12 @@ def shape(seen: Linearised, accepted: tuple[int, ...] | None = None) -> Shape:
         seen: The campaign linearised at a model; the noise of its data is as it is stated or was
             found in contrasts, that of its rows plays no part.
         accepted: Suspects that are taken out beside the springs; all of them when not given.
+        loose: A stiffness of its own for each pose is taken out, too: whatever a machine does in
+            proportion to the pull, listed or not, leaves nothing there.
     """
     # once: weights that follow from weights trust what is off towards the others more than it is
     # worth, and uncertainties come out too small
-    readings, found, variance, beyond = tails(seen, accepted, 1)
+    readings, found, variance, beyond = tails(seen, accepted, 1, loose)
     if accepted is None:
         variance = np.ones(len(variance))
     slow = wander(seen.data, beyond, beyond.base.dof >= _FEWEST)
@@ -122,7 +124,10 @@ def shape(seen: Linearised, accepted: tuple[int, ...] | None = None) -> Shape:
 
 
 def tails(
-    seen: Linearised, accepted: tuple[int, ...] | None = None, rounds: int = ROUNDS
+    seen: Linearised,
+    accepted: tuple[int, ...] | None = None,
+    rounds: int = ROUNDS,
+    loose: bool = False,
 ) -> tuple[Readings, Family, Array, Beyond]:
     """The tails of single readings beside a model, arguments as for `shape`.
 
@@ -130,12 +135,13 @@ def tails(
         seen: As for `shape`.
         accepted: As for `shape`.
         rounds: How often each reading is weighed by what the others, so weighed, say of it.
+        loose: As for `shape`.
 
     Returns:
         The readings, their family, the variance of each over its stated one (n,), and the rows so
         weighed.
     """
-    X = _taken_out(seen, accepted)
+    X = _taken_out(seen, accepted, loose)
     data, values = replace(seen.data, bends=False), seen.model.values
     flat = replace(seen.model.cell, equilibrium="undeformed")
     beyond = Beyond.of(seen, X, errors(flat, data, values))
@@ -156,14 +162,16 @@ def tails(
     return readings, found, variance, beyond
 
 
-def _taken_out(seen: Linearised, accepted: tuple[int, ...] | None) -> Array:
+def _taken_out(seen: Linearised, accepted: tuple[int, ...] | None, loose: bool) -> Array:
     """Columns (M, k) of springs and accepted causes, or of all that a machine could do."""
     owner = np.repeat(np.arange(len(seen.suspects)), [len(e.parameters) for e in seen.suspects])
-    if accepted is not None or len(seen.rows) > _MANY:
-        return columns(seen, np.isin(owner, accepted or ()))
-    if 2 * (seen.B.shape[1] + seen.Z.shape[1]) > len(seen.rows):
-        return np.hstack([columns(seen, np.full(len(owner), False)), free(seen)])
-    return columns(seen, np.full(len(owner), True))
+    many = len(seen.rows) > _MANY
+    few = 2 * (seen.B.shape[1] + seen.Z.shape[1]) > len(seen.rows)
+    loose = not many and (loose or (accepted is None and few))
+    if accepted is None and not (many or few):
+        return columns(seen, np.full(len(owner), True))
+    own = columns(seen, np.isin(owner, accepted or ()))
+    return np.hstack([own, free(seen)]) if loose else own
 
 
 def misfit(system: System, found: Shape, chi2: float, rng: np.random.Generator) -> float:
