@@ -143,6 +143,15 @@ def test_only_a_laser_tracker_is_held_to_what_trackers_can(kind, verdict):
     assert ("tracker measures" in answer.fit.noise_statement) is (kind == "laser_tracker")
 
 
+def test_a_rotation_without_a_position_is_asked_about():
+    """sigma_rad beside no sigma_m would change nothing without a word."""
+    files = made(tracker=SIX | {"stated": True})
+    text = re.sub(rb"(?m)^sigma_m.*\n", b"", files["campaign.toml"])
+
+    with pytest.raises(InputError, match=r"sigma_rad.*state \[tracker\] sigma_m"):
+        answered("turned", in_memory(files | {"campaign.toml": text}))
+
+
 BAD = {
     "no such kind": ('kind = "theodolite"', "laser_tracker"),
     "too few targets": ('measures = "poses"', "three targets in [tool] that are not on one line"),

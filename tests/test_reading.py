@@ -10,7 +10,14 @@ from scipy import stats
 from small_case import asked, moved, small, uneven, where
 
 from pipeline.faults import reading
-from pipeline.faults.reading import bad_reading, outlier, shifted_readings, smallest, without
+from pipeline.faults.reading import (
+    bad_reading,
+    lock_lost,
+    outlier,
+    shifted_readings,
+    smallest,
+    without,
+)
 from pipeline.machine.robot import configure
 from pipeline.system import alarms
 from pipeline.system.beside import Beside
@@ -324,6 +331,32 @@ def test_a_finding_says_group_file_line_and_size(given):
     left_over = found.correct(given.case).readings
     lost = given.case.readings.drop(left_over.index)
     assert lost[["group", "target"]].to_numpy().tolist() == [[row["group"], row["target"]]]
+
+
+def test_metres_are_said_in_metres_and_thousands_of_sigmas_need_no_digits(given):
+    """Nobody reads 123279.1 standard deviations."""
+    row = given.reduced.placed.iloc[20]
+
+    found = bad_reading(row, "all other readings", 4.98758, 123279.13)
+
+    assert "is 4.99 m off" in found.evidence
+    assert "more than 1000 standard deviations" in found.evidence
+
+
+@pytest.mark.parametrize("recorded", [0.0, 1e-3])
+def test_a_lost_lock_is_said_to_be_one(given, recorded):
+    """What was recorded is (0, 0, 0), and not just somewhere else."""
+    row = given.reduced.placed.iloc[20]
+    found = bad_reading(row, "all other readings", 5.0, 1e5)
+    here = given.case.readings["line"] == row["line"]
+    rows = given.case.readings.copy()
+    rows.loc[here, ["x_m", "y_m", "z_m"]] = [0.0, recorded, 0.0]
+
+    told = lock_lost(found, replace(given.case, readings=rows))
+
+    assert told.evidence.startswith(found.evidence)
+    assert ("the lock is lost" in told.evidence) is (recorded == 0.0)
+    assert "lost" not in lock_lost(found, given.case).evidence
 
 
 def test_only_the_line_of_its_own_file_goes(given):

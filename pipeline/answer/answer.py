@@ -39,7 +39,7 @@ def answer(found: Findings) -> Answer:
     """The answer to a campaign."""
     given, raw, where = found.given, found.raw, found.where
     values, springs = values_entry(found.told, where), values_entry(found.springs, where)
-    base = given.reduced.registration
+    base = found.right.reduced.registration
     fits = registration_entry(base)
     overload = overload_entry(raw.robot, given.reduced.data.pulls)
     said = [joint.finding for joint in values.stiffness if joint.finding]

@@ -531,7 +531,7 @@ class Growth(Fact):
 
 
 class Registration(Fact):
-    """How the base reflectors fit."""
+    """How the base reflectors fit; readings that were found bad are left out."""
 
     rms_mm: Number
     max_mm: Number

@@ -14,7 +14,7 @@ from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError
 from pipeline.faults.base_reading import shifts
 from pipeline.faults.fault import Fault
-from pipeline.faults.mistake import Mistake, outlying
+from pipeline.faults.mistake import Mistake, apart, outlying
 from pipeline.faults.reading import smallest
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ, Registration, agreed, register
@@ -89,7 +89,7 @@ def _finding(name: str, size: float, sigmas: float, after: float, p: float) -> M
     return outlying(
         name,
         f"the base reflector {name} stands {1e3 * size:.2f} mm from its place in "
-        f"[base_frame] in every round, {sigmas:.1f} standard deviations, and the others agree "
+        f"[base_frame] in every round, {apart(sigmas)}, and the others agree "
         f"without it: its nominal coordinates are wrong, or it was moved before the first round",
         f"computed again without {name}",
         before=sigmas,

@@ -19,7 +19,7 @@ from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
 from pipeline.faults.fault import Fault
 from pipeline.faults.labels import GROSS_M, unlike
-from pipeline.faults.mistake import Mistake, outlying
+from pipeline.faults.mistake import Mistake, apart, outlying
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 from pipeline.system import alarms
@@ -89,14 +89,14 @@ def chain_outlier(case: Case) -> list[Mistake]:
     if off is not None:
         told = (
             f"{names[0]} and {names[1]} are {1e3 * off.size:.2f} mm farther apart or nearer than "
-            f"in the other pulls, {off.sigmas:.1f} standard deviations"
+            f"in the other pulls, {apart(off.sigmas)}"
         )
         return [_finding(chain, off, names, told, off.size, _end(chain, off.pull))]
     off = _direction(chain)
     if off is not None:
         told = (
             f"the chain points {1e3 * off.size:.2f} mrad away from where the other pulls of the "
-            f"pose put it, {off.sigmas:.1f} standard deviations"
+            f"pose put it, {apart(off.sigmas)}"
         )
         size = off.size * float(np.median(_length(chain)))
         return [_finding(chain, off, names, told, size, _end(chain, off.pull))]

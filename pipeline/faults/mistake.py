@@ -43,10 +43,29 @@ class Mistake:
     beside_model: bool = False
 
     @property
-    def of_tracker(self) -> bool:
-        """Whether it accuses one reading of the tracker, which heavy tails may throw as far."""
-        told = self.name == "outlier" and self.p_value is not None
-        return told and (self.unit, self.size_unit) == ("sigma", "m")
+    def of_reading(self) -> bool:
+        """Whether it accuses one reading of the tracker."""
+        return self.name == "outlier" and self.size_unit == "m"
+
+    @property
+    def may_be_noise(self) -> bool:
+        """Whether it does so by a probability, which heavy tails change."""
+        return self.of_reading and self.unit == "sigma" and self.p_value is not None
+
+
+_FAR = 1000.0
+"""More standard deviations tell nobody more."""
+
+
+def apart(sigmas: float) -> str:
+    """How far, in standard deviations."""
+    far = f"more than {_FAR:.0f}" if sigmas > _FAR else f"{sigmas:.1f}"
+    return f"{far} standard deviations"
+
+
+def length(size_m: float) -> str:
+    """A length as it would be said."""
+    return f"{size_m:.2f} m" if size_m >= 1 else f"{1e3 * size_m:.2f} mm"
 
 
 def outlying(where: str, evidence: str, correction: str, **known: Any) -> Mistake:

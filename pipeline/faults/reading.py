@@ -19,11 +19,12 @@ from scipy import stats
 
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.faults.fault import Fault
-from pipeline.faults.mistake import Mistake, outlying
+from pipeline.faults.mistake import Mistake, apart, length, outlying
 from pipeline.machine import instrument
 from pipeline.reduction.bring import Reduced
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import Measured
+from pipeline.reduction.register import XYZ
 from pipeline.system import alarms
 from pipeline.system.beside import Base, Beside
 from pipeline.system.blocks import Blocks
@@ -273,8 +274,8 @@ def bad_reading(
     where = f"{row['group']}/{row['target']}"
     return outlying(
         where,
-        f"the reading {where} ({row['file']}:{row['line']}) is {1e3 * size:.2f} mm off "
-        f"from where {others} put it, {sigmas:.1f} standard deviations",
+        f"the reading {where} ({row['file']}:{row['line']}) is {length(size)} off "
+        f"from where {others} put it, {apart(sigmas)}",
         f"computed again without {where}",
         before=sigmas,
         size=size,
@@ -282,6 +283,17 @@ def bad_reading(
         beside_model=beside_model,
         correct=partial(without, file=str(row["file"]), line=int(row["line"])),
     )
+
+
+def lock_lost(found: Mistake, case: Case) -> Mistake:
+    """The same, saying so where what was recorded is (0, 0, 0), as by a tracker without a lock."""
+    if not found.of_reading:
+        return found
+    rows, (group, _, target) = case.readings, found.where.rpartition("/")
+    here = rows[(rows["group"] == group) & (rows["target"] == target)]
+    if not len(here) or here[list(XYZ)].to_numpy(float).any():
+        return found
+    return replace(found, evidence=f"{found.evidence}: it is (0, 0, 0), as where the lock is lost")
 
 
 def _row(case: Case, reduced: Reduced, readings: Readings, best: int) -> pd.Series:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pipeline.faults import FAULTS
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake
+from pipeline.faults.reading import lock_lost
 from pipeline.machine.effect import Effect
 from pipeline.reduction.bring import Reduced, bring
 from pipeline.reduction.case import Case
@@ -114,14 +115,14 @@ def acquit(given: Case, screened: Screened, right: Fitted, seen: Linearised) -> 
     Returns:
         `screened` itself where every reading stays out.
     """
-    if not right.plain.noise_stated or not any(one.of_tracker for one in screened.findings):
+    if not right.plain.noise_stated or not any(one.may_be_noise for one in screened.findings):
         return screened
     case = given
     for finding in screened.findings:
-        case = case if finding.of_tracker else finding.correct(case)
+        case = case if finding.may_be_noise else finding.correct(case)
     data = right.as_noisy(bring(case).data)
     found = tails(linearise(seen.model, data, seen.suspects), seen.model.accepted)[1]
-    kept = [one for one in screened.findings if not one.of_tracker or _sure(one, found)]
+    kept = [one for one in screened.findings if not one.may_be_noise or _sure(one, found)]
     if len(kept) == len(screened.findings):
         return screened
     findings: list[Mistake] = []
@@ -139,8 +140,8 @@ def _first(tests: Sequence[Fault], asked: Screening) -> list[Mistake]:
     """What the first test finds that finds anything beyond what such noise may do by itself."""
     for fault in tests:
         found = fault.find(asked)
-        if sure := [one for one in found if not one.of_tracker or _sure(one, asked)]:
-            return sure
+        if sure := [one for one in found if not one.may_be_noise or _sure(one, asked)]:
+            return [lock_lost(one, asked.case) for one in sure]
     return []
 
 

@@ -222,6 +222,12 @@ def in_poses(data: Measured, robot: Robot, effector: Tool, said: Instrument) -> 
             'export them all, or say measures = "points" in [instrument]',
             file="campaign.toml",
         )
+    if said.sigma_rad is not None and not data.noise_stated:
+        raise InputError(
+            "[instrument] states sigma_rad, and nothing the noise of the positions beside it",
+            "state [tracker] sigma_m, too, or leave sigma_rad out and let the data tell both",
+            file="campaign.toml",
+        )
     here = configure(robot, data.pulls.q[pull])
     delta = effector.coordinates(here, data.delta[rows].reshape(-1, t, 3))
     loaded, zero = (
