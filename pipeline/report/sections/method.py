@@ -16,10 +16,22 @@ _METHOD = (
     "Loaded minus unloaded reflector positions c, Eq. (20), are explained by one linear spring per "
     "joint, c = B x with the compliances x, Eqs. (6), (7), (19). The compliances come from "
     "generalised least squares with the full covariance of c: tracker noise per reading, the zero "
-    "shared by all pulls of a pose, the force reading that moves all coordinates of a pull "
-    "together, the direction of the chain and the registration. The force acts along the chain, "
-    "Eqs. (10), (11). Validation leaves out one pose with all its pulls at a time."
+    "shared by all pulls of a pose, {load} and the registration. {force} Validation leaves out one "
+    "pose with all its pulls at a time."
 )
+
+_PULLED = {
+    "load": "the force reading that moves all coordinates of a pull together, the direction of "
+    "the chain",
+    "force": "The force acts along the chain, Eqs. (10), (11).",
+}
+_WEIGHED = {
+    "load": "the mass that moves all coordinates of a pull together, its centre",
+    "force": "The force is the weight of what hangs or is mounted, in its centre of mass.",
+}
+_BOTH = {key: f"{one} {_WEIGHED[key]}" for key, one in _PULLED.items()} | {
+    "load": f"{_PULLED['load']}, or of a weight {_WEIGHED['load']}",
+}
 
 
 def method(answer: Answer) -> Section | None:
@@ -31,7 +43,7 @@ def method(answer: Answer) -> Section | None:
 def _told(answer: Answer) -> str:
     deformed = answer.model.equilibrium is Equilibrium.DEFORMED
     told = [
-        _METHOD,
+        _METHOD.format(**_loads(answer)),
         "The force acts on the deflected robot (second order in the load)."
         if deformed
         else "The geometry is that of the unloaded robot.",
@@ -41,6 +53,16 @@ def _told(answer: Answer) -> str:
     size = plain(answer.fit.second_order_rms_mm, 2)
     told.append(f"The second order in the load amounts to {size} mm rms")
     return " ".join(told) + ("." if deformed else _LEFT_OUT)
+
+
+def _loads(answer: Answer) -> dict[str, str]:
+    """What the force is, by the sources of error that its readings have."""
+    sources = {row["source"] for row in answer.budget}
+    pulled = any(one.startswith(("direction", "force")) for one in map(str, sources))
+    weighed = bool(answer.payloads or "payload mass" in sources)
+    if pulled:
+        return _BOTH if weighed else _PULLED
+    return _WEIGHED
 
 
 def _assumptions(answer: Answer) -> Table | None:
