@@ -171,7 +171,7 @@ def test_a_joint_that_is_not_determined_gets_no_number(sample):
     row = [cell.text for cell in table.rows[6]]
 
     assert row[:3] == ["k_theta7", "not determined", numbers.MISSING]
-    assert any("attach the chain" in getattr(b, "text", "") for b in report.sections[0].blocks)
+    assert any("load the effector" in getattr(b, "text", "") for b in report.sections[0].blocks)
 
 
 def test_stiffness_is_shown_in_one_prefix_with_its_unit(sample):
