@@ -355,7 +355,7 @@ def test_a_lost_lock_is_said_to_be_one(given, recorded):
     told = lock_lost(found, replace(given.case, readings=rows))
 
     assert told.evidence.startswith(found.evidence)
-    assert ("the lock is lost" in told.evidence) is (recorded == 0.0)
+    assert ("after a lost lock" in told.evidence) is (recorded == 0.0)
     assert "lost" not in lock_lost(found, given.case).evidence
 
 

@@ -293,7 +293,9 @@ def lock_lost(found: Mistake, case: Case) -> Mistake:
     here = rows[(rows["group"] == group) & (rows["target"] == target)]
     if not len(here) or here[list(XYZ)].to_numpy(float).any():
         return found
-    return replace(found, evidence=f"{found.evidence}: it is (0, 0, 0), as where the lock is lost")
+    return replace(
+        found, evidence=f"{found.evidence}: it was recorded as (0, 0, 0), as after a lost lock"
+    )
 
 
 def _row(case: Case, reduced: Reduced, readings: Readings, best: int) -> pd.Series:
