@@ -161,8 +161,17 @@ def test_titles_of_others_are_proposed_for_the_logs(init):
     assert set(said.refused) == {"loads.csv", "joints.csv"}
     assert propose(files).robots == ("kr500_rail", "kr500_rail_kuka")
     assert tomllib.loads(text)["scale"]["columns"] == {
-        "Pose Nr.": "pose", "Zug Nr.": "repeat", "Kraft [kg]": "force_kg"}  # fmt: skip
+        "Pose Nr.": "pose", "Zug Nr.": "repeat", "Kraft [kg]": "force_kg",
+        "Richtung": "branch"}  # fmt: skip
     assert tomllib.loads(text)["joints"]["columns"]["Achse 6 [°]"] == "A6_deg"
+
+
+def test_a_direction_that_is_no_branch_is_not_proposed():
+    """Its words would cost every row."""
+    said = propose({"kraft.csv": LOADS.replace(";auf", ";nach Norden").encode()})
+
+    assert said.load_columns == {
+        "Pose Nr.": "pose", "Zug Nr.": "repeat", "Kraft [kg]": "force_kg"}  # fmt: skip
 
 
 def test_a_log_that_states_no_unit_is_a_log(init):

@@ -7,8 +7,8 @@ what others call them.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -49,6 +49,15 @@ _LARGEST = 1e7
 _BRANCHES = ("up", "down")
 
 
+class State(NamedTuple):
+    """What was read in a group: a state of a pose, and the line of the log that says so."""
+
+    pose: int
+    repeat: int
+    loaded: bool
+    line: int
+
+
 @dataclass(frozen=True, eq=False)
 class Log(Locked):
     """Rows of a log.
@@ -59,6 +68,7 @@ class Log(Locked):
         word: Columns of words by name, each shape (n,).
         line: Line of each row, shape (n,).
         rejected: What could not be read.
+        states: What groups of readings are, by the names that the log has for them.
     """
 
     file: str
@@ -66,6 +76,7 @@ class Log(Locked):
     word: dict[str, Strings]
     line: Ints
     rejected: tuple[_Rejection, ...]
+    states: dict[str, State] = field(default_factory=dict)
 
     def only(self, good: Bools, reason: str) -> Log:
         """The rows that are good; the others are rejected, all for one reason."""
@@ -83,8 +94,12 @@ class Log(Locked):
         good = np.ones(len(self.line), dtype=bool)
         good[list(why)] = False
         left_out = tuple((self.file, int(self.line[k]), why[k]) for k in sorted(why))
+        return replace(self.kept(good), rejected=self.rejected + left_out)
+
+    def kept(self, good: Bools) -> Log:
+        """Some of the rows; nothing is said of the others."""
         number, word = sifted(self.number, good), sifted(self.word, good)
-        return Log(self.file, number, word, self.line[good], self.rejected + left_out)
+        return replace(self, number=number, word=word, line=self.line[good])
 
 
 @dataclass(frozen=True)
@@ -113,7 +128,9 @@ def loads(name: str, data: bytes, said: LogForm = OURS) -> Log:
 
     `force` [N] of a scale in a chain, `mass` [kg] of a weight at the load point with `mass_sigma`
     where it is known, or the name of a `payload`; a column may be missing where no row has it.
-    Without a column `repeat` the rows of each pose are counted from 1.
+    Without a column `repeat` the pulls of each pose are counted from 1. A column `group` says in
+    which group of the tracker's readings a row was read. A row without a load, then, or of force 0
+    in every pose, is its unloaded state.
 
     Args:
         name: Name of the file.
@@ -124,24 +141,77 @@ def loads(name: str, data: bytes, said: LogForm = OURS) -> Log:
         InputError: The file cannot be read or trusted as a whole.
     """
     other = [Quantity("mass", MASS, needed=False), Quantity("mass_sigma", MASS, needed=False)]
-    other += [Quantity(word, {}, "name", needed=False) for word in ("payload", "branch")]
+    other += [Quantity(word, {}, "name", needed=False) for word in ("payload", "branch", "group")]
     force = Quantity("force", _SCALE)
     kinds = [force, *other[:3]]
     file = opened(name, data, said, "scale", POSE.stem,
                   lambda titles: any(_suffixed(titles, q) for q in kinds))  # fmt: skip
-    needed = not any(_suffixed(file.titles, q) for q in other[:3])
+    named = _suffixed(file.titles, force) and _suffixed(file.titles, other[-1])
+    needed = not (named or any(_suffixed(file.titles, q) for q in other[:3]))
     repeat = replace(_REPEAT, needed=False)
     wanted = [POSE, repeat, replace(force, needed=needed), *other]
     _known(said, "scale", wanted)
-    log = _counted(_table(file, wanted, said, "scale"))
-    log = _one_load(_whole_numbers(log))
+    log = _one_load(_pulls(_table(file, wanted, said, "scale")))
+    if "branch" in log.word:
+        own = np.array([_log_words.branch(cell) for cell in log.word["branch"]], dtype=object)
+        log = replace(log, word=log.word | {"branch": own})
     reason = "branch is neither up nor down; correct it or leave it empty"
     log = log.where("branch", lambda words: np.isin(words, [*_BRANCHES, ""]), reason)
     return once(log, ["pose", "repeat"])
 
 
-def _counted(log: Log) -> Log:
-    """A log with a number for each row of a pose, where it has none.
+def _pulls(log: Log) -> Log:
+    """The rows that are pulls, each with its number; what the groups are that all rows name."""
+    resting = _resting(log)
+    log = _counted(log, resting)
+    number = log.number | {"resting": resting.astype(float)}
+    log = _whole_numbers(replace(log, number=number))
+    if "group" in log.word:
+        log = log.where("group", lambda names: names != "", "names no group; fill it in")
+        log = once(log, ["group"])
+        columns = (log.number["pose"], log.number["repeat"], log.number["resting"] == 0, log.line)
+        states = (
+            State(int(p), int(r), bool(up), int(k)) for p, r, up, k in zip(*columns, strict=True)
+        )
+        log = replace(log, states=dict(zip(log.word["group"].tolist(), states, strict=True)))
+    resting = log.number["resting"] != 0
+    number = {name: column for name, column in log.number.items() if name != "resting"}
+    word = {name: column for name, column in log.word.items() if name != "group"}
+    return replace(log, number=number, word=word).kept(~resting)
+
+
+def _resting(log: Log) -> Bools:
+    """The rows of an unloaded state, shape (n,).
+
+    Raises:
+        InputError: A force is 0, and nobody knows whether it is the unloaded state or a pull.
+    """
+    none = np.full(len(log.line), np.nan)
+    given = np.stack([log.number.get(name, none) for name in ("force", "mass")])
+    payload = log.word.get("payload", np.full(len(none), "", dtype=object)) != ""
+    empty: Bools = np.asarray(np.isnan(given).all(axis=0) & ~payload)
+    zero: Bools = np.asarray(~empty & ~payload & (np.nan_to_num(given) == 0.0).all(axis=0))
+    if "group" in log.word:
+        return zero | empty
+    if "repeat" in log.number:
+        return zero & (log.number["repeat"] == 0)
+    pose = pd.Series(log.number["pose"])
+    poses = set(pose)
+    if len(poses) > 1 and set(pose[zero]) == poses:
+        return zero
+    for k in np.flatnonzero(zero & pose.duplicated(keep="last").to_numpy())[:1]:
+        raise InputError(
+            "without a column repeat nobody knows whether this row of force 0 is the unloaded "
+            "state or a pull, and which pulls the rows after it are",
+            "correct or remove the row, or add the column repeat with 0 for the unloaded state",
+            file=log.file,
+            line=int(log.line[k]),
+        )
+    return np.zeros(len(zero), dtype=bool)
+
+
+def _counted(log: Log, resting: Bools) -> Log:
+    """A log with a number for each row, where it has none: of a pose's pulls from 1.
 
     Raises:
         InputError: A row cannot be read, and others of its pose may stand behind it.
@@ -149,7 +219,7 @@ def _counted(log: Log) -> Log:
     if "repeat" in log.number:
         return log
     pose = pd.Series(log.number["pose"])
-    if log.rejected and pose.duplicated().any():
+    if log.rejected and pose.duplicated().any() and "group" not in log.word:
         _, line, reason = log.rejected[0]
         raise InputError(
             f"without a column repeat nobody knows which pulls the rows after this one are: "
@@ -158,8 +228,8 @@ def _counted(log: Log) -> Log:
             file=log.file,
             line=line,
         )
-    number = np.asarray(pose.groupby(pose).cumcount() + 1, dtype=np.float64)
-    return replace(log, number=log.number | {"repeat": number})
+    number = pose.groupby([pose, pd.Series(resting)]).cumcount().to_numpy() + ~resting
+    return replace(log, number=log.number | {"repeat": np.asarray(number, dtype=np.float64)})
 
 
 def _one_load(log: Log) -> Log:
@@ -238,7 +308,22 @@ def may_be_log(name: str, data: bytes) -> bool:
 def understood_loads(name: str, data: bytes) -> LogForm | None:
     """What [scale] may say of a log of loads with the titles of others; None where it is none."""
     units = {"force": tuple(_SCALE), "mass": tuple(MASS)}
-    return understood(name, data, "scale", lambda titles: _log_words.of_loads(titles, units))
+    form = understood(name, data, "scale", lambda titles: _log_words.of_loads(titles, units))
+    if form is None or "branch" not in form.columns.values():
+        return form
+    left = {title: ours for title, ours in form.columns.items() if ours != "branch"}
+    without = LogForm(columns=left)
+    try:
+        lost = [len(loads(name, data, settled(one)).rejected) for one in (form, without)]
+    except InputError:  # a decimal mark that has to be asked, say: no row tells anything yet
+        return form
+    return form if lost[0] == lost[1] else without
+
+
+def settled(form: LogForm) -> LogForm:
+    """A form as it can be read: of several names for a title, which differ by unit, the first."""
+    columns = {title: ours.partition("|")[0] for title, ours in form.columns.items()}
+    return form.model_copy(update={"columns": columns})
 
 
 def understood_joints(name: str, data: bytes, robot: Robot) -> LogForm | None:
@@ -258,8 +343,7 @@ def of_poses(log: Log) -> Log:
         return log
     rows = np.zeros(len(log.line), dtype=bool)
     rows[first] = True
-    number, word = sifted(log.number, rows), sifted(log.word, rows)
-    return Log(log.file, number, word, log.line[rows], log.rejected)
+    return log.kept(rows)
 
 
 def joint_values(log: Log, robot: Robot) -> Array:
