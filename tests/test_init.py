@@ -150,6 +150,10 @@ JOINTS = "Pose;Lineareinheit [mm];" + ";".join(f"Achse {k} [°]" for k in range(
 JOINTS += "\n1;3988,357;52,2396;-46,5960;7,3074;-173,0226;-63,4588;-121,5295\n"
 
 
+RADIANS = "1;3988,357;0,9144;-0,8132;0,1275;-3,0198;-1,1076;-2,1211\n"
+"""The same pose; as degrees it is one that the robot can take, too."""
+
+
 def test_titles_of_others_are_proposed_for_the_logs(init):
     """With the units that they state; only robots with as many axes fit."""
     logs = {"kraft.csv": LOADS.encode("cp1252"), "achsen.csv": JOINTS.encode("cp1252")}
@@ -174,11 +178,66 @@ def test_a_direction_that_is_no_branch_is_not_proposed():
         "Pose Nr.": "pose", "Zug Nr.": "repeat", "Kraft [kg]": "force_kg"}  # fmt: skip
 
 
+def test_angles_that_can_only_be_degrees_are_degrees(init):
+    """As radians they turn the arm far beyond the limits of its robot file."""
+    files = FILES | {"achsen.csv": JOINTS.replace("[°]", "").replace("[mm]", "").encode()}
+    del files["joints.csv"]
+    columns = tomllib.loads(init(files))["joints"]["columns"]
+
+    assert columns["Achse 6"] == "A6_deg"
+    assert columns["Lineareinheit"] == "E1_mm"
+
+
+@pytest.fixture(scope="module")
+def numbered():
+    """Groups that are called 1, 2, ...; the log of the loads has a row for each state of a pose."""
+    readings = [row.split(",") for row in FILES["tracker.csv"].decode().splitlines()]
+    number = {name: str(k) for k, name in enumerate(dict.fromkeys(row[0] for row in readings[1:]))}
+    tracker = [readings[0], *([number[group], *row] for group, *row in readings[1:])]
+    force = dict(re.findall(r"(?m)^(\d+,\d+),([\d.]+)", FILES["loads.csv"].decode()))
+    loads = [["Nr.", "Pose", "Kraft [N]"]]
+    for name, k in number.items():
+        if parts := re.fullmatch(r"pose(\d+)_rep(\d+)_(\w+)", name):
+            pull = f"{int(parts[1])},{int(parts[2])}"
+            loads.append([k, str(int(parts[1])), force[pull] if parts[3] == "loaded" else "0"])
+    return tracker, loads
+
+
+def as_files(tracker, loads):
+    """A campaign of these rows."""
+    rows = {"tracker.csv": tracker, "loads.csv": loads}
+    text = {name: "\n".join([*map(",".join, of), ""]) for name, of in rows.items()}
+    return FILES | {name: one.encode() for name, one in text.items()}
+
+
+def test_the_column_that_names_the_groups_is_found(init, numbered):
+    """By what was read in them, whatever it is called; the campaign is read as it was."""
+    text = init(as_files(*numbered))
+    said = propose(as_files(*numbered))
+
+    assert tomllib.loads(text)["scale"]["columns"]["nr."] == "group"
+    assert "group" not in unfilled(text).values()
+    assert list(said.measured) == TRUE["naming"]["measured"]
+    assert list(said.chain) == TRUE["naming"]["chain"]
+    assert set(said.base) == set(TRUE["base_frame"])
+
+
+@pytest.mark.parametrize("shift", [-1, 1])
+def test_a_column_that_only_counts_names_no_groups(numbered, shift):
+    """Rows that are numbered from another start name base readings, or groups of other states."""
+    tracker, (titles, *rows) = numbered
+    said = propose(as_files(tracker, [titles, *([str(int(k) + shift), *row] for k, *row in rows)]))
+
+    assert said.group is None
+    assert "nr." not in said.load_columns
+    assert said.groups
+
+
 def test_a_log_that_states_no_unit_is_a_log(init):
     """Its unit stays open, and a comma that may be two things makes no export of it."""
     logs = {
         "kraft.csv": LOADS.replace("[kg]", "").replace(",5", ",225").replace(",0", ",000").encode(),
-        "achsen.csv": JOINTS.replace("[°]", "").encode(),
+        "achsen.csv": (JOINTS.replace("[°]", "").partition("\n")[0] + "\n" + RADIANS).encode(),
     }
     text = init({"tracker.csv": FILES["tracker.csv"], **logs})
 

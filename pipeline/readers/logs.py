@@ -140,16 +140,14 @@ def loads(name: str, data: bytes, said: LogForm = OURS) -> Log:
     Raises:
         InputError: The file cannot be read or trusted as a whole.
     """
-    other = [Quantity("mass", MASS, needed=False), Quantity("mass_sigma", MASS, needed=False)]
-    other += [Quantity(word, {}, "name", needed=False) for word in ("payload", "branch", "group")]
-    force = Quantity("force", _SCALE)
+    wanted = _of_loads()
+    _, _, force, *other = wanted
     kinds = [force, *other[:3]]
     file = opened(name, data, said, "scale", POSE.stem,
                   lambda titles: any(_suffixed(titles, q) for q in kinds))  # fmt: skip
     named = _suffixed(file.titles, force) and _suffixed(file.titles, other[-1])
     needed = not (named or any(_suffixed(file.titles, q) for q in other[:3]))
-    repeat = replace(_REPEAT, needed=False)
-    wanted = [POSE, repeat, replace(force, needed=needed), *other]
+    wanted[2] = replace(force, needed=needed)
     _known(said, "scale", wanted)
     log = _one_load(_pulls(_table(file, wanted, said, "scale")))
     if "branch" in log.word:
@@ -158,6 +156,13 @@ def loads(name: str, data: bytes, said: LogForm = OURS) -> Log:
     reason = "branch is neither up nor down; correct it or leave it empty"
     log = log.where("branch", lambda words: np.isin(words, [*_BRANCHES, ""]), reason)
     return once(log, ["pose", "repeat"])
+
+
+def _of_loads() -> list[Quantity]:
+    """Pose, repeat, force; mass, its uncertainty, payload; branch and group."""
+    mass = [Quantity(name, MASS, needed=False) for name in ("mass", "mass_sigma")]
+    words = [Quantity(name, {}, "name", needed=False) for name in ("payload", "branch", "group")]
+    return [POSE, replace(_REPEAT, needed=False), Quantity("force", _SCALE), *mass, *words]
 
 
 def _pulls(log: Log) -> Log:
@@ -442,6 +447,13 @@ def _possible(log: Log, names: Sequence[str]) -> Log:
         reason = f"{name} is larger than any instrument shows; correct or remove the row"
         log = log.where(name, lambda values: ~(np.abs(values) > _LARGEST), reason)
     return log
+
+
+def unknown(name: str, data: bytes, said: LogForm) -> tuple[str, ...]:
+    """Titles of a log of loads, in small letters, that are no name of ours."""
+    ours = {name for q in _of_loads() for name in (*_names(q), q.stem)}
+    titles = opened(name, data, said, "scale", POSE.stem).titles
+    return tuple(title for title in titles if title and title not in ours)
 
 
 def columns(name: str, data: bytes) -> tuple[str, ...]:

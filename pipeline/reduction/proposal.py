@@ -6,11 +6,13 @@ file states) stays open.
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -27,6 +29,7 @@ from pipeline.readers._log_form import OURS, LogForm
 from pipeline.readers._text import is_workbook
 from pipeline.readers.logs import Log
 from pipeline.readers.offer import Offer, offer
+from pipeline.reduction import limits
 from pipeline.reduction.settings import Naming
 
 _STATES = ("unloaded", "loaded")
@@ -68,7 +71,7 @@ class Proposal:
             have ours; several, with bars between them, where a title does not state its unit.
         joint_columns: The same of the joint log, by robot.
         group: How group names are read; None where nobody can tell.
-        groups: Group names, some of them.
+        groups: Group names, some of them; none where the log of the loads says what they are.
         measured: Targets read unloaded and loaded.
         chain: Both ends of the chain, the one at the effector first; empty where there is none.
         base: Reflectors in groups that are no state of a pose.
@@ -123,15 +126,17 @@ def propose(files: Mapping[str, bytes], hints: Hints | None = None) -> Proposal:
         name, _, exports[name], largest = found
         del refused[name]
         reach += largest
+    rows = _by_group(list(exports.values()))
+    told = _told(logged, files, rows or {})
     return replace(
-        _named(list(exports.values())),
+        _named(rows, told.states if told else {}),
         offer=found[1] if found else None,
         exports=tuple(exports),
         reach=max(reach, default=None),
         loads=logged.loads,
         joints=logged.joints,
         robots=logged.robots,
-        load_columns=logged.load_columns,
+        load_columns=logged.load_columns | (told.columns if told else {}),
         joint_columns=logged.joint_columns,
         refused=logged.refused | refused,
     )
@@ -194,7 +199,29 @@ def _having(name: str, data: bytes, robots: Mapping[str, Robot]) -> Iterator[tup
             partial(logs.understood_joints, name, data, robot),
         )
         if form:
-            yield key, form
+            yield key, _within_limits(name, data, robot, form)
+
+
+def _within_limits(name: str, data: bytes, robot: Robot, form: LogForm) -> LogForm:
+    """Titles that state no unit with the one that keeps all poses within the robot's limits.
+
+    Where several do, all of them stay.
+    """
+    open_ones = {ours for ours in form.columns.values() if "|" in ours}
+    units = [{one.rpartition("_")[2] for one in ours.split("|")} for ours in open_ones]
+    fitting = []
+    for choice in product(*sorted({tuple(sorted(some)) for some in units})):
+        columns = {title: _in_one_of(ours, choice) for title, ours in form.columns.items()}
+        chosen = form.model_copy(update={"columns": columns})
+        with contextlib.suppress(InputError):
+            if not limits.impossible(logs.joints(name, data, robot, chosen), robot):
+                fitting.append(chosen)
+    return fitting[0] if len(fitting) == 1 else form
+
+
+def _in_one_of(ours: str, units: Sequence[str]) -> str:
+    """Of several names that differ by unit the one with a unit of these."""
+    return next((one for one in ours.split("|") if one.rpartition("_")[2] in units), ours)
 
 
 def _loads(name: str, data: bytes) -> LogForm | None:
@@ -255,15 +282,68 @@ def _offered(
 # --- names ----------------------------------------------------------------------------------------
 
 
-def _named(exports: Sequence[Export]) -> Proposal:
-    """What the names of groups and targets are, as far as they tell."""
-    rows = _by_group(exports)
+@dataclass(frozen=True)
+class _Told:
+    """What a log of loads says of the groups.
+
+    Attributes:
+        columns: Our name for the title that names them, where it is not ours already.
+        states: `unloaded` or `loaded` by group.
+    """
+
+    columns: dict[str, str]
+    states: dict[str, str]
+
+
+def _told(
+    logged: Proposal, files: Mapping[str, bytes], rows: Mapping[str, Mapping[str, Array]]
+) -> _Told | None:
+    """What the log of loads says of the groups; None where it does not, or their names do.
+
+    The column is the one under our title, or one that makes sense of what was read.
+    """
+    if logged.loads is None or not rows or _grouped(rows) is not None:
+        return None
+    data = files[logged.loads]
+    form = logs.settled(LogForm(columns=logged.load_columns))
+    for columns in ({}, *({title: "group"} for title in logs.unknown(logged.loads, data, form))):
+        tried = form.model_copy(update={"columns": form.columns | columns})
+        with contextlib.suppress(InputError):
+            found = logs.loads(logged.loads, data, tried).states
+            states = {name: _STATES[one.loaded] for name, one in found.items()}
+            if _makes_sense(states, rows):
+                return _Told(columns, states)
+    return None
+
+
+def _makes_sense(states: Mapping[str, str], rows: Mapping[str, Mapping[str, Array]]) -> bool:
+    """Whether groups are unloaded and loaded states, and all others something else.
+
+    All groups that are named are there; what was read unloaded was read loaded, too, and no target
+    of theirs in any other group.
+    """
+    if not states or not states.keys() <= rows.keys():
+        return False
+    unloaded, loaded, others = (
+        {target for name, at in rows.items() if states.get(name) == one for target in at}
+        for one in (*_STATES, None)
+    )
+    return bool(unloaded) and unloaded <= loaded and loaded.isdisjoint(others)
+
+
+def _named(rows: dict[str, dict[str, Array]] | None, told: Mapping[str, str]) -> Proposal:
+    """What the names of groups and targets are, as far as they or a log tell.
+
+    Args:
+        rows: Where the targets of each group were read; None where an export has no names.
+        told: State of each group that a log names.
+    """
     if rows is None:
         return Proposal(nameless=True)
-    group = _grouped(rows)
-    if group is None:
+    group = None if told else _grouped(rows)
+    if group is None and not told:
         return Proposal(groups=tuple(rows)[:_SHOWN])
-    state = _state_of(list(rows), group)
+    state = told if group is None else _state_of(list(rows), group)
     unloaded, loaded, others = (
         [at for name, at in rows.items() if state.get(name) == one] for one in (*_STATES, None)
     )
@@ -272,7 +352,7 @@ def _named(exports: Sequence[Export]) -> Proposal:
     ends = [name for name in _targets(loaded) if name not in read]
     return Proposal(
         group=group,
-        groups=tuple(rows)[:_SHOWN],
+        groups=() if told else tuple(rows)[:_SHOWN],
         measured=tuple(measured),
         chain=_chain(ends, measured, loaded),
         base=tuple(_targets(others)),
