@@ -286,6 +286,64 @@ def test_with_all_answers_it_is_the_campaign_that_was_measured(init):
     assert said.tracker.files == true.tracker.files
 
 
+def test_answers_may_have_their_own_units(init):
+    """As on a drawing in mm or in inches, and on a scale in pounds."""
+    points = TRUE["tool"] | TRUE["base_frame"]
+    order = ["load_point", "P1", "P2", "P3", "B1", "B2", "B3", "B4"]
+    mm = [" ".join(f"{1e3 * x:.10g}" for x in points[name]) + " mm" for name in order]
+    mm[1] = ", ".join(f"{x / 0.0254:.16g}" for x in points["P1"]) + "in"
+    said = parse(init(FILES, "kr500_rail", "3e-5 m", "0,5 lbf", "", *mm))
+
+    assert said.tool["P1"] == pytest.approx(points["P1"], rel=1e-11)
+    assert said.tool["load_point"] == tuple(points["load_point"])
+    assert said.base_frame["B2"] == tuple(points["B2"])
+    assert said.scale.sigma_n == pytest.approx(0.5 * 4.4482216152605, rel=1e-5)
+    assert said.tracker.sigma_m == 3e-5
+
+
+def test_a_unit_that_is_none_is_asked_again(init):
+    """A word behind the number that is no unit of it."""
+    said = init(FILES, "", "0.03 kg", "0.03", "2 mm", "2", *[""] * 9)
+
+    assert tomllib.loads(said)["tracker"]["sigma_m"] == pytest.approx(3e-5)
+    assert tomllib.loads(said)["scale"]["sigma_n"] == 2
+    assert "robot" in unfilled(said).values()
+
+
+def test_the_unit_of_titles_that_state_none_is_asked(init):
+    """Once for all that have the same units to choose from."""
+    titles, angles = JOINTS.replace("[°]", "").partition("\n")[0], RADIANS
+    files = {
+        "tracker.csv": FILES["tracker.csv"],
+        "kraft.csv": LOADS.replace("[kg]", "").encode("cp1252"),
+        "achsen.csv": f"{titles}\n{angles}".encode(),
+    }
+    said = tomllib.loads(init(files, "kr500_rail", "kp", "rad", *[""] * 11))
+
+    assert said["scale"]["columns"]["Kraft"] == "force_kp"
+    assert {said["joints"]["columns"][f"Achse {k}"] for k in range(1, 7)} == {
+        f"A{k}_rad" for k in range(1, 7)
+    }
+
+
+def test_names_with_blanks_stay_apart(init, capsys):
+    """In what is said of the files before anything is asked."""
+    blanks = FILES["tracker.csv"].replace(b",P1,", b",Ball 1,").replace(b",P2,", b",Ball 2,")
+    init(FILES | {"tracker.csv": blanks})
+
+    assert "measured targets: Ball 1, Ball 2, P3\n" in capsys.readouterr().err
+
+
+def test_a_blank_gives_way_to_files(init, tmp_path):
+    """Logs that `init` made and nobody filled in are none; those of the campaign are found."""
+    init({}, words=("--robot", "kr500_rail"))
+    (tmp_path / "data" / "raw" / "mine" / "campaign.toml").unlink()
+    logs = {"zug.csv": LOADS.encode("cp1252"), "winkel.csv": JOINTS.encode("cp1252")}
+    said = tomllib.loads(init({"tracker.csv": FILES["tracker.csv"], **logs}))
+
+    assert (said["scale"]["file"], said["joints"]["file"]) == ("zug.csv", "winkel.csv")
+
+
 def test_what_nobody_said_is_named_with_its_lines(init):
     """No number that was not given stands in the file, not even in a comment."""
     text = init(foreign(german))
@@ -320,6 +378,6 @@ def test_a_campaign_is_never_written_over(init, tmp_path, capsys):
     folder = tmp_path / "data" / "raw" / "mine"
 
     assert cli._exit_code(["init", "mine", "--root", str(tmp_path)]) == 2
-    assert "is there already" in capsys.readouterr().err
+    assert "has a campaign.toml already: fill that in, or remove it" in capsys.readouterr().err
     assert (folder / "campaign.toml").read_text() == text
     assert all((folder / name).read_bytes() == data for name, data in FILES.items())

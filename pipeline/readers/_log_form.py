@@ -20,7 +20,7 @@ _IN_BRACKETS = re.compile(r"\s*[\[(]\s*([^\])]*?)\s*[\])]$")
 """A unit at the end of a title."""
 _ALIKE = {"°": "deg", "kg": "kgf", "kp": "kgf"}
 """Units that are others: a scale in kilograms shows kilogram-force."""
-_UNITS = {"n", "kn", "dan", "kgf", "lbf", "g", "lb", "m", "mm", "deg", "rad", "nm", "knm"}
+_UNITS = {"n", "kn", "dan", "kgf", "lbf", "g", "lb", "m", "mm", "in", "deg", "rad", "nm", "knm"}
 """What may stand in brackets and contradict the name that a column is given."""
 
 

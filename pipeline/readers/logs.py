@@ -34,7 +34,7 @@ _SCALE = FORCE | {"dan": 10.0} | dict.fromkeys(("kg", "kp"), FORCE["kgf"])
 so near to it that no data tell the two apart."""
 MASS = {"kg": 1.0, "g": 1e-3, "lb": 0.45359237}
 """Units of mass [kg]."""
-_LENGTH = {"m": 1.0, "mm": 1e-3}
+LENGTH = {"m": 1.0, "mm": 1e-3, "in": 0.0254}
 """Units of length [m]."""
 _FORCE_OF = {True: FORCE, False: {"nm": 1.0, "knm": 1e3}}
 """Units of what drives a sliding joint [N], and of what turns another [N m]."""
@@ -276,7 +276,7 @@ def joints(name: str, data: bytes, robot: Robot, said: LogForm = OURS) -> Log:
     from_controller = bool(axes) and not _has(file.titles, own) and _has(file.titles, axes)
     wanted = axes if from_controller else own
     approach = Quantity("approach", {}, needed=False)
-    torques = [Quantity(f"tau{j}", _FORCE_OF[q.units is _LENGTH], needed=False)
+    torques = [Quantity(f"tau{j}", _FORCE_OF[q.units is LENGTH], needed=False)
                for j, q in enumerate(wanted, 1)]  # fmt: skip
     repeat = replace(_REPEAT, needed=False)
     others = [approach, repeat, *torques]
@@ -334,8 +334,8 @@ def settled(form: LogForm) -> LogForm:
 def understood_joints(name: str, data: bytes, robot: Robot) -> LogForm | None:
     """What [joints] may say of a joint log with the titles of others; None where it is none."""
     axes = _controller(robot) or _own(robot)
-    slides = [q.units is _LENGTH for q in axes]
-    names, units = [q.stem for q in axes], ([*_LENGTH], [*_ANGLE])
+    slides = [q.units is LENGTH for q in axes]
+    names, units = [q.stem for q in axes], ([*LENGTH], [*_ANGLE])
     return understood(
         name, data, "joints", lambda titles: _log_words.of_joints(titles, names, slides, units)
     )
@@ -358,14 +358,14 @@ def joint_values(log: Log, robot: Robot) -> Array:
 
 def _own(robot: Robot) -> list[Quantity]:
     """The robot's joints."""
-    return [Quantity(j.name, _LENGTH if j.prismatic else _ANGLE) for j in robot.joints]
+    return [Quantity(j.name, LENGTH if j.prismatic else _ANGLE) for j in robot.joints]
 
 
 def _controller(robot: Robot) -> list[Quantity]:
     """The controller's axes; those that move a sliding joint are lengths."""
     slides = robot.prismatic.astype(float) @ np.abs(robot.controller_matrix) > 0
     axes = zip(robot.controller, slides, strict=True)
-    return [Quantity(axis, _LENGTH if slide else _ANGLE) for axis, slide in axes]
+    return [Quantity(axis, LENGTH if slide else _ANGLE) for axis, slide in axes]
 
 
 def _has(header: Sequence[str], wanted: Sequence[Quantity]) -> bool:
@@ -375,7 +375,7 @@ def _has(header: Sequence[str], wanted: Sequence[Quantity]) -> bool:
 def displacements(name: str, data: bytes) -> Log:
     """Displacements of an already reduced campaign: pose, repeat, target, dx, dy, dz [m]."""
     target = Quantity("target", {}, "name")
-    axes = [Quantity(axis, _LENGTH) for axis in ("dx", "dy", "dz")]
+    axes = [Quantity(axis, LENGTH) for axis in ("dx", "dy", "dz")]
     log = _whole_numbers(table(name, data, [POSE, _REPEAT, target, *axes]))
     return once(log, ["pose", "repeat", "target"])
 
