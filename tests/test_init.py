@@ -96,6 +96,29 @@ def test_readings_without_names_are_asked_for(init):
     assert {"assignment", "unit"} <= set(unfilled(text).values())
 
 
+def test_readings_without_groups_are_said_to_have_none(init):
+    """Their targets are named: the column of the groups is what has to be found."""
+    rows = [row.split(",") for row in FILES["tracker.csv"].decode().splitlines()]
+    cut = "\n".join("\t".join(row[1:5]) for row in [["", "Name", "X", "Y", "Z"], *rows[1:]])
+    text = init({"tracker.csv": cut.encode()})
+
+    assert "assignment" in unfilled(text).values()
+    assert "the readings have no groups: name their column in [tracker.mapping]" in text
+
+
+def test_inspect_helps_to_fill_in_what_is_open(init, tmp_path, capsys):
+    """A campaign.toml with open lines says what it says of exports, and stops nothing."""
+    text = init(foreign(german))
+    folder = tmp_path / "data" / "raw" / "mine"
+    (folder / "campaign.toml").write_text(re.sub(r"# unit = \?", 'unit = "mm"', text))
+    capsys.readouterr()
+    code = cli._exit_code(["inspect", str(folder / "tracker.csv")])
+
+    assert unfilled(text)
+    assert code == 0
+    assert re.search(r"unit +mm", capsys.readouterr().out)
+
+
 def test_a_workbook_may_hold_everything():
     """Loads, joints and points, on a sheet for each."""
     book = openpyxl.Workbook()

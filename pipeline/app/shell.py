@@ -157,22 +157,33 @@ Ask = Callable[[Any], Mapping[str, Any]]
 
 
 def _hints(folder: Campaign, said: Mapping[str, Any], mapping: Path | None) -> Any:
-    """What campaign.toml, a mapping to try and the command line say, the last before the first."""
+    """What campaign.toml, a mapping to try and the command line say, the last before the first.
+
+    What is still to be filled in elsewhere in campaign.toml does not matter here.
+    """
+    from pipeline.readers import Hints
+
+    beside = folder.folder / "campaign.toml"
+    known = Hints()
+    for path, option in ((beside if beside.is_file() else None, "it"), (mapping, "--mapping")):
+        words = {} if path is None else _words(path, option)
+        known = known.model_copy(update=words)
+    given = {word: value for word, value in said.items() if value is not None}
+    return known.model_copy(update=given)
+
+
+def _words(path: Path, option: str) -> dict[str, Any]:
+    """What [tracker] of a file says of how exports are read."""
     from pipeline.base import toml
     from pipeline.base.strict import checked
     from pipeline.readers import Hints
 
-    there = (folder.folder / "campaign.toml").is_file()
-    known = (folder.settings().tracker if there else None) or Hints()
-    if mapping is not None:
-        none = InputError("there is no such file", "correct --mapping", file=str(mapping))
-        text = files.read(mapping, mapping.name, toml.LARGEST, none).decode("utf-8", "replace")
-        tracker = toml.loads(text, mapping.name).get("tracker", {})
-        words = {word: tracker[word] for word in Hints.model_fields if word in tracker}
-        tried = checked(Hints, words, mapping.name, "[tracker]", "correct it")
-        known = known.model_copy(update={word: getattr(tried, word) for word in words})
-    given = {word: value for word, value in said.items() if value is not None}
-    return known.model_copy(update=given)
+    none = InputError("there is no such file", f"correct {option}", file=str(path))
+    text = files.read(path, path.name, toml.LARGEST, none).decode("utf-8", "replace")
+    tracker = toml.loads(text, path.name).get("tracker", {})
+    words = {word: tracker[word] for word in Hints.model_fields if word in tracker}
+    tried = checked(Hints, words, path.name, "[tracker]", "correct it")
+    return {word: getattr(tried, word) for word in words}
 
 
 def _answered(name: str, data: bytes, hints: Any, ask: Ask | None) -> Any:

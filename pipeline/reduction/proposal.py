@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import product
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pyarrow as pa
@@ -63,7 +63,8 @@ class Proposal:
         exports: Names of the tracker exports.
         reach: Largest number in an export that does not state its unit; None where all do.
         offer: What else [tracker] has to say of the export, None where nothing else is open.
-        nameless: Whether an export does not say what its readings are.
+        nameless: Whether an export does not say what its readings are: `names`, or only `groups`
+            where it names the targets; None where it does.
         loads: Log of the loads, None where there is none.
         joints: Joint log, None where there is none.
         robots: Robots whose joints the log has; those that ship, and files in the folder.
@@ -82,7 +83,7 @@ class Proposal:
     exports: tuple[str, ...] = ()
     reach: float | None = None
     offer: Offer | None = None
-    nameless: bool = False
+    nameless: Literal["names", "groups"] | None = None
     loads: str | None = None
     joints: str | None = None
     robots: tuple[str, ...] = ()
@@ -130,6 +131,7 @@ def propose(files: Mapping[str, bytes], hints: Hints | None = None) -> Proposal:
     told = _told(logged, files, rows or {})
     return replace(
         _named(rows, told.states if told else {}),
+        nameless=_lacking(list(exports.values())),
         offer=found[1] if found else None,
         exports=tuple(exports),
         reach=max(reach, default=None),
@@ -339,7 +341,7 @@ def _named(rows: dict[str, dict[str, Array]] | None, told: Mapping[str, str]) ->
         told: State of each group that a log names.
     """
     if rows is None:
-        return Proposal(nameless=True)
+        return Proposal()
     group = None if told else _grouped(rows)
     if group is None and not told:
         return Proposal(groups=tuple(rows)[:_SHOWN])
@@ -358,6 +360,13 @@ def _named(rows: dict[str, dict[str, Array]] | None, told: Mapping[str, str]) ->
         base=tuple(_targets(others)),
         apart_m=_apart(measured, unloaded),
     )
+
+
+def _lacking(exports: Sequence[Export]) -> Literal["names", "groups"] | None:
+    """What an export does not name."""
+    if any(one.target is None for one in exports):
+        return "names"
+    return "groups" if any(one.group is None for one in exports) else None
 
 
 def _by_group(exports: Sequence[Export]) -> dict[str, dict[str, Array]] | None:
