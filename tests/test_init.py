@@ -245,6 +245,22 @@ def test_the_column_that_names_the_groups_is_found(init, numbered):
     assert set(said.base) == set(TRUE["base_frame"])
 
 
+@pytest.mark.parametrize("title", ["Grp", "Q"])
+def test_the_groups_of_a_table_are_found_by_the_log(init, numbered, title):
+    """Whatever their column is called in the export, where no title says which it is."""
+    (_, *rows), loads = numbered
+    titles = [title, "Name", "X", "Y", "Z"]
+    wide = [[k, target, *xyz] for k, target, *xyz, _ in rows]
+    files = as_files([titles, *wide], loads)
+    text = init(files | {"tracker.csv": files["tracker.csv"].replace(b",", b"|")})
+    said = tomllib.loads(text)
+
+    assert said["tracker"]["mapping"]["columns"]["group"] == title
+    assert said["naming"]["measured"] == TRUE["naming"]["measured"]
+    assert set(unfilled(text).values()) >= set(TRUE["base_frame"])
+    assert "assignment" not in unfilled(text).values()
+
+
 @pytest.mark.parametrize("shift", [-1, 1])
 def test_a_column_that_only_counts_names_no_groups(numbered, shift):
     """Rows that are numbered from another start name base readings, or groups of other states."""

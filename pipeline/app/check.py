@@ -221,11 +221,13 @@ class _Seen:
             yield f"  times        {_span(self.clock)}"
         if self.case.unused:
             yield f"  not used     groups {listed(self.case.unused)}"
-        for d in self._farthest_off():
+        far = self._farthest_off()
+        width = max((len(f"{d.first} to {d.second}") for d in far), default=0)
+        for d in far:
             lines = [line_of(text, [d.table, name]) for name in (d.first, d.second)]
             where = " and ".join(str(one) for one in lines if one)
             yield (
-                f"  {d.first + ' to ' + d.second:12} {1e3 * d.read_m:9.2f} mm as read, "
+                f"  {f'{d.first} to {d.second}':{max(width, 12)}} {1e3 * d.read_m:9.2f} mm as read, "
                 f"{1e3 * d.stated_m:9.2f} mm by lines {where}"
             )
         yield from _table(self.case.robot, self.stands)

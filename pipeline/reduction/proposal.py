@@ -127,12 +127,15 @@ def propose(files: Mapping[str, bytes], hints: Hints | None = None) -> Proposal:
         name, _, exports[name], largest = found
         del refused[name]
         reach += largest
+    offered = found[1] if found else None
+    if more := _with_groups(files, exports, offered or hints, logged):
+        offered, exports = more
     rows = _by_group(list(exports.values()))
     told = _told(logged, files, rows or {})
     return replace(
         _named(rows, told.states if told else {}),
         nameless=_lacking(list(exports.values())),
-        offer=found[1] if found else None,
+        offer=offered,
         exports=tuple(exports),
         reach=max(reach, default=None),
         loads=logged.loads,
@@ -279,6 +282,42 @@ def _offered(
     largest = float(np.abs(export.position).max(initial=0.0)) / metres
     unsaid = any(question.about == "unit" for question in one.questions)
     return name, one, export, [largest] if unsaid else []
+
+
+def _with_groups(
+    files: Mapping[str, bytes],
+    exports: Mapping[str, Export],
+    said: Offer | Hints | None,
+    logged: Proposal,
+) -> tuple[Offer, dict[str, Export]] | None:
+    """A table with the column of its groups that the log of loads makes sense of.
+
+    None where it is not one export that names targets and no groups, or no column is one.
+    """
+    if len(exports) != 1 or logged.loads is None:
+        return None
+    ((name, export),) = exports.items()
+    if export.group is not None or export.target is None:
+        return None
+    with contextlib.suppress(InputError):
+        one = said if isinstance(said, Offer) else offer(name, files[name], said or Hints())
+        if one is None or one.hints.mapping is None:
+            return None
+        for title in export.unused:
+            hints = _grouped_in(one.hints, title)
+            tried = {name: readers.read(name, files[name], hints)}
+            rows = _by_group(list(tried.values()))
+            if rows and _told(logged, files, rows):
+                return replace(one, hints=hints), tried
+    return None
+
+
+def _grouped_in(hints: Hints, title: str) -> Hints:
+    """What is said of a table, with the column of its groups in its mapping."""
+    assert hints.mapping is not None
+    columns = hints.mapping.model_dump()["columns"] | {"group": title}
+    mapping = hints.mapping.model_copy(update={"columns": columns})
+    return hints.model_copy(update={"mapping": mapping})
 
 
 # --- names ----------------------------------------------------------------------------------------
