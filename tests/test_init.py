@@ -238,7 +238,7 @@ def test_the_column_that_names_the_groups_is_found(init, numbered):
     text = init(as_files(*numbered))
     said = propose(as_files(*numbered))
 
-    assert tomllib.loads(text)["scale"]["columns"]["nr."] == "group"
+    assert tomllib.loads(text)["scale"]["columns"]["Nr."] == "group"
     assert "group" not in unfilled(text).values()
     assert list(said.measured) == TRUE["naming"]["measured"]
     assert list(said.chain) == TRUE["naming"]["chain"]
@@ -268,7 +268,7 @@ def test_a_column_that_only_counts_names_no_groups(numbered, shift):
     said = propose(as_files(tracker, [titles, *([str(int(k) + shift), *row] for k, *row in rows)]))
 
     assert said.group is None
-    assert "nr." not in said.load_columns
+    assert "Nr." not in said.load_columns
     assert said.groups
 
 

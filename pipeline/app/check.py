@@ -222,12 +222,13 @@ class _Seen:
         if self.case.unused:
             yield f"  not used     groups {listed(self.case.unused)}"
         far = self._farthest_off()
-        width = max((len(f"{d.first} to {d.second}") for d in far), default=0)
-        for d in far:
+        pairs = [f"{d.first} to {d.second}" for d in far]
+        width = max(map(len, pairs), default=0)
+        for d, pair in zip(far, pairs, strict=True):
             lines = [line_of(text, [d.table, name]) for name in (d.first, d.second)]
             where = " and ".join(str(one) for one in lines if one)
             yield (
-                f"  {f'{d.first} to {d.second}':{max(width, 12)}} {1e3 * d.read_m:9.2f} mm as read, "
+                f"  {pair:{width}} {1e3 * d.read_m:9.2f} mm as read, "
                 f"{1e3 * d.stated_m:9.2f} mm by lines {where}"
             )
         yield from _table(self.case.robot, self.stands)

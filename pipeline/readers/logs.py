@@ -450,10 +450,11 @@ def _possible(log: Log, names: Sequence[str]) -> Log:
 
 
 def unknown(name: str, data: bytes, said: LogForm) -> tuple[str, ...]:
-    """Titles of a log of loads, in small letters, that are no name of ours."""
-    ours = {name for q in _of_loads() for name in (*_names(q), q.stem)}
-    titles = opened(name, data, said, "scale", POSE.stem).titles
-    return tuple(title for title in titles if title and title not in ours)
+    """Titles of a log of loads that are no name of ours, as written."""
+    ours = {one for q in _of_loads() for one in (*map(str.lower, _names(q)), q.stem)}
+    file = opened(name, data, said, "scale", POSE.stem)
+    both = zip(file.titles, file.written, strict=True)
+    return tuple(written for title, written in both if title and title not in ours)
 
 
 def columns(name: str, data: bytes) -> tuple[str, ...]:
