@@ -261,11 +261,20 @@ def test_the_groups_of_a_table_are_found_by_the_log(init, numbered, title):
     assert "assignment" not in unfilled(text).values()
 
 
-@pytest.mark.parametrize("shift", [-1, 1])
-def test_a_column_that_only_counts_names_no_groups(numbered, shift):
-    """Rows that are numbered from another start name base readings, or groups of other states."""
+@pytest.mark.parametrize(
+    "changed",
+    [
+        lambda rows: [[str(int(k) - 1), *row] for k, *row in rows],
+        lambda rows: [[str(int(k) + 1), *row] for k, *row in rows],
+        lambda rows: rows[:4],
+        lambda rows: [[k, pose, "0" if force != "0" else "900"] for k, pose, force in rows],
+    ],
+    ids=["one before", "one behind", "only some", "the other state"],
+)
+def test_a_column_that_only_counts_names_no_groups(numbered, changed):
+    """It names base readings, leaves states out, or calls loaded what has no chain."""
     tracker, (titles, *rows) = numbered
-    said = propose(as_files(tracker, [titles, *([str(int(k) + shift), *row] for k, *row in rows)]))
+    said = propose(as_files(tracker, [titles, *changed(rows)]))
 
     assert said.group is None
     assert "Nr." not in said.load_columns
