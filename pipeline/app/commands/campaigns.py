@@ -25,6 +25,8 @@ if TYPE_CHECKING:  # they bring the numerical libraries, which take a second
 _USUAL = "kr500_rail"
 """The robot of a campaign that has no files yet, where nobody names another."""
 
+_OPEN = "Enter leaves it open"
+
 
 @app.command(short_help="Write campaign.toml for the files of a folder.")
 def init(
@@ -123,9 +125,18 @@ def _asked(said: Proposal, robot: str | None) -> Known:
     if said.reach is not None:
         unit = _one_of(f"Unit of lengths, the numbers reach {said.reach:.0f}", ("mm", "m", "in"))
     columns = _columns(log_columns(said, robot))
-    sigma_m = _size("Standard uncertainty of one tracker reading per axis [mm]", LENGTH, "mm")
+    sigma_m = _size(
+        "Standard uncertainty of one tracker reading per axis [mm]", LENGTH, "mm",
+        "Enter: it is found from repeats and misfit",
+    )  # fmt: skip
+    # step / sqrt(12), GUM F.2.2.1
+    _tell("Of the scale, its certificate says it; the last digit alone makes 0.29 of a step.")
     sigma_n = _size("Standard uncertainty of one scale reading [N]", FORCE, "n")
-    warm = _number("Temperature of rail and base [degC]") if said.exports else None
+    warm = (
+        _number("Temperature of rail and base [degC]", "Enter: nobody knows")
+        if said.exports
+        else None
+    )
     frames = [("the flange frame", ["load_point", *said.measured]), ("F_b", said.base)]
     asked = [(name, frame) for frame, names in frames for name in names if said.measured]
     if asked:
@@ -161,9 +172,9 @@ def _columns(said: Mapping[str, str]) -> dict[str, str]:
     return out
 
 
-def _answer(question: str) -> str:
+def _answer(question: str, otherwise: str = _OPEN) -> str:
     """What is typed, without blanks around it; empty where it stays open."""
-    asked = f"{question} (Enter leaves it open)"
+    asked = f"{question} ({otherwise})"
     return str(typer.prompt(asked, "", err=True, show_default=False)).strip()
 
 
@@ -176,9 +187,11 @@ def _one_of(question: str, words: tuple[str, ...]) -> str | None:
     return None
 
 
-def _size(question: str, units: Mapping[str, float], usual: str) -> float | None:
+def _size(
+    question: str, units: Mapping[str, float], usual: str, otherwise: str = _OPEN
+) -> float | None:
     """A number above zero in SI, asked until it is one; a decimal comma is as good as a point."""
-    while answer := _answer(question):
+    while answer := _answer(question, otherwise):
         with contextlib.suppress(ValueError):
             (size,) = _in_si(answer, units, usual)
             if size > 0:
@@ -203,9 +216,9 @@ def _in_si(answer: str, units: Mapping[str, float], usual: str) -> list[float]:
     return [float(f"{value * factor:.12g}") for value in values]  # 0.6, not 0.6000000000000001
 
 
-def _number(question: str) -> float | None:
+def _number(question: str, otherwise: str) -> float | None:
     """A number, asked until it is one."""
-    while answer := _answer(question):
+    while answer := _answer(question, otherwise):
         with contextlib.suppress(ValueError):
             if math.isfinite(number := float(answer.replace(",", "."))):
                 return number
