@@ -118,7 +118,7 @@ def demo():
 
 
 def by_number(zero="0", first=None):
-    """Groups that are called 1, 2, ...; only the log of the loads says what each is.
+    """Groups 001, 002, ...; only the log of the loads, where they are 1, 2, ..., says what each is.
 
     Args:
         zero: What it shows of the force of an unloaded state.
@@ -127,7 +127,9 @@ def by_number(zero="0", first=None):
     (header, *readings), (_, loads) = sheets()[0], table(OURS["loads.csv"])
     names = [name for name, *_ in table(OURS["tracker.csv"])[1]]
     number = {name: str(k) for k, name in enumerate(dict.fromkeys(names), 1)}
-    tracker = [[number[name], *row[1:]] for name, row in zip(names, readings, strict=True)]
+    tracker = [
+        [f"{int(number[name]):03d}", *row[1:]] for name, row in zip(names, readings, strict=True)
+    ]
     force = {tuple(map(int, row[:2])): row[2:] for row in loads}
     listed = [["Number", "Pose", "Force (N)", "Branch"]]
     for name, k in number.items():
@@ -135,8 +137,10 @@ def by_number(zero="0", first=None):
             pose, repeat, state = int(found[1]), int(found[2]), found[3]
             said = force[pose, repeat] if state == "loaded" else [zero, ""]
             listed.append([k, str(pose), *said])
+        else:
+            listed.append([k, "", "", ""])
     if first is not None:
-        listed[2][2] = first
+        listed[3][2] = first
     rows = {"messung.csv": [header, *tracker], "kraft.csv": listed, "achsen.csv": sheets()[2]}
     files = {name: "\n".join([*map(";".join, of), ""]).encode() for name, of in rows.items()}
     toml = settings(OURS["campaign.toml"], *files, MAPPING)
@@ -171,7 +175,7 @@ def test_a_log_may_say_what_the_groups_are(shown):
 @pytest.mark.parametrize("shown", ["0", ""])
 def test_a_pull_without_its_force_is_no_zero(shown):
     """The chain was read in it; the line of the log is named."""
-    with pytest.raises(InputError, match=r"kraft.csv:3: group 3 has no force here, and K1 was"):
+    with pytest.raises(InputError, match=r"kraft.csv:4: group 003 has no force here, and K1 was"):
         ingested(by_number(first=shown))
 
 

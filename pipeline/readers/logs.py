@@ -111,12 +111,14 @@ class Quantity:
         units: Factor to SI by unit suffix; empty for a number without unit.
         kind: `number` or `name`.
         needed: Whether the table must have it.
+        filled: Whether every row of a table that must have it has to.
     """
 
     stem: str
     units: Mapping[str, float]
     kind: Kind = "number"
     needed: bool = True
+    filled: bool = True
 
 
 POSE = Quantity("pose", {})
@@ -145,9 +147,10 @@ def loads(name: str, data: bytes, said: LogForm = OURS) -> Log:
     kinds = [force, *other[:3]]
     file = opened(name, data, said, "scale", POSE.stem,
                   lambda titles: any(_suffixed(titles, q) for q in kinds))  # fmt: skip
-    named = _suffixed(file.titles, force) and _suffixed(file.titles, other[-1])
-    needed = not (named or any(_suffixed(file.titles, q) for q in other[:3]))
-    wanted[2] = replace(force, needed=needed)
+    named = _suffixed(file.titles, other[-1]) is not None
+    needed = not any(_suffixed(file.titles, q) for q in other[:3])
+    wanted[0] = replace(POSE, filled=not named)
+    wanted[2] = replace(force, needed=needed, filled=not named)
     _known(said, "scale", wanted)
     log = _one_load(_pulls(_table(file, wanted, said, "scale")))
     if "branch" in log.word:
@@ -156,6 +159,11 @@ def loads(name: str, data: bytes, said: LogForm = OURS) -> Log:
     reason = "branch is neither up nor down; correct it or leave it empty"
     log = log.where("branch", lambda words: np.isin(words, [*_BRANCHES, ""]), reason)
     return once(log, ["pose", "repeat"])
+
+
+def group_name(name: str) -> str:
+    """A group as a log and an export have it in common: 7 in a spreadsheet is 007 in the other."""
+    return name.lstrip("0") or "0" if name.isdigit() else name
 
 
 def _of_loads() -> list[Quantity]:
@@ -167,6 +175,8 @@ def _of_loads() -> list[Quantity]:
 
 def _pulls(log: Log) -> Log:
     """The rows that are pulls, each with its number; what the groups are that all rows name."""
+    if "group" in log.word:  # one without a pose is of base reflectors
+        log = log.kept(~np.isnan(log.number["pose"]))
     resting = _resting(log)
     log = _counted(log, resting)
     number = log.number | {"resting": resting.astype(float)}
@@ -178,7 +188,8 @@ def _pulls(log: Log) -> Log:
         states = (
             State(int(p), int(r), bool(up), int(k)) for p, r, up, k in zip(*columns, strict=True)
         )
-        log = replace(log, states=dict(zip(log.word["group"].tolist(), states, strict=True)))
+        names = map(group_name, log.word["group"].tolist())
+        log = replace(log, states=dict(zip(names, states, strict=True)))
     resting = log.number["resting"] != 0
     number = {name: column for name, column in log.number.items() if name != "resting"}
     word = {name: column for name, column in log.word.items() if name != "group"}
@@ -404,7 +415,7 @@ def _table(file: Titled, wanted: Sequence[Quantity], said: LogForm, where: str |
     with at(name):
         with at(line=file.line):
             there = [(q, *column) for q in wanted if (column := _column(titles, q, where))]
-        known = {title: Field(title, q.kind, q.needed) for q, title, _ in there}
+        known = {title: Field(title, q.kind, q.needed and q.filled) for q, title, _ in there}
         other = {title: Field(title, "any" if title else "blank", False) for title in titles}
         fields = tuple((other | known)[title] for title in titles)
         layout = Layout(fields, file.delimiter, file.line + 1, said.decimal, table=where)

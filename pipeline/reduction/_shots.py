@@ -19,7 +19,7 @@ from pipeline.base.threads import MUCH, spread
 from pipeline.base.toml import quoted
 from pipeline.readers import Export
 from pipeline.readers._cells import shown
-from pipeline.readers.logs import BEYOND, State
+from pipeline.readers.logs import BEYOND, State, group_name
 from pipeline.reduction._index import numbered
 from pipeline.reduction.settings import Naming, Settings
 
@@ -198,7 +198,7 @@ def _slots(
     keys = np.full((3, len(names)), -1, dtype=np.int64)
     rest = np.arange(len(names))
     if states:
-        every = [states.get(name) for name in names.to_pylist()]
+        every = [states.get(group_name(name)) for name in names.to_pylist()]
         told = [one[:3] for one in every if one is not None]
         said = np.array([one is not None for one in every], dtype=bool)
         keys[:, said] = np.array(told, dtype=np.int64).reshape(-1, 3).T
@@ -331,7 +331,8 @@ def pulled_at_rest(
     Raises:
         InputError: One was: a force is missing there, and a pull would pass for a zero.
     """
-    at_rest = pa.array([name for name, one in states.items() if not one.loaded], pa.string())
+    said = {name: states.get(group_name(name)) for name in shots.group.dictionary.to_pylist()}
+    at_rest = pa.array([name for name, one in said.items() if one and not one.loaded], pa.string())
     chain, rest = (
         pc.is_in(names.cast(pa.string()), among)
         for names, among in (
@@ -345,7 +346,7 @@ def pulled_at_rest(
             f"({shots.place(int(k))}), as in a pull only",
             "fill in the force, or correct the group",
             file=log,
-            line=states[group].line,
+            line=states[group_name(group)].line,
         )
 
 

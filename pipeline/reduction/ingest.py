@@ -261,9 +261,9 @@ def _three_base_reflectors(shots: Shots, settings: Settings) -> None:
 def _some_pull(shots: Shots, settings: Settings, loads: logs.Log) -> None:
     if shots.loaded.any():
         return
-    if loads.states:
+    if pulls := [name for name, one in loads.states.items() if one.loaded]:
         raise InputError(
-            f"no group that {loads.file} names as a pull ({listed(loads.states)}) is in the export",
+            f"no group that {loads.file} names as a pull ({listed(pulls)}) is in the export",
             "correct its column group",
             file=shots.files[0],
         )

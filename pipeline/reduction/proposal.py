@@ -351,8 +351,9 @@ def _told(
         tried = form.model_copy(update={"columns": form.columns | columns})
         with contextlib.suppress(InputError):
             found = logs.loads(logged.loads, data, tried).states
-            states = {name: _STATES[one.loaded] for name, one in found.items()}
-            if _makes_sense(states, rows):
+            alike = {name: logs.group_name(name) for name in rows}
+            states = {name: _STATES[found[k].loaded] for name, k in alike.items() if k in found}
+            if found.keys() <= {*alike.values()} and _makes_sense(states, rows):
                 return _Told(columns, states)
     return None
 
@@ -360,11 +361,8 @@ def _told(
 def _makes_sense(states: Mapping[str, str], rows: Mapping[str, Mapping[str, Array]]) -> bool:
     """Whether groups are unloaded and loaded states, and all others something else.
 
-    All groups that are named are there; what was read unloaded was read loaded, too, and no target
-    of theirs in any other group.
+    What was read unloaded was read loaded, too, and no target of theirs in any other group.
     """
-    if not states or not states.keys() <= rows.keys():
-        return False
     unloaded, loaded, others = (
         {target for name, at in rows.items() if states.get(name) == one for target in at}
         for one in (*_STATES, None)
