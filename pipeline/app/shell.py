@@ -161,29 +161,31 @@ def _hints(folder: Campaign, said: Mapping[str, Any], mapping: Path | None) -> A
 
     What is still to be filled in elsewhere in campaign.toml does not matter here.
     """
+    from pipeline.base import toml
     from pipeline.readers import Hints
 
-    beside = folder.folder / "campaign.toml"
     known = Hints()
-    for path, option in ((beside if beside.is_file() else None, "it"), (mapping, "--mapping")):
-        words = {} if path is None else _words(path, option)
-        known = known.model_copy(update=words)
+    if (folder.folder / "campaign.toml").is_file():
+        known = _words(folder.content("campaign.toml"), "campaign.toml", known)
+    if mapping is not None:
+        none = InputError("there is no such file", "correct --mapping", file=str(mapping))
+        known = _words(files.read(mapping, mapping.name, toml.LARGEST, none), mapping.name, known)
     given = {word: value for word, value in said.items() if value is not None}
     return known.model_copy(update=given)
 
 
-def _words(path: Path, option: str) -> dict[str, Any]:
-    """What [tracker] of a file says of how exports are read."""
+def _words(data: bytes, name: str, known: Any) -> Any:
+    """What is known of how an export is read, with what [tracker] of a file says of it."""
     from pipeline.base import toml
     from pipeline.base.strict import checked
     from pipeline.readers import Hints
 
-    none = InputError("there is no such file", f"correct {option}", file=str(path))
-    text = files.read(path, path.name, toml.LARGEST, none).decode("utf-8", "replace")
-    tracker = toml.loads(text, path.name).get("tracker", {})
+    tracker = toml.loads(files.text(data, name), name).get("tracker", {})
+    if not isinstance(tracker, dict):
+        raise InputError("tracker is no table", "write [tracker], and its keys below", file=name)
     words = {word: tracker[word] for word in Hints.model_fields if word in tracker}
-    tried = checked(Hints, words, path.name, "[tracker]", "correct it")
-    return {word: getattr(tried, word) for word in words}
+    tried = checked(Hints, words, name, "[tracker]", "correct it")
+    return known.model_copy(update={word: getattr(tried, word) for word in words})
 
 
 def _answered(name: str, data: bytes, hints: Any, ask: Ask | None) -> Any:

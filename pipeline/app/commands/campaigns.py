@@ -86,6 +86,10 @@ def _propose(root: Path, folder: Path, robot: str | None, ask: bool) -> None:
     known = _asked(said, robot) if ask else blank.Known(robot=robot)
     left = blank.write(folder, said, known)
     typer.echo(folder)
+    if not (said.exports or said.loads or said.joints):
+        _tell("No exports or logs lie there yet. To have campaign.toml written for files of other "
+              f"programs, copy them there, remove it, and type `pipeline init {folder.name}` "
+              "again.")  # fmt: skip
     todo = f"Still open in campaign.toml: {listed(left, most=40)}; fill it in, then" if left else ""
     _tell(f"{todo or 'Next'}: pipeline check {folder.name}")
 
