@@ -76,6 +76,35 @@ def test_the_names_of_others_are_understood_from_what_was_read(form, states):
     assert said.reach == pytest.approx(12560, rel=0.3)
 
 
+def up_and_down(restart):
+    """The way of the turnbuckle in place of the state, pulls numbered through or anew."""
+
+    def named(pose, repeat, state):
+        if state == "unloaded":
+            return f"Pose {pose} leer {repeat}"
+        down = repeat > 1
+        return f"Pose {pose} {'ab' if down else 'auf'} {repeat - down * restart}"
+
+    return named
+
+
+def test_several_words_may_be_loaded_states(init):
+    """As on the way up and down, where the numbers go through."""
+    text = tomllib.loads(init(foreign(up_and_down(0))))
+
+    assert text["naming"]["states"] == {"leer": "unloaded", "auf": "loaded", "ab": "loaded"}
+    assert text["naming"]["chain"] == TRUE["naming"]["chain"]
+    assert re.fullmatch(text["naming"]["group"], "Pose 3 ab 2")["repeat"] == "2"
+
+
+def test_pulls_whose_numbers_begin_again_stay_open():
+    """Two groups would be the same pull."""
+    said = propose(foreign(up_and_down(1)))
+
+    assert said.group is None
+    assert said.groups
+
+
 def test_names_that_tell_nothing_stay_open():
     """Two words with as many reflectors each, a file of something else."""
     rows = FILES["tracker.csv"].decode().splitlines()

@@ -30,7 +30,6 @@ _DEFAULTS = ("tracker*.csv", "tracker*.txt")
 """What exports are called where there are none yet."""
 _TARGETS = ("P1", "P2", "P3")
 _BASE = ("B1", "B2", "B3")
-_OURS = ("unloaded", "loaded")
 _LOGS = ("loads.csv", "joints.csv")
 """What logs are called where there are none yet."""
 
@@ -118,7 +117,7 @@ def _of_files(said: Proposal) -> dict[str, object]:
         "reach": _shown(said.reach, plain),
         "group": _shown(said.group, lambda group: quoted(group.pattern)),
         "asked_group": _shown(asked or None, lambda names: printable(listed(names), 200)),
-        "states": _shown(said.group, lambda group: _states(group.states)),
+        "states": _shown(said.group, lambda group: _states(group.state_of)),
         "measured": _quoted(said.measured),
         "chain": _quoted(said.chain),
         "apart": [f"{one} to {two}: {1e3 * m:.2f} mm as read" for (one, two), m in apart],
@@ -206,12 +205,13 @@ def _pairs(columns: Mapping[str, str]) -> list[str]:
     ]
 
 
-def _states(states: tuple[str, str]) -> str:
-    """The words of the two states as a table on one line, nothing where they are ours."""
-    if states == _OURS:
+def _states(state_of: Mapping[str, str]) -> str:
+    """The words of the states as a table on one line, nothing where they are ours."""
+    if all(own == ours for own, ours in state_of.items()):
         return ""
-    pairs = zip(states, _OURS, strict=True)
-    return "{ " + ", ".join(f"{quoted(own)} = {quoted(ours)}" for own, ours in pairs) + " }"
+    return (
+        "{ " + ", ".join(f"{quoted(own)} = {quoted(ours)}" for own, ours in state_of.items()) + " }"
+    )
 
 
 def _points(names: Sequence[str], known: Known) -> list[tuple[str, str | None]]:

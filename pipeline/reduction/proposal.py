@@ -48,11 +48,17 @@ class Group:
 
     Attributes:
         pattern: Regular expression with the parts pose, state and, where there is one, repeat.
-        states: The words of the two states as they stand in the names, unloaded and loaded.
+        states: The words of the states as they stand in the names: that of the unloaded one, and
+            those of loaded ones, as on the way up and down.
     """
 
     pattern: str
-    states: tuple[str, str] = _STATES
+    states: tuple[str, ...] = _STATES
+
+    @property
+    def state_of(self) -> dict[str, str]:
+        """`unloaded` or `loaded` by word."""
+        return {word: _STATES[k > 0] for k, word in enumerate(self.states)}
 
 
 @dataclass(frozen=True)
@@ -456,7 +462,7 @@ def _apart(
 def _state_of(names: Sequence[str], group: Group) -> dict[str, str]:
     """State of each group that is one."""
     found = patterns.parts(pa.array(names, pa.string()), group.pattern).to_pylist()
-    word = {said.lower(): state for said, state in zip(group.states, _STATES, strict=True)}
+    word = {said.lower(): state for said, state in group.state_of.items()}
     return {
         name: word[parts["state"].lower()]
         for name, parts in zip(names, found, strict=True)
@@ -465,11 +471,10 @@ def _state_of(names: Sequence[str], group: Group) -> dict[str, str]:
 
 
 def _grouped(rows: Mapping[str, Mapping[str, Array]]) -> Group | None:
-    """How group names are read: the usual way, or by a number and a word of two.
+    """How group names are read: the usual way, or by a number and a word of a few.
 
     Names of one form are a number for the pose, a word for the state and perhaps a number for the
-    repeat. Of the two words the one whose groups have more targets is loaded: the chain's ends are
-    read only then.
+    repeat. Words whose groups have more targets are loaded: the chain's ends are read only then.
     """
     usual = Group(Naming().group)
     if _state_of(list(rows), usual):
@@ -480,20 +485,29 @@ def _grouped(rows: Mapping[str, Mapping[str, Array]]) -> Group | None:
     numbers = [k for k, token in enumerate(longest) if token.isdigit()]
     for k in range(len(longest)):
         said = {name: own[k] for name, own in alike.items() if len(own) > k}
-        if _two_states(said, alike, numbers[0]):
+        if _states(said, alike, numbers[0]):
             states = _in_order(said, rows)
             least = min(len(alike[name]) for name in said)
-            return states and Group(_pattern(longest, numbers, k, states, least), states)
+            group = states and Group(_pattern(longest, numbers, k, states, least), states)
+            return group if group and _apart_from_each_other(list(rows), group) else None
     return None
 
 
-def _two_states(said: Mapping[str, str], alike: Mapping[str, Sequence[str]], place: int) -> bool:
-    """Whether a part of the names is one of two words, and most numbers at a place have both."""
+def _apart_from_each_other(names: Sequence[str], group: Group) -> bool:
+    """Whether no two groups are the same pull: on the way up and down numbers may begin again."""
+    found = patterns.parts(pa.array(names, pa.string()), group.pattern).drop_null().to_pylist()
+    keys = [(parts["pose"], group.state_of.get(parts["state"]), parts["repeat"]) for parts in found]
+    numbered = [key for key in keys if key[2]]
+    return len(set(numbered)) == len(numbered)
+
+
+def _states(said: Mapping[str, str], alike: Mapping[str, Sequence[str]], place: int) -> bool:
+    """Whether a part of the names is one of some words, and most numbers at a place have two."""
     words = set(said.values())
     pose = {name: alike[name][place] for name in said if len(alike[name]) > place}
     both = {(number, said[name]) for name, number in pose.items()}
     return (
-        len(words) == 2
+        len(words) > 1
         and all(word.isalpha() for word in words)
         and len(both) >= 1.5 * len(set(pose.values()))
     )
@@ -509,15 +523,16 @@ def _fits(own: Sequence[str], longest: Sequence[str]) -> bool:
 
 def _in_order(
     said: Mapping[str, str], rows: Mapping[str, Mapping[str, Array]]
-) -> tuple[str, str] | None:
-    """The words of the unloaded and the loaded state; None where both have as many targets."""
-    most = {w: max(len(rows[name]) for name in said if said[name] == w) for w in {*said.values()}}
-    unloaded, loaded = sorted(most, key=lambda word: most[word])
-    return (unloaded, loaded) if most[unloaded] < most[loaded] else None
+) -> tuple[str, ...] | None:
+    """The word of the unloaded state, then those of loaded ones; None where no one is below all."""
+    words = dict.fromkeys(said.values())
+    most = {w: max(len(rows[name]) for name in said if said[name] == w) for w in words}
+    unloaded, *loaded = sorted(most, key=lambda word: most[word])
+    return (unloaded, *loaded) if most[unloaded] < most[loaded[0]] else None
 
 
 def _pattern(
-    tokens: Sequence[str], numbers: Sequence[int], state: int, states: tuple[str, str], least: int
+    tokens: Sequence[str], numbers: Sequence[int], state: int, states: tuple[str, ...], least: int
 ) -> str:
     """An expression for names of one form, the last parts of which may be missing."""
     parts = {
