@@ -249,6 +249,19 @@ def test_axes_of_the_controller_may_have_their_units_in_brackets():
         assert others.number[name].tolist() == column.tolist(), name
 
 
+@pytest.mark.parametrize(
+    ("title", "metres"), [("E1 [in]", 0.0254), ("E1_in", 0.0254), ("E1 (mm)", 1e-3)]
+)
+def test_a_rail_may_be_read_in_inches(title, metres):
+    """Or in millimetres; an inch is 25.4 mm."""
+    titles = ["pose", title, *(f"A{k}_deg" for k in range(1, 7))]
+    log = logs.joints(
+        "j.csv", f"{';'.join(titles)}\n7;40;0;0;0;0;0;0\n".encode(), load("kr500_rail")
+    )
+
+    assert log.number["r1"].tolist() == [pytest.approx(40 * metres, rel=1e-15)]
+
+
 def test_pulls_without_numbers_are_counted():
     """Rows of each pose in their order, where the log has no column for them."""
     assert load_log("pose,force_n\n1,500\n2,300\n1,250\n") == [
