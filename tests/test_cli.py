@@ -167,7 +167,10 @@ def test_init_without_a_terminal_asks_nothing(tmp_path, capsys, monkeypatch):
     named, said = cli._exit_code(["init", "a", "--root", str(tmp_path)]), capsys.readouterr()
     nameless, why = cli._exit_code(["init", "--root", str(tmp_path)]), capsys.readouterr()
 
-    assert (named, said.err) == (0, "")
+    assert named == 0
+    assert "copy them there, remove it, and type `pipeline init a` again" in said.err
+    assert "sigma_n (line 20)" in said.err
+    assert said.err.endswith("fill it in, then: pipeline check a\n")
     assert nameless == 2
     assert "pipeline init NAME" in why.err
 

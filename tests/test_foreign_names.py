@@ -117,6 +117,37 @@ def demo():
     return {name: text.encode() for name, text in OURS.items()}
 
 
+def by_number(zero="0", first=None):
+    """Groups 001, 002, ...; only the log of the loads, where they are 1, 2, ..., says what each is.
+
+    Args:
+        zero: What it shows of the force of an unloaded state.
+        first: What it shows of that of the first pull; None as it was.
+    """
+    (header, *readings), (_, loads) = sheets()[0], table(OURS["loads.csv"])
+    names = [name for name, *_ in table(OURS["tracker.csv"])[1]]
+    number = {name: str(k) for k, name in enumerate(dict.fromkeys(names), 1)}
+    tracker = [
+        [f"{int(number[name]):03d}", *row[1:]] for name, row in zip(names, readings, strict=True)
+    ]
+    force = {tuple(map(int, row[:2])): row[2:] for row in loads}
+    listed = [["Number", "Pose", "Force (N)", "Branch"]]
+    for name, k in number.items():
+        if found := GROUP.fullmatch(name):
+            pose, repeat, state = int(found[1]), int(found[2]), found[3]
+            said = force[pose, repeat] if state == "loaded" else [zero, ""]
+            listed.append([k, str(pose), *said])
+        else:
+            listed.append([k, "", "", ""])
+    if first is not None:
+        listed[3][2] = first
+    rows = {"messung.csv": [header, *tracker], "kraft.csv": listed, "achsen.csv": sheets()[2]}
+    files = {name: "\n".join([*map(";".join, of), ""]).encode() for name, of in rows.items()}
+    toml = settings(OURS["campaign.toml"], *files, MAPPING)
+    toml = re.sub(r'"Pose" = "pose"\n"Zug".*\n.*\n"Richtung"', '"Number" = "group"\n"Branch"', toml)
+    return files | {"campaign.toml": toml.encode()}
+
+
 @pytest.mark.parametrize("form", ["german", "excel", "blanks"])
 def test_the_same_campaign_in_their_form_is_the_same_campaign(form):
     """Tables after reading are equal to the last digit, whatever names, marks and times say."""
@@ -124,6 +155,60 @@ def test_the_same_campaign_in_their_form_is_the_same_campaign(form):
 
     for name, table in ours.items():
         assert_frame_equal(others[name], table, check_exact=True)
+
+
+@pytest.mark.parametrize("shown", ["0", "0.00", ""])
+def test_a_log_may_say_what_the_groups_are(shown):
+    """Readings, pulls and poses are those of telling names; zeros are counted."""
+    ours, others = ingested(demo()), ingested(by_number(shown))
+    zero = ours["readings"]["state"] == "unloaded"
+    for tables in (ours, others):
+        tables["readings"].loc[zero, "repeat"] = (
+            tables["readings"].loc[zero, "repeat"].clip(upper=1)
+        )
+
+    for name, table in ours.items():
+        left = table.drop(columns="line", errors="ignore")
+        assert_frame_equal(others[name][left.columns], left, check_exact=True)
+
+
+@pytest.mark.parametrize("shown", ["0", ""])
+def test_a_pull_without_its_force_is_no_zero(shown):
+    """The chain was read in it; the line of the log is named."""
+    with pytest.raises(InputError, match=r"kraft.csv:4: group 003 has no force here, and K1 was"):
+        ingested(by_number(first=shown))
+
+
+@pytest.mark.parametrize(
+    ("rows", "read"),
+    [
+        ("1,0\n1,500\n1,250\n2,0\n2,300\n", [(1, 1, 500), (1, 2, 250), (2, 1, 300)]),
+        ("1,500\n1,0\n2,300\n2,0\n", [(1, 1, 500), (2, 1, 300)]),
+        ("1,500\n1,250\n1,0\n2,300\n", [(1, 1, 500), (1, 2, 250), (2, 1, 300)]),
+    ],
+)
+def test_a_row_of_the_unloaded_state_is_no_pull(rows, read):
+    """Where every pose has one, and where no other pull stands behind it."""
+    assert load_log(f"pose,force_n\n{rows}") == read
+
+
+def test_a_force_of_zero_that_may_be_a_pull_is_refused():
+    """Only some poses have one: the pulls after it would get the forces of others."""
+    with pytest.raises(InputError, match=r"loads.csv:2: without a column repeat nobody knows wh.*"):
+        load_log("pose,force_n\n1,0\n1,500\n2,300\n")
+
+
+@pytest.mark.parametrize(
+    ("up", "down"), [("auf", "ab"), ("Belasten", "Entlasten"), ("loading", "unloading"),
+                     ("hin", "zurück"), ("up", "DOWN")],
+)  # fmt: skip
+def test_the_way_of_the_turnbuckle_may_have_their_words(up, down):
+    """Ours stand in the tables; a word that is none of them costs its row."""
+    text = f"pose,repeat,force_n,branch\n1,1,500,{up}\n1,2,200,{down}\n1,3,100,\n1,4,90,links\n"
+    log = logs.loads("loads.csv", text.encode())
+
+    assert log.word["branch"].tolist() == ["up", "down", ""]
+    assert [line for _, line, _ in log.rejected] == [5]
 
 
 def load_log(text, said=None):
@@ -162,6 +247,19 @@ def test_axes_of_the_controller_may_have_their_units_in_brackets():
     assert others.number["r1"].tolist() == [pytest.approx(1.2345)]
     for name, column in ours.number.items():
         assert others.number[name].tolist() == column.tolist(), name
+
+
+@pytest.mark.parametrize(
+    ("title", "metres"), [("E1 [in]", 0.0254), ("E1_in", 0.0254), ("E1 (mm)", 1e-3)]
+)
+def test_a_rail_may_be_read_in_inches(title, metres):
+    """Or in millimetres; an inch is 25.4 mm."""
+    titles = ["pose", title, *(f"A{k}_deg" for k in range(1, 7))]
+    log = logs.joints(
+        "j.csv", f"{';'.join(titles)}\n7;40;0;0;0;0;0;0\n".encode(), load("kr500_rail")
+    )
+
+    assert log.number["r1"].tolist() == [pytest.approx(40 * metres, rel=1e-15)]
 
 
 def test_pulls_without_numbers_are_counted():

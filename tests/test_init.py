@@ -76,6 +76,35 @@ def test_the_names_of_others_are_understood_from_what_was_read(form, states):
     assert said.reach == pytest.approx(12560, rel=0.3)
 
 
+def up_and_down(restart):
+    """The way of the turnbuckle in place of the state, pulls numbered through or anew."""
+
+    def named(pose, repeat, state):
+        if state == "unloaded":
+            return f"Pose {pose} leer {repeat}"
+        down = repeat > 1
+        return f"Pose {pose} {'ab' if down else 'auf'} {repeat - down * restart}"
+
+    return named
+
+
+def test_several_words_may_be_loaded_states(init):
+    """As on the way up and down, where the numbers go through."""
+    text = tomllib.loads(init(foreign(up_and_down(0))))
+
+    assert text["naming"]["states"] == {"leer": "unloaded", "auf": "loaded", "ab": "loaded"}
+    assert text["naming"]["chain"] == TRUE["naming"]["chain"]
+    assert re.fullmatch(text["naming"]["group"], "Pose 3 ab 2")["repeat"] == "2"
+
+
+def test_pulls_whose_numbers_begin_again_stay_open():
+    """Two groups would be the same pull."""
+    said = propose(foreign(up_and_down(1)))
+
+    assert said.group is None
+    assert said.groups
+
+
 def test_names_that_tell_nothing_stay_open():
     """Two words with as many reflectors each, a file of something else."""
     rows = FILES["tracker.csv"].decode().splitlines()
@@ -94,6 +123,29 @@ def test_readings_without_names_are_asked_for(init):
     text = init(FILES | {"tracker.csv": "\n".join(map(";".join, rows)).encode()})
 
     assert {"assignment", "unit"} <= set(unfilled(text).values())
+
+
+def test_readings_without_groups_are_said_to_have_none(init):
+    """Their targets are named: the column of the groups is what has to be found."""
+    rows = [row.split(",") for row in FILES["tracker.csv"].decode().splitlines()]
+    cut = "\n".join("\t".join(row[1:5]) for row in [["", "Name", "X", "Y", "Z"], *rows[1:]])
+    text = init({"tracker.csv": cut.encode()})
+
+    assert "assignment" in unfilled(text).values()
+    assert "the readings have no groups: name their column in [tracker.mapping]" in text
+
+
+def test_inspect_helps_to_fill_in_what_is_open(init, tmp_path, capsys):
+    """A campaign.toml with open lines says what it says of exports, and stops nothing."""
+    text = init(foreign(german))
+    folder = tmp_path / "data" / "raw" / "mine"
+    (folder / "campaign.toml").write_text(re.sub(r"# unit = \?", 'unit = "mm"', text))
+    capsys.readouterr()
+    code = cli._exit_code(["inspect", str(folder / "tracker.csv")])
+
+    assert unfilled(text)
+    assert code == 0
+    assert re.search(r"unit +mm", capsys.readouterr().out)
 
 
 def test_a_workbook_may_hold_everything():
@@ -150,6 +202,10 @@ JOINTS = "Pose;Lineareinheit [mm];" + ";".join(f"Achse {k} [°]" for k in range(
 JOINTS += "\n1;3988,357;52,2396;-46,5960;7,3074;-173,0226;-63,4588;-121,5295\n"
 
 
+RADIANS = "1;3988,357;0,9144;-0,8132;0,1275;-3,0198;-1,1076;-2,1211\n"
+"""The same pose; as degrees it is one that the robot can take, too."""
+
+
 def test_titles_of_others_are_proposed_for_the_logs(init):
     """With the units that they state; only robots with as many axes fit."""
     logs = {"kraft.csv": LOADS.encode("cp1252"), "achsen.csv": JOINTS.encode("cp1252")}
@@ -161,15 +217,104 @@ def test_titles_of_others_are_proposed_for_the_logs(init):
     assert set(said.refused) == {"loads.csv", "joints.csv"}
     assert propose(files).robots == ("kr500_rail", "kr500_rail_kuka")
     assert tomllib.loads(text)["scale"]["columns"] == {
-        "Pose Nr.": "pose", "Zug Nr.": "repeat", "Kraft [kg]": "force_kg"}  # fmt: skip
+        "Pose Nr.": "pose", "Zug Nr.": "repeat", "Kraft [kg]": "force_kg",
+        "Richtung": "branch"}  # fmt: skip
     assert tomllib.loads(text)["joints"]["columns"]["Achse 6 [°]"] == "A6_deg"
+
+
+def test_a_direction_that_is_no_branch_is_not_proposed():
+    """Its words would cost every row."""
+    said = propose({"kraft.csv": LOADS.replace(";auf", ";nach Norden").encode()})
+
+    assert said.load_columns == {
+        "Pose Nr.": "pose", "Zug Nr.": "repeat", "Kraft [kg]": "force_kg"}  # fmt: skip
+
+
+def test_angles_that_can_only_be_degrees_are_degrees(init):
+    """As radians they turn the arm far beyond the limits of its robot file."""
+    files = FILES | {"achsen.csv": JOINTS.replace("[°]", "").replace("[mm]", "").encode()}
+    del files["joints.csv"]
+    columns = tomllib.loads(init(files))["joints"]["columns"]
+
+    assert columns["Achse 6"] == "A6_deg"
+    assert columns["Lineareinheit"] == "E1_mm"
+
+
+@pytest.fixture(scope="module")
+def numbered():
+    """Groups that are called 1, 2, ...; the log of the loads has a row for each state of a pose."""
+    readings = [row.split(",") for row in FILES["tracker.csv"].decode().splitlines()]
+    number = {name: str(k) for k, name in enumerate(dict.fromkeys(row[0] for row in readings[1:]))}
+    tracker = [readings[0], *([number[group], *row] for group, *row in readings[1:])]
+    force = dict(re.findall(r"(?m)^(\d+,\d+),([\d.]+)", FILES["loads.csv"].decode()))
+    loads = [["Nr.", "Pose", "Kraft [N]"]]
+    for name, k in number.items():
+        if parts := re.fullmatch(r"pose(\d+)_rep(\d+)_(\w+)", name):
+            pull = f"{int(parts[1])},{int(parts[2])}"
+            loads.append([k, str(int(parts[1])), force[pull] if parts[3] == "loaded" else "0"])
+    return tracker, loads
+
+
+def as_files(tracker, loads):
+    """A campaign of these rows."""
+    rows = {"tracker.csv": tracker, "loads.csv": loads}
+    text = {name: "\n".join([*map(",".join, of), ""]) for name, of in rows.items()}
+    return FILES | {name: one.encode() for name, one in text.items()}
+
+
+def test_the_column_that_names_the_groups_is_found(init, numbered):
+    """By what was read in them, whatever it is called; the campaign is read as it was."""
+    text = init(as_files(*numbered))
+    said = propose(as_files(*numbered))
+
+    assert tomllib.loads(text)["scale"]["columns"]["Nr."] == "group"
+    assert "group" not in unfilled(text).values()
+    assert list(said.measured) == TRUE["naming"]["measured"]
+    assert list(said.chain) == TRUE["naming"]["chain"]
+    assert set(said.base) == set(TRUE["base_frame"])
+
+
+@pytest.mark.parametrize("title", ["Grp", "Q"])
+def test_the_groups_of_a_table_are_found_by_the_log(init, numbered, title):
+    """Whatever their column is called in the export, where no title says which it is."""
+    (_, *rows), loads = numbered
+    titles = [title, "Name", "X", "Y", "Z"]
+    wide = [[k, target, *xyz] for k, target, *xyz, _ in rows]
+    files = as_files([titles, *wide], loads)
+    text = init(files | {"tracker.csv": files["tracker.csv"].replace(b",", b"|")})
+    said = tomllib.loads(text)
+
+    assert said["tracker"]["mapping"]["columns"]["group"] == title
+    assert said["naming"]["measured"] == TRUE["naming"]["measured"]
+    assert set(unfilled(text).values()) >= set(TRUE["base_frame"])
+    assert "assignment" not in unfilled(text).values()
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        lambda rows: [[str(int(k) - 1), *row] for k, *row in rows],
+        lambda rows: [[str(int(k) + 1), *row] for k, *row in rows],
+        lambda rows: rows[:4],
+        lambda rows: [[k, pose, "0" if force != "0" else "900"] for k, pose, force in rows],
+    ],
+    ids=["one before", "one behind", "only some", "the other state"],
+)
+def test_a_column_that_only_counts_names_no_groups(numbered, changed):
+    """It names base readings, leaves states out, or calls loaded what has no chain."""
+    tracker, (titles, *rows) = numbered
+    said = propose(as_files(tracker, [titles, *changed(rows)]))
+
+    assert said.group is None
+    assert "Nr." not in said.load_columns
+    assert said.groups
 
 
 def test_a_log_that_states_no_unit_is_a_log(init):
     """Its unit stays open, and a comma that may be two things makes no export of it."""
     logs = {
         "kraft.csv": LOADS.replace("[kg]", "").replace(",5", ",225").replace(",0", ",000").encode(),
-        "achsen.csv": JOINTS.replace("[°]", "").encode(),
+        "achsen.csv": (JOINTS.replace("[°]", "").partition("\n")[0] + "\n" + RADIANS).encode(),
     }
     text = init({"tracker.csv": FILES["tracker.csv"], **logs})
 
@@ -218,6 +363,64 @@ def test_with_all_answers_it_is_the_campaign_that_was_measured(init):
     assert said.tracker.files == true.tracker.files
 
 
+def test_answers_may_have_their_own_units(init):
+    """As on a drawing in mm or in inches, and on a scale in pounds."""
+    points = TRUE["tool"] | TRUE["base_frame"]
+    order = ["load_point", "P1", "P2", "P3", "B1", "B2", "B3", "B4"]
+    mm = [" ".join(f"{1e3 * x:.10g}" for x in points[name]) + " mm" for name in order]
+    mm[1] = ", ".join(f"{x / 0.0254:.16g}" for x in points["P1"]) + "in"
+    said = parse(init(FILES, "kr500_rail", "3e-5 m", "0,5 lbf", "", *mm))
+
+    assert said.tool["P1"] == pytest.approx(points["P1"], rel=1e-11)
+    assert said.tool["load_point"] == tuple(points["load_point"])
+    assert said.base_frame["B2"] == tuple(points["B2"])
+    assert said.scale.sigma_n == pytest.approx(0.5 * 4.4482216152605, rel=1e-5)
+    assert said.tracker.sigma_m == 3e-5
+
+
+def test_a_unit_that_is_none_is_asked_again(init):
+    """A word behind the number that is no unit of it."""
+    said = init(FILES, "", "0.03 kg", "0.03", "2 mm", "2", *[""] * 9)
+
+    assert tomllib.loads(said)["tracker"]["sigma_m"] == pytest.approx(3e-5)
+    assert tomllib.loads(said)["scale"]["sigma_n"] == 2
+    assert "robot" in unfilled(said).values()
+
+
+def test_the_unit_of_titles_that_state_none_is_asked(init):
+    """Once for all that have the same units to choose from."""
+    titles, angles = JOINTS.replace("[°]", "").partition("\n")[0], RADIANS
+    files = {
+        "tracker.csv": FILES["tracker.csv"],
+        "kraft.csv": LOADS.replace("[kg]", "").encode("cp1252"),
+        "achsen.csv": f"{titles}\n{angles}".encode(),
+    }
+    said = tomllib.loads(init(files, "kr500_rail", "kp", "rad", *[""] * 11))
+
+    assert said["scale"]["columns"]["Kraft"] == "force_kp"
+    assert {said["joints"]["columns"][f"Achse {k}"] for k in range(1, 7)} == {
+        f"A{k}_rad" for k in range(1, 7)
+    }
+
+
+def test_names_with_blanks_stay_apart(init, capsys):
+    """In what is said of the files before anything is asked."""
+    blanks = FILES["tracker.csv"].replace(b",P1,", b",Ball 1,").replace(b",P2,", b",Ball 2,")
+    init(FILES | {"tracker.csv": blanks})
+
+    assert "measured targets: Ball 1, Ball 2, P3\n" in capsys.readouterr().err
+
+
+def test_a_blank_gives_way_to_files(init, tmp_path):
+    """Logs that `init` made and nobody filled in are none; those of the campaign are found."""
+    init({}, words=("--robot", "kr500_rail"))
+    (tmp_path / "data" / "raw" / "mine" / "campaign.toml").unlink()
+    logs = {"zug.csv": LOADS.encode("cp1252"), "winkel.csv": JOINTS.encode("cp1252")}
+    said = tomllib.loads(init({"tracker.csv": FILES["tracker.csv"], **logs}))
+
+    assert (said["scale"]["file"], said["joints"]["file"]) == ("zug.csv", "winkel.csv")
+
+
 def test_what_nobody_said_is_named_with_its_lines(init):
     """No number that was not given stands in the file, not even in a comment."""
     text = init(foreign(german))
@@ -252,6 +455,6 @@ def test_a_campaign_is_never_written_over(init, tmp_path, capsys):
     folder = tmp_path / "data" / "raw" / "mine"
 
     assert cli._exit_code(["init", "mine", "--root", str(tmp_path)]) == 2
-    assert "is there already" in capsys.readouterr().err
+    assert "has a campaign.toml already: fill that in, or remove it" in capsys.readouterr().err
     assert (folder / "campaign.toml").read_text() == text
     assert all((folder / name).read_bytes() == data for name, data in FILES.items())

@@ -488,6 +488,14 @@ def test_settings_beside_an_export_may_be_anything(tmp_path, capsys):
     assert "campaign.toml: is not UTF-8; save it as UTF-8." in capsys.readouterr().err
 
 
+def test_a_tracker_beside_an_export_that_is_no_table_is_said(tmp_path, capsys):
+    """Whatever stands in its place."""
+    folder = put(tmp_path, **{"campaign.toml": b"tracker = 3\n"})
+
+    assert cli._exit_code(["inspect", str(folder / "tracker.csv")]) == 5
+    assert "campaign.toml: tracker is no table; write [tracker]" in capsys.readouterr().err
+
+
 def test_a_rejection_names_a_file_also_where_none_is_to_blame(tmp_path, say):
     """The last one to look into is campaign.toml."""
     text = GOOD["campaign.toml"].decode().replace("sigma_m =", "# sigma_m =")

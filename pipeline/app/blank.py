@@ -30,7 +30,8 @@ _DEFAULTS = ("tracker*.csv", "tracker*.txt")
 """What exports are called where there are none yet."""
 _TARGETS = ("P1", "P2", "P3")
 _BASE = ("B1", "B2", "B3")
-_OURS = ("unloaded", "loaded")
+_LOGS = ("loads.csv", "joints.csv")
+"""What logs are called where there are none yet."""
 
 
 def robots() -> str:
@@ -49,6 +50,7 @@ class Known:
         sigma_n: Standard uncertainty of one scale reading [N].
         temperature_c: Of rail and base [degC].
         places: Points of [tool] and [base_frame] [m], by name.
+        columns: Our names for titles of the logs that state no unit.
     """
 
     robot: str | None = None
@@ -57,6 +59,7 @@ class Known:
     sigma_n: float | None = None
     temperature_c: float | None = None
     places: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    columns: Mapping[str, str] = field(default_factory=dict)
 
 
 def write(folder: Path, said: Proposal, known: Known) -> list[str]:
@@ -85,15 +88,15 @@ def write(folder: Path, said: Proposal, known: Known) -> list[str]:
 
 def _words(folder: Path, said: Proposal, known: Known, fresh: bool) -> dict[str, object]:
     """What stands in the template; None and nothing where it stays open."""
-    loads, joints = ("loads.csv", "joints.csv") if fresh else (said.loads, said.joints)
+    loads, joints = _LOGS if fresh else (said.loads, said.joints)
     return {
         "name": quoted(folder.name),
         "loads": _shown(loads, quoted),
         "joints": _shown(joints, quoted),
         "base": _points(said.base or _BASE * fresh, known),
         "tool": _points(["load_point", *(said.measured or _TARGETS)], known),
-        "load_columns": _pairs(said.load_columns),
-        "joint_columns": _pairs(_joint_columns(said, known.robot)),
+        "load_columns": _pairs(_told(said.load_columns, known)),
+        "joint_columns": _pairs(_told(_joint_columns(said, known.robot), known)),
         **_of_files(said),
         **_of_a_person(known),
     }
@@ -114,7 +117,7 @@ def _of_files(said: Proposal) -> dict[str, object]:
         "reach": _shown(said.reach, plain),
         "group": _shown(said.group, lambda group: quoted(group.pattern)),
         "asked_group": _shown(asked or None, lambda names: printable(listed(names), 200)),
-        "states": _shown(said.group, lambda group: _states(group.states)),
+        "states": _shown(said.group, lambda group: _states(group.state_of)),
         "measured": _quoted(said.measured),
         "chain": _quoted(said.chain),
         "apart": [f"{one} to {two}: {1e3 * m:.2f} mm as read" for (one, two), m in apart],
@@ -151,8 +154,8 @@ def _tracker(said: Proposal) -> list[str]:
         elif value and word not in asked:
             lines.append(f"{word} = {quoted(value)}")
     if asked.keys() & {"columns", "instrument", "coordinates"}:
-        lines.append("# columns = ?   # not certain: see `pipeline inspect`, correct "
-                     "[tracker.mapping], remove this line")  # fmt: skip
+        lines.append("# columns = ?   # which column is what is a guess: correct columns in "
+                     "[tracker.mapping] below, then remove this line")  # fmt: skip
     return lines
 
 
@@ -171,6 +174,21 @@ def _fitting(found: Sequence[str]) -> str:
     return f"{robots()}, or a robot file in this folder"
 
 
+def described(folder: Path, found: Sequence[str]) -> list[str]:
+    """What each of some robots is, or of all that ship."""
+    return [f"{name}: {load(name, folder).description}" for name in found or SHIPPED]
+
+
+def log_columns(said: Proposal, robot: str | None) -> dict[str, str]:
+    """Our names for the titles of both logs, with bars between them where they leave it open."""
+    return {**said.load_columns, **_joint_columns(said, robot)}
+
+
+def _told(columns: Mapping[str, str], known: Known) -> dict[str, str]:
+    """Our names for titles, those that a person chose in their place."""
+    return {title: known.columns.get(title, ours) for title, ours in columns.items()}
+
+
 def _joint_columns(said: Proposal, robot: str | None) -> Mapping[str, str]:
     """Our names for the titles of the joint log; of the first robot it fits, where none is said."""
     first = next(iter(said.joint_columns.values()), {})
@@ -187,12 +205,13 @@ def _pairs(columns: Mapping[str, str]) -> list[str]:
     ]
 
 
-def _states(states: tuple[str, str]) -> str:
-    """The words of the two states as a table on one line, nothing where they are ours."""
-    if states == _OURS:
+def _states(state_of: Mapping[str, str]) -> str:
+    """The words of the states as a table on one line, nothing where they are ours."""
+    if all(own == ours for own, ours in state_of.items()):
         return ""
-    pairs = zip(states, _OURS, strict=True)
-    return "{ " + ", ".join(f"{quoted(own)} = {quoted(ours)}" for own, ours in pairs) + " }"
+    return (
+        "{ " + ", ".join(f"{quoted(own)} = {quoted(ours)}" for own, ours in state_of.items()) + " }"
+    )
 
 
 def _points(names: Sequence[str], known: Known) -> list[tuple[str, str | None]]:
@@ -218,13 +237,21 @@ def vacant(root: Path, name: str) -> Path:
     if why := unfit(name):
         raise UsageError(f'"{printable(name, 80)}" cannot name a campaign ({why}): use {NAME}')
     folder = root / "data" / "raw" / name
-    if (folder / "campaign.toml").exists() or (folder.exists() and not folder.is_dir()):
+    if (folder / "campaign.toml").exists():
+        raise UsageError(
+            f"{folder} has a campaign.toml already: fill that in, or remove it and type "
+            f"`pipeline init {name}` again to have it written for the files that lie there now"
+        )
+    if folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder} is there already: choose another name")
     return folder
 
 
 def there(root: Path, folder: Path) -> dict[str, bytes]:
-    """Files that lie in a folder, but what other programs keep there; those not read are empty."""
+    """Files that lie in a folder, but what other programs keep there; those not read are empty.
+
+    Logs that `init` made and nobody filled in say nothing.
+    """
     if not folder.is_dir():
         return {}
     campaign, found = Campaign(root, folder), {}
@@ -234,7 +261,11 @@ def there(root: Path, folder: Path) -> dict[str, bytes]:
                 found[path.name] = campaign.content(path.name)
             except InputError:
                 found[path.name] = b""
-    return found
+    return {name: data for name, data in found.items() if not _blank(name, data)}
+
+
+def _blank(name: str, data: bytes) -> bool:
+    return name in _LOGS and data.startswith(b"pose,") and data.count(b"\n") == 1
 
 
 def known(root: Path, name: str, robot: str) -> Robot:

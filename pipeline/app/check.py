@@ -221,11 +221,14 @@ class _Seen:
             yield f"  times        {_span(self.clock)}"
         if self.case.unused:
             yield f"  not used     groups {listed(self.case.unused)}"
-        for d in self._farthest_off():
+        far = self._farthest_off()
+        pairs = [f"{d.first} to {d.second}" for d in far]
+        width = max(map(len, pairs), default=0)
+        for d, pair in zip(far, pairs, strict=True):
             lines = [line_of(text, [d.table, name]) for name in (d.first, d.second)]
             where = " and ".join(str(one) for one in lines if one)
             yield (
-                f"  {d.first + ' ' + d.second:12} {1e3 * d.read_m:9.2f} mm as read, "
+                f"  {pair:{width}} {1e3 * d.read_m:9.2f} mm as read, "
                 f"{1e3 * d.stated_m:9.2f} mm by lines {where}"
             )
         yield from _table(self.case.robot, self.stands)

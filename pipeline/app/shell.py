@@ -157,22 +157,35 @@ Ask = Callable[[Any], Mapping[str, Any]]
 
 
 def _hints(folder: Campaign, said: Mapping[str, Any], mapping: Path | None) -> Any:
-    """What campaign.toml, a mapping to try and the command line say, the last before the first."""
+    """What campaign.toml, a mapping to try and the command line say, the last before the first.
+
+    What is still to be filled in elsewhere in campaign.toml does not matter here.
+    """
+    from pipeline.base import toml
+    from pipeline.readers import Hints
+
+    known = Hints()
+    if (folder.folder / "campaign.toml").is_file():
+        known = _words(folder.content("campaign.toml"), "campaign.toml", known)
+    if mapping is not None:
+        none = InputError("there is no such file", "correct --mapping", file=str(mapping))
+        known = _words(files.read(mapping, mapping.name, toml.LARGEST, none), mapping.name, known)
+    given = {word: value for word, value in said.items() if value is not None}
+    return known.model_copy(update=given)
+
+
+def _words(data: bytes, name: str, known: Any) -> Any:
+    """What is known of how an export is read, with what [tracker] of a file says of it."""
     from pipeline.base import toml
     from pipeline.base.strict import checked
     from pipeline.readers import Hints
 
-    there = (folder.folder / "campaign.toml").is_file()
-    known = (folder.settings().tracker if there else None) or Hints()
-    if mapping is not None:
-        none = InputError("there is no such file", "correct --mapping", file=str(mapping))
-        text = files.read(mapping, mapping.name, toml.LARGEST, none).decode("utf-8", "replace")
-        tracker = toml.loads(text, mapping.name).get("tracker", {})
-        words = {word: tracker[word] for word in Hints.model_fields if word in tracker}
-        tried = checked(Hints, words, mapping.name, "[tracker]", "correct it")
-        known = known.model_copy(update={word: getattr(tried, word) for word in words})
-    given = {word: value for word, value in said.items() if value is not None}
-    return known.model_copy(update=given)
+    tracker = toml.loads(files.text(data, name), name).get("tracker", {})
+    if not isinstance(tracker, dict):
+        raise InputError("tracker is no table", "write [tracker], and its keys below", file=name)
+    words = {word: tracker[word] for word in Hints.model_fields if word in tracker}
+    tried = checked(Hints, words, name, "[tracker]", "correct it")
+    return known.model_copy(update={word: getattr(tried, word) for word in words})
 
 
 def _answered(name: str, data: bytes, hints: Any, ask: Ask | None) -> Any:

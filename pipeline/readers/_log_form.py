@@ -20,7 +20,7 @@ _IN_BRACKETS = re.compile(r"\s*[\[(]\s*([^\])]*?)\s*[\])]$")
 """A unit at the end of a title."""
 _ALIKE = {"°": "deg", "kg": "kgf", "kp": "kgf"}
 """Units that are others: a scale in kilograms shows kilogram-force."""
-_UNITS = {"n", "kn", "dan", "kgf", "lbf", "g", "lb", "m", "mm", "deg", "rad", "nm", "knm"}
+_UNITS = {"n", "kn", "dan", "kgf", "lbf", "g", "lb", "m", "mm", "in", "deg", "rad", "nm", "knm"}
 """What may stand in brackets and contradict the name that a column is given."""
 
 
@@ -51,6 +51,7 @@ class Titled:
         line: Line of the header.
         delimiter: What separates the cells.
         titles: Our names of its columns in small letters; of those we do not know their titles.
+        written: Its titles as they stand in the file.
         above: Line and reason of rows that stand above the header.
     """
 
@@ -58,6 +59,7 @@ class Titled:
     line: int
     delimiter: str
     titles: tuple[str, ...]
+    written: tuple[str, ...]
     above: tuple[tuple[int, str], ...]
 
 
@@ -94,14 +96,14 @@ def opened(
             return 0 if found is None else 1 + holds(_ours(found[2], own))
 
         file = workbook(name, data, sheet, mark, table, fits)
-        line, delimiter, titles = _found(file, own, key) or _header(*file.first())
+        line, delimiter, written = _found(file, own, key) or _header(*file.first())
         with at(line=line):
-            ours = _ours(titles, own)
-            _agree(titles, said.columns, table)
+            ours = _ours(written, own)
+            _agree([title.lower() for title in written], said.columns, table)
             _unique(ours)
         file = squeezed(file) if delimiter == " " else file
         early = above(file, line, delimiter, [ours.index(key)]) if key in ours else []
-        return Titled(file, line, delimiter, tuple(ours), tuple(early))
+        return Titled(file, line, delimiter, tuple(ours), tuple(written), tuple(early))
 
 
 def _found(file: Text, own: Mapping[str, str], key: str) -> tuple[int, str, list[str]] | None:
@@ -111,9 +113,8 @@ def _found(file: Text, own: Mapping[str, str], key: str) -> tuple[int, str, list
 
 
 def _header(line: int, content: str) -> tuple[int, str, list[str]]:
-    """A line as a header: its number, its delimiter, its titles in small letters."""
-    delimiter, titles = _cut(content)
-    return line, delimiter, [title.lower() for title in titles]
+    """A line as a header: its number, its delimiter, its titles as written."""
+    return line, *_cut(content)
 
 
 def _cut(content: str) -> tuple[str, list[str]]:
@@ -151,7 +152,8 @@ def _ours(titles: Sequence[str], said: Mapping[str, str]) -> list[str]:
 
     What is said of `Force` is said of `Force [N]`, too.
     """
-    return [said.get(title) or said.get(_parted(title)[0]) or _suffixed(title) for title in titles]
+    small = [title.lower() for title in titles]
+    return [said.get(title) or said.get(_parted(title)[0]) or _suffixed(title) for title in small]
 
 
 def _parted(title: str) -> tuple[str, str]:

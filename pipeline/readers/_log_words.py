@@ -7,11 +7,18 @@ from collections.abc import Mapping, Sequence
 
 _WORDS = re.compile(r"[^\W\d_]+|[0-9]+|°")
 _CALLED = {
-    "pose": {"pose", "stellung", "messpose", "posenummer", "configuration", "konfiguration"},
+    "pose": {
+        "pose", "stellung", "messpose", "posenummer", "configuration", "konfiguration", "position",
+        "pos", "messposition",
+    },
     "repeat": {"repeat", "zug", "wiederholung", "wdh", "pull", "step", "load step", "laststufe"},
     "force": {
         "f", "force", "kraft", "istkraft", "messkraft", "zugkraft", "last", "load", "federwaage",
         "waage", "dynamometer",
+    },
+    "branch": {
+        "branch", "ast", "richtung", "direction", "lastrichtung", "belastungsrichtung",
+        "load direction", "direction of load", "verlauf",
     },
     "mass": {"mass", "masse", "gewicht", "weight"},
     "rail": {
@@ -19,11 +26,28 @@ _CALLED = {
         "fahrachse", "verfahrachse",
     },
 }  # fmt: skip
+_BRANCH = {
+    "up": {
+        "up", "auf", "aufwärts", "aufwaerts", "hin", "steigend", "belasten", "belastung", "loading",
+        "increasing", "rising", "ascending", "forward",
+    },
+    "down": {
+        "down", "ab", "abwärts", "abwaerts", "zurück", "zurueck", "rück", "fallend", "entlasten",
+        "entlastung", "unloading", "decreasing", "falling", "descending", "back", "return",
+    },
+}  # fmt: skip
+"""Which way the turnbuckle was last turned."""
+_BRANCH_OF = {word: ours for ours, words in _BRANCH.items() for word in words}
 _AXIS = re.compile(r"(?:axis|achse|joint|gelenk|ax|a|j) ?0*([1-9])|e ?1")
 _NUMBERED = {"nr", "no", "number", "nummer"}
 """Words beside a name that say no more than that it is a number."""
 _UNIT = {"°": "deg", "grad": "deg", "degree": "deg", "degrees": "deg", "kp": "kgf"}
 """Units that our columns call otherwise."""
+
+
+def branch(cell: str) -> str:
+    """`up` or `down` for what others call it; what is neither as it stands."""
+    return _BRANCH_OF.get(cell.strip().lower(), cell)
 
 
 def has_poses(titles: Sequence[str]) -> bool:
@@ -42,7 +66,8 @@ def of_loads(titles: Sequence[str], units: Mapping[str, Sequence[str]]) -> dict[
     Returns:
         Of a title that does not state its unit all our names for it, with bars between them.
     """
-    found = _first(titles, {role: units.get(role, ()) for role in ("pose", "repeat", *units)})
+    roles = ("pose", "repeat", "branch", *units)
+    found = _first(titles, {role: units.get(role, ()) for role in roles})
     return _ours(found) if "pose" in found and found.keys() & units.keys() else None
 
 

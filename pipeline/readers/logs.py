@@ -7,8 +7,8 @@ what others call them.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -34,7 +34,7 @@ _SCALE = FORCE | {"dan": 10.0} | dict.fromkeys(("kg", "kp"), FORCE["kgf"])
 so near to it that no data tell the two apart."""
 MASS = {"kg": 1.0, "g": 1e-3, "lb": 0.45359237}
 """Units of mass [kg]."""
-_LENGTH = {"m": 1.0, "mm": 1e-3}
+LENGTH = {"m": 1.0, "mm": 1e-3, "in": 0.0254}
 """Units of length [m]."""
 _FORCE_OF = {True: FORCE, False: {"nm": 1.0, "knm": 1e3}}
 """Units of what drives a sliding joint [N], and of what turns another [N m]."""
@@ -49,6 +49,15 @@ _LARGEST = 1e7
 _BRANCHES = ("up", "down")
 
 
+class State(NamedTuple):
+    """What was read in a group: a state of a pose, and the line of the log that says so."""
+
+    pose: int
+    repeat: int
+    loaded: bool
+    line: int
+
+
 @dataclass(frozen=True, eq=False)
 class Log(Locked):
     """Rows of a log.
@@ -59,6 +68,7 @@ class Log(Locked):
         word: Columns of words by name, each shape (n,).
         line: Line of each row, shape (n,).
         rejected: What could not be read.
+        states: What groups of readings are, by the names that the log has for them.
     """
 
     file: str
@@ -66,6 +76,7 @@ class Log(Locked):
     word: dict[str, Strings]
     line: Ints
     rejected: tuple[_Rejection, ...]
+    states: dict[str, State] = field(default_factory=dict)
 
     def only(self, good: Bools, reason: str) -> Log:
         """The rows that are good; the others are rejected, all for one reason."""
@@ -83,8 +94,12 @@ class Log(Locked):
         good = np.ones(len(self.line), dtype=bool)
         good[list(why)] = False
         left_out = tuple((self.file, int(self.line[k]), why[k]) for k in sorted(why))
+        return replace(self.kept(good), rejected=self.rejected + left_out)
+
+    def kept(self, good: Bools) -> Log:
+        """Some of the rows; nothing is said of the others."""
         number, word = sifted(self.number, good), sifted(self.word, good)
-        return Log(self.file, number, word, self.line[good], self.rejected + left_out)
+        return replace(self, number=number, word=word, line=self.line[good])
 
 
 @dataclass(frozen=True)
@@ -96,12 +111,14 @@ class Quantity:
         units: Factor to SI by unit suffix; empty for a number without unit.
         kind: `number` or `name`.
         needed: Whether the table must have it.
+        filled: Whether every row of a table that must have it has to.
     """
 
     stem: str
     units: Mapping[str, float]
     kind: Kind = "number"
     needed: bool = True
+    filled: bool = True
 
 
 POSE = Quantity("pose", {})
@@ -113,7 +130,9 @@ def loads(name: str, data: bytes, said: LogForm = OURS) -> Log:
 
     `force` [N] of a scale in a chain, `mass` [kg] of a weight at the load point with `mass_sigma`
     where it is known, or the name of a `payload`; a column may be missing where no row has it.
-    Without a column `repeat` the rows of each pose are counted from 1.
+    Without a column `repeat` the pulls of each pose are counted from 1. A column `group` says in
+    which group of the tracker's readings a row was read. A row without a load, then, or of force 0
+    in every pose, is its unloaded state.
 
     Args:
         name: Name of the file.
@@ -123,25 +142,92 @@ def loads(name: str, data: bytes, said: LogForm = OURS) -> Log:
     Raises:
         InputError: The file cannot be read or trusted as a whole.
     """
-    other = [Quantity("mass", MASS, needed=False), Quantity("mass_sigma", MASS, needed=False)]
-    other += [Quantity(word, {}, "name", needed=False) for word in ("payload", "branch")]
-    force = Quantity("force", _SCALE)
+    wanted = _of_loads()
+    _, _, force, *other = wanted
     kinds = [force, *other[:3]]
     file = opened(name, data, said, "scale", POSE.stem,
                   lambda titles: any(_suffixed(titles, q) for q in kinds))  # fmt: skip
+    named = _suffixed(file.titles, other[-1]) is not None
     needed = not any(_suffixed(file.titles, q) for q in other[:3])
-    repeat = replace(_REPEAT, needed=False)
-    wanted = [POSE, repeat, replace(force, needed=needed), *other]
+    wanted[0] = replace(POSE, filled=not named)
+    wanted[2] = replace(force, needed=needed, filled=not named)
     _known(said, "scale", wanted)
-    log = _counted(_table(file, wanted, said, "scale"))
-    log = _one_load(_whole_numbers(log))
+    log = _one_load(_pulls(_table(file, wanted, said, "scale")))
+    if "branch" in log.word:
+        own = np.array([_log_words.branch(cell) for cell in log.word["branch"]], dtype=object)
+        log = replace(log, word=log.word | {"branch": own})
     reason = "branch is neither up nor down; correct it or leave it empty"
     log = log.where("branch", lambda words: np.isin(words, [*_BRANCHES, ""]), reason)
     return once(log, ["pose", "repeat"])
 
 
-def _counted(log: Log) -> Log:
-    """A log with a number for each row of a pose, where it has none.
+def group_name(name: str) -> str:
+    """A group as a log and an export have it in common: 7 in a spreadsheet is 007 in the other."""
+    return name.lstrip("0") or "0" if name.isdigit() else name
+
+
+def _of_loads() -> list[Quantity]:
+    """Pose, repeat, force; mass, its uncertainty, payload; branch and group."""
+    mass = [Quantity(name, MASS, needed=False) for name in ("mass", "mass_sigma")]
+    words = [Quantity(name, {}, "name", needed=False) for name in ("payload", "branch", "group")]
+    return [POSE, replace(_REPEAT, needed=False), Quantity("force", _SCALE), *mass, *words]
+
+
+def _pulls(log: Log) -> Log:
+    """The rows that are pulls, each with its number; what the groups are that all rows name."""
+    if "group" in log.word:  # one without a pose is of base reflectors
+        log = log.kept(~np.isnan(log.number["pose"]))
+    resting = _resting(log)
+    log = _counted(log, resting)
+    number = log.number | {"resting": resting.astype(float)}
+    log = _whole_numbers(replace(log, number=number))
+    if "group" in log.word:
+        log = log.where("group", lambda names: names != "", "names no group; fill it in")
+        log = once(log, ["group"])
+        columns = (log.number["pose"], log.number["repeat"], log.number["resting"] == 0, log.line)
+        states = (
+            State(int(p), int(r), bool(up), int(k)) for p, r, up, k in zip(*columns, strict=True)
+        )
+        names = map(group_name, log.word["group"].tolist())
+        log = replace(log, states=dict(zip(names, states, strict=True)))
+    resting = log.number["resting"] != 0
+    number = {name: column for name, column in log.number.items() if name != "resting"}
+    word = {name: column for name, column in log.word.items() if name != "group"}
+    return replace(log, number=number, word=word).kept(~resting)
+
+
+def _resting(log: Log) -> Bools:
+    """The rows of an unloaded state, shape (n,).
+
+    Raises:
+        InputError: A force is 0, and nobody knows whether it is the unloaded state or a pull.
+    """
+    none = np.full(len(log.line), np.nan)
+    given = np.stack([log.number.get(name, none) for name in ("force", "mass")])
+    payload = log.word.get("payload", np.full(len(none), "", dtype=object)) != ""
+    empty: Bools = np.asarray(np.isnan(given).all(axis=0) & ~payload)
+    zero: Bools = np.asarray(~empty & ~payload & (np.nan_to_num(given) == 0.0).all(axis=0))
+    if "group" in log.word:
+        return zero | empty
+    if "repeat" in log.number:
+        return zero & (log.number["repeat"] == 0)
+    pose = pd.Series(log.number["pose"])
+    poses = set(pose)
+    if len(poses) > 1 and set(pose[zero]) == poses:
+        return zero
+    for k in np.flatnonzero(zero & pose.duplicated(keep="last").to_numpy())[:1]:
+        raise InputError(
+            "without a column repeat nobody knows whether this row of force 0 is the unloaded "
+            "state or a pull, and which pulls the rows after it are",
+            "correct or remove the row, or add the column repeat with 0 for the unloaded state",
+            file=log.file,
+            line=int(log.line[k]),
+        )
+    return np.zeros(len(zero), dtype=bool)
+
+
+def _counted(log: Log, resting: Bools) -> Log:
+    """A log with a number for each row, where it has none: of a pose's pulls from 1.
 
     Raises:
         InputError: A row cannot be read, and others of its pose may stand behind it.
@@ -149,7 +235,7 @@ def _counted(log: Log) -> Log:
     if "repeat" in log.number:
         return log
     pose = pd.Series(log.number["pose"])
-    if log.rejected and pose.duplicated().any():
+    if log.rejected and pose.duplicated().any() and "group" not in log.word:
         _, line, reason = log.rejected[0]
         raise InputError(
             f"without a column repeat nobody knows which pulls the rows after this one are: "
@@ -158,8 +244,8 @@ def _counted(log: Log) -> Log:
             file=log.file,
             line=line,
         )
-    number = np.asarray(pose.groupby(pose).cumcount() + 1, dtype=np.float64)
-    return replace(log, number=log.number | {"repeat": number})
+    number = pose.groupby([pose, pd.Series(resting)]).cumcount().to_numpy() + ~resting
+    return replace(log, number=log.number | {"repeat": np.asarray(number, dtype=np.float64)})
 
 
 def _one_load(log: Log) -> Log:
@@ -201,7 +287,7 @@ def joints(name: str, data: bytes, robot: Robot, said: LogForm = OURS) -> Log:
     from_controller = bool(axes) and not _has(file.titles, own) and _has(file.titles, axes)
     wanted = axes if from_controller else own
     approach = Quantity("approach", {}, needed=False)
-    torques = [Quantity(f"tau{j}", _FORCE_OF[q.units is _LENGTH], needed=False)
+    torques = [Quantity(f"tau{j}", _FORCE_OF[q.units is LENGTH], needed=False)
                for j, q in enumerate(wanted, 1)]  # fmt: skip
     repeat = replace(_REPEAT, needed=False)
     others = [approach, repeat, *torques]
@@ -238,14 +324,29 @@ def may_be_log(name: str, data: bytes) -> bool:
 def understood_loads(name: str, data: bytes) -> LogForm | None:
     """What [scale] may say of a log of loads with the titles of others; None where it is none."""
     units = {"force": tuple(_SCALE), "mass": tuple(MASS)}
-    return understood(name, data, "scale", lambda titles: _log_words.of_loads(titles, units))
+    form = understood(name, data, "scale", lambda titles: _log_words.of_loads(titles, units))
+    if form is None or "branch" not in form.columns.values():
+        return form
+    left = {title: ours for title, ours in form.columns.items() if ours != "branch"}
+    without = LogForm(columns=left)
+    try:
+        lost = [len(loads(name, data, settled(one)).rejected) for one in (form, without)]
+    except InputError:  # a decimal mark that has to be asked, say: no row tells anything yet
+        return form
+    return form if lost[0] == lost[1] else without
+
+
+def settled(form: LogForm) -> LogForm:
+    """A form as it can be read: of several names for a title, which differ by unit, the first."""
+    columns = {title: ours.partition("|")[0] for title, ours in form.columns.items()}
+    return form.model_copy(update={"columns": columns})
 
 
 def understood_joints(name: str, data: bytes, robot: Robot) -> LogForm | None:
     """What [joints] may say of a joint log with the titles of others; None where it is none."""
     axes = _controller(robot) or _own(robot)
-    slides = [q.units is _LENGTH for q in axes]
-    names, units = [q.stem for q in axes], ([*_LENGTH], [*_ANGLE])
+    slides = [q.units is LENGTH for q in axes]
+    names, units = [q.stem for q in axes], ([*LENGTH], [*_ANGLE])
     return understood(
         name, data, "joints", lambda titles: _log_words.of_joints(titles, names, slides, units)
     )
@@ -258,8 +359,7 @@ def of_poses(log: Log) -> Log:
         return log
     rows = np.zeros(len(log.line), dtype=bool)
     rows[first] = True
-    number, word = sifted(log.number, rows), sifted(log.word, rows)
-    return Log(log.file, number, word, log.line[rows], log.rejected)
+    return log.kept(rows)
 
 
 def joint_values(log: Log, robot: Robot) -> Array:
@@ -269,14 +369,14 @@ def joint_values(log: Log, robot: Robot) -> Array:
 
 def _own(robot: Robot) -> list[Quantity]:
     """The robot's joints."""
-    return [Quantity(j.name, _LENGTH if j.prismatic else _ANGLE) for j in robot.joints]
+    return [Quantity(j.name, LENGTH if j.prismatic else _ANGLE) for j in robot.joints]
 
 
 def _controller(robot: Robot) -> list[Quantity]:
     """The controller's axes; those that move a sliding joint are lengths."""
     slides = robot.prismatic.astype(float) @ np.abs(robot.controller_matrix) > 0
     axes = zip(robot.controller, slides, strict=True)
-    return [Quantity(axis, _LENGTH if slide else _ANGLE) for axis, slide in axes]
+    return [Quantity(axis, LENGTH if slide else _ANGLE) for axis, slide in axes]
 
 
 def _has(header: Sequence[str], wanted: Sequence[Quantity]) -> bool:
@@ -286,7 +386,7 @@ def _has(header: Sequence[str], wanted: Sequence[Quantity]) -> bool:
 def displacements(name: str, data: bytes) -> Log:
     """Displacements of an already reduced campaign: pose, repeat, target, dx, dy, dz [m]."""
     target = Quantity("target", {}, "name")
-    axes = [Quantity(axis, _LENGTH) for axis in ("dx", "dy", "dz")]
+    axes = [Quantity(axis, LENGTH) for axis in ("dx", "dy", "dz")]
     log = _whole_numbers(table(name, data, [POSE, _REPEAT, target, *axes]))
     return once(log, ["pose", "repeat", "target"])
 
@@ -315,7 +415,7 @@ def _table(file: Titled, wanted: Sequence[Quantity], said: LogForm, where: str |
     with at(name):
         with at(line=file.line):
             there = [(q, *column) for q in wanted if (column := _column(titles, q, where))]
-        known = {title: Field(title, q.kind, q.needed) for q, title, _ in there}
+        known = {title: Field(title, q.kind, q.needed and q.filled) for q, title, _ in there}
         other = {title: Field(title, "any" if title else "blank", False) for title in titles}
         fields = tuple((other | known)[title] for title in titles)
         layout = Layout(fields, file.delimiter, file.line + 1, said.decimal, table=where)
@@ -358,6 +458,14 @@ def _possible(log: Log, names: Sequence[str]) -> Log:
         reason = f"{name} is larger than any instrument shows; correct or remove the row"
         log = log.where(name, lambda values: ~(np.abs(values) > _LARGEST), reason)
     return log
+
+
+def unknown(name: str, data: bytes, said: LogForm) -> tuple[str, ...]:
+    """Titles of a log of loads that are no name of ours, as written."""
+    ours = {one for q in _of_loads() for one in (*map(str.lower, _names(q)), q.stem)}
+    file = opened(name, data, said, "scale", POSE.stem)
+    both = zip(file.titles, file.written, strict=True)
+    return tuple(written for title, written in both if title and title not in ours)
 
 
 def columns(name: str, data: bytes) -> tuple[str, ...]:

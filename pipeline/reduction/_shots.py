@@ -19,7 +19,7 @@ from pipeline.base.threads import MUCH, spread
 from pipeline.base.toml import quoted
 from pipeline.readers import Export
 from pipeline.readers._cells import shown
-from pipeline.readers.logs import BEYOND
+from pipeline.readers.logs import BEYOND, State, group_name
 from pipeline.reduction._index import numbered
 from pipeline.reduction.settings import Naming, Settings
 
@@ -122,11 +122,19 @@ class Shots(Locked):
         return self.files[self.file[k]], int(self.line[k]), reason
 
 
-def gather(exports: Mapping[str, Export], settings: Settings) -> Shots:
-    """Put the readings of all files together and look up what they are."""
+def gather(
+    exports: Mapping[str, Export], settings: Settings, states: Mapping[str, State] | None = None
+) -> Shots:
+    """Put the readings of all files together and look up what they are.
+
+    Args:
+        exports: By name.
+        settings: campaign.toml.
+        states: What groups are, by name, before anything is read from the name itself.
+    """
     group = _joined([export.group for export in exports.values()])
     target = _joined([export.target for export in exports.values()])
-    slot_of_group, pose, repeat, loaded = _slots(group.dictionary, settings.naming)
+    slot_of_group, pose, repeat, loaded = _slots(group.dictionary, settings.naming, states or {})
     role_of_target = _roles(target.dictionary.to_pylist(), settings)
     role = role_of_target[np.asarray(target.indices)]
     slot = slot_of_group[np.asarray(group.indices)]
@@ -183,8 +191,18 @@ def _covariances(exports: Sequence[Export]) -> Array | None:
     )
 
 
-def _slots(names: pa.StringArray, naming: Naming) -> tuple[Ints, Ints, Ints, Bools]:
+def _slots(
+    names: pa.StringArray, naming: Naming, states: Mapping[str, State]
+) -> tuple[Ints, Ints, Ints, Bools]:
     """Slot of each group name, -1 where it is none, and what the slots are."""
+    keys = np.full((3, len(names)), -1, dtype=np.int64)
+    rest = np.arange(len(names))
+    if states:
+        every = [states.get(group_name(name)) for name in names.to_pylist()]
+        told = [one[:3] for one in every if one is not None]
+        said = np.array([one is not None for one in every], dtype=bool)
+        keys[:, said] = np.array(told, dtype=np.int64).reshape(-1, 3).T
+        names, rest = names.filter(pa.array(~said)), rest[~said]
     half = len(names) // 2
     parts = pa.chunked_array(
         spread(
@@ -193,11 +211,11 @@ def _slots(names: pa.StringArray, naming: Naming) -> tuple[Ints, Ints, Ints, Boo
             half > MUCH // 2,
         )
     ).combine_chunks()
-    matched = np.asarray(parts.is_valid())
-    pose, repeat, loaded = _keys(names, parts, naming)
+    keys[:, rest[np.asarray(parts.is_valid())]] = _keys(names, parts, naming)
+    pose, repeat, loaded = keys[:, matched := keys[0] >= 0]
     # one number for pose, repeat and state: both are below 2^31
     packed, member = numbered(pose * 2**32 + repeat * 2 + loaded)
-    slot = np.full(len(names), -1, dtype=np.int64)
+    slot = np.full(keys.shape[1], -1, dtype=np.int64)
     slot[matched] = member
     return slot, packed // 2**32, packed % 2**32 // 2, packed % 2 == 1
 
@@ -279,20 +297,57 @@ def _roles(names: Sequence[str], settings: Settings) -> Ints:
     return np.array([place.get(name, STRANGE) for name in names], dtype=np.int64)
 
 
-def known(shots: Shots, settings: Settings) -> Shots:
+def known(shots: Shots, settings: Settings, states: Mapping[str, State] | None = None) -> Shots:
     """Only readings of reflectors whose use is known."""
     strange = (
         "this target is neither in naming.measured nor in naming.chain nor in [base_frame]; "
         "add it there or rename it"
     )
+    nowhere = (
+        f"{settings.loads_file} does not name the group" if states
+        else "the group does not match naming.group"
+    )  # fmt: skip
     lost = (
-        "the group does not match naming.group, so it holds base reflectors only, and this target "
+        f"{nowhere}, so it holds base reflectors only, and this target "
         f"is none of {listed(settings.base_frame)}; rename the group or the target"
     )
     unused = np.flatnonzero((shots.role == STRANGE) | ((shots.slot < 0) & (shots.role != BASE)))
     return shots.without(
         {k: strange if shots.role[k] == STRANGE else lost for k in unused.tolist()}
     )
+
+
+def pulled_at_rest(
+    shots: Shots, ends: Sequence[str], states: Mapping[str, State], log: str
+) -> None:
+    """No end of a chain was read in a group that a log says is unloaded.
+
+    Args:
+        shots: Readings of known reflectors.
+        ends: Names of the ends.
+        states: What the log says of groups.
+        log: Its name.
+
+    Raises:
+        InputError: One was: a force is missing there, and a pull would pass for a zero.
+    """
+    said = {name: states.get(group_name(name)) for name in shots.group.dictionary.to_pylist()}
+    at_rest = pa.array([name for name, one in said.items() if one and not one.loaded], pa.string())
+    chain, rest = (
+        pc.is_in(names.cast(pa.string()), among)
+        for names, among in (
+            (shots.target, pa.array(ends, pa.string())), (shots.group, at_rest)
+        )
+    )  # fmt: skip
+    for k in np.flatnonzero(np.asarray(pc.and_(chain, rest)))[:1]:
+        group, end = shots.group[k].as_py(), shots.target[k].as_py()
+        raise InputError(
+            f"group {shown(group)} has no force here, and {end} was read in it "
+            f"({shots.place(int(k))}), as in a pull only",
+            "fill in the force, or correct the group",
+            file=log,
+            line=states[group_name(group)].line,
+        )
 
 
 def once(shots: Shots, width: int) -> Shots:

@@ -150,13 +150,15 @@ def _raw(
         much=len(log) > MUCH,
     )
     _some_reading(exports)
-    everything = _shots.gather(exports, settings)
-    shots = _shots.known(everything, settings)
+    everything = _shots.gather(exports, settings, loads.states)
+    shots = _shots.known(everything, settings, loads.states)
+    if loads.states:
+        _shots.pulled_at_rest(shots, settings.naming.chain, loads.states, file)
     doubt = _doubt(lambda: _shots.check_units(shots, settings), plausible) or doubt
     once = _shots.once(shots, len(settings.measured) + 2)
     weighed = _shots.weighed(once, tracker.noise is not None or tracker.sigma_m is not None)
     _three_base_reflectors(weighed, settings)
-    _some_pull(weighed, settings)
+    _some_pull(weighed, settings, loads)
     weighed, loads = weighed.without_poses(left_out), _leaving(loads, left_out)
     causes = [*weighed.rejected, *loads.rejected, *joints.rejected]
     whole, loads = _pulls.complete(weighed, settings, loads, joints)
@@ -256,13 +258,21 @@ def _three_base_reflectors(shots: Shots, settings: Settings) -> None:
     read_apart(seen, shots.position[base], nominal, *first)
 
 
-def _some_pull(shots: Shots, settings: Settings) -> None:
-    if not shots.loaded.any():
+def _some_pull(shots: Shots, settings: Settings, loads: logs.Log) -> None:
+    if shots.loaded.any():
+        return
+    if pulls := [name for name, one in loads.states.items() if one.loaded]:
         raise InputError(
-            f'no group of the export is a loaded state by naming.group = "{settings.naming.group}"',
-            "correct naming.group in campaign.toml",
+            f"no group that {loads.file} names as a pull ({listed(pulls)}) is in the export",
+            "correct its column group",
             file=shots.files[0],
         )
+    raise InputError(
+        f'no group of the export is a loaded state by naming.group = "{settings.naming.group}"',
+        f"correct naming.group in campaign.toml, or give {loads.file} a column group that names "
+        "the group of each row",
+        file=shots.files[0],
+    )
 
 
 def _readings(shots: Shots, tracker: Tracker) -> pa.Table:

@@ -6,12 +6,14 @@ file states) stays open.
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from itertools import product
+from typing import Any, Literal
 
 import numpy as np
 import pyarrow as pa
@@ -27,6 +29,7 @@ from pipeline.readers._log_form import OURS, LogForm
 from pipeline.readers._text import is_workbook
 from pipeline.readers.logs import Log
 from pipeline.readers.offer import Offer, offer
+from pipeline.reduction import limits
 from pipeline.reduction.settings import Naming
 
 _STATES = ("unloaded", "loaded")
@@ -45,11 +48,17 @@ class Group:
 
     Attributes:
         pattern: Regular expression with the parts pose, state and, where there is one, repeat.
-        states: The words of the two states as they stand in the names, unloaded and loaded.
+        states: The words of the states as they stand in the names: that of the unloaded one, and
+            those of loaded ones, as on the way up and down.
     """
 
     pattern: str
-    states: tuple[str, str] = _STATES
+    states: tuple[str, ...] = _STATES
+
+    @property
+    def state_of(self) -> dict[str, str]:
+        """`unloaded` or `loaded` by word."""
+        return {word: _STATES[k > 0] for k, word in enumerate(self.states)}
 
 
 @dataclass(frozen=True)
@@ -60,7 +69,8 @@ class Proposal:
         exports: Names of the tracker exports.
         reach: Largest number in an export that does not state its unit; None where all do.
         offer: What else [tracker] has to say of the export, None where nothing else is open.
-        nameless: Whether an export does not say what its readings are.
+        nameless: Whether an export does not say what its readings are: `names`, or only `groups`
+            where it names the targets; None where it does.
         loads: Log of the loads, None where there is none.
         joints: Joint log, None where there is none.
         robots: Robots whose joints the log has; those that ship, and files in the folder.
@@ -68,7 +78,7 @@ class Proposal:
             have ours; several, with bars between them, where a title does not state its unit.
         joint_columns: The same of the joint log, by robot.
         group: How group names are read; None where nobody can tell.
-        groups: Group names, some of them.
+        groups: Group names, some of them; none where the log of the loads says what they are.
         measured: Targets read unloaded and loaded.
         chain: Both ends of the chain, the one at the effector first; empty where there is none.
         base: Reflectors in groups that are no state of a pose.
@@ -79,7 +89,7 @@ class Proposal:
     exports: tuple[str, ...] = ()
     reach: float | None = None
     offer: Offer | None = None
-    nameless: bool = False
+    nameless: Literal["names", "groups"] | None = None
     loads: str | None = None
     joints: str | None = None
     robots: tuple[str, ...] = ()
@@ -123,15 +133,21 @@ def propose(files: Mapping[str, bytes], hints: Hints | None = None) -> Proposal:
         name, _, exports[name], largest = found
         del refused[name]
         reach += largest
+    offered = found[1] if found else None
+    if more := _with_groups(files, exports, offered or hints, logged):
+        offered, exports = more
+    rows = _by_group(list(exports.values()))
+    told = _told(logged, files, rows or {})
     return replace(
-        _named(list(exports.values())),
-        offer=found[1] if found else None,
+        _named(rows, told.states if told else {}),
+        nameless=_lacking(list(exports.values())),
+        offer=offered,
         exports=tuple(exports),
         reach=max(reach, default=None),
         loads=logged.loads,
         joints=logged.joints,
         robots=logged.robots,
-        load_columns=logged.load_columns,
+        load_columns=logged.load_columns | (told.columns if told else {}),
         joint_columns=logged.joint_columns,
         refused=logged.refused | refused,
     )
@@ -194,7 +210,29 @@ def _having(name: str, data: bytes, robots: Mapping[str, Robot]) -> Iterator[tup
             partial(logs.understood_joints, name, data, robot),
         )
         if form:
-            yield key, form
+            yield key, _within_limits(name, data, robot, form)
+
+
+def _within_limits(name: str, data: bytes, robot: Robot, form: LogForm) -> LogForm:
+    """Titles that state no unit with the one that keeps all poses within the robot's limits.
+
+    Where several do, all of them stay.
+    """
+    open_ones = {ours for ours in form.columns.values() if "|" in ours}
+    units = [{one.rpartition("_")[2] for one in ours.split("|")} for ours in open_ones]
+    fitting = []
+    for choice in product(*sorted({tuple(sorted(some)) for some in units})):
+        columns = {title: _in_one_of(ours, choice) for title, ours in form.columns.items()}
+        chosen = form.model_copy(update={"columns": columns})
+        with contextlib.suppress(InputError):
+            if not limits.impossible(logs.joints(name, data, robot, chosen), robot):
+                fitting.append(chosen)
+    return fitting[0] if len(fitting) == 1 else form
+
+
+def _in_one_of(ours: str, units: Sequence[str]) -> str:
+    """Of several names that differ by unit the one with a unit of these."""
+    return next((one for one in ours.split("|") if one.rpartition("_")[2] in units), ours)
 
 
 def _loads(name: str, data: bytes) -> LogForm | None:
@@ -252,18 +290,105 @@ def _offered(
     return name, one, export, [largest] if unsaid else []
 
 
+def _with_groups(
+    files: Mapping[str, bytes],
+    exports: Mapping[str, Export],
+    said: Offer | Hints | None,
+    logged: Proposal,
+) -> tuple[Offer, dict[str, Export]] | None:
+    """A table with the column of its groups that the log of loads makes sense of.
+
+    None where it is not one export that names targets and no groups, or no column is one.
+    """
+    if len(exports) != 1 or logged.loads is None:
+        return None
+    ((name, export),) = exports.items()
+    if export.group is not None or export.target is None:
+        return None
+    with contextlib.suppress(InputError):
+        one = said if isinstance(said, Offer) else offer(name, files[name], said or Hints())
+        if one is None or one.hints.mapping is None:
+            return None
+        for title in export.unused:
+            hints = _grouped_in(one.hints, title)
+            tried = {name: readers.read(name, files[name], hints)}
+            rows = _by_group(list(tried.values()))
+            if rows and _told(logged, files, rows):
+                return replace(one, hints=hints), tried
+    return None
+
+
+def _grouped_in(hints: Hints, title: str) -> Hints:
+    """What is said of a table, with the column of its groups in its mapping."""
+    assert hints.mapping is not None
+    columns = hints.mapping.model_dump()["columns"] | {"group": title}
+    mapping = hints.mapping.model_copy(update={"columns": columns})
+    return hints.model_copy(update={"mapping": mapping})
+
+
 # --- names ----------------------------------------------------------------------------------------
 
 
-def _named(exports: Sequence[Export]) -> Proposal:
-    """What the names of groups and targets are, as far as they tell."""
-    rows = _by_group(exports)
+@dataclass(frozen=True)
+class _Told:
+    """What a log of loads says of the groups.
+
+    Attributes:
+        columns: Our name for the title that names them, where it is not ours already.
+        states: `unloaded` or `loaded` by group.
+    """
+
+    columns: dict[str, str]
+    states: dict[str, str]
+
+
+def _told(
+    logged: Proposal, files: Mapping[str, bytes], rows: Mapping[str, Mapping[str, Array]]
+) -> _Told | None:
+    """What the log of loads says of the groups; None where it does not, or their names do.
+
+    The column is the one under our title, or one that makes sense of what was read.
+    """
+    if logged.loads is None or not rows or _grouped(rows) is not None:
+        return None
+    data = files[logged.loads]
+    form = logs.settled(LogForm(columns=logged.load_columns))
+    for columns in ({}, *({title: "group"} for title in logs.unknown(logged.loads, data, form))):
+        tried = form.model_copy(update={"columns": form.columns | columns})
+        with contextlib.suppress(InputError):
+            found = logs.loads(logged.loads, data, tried).states
+            alike = {name: logs.group_name(name) for name in rows}
+            states = {name: _STATES[found[k].loaded] for name, k in alike.items() if k in found}
+            if found.keys() <= {*alike.values()} and _makes_sense(states, rows):
+                return _Told(columns, states)
+    return None
+
+
+def _makes_sense(states: Mapping[str, str], rows: Mapping[str, Mapping[str, Array]]) -> bool:
+    """Whether groups are unloaded and loaded states, and all others something else.
+
+    What was read unloaded was read loaded, too, and no target of theirs in any other group.
+    """
+    unloaded, loaded, others = (
+        {target for name, at in rows.items() if states.get(name) == one for target in at}
+        for one in (*_STATES, None)
+    )
+    return bool(unloaded) and unloaded <= loaded and loaded.isdisjoint(others)
+
+
+def _named(rows: dict[str, dict[str, Array]] | None, told: Mapping[str, str]) -> Proposal:
+    """What the names of groups and targets are, as far as they or a log tell.
+
+    Args:
+        rows: Where the targets of each group were read; None where an export has no names.
+        told: State of each group that a log names.
+    """
     if rows is None:
-        return Proposal(nameless=True)
-    group = _grouped(rows)
-    if group is None:
+        return Proposal()
+    group = None if told else _grouped(rows)
+    if group is None and not told:
         return Proposal(groups=tuple(rows)[:_SHOWN])
-    state = _state_of(list(rows), group)
+    state = told if group is None else _state_of(list(rows), group)
     unloaded, loaded, others = (
         [at for name, at in rows.items() if state.get(name) == one] for one in (*_STATES, None)
     )
@@ -272,12 +397,19 @@ def _named(exports: Sequence[Export]) -> Proposal:
     ends = [name for name in _targets(loaded) if name not in read]
     return Proposal(
         group=group,
-        groups=tuple(rows)[:_SHOWN],
+        groups=() if told else tuple(rows)[:_SHOWN],
         measured=tuple(measured),
         chain=_chain(ends, measured, loaded),
         base=tuple(_targets(others)),
         apart_m=_apart(measured, unloaded),
     )
+
+
+def _lacking(exports: Sequence[Export]) -> Literal["names", "groups"] | None:
+    """What an export does not name."""
+    if any(one.target is None for one in exports):
+        return "names"
+    return "groups" if any(one.group is None for one in exports) else None
 
 
 def _by_group(exports: Sequence[Export]) -> dict[str, dict[str, Array]] | None:
@@ -330,7 +462,7 @@ def _apart(
 def _state_of(names: Sequence[str], group: Group) -> dict[str, str]:
     """State of each group that is one."""
     found = patterns.parts(pa.array(names, pa.string()), group.pattern).to_pylist()
-    word = {said.lower(): state for said, state in zip(group.states, _STATES, strict=True)}
+    word = {said.lower(): state for said, state in group.state_of.items()}
     return {
         name: word[parts["state"].lower()]
         for name, parts in zip(names, found, strict=True)
@@ -339,11 +471,10 @@ def _state_of(names: Sequence[str], group: Group) -> dict[str, str]:
 
 
 def _grouped(rows: Mapping[str, Mapping[str, Array]]) -> Group | None:
-    """How group names are read: the usual way, or by a number and a word of two.
+    """How group names are read: the usual way, or by a number and a word of a few.
 
     Names of one form are a number for the pose, a word for the state and perhaps a number for the
-    repeat. Of the two words the one whose groups have more targets is loaded: the chain's ends are
-    read only then.
+    repeat. Words whose groups have more targets are loaded: the chain's ends are read only then.
     """
     usual = Group(Naming().group)
     if _state_of(list(rows), usual):
@@ -354,20 +485,29 @@ def _grouped(rows: Mapping[str, Mapping[str, Array]]) -> Group | None:
     numbers = [k for k, token in enumerate(longest) if token.isdigit()]
     for k in range(len(longest)):
         said = {name: own[k] for name, own in alike.items() if len(own) > k}
-        if _two_states(said, alike, numbers[0]):
+        if _states(said, alike, numbers[0]):
             states = _in_order(said, rows)
             least = min(len(alike[name]) for name in said)
-            return states and Group(_pattern(longest, numbers, k, states, least), states)
+            group = states and Group(_pattern(longest, numbers, k, states, least), states)
+            return group if group and _apart_from_each_other(list(rows), group) else None
     return None
 
 
-def _two_states(said: Mapping[str, str], alike: Mapping[str, Sequence[str]], place: int) -> bool:
-    """Whether a part of the names is one of two words, and most numbers at a place have both."""
+def _apart_from_each_other(names: Sequence[str], group: Group) -> bool:
+    """Whether no two groups are the same pull: on the way up and down numbers may begin again."""
+    found = patterns.parts(pa.array(names, pa.string()), group.pattern).drop_null().to_pylist()
+    keys = [(parts["pose"], group.state_of.get(parts["state"]), parts["repeat"]) for parts in found]
+    numbered = [key for key in keys if key[2]]
+    return len(set(numbered)) == len(numbered)
+
+
+def _states(said: Mapping[str, str], alike: Mapping[str, Sequence[str]], place: int) -> bool:
+    """Whether a part of the names is one of some words, and most numbers at a place have two."""
     words = set(said.values())
     pose = {name: alike[name][place] for name in said if len(alike[name]) > place}
     both = {(number, said[name]) for name, number in pose.items()}
     return (
-        len(words) == 2
+        len(words) > 1
         and all(word.isalpha() for word in words)
         and len(both) >= 1.5 * len(set(pose.values()))
     )
@@ -383,15 +523,16 @@ def _fits(own: Sequence[str], longest: Sequence[str]) -> bool:
 
 def _in_order(
     said: Mapping[str, str], rows: Mapping[str, Mapping[str, Array]]
-) -> tuple[str, str] | None:
-    """The words of the unloaded and the loaded state; None where both have as many targets."""
-    most = {w: max(len(rows[name]) for name in said if said[name] == w) for w in {*said.values()}}
-    unloaded, loaded = sorted(most, key=lambda word: most[word])
-    return (unloaded, loaded) if most[unloaded] < most[loaded] else None
+) -> tuple[str, ...] | None:
+    """The word of the unloaded state, then those of loaded ones; None where no one is below all."""
+    words = dict.fromkeys(said.values())
+    most = {w: max(len(rows[name]) for name in said if said[name] == w) for w in words}
+    unloaded, *loaded = sorted(most, key=lambda word: most[word])
+    return (unloaded, *loaded) if most[unloaded] < most[loaded[0]] else None
 
 
 def _pattern(
-    tokens: Sequence[str], numbers: Sequence[int], state: int, states: tuple[str, str], least: int
+    tokens: Sequence[str], numbers: Sequence[int], state: int, states: tuple[str, ...], least: int
 ) -> str:
     """An expression for names of one form, the last parts of which may be missing."""
     parts = {

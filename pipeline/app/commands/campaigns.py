@@ -6,7 +6,7 @@ import contextlib
 import math
 import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer import Argument, Option
 
-from pipeline.app.commands._shared import AsJson, Named, Root, app, at_work, open_it, show
-from pipeline.base.errors import MISFIT, UsageError, worst
+from pipeline.app.commands._shared import AsJson, Named, Root, app, fitted, open_it, show
+from pipeline.base.errors import MISFIT, UsageError, listed, worst
 from pipeline.base.shown import lines
 
 if TYPE_CHECKING:  # they bring the numerical libraries, which take a second
@@ -24,6 +24,8 @@ if TYPE_CHECKING:  # they bring the numerical libraries, which take a second
 
 _USUAL = "kr500_rail"
 """The robot of a campaign that has no files yet, where nobody names another."""
+
+_OPEN = "Enter leaves it open"
 
 
 @app.command(short_help="Write campaign.toml for the files of a folder.")
@@ -77,17 +79,24 @@ def _propose(root: Path, folder: Path, robot: str | None, ask: bool) -> None:
         told = asking.ask(said.offer, partial(typer.echo, err=True))
         hints = (hints or Hints()).model_copy(update=told)
         said = propose(files, hints)
-    for line in _seen(said) if ask else ():
-        at_work(line)
+    for line in _seen(said):
+        _tell(line)
     if robot is None:
         robot = _robot(root, folder, said, ask)
     known = _asked(said, robot) if ask else blank.Known(robot=robot)
     left = blank.write(folder, said, known)
     typer.echo(folder)
-    for name, why in said.refused.items():
-        at_work(f"{name} is not used: {why}.")
-    at_work(f"Fill in campaign.toml ({', '.join(left) or 'nothing is left'}), "
-            f"then: pipeline check {folder.name}")  # fmt: skip
+    if not (said.exports or said.loads or said.joints):
+        _tell("No exports or logs lie there yet. To have campaign.toml written for files of other "
+              f"programs, copy them there, remove it, and type `pipeline init {folder.name}` "
+              "again.")  # fmt: skip
+    todo = f"Still open in campaign.toml: {listed(left, most=40)}; fill it in, then" if left else ""
+    _tell(f"{todo or 'Next'}: pipeline check {folder.name}")
+
+
+def _tell(words: str) -> None:
+    """One line beside the answer, on a terminal or not."""
+    typer.secho(fitted(words, sys.stderr), err=True, dim=sys.stderr.isatty())
 
 
 def _robot(root: Path, folder: Path, said: Proposal, ask: bool) -> str | None:
@@ -97,12 +106,15 @@ def _robot(root: Path, folder: Path, said: Proposal, ask: bool) -> str | None:
     fitting = said.robots
     if len(fitting) == 1:
         return fitting[0]
+    usual = None if said.exports or said.joints else _USUAL
     if not ask:
-        return None if said.exports or said.joints else _USUAL
-    which = " or ".join(fitting) or f"{blank.robots()}, or a file"
-    usual = "" if fitting else _USUAL
-    typed = str(typer.prompt(f"Robot ({which})", usual, err=True, show_default=bool(usual)))
-    if not typed:
+        return usual
+    for line in blank.described(folder, fitting):
+        _tell(line)
+    which = "which of these" if fitting else "one of these, or a robot file"
+    if usual:
+        typed = str(typer.prompt(f"Robot, {which}", usual, err=True))
+    elif not (typed := _answer(f"Robot, {which}")):
         return None
     blank.known(root, folder.name, typed)
     return typed
@@ -110,30 +122,63 @@ def _robot(root: Path, folder: Path, said: Proposal, ask: bool) -> str | None:
 
 def _asked(said: Proposal, robot: str | None) -> Known:
     """What only a person knows, one question at a time; an empty answer leaves it open."""
-    from pipeline.app.blank import Known
+    from pipeline.app.blank import Known, log_columns
+    from pipeline.readers.logs import FORCE, LENGTH
 
     unit = None
     if said.reach is not None:
         unit = _one_of(f"Unit of lengths, the numbers reach {said.reach:.0f}", ("mm", "m", "in"))
-    sigma_mm = _size("Standard uncertainty of one tracker reading per axis [mm]")
-    sigma_n = _size("Standard uncertainty of one scale reading [N]")
-    warm = _number("Temperature of rail and base [degC]") if said.exports else None
+    columns = _columns(log_columns(said, robot))
+    sigma_m = _size(
+        "Standard uncertainty of one tracker reading per axis [mm]", LENGTH, "mm",
+        "Enter: it is found from repeats and misfit",
+    )  # fmt: skip
+    # step / sqrt(12), GUM F.2.2.1
+    _tell("Of the scale, its certificate says it; the last digit alone makes 0.29 of a step.")
+    sigma_n = _size("Standard uncertainty of one scale reading [N]", FORCE, "n")
+    warm = (
+        _number("Temperature of rail and base [degC]", "Enter: nobody knows")
+        if said.exports
+        else None
+    )
     frames = [("the flange frame", ["load_point", *said.measured]), ("F_b", said.base)]
     asked = [(name, frame) for frame, names in frames for name in names if said.measured]
-    places = {name: _place(f"{name} in {frame}, x y z [m]") for name, frame in asked}
+    if asked:
+        _tell("Places are in metres, or as 120 35 -40 mm or 4.7 1.4 -1.6 in.")
+    places = {name: _place(f"{name} in {frame}, x y z [m]", LENGTH) for name, frame in asked}
     return Known(
         robot=robot,
         unit=unit,
-        sigma_m=None if sigma_mm is None else 1e-3 * sigma_mm,
+        sigma_m=sigma_m,
         sigma_n=sigma_n,
         temperature_c=warm,
         places={name: at for name, at in places.items() if at is not None},
+        columns=columns,
     )
 
 
-def _answer(question: str) -> str:
+def _columns(said: Mapping[str, str]) -> dict[str, str]:
+    """Our names for titles that state no unit, which those with the same units have in common.
+
+    Args:
+        said: All our names by title, with bars between them.
+    """
+    titles: dict[tuple[str, ...], list[str]] = {}
+    for title, ours in said.items():
+        if "|" in ours:
+            units = tuple(name.rpartition("_")[2] for name in ours.split("|"))
+            titles.setdefault(units, []).append(title)
+    out = {}
+    for units, alike in titles.items():
+        if unit := _one_of(f"Unit of {listed(alike)}", units):
+            names = {title: said[title].split("|")[units.index(unit)] for title in alike}
+            out.update(names)
+    return out
+
+
+def _answer(question: str, otherwise: str = _OPEN) -> str:
     """What is typed, without blanks around it; empty where it stays open."""
-    asked = f"{question} (Enter leaves it open)"
+    asked = f"{question} ({otherwise})"
     return str(typer.prompt(asked, "", err=True, show_default=False)).strip()
 
 
@@ -146,19 +191,38 @@ def _one_of(question: str, words: tuple[str, ...]) -> str | None:
     return None
 
 
-def _size(question: str) -> float | None:
-    """A number above zero, asked until it is one; a decimal comma is as good as a point."""
-    while answer := _answer(question):
+def _size(
+    question: str, units: Mapping[str, float], usual: str, otherwise: str = _OPEN
+) -> float | None:
+    """A number above zero in SI, asked until it is one; a decimal comma is as good as a point."""
+    while answer := _answer(question, otherwise):
         with contextlib.suppress(ValueError):
-            if 0 < (size := float(answer.replace(",", "."))) < float("inf"):
+            (size,) = _in_si(answer, units, usual)
+            if size > 0:
                 return size
         typer.echo(f'"{answer}" is no number above zero.', err=True)
     return None
 
 
-def _number(question: str) -> float | None:
+def _in_si(answer: str, units: Mapping[str, float], usual: str) -> list[float]:
+    """Numbers with blanks or semicolons between them and perhaps a unit behind, in SI.
+
+    Raises:
+        ValueError: They are no numbers, or the unit is none of these.
+    """
+    cells, unit = re.fullmatch(r"(.*?)\s*([^\W\d_]*)", answer, re.DOTALL).groups()  # type: ignore[union-attr]
+    if (unit or usual).lower() not in units:
+        raise ValueError(unit)
+    factor = units[(unit or usual).lower()]
+    values = [float(one.replace(",", ".")) for one in re.split(r"[;\s]+|,\s+", cells)]
+    if not all(map(math.isfinite, values)):
+        raise ValueError(answer)
+    return [float(f"{value * factor:.12g}") for value in values]  # 0.6, not 0.6000000000000001
+
+
+def _number(question: str, otherwise: str) -> float | None:
     """A number, asked until it is one."""
-    while answer := _answer(question):
+    while answer := _answer(question, otherwise):
         with contextlib.suppress(ValueError):
             if math.isfinite(number := float(answer.replace(",", "."))):
                 return number
@@ -168,21 +232,24 @@ def _number(question: str) -> float | None:
 
 def _seen(said: Proposal) -> Iterator[str]:
     """What the files are taken for, before anything is asked."""
-    files = {"exports": said.exports, "loads": said.loads, "joints": said.joints}
+    logs = {"loads": said.loads, "joints": said.joints}
+    files = {"exports": said.exports} | {what: [one] for what, one in logs.items() if one}
     names = {"measured targets": said.measured, "chain": said.chain, "base": said.base}
     for what, found in (files | names).items():
         if found:
-            yield f"{what}: {found if isinstance(found, str) else ' '.join(found)}"
+            yield f"{what}: {listed(found, most=40)}"
+    for name, why in said.refused.items():
+        yield f"{name} is not used: {why}."
 
 
-def _place(question: str) -> tuple[float, float, float] | None:
-    """Three coordinates with blanks or semicolons between them, asked until they are."""
+def _place(question: str, units: Mapping[str, float]) -> tuple[float, float, float] | None:
+    """Three coordinates [m], asked until they are."""
     while answer := _answer(question):
         with contextlib.suppress(ValueError):
-            x, y, z = (float(one.replace(",", ".")) for one in re.split(r"[;\s]+|,\s+", answer))
-            if all(map(math.isfinite, (x, y, z))):
-                return x, y, z
-        typer.echo(f'"{answer}" is no three numbers: write 0.2 0.05 0.12.', err=True)
+            x, y, z = _in_si(answer, units, "m")
+            return x, y, z
+        typer.echo(f'"{answer}" is no three numbers: write 0.2 0.05 0.12, or 200 50 120 mm.',
+                   err=True)  # fmt: skip
     return None
 
 
