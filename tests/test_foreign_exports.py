@@ -96,6 +96,36 @@ def test_polar_is_never_cartesian_whatever_unit_is_stated(name, unit):
     assert name == "two faces"
 
 
+SENSES = {
+    "Hz [gon];V [gon];D [mm]": -1,
+    "Horizontal Angle (gon);Zenith Angle (gon);Slope Distance (mm)": -1,
+    "HR (gon);VZ (gon);SD (mm)": -1,
+    "HL (gon);VZ (gon);SD (mm)": 1,
+    "Theta (gon);Zenith (gon);R (mm)": 1,
+    "Azimuth (gon);Zenith (gon);Distance (mm)": None,
+    "# clockwise\nPoint;Azimuth (gon);Zenith (gon);Distance (mm)": -1,
+    "# Azimuths: counter-clockwise\nPoint;Azimuth (gon);Zenith (gon);Distance (mm)": 1,
+    "# spherical coordinates\nPoint;Hz (gon);Zenith (gon);Distance (mm)": None,
+    "Collection;Azimuth (gon);Zenith (gon);Distance (mm)": 1,
+}
+
+
+@pytest.mark.parametrize("head", SENSES)
+def test_which_way_azimuths_grow_is_said_or_asked(head):
+    """By titles and lines above; where they say nothing, or one the other's contrary, asked."""
+    above, _, titles = head.rpartition("Point;") if "\n" in head else ("", "", head)
+    data = rows(*above.splitlines(), f"Point;{titles}", f"P1;{'A;' * ('Coll' in head)}100;50;2000")
+    x, y, z = polar(2.0, 100 * GON, 50 * GON)
+    if SENSES[head] is None:
+        with pytest.raises(InputError, match='write horizontal = "counter-clockwise" \\(or "clock'):
+            readers.read("t", data.encode(), Hints(vertical="zenith"))
+    for said in ({}, {"horizontal": "clockwise"}, {"horizontal": "counter-clockwise"}):
+        side = {"clockwise": -1, "counter-clockwise": 1}.get(said.get("horizontal"), SENSES[head])
+        if side is not None:
+            export = readers.read("t", data.encode(), Hints(vertical="zenith", **said))
+            np.testing.assert_allclose(export.position, [[x, side * y, z]], atol=1e-12)
+
+
 def test_two_faces_are_one_reading_and_their_difference_is_told(capsys, tmp_path):
     """The mean of both, and how far apart they were."""
     path = tmp_path / "polar.txt"
@@ -105,7 +135,8 @@ def test_two_faces_are_one_reading_and_their_difference_is_told(capsys, tmp_path
         polar(1.9968231, 36.31478 * np.pi / 200, 289.56919 * np.pi / 200),
     )
 
-    seen = json.loads(run(capsys, path, "--unit", "mm", "--json")[1])["two_faces"]
+    said = ["--unit", "mm", "--horizontal", "clockwise"]
+    seen = json.loads(run(capsys, path, *said, "--json")[1])["two_faces"]
 
     assert (seen["pairs"], seen["single"]) == (1, 0)
     assert seen["largest_mm"] == pytest.approx(1e3 * np.linalg.norm(apart), rel=1e-6)
@@ -163,7 +194,8 @@ def test_a_tool_that_keeps_its_size_tells_metres_from_angles():
 
     cartesian = readers.read("t", text(places), Hints(unit="m"))
     angles = np.column_stack([far, azimuth, elevation])
-    turned = readers.read("t", text(angles), Hints(unit="m", angle="deg"))
+    left = {"angle": "deg", "horizontal": "counter-clockwise"}
+    turned = readers.read("t", text(angles), Hints(unit="m", **left))
 
     assert (cartesian.meaning.kind, turned.meaning.kind) == ("cartesian", "spherical")
     np.testing.assert_allclose(turned.position, places, atol=1e-6)
@@ -185,22 +217,23 @@ def test_a_mapping_is_tried_and_what_is_wrong_with_it_is_said(capsys, tmp_path):
 
 
 def test_on_a_terminal_one_question_is_asked_after_the_other(capsys, tmp_path, monkeypatch):
-    """What kind, which unit: typed as numbers of the answers."""
+    """What kind, which unit, which way: typed as numbers of the answers."""
     path = tmp_path / "t.txt"
     path.write_bytes(KINDS["Hz V D"].data)
-    typed = iter(["9", "1", "1", "1"])
+    typed = iter(["9", "1", "1", "1", "2"])
     monkeypatch.setattr("sys.stdin.isatty", lambda: True)
     monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
     monkeypatch.setattr("typer.prompt", lambda *_, **__: next(typed))
     code, out, err = run(capsys, path)
 
     assert code == 0
-    assert "spherical, angles in gon from the zenith" in out
+    assert "spherical, angles in gon from the zenith, azimuths clockwise" in out
     asked = [line for line in err.splitlines() if line.endswith("?")]
     assert asked == [
         "Which kind of coordinates are they?",
         "In which unit are lengths?",
         "In which unit are angles?",
+        "Which way do horizontal angles grow, seen from above?",
     ]
 
 
@@ -295,11 +328,11 @@ def test_many_tables_of_any_make_are_read_right_or_asked():
 def test_whoever_runs_is_told_of_two_faces_and_of_times_that_are_none(small_campaign):
     """A whole campaign in polar coordinates, every point read in both faces, its clock stopped."""
     rows = list(csv.DictReader(small_campaign.files["tracker.csv"].decode().splitlines()))
-    lines = ["Group\tTarget\tAzimuth (gon)\tZenith (gon)\tDistance (mm)\tTime"]
+    lines = ["Group\tTarget\tHz (gon)\tZenith (gon)\tDistance (mm)\tTime"]
     for row in rows:
         x, y, z = (float(row[f"{axis}_mm"]) for axis in "xyz")
         distance, level = np.sqrt(x * x + y * y + z * z), np.hypot(x, y)
-        azimuth, zenith = np.arctan2(y, x) / GON, np.arctan2(level, z) / GON
+        azimuth, zenith = np.arctan2(-y, x) / GON, np.arctan2(level, z) / GON
         for turn, plunge in ((azimuth, zenith), (azimuth + 200.002, 400 - zenith)):
             cells = (f"{turn:.7f}", f"{plunge:.7f}", f"{distance:.5f}", "00:00.0")
             lines.append("\t".join((row["group"], row["target"], *cells)))

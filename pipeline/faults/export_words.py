@@ -1,4 +1,4 @@
-"""A word of [tracker] that the export contradicts: unit, decimal mark, kind or unit of angles.
+"""A word of [tracker] that the export contradicts: unit, decimal mark, kind, what angles are.
 
 Each is tried with every other value that it may have. One is wrong where the distances between
 reflectors, and where the robot's table has them, fit with another value and not with the stated
@@ -17,7 +17,7 @@ from pipeline.readers import Hints
 from pipeline.reduction.case import Case
 from pipeline.reduction.settings import Settings
 
-_WORDS = ("unit", "decimal", "coordinates", "angle", "vertical")
+_WORDS = ("unit", "decimal", "coordinates", "angle", "vertical", "horizontal")
 
 Read = Callable[[Settings], Case | None]
 """A campaign with some settings, None where it cannot be read so."""

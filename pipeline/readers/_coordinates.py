@@ -32,15 +32,36 @@ class Meaning:
     Attributes:
         unit: Unit of length, `mm`, `m`, `in`, `um`, `cm` or `ft`.
         kind: `cartesian` x, y, z; `spherical` range, azimuth, vertical angle; `cylindrical`
-            radius, azimuth, z. Azimuths count from x towards y.
+            radius, azimuth, z.
         angle: Unit of angles, `deg`, `rad` or `gon`; None for Cartesian coordinates.
         vertical: Vertical angle from `zenith` (z up is 0) or as `elevation` (horizontal is 0).
+        horizontal: Azimuths grow `counter-clockwise`, from x towards y, or `clockwise`.
     """
 
     unit: str
     kind: str = "cartesian"
     angle: str | None = None
     vertical: str = "zenith"
+    horizontal: str = "counter-clockwise"
+
+
+SENSES = {"counter-clockwise": 1.0, "clockwise": -1.0}
+"""Ways in which azimuths grow, seen from above, and the sign of a turn from x towards y."""
+
+
+@dataclass(frozen=True)
+class Angles:
+    """What an export itself says of its angles, each None where it does not.
+
+    Attributes:
+        unit: As `Meaning.angle`.
+        vertical: As `Meaning.vertical`.
+        horizontal: As `Meaning.horizontal`.
+    """
+
+    unit: str | None = None
+    vertical: str | None = None
+    horizontal: str | None = None
 
 
 def metres(values: Array, unit: str) -> Array:
@@ -118,15 +139,21 @@ def _angles(meaning: Meaning) -> list[int]:
 def _si(values: Array, meaning: Meaning) -> Array:
     angles = _angles(meaning)
     out = metres(values, meaning.unit)
-    out[:, angles] = values[:, angles] * _ANGLES[meaning.angle or "rad"]
+    out[:, angles] = values[:, angles] * _radians(meaning)
     return out
 
 
 def _from_si(values: Array, meaning: Meaning) -> Array:
     angles = _angles(meaning)
     out = _in_unit(values, meaning.unit)
-    out[:, angles] = values[:, angles] / _ANGLES[meaning.angle or "rad"]
+    out[:, angles] = values[:, angles] / _radians(meaning)
     return out
+
+
+def _radians(meaning: Meaning) -> Array:
+    """Of one unit of each angle [rad], azimuths that grow clockwise with a minus."""
+    signs = [SENSES[meaning.horizontal], 1.0][: len(_angles(meaning))]
+    return _ANGLES[meaning.angle or "rad"] * np.array(signs)
 
 
 def _flat_and_up(vertical: Array, meaning: Meaning) -> tuple[Array, Array]:
@@ -197,6 +224,18 @@ def settled_vertical(stated: str | None, said: str | None, values: Array, angle:
             return "zenith"
     what = 'vertical = "zenith" (or "elevation")'
     return settled(stated, said, "vertical angle's zero", what)
+
+
+def settled_horizontal(stated: str | None, said: str | None) -> str:
+    """Whether horizontal angles grow clockwise, as a total station's, or counter-clockwise.
+
+    Titles follow a habit of the trade that a program may break: campaign.toml goes before it.
+
+    Raises:
+        InputError: Nobody says.
+    """
+    example = 'horizontal = "clockwise" (or "counter-clockwise")'
+    return settled(None if said else stated, said, "sense of horizontal angles", example)
 
 
 def second_face(vertical: Array, meaning: Meaning) -> Bools:

@@ -61,7 +61,7 @@ class Polar:
     vertical: str
 
     def meaning(self, unit: str) -> Meaning:
-        """What the numbers mean with a unit of length."""
+        """What the numbers mean with a unit of length, to a reflection."""
         return Meaning(unit, "spherical", self.angle, self.vertical)
 
 

@@ -18,12 +18,14 @@ from pipeline.base.strict import Name, Positive, Strict, with_parts
 from pipeline.readers import _faces
 from pipeline.readers._cells import text_of
 from pipeline.readers._coordinates import (
+    Angles,
     Meaning,
     cartesian,
     covariance,
     raw,
     second_face,
     settled,
+    settled_horizontal,
     settled_vertical,
 )
 from pipeline.readers._faces import Faces
@@ -102,6 +104,7 @@ class Hints(Strict):
         coordinates: Their kind.
         angle: Unit of angles.
         vertical: Where vertical angles are zero.
+        horizontal: Which way horizontal angles grow, seen from above.
         covariance: Which of several covariances to use, or `none`.
         coverage_factor: k of stated uncertainties.
         names: Expression with the parts group and target, for names that hold both.
@@ -114,6 +117,7 @@ class Hints(Strict):
     coordinates: Literal["cartesian", "spherical", "cylindrical"] | None = None
     angle: Literal["deg", "rad", "gon"] | None = None
     vertical: Literal["zenith", "elevation"] | None = None
+    horizontal: Literal["clockwise", "counter-clockwise"] | None = None
     covariance: Literal["a-priori", "standard", "expanded", "rms", "none"] | None = None
     coverage_factor: Positive | None = None
     names: Annotated[str, with_parts("group", "target")] | None = None
@@ -362,15 +366,15 @@ def settled_unit(stated: str | None, hints: Hints) -> str:
 
 def settled_angles(
     meaning: Meaning,
-    stated: tuple[str | None, str | None],
+    stated: Angles,
     third: Array,
     hints: Hints,
 ) -> Meaning:
-    """The same with unit and zero of angles, where coordinates of its kind have some.
+    """The same with unit, zero and sense of angles, where coordinates of its kind have some.
 
     Args:
         meaning: Unit and kind of coordinates.
-        stated: Unit of angles and zero of the vertical one by the export, None where it does not.
+        stated: What the export says of its angles.
         third: The third column of numbers, which may say where vertical angles begin.
         hints: What campaign.toml says.
 
@@ -380,11 +384,12 @@ def settled_angles(
     if meaning.kind == "cartesian":
         return meaning
     example = 'angle = "deg" (or "rad", "gon")'
-    angle = settled(stated[0], hints.angle, "unit of angles", example)
-    if meaning.kind == "cylindrical":
-        return replace(meaning, angle=angle)
-    vertical = settled_vertical(stated[1], hints.vertical, third, angle)
-    return replace(meaning, angle=angle, vertical=vertical)
+    angle = settled(stated.unit, hints.angle, "unit of angles", example)
+    meaning = replace(meaning, angle=angle)
+    if meaning.kind == "spherical":
+        vertical = settled_vertical(stated.vertical, hints.vertical, third, angle)
+        meaning = replace(meaning, vertical=vertical)
+    return replace(meaning, horizontal=settled_horizontal(stated.horizontal, hints.horizontal))
 
 
 def written(

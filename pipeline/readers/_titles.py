@@ -36,7 +36,7 @@ _ROLES = {
     "active": ("active", "aktiv", "use", "used", "valid", "gültig", "enabled"),
     "azimuth": (
         "hz angle", "horizontal angle", "horizontal", "azimut", "hz winkel", "horizontalwinkel",
-        "richtung", "hr", "ha",
+        "richtung", "hr", "ha", "hl",
     ),
     "vertical": ("v", "vz", "vertical angle", "vertical", "v angle", "v winkel", "va",
                  "vertikalwinkel"),
@@ -125,6 +125,34 @@ def _words(title: str) -> list[str]:
     return words
 
 
+_RIGHT = {"hz", "horizontal", "horizontalwinkel", "richtung", "hr", "ha"}
+"""Words of a surveyor's horizontal angle, which grows clockwise as the circle of a total station;
+right (HR) is said of it, left (HL) where it is set the other way."""
+_LEFT = {"theta", "phi", "left", "links", "hl"}
+"""Words of an angle from x towards y; ISO 80000-2 counts its spherical coordinates so."""
+
+
+def horizontal(columns: Sequence[Named], place: int | None = None) -> str | None:
+    """Which way azimuths grow by the titles of a table, None where they leave it open.
+
+    An azimuth alone may be a tracker's or a compass'; that of SpatialAnalyzer, which alone writes
+    collections, is a tracker's.
+
+    Args:
+        columns: All of the table.
+        place: The column of the azimuth, None for the one that is called so.
+    """
+    roles = [column.role for column in columns]
+    if place is None:
+        place = roles.index("azimuth") if "azimuth" in roles else None
+    words = set() if place is None else {*_words(columns[place].title)}
+    left = bool(words & _LEFT) or "collection" in roles
+    right = bool(words & _RIGHT) and not words & _LEFT  # horizontal, left
+    if left == right:
+        return None
+    return "counter-clockwise" if left else "clockwise"
+
+
 def triples(columns: Sequence[Named]) -> list[Triple]:
     """The sets of three columns that may be a place, those called so plainly first."""
     found = [*_polar(columns), *_cartesian(columns)]
@@ -162,7 +190,7 @@ def _polar(columns: Sequence[Named]) -> list[Triple]:
             three = ("range", "azimuth", vertical)
             places = _three(at, three)
             out.append(Triple("spherical", places, three, True))
-            if {*_words(columns[places[1]].title)} == {"theta"}:
+            if vertical == "vertical" and {*_words(columns[places[1]].title)} == {"theta"}:
                 out.append(Triple("spherical", (places[0], places[2], places[1]), three, True))
         elif "z" in at and "x" not in at:
             across = ("range", "azimuth", "z")

@@ -31,6 +31,7 @@ class Inspection:
         coordinates: `cartesian`, `spherical` or `cylindrical`.
         angle: Unit of angles, None for Cartesian coordinates.
         vertical: `zenith` or `elevation`, None where there is no vertical angle.
+        horizontal: `clockwise` or `counter-clockwise`, None for Cartesian coordinates.
         readings: How many can be used.
         groups: How many groups they have, None where the file names none.
         targets: Names of the targets, None where the file has none.
@@ -54,6 +55,7 @@ class Inspection:
     coordinates: str
     angle: str | None
     vertical: str | None
+    horizontal: str | None
     readings: int
     groups: int | None
     targets: list[str] | None
@@ -97,9 +99,11 @@ class Inspection:
 
     def _kind(self) -> str:
         """Kind of coordinates, with their angles where they have any."""
-        kind = f"{self.coordinates}, angles in {self.angle}" if self.angle else self.coordinates
+        if not self.angle:
+            return self.coordinates
         vertical = {"zenith": " from the zenith", "elevation": ", elevations", None: ""}
-        return kind + vertical[self.vertical]
+        zero = vertical[self.vertical]
+        return f"{self.coordinates}, angles in {self.angle}{zero}, azimuths {self.horizontal}"
 
     def _groups(self) -> str:
         if self.rounds is not None:
@@ -190,6 +194,7 @@ def inspect(name: str, data: bytes, hints: Hints | None = None) -> Inspection:
         coordinates=meaning.kind,
         angle=meaning.angle if angular else None,
         vertical=meaning.vertical if meaning.kind == "spherical" else None,
+        horizontal=meaning.horizontal if angular else None,
         readings=len(export.line),
         groups=None if export.group is None else len(pc.unique(export.group)),
         targets=None if export.target is None else _targets(export.target),

@@ -11,7 +11,7 @@ import pyarrow as pa
 from pipeline.base.errors import InputError, at
 from pipeline.base.shown import in_toml
 from pipeline.readers import Columns, Export, Hints, Text, opened_as_text, read, recognise, table
-from pipeline.readers._coordinates import AXES
+from pipeline.readers._coordinates import AXES, SENSES
 from pipeline.readers._polar import FULL
 from pipeline.readers.proposal import Answer, Column, Proposal, Question, propose
 
@@ -23,6 +23,7 @@ _MAY_BE: dict[str, tuple[str, ...]] = {
     "coordinates": tuple(AXES),
     "angle": tuple(FULL),
     "vertical": ("zenith", "elevation"),
+    "horizontal": tuple(SENSES),
     "decimal": (".", ","),
 }
 """Words of [tracker] that a dialect may leave open, with their answers."""

@@ -21,6 +21,7 @@ from pipeline.readers._contents import contents, mark_of
 from pipeline.readers._coordinates import (
     AXES,
     settled,
+    settled_horizontal,
     settled_vertical,
     steeper_than_not,
 )
@@ -38,8 +39,10 @@ from pipeline.readers._roles import Reading, Role, Table, Why
 from pipeline.readers._sheet import Sheet, cells_of, sheet
 from pipeline.readers._text import Text
 from pipeline.readers._time import ISO
+from pipeline.readers._titles import horizontal
 
-About = Literal["columns", "coordinates", "instrument", "unit", "angle", "vertical", "decimal"]
+About = Literal["columns", "coordinates", "instrument", "unit", "angle", "vertical", "horizontal",
+                "decimal"]  # fmt: skip
 """What is asked."""
 
 KIND_WORDS = {kind: kind for kind in AXES} | {"polar": "spherical", "kartesisch": "cartesian"}
@@ -128,6 +131,8 @@ _WORDS: dict[str, tuple[str, str]] = {
     "angle": ("the export does not say its unit of angles", f"write angle = {{0}} {_WRITE}"),
     "vertical": ("the export does not say its vertical angle's zero",
                  f"write vertical = {{0}} {_WRITE}"),
+    "horizontal": ("the export does not say its sense of horizontal angles",
+                   f"write horizontal = {{0}} {_WRITE}"),
 }  # fmt: skip
 
 
@@ -258,11 +263,13 @@ class Stated:
         kinds: Kinds of coordinates.
         units: Units of length.
         angles: Units of angles.
+        senses: Ways in which azimuths grow.
     """
 
     kinds: frozenset[str]
     units: frozenset[str]
     angles: frozenset[str]
+    senses: frozenset[str]
 
     @classmethod
     def of(cls, found: Sheet) -> Stated:
@@ -270,16 +277,17 @@ class Stated:
 
         A reflector's diameter in millimetres says nothing of the coordinates.
         """
-        kinds, units, angles = set(), set(), set()
+        kinds, units, angles, senses = set(), set(), set(), set()
         for line in found.preamble:
             words = _WORD.findall(line.lower())
+            senses |= _senses(words)
             here = {KIND_WORDS[word] for word in words if word in KIND_WORDS}
             kinds |= here
             if not here and not UNIT_LINE.search(line):
                 continue
             units |= said_units(line)
             angles |= {ANGLE_WORDS[word] for word in words if word in ANGLE_WORDS}
-        return cls(frozenset(kinds), frozenset(units), frozenset(angles))
+        return cls(*map(frozenset, (kinds, units, angles, senses)))
 
     def only(self, what: str) -> str | None:
         """The one word that is said of something, None where there is none.
@@ -294,6 +302,17 @@ class Stated:
                 "correct them, or describe the table in [tracker.mapping] of campaign.toml",
             )
         return found[0] if found else None
+
+
+def _senses(words: Sequence[str]) -> set[str]:
+    """Which way azimuths grow by the words of a line.
+
+    What is called spherical or cylindrical counts from x towards y, what is called polar may not.
+    """
+    if "clockwise" in words or "cw" in words:
+        return {"counter-clockwise" if {"counter", "anti"} & {*words} else "clockwise"}
+    from_x = {"spherical", "cylindrical", "counterclockwise", "anticlockwise", "ccw"}
+    return {"counter-clockwise"} if from_x & {*words} else set()
 
 
 def _said(table: Table, places: Sequence[int | None], known: Mapping[str, str]) -> set[str]:
@@ -479,6 +498,7 @@ def _angle(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> Non
         draft.ask("angle", [Answer(unit, {"angle": unit}) for unit in units])
     if reading.kind == "spherical":
         _vertical(table, reading, draft)
+    _horizontal(table, reading, draft, stated)
 
 
 def _no_packed_angles(table: Table, places: Sequence[int], draft: _Draft) -> None:
@@ -514,6 +534,26 @@ def _vertical(table: Table, reading: Reading, draft: _Draft) -> None:
         steep = steeper_than_not(values, angle)
         zeros = ("zenith", "elevation") if steep else ("elevation", "zenith")
         draft.ask("vertical", [Answer(zero, {"vertical": zero}) for zero in zeros])
+
+
+_RECORDS = {"SS", "TR", "BS", "FS", "BD", "BR", "FD", "FR"}
+"""How the lines of a total station's raw file begin: sideshot, traverse, back- and foresight."""
+
+
+def _horizontal(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> None:
+    """Which way azimuths grow: what lines above say, titles or records; else it is asked."""
+    titled = horizontal(table.named, reading.place("azimuth"))
+    said = stated.senses | ({titled} if titled else set())
+    if any(all("::" in cell for cell in one.cells) for one in table.content):
+        said |= {"counter-clockwise"}  # SpatialAnalyzer alone writes such names
+    if any({*one.cells} <= _RECORDS for one in table.content):
+        said |= {"clockwise"}
+    if len(said) == 1 or draft.hints.horizontal:
+        found = settled_horizontal(min(said, default=None), draft.hints.horizontal)
+        draft.settle({"horizontal": found})
+        return
+    senses = ("counter-clockwise", "clockwise")
+    draft.ask("horizontal", [Answer(sense, {"horizontal": sense}) for sense in senses])
 
 
 # --- shown ----------------------------------------------------------------------------------------

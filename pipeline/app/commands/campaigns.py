@@ -203,6 +203,9 @@ def inspect(
     decimal: Annotated[str | None, Option(help="The decimal mark, likewise.")] = None,
     angles: Annotated[str | None, Option(help="deg, rad or gon, likewise.")] = None,
     vertical: Annotated[str | None, Option(help="zenith or elevation, likewise.")] = None,
+    horizontal: Annotated[
+        str | None, Option(help="clockwise or counter-clockwise, likewise.")
+    ] = None,
     coordinates: Annotated[
         str | None, Option(help="cartesian, spherical or cylindrical, likewise.")
     ] = None,
@@ -226,6 +229,7 @@ def inspect(
         "decimal": _known("decimal mark", decimal, (".", ",")),
         "angle": _known("unit of angles", angles, ("deg", "rad", "gon")),
         "vertical": _known("vertical angle", vertical, ("zenith", "elevation")),
+        "horizontal": _known("sense of angles", horizontal, ("clockwise", "counter-clockwise")),
         "coordinates": _known("kind", coordinates, ("cartesian", "spherical", "cylindrical")),
     }
     answers = sys.stdin.isatty() and sys.stderr.isatty() and not as_json
