@@ -30,6 +30,7 @@ PREAMBLE = [
     "Export of a measurement", "Job: hall 3", "Instrument: AT960 750123", "Operator;Jane;Doe",
     ";;;;;;", "Reflector radius 19.05 mm", "Date 2026-11-03", "Temperature 20.5 deg C, 1013 hPa",
     "Remark, nothing, to, see, here", "1 of 3", "",
+    "Units: temperature degC, radius mm", "Unit of the offsets: inch",
 ]  # fmt: skip
 
 

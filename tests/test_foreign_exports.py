@@ -126,6 +126,26 @@ def test_which_way_azimuths_grow_is_said_or_asked(head):
             np.testing.assert_allclose(export.position, [[x, side * y, z]], atol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("line", "unit"),
+    [
+        ("Units: temperature degC, radius mm", None),
+        ("Unit of the probe's radius: mm", None),
+        ("Units: mm, temperature deg C, radius m", "mm"),
+        ("Coordinates: x, y and z in m; offset in mm", "m"),
+        ("Length unit: inch", "in"),
+    ],
+)
+def test_a_unit_belongs_to_what_it_is_said_of(line, unit):
+    """That of a radius or of a temperature says nothing of the coordinates."""
+    data = rows(line, "Point;X;Y;Z", "P1;1500;2500;3500").encode()
+    if unit is None:
+        with pytest.raises(InputError, match="does not say its unit of length"):
+            readers.read("t", data)
+    else:
+        assert readers.read("t", data).meaning.unit == unit
+
+
 def test_two_faces_are_one_reading_and_their_difference_is_told(capsys, tmp_path):
     """The mean of both, and how far apart they were."""
     path = tmp_path / "polar.txt"

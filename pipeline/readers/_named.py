@@ -58,6 +58,14 @@ _EXPANDED_WORDS = {"u", "95", "expanded", "k", "2", "uncertainty"}
 UNIT_LINE = re.compile(
     r"\b(units?|einheit(en)?|coordinates?|koordinaten|lengths?|längen)\b", re.IGNORECASE
 )
+_OF_COORDINATES = {
+    "unit", "units", "einheit", "einheiten", "coordinate", "coordinates", "koordinaten", "length",
+    "lengths", "längen", "linear", "distance", "distances", "position", "positions", "points",
+    "x", "y", "z", "xyz", "angle", "angles", "angular", "winkel", "cartesian", "spherical",
+    "cylindrical", "polar", "kartesisch",
+}  # fmt: skip
+"""Words before a unit that leave it that of the coordinates."""
+_BETWEEN = {"in", "is", "are", "of", "the", "all", "and", "as", "m", "und", "sind", "alle"}
 _WORD = re.compile(r"[^\W\d_]+|°")
 _SHORT = re.compile(
     r"(?:[:=(\[,/]|\bin)\s*(m|in)(?=\s*(?:$|[)\],;/|]|gon\b|deg|rad|mm\b))", re.IGNORECASE
@@ -201,11 +209,23 @@ def remark(text: Text, header: Header) -> str | None:
     return marks.pop() if len(marks) == 1 and not rows else None
 
 
-def said_units(line: str) -> set[str]:
-    """Units of length that a line names which speaks of units; others may mean something else."""
-    words = [word for word in _WORD.findall(line.lower()) if word not in ("m", "in")]
-    words += [word.lower() for word in _SHORT.findall(line)]
-    return {UNIT_WORDS[word] for word in words if word in UNIT_WORDS}
+def said_units(line: str, of_coordinates: bool = False) -> set[str]:
+    """Units of lengths and angles that a line names; others may mean something else.
+
+    Args:
+        line: One that speaks of units.
+        of_coordinates: Only those behind a word that means coordinates or units as such: a
+            radius, a temperature and what nobody knows have units of their own.
+    """
+    found, counts = set(), True
+    short = {one.start(1) for one in _SHORT.finditer(line)}
+    for one in _WORD.finditer(line):
+        word = one[0].lower()
+        if word in _UNIT_WORDS and (word not in ("m", "in") or one.start() in short):
+            found |= {_UNIT_WORDS[word]} if counts else set()
+        elif of_coordinates and word not in _BETWEEN:
+            counts = word in _OF_COORDINATES
+    return found
 
 
 def known_units(columns: Sequence[Named]) -> None:

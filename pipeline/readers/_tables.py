@@ -162,7 +162,7 @@ def _same_unit(text: Text, header: Header, unit: str) -> None:
     while place >= 0:
         number = int(np.searchsorted(text.starts, place, side="right"))
         line = text.line(number)
-        said = said_units(line) if UNIT_LINE.search(line) else {unit}
+        said = said_units(line) & {*UNIT_WORDS.values()} if UNIT_LINE.search(line) else {unit}
         if line.count(header.delimiter) < len(header.columns) - 1 and said - {unit}:
             raise InputError(
                 f"the unit of length changes here to {listed(said - {unit})}, above it was {unit}",

@@ -285,8 +285,9 @@ class Stated:
             kinds |= here
             if not here and not UNIT_LINE.search(line):
                 continue
-            units |= said_units(line)
-            angles |= {ANGLE_WORDS[word] for word in words if word in ANGLE_WORDS}
+            said = said_units(line, of_coordinates=True)
+            units |= said & {*UNIT_WORDS.values()}
+            angles |= said & {*ANGLE_WORDS.values()}
         return cls(*map(frozenset, (kinds, units, angles, senses)))
 
     def only(self, what: str) -> str | None:
