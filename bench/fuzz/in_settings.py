@@ -198,7 +198,7 @@ _WORDS = {
     ("tracker", "unit"): ['"mm"', '"m"', '"in"', '"MM"', '"km"'],
     ("tracker", "decimal"): ['"."', '","', '";"'],
     ("tracker", "coordinates"): ['"cartesian"', '"spherical"', '"cylindrical"'],
-    ("tracker", "angle"): ['"deg"', '"rad"', '"gon"'],
+    ("tracker", "angle"): ['"deg"', '"rad"', '"gon"', '"dms"'],
     ("tracker", "vertical"): ['"zenith"', '"elevation"'],
     ("tracker", "horizontal"): ['"clockwise"', '"counter-clockwise"'],
     ("tracker", "covariance"): ['"a-priori"', '"standard"', '"expanded"', '"rms"', '"none"'],

@@ -14,9 +14,16 @@ import numpy as np
 from scipy import stats
 
 from pipeline.base.arrays import Array, Bools
-from pipeline.readers._coordinates import Meaning, cartesian, metres
+from pipeline.readers._coordinates import (
+    PACKED,
+    Meaning,
+    cartesian,
+    may_be_packed,
+    metres,
+    plain_angles,
+)
 
-FULL = {"gon": 400.0, "deg": 360.0, "rad": 2.0 * np.pi}
+FULL = {"gon": 400.0, "deg": 360.0, "rad": 2.0 * np.pi, PACKED: 360.0}
 """A full circle in each unit of angles."""
 _NEAREST_M, _FARTHEST_M = 0.05, 2000.0
 """Between which an instrument with two angles measures [m]: a T-Mac's cover and a total station."""
@@ -84,6 +91,7 @@ def possible(numbers: Array, unit: str | None) -> list[Polar]:
         Polar((d, a, v), angle, vertical)
         for (d, a, v), angle, vertical in ways
         if (angle != "rad" or (d, a, v) in USUAL)  # instruments show degrees, programs radians
+        and (angle != PACKED or may_be_packed(numbers[:, [a, v]]))
         and _is_distance(numbers[:, d], unit)
         and _is_azimuth(numbers[:, a], angle)
         and _is_vertical(numbers[:, v], angle, vertical)
@@ -99,15 +107,20 @@ def _is_distance(values: Array, unit: str | None) -> bool:
 
 
 def _is_azimuth(values: Array, angle: str) -> bool:
-    return bool(np.all(np.abs(values) <= FULL[angle]))
+    return bool(np.all(np.abs(_circles(values, angle)) <= 1.0))
+
+
+def _circles(values: Array, angle: str) -> Array:
+    """Angles in full circles."""
+    return plain_angles(values, angle) / FULL[angle]
 
 
 def _is_vertical(values: Array, angle: str, vertical: str) -> bool:
     """Whether these may be vertical angles, in the second face too."""
-    full = FULL[angle]
+    turns = _circles(values, angle)
     if vertical == "zenith":
-        return bool(np.all((values >= 0) & (values <= full)) and np.any(values > _OVERHEAD * full))
-    return bool(np.all((values >= -full / 4) & (values <= 3 * full / 4)))
+        return bool(np.all((turns >= 0.0) & (turns <= 1.0)) and np.any(turns > _OVERHEAD))
+    return bool(np.all((turns >= -1 / 4) & (turns <= 3 / 4)))
 
 
 def in_two_faces(numbers: Array, names: Sequence[str], groups: Sequence[str]) -> list[Polar]:
@@ -135,11 +148,11 @@ def _again(keys: Sequence[object]) -> Iterator[tuple[int, int]]:
 
 def _faces(one: Array, other: Array, way: Polar) -> Bools:
     """Which pairs are a reading in each face, shape (pairs,)."""
-    full = FULL[way.angle]
-    d, a, v = way.order
-    turned = np.abs((other[:, a] - one[:, a]) % full - full / 2) < _FACE * full
-    both = full if way.vertical == "zenith" else full / 2
-    plunged = np.abs((one[:, v] + other[:, v] - both + full / 2) % full - full / 2) < _FACE * full
+    d, *angles = way.order
+    (a, v), (other_a, other_v) = (_circles(side[:, angles].T, way.angle) for side in (one, other))
+    turned = np.abs((other_a - a) % 1.0 - 1 / 2) < _FACE
+    both = 1.0 if way.vertical == "zenith" else 1 / 2
+    plunged = np.abs((v + other_v - both + 1 / 2) % 1.0 - 1 / 2) < _FACE
     same = np.abs(one[:, d] - other[:, d]) <= _FACE * np.abs(one[:, d])
     return np.asarray(turned & plunged & same)
 
@@ -235,9 +248,8 @@ def _along(numbers: Array, names: Sequence[str], way: Polar) -> Iterator[float]:
     """1 - |cos| between beam and movement, for each small movement with enough digits."""
     _, a, v = way.order
     position = as_polar(numbers, way, "m")
-    digit = (
-        max(_last_digit(numbers[:, a]), _last_digit(numbers[:, v])) * 2 * np.pi / FULL[way.angle]
-    )
+    last = max(_last_digit(numbers[:, a]), _last_digit(numbers[:, v]))
+    digit = 2 * np.pi * float(_circles(np.array([last]), way.angle)[0])
     for j, k in _again(names) if any(names) else ():
         moved, far = position[k] - position[j], _length(position[k])
         if _DIGITS * digit * far < _length(moved) < _NEAR * far:

@@ -25,6 +25,7 @@ from pipeline.readers._coordinates import (
     raw,
     second_face,
     settled,
+    settled_angle,
     settled_horizontal,
     settled_vertical,
 )
@@ -115,7 +116,7 @@ class Hints(Strict):
     unit: Literal["mm", "m", "in", "um", "cm", "ft"] | None = None
     decimal: Literal[".", ","] | None = None
     coordinates: Literal["cartesian", "spherical", "cylindrical"] | None = None
-    angle: Literal["deg", "rad", "gon"] | None = None
+    angle: Literal["deg", "rad", "gon", "dms"] | None = None
     vertical: Literal["zenith", "elevation"] | None = None
     horizontal: Literal["clockwise", "counter-clockwise"] | None = None
     covariance: Literal["a-priori", "standard", "expanded", "rms", "none"] | None = None
@@ -383,8 +384,7 @@ def settled_angles(
     """
     if meaning.kind == "cartesian":
         return meaning
-    example = 'angle = "deg" (or "rad", "gon")'
-    angle = settled(stated.unit, hints.angle, "unit of angles", example)
+    angle = settled_angle(stated.unit, hints.angle)
     meaning = replace(meaning, angle=angle)
     if meaning.kind == "spherical":
         vertical = settled_vertical(stated.vertical, hints.vertical, third, angle)

@@ -35,8 +35,8 @@ _ROLES = {
     "date": ("datum", "day"),
     "active": ("active", "aktiv", "use", "used", "valid", "gültig", "enabled"),
     "azimuth": (
-        "hz angle", "horizontal angle", "horizontal", "azimut", "hz winkel", "horizontalwinkel",
-        "richtung", "hr", "ha", "hl",
+        "hz", "hz angle", "horizontal angle", "horizontal", "azimut", "hz winkel",
+        "horizontalwinkel", "richtung", "hr", "ha", "hl",
     ),
     "vertical": ("v", "vz", "vertical angle", "vertical", "v angle", "v winkel", "va",
                  "vertikalwinkel"),
@@ -120,7 +120,7 @@ def _words(title: str) -> list[str]:
     """The words of a title in lower case, units left out."""
     bare = re.sub(r"\[[^\]]*\]|\([^)]*\)", " ", _CAMEL.sub(" ", title))
     words = _WORDS.findall(bare.lower())
-    while len(words) > 1 and words[-1] in UNIT_WORDS | ANGLE_WORDS:
+    while len(words) > 1 and words[-1] in {*UNIT_WORDS, *ANGLE_WORDS, "dms"}:
         words.pop()
     return words
 

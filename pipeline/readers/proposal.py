@@ -16,11 +16,15 @@ import numpy as np
 
 from pipeline.base.errors import InputError, at, listed
 from pipeline.readers import _roles
-from pipeline.readers._cells import is_number, is_turn, shown
+from pipeline.readers._cells import is_number, is_turn
 from pipeline.readers._contents import contents, mark_of
 from pipeline.readers._coordinates import (
     AXES,
+    PACKED,
+    may_be_packed,
+    seem_packed,
     settled,
+    settled_angle,
     settled_horizontal,
     settled_vertical,
     steeper_than_not,
@@ -48,6 +52,7 @@ About = Literal["columns", "coordinates", "instrument", "unit", "angle", "vertic
 KIND_WORDS = {kind: kind for kind in AXES} | {"polar": "spherical", "kartesisch": "cartesian"}
 _WORD = re.compile(r"[^\W\d_]+|°")
 _PACKED = re.compile(r"\bd+\.?m+\.?s+\b", re.IGNORECASE)
+"""What titles call degrees with minutes and seconds, behind the point where no signs part them."""
 _METRES = 50.0
 """Largest coordinate that is taken for metres first: no cell is longer by much, and no cell in
 millimetres or inches is so small."""
@@ -479,9 +484,14 @@ def _angle(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> Non
     """Unit of angles and zero of the vertical one, likewise; ranges and faces may say them too."""
     angular = [k for axis in ("azimuth", "vertical") if (k := reading.place(axis)) is not None]
     said = _said(table, angular, ANGLE_WORDS) | stated.angles
-    _no_packed_angles(table, angular, draft)
     cells = [cell for k in angular for cell in table.content[k].cells if cell]
-    said |= {"deg"} if any(map(is_turn, cells)) else set()
+    values = table.numbers(angular)
+    if any(map(is_turn, cells)):
+        said |= {"deg"}
+    elif any(_PACKED.search(table.sheet.titles[k]) for k in angular):
+        said = said - {"deg"} | {PACKED}
+    elif draft.hints.angle is None and said == {"deg"} and seem_packed(values):
+        said = set()
     if len(said) > 1:
         raise InputError(
             f"the export names several units of angles ({', '.join(sorted(said))})",
@@ -489,33 +499,17 @@ def _angle(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> Non
             line=draft.line,
         )
     if said or draft.hints.angle:
-        example = 'angle = "deg" (or "rad", "gon")'
-        found = settled(next(iter(said), None), draft.hints.angle, "unit of angles", example)
-        draft.settle({"angle": found})
+        draft.settle({"angle": settled_angle(next(iter(said), None), draft.hints.angle)})
     else:
-        largest = np.nanmax(np.abs(table.numbers(angular)), initial=0.0)
+        largest = np.nanmax(np.abs(values), initial=0.0)
         allowed = {way.angle for way in reading.ways} or {u for u in FULL if largest <= FULL[u]}
+        allowed -= set() if may_be_packed(values) else {PACKED}
         units = [unit for unit in FULL if unit in allowed] or [*FULL]
+        units.sort(key=lambda unit: unit != PACKED if seem_packed(values) else 0)
         draft.ask("angle", [Answer(unit, {"angle": unit}) for unit in units])
     if reading.kind == "spherical":
         _vertical(table, reading, draft)
     _horizontal(table, reading, draft, stated)
-
-
-def _no_packed_angles(table: Table, places: Sequence[int], draft: _Draft) -> None:
-    """Angles whose title says that digits behind the point are minutes and seconds.
-
-    Raises:
-        InputError: There are some, and no signs that tell degrees from minutes.
-    """
-    for place in places:
-        title = table.sheet.titles[place]
-        if _PACKED.search(title) and not is_turn(table.content[place].example):
-            raise InputError(
-                f'the angles of column "{shown(title)}" have minutes and seconds behind the point',
-                "export them in degrees with decimals, or in gon",
-                line=draft.line,
-            )
 
 
 def _vertical(table: Table, reading: Reading, draft: _Draft) -> None:

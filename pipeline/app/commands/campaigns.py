@@ -201,7 +201,7 @@ def inspect(
     file: Annotated[Path, Argument(metavar="FILE", help="A tracker export, or a log.")],
     unit: Annotated[str | None, Option(help="mm, m or in, where the export does not say.")] = None,
     decimal: Annotated[str | None, Option(help="The decimal mark, likewise.")] = None,
-    angles: Annotated[str | None, Option(help="deg, rad or gon, likewise.")] = None,
+    angles: Annotated[str | None, Option(help="deg, rad, gon or dms (D.MMSS), likewise.")] = None,
     vertical: Annotated[str | None, Option(help="zenith or elevation, likewise.")] = None,
     horizontal: Annotated[
         str | None, Option(help="clockwise or counter-clockwise, likewise.")
@@ -227,7 +227,7 @@ def inspect(
     said = {
         "unit": _known("unit", unit, ("mm", "m", "in")),
         "decimal": _known("decimal mark", decimal, (".", ",")),
-        "angle": _known("unit of angles", angles, ("deg", "rad", "gon")),
+        "angle": _known("unit of angles", angles, ("deg", "rad", "gon", "dms")),
         "vertical": _known("vertical angle", vertical, ("zenith", "elevation")),
         "horizontal": _known("sense of angles", horizontal, ("clockwise", "counter-clockwise")),
         "coordinates": _known("kind", coordinates, ("cartesian", "spherical", "cylindrical")),
