@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -13,7 +13,7 @@ from pipeline.base.errors import InputError, at, listed
 from pipeline.base.strict import Name, Strict
 from pipeline.readers._cells import above, bare
 from pipeline.readers._layout import DELIMITERS
-from pipeline.readers._text import Text, refuse_other_programs, squeezed
+from pipeline.readers._text import SAMPLE_LINES, Text, refuse_other_programs, squeezed
 from pipeline.readers._workbook import opened as workbook
 
 _IN_BRACKETS = re.compile(r"\s*[\[(]\s*([^\])]*?)\s*[\])]$")
@@ -22,6 +22,8 @@ _ALIKE = {"°": "deg", "kg": "kgf", "kp": "kgf"}
 """Units that are others: a scale in kilograms shows kilogram-force."""
 _UNITS = {"n", "kn", "dan", "kgf", "lbf", "g", "lb", "m", "mm", "deg", "rad", "nm", "knm"}
 """What may stand in brackets and contradict the name that a column is given."""
+_BELOW = {*_UNITS, *_ALIKE, "degrees", "grad", "kp", ""}
+"""What may stand below titles in a line of units."""
 
 
 class LogForm(Strict):
@@ -49,6 +51,7 @@ class Titled:
     Attributes:
         text: The file, with single blanks where blanks separate its cells.
         line: Line of the header.
+        first: Line of the first row.
         delimiter: What separates the cells.
         titles: Our names of its columns in small letters; of those we do not know their titles.
         above: Line and reason of rows that stand above the header.
@@ -56,6 +59,7 @@ class Titled:
 
     text: Text
     line: int
+    first: int
     delimiter: str
     titles: tuple[str, ...]
     above: tuple[tuple[int, str], ...]
@@ -91,37 +95,69 @@ def opened(
 
         def fits(one: Text) -> int:
             found = _found(one, own, key)
-            return 0 if found is None else 1 + holds(_ours(found[2], own))
+            return 0 if found is None else 1 + holds(_ours(found.titles, own))
 
         file = workbook(name, data, sheet, mark, table, fits)
-        line, delimiter, titles = _found(file, own, key) or _header(*file.first())
-        with at(line=line):
-            ours = _ours(titles, own)
-            _agree(titles, said.columns, table)
+        head = _found(file, own, key) or _header(file, file.first()[0])
+        with at(line=head.line):
+            ours = _ours(head.titles, own)
+            _agree(head.titles, said.columns, table)
             _unique(ours)
-        file = squeezed(file) if delimiter == " " else file
-        early = above(file, line, delimiter, [ours.index(key)]) if key in ours else []
-        return Titled(file, line, delimiter, tuple(ours), tuple(early))
+        file = squeezed(file) if head.delimiter == " " else file
+        early = above(file, head.line, head.delimiter, [ours.index(key)]) if key in ours else []
+        return Titled(file, head.line, head.first, head.delimiter, tuple(ours), tuple(early))
 
 
-def _found(file: Text, own: Mapping[str, str], key: str) -> tuple[int, str, list[str]] | None:
+@dataclass(frozen=True)
+class _Header:
+    """A line as a header.
+
+    Attributes:
+        line: Its number.
+        first: Line of the first row: behind that of the units, where there is one.
+        delimiter: What separates its cells.
+        written: Its titles as written, each with the unit that stands below it.
+    """
+
+    line: int
+    first: int
+    delimiter: str
+    written: tuple[str, ...]
+
+    @property
+    def titles(self) -> list[str]:
+        """The titles in small letters."""
+        return [title.lower() for title in self.written]
+
+
+def _found(file: Text, own: Mapping[str, str], key: str) -> _Header | None:
     """The first line that names a column, as a header; None where none does."""
-    headers = (_header(number, line) for number, line in enumerate(file.sample(), 1))
-    return next((header for header in headers if key in _ours(header[2], own)), None)
+    return next((one for one in _headers(file) if key in _ours(one.titles, own)), None)
 
 
-def _header(line: int, content: str) -> tuple[int, str, list[str]]:
-    """A line as a header: its number, its delimiter, its titles in small letters."""
-    delimiter, titles = _cut(content)
-    return line, delimiter, [title.lower() for title in titles]
+def _headers(file: Text) -> Iterator[_Header]:
+    return (_header(file, number) for number, _ in file.lines(1, SAMPLE_LINES))
 
 
-def _cut(content: str) -> tuple[str, list[str]]:
-    """The delimiter of a header, and its titles as written."""
+def _header(file: Text, line: int) -> _Header:
+    """A line as a header."""
+    content = file.line(line)
     delimiter = max(DELIMITERS, key=content.count)
-    if delimiter not in content:
-        delimiter, content = " ", " ".join(content.split())
-    return delimiter, [bare(title) for title in content.split(delimiter)]
+    delimiter = delimiter if delimiter in content else " "
+    titles = _cut(content, delimiter)
+    below = _cut(file.line(line + 1), delimiter) if line < len(file) else []
+    units = [cell.strip("[]()- ") for cell in below]
+    if len(units) != len(titles) or not any(units) or {u.lower() for u in units} - _BELOW:
+        return _Header(line, line + 1, delimiter, tuple(titles))
+    pairs = zip(titles, units, strict=True)
+    joined = (f"{title} [{u}]" if u and not _parted(title)[1] else title for title, u in pairs)
+    return _Header(line, line + 2, delimiter, tuple(joined))
+
+
+def _cut(line: str, delimiter: str) -> list[str]:
+    """The cells of a line above the rows, as written."""
+    cells = line.split() if delimiter == " " else line.split(delimiter)
+    return [bare(cell) for cell in cells]
 
 
 def understood(
@@ -137,7 +173,7 @@ def understood(
     """
 
     def meant(file: Text) -> dict[str, str] | None:
-        found = (meaning(_cut(line)[1]) for line in file.sample())
+        found = (meaning(head.written) for head in _headers(file))
         return next((columns for columns in found if columns is not None), None)
 
     with at(name):
@@ -162,7 +198,8 @@ def _parted(title: str) -> tuple[str, str]:
 
 def _suffixed(title: str) -> str:
     stem, unit = _parted(title)
-    return f"{stem}_{unit.replace('°', 'deg')}" if unit else title
+    end = f"_{unit.replace('°', 'deg')}" if unit else ""
+    return stem.removesuffix(end) + end
 
 
 def _agree(titles: Sequence[str], said: Mapping[str, str], table: str | None) -> None:
