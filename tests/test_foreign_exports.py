@@ -146,6 +146,30 @@ def test_a_unit_belongs_to_what_it_is_said_of(line, unit):
         assert readers.read("t", data).meaning.unit == unit
 
 
+@pytest.mark.parametrize("first", [True, False])
+def test_two_kinds_in_one_file_without_titles_are_refused(first):
+    """A tool's targets keep their distances only if one part is angles and the other x, y, z."""
+    rng = np.random.default_rng(23)
+    tool = np.array([[200.0, 50, 120], [-120, 190, 100], [-100, -180, 220]])
+    lines = []
+    for pose in range(6):
+        at, turn = rng.uniform([2000, -4000, -500], [5000, 3000, 900]), rng.permutation(3)
+        for k, place in enumerate(tool[:, turn] * (1 if list(turn) != [0, 1, 2] else -1) + at):
+            cells = place
+            if (pose < 3) == first:
+                far = np.linalg.norm(place)
+                cells = np.degrees([np.arctan2(place[1], place[0]), np.arccos(place[2] / far)])
+                cells = [*cells, far]
+            lines.append(f"g{pose};P{k};" + ";".join(f"{c:.5f}" for c in cells))
+
+    with pytest.raises(InputError, match=r"t:10: .* of two kinds.* split the export"):
+        readers.read("t", rows(*lines).encode(), Hints(unit="mm"))
+    alone = rows(*(line for line in lines if (line < "g3") != first)).encode()
+    assert readers.read("t", alone, Hints(unit="mm")).meaning.kind == "cartesian"
+    every = readers.read("t", rows(*lines).encode(), Hints(unit="mm", coordinates="cartesian"))
+    assert len(every.line) == 18
+
+
 def test_two_faces_are_one_reading_and_their_difference_is_told(capsys, tmp_path):
     """The mean of both, and how far apart they were."""
     path = tmp_path / "polar.txt"

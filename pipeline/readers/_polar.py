@@ -218,6 +218,31 @@ def rigid_space(
     return rigid(own, [softness(as_polar(numbers, way, unit), names, groups) for way in ways])
 
 
+def in_part(numbers: Array, names: Sequence[str], groups: Sequence[str], unit: str) -> int | None:
+    """The row where angles and a distance end and x, y, z begin, or the other way round.
+
+    What was read first, or last, is angles if targets keep their distances to what was read of
+    them elsewhere only so. None where all is of one kind, or nobody can tell.
+    """
+    own = softness(numbers, names, groups)
+    edges = [k for k in range(1, len(groups)) if groups[k] != groups[k - 1]]
+    if own is None or keeps(own):
+        return None
+    row, lengths = np.arange(len(numbers)), metres(numbers, unit)
+    found: dict[int, float] = {}
+    for parts in ([(k, row < k) for k in edges], [(k, row >= k) for k in reversed(edges)]):
+        for k, angles in parts:
+            ways = possible(numbers[angles], unit)
+            if not ways:
+                break  # nor in any larger part
+            for way in ways:
+                place = np.where(angles[:, None], as_polar(numbers, way, unit), lengths)
+                soft = softness(place, names, groups)
+                if soft is not None and rigid(soft, [own]):
+                    found[k] = min(soft, found.get(k, soft))
+    return min(found, key=lambda k: found[k]) if found else None
+
+
 def keeps(soft: float | None) -> bool:
     """Whether targets keep their distances."""
     return soft is not None and soft <= _RIGID

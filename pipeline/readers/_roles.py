@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 
 from pipeline.base.arrays import Array, Bools
+from pipeline.base.errors import InputError
 from pipeline.readers import _polar
 from pipeline.readers._contents import Content, values
 from pipeline.readers._coordinates import AXES
@@ -397,12 +398,25 @@ def _of_three(
         polar = _in_orders(places, roles, turning, "rigid")
         return polar if len(polar) == 1 else _doubted(polar)
     if not ways:
+        mixed = _polar.in_part(*read, unit or "mm")
+        if mixed is not None:
+            raise _of_two_kinds(int(np.array(table.sheet.lines)[table.whole(places)][mixed]))
         return [Reading("cartesian", _xyz(places, roles, "cartesian", "range"))]
     if _polar.rigid_space(*read, ways, unit or "mm"):
         return [Reading("cartesian", _xyz(places, roles, "cartesian", "rigid"))]
     cartesian = Reading("cartesian", _xyz(places, roles, "cartesian", "order"))
     polar = _in_orders(places, roles, ways, "order")
     return [replace(one, open="coordinates") for one in (polar[0], cartesian)]
+
+
+def _of_two_kinds(line: int) -> InputError:
+    return InputError(
+        "the rows from here on and those above seem to be of two kinds, x, y, z and a distance "
+        "with two angles",
+        'split the export into one for each kind, or write coordinates = "cartesian" into '
+        "[tracker] of campaign.toml if all are x, y, z",
+        line=line,
+    )
 
 
 def _in_orders(
