@@ -228,6 +228,18 @@ REFUSED = {
         " ", None,
         lambda k, g, t, p: [f"{a} 1000.0 {v} 0.1\n" for a, v in zip("XYZ", xyz(p), strict=True)],
     ),
+    "each row holds x, y, z of several targets (Tool:P1, Tool:P2)": "\n".join([
+        "Format Version,1.23,Length Units,Meters,,,,", "",
+        ",Type,Marker,Marker,Marker,Marker,Marker,Marker",
+        ",Name,Tool:P1,Tool:P1,Tool:P1,Tool:P2,Tool:P2,Tool:P2",
+        ",,Position,Position,Position,Position,Position,Position",
+        "Frame,Time (Seconds),X,Y,Z,X,Y,Z",
+        *(f"{k},{k / 120:.6f},1.{k},2.5,0.3,1.{k},2.1,0.4" for k in range(9)),
+    ]),
+    "each row holds x, y, z of several targets (p1, p2, p3)": table(
+        ";", "Group;P1 X;P1 Y;P1 Z;P2 X;P2 Y;P2 Z;P3 X;P3 Y;P3 Z",
+        lambda k, g, t, p: [g, *xyz(p), *xyz(p + 1), *xyz(p + 2)],
+    ),
     "the angle 91.7559 has more than 59 minutes or seconds behind the point": table(
         ";", "Group;Point;Hz [dms];V [dms];D [m]",
         lambda k, g, t, p: [g, t, "123.4512", "91.7559", f"{polar(p)[0]:.6f}"],
@@ -274,6 +286,12 @@ ASKED = {
             ["Gruppe", "Punkt", "Koordinaten [mm]"], ["", "", "X", "Y", "Z"],
             *([g, t, *(v * 1e3 for v in p)] for g, t, p in POINTS)]}),
         {"columns": "x = X"},
+    ),
+    "measured beside nominal": (
+        workbook({"Points": [["", "", "Actual", "", "", "Nominal", "", ""],
+                             ["Gruppe", "Punkt", *["X [mm]", "Y [mm]", "Z [mm]"] * 2],
+                             *([g, t, *p * 1e3, 1.5, 2.5, 3.5] for g, t, p in POINTS)]}),
+        {"columns": "x = X [mm] column 3"},
     ),
     "angles before the coordinates": (
         table(" ", None, lambda k, g, t, p: [

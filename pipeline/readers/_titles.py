@@ -216,6 +216,19 @@ def _axis(column: Named) -> tuple[str, tuple[str, ...]]:
     return axes[0], tuple(word for word in words if word != axes[0])
 
 
+def numbered(columns: Sequence[Named]) -> list[str]:
+    """The words beside the axis in titles that differ in a number only; empty for others."""
+    stems = [_axis(column)[1] for column in columns]
+    same = {tuple(word for word in stem if not word.isdecimal()) for stem in stems}
+    alike = len(same) == 1 and () not in same
+    return ["".join(stem) for stem in stems] if alike else [""] * len(stems)
+
+
+def is_quantity(title: str) -> bool:
+    """Whether a title above x, y, z says what they are, and not whose."""
+    return {*_words(title)} <= _PLAIN | _NOMINAL | _OTHERS | {"orientation", "translation"}
+
+
 def uncertainties(columns: Sequence[Named], triple: Triple) -> dict[int, str]:
     """Roles of the columns with uncertainties of a Cartesian triple, by their place.
 
