@@ -124,7 +124,7 @@ def _is_vertical(values: Array, angle: str, vertical: str) -> bool:
 
 
 def in_two_faces(numbers: Array, names: Sequence[str], groups: Sequence[str]) -> list[Polar]:
-    """The ways to read them by which a target was read in both faces; none where none was.
+    """The ways to read them by which most targets were read in both faces; none where none was.
 
     Both readings stand in one group, or one behind the other in two rounds of names.
     """
@@ -133,7 +133,9 @@ def in_two_faces(numbers: Array, names: Sequence[str], groups: Sequence[str]) ->
         pairs = [] if not any(names) else list(_again(keys))
         if pairs and not found:
             one, other = (numbers[[pair[k] for pair in pairs]] for k in (0, 1))
-            found = [way for way in possible(numbers, None) if _faces(one, other, way).any()]
+            ways = {w: int(_faces(one, other, w).sum()) for w in possible(numbers, None)}
+            most = max([1, *ways.values()])
+            found = [way for way, count in ways.items() if count == most]
     return found
 
 
