@@ -3,7 +3,7 @@
 import csv
 import itertools
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
 
@@ -13,6 +13,8 @@ from campaign_exports import german, workbook
 from campaign_exports import polar as seen
 
 from pipeline.base import toml
+from pipeline.readers import Hints
+from pipeline.readers.known import Body, settled
 from pipeline.reduction.ingest import ingest
 from pipeline.store.campaign import in_memory
 
@@ -205,6 +207,46 @@ def ours():
     """The readings of the demo campaign as they came."""
     raw = in_memory(FILES)
     return ingest(raw.settings, raw.robot, raw.files).readings
+
+
+NAMELESS = ("T-Mac without names", "robot's log", "emScon", "six degrees of freedom")
+UNKNOWN = {
+    name: kind
+    for name, kind in KINDS.items()
+    if name not in NAMELESS and kind.said.keys() & {"unit", "vertical"}
+}
+"""Kinds that leave something open and name their targets."""
+
+
+@pytest.mark.parametrize("name", UNKNOWN)
+def test_known_reflectors_settle_what_the_file_leaves_open(name, ours):
+    """Unit, kind of coordinates and where angles are zero, by [tool] and [base_frame] alone."""
+    kind = UNKNOWN[name]
+    said = {word: kind.said[word] for word in kind.said.keys() & {"horizontal", "mapping"}}
+    got = read(replace(kind, said=said))
+
+    for axis in ("x_m", "y_m", "z_m"):
+        np.testing.assert_allclose(got[axis].to_numpy(), ours[axis].to_numpy(), atol=2e-6)
+
+
+def test_which_way_azimuths_grow_only_points_off_a_plane_settle():
+    """Three points, or four on a floor, fit their mirror image; a tool's triangle does, too."""
+    data = KINDS["name Hz V D"].data()
+    said = Hints(unit="mm", coordinates="spherical", angle="gon", vertical="zenith")
+    settings = in_memory(FILES).settings
+    found, why = settled("t.txt", data, said, settings.bodies)
+    assert (found.horizontal, why) == (None, ())
+
+    floor = {"A": (0.0, 0, 0), "B": (9.0, 0, 0), "C": (9.0, 7, 0), "D": (1.0, 8, 0)}
+    for up, sense in ((0.0, None), (0.01, None), (3.0, "clockwise")):
+        places = floor | {"E": (4.0, 3.0, up)}
+        lines = []
+        for name, at in places.items():
+            far, turn, down = seen(np.add(at, (-3.0, 2.0, -1.0)))
+            lines.append(f"{name};{turn / 0.9:.7f};{down / 0.9:.7f};{1e3 * far:.4f}\n")
+        found, why = settled("t.txt", "".join(lines).encode(), said, [Body("[base_frame]", places)])
+        assert found.horizontal == sense
+        assert len(why) == (sense is not None)
 
 
 @pytest.mark.parametrize("name", KINDS)

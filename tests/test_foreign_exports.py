@@ -14,6 +14,7 @@ from pipeline.app.cli import main
 from pipeline.base.errors import InputError
 from pipeline.readers import Hints
 from pipeline.readers.inspect import inspect
+from pipeline.readers.offer import offer
 from pipeline.run import answered
 from pipeline.store.campaign import in_memory
 
@@ -219,6 +220,14 @@ def test_reports_of_two_instruments_in_one_file_are_told_apart(capsys, tmp_path)
     mapping.write_text(answer["proposal"])
     code, out, _ = run(capsys, path, "--mapping", mapping, "--json")
     assert json.loads(out)["readings"] == 2
+
+    hints = Hints(vertical="zenith")
+    for about in ("instrument", None):  # asked once
+        found = offer("report.csv", data + second, hints)
+        assert (found.question and found.question.about) == about
+        if found.question:
+            hints = hints.model_copy(update=dict(found.question.answers[1].hints))
+    assert readers.read("report.csv", data + second, hints).line.min() > len(data.splitlines())
 
 
 def test_a_tool_that_keeps_its_size_tells_metres_from_angles():

@@ -11,9 +11,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import get_args
 
-from pipeline.faults.conventions import BETTER, GROSS_M, miss
+from pipeline.faults.conventions import miss
 from pipeline.faults.survey import distances
 from pipeline.readers import Hints
+from pipeline.readers.known import BETTER, GROSS_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.settings import Settings
 

@@ -148,6 +148,7 @@ class Export(Locked):
         rejected: Line and reason of what was left out.
         faces: Of polar readings in two faces, which are averaged; None where there is one face.
         untimed: A column that should hold times and does not, None where there is none.
+        settled: What campaign.toml settled that the file leaves open, in sentences.
     """
 
     file: str
@@ -167,6 +168,7 @@ class Export(Locked):
     rejected: tuple[tuple[int, str], ...]
     faces: Faces | None = None
     untimed: str | None = None
+    settled: tuple[str, ...] = ()
 
 
 _OF_EACH = ("group", "target", "position", "covariance", "time", "line", "order")

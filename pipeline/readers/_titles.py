@@ -146,7 +146,8 @@ def horizontal(columns: Sequence[Named], place: int | None = None) -> str | None
     if place is None:
         place = roles.index("azimuth") if "azimuth" in roles else None
     words = set() if place is None else {*_words(columns[place].title)}
-    left = bool(words & _LEFT) or "collection" in roles
+    collected = any("collection" in (c.role, c.title.lower()) for c in columns)
+    left = bool(words & _LEFT) or collected
     right = bool(words & _RIGHT) and not words & _LEFT  # horizontal, left
     if left == right:
         return None

@@ -46,6 +46,7 @@ class Inspection:
         columns: What each column of a table without a dialect was taken for, and why.
         preview: Its first rows as they are read.
         proposal: The same as [tracker.mapping] to paste.
+        settled: What the places of reflectors in campaign.toml settled, and how well.
     """
 
     file: str
@@ -70,11 +71,12 @@ class Inspection:
     columns: list[dict[str, Any]] | None = None
     preview: list[dict[str, Any]] | None = None
     proposal: str | None = None
+    settled: list[str] | None = None
 
     def to_json(self) -> dict[str, Any]:
         """For `--json`; what few files have is there only where they have it."""
-        rare = ("rounds", "two_faces", "untimed", "columns", "preview", "proposal")
-        return {k: v for k, v in asdict(self).items() if k not in rare or v is not None}
+        rare = ("rounds", "two_faces", "untimed", "columns", "preview", "proposal", "settled")
+        return {k: v for k, v in asdict(self).items() if k not in rare or v not in (None, [])}
 
     def to_text(self) -> str:
         """For people, one line per fact."""
@@ -94,6 +96,7 @@ class Inspection:
         if self.two_faces:
             facts["two faces"] = _faces_in_words(self.two_faces)
         lines = [f"{self.file}", *(f"  {name:12} {fact}" for name, fact in facts.items())]
+        lines += [f"  {'settled':12} {one}" for one in self.settled or []]
         lines += columns_in_words(self.columns or []) + rows_in_words(self.preview or [])
         return "\n".join([*lines, "", self.proposal.rstrip()] if self.proposal else lines)
 

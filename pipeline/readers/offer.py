@@ -76,13 +76,11 @@ def offer(name: str, data: bytes, hints: Hints) -> Offer | None:
     Raises:
         InputError: It is no table, or it contradicts what is said of it.
     """
-    with at(name):
-        file = opened_as_text(name, data, hints)
-        reader = recognise(file)
-        unknown = reader is table.READER or hints.mapping is not None
-        found = propose(file, hints) if unknown else _of_dialect(name, data, file, hints)
+    found = proposal(name, data, hints)
     if found is None:
         return None
+    with at(name):
+        reader = recognise(opened_as_text(name, data, hints))
     return Offer(
         dialect=reader.name,
         columns=found.columns,
@@ -91,6 +89,18 @@ def offer(name: str, data: bytes, hints: Hints) -> Offer | None:
         questions=found.questions,
         hints=found.hints,
     )
+
+
+def proposal(name: str, data: bytes, hints: Hints) -> Proposal | None:
+    """How a file would be read and what is open, None where nothing can be proposed.
+
+    Raises:
+        InputError: It is no table, or it contradicts what is said of it.
+    """
+    with at(name):
+        file = opened_as_text(name, data, hints)
+        unknown = hints.mapping is not None or recognise(file) is table.READER
+        return propose(file, hints) if unknown else _of_dialect(name, data, file, hints)
 
 
 def _of_dialect(name: str, data: bytes, file: Text, hints: Hints) -> Proposal | None:

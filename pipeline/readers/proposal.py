@@ -333,7 +333,9 @@ def _said(table: Table, places: Sequence[int | None], known: Mapping[str, str]) 
 
 
 def _chosen(ways: list[Reading], table: Table, draft: _Draft) -> Reading:
-    """The reading that the proposal follows, its columns written into it."""
+    """The reading that the proposal follows, its columns written into it where nobody has."""
+    if draft.hints.mapping:
+        return ways[0]
     answers = [Answer(_named(table, one), {"mapping": _mapping(table, one)}) for one in ways]
     about = ways[0].open
     if about == "coordinates":
@@ -399,7 +401,7 @@ def _instruments(table: Table, reading: Reading, draft: _Draft, text: Text) -> N
     """Readings of several instruments are in frames of their own, unless they are Cartesian."""
     place = reading.place("instrument")
     mapping = draft.hints.mapping
-    if reading.kind == "cartesian" or mapping is None:
+    if reading.kind == "cartesian" or mapping is None or mapping.instrument or mapping.last:
         return
     if place is not None:
         names = sorted({cell for cell in table.content[place].cells if cell})
