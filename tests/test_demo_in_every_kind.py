@@ -12,6 +12,7 @@ import pytest
 from campaign_exports import german, workbook
 from campaign_exports import polar as seen
 
+from pipeline.app import shell
 from pipeline.base import toml
 from pipeline.readers import Hints
 from pipeline.readers.known import Body, settled
@@ -185,8 +186,8 @@ for k, row in enumerate(ROWS):
     row["line"] = str(k)
 
 
-def read(kind):
-    """The readings of the demo campaign with its tracker's file in some kind."""
+def files_of(kind):
+    """The demo campaign with its tracker's file in some kind."""
     name = "tracker.xlsx" if kind.written else "tracker.txt"
     files = {name: kind.data()} | {k: v for k, v in FILES.items() if k != "tracker.csv"}
     said = toml.loads(FILES["campaign.toml"].decode(), "campaign.toml")
@@ -196,7 +197,12 @@ def read(kind):
         lines = [f"{next(orders)},{r['group']},{r['target']}" for r in ROWS for _ in kind.lines(r)]
         files["names.csv"] = "\n".join(["order,group,target", *lines, ""]).encode()
         said["tracker"]["assignment"] = "names.csv"
-    raw = in_memory(files | {"campaign.toml": toml.dumps(said).encode()})
+    return files | {"campaign.toml": toml.dumps(said).encode()}
+
+
+def read(kind):
+    """Its readings."""
+    raw = in_memory(files_of(kind))
     found = ingest(raw.settings, raw.robot, raw.files)
     assert found.rejected.num_rows == 0
     return found.readings
@@ -227,6 +233,24 @@ def test_known_reflectors_settle_what_the_file_leaves_open(name, ours):
 
     for axis in ("x_m", "y_m", "z_m"):
         np.testing.assert_allclose(got[axis].to_numpy(), ours[axis].to_numpy(), atol=2e-6)
+
+
+def test_whoever_inspects_or_checks_is_told_what_settled_it(tmp_path):
+    """In the folder of a campaign the file is read, and both say by what."""
+    kind = replace(KINDS["name Hz V D"], said={"horizontal": "clockwise"})
+    folder = tmp_path / "data" / "raw" / "demo"
+    folder.mkdir(parents=True)
+    for name, content in files_of(kind).items():
+        (folder / name).write_bytes(content)
+    seen = shell.inspect(folder / "tracker.txt", {})
+    checked = shell.check(tmp_path, "demo")
+
+    assert (seen.exit_code, seen.content["coordinates"]) == (0, "spherical")
+    told = [one.partition(":")[0] for one in seen.content["settled"]]
+    assert told == ["coordinates spherical", "unit mm"]
+    assert "settled      coordinates spherical: so reflectors are 0.04 mm off [tool]" in seen.text
+    (note,) = [one for one in checked.content["notes"] if "with unit mm" in one]
+    assert note.startswith("tracker.txt was read with unit mm: so reflectors")
 
 
 def test_which_way_azimuths_grow_only_points_off_a_plane_settle():

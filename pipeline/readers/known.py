@@ -77,7 +77,13 @@ def settled(
     """
     if not bodies:
         return hints, ()
-    sample = until(opened_as_text(name, data, hints), _LOOKED_AT).data
+    try:
+        sample = until(opened_as_text(name, data, hints), _LOOKED_AT).data
+        asked = _asked(name, sample, hints)
+    except InputError:  # the reader says it better
+        asked = False
+    if not asked:
+        return hints, ()
     ways = list(_ways(_Way((), (), (hints,), None), name, sample, bodies))
     by, out = " and ".join(body.table for body in bodies), list[str]()
     while (depth := len(out)) < len(ways[0].chosen):
@@ -94,6 +100,16 @@ def settled(
         other = f", and {_length(beyond)} with any other answer" if beyond < np.inf else ""
         out.append(f"{ways[0].said[depth]}: so reflectors are {_length(off)} off {by}{other}")
     return ways[0].hints[len(out)], tuple(out)
+
+
+def _asked(name: str, data: bytes, hints: Hints) -> bool:
+    """Whether nothing but a question keeps an export from being read."""
+    try:
+        read(name, data, hints)
+    except InputError as wrong:
+        found = proposal(name, data, hints)
+        return bool(found and found.questions and found.questions[0].problem().thing == wrong.thing)
+    return False
 
 
 def _ways(way: _Way, name: str, data: bytes, bodies: Sequence[Body]) -> Iterator[_Way]:
