@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -11,6 +12,10 @@ from pipeline.base.arrays import Array, Bools
 from pipeline.base.covariance import flat, symmetric
 from pipeline.base.errors import InputError
 
+Unit = Literal["mm", "m", "in", "um", "cm", "ft"]
+Usual = Literal["mm", "m", "in"]
+USUAL_UNITS: tuple[str, ...] = get_args(Usual)
+"""Units of length that are asked for, and tried where nobody says one."""
 _LONG = {"in": 0.0254, "ft": 0.3048}
 """An inch and a foot [m], by definition."""
 _IN_A_METRE = {"mm": 1e3, "cm": 1e2, "m": 1.0, "um": 1e6}

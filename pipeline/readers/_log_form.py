@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -12,12 +11,11 @@ from pydantic import Field
 from pipeline.base.errors import InputError, at, listed
 from pipeline.base.strict import Name, Strict
 from pipeline.readers._cells import above, bare
-from pipeline.readers._layout import DELIMITERS
+from pipeline.readers._layout import delimiter_of
+from pipeline.readers._named import IN_BRACKETS
 from pipeline.readers._text import SAMPLE_LINES, Text, refuse_other_programs, squeezed
 from pipeline.readers._workbook import opened as workbook
 
-_IN_BRACKETS = re.compile(r"\s*[\[(]\s*([^\])]*?)\s*[\])]$")
-"""A unit at the end of a title."""
 _ALIKE = {"°": "deg", "kg": "kgf", "kp": "kgf"}
 """Units that are others: a scale in kilograms shows kilogram-force."""
 _UNITS = {"n", "kn", "dan", "kgf", "lbf", "g", "lb", "m", "mm", "deg", "rad", "nm", "knm"}
@@ -142,8 +140,7 @@ def _headers(file: Text) -> Iterator[_Header]:
 def _header(file: Text, line: int) -> _Header:
     """A line as a header."""
     content = file.line(line)
-    delimiter = max(DELIMITERS, key=content.count)
-    delimiter = delimiter if delimiter in content else " "
+    delimiter = delimiter_of(content, " ")
     titles = _cut(content, delimiter)
     below = _cut(file.line(line + 1), delimiter) if line < len(file) else []
     units = [cell.strip("[]()- ") for cell in below]
@@ -192,7 +189,7 @@ def _ours(titles: Sequence[str], said: Mapping[str, str]) -> list[str]:
 
 def _parted(title: str) -> tuple[str, str]:
     """A title without the unit in brackets at its end, and that unit."""
-    unit = _IN_BRACKETS.search(title)
+    unit = next((one for one in IN_BRACKETS.finditer(title) if one.end() == len(title)), None)
     return (title[: unit.start()], unit[1]) if unit else (title, "")
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from pipeline.base.errors import InputError
 from pipeline.readers._cells import bare, shown
-from pipeline.readers._layout import DELIMITERS
+from pipeline.readers._layout import delimiter_of
 from pipeline.readers._text import Text
 
 UNIT_WORDS = {
@@ -53,7 +53,8 @@ _NAMES = {
     **{one: one for one in ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")},
 }  # fmt: skip
 _OTHER_UNITS = {"km", "dm", "nm", "mil", "mils", "thou", "yd", "yard", "yards"}
-_SHORT_UNITS = ("mm", "m", "in", "um", "µm", "μm", "ft", "cm", "deg", "rad", "gon")
+_SHORT_WORD = 3
+_SHORT_UNITS = {word for word in _UNIT_WORDS if len(word) <= _SHORT_WORD}
 _EXPANDED_WORDS = {"u", "95", "expanded", "k", "2", "uncertainty"}
 UNIT_LINE = re.compile(
     r"\b(units?|einheit(en)?|coordinates?|koordinaten|lengths?|längen)\b", re.IGNORECASE
@@ -71,8 +72,8 @@ _SHORT = re.compile(
     r"(?:[:=(\[,/]|\bin)\s*(m|in)(?=\s*(?:$|[)\],;/|]|gon\b|deg|rad|mm\b))", re.IGNORECASE
 )
 """Units that are words of other meaning, where nothing but a unit stands."""
-_IN_UNIT = re.compile(r"\[[^\]]*\]")
-_IN_BRACKETS = re.compile(r"[\[(]\s*([^\])]*?)\s*[\])]")
+IN_BRACKETS = re.compile(r"\s*[\[(]\s*([^\])]*?)\s*[\])]")
+"""What stands in brackets in a title, mostly its unit, with the blanks before."""
 
 
 @dataclass(frozen=True)
@@ -124,12 +125,11 @@ class Header:
 
 def named(title: str) -> Named:
     """What a column is, judged by its title."""
-    unit, rest = None, bare(title)
-    for inside in _IN_BRACKETS.findall(rest):
-        if inside.lower() in _UNIT_WORDS:
-            unit = _UNIT_WORDS[inside.lower()]
-            rest = re.sub(rf"[\[(]\s*{re.escape(inside)}\s*[\])]", " ", rest)
-    words = re.findall(r"[^\W\d_]+|[0-9]+", rest.lower())
+    rest = bare(title).lower()
+    units = [one for one in IN_BRACKETS.findall(rest) if one in _UNIT_WORDS]
+    unit = _UNIT_WORDS[units[-1]] if units else None
+    rest = IN_BRACKETS.sub(lambda one: " " if one[1] in _UNIT_WORDS else one[0], rest)
+    words = re.findall(r"[^\W\d_]+|[0-9]+", rest)
     if unit is None and len(words) > 1 and words[-1] in _SHORT_UNITS:
         unit = _UNIT_WORDS[words.pop()]
     return Named(bare(title), _role(words), unit)
@@ -160,7 +160,7 @@ def _of_axis(words: Sequence[str]) -> str:
 
 def header(line: str, number: int, delimiter: str | None = None) -> Header:
     """A line as a header."""
-    delimiter = delimiter or max(DELIMITERS, key=line.count)
+    delimiter = delimiter or delimiter_of(line)
     return Header(number, delimiter, in_context([named(cell) for cell in line.split(delimiter)]))
 
 
@@ -180,7 +180,8 @@ def in_context(columns: Sequence[Named]) -> tuple[Named, ...]:
 
 
 def _words(title: str) -> set[str]:
-    return set(re.findall(r"[^\W\d_]+|[0-9]+", _IN_UNIT.sub(" ", title.lower()))) - {*UNIT_WORDS}
+    rest = IN_BRACKETS.sub(lambda one: " " if "[" in one[0] else one[0], title.lower())
+    return set(re.findall(r"[^\W\d_]+|[0-9]+", rest)) - {*UNIT_WORDS}
 
 
 def find(lines: Sequence[str]) -> Header | None:

@@ -16,6 +16,7 @@ from scipy import stats
 from pipeline.base.arrays import Array, Bools
 from pipeline.readers._coordinates import (
     PACKED,
+    USUAL_UNITS,
     Meaning,
     cartesian,
     may_be_packed,
@@ -102,7 +103,7 @@ def _is_distance(values: Array, unit: str | None) -> bool:
     """Whether an instrument may have measured these lengths."""
     return any(
         bool(np.all((m >= _NEAREST_M) & (m <= _FARTHEST_M)))
-        for m in (metres(values, one) for one in ((unit,) if unit else ("mm", "m", "in")))
+        for m in (metres(values, one) for one in ((unit,) if unit else USUAL_UNITS))
     )
 
 

@@ -20,6 +20,7 @@ from pipeline.readers._cells import text_of
 from pipeline.readers._coordinates import (
     Angles,
     Meaning,
+    Unit,
     cartesian,
     covariance,
     raw,
@@ -113,7 +114,7 @@ class Hints(Strict):
         sheet: Of workbooks, where several of theirs fit.
     """
 
-    unit: Literal["mm", "m", "in", "um", "cm", "ft"] | None = None
+    unit: Unit | None = None
     decimal: Literal[".", ","] | None = None
     coordinates: Literal["cartesian", "spherical", "cylindrical"] | None = None
     angle: Literal["deg", "rad", "gon", "dms"] | None = None

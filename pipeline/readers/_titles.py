@@ -10,6 +10,7 @@ from pipeline.readers._coordinates import AXES
 from pipeline.readers._named import (
     ANGLE_WORDS,
     DEVIATION,
+    IN_BRACKETS,
     UNIT_WORDS,
     Named,
     in_context,
@@ -118,8 +119,7 @@ def _heights(columns: Sequence[Named]) -> tuple[Named, ...]:
 
 def _words(title: str) -> list[str]:
     """The words of a title in lower case, units left out."""
-    bare = re.sub(r"\[[^\]]*\]|\([^)]*\)", " ", _CAMEL.sub(" ", title))
-    words = _WORDS.findall(bare.lower())
+    words = _WORDS.findall(IN_BRACKETS.sub(" ", _CAMEL.sub(" ", title)).lower())
     while len(words) > 1 and words[-1] in {*UNIT_WORDS, *ANGLE_WORDS, "dms"}:
         words.pop()
     return words

@@ -11,7 +11,7 @@ import pyarrow as pa
 from pipeline.base.errors import InputError, at
 from pipeline.base.shown import in_toml
 from pipeline.readers import Columns, Export, Hints, Text, opened_as_text, read, recognise, table
-from pipeline.readers._coordinates import AXES, SENSES
+from pipeline.readers._coordinates import AXES, SENSES, USUAL_UNITS
 from pipeline.readers._polar import FULL
 from pipeline.readers.proposal import Answer, Column, Proposal, Question, propose
 
@@ -19,7 +19,7 @@ _FIRST = 5
 """Rows of a preview."""
 _MM = 1000.0
 _MAY_BE: dict[str, tuple[str, ...]] = {
-    "unit": ("mm", "m", "in"),
+    "unit": USUAL_UNITS,
     "coordinates": tuple(AXES),
     "angle": tuple(FULL),
     "vertical": ("zenith", "elevation"),

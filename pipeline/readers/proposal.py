@@ -21,6 +21,7 @@ from pipeline.readers._contents import contents, mark_of
 from pipeline.readers._coordinates import (
     AXES,
     PACKED,
+    USUAL_UNITS,
     may_be_packed,
     seem_packed,
     settled,
@@ -471,7 +472,7 @@ def _length(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> No
         draft.settle({"unit": settled_unit(next(iter(said), None), draft.hints)})
         return
     largest = np.nanmax(np.abs(table.numbers([k for k in lengths if k is not None])), initial=0.0)
-    units = ("m", "mm", "in") if largest < _METRES else ("mm", "m", "in")
+    units = sorted(USUAL_UNITS, key=lambda unit: unit != "m" if largest < _METRES else 0)
     draft.ask("unit", [Answer(unit, {"unit": unit}) for unit in units])
 
 

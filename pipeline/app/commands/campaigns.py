@@ -111,10 +111,11 @@ def _robot(root: Path, folder: Path, said: Proposal, ask: bool) -> str | None:
 def _asked(said: Proposal, robot: str | None) -> Known:
     """What only a person knows, one question at a time; an empty answer leaves it open."""
     from pipeline.app.blank import Known
+    from pipeline.readers._coordinates import USUAL_UNITS
 
     unit = None
     if said.reach is not None:
-        unit = _one_of(f"Unit of lengths, the numbers reach {said.reach:.0f}", ("mm", "m", "in"))
+        unit = _one_of(f"Unit of lengths, the numbers reach {said.reach:.0f}", USUAL_UNITS)
     sigma_mm = _size("Standard uncertainty of one tracker reading per axis [mm]")
     sigma_n = _size("Standard uncertainty of one scale reading [N]")
     warm = _number("Temperature of rail and base [degC]") if said.exports else None
@@ -223,9 +224,10 @@ def inspect(
     is, and what to write into campaign.toml; on a terminal it asks what an export leaves open.
     """
     from pipeline.app import asking, shell
+    from pipeline.readers._coordinates import USUAL_UNITS
 
     said = {
-        "unit": _known("unit", unit, ("mm", "m", "in")),
+        "unit": _known("unit", unit, USUAL_UNITS),
         "decimal": _known("decimal mark", decimal, (".", ",")),
         "angle": _known("unit of angles", angles, ("deg", "rad", "gon", "dms")),
         "vertical": _known("vertical angle", vertical, ("zenith", "elevation")),
