@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 import pytest
-from foreign_exports import GON, KINDS, MATRIX, POSE, TWO, TWO_PLACES, polar, rows
+from foreign_exports import GON, KINDS, MATRIX, POSE, TWO, TWO_PLACES, mirrored, polar, rows
 from random_tables import written
 from scipy import stats
 
@@ -194,6 +194,16 @@ def test_a_covariance_without_titles_is_known_by_its_symmetry():
     got = readers.read("t", kind.data, Hints(unit="mm")).covariance
 
     np.testing.assert_allclose(got[0], C[[0, 1, 2, 4, 5, 8]] * 1e-6, rtol=1e-12)
+
+
+def test_most_pairs_say_which_angle_is_which():
+    """A point straight to the left at the height of the instrument reads alike both ways."""
+    shots = [("100.0", "100.0"), ("300.0", "300.0"), ("40.0", "95.0"), ("240.0", "305.0")]
+    lines = [f"P{k // 2} {hz} {v} 2500.0" for k, (hz, v) in enumerate(shots)]
+    export = readers.read("t", rows(*lines).encode(), Hints(unit="mm", horizontal="clockwise"))
+
+    places = [mirrored(polar(2.5, float(hz) * GON, float(v) * GON)) for hz, v in shots[::2]]
+    np.testing.assert_allclose(export.position, places, atol=1e-9)
 
 
 def test_instruments_in_one_file_are_told_apart():
