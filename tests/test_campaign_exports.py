@@ -231,6 +231,7 @@ REFUSED = {
     "each row holds x, y, z of several targets (Tool:P1, Tool:P2)": "\n".join([
         "Format Version,1.23,Length Units,Meters,,,,", "",
         ",Type,Marker,Marker,Marker,Marker,Marker,Marker",
+        ",ID,1001,1001,1001,1002,1002,1002",
         ",Name,Tool:P1,Tool:P1,Tool:P1,Tool:P2,Tool:P2,Tool:P2",
         ",,Position,Position,Position,Position,Position,Position",
         "Frame,Time (Seconds),X,Y,Z,X,Y,Z",

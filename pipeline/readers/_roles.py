@@ -16,6 +16,7 @@ import numpy as np
 from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError, listed
 from pipeline.readers import _polar
+from pipeline.readers._cells import is_number
 from pipeline.readers._contents import Content, values
 from pipeline.readers._coordinates import AXES
 from pipeline.readers._named import Named
@@ -173,7 +174,8 @@ def _one_target(table: Table, sets: Sequence[Triple]) -> None:
             for cells in lines if len(cells) == len(sheet.titles)]  # fmt: skip
     rows.append(numbered([table.named[one.columns[0]] for one in found]))
     for names in rows:
-        if len({*names}) > 1 and all(names) and not any(map(is_quantity, names)):
+        told = all(names) and not any(is_quantity(one) or is_number(one) for one in names)
+        if len({*names}) > 1 and told:
             raise InputError(
                 f"each row holds x, y, z of several targets ({listed(dict.fromkeys(names))})",
                 "write a row for each target, with its name: time,target,x_mm,y_mm,z_mm",
