@@ -53,13 +53,13 @@ class _Way:
         said: What they say.
         hints: What [tracker] says after each.
         off: How far reflectors are off then [m]; infinite where the export cannot be read so,
-            None where nothing known is in it.
+            NaN where nothing known is in it.
     """
 
     chosen: tuple[int, ...]
     said: tuple[str, ...]
     hints: tuple[Hints, ...]
-    off: float | None
+    off: float = np.nan
 
 
 def settled(
@@ -84,13 +84,15 @@ def settled(
         asked = False
     if not asked:
         return hints, ()
-    ways = list(_ways(_Way((), (), (hints,), None), name, sample, bodies))
+    ways = []
+    for way in _ways(_Way((), (), (hints,)), name, sample, bodies):
+        if np.isnan(way.off):
+            return hints, ()
+        ways.append(way)
     by, out = " and ".join(body.table for body in bodies), list[str]()
     while (depth := len(out)) < len(ways[0].chosen):
         nearest: dict[int, float] = {}
         for way in ways:
-            if way.off is None:
-                return ways[0].hints[depth], tuple(out)
             nearest[way.chosen[depth]] = min(way.off, nearest.get(way.chosen[depth], np.inf))
         best, *others = sorted(nearest, key=lambda k: nearest[k])
         off, beyond = nearest[best], min((nearest[k] for k in others), default=np.inf)
@@ -127,7 +129,7 @@ def _ways(way: _Way, name: str, data: bytes, bodies: Sequence[Body]) -> Iterator
     for k, answer in enumerate(questions[0].answers):
         after = way.hints[-1].model_copy(update=dict(answer.hints))
         said = f"{questions[0].about} {answer.said}"
-        chosen = _Way((*way.chosen, k), (*way.said, said), (*way.hints, after), None)
+        chosen = _Way((*way.chosen, k), (*way.said, said), (*way.hints, after))
         yield from _ways(chosen, name, data, bodies)
 
 
@@ -139,10 +141,10 @@ def _said(hints: Hints, found: Proposal | None) -> Hints:
     return found.hints.model_copy(update=dict.fromkeys(opened))
 
 
-def _off(export: Export, bodies: Sequence[Body]) -> float | None:
+def _off(export: Export, bodies: Sequence[Body]) -> float:
     """How far reflectors read together are off, moved rigidly: of the worst body the median [m]."""
     if export.target is None or not len(export.line):
-        return None
+        return np.nan
     target = np.array(export.target.to_pylist())
     if export.group is None:
         group = rounds(export.target.indices.to_numpy())
@@ -156,7 +158,7 @@ def _off(export: Export, bodies: Sequence[Body]) -> float | None:
         if together:
             nominal = np.array([body.places.get(one, (np.nan,) * 3) for one in target])
             off.append(float(np.median([_away(nominal[k], export.position[k]) for k in together])))
-    return max(off, default=None)
+    return max(off, default=np.nan)
 
 
 def _away(nominal: Array, position: Array) -> float:
