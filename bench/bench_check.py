@@ -2,8 +2,8 @@
 
 Campaigns are drawn at random: robot, poses, reflectors, form of the export, what the robot itself
 gets wrong. One entry of campaign.toml is then made wrong: a measured tool point by 5 mm or more, a
-base point by 20 mm or more, the unit, the decimal mark or the unit of angles. Of as many again
-nothing is wrong. `python -m bench check`.
+base point by 20 mm or more, the unit, the decimal mark, the unit of angles or their sense. Of as
+many again nothing is wrong. `python -m bench check`.
 """
 
 from __future__ import annotations
@@ -26,8 +26,9 @@ from pipeline.store.campaign import in_memory
 
 SEED = 17
 DRAWS = 200
-KINDS = ("tool", "base_frame", "unit", "decimal", "angle")
+KINDS = ("tool", "base_frame", "unit", "decimal", "angle", "horizontal")
 UNITS = {"mm": 1e3, "m": 1.0, "in": 1 / 0.0254}
+SENSES = ("counter-clockwise", "clockwise")
 ANGLES = {"deg": 180 / np.pi, "rad": 1.0, "gon": 200 / np.pi}
 EFFECTS = ("", "joint_offset:3=1e-3", "joint_offset:6=2e-3", "gravity_sag", "rail_roll")
 
@@ -87,7 +88,7 @@ def spoilt(kind: str, said: dict[str, Any], rng: np.random.Generator) -> list[st
         off *= np.exp(rng.uniform(np.log(low), np.log(high))) / np.linalg.norm(off)
         said[kind][name] = [float(x) for x in np.add(said[kind][name], off)]
         return [kind, name]
-    others = {"unit": UNITS, "decimal": ".,", "angle": ANGLES}[kind]
+    others = {"unit": UNITS, "decimal": ".,", "angle": ANGLES, "horizontal": SENSES}[kind]
     tracker[kind] = str(rng.choice([one for one in others if one != tracker[kind]]))
     return ["tracker", kind]
 
@@ -98,7 +99,7 @@ def drawn(seed: int, kind: str | None) -> tuple[dict[str, bytes], int | None]:
     made = simulate(plan(rng))
     files, said = dict(made.files), tomllib.loads(made.files["campaign.toml"].decode())
     unit, decimal = str(rng.choice(list(UNITS))), str(rng.choice([".", ","]))
-    polar = kind == "angle" or (kind is not None and rng.random() < 0.2)
+    polar = kind in ("angle", "horizontal") or (kind is not None and rng.random() < 0.2)
     angle = str(rng.choice(list(ANGLES))) if polar else None
     axes = ("azimuth", "vertical", "range") if polar else ("x", "y", "z")
     files["tracker.csv"] = table(files["tracker.csv"], unit, decimal, angle)
@@ -108,6 +109,7 @@ def drawn(seed: int, kind: str | None) -> tuple[dict[str, bytes], int | None]:
     said["tracker"] |= {"unit": unit, "decimal": decimal, "mapping": mapping}
     if angle is not None:
         said["tracker"] |= {"coordinates": "spherical", "angle": angle, "vertical": "zenith"}
+        said["tracker"]["horizontal"] = "counter-clockwise"
     path = [] if kind is None else spoilt(kind, said, rng)
     text = toml.dumps(said)
     files["campaign.toml"] = text.encode()

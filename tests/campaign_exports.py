@@ -70,10 +70,10 @@ def german(cells, thousands="."):
 
 
 def polar(place):
-    """Distance [m], azimuth and zenith angle [deg]."""
+    """Distance [m], horizontal angle as a total station counts it and zenith angle [deg]."""
     far = float(np.linalg.norm(place))
     x, y, z = place
-    return far, math.degrees(math.atan2(y, x)) % 360, math.degrees(math.acos(z / far))
+    return far, math.degrees(math.atan2(-y, x)) % 360, math.degrees(math.acos(z / far))
 
 
 def dms(angle, form="{}°{:02d}'{:07.4f}\""):

@@ -43,6 +43,12 @@ def polar(far, azimuth, zenith):
     return (level * math.cos(azimuth), level * math.sin(azimuth), far * math.cos(zenith))
 
 
+def mirrored(place):
+    """Where the same numbers lead if the horizontal angle grows clockwise."""
+    x, y, z = place
+    return x, -y, z
+
+
 def rows(*lines, end="\n"):
     """Lines as a file."""
     return "".join(line + end for line in lines)
@@ -93,7 +99,7 @@ MATRIX = "0.0004, 0.0001, 0.0000, 0.0001, 0.0009, 0.0002, 0.0000, 0.0002, 0.0016
 P5 = [(-0.274556, -3.189212, -0.248113), (-1.374556, -3.289212, -0.148113)]
 ROOM = [(1.651551699, 1.072124336, -0.265975287), (1.751551699, 2.072124336, -0.165975287)]
 HZ = [polar(1.065984, -71.2831 * GON, 102.8494 * GON), polar(1.165984, -61 * GON, 98.5 * GON)]
-STATION = [polar(58.876, 0.0, 96.9854 * GON), polar(41.1, 25 * GON, 101.5 * GON)]
+STATION = [polar(58.876, 0.0, 96.9854 * GON), mirrored(polar(41.1, 25 * GON, 101.5 * GON))]
 FIRST, SECOND = (1996.8235, 236.31352, 110.43128), (1996.8231, 36.31478, 289.56919)
 FACES = [
     tuple(
@@ -154,13 +160,15 @@ KINDS: dict[str, Foreign] = {
             ("PQ62_12", "36.31478", "289.56919", "1996.8231"),
             ("PQ62_13", "240.00000", "95.00000", "1796.0000"),
         ))).encode(),
-        True, [(None, "PQ62_12"), (None, "PQ62_13")], FACES, MM,
+        False, [(None, "PQ62_12"), (None, "PQ62_13")], FACES, MM,
+        answers={"horizontal": "counter-clockwise"},
         facts={"coordinates": "spherical", "angle": "gon"},
     ),
     "Hz V D": Foreign(
         rows("0\t-71,2831\t102,8494\t1065,984", "1\t-61,0000\t98,5000\t1165,984").encode(),
-        False, [(None, "0"), (None, "1")], HZ, MM,
-        answers={"coordinates": "spherical", "angle": "gon", "vertical": "zenith"},
+        False, [(None, "0"), (None, "1")], [*map(mirrored, HZ)], MM,
+        answers={"coordinates": "spherical", "angle": "gon", "vertical": "zenith",
+                 "horizontal": "clockwise"},
     ),
     "self-describing": Foreign(
         rows("# Format: spherical", "# Units: gon mm", "# Data",

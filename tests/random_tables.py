@@ -23,10 +23,14 @@ POLAR = [
     ("Horizontal Angle [{w}]", "Vertical Angle [{w}]", "Slope Distance [{u}]"),
     ("Theta [{w}]", "Phi [{w}]", "R [{u}]"),
 ]
+TRADES = {"Hz [{w}]": "clockwise", "Horizontal Angle [{w}]": "clockwise",
+          "Theta [{w}]": "counter-clockwise"}  # fmt: skip
+"""Which way angles under a title grow by the habit of those who write it."""
 PREAMBLE = [
     "Export of a measurement", "Job: hall 3", "Instrument: AT960 750123", "Operator;Jane;Doe",
     ";;;;;;", "Reflector radius 19.05 mm", "Date 2026-11-03", "Temperature 20.5 deg C, 1013 hPa",
     "Remark, nothing, to, see, here", "1 of 3", "",
+    "Units: temperature degC, radius mm", "Unit of the offsets: inch",
 ]  # fmt: skip
 
 
@@ -80,21 +84,25 @@ def written(rng) -> Written:
     columns: list[tuple[str, list[str]]] = []
     columns += _names(one, names, scene)
     style = one(AXIS)
+    polar, drawn = one(POLAR), one(["clockwise", "counter-clockwise"])
+    written_by_sa = names == "joined" or (titled and names == "collection")
+    trade = TRADES.get(polar[0]) if titled else None
+    sense = trade or ("counter-clockwise" if written_by_sa else drawn)
     numbers, titles, truth = [], [], []
     spelling = "as programs read it" if blank else one([*[""] * 7, "thousands", "gaps", "minus"])
     for _, _, place in scene:
         row = [c * PER_METRE[unit] for c in place]
         if kind == "spherical":
-            row = _polar(place, unit, angle, vertical)
+            row = _polar(place, unit, angle, vertical, sense)
         shown = [f"{v:.{turns if kind == 'spherical' and k < 2 else digits}f}"
                  for k, v in enumerate(row)]  # fmt: skip
         numbers.append([_spelt(cell, spelling, mark, bare) for cell in shown])
-        truth.append(_place([float(cell) for cell in shown], kind, unit, angle, vertical))
+        truth.append(_place([float(cell) for cell in shown], kind, unit, angle, vertical, sense))
     if kind == "cartesian":
         titles = [style.format(a=one([a, a.upper()]), A=a.upper(), u=unit) for a in "xyz"]
     else:
         words = {"u": unit, "w": angle, "vertical": vertical.title()}
-        titles = [title.format(**words) for title in one(POLAR)]
+        titles = [title.format(**words) for title in polar]
     measured = list(zip(titles, (list(c) for c in zip(*numbers, strict=True)), strict=True))
     if kind == "spherical" and not titled:
         orders = [(0, 1, 2), (2, 0, 1), (0, 2, 1)]
@@ -123,7 +131,7 @@ def written(rng) -> Written:
     above = [line for line in above if line != "row"]
     known = in_titles or below or bool(above) or bool(said)
     if kind == "spherical" and chance(0.5):
-        said |= {"angle": angle, "vertical": vertical}
+        said |= {"angle": angle, "vertical": vertical, "horizontal": sense}
     above += [one(PREAMBLE) for _ in range(int(rng.integers(0, 4)) * chance(0.5))]
     above = [above[k] for k in rng.permutation(len(above))]
     above = [f"# {line}" for line in above] if chance(0.3) else above
@@ -147,7 +155,7 @@ def written(rng) -> Written:
         for (g, t, _), at in zip(scene, truth, strict=True)
     ]  # fmt: skip
     told = {"kind": kind, "unit": unit, "angle": angle, "vertical": vertical, "titled": titled,
-            "separator": separator, "mark": mark, "names": names, "said": said,
+            "sense": sense, "separator": separator, "mark": mark, "names": names, "said": said,
             "spelling": spelling, "encoding": encoding}  # fmt: skip
     plain = kind == "cartesian" and known
     return Written(text.encode(encoding), points, times, said, kind, plain, told)
@@ -194,22 +202,23 @@ def _turn(rng):
     return q if np.linalg.det(q) > 0 else -q
 
 
-def _polar(place, unit, angle, vertical):
+def _polar(place, unit, angle, vertical, sense):
     """Azimuth, vertical angle and distance as an instrument shows them."""
     x, y, z = place
     distance = math.sqrt(x * x + y * y + z * z)
     up = math.asin(z / distance)
-    first = math.atan2(y, x)
+    first = math.atan2(y, x) if sense == "counter-clockwise" else math.atan2(-y, x)
     second = up if vertical == "elevation" else math.pi / 2 - up
     return [first * PER_RADIAN[angle], second * PER_RADIAN[angle], distance * PER_METRE[unit]]
 
 
-def _place(row, kind, unit, angle, vertical):
+def _place(row, kind, unit, angle, vertical, sense):
     """Where the numbers that were written put a point [m]."""
     if kind == "cartesian":
         return tuple(value / PER_METRE[unit] for value in row)
     azimuth, second, distance = row
     azimuth, second = azimuth / PER_RADIAN[angle], second / PER_RADIAN[angle]
+    azimuth = azimuth if sense == "counter-clockwise" else -azimuth
     up = second if vertical == "elevation" else math.pi / 2 - second
     far = distance / PER_METRE[unit]
     level = far * math.cos(up)

@@ -128,6 +128,63 @@ def test_degrees_minutes_and_seconds_are_degrees(form):
     np.testing.assert_allclose(export.position, PLACES, atol=6e-9 * 12, rtol=1e-8)
 
 
+PACKED = "{}.{:02d}{:07.4f}"
+"""Minutes and seconds behind the point: 123.45067000 are 123 degrees, 45 minutes, 6.7 seconds."""
+
+
+def packed(titles):
+    """The campaign with angles D.MMSS under some titles, in metres."""
+
+    def row(k, g, t, p):
+        far, *angles = polar(p)
+        cells = [dms(a, PACKED) for a in angles]
+        return [g, t, *(c[:-7] + c[-7:].replace(".", "") for c in cells), f"{far:.7f}"]
+
+    return table(";", titles, row).encode()
+
+
+@pytest.mark.parametrize(
+    ("titles", "said"),
+    [
+        ("Group;Point;Hz [dms];V [D.MMSS];D [m]", {}),
+        ("Group;Point;Hz;V;D [m]", {"angle": "dms"}),
+        ("Group;Point;Hz [deg];V [deg];D [m]", {"angle": "dms"}),
+        (
+            None,
+            {"angle": "dms", "coordinates": "spherical", "horizontal": "clockwise", "unit": "m"},
+        ),
+    ],
+)
+def test_minutes_behind_the_point_are_read_where_they_are_said(titles, said):
+    """By a title or by somebody, whatever else a title says of degrees."""
+    export = readers.read("t", packed(titles), Hints(vertical="zenith", **said))
+
+    assert names(export) == NAMES
+    np.testing.assert_allclose(export.position, PLACES, atol=6e-9 * 12, rtol=1e-8)
+
+
+@pytest.mark.parametrize("title", ["Hz;V", "Hz [deg];V [deg]"])
+def test_angles_that_may_have_minutes_behind_the_point_are_asked(title, tmp_path):
+    """That no decimals are minutes beyond 59 is a hint; degrees and decimals stay possible."""
+    path = tmp_path / "t.txt"
+    path.write_bytes(packed(f"Group;Point;{title};D [m]"))
+    question = shell.inspect(path, {}).content["question"]
+
+    assert question["about"] == "angle"
+    assert question["answers"][0] == "dms"
+    assert "deg" in question["answers"]
+    export = readers.read("t", path.read_bytes(), Hints(vertical="zenith", angle="deg"))
+    assert np.abs(export.position - PLACES).max() > 1e-3
+
+
+def test_degrees_with_decimals_are_not_asked_for_minutes():
+    """Decimals that are no minutes are enough; a few round angles say nothing."""
+    for cells in (["10.75", "100.7512"], ["10.5", "100.25"]):
+        line = f"Point;Hz [deg];V [deg];D [m]\nP1;{cells[0]};{cells[1]};2.5\n"
+        export = readers.read("t", line.encode(), Hints(vertical="zenith"))
+        assert export.meaning.angle == "deg"
+
+
 @pytest.mark.parametrize("form", ["1-02-3.5", "1D+3", "12 345.6"])
 def test_a_name_like_a_number_stays_a_name(form):
     """Only columns of numbers are read as numbers."""
@@ -171,9 +228,22 @@ REFUSED = {
         " ", None,
         lambda k, g, t, p: [f"{a} 1000.0 {v} 0.1\n" for a, v in zip("XYZ", xyz(p), strict=True)],
     ),
-    "minutes and seconds behind the point": table(
+    "each row holds x, y, z of several targets (Tool:P1, Tool:P2)": "\n".join([
+        "Format Version,1.23,Length Units,Meters,,,,", "",
+        ",Type,Marker,Marker,Marker,Marker,Marker,Marker",
+        ",ID,1001,1001,1001,1002,1002,1002",
+        ",Name,Tool:P1,Tool:P1,Tool:P1,Tool:P2,Tool:P2,Tool:P2",
+        ",,Position,Position,Position,Position,Position,Position",
+        "Frame,Time (Seconds),X,Y,Z,X,Y,Z",
+        *(f"{k},{k / 120:.6f},1.{k},2.5,0.3,1.{k},2.1,0.4" for k in range(9)),
+    ]),
+    "each row holds x, y, z of several targets (p1, p2, p3)": table(
+        ";", "Group;P1 X;P1 Y;P1 Z;P2 X;P2 Y;P2 Z;P3 X;P3 Y;P3 Z",
+        lambda k, g, t, p: [g, *xyz(p), *xyz(p + 1), *xyz(p + 2)],
+    ),
+    "the angle 91.7559 has more than 59 minutes or seconds behind the point": table(
         ";", "Group;Point;Hz [dms];V [dms];D [m]",
-        lambda k, g, t, p: [g, t, "123.4512", "91.5959", f"{polar(p)[0]:.6f}"],
+        lambda k, g, t, p: [g, t, "123.4512", "91.7559", f"{polar(p)[0]:.6f}"],
     ),
 }  # fmt: skip
 
@@ -217,6 +287,12 @@ ASKED = {
             ["Gruppe", "Punkt", "Koordinaten [mm]"], ["", "", "X", "Y", "Z"],
             *([g, t, *(v * 1e3 for v in p)] for g, t, p in POINTS)]}),
         {"columns": "x = X"},
+    ),
+    "measured beside nominal": (
+        workbook({"Points": [["", "", "Actual", "", "", "Nominal", "", ""],
+                             ["Gruppe", "Punkt", *["X [mm]", "Y [mm]", "Z [mm]"] * 2],
+                             *([g, t, *p * 1e3, 1.5, 2.5, 3.5] for g, t, p in POINTS)]}),
+        {"columns": "x = X [mm] column 3"},
     ),
     "angles before the coordinates": (
         table(" ", None, lambda k, g, t, p: [

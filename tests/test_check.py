@@ -86,9 +86,9 @@ def test_a_whole_table_in_millimetres_is_named_in_its_head():
     assert "is in mm" in found.said
 
 
-@pytest.mark.parametrize("kind", ["unit", "decimal", "angle"])
+@pytest.mark.parametrize("kind", ["unit", "decimal", "angle", "horizontal"])
 def test_a_wrong_word_is_named_in_its_line(kind):
-    """Unit, decimal mark and unit of angles of an export that states none of them."""
+    """Unit, decimal mark, unit and sense of angles of an export that states none of them."""
     assert named(0, kind) == "right"
 
 

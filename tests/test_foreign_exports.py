@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 import pytest
-from foreign_exports import GON, KINDS, MATRIX, POSE, TWO, TWO_PLACES, polar, rows
+from foreign_exports import GON, KINDS, MATRIX, POSE, TWO, TWO_PLACES, mirrored, polar, rows
 from random_tables import written
 from scipy import stats
 
@@ -14,6 +14,7 @@ from pipeline.app.cli import main
 from pipeline.base.errors import InputError
 from pipeline.readers import Hints
 from pipeline.readers.inspect import inspect
+from pipeline.readers.offer import offer
 from pipeline.run import answered
 from pipeline.store.campaign import in_memory
 
@@ -96,6 +97,80 @@ def test_polar_is_never_cartesian_whatever_unit_is_stated(name, unit):
     assert name == "two faces"
 
 
+SENSES = {
+    "Hz [gon];V [gon];D [mm]": -1,
+    "Horizontal Angle (gon);Zenith Angle (gon);Slope Distance (mm)": -1,
+    "HR (gon);VZ (gon);SD (mm)": -1,
+    "HL (gon);VZ (gon);SD (mm)": 1,
+    "Theta (gon);Zenith (gon);R (mm)": 1,
+    "Azimuth (gon);Zenith (gon);Distance (mm)": None,
+    "# clockwise\nPoint;Azimuth (gon);Zenith (gon);Distance (mm)": -1,
+    "# Azimuths: counter-clockwise\nPoint;Azimuth (gon);Zenith (gon);Distance (mm)": 1,
+    "# spherical coordinates\nPoint;Hz (gon);Zenith (gon);Distance (mm)": None,
+    "Collection;Azimuth (gon);Zenith (gon);Distance (mm)": 1,
+}
+
+
+@pytest.mark.parametrize("head", SENSES)
+def test_which_way_azimuths_grow_is_said_or_asked(head):
+    """By titles and lines above; where they say nothing, or one the other's contrary, asked."""
+    above, _, titles = head.rpartition("Point;") if "\n" in head else ("", "", head)
+    data = rows(*above.splitlines(), f"Point;{titles}", f"P1;{'A;' * ('Coll' in head)}100;50;2000")
+    x, y, z = polar(2.0, 100 * GON, 50 * GON)
+    if SENSES[head] is None:
+        with pytest.raises(InputError, match='write horizontal = "counter-clockwise" \\(or "clock'):
+            readers.read("t", data.encode(), Hints(vertical="zenith"))
+    for said in ({}, {"horizontal": "clockwise"}, {"horizontal": "counter-clockwise"}):
+        side = {"clockwise": -1, "counter-clockwise": 1}.get(said.get("horizontal"), SENSES[head])
+        if side is not None:
+            export = readers.read("t", data.encode(), Hints(vertical="zenith", **said))
+            np.testing.assert_allclose(export.position, [[x, side * y, z]], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("line", "unit"),
+    [
+        ("Units: temperature degC, radius mm", None),
+        ("Unit of the probe's radius: mm", None),
+        ("Units: mm, temperature deg C, radius m", "mm"),
+        ("Coordinates: x, y and z in m; offset in mm", "m"),
+        ("Length unit: inch", "in"),
+    ],
+)
+def test_a_unit_belongs_to_what_it_is_said_of(line, unit):
+    """That of a radius or of a temperature says nothing of the coordinates."""
+    data = rows(line, "Point;X;Y;Z", "P1;1500;2500;3500").encode()
+    if unit is None:
+        with pytest.raises(InputError, match="does not say its unit of length"):
+            readers.read("t", data)
+    else:
+        assert readers.read("t", data).meaning.unit == unit
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_two_kinds_in_one_file_without_titles_are_refused(first):
+    """A tool's targets keep their distances only if one part is angles and the other x, y, z."""
+    rng = np.random.default_rng(23)
+    tool = np.array([[200.0, 50, 120], [-120, 190, 100], [-100, -180, 220]])
+    lines = []
+    for pose in range(6):
+        at, turn = rng.uniform([2000, -4000, -500], [5000, 3000, 900]), rng.permutation(3)
+        for k, place in enumerate(tool[:, turn] * (1 if list(turn) != [0, 1, 2] else -1) + at):
+            cells = place
+            if (pose < 3) == first:
+                far = np.linalg.norm(place)
+                cells = np.degrees([np.arctan2(place[1], place[0]), np.arccos(place[2] / far)])
+                cells = [*cells, far]
+            lines.append(f"g{pose};P{k};" + ";".join(f"{c:.5f}" for c in cells))
+
+    with pytest.raises(InputError, match=r"t:10: .* of two kinds.* split the export"):
+        readers.read("t", rows(*lines).encode(), Hints(unit="mm"))
+    alone = rows(*(line for line in lines if (line < "g3") != first)).encode()
+    assert readers.read("t", alone, Hints(unit="mm")).meaning.kind == "cartesian"
+    every = readers.read("t", rows(*lines).encode(), Hints(unit="mm", coordinates="cartesian"))
+    assert len(every.line) == 18
+
+
 def test_two_faces_are_one_reading_and_their_difference_is_told(capsys, tmp_path):
     """The mean of both, and how far apart they were."""
     path = tmp_path / "polar.txt"
@@ -105,7 +180,8 @@ def test_two_faces_are_one_reading_and_their_difference_is_told(capsys, tmp_path
         polar(1.9968231, 36.31478 * np.pi / 200, 289.56919 * np.pi / 200),
     )
 
-    seen = json.loads(run(capsys, path, "--unit", "mm", "--json")[1])["two_faces"]
+    said = ["--unit", "mm", "--horizontal", "clockwise"]
+    seen = json.loads(run(capsys, path, *said, "--json")[1])["two_faces"]
 
     assert (seen["pairs"], seen["single"]) == (1, 0)
     assert seen["largest_mm"] == pytest.approx(1e3 * np.linalg.norm(apart), rel=1e-6)
@@ -118,6 +194,16 @@ def test_a_covariance_without_titles_is_known_by_its_symmetry():
     got = readers.read("t", kind.data, Hints(unit="mm")).covariance
 
     np.testing.assert_allclose(got[0], C[[0, 1, 2, 4, 5, 8]] * 1e-6, rtol=1e-12)
+
+
+def test_most_pairs_say_which_angle_is_which():
+    """A point straight to the left at the height of the instrument reads alike both ways."""
+    shots = [("100.0", "100.0"), ("300.0", "300.0"), ("40.0", "95.0"), ("240.0", "305.0")]
+    lines = [f"P{k // 2} {hz} {v} 2500.0" for k, (hz, v) in enumerate(shots)]
+    export = readers.read("t", rows(*lines).encode(), Hints(unit="mm", horizontal="clockwise"))
+
+    places = [mirrored(polar(2.5, float(hz) * GON, float(v) * GON)) for hz, v in shots[::2]]
+    np.testing.assert_allclose(export.position, places, atol=1e-9)
 
 
 def test_instruments_in_one_file_are_told_apart():
@@ -145,6 +231,14 @@ def test_reports_of_two_instruments_in_one_file_are_told_apart(capsys, tmp_path)
     code, out, _ = run(capsys, path, "--mapping", mapping, "--json")
     assert json.loads(out)["readings"] == 2
 
+    hints = Hints(vertical="zenith")
+    for about in ("instrument", None):  # asked once
+        found = offer("report.csv", data + second, hints)
+        assert (found.question and found.question.about) == about
+        if found.question:
+            hints = hints.model_copy(update=dict(found.question.answers[1].hints))
+    assert readers.read("report.csv", data + second, hints).line.min() > len(data.splitlines())
+
 
 def test_a_tool_that_keeps_its_size_tells_metres_from_angles():
     """Small numbers without titles: targets keep their distances as x, y, z, or as angles."""
@@ -163,7 +257,8 @@ def test_a_tool_that_keeps_its_size_tells_metres_from_angles():
 
     cartesian = readers.read("t", text(places), Hints(unit="m"))
     angles = np.column_stack([far, azimuth, elevation])
-    turned = readers.read("t", text(angles), Hints(unit="m", angle="deg"))
+    left = {"angle": "deg", "horizontal": "counter-clockwise"}
+    turned = readers.read("t", text(angles), Hints(unit="m", **left))
 
     assert (cartesian.meaning.kind, turned.meaning.kind) == ("cartesian", "spherical")
     np.testing.assert_allclose(turned.position, places, atol=1e-6)
@@ -185,22 +280,23 @@ def test_a_mapping_is_tried_and_what_is_wrong_with_it_is_said(capsys, tmp_path):
 
 
 def test_on_a_terminal_one_question_is_asked_after_the_other(capsys, tmp_path, monkeypatch):
-    """What kind, which unit: typed as numbers of the answers."""
+    """What kind, which unit, which way: typed as numbers of the answers."""
     path = tmp_path / "t.txt"
     path.write_bytes(KINDS["Hz V D"].data)
-    typed = iter(["9", "1", "1", "1"])
+    typed = iter(["9", "1", "1", "1", "2"])
     monkeypatch.setattr("sys.stdin.isatty", lambda: True)
     monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
     monkeypatch.setattr("typer.prompt", lambda *_, **__: next(typed))
     code, out, err = run(capsys, path)
 
     assert code == 0
-    assert "spherical, angles in gon from the zenith" in out
+    assert "spherical, angles in gon from the zenith, azimuths clockwise" in out
     asked = [line for line in err.splitlines() if line.endswith("?")]
     assert asked == [
         "Which kind of coordinates are they?",
         "In which unit are lengths?",
         "In which unit are angles?",
+        "Which way do horizontal angles grow, seen from above?",
     ]
 
 
@@ -295,11 +391,11 @@ def test_many_tables_of_any_make_are_read_right_or_asked():
 def test_whoever_runs_is_told_of_two_faces_and_of_times_that_are_none(small_campaign):
     """A whole campaign in polar coordinates, every point read in both faces, its clock stopped."""
     rows = list(csv.DictReader(small_campaign.files["tracker.csv"].decode().splitlines()))
-    lines = ["Group\tTarget\tAzimuth (gon)\tZenith (gon)\tDistance (mm)\tTime"]
+    lines = ["Group\tTarget\tHz (gon)\tZenith (gon)\tDistance (mm)\tTime"]
     for row in rows:
         x, y, z = (float(row[f"{axis}_mm"]) for axis in "xyz")
         distance, level = np.sqrt(x * x + y * y + z * z), np.hypot(x, y)
-        azimuth, zenith = np.arctan2(y, x) / GON, np.arctan2(level, z) / GON
+        azimuth, zenith = np.arctan2(-y, x) / GON, np.arctan2(level, z) / GON
         for turn, plunge in ((azimuth, zenith), (azimuth + 200.002, 400 - zenith)):
             cells = (f"{turn:.7f}", f"{plunge:.7f}", f"{distance:.5f}", "00:00.0")
             lines.append("\t".join((row["group"], row["target"], *cells)))

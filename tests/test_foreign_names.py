@@ -294,6 +294,30 @@ def test_blanks_separate_cells_of_a_log():
 
 
 @pytest.mark.parametrize(
+    ("text", "columns"),
+    [
+        ("pose,repeat,force\n,,N\n1,1,500.5\n", {}),
+        ("Export\npose;repeat;force_n\n[-];[-];[N]\n1;1;500.5\n", {}),
+        ("pose repeat Kraft\n- - kN\n1 1 0.5005\n", {"Kraft": "force_kn"}),
+        ("pose;repeat;force [daN];remark\n;;[daN];\n1;1;50.05;good\n", {}),
+    ],
+)
+def test_a_line_of_units_below_the_titles_belongs_to_them(text, columns):
+    """It is no row, and the unit is that of the title above it."""
+    log = logs.loads("loads.csv", text.encode(), LogForm(columns=columns))
+
+    assert log.number["force"].tolist() == [pytest.approx(500.5)]
+    assert log.rejected == ()
+
+
+def test_a_line_of_units_contradicts_as_a_title_does():
+    """And a row of numbers below the titles stays a row."""
+    with pytest.raises(InputError, match=r'calls "Kraft" force_n, and the title says \[kn\]'):
+        load_log("pose,repeat,Kraft\n,,kN\n1,1,0.5\n", {"columns": {"Kraft": "force_n"}})
+    assert load_log("pose,repeat,force_n\n1,1,500\n2,1,\n") == [(1, 1, 500.0)]
+
+
+@pytest.mark.parametrize(
     ("columns", "said"),
     [
         ({"Kraft": "force_n"}, r'loads.csv:1: there is no column "Kraft" among pose, repeat, last'),

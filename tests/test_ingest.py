@@ -521,7 +521,12 @@ def test_a_wrong_unit_in_one_file_of_two_is_refused():
         ),
         (
             change(
-                tracker=tracker_csv().replace("x_mm", "x").replace("y_mm", "y").replace("z_mm", "z")
+                tracker=tracker_csv(
+                    [(g, t, *(3 * c for c in place)) for g, t, *place in tracker_rows()]
+                )
+                .replace("x_mm", "x")
+                .replace("y_mm", "y")
+                .replace("z_mm", "z")
             ),
             "unit",
         ),

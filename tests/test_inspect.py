@@ -34,6 +34,7 @@ def test_everything_recognised_is_said():
         "coordinates": "cartesian",
         "angle": None,
         "vertical": None,
+        "horizontal": None,
         "readings": 2,
         "groups": 2,
         "targets": ["B1", "P1"],
@@ -51,11 +52,12 @@ def test_everything_recognised_is_said():
 
 
 def test_coordinates_that_are_not_cartesian_are_said():
-    """Kind, angles and the zero of the vertical angle."""
+    """Kind, angles, the zero of the vertical angle and the sense of the other one."""
     seen = inspect("s.txt", (GOLDEN / "sa_spherical.txt").read_bytes())
 
     assert (seen.coordinates, seen.angle, seen.vertical) == ("spherical", "deg", "zenith")
-    assert "spherical, angles in deg from the zenith" in seen.to_text()
+    assert seen.horizontal == "counter-clockwise"
+    assert "spherical, angles in deg from the zenith, azimuths counter-clockwise" in seen.to_text()
 
 
 def test_a_file_without_names_or_times_says_so():

@@ -188,6 +188,7 @@ def test_semicolon_xyz():
     np.testing.assert_array_equal(export.position, np.array([FIRST, UNLOADED, LOADED]) / 1000)
 
 
+LEFT = "counter-clockwise"
 MAPPING = Columns(
     columns={
         "group": "Serie",
@@ -202,13 +203,17 @@ MAPPING = Columns(
 )
 
 
-def test_any_table_by_its_mapping():
-    """Columns by name or number, gons, decimal comma, a time of its own form."""
-    hints = Hints(unit="mm", angle="gon", vertical="zenith", mapping=MAPPING)
+@pytest.mark.parametrize(
+    ("said", "side"), [({}, -1), ({"horizontal": "clockwise"}, -1), ({"horizontal": LEFT}, 1)]
+)
+def test_any_table_by_its_mapping(said, side):
+    """Columns by name or number, gons, decimal comma, a time of its own form; Hz is clockwise."""
+    hints = Hints(unit="mm", angle="gon", vertical="zenith", mapping=MAPPING, **said)
     export = golden("odd_table.txt", hints)
 
     assert names(export) == list(zip(GROUPS[:2], ["B1", "P1"], strict=True))
-    np.testing.assert_allclose(export.position, [[0, 5, 0], [1, 1, -np.sqrt(2)]], atol=1e-15)
+    places = [[0, 5 * side, 0], [1, side, -np.sqrt(2)]]
+    np.testing.assert_allclose(export.position, places, atol=1e-15)
     assert times(export) == ["2026-11-03 08:00:08", "2026-11-03 08:00:48"]
 
 
@@ -537,17 +542,18 @@ def test_emscon_coordinates_that_are_no_lengths_are_asked():
         readers.read("t", "\n".join(dump).encode(), MM)
 
 
+@pytest.mark.parametrize("horizontal", ["clockwise", LEFT])
 @pytest.mark.parametrize("vertical", ["zenith", "elevation"])
 @pytest.mark.parametrize("kind", ["spherical", "cylindrical"])
-def test_covariances_of_angles_become_those_of_coordinates(kind, vertical):
+def test_covariances_of_angles_become_those_of_coordinates(kind, vertical, horizontal):
     """C = J C J', J by differences of what the reader itself does with the numbers."""
     columns = {"range": 1, "azimuth": 2, ("vertical" if kind == "spherical" else "z"): 3}
     columns |= {"group": 10, "target": 11} | {
         f"c{ab}": k for k, ab in enumerate(("xx", "xy", "xz", "yy", "yz", "zz"), 4)
     }
-    hints = Hints(
-        unit="mm", angle="deg", vertical=vertical, mapping=Columns(columns=columns, header=0)
-    )
+    mapping = Columns(columns=columns, header=0)
+    said = {"angle": "deg", "vertical": vertical, "horizontal": horizontal}
+    hints = Hints(unit="mm", mapping=mapping, **said)
     six = [4e-4, 1e-6, -2e-6, 9e-8, 1e-8, 6e-8]
 
     def at(values):

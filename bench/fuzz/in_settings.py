@@ -14,8 +14,8 @@ from bench.fuzz.mutation import TOML, Act, Files, Mutation, data_of, one, raw, t
 _KEYS = {
     "": ("format", "name", "robot", "date"),
     "tracker": (
-        *("files", "unit", "decimal", "coordinates", "angle", "vertical", "covariance"),
-        *("coverage_factor", "names", "assignment", "sigma_m", "noise"),
+        *("files", "unit", "decimal", "coordinates", "angle", "vertical", "horizontal"),
+        *("covariance", "coverage_factor", "names", "assignment", "sigma_m", "noise"),
     ),
     "tracker.mapping": ("columns", "delimiter", "header", "comment", "time_format"),
     "naming": ("group", "measured", "chain"),
@@ -198,8 +198,9 @@ _WORDS = {
     ("tracker", "unit"): ['"mm"', '"m"', '"in"', '"MM"', '"km"'],
     ("tracker", "decimal"): ['"."', '","', '";"'],
     ("tracker", "coordinates"): ['"cartesian"', '"spherical"', '"cylindrical"'],
-    ("tracker", "angle"): ['"deg"', '"rad"', '"gon"'],
+    ("tracker", "angle"): ['"deg"', '"rad"', '"gon"', '"dms"'],
     ("tracker", "vertical"): ['"zenith"', '"elevation"'],
+    ("tracker", "horizontal"): ['"clockwise"', '"counter-clockwise"'],
     ("tracker", "covariance"): ['"a-priori"', '"standard"', '"expanded"', '"rms"', '"none"'],
     ("tracker", "coverage_factor"): ["1", "2", "3.0", "1e-9", "1e9"],
     ("tracker", "noise"): [

@@ -17,6 +17,7 @@ _ASKED = {
     "unit": "In which unit are lengths?",
     "angle": "In which unit are angles?",
     "vertical": "Where are vertical angles zero: at the zenith, or at the horizon (elevation)?",
+    "horizontal": "Which way do horizontal angles grow, seen from above?",
     "decimal": "Which is the decimal mark?",
 }
 

@@ -146,7 +146,7 @@ def _tracker(said: Proposal) -> list[str]:
         return []
     asked = {question.about: question for question in said.offer.questions}
     lines = []
-    for word in ("unit", "decimal", "coordinates", "angle", "vertical"):
+    for word in ("unit", "decimal", "coordinates", "angle", "vertical", "horizontal"):
         value = getattr(said.offer.hints, word)
         if word in asked and word != "unit":  # which is asked of every export
             answers = " or ".join(quoted(answer.said) for answer in asked[word].answers)

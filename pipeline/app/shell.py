@@ -108,6 +108,7 @@ def inspect(
     from pipeline.readers import largest, refuse_other_programs
     from pipeline.readers.inspect import as_csv
     from pipeline.readers.inspect import inspect as look
+    from pipeline.readers.known import settled
 
     data, hints = b"", None
     try:
@@ -117,9 +118,10 @@ def inspect(
         folder = Campaign(path.parent, path.parent)
         if not (csv or mapping or any(said.values())) and (log := _log(path, data, folder)):
             return log
-        hints = _hints(folder, said, mapping)
+        hints, bodies = _hints(folder, said, mapping)
+        hints, why = settled(path.name, data, hints, bodies)
         hints = _answered(path.name, data, hints, ask)
-        seen = look(path.name, data, hints)
+        seen = replace(look(path.name, data, hints), settled=list(why))
         text = as_csv(path.name, data, hints).decode().rstrip("\n") if csv else seen.to_text()
     except PipelineError as problem:
         return _unread(path.name, data, hints, problem)
@@ -159,19 +161,21 @@ Ask = Callable[[Any], Mapping[str, Any]]
 def _hints(folder: Campaign, said: Mapping[str, Any], mapping: Path | None) -> Any:
     """What campaign.toml, a mapping to try and the command line say, the last before the first.
 
-    What is still to be filled in elsewhere in campaign.toml does not matter here.
+    And the reflectors whose places campaign.toml has; while it is still to be filled in, none.
     """
     from pipeline.base import toml
     from pipeline.readers import Hints
 
-    known = Hints()
+    known, bodies = Hints(), []
     if (folder.folder / "campaign.toml").is_file():
         known = _words(folder.content("campaign.toml"), "campaign.toml", known)
+        with contextlib.suppress(InputError):
+            bodies = folder.settings().bodies
     if mapping is not None:
         none = InputError("there is no such file", "correct --mapping", file=str(mapping))
         known = _words(files.read(mapping, mapping.name, toml.LARGEST, none), mapping.name, known)
     given = {word: value for word, value in said.items() if value is not None}
-    return known.model_copy(update=given)
+    return known.model_copy(update=given), bodies
 
 
 def _words(data: bytes, name: str, known: Any) -> Any:

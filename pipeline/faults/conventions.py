@@ -24,17 +24,12 @@ from pipeline.machine import instrument
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import SHIPPED, Robot, configure, load
 from pipeline.machine.robot.variants import alike, differing, variants
+from pipeline.readers.known import BETTER, GROSS_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 
-GROSS_M = 0.03
-"""No robot in use is this far off its own table."""
-
 _GROSS_ANCHORED_M = 0.3
 """Nor this far from it in a base frame, however poor its reflectors."""
-
-BETTER = 3.0
-"""A correction must bring the reflectors this many times nearer."""
 
 FEWEST_POSES = 3
 """Poses below which a rigid motion can hide a wrong table."""

@@ -26,8 +26,9 @@ from scipy.special import logsumexp
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.faults.conventions import GROSS_M, unloaded
+from pipeline.faults.conventions import unloaded
 from pipeline.machine.robot import configure
+from pipeline.readers.known import GROSS_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 

@@ -1,4 +1,4 @@
-"""A word of [tracker] that the export contradicts: unit, decimal mark, kind or unit of angles.
+"""A word of [tracker] that the export contradicts: unit, decimal mark, kind, what angles are.
 
 Each is tried with every other value that it may have. One is wrong where the distances between
 reflectors, and where the robot's table has them, fit with another value and not with the stated
@@ -11,13 +11,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import get_args
 
-from pipeline.faults.conventions import BETTER, GROSS_M, miss
+from pipeline.faults.conventions import miss
 from pipeline.faults.survey import distances
 from pipeline.readers import Hints
+from pipeline.readers.known import BETTER, GROSS_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.settings import Settings
 
-_WORDS = ("unit", "decimal", "coordinates", "angle", "vertical")
+_WORDS = ("unit", "decimal", "coordinates", "angle", "vertical", "horizontal")
 
 Read = Callable[[Settings], Case | None]
 """A campaign with some settings, None where it cannot be read so."""

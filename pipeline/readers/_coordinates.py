@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -11,12 +12,21 @@ from pipeline.base.arrays import Array, Bools
 from pipeline.base.covariance import flat, symmetric
 from pipeline.base.errors import InputError
 
+Unit = Literal["mm", "m", "in", "um", "cm", "ft"]
+Usual = Literal["mm", "m", "in"]
+USUAL_UNITS: tuple[str, ...] = get_args(Usual)
+"""Units of length that are asked for, and tried where nobody says one."""
 _LONG = {"in": 0.0254, "ft": 0.3048}
 """An inch and a foot [m], by definition."""
 _IN_A_METRE = {"mm": 1e3, "cm": 1e2, "m": 1.0, "um": 1e6}
 """How many of the other units of length there are in a metre."""
-_ANGLES = {"deg": np.pi / 180.0, "rad": 1.0, "gon": np.pi / 200.0}
+PACKED = "dms"
+"""Degrees with minutes and seconds behind the point: 123.4512 is 123 degrees, 45 minutes, 12
+seconds, as total stations and surveyors' calculators write."""
+_ANGLES = {"deg": np.pi / 180.0, "rad": 1.0, "gon": np.pi / 200.0, PACKED: np.pi / 180.0}
 """Units of angles [rad]."""
+_TICKS, _SIXTY = 1e6, 60.0
+"""Parts of a second that are kept, 5e-12 rad; minutes and seconds."""
 AXES = {
     "cartesian": ("x", "y", "z"),
     "spherical": ("range", "azimuth", "vertical"),
@@ -32,15 +42,36 @@ class Meaning:
     Attributes:
         unit: Unit of length, `mm`, `m`, `in`, `um`, `cm` or `ft`.
         kind: `cartesian` x, y, z; `spherical` range, azimuth, vertical angle; `cylindrical`
-            radius, azimuth, z. Azimuths count from x towards y.
-        angle: Unit of angles, `deg`, `rad` or `gon`; None for Cartesian coordinates.
+            radius, azimuth, z.
+        angle: Unit of angles, `deg`, `rad`, `gon` or `dms`; None for Cartesian coordinates.
         vertical: Vertical angle from `zenith` (z up is 0) or as `elevation` (horizontal is 0).
+        horizontal: Azimuths grow `counter-clockwise`, from x towards y, or `clockwise`.
     """
 
     unit: str
     kind: str = "cartesian"
     angle: str | None = None
     vertical: str = "zenith"
+    horizontal: str = "counter-clockwise"
+
+
+SENSES = {"counter-clockwise": 1.0, "clockwise": -1.0}
+"""Ways in which azimuths grow, seen from above, and the sign of a turn from x towards y."""
+
+
+@dataclass(frozen=True)
+class Angles:
+    """What an export itself says of its angles, each None where it does not.
+
+    Attributes:
+        unit: As `Meaning.angle`.
+        vertical: As `Meaning.vertical`.
+        horizontal: As `Meaning.horizontal`.
+    """
+
+    unit: str | None = None
+    vertical: str | None = None
+    horizontal: str | None = None
 
 
 def metres(values: Array, unit: str) -> Array:
@@ -118,15 +149,67 @@ def _angles(meaning: Meaning) -> list[int]:
 def _si(values: Array, meaning: Meaning) -> Array:
     angles = _angles(meaning)
     out = metres(values, meaning.unit)
-    out[:, angles] = values[:, angles] * _ANGLES[meaning.angle or "rad"]
+    out[:, angles] = plain_angles(values[:, angles], meaning.angle) * _radians(meaning)
     return out
 
 
 def _from_si(values: Array, meaning: Meaning) -> Array:
     angles = _angles(meaning)
     out = _in_unit(values, meaning.unit)
-    out[:, angles] = values[:, angles] / _ANGLES[meaning.angle or "rad"]
+    out[:, angles] = values[:, angles] / _radians(meaning)
     return out
+
+
+def plain_angles(values: Array, angle: str | None) -> Array:
+    """Angles in their unit, those with minutes and seconds behind the point in degrees.
+
+    Raises:
+        InputError: One has more minutes or seconds than there are.
+    """
+    if angle != PACKED:
+        return values
+    whole, minutes, seconds = _parts(values)
+    beyond = (minutes >= _SIXTY) | (seconds >= _SIXTY)
+    if beyond.any():
+        raise InputError(
+            f"the angle {values[beyond][0]:.10g} has more than 59 minutes or seconds behind the "
+            "point",
+            'write angle = "deg" (or "gon", "rad") into [tracker] of campaign.toml',
+        )
+    return np.sign(values) * (whole + (minutes + seconds / _SIXTY) / _SIXTY)
+
+
+def _parts(values: Array) -> tuple[Array, Array, Array]:
+    """Degrees, minutes and seconds of D.MMSS without their signs."""
+    whole, rest = np.divmod(np.rint(np.abs(values) * _TICKS * 1e4), _TICKS * 1e4)
+    minutes, seconds = np.divmod(rest, _TICKS * 1e2)
+    return whole, minutes, seconds / _TICKS
+
+
+def may_be_packed(values: Array) -> bool:
+    """Whether no angle has more minutes or seconds behind the point than there are."""
+    _, minutes, seconds = _parts(values)
+    return bool(np.all((minutes < _SIXTY) & (seconds < _SIXTY)))
+
+
+def seem_packed(values: Array) -> bool:
+    """Whether so many angles have minutes and seconds behind the point as no chance leaves.
+
+    Of any two decimals six in ten may be minutes, of the next two six in ten seconds. Angles with
+    nothing behind the point, or with the same as another, say nothing.
+    """
+    fractions = np.unique(np.round(np.abs(values) % 1.0, 10))
+    told = np.count_nonzero(fractions)
+    return may_be_packed(values) and bool(_MAY_BE_BOTH**told < _BY_CHANCE)
+
+
+_MAY_BE_BOTH, _BY_CHANCE = 0.6 * 0.6, 1e-3
+
+
+def _radians(meaning: Meaning) -> Array:
+    """Of one unit of each angle [rad], azimuths that grow clockwise with a minus."""
+    signs = [SENSES[meaning.horizontal], 1.0][: len(_angles(meaning))]
+    return _ANGLES[meaning.angle or "rad"] * np.array(signs)
 
 
 def _flat_and_up(vertical: Array, meaning: Meaning) -> tuple[Array, Array]:
@@ -177,6 +260,17 @@ def settled(stated: str | None, said: str | None, what: str, example: str) -> st
     return stated or said or ""
 
 
+def settled_angle(stated: str | None, said: str | None) -> str:
+    """The unit of angles; one that is called degrees may have minutes behind the point.
+
+    Raises:
+        InputError: Nobody says, or the two contradict each other.
+    """
+    own = None if {stated, said} == {"deg", PACKED} else stated
+    example = f'angle = "deg" (or "rad", "gon", "{PACKED}")'
+    return settled(own, said, "unit of angles", example)
+
+
 def settled_vertical(stated: str | None, said: str | None, values: Array, angle: str) -> str:
     """Whether vertical angles count from the zenith or from the horizon.
 
@@ -190,7 +284,7 @@ def settled_vertical(stated: str | None, said: str | None, values: Array, angle:
     if stated == "elevation" and steeper_than_not(values, angle):
         stated = None
     elif stated is None and said is None and len(values):
-        degrees = np.rad2deg(values * _ANGLES[angle])
+        degrees = _degrees(values, angle)
         if degrees.min() < 0 and degrees.max() <= 90:
             return "elevation"
         if degrees.min() >= 0 and 90 < degrees.max() <= 180:
@@ -199,10 +293,26 @@ def settled_vertical(stated: str | None, said: str | None, values: Array, angle:
     return settled(stated, said, "vertical angle's zero", what)
 
 
+def settled_horizontal(stated: str | None, said: str | None) -> str:
+    """Whether horizontal angles grow clockwise, as a total station's, or counter-clockwise.
+
+    Titles follow a habit of the trade that a program may break: campaign.toml goes before it.
+
+    Raises:
+        InputError: Nobody says.
+    """
+    example = 'horizontal = "clockwise" (or "counter-clockwise")'
+    return settled(None if said else stated, said, "sense of horizontal angles", example)
+
+
+def _degrees(values: Array, angle: str) -> Array:
+    return np.rad2deg(plain_angles(values, angle) * _ANGLES[angle])
+
+
 def second_face(vertical: Array, meaning: Meaning) -> Bools:
     """Which vertical angles only a plunged telescope has, shape (n,)."""
     circle = 2 * np.pi
-    zenith = vertical * _ANGLES[meaning.angle or "rad"]
+    zenith = np.deg2rad(_degrees(vertical, meaning.angle or "rad"))
     if meaning.vertical == "elevation":
         zenith = circle / 4 - zenith
     return np.asarray(zenith % circle > circle / 2)
@@ -210,7 +320,7 @@ def second_face(vertical: Array, meaning: Meaning) -> Bools:
 
 def steeper_than_not(values: Array, angle: str) -> bool:
     """Whether angles, read as elevations, lie farther from the horizon than as zenith angles."""
-    degrees = np.rad2deg(values * _ANGLES[angle])
+    degrees = _degrees(values, angle)
     if not len(degrees) or degrees.min() < 0:
         return False
     return bool(np.median(np.abs(degrees)) > np.median(np.abs(90.0 - degrees)))

@@ -21,6 +21,7 @@ from pipeline.readers import _time
 from pipeline.readers._cells import NUMBER, ODD, bare_number, cut_off, is_turn, shown
 from pipeline.readers._cut import cut
 from pipeline.readers._layout import Field, Layout, Rows
+from pipeline.readers._named import ANGLE_WORDS, UNIT_WORDS
 from pipeline.readers._text import Text
 
 _GROUPED = r"^[+-]?[1-9][0-9]{0,2}(,[0-9]{3})+$"
@@ -250,7 +251,9 @@ def _why_no_number(cell: str, layout: Layout) -> str:
     return ", not a number; correct or remove the row"
 
 
-_WITH_UNIT = re.compile(r"[+-]?[0-9]+(?:[.,][0-9]+)? ?(?:mm|m|in|µm|um|cm|ft|\"|°|deg|gon|rad)")
+_WITH_UNIT = re.compile(
+    rf"[+-]?[0-9]+(?:[.,][0-9]+)? ?(?:{'|'.join([*UNIT_WORDS, *ANGLE_WORDS])}|\")"
+)
 
 
 def _why_no_time(cell: str, layout: Layout) -> str:

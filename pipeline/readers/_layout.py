@@ -13,6 +13,13 @@ from pipeline.readers import _time
 
 DELIMITERS = (",", ";", "\t", "|")
 
+
+def delimiter_of(line: str, otherwise: str = DELIMITERS[0]) -> str:
+    """What separates the cells of a line of titles: the sign that it has most of."""
+    found = max(DELIMITERS, key=line.count)
+    return found if found in line else otherwise
+
+
 Kind = Literal["name", "number", "time", "blank", "any"]
 
 

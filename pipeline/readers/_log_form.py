@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -12,16 +11,17 @@ from pydantic import Field
 from pipeline.base.errors import InputError, at, listed
 from pipeline.base.strict import Name, Strict
 from pipeline.readers._cells import above, bare
-from pipeline.readers._layout import DELIMITERS
-from pipeline.readers._text import Text, refuse_other_programs, squeezed
+from pipeline.readers._layout import delimiter_of
+from pipeline.readers._named import IN_BRACKETS
+from pipeline.readers._text import SAMPLE_LINES, Text, refuse_other_programs, squeezed
 from pipeline.readers._workbook import opened as workbook
 
-_IN_BRACKETS = re.compile(r"\s*[\[(]\s*([^\])]*?)\s*[\])]$")
-"""A unit at the end of a title."""
 _ALIKE = {"°": "deg", "kg": "kgf", "kp": "kgf"}
 """Units that are others: a scale in kilograms shows kilogram-force."""
 _UNITS = {"n", "kn", "dan", "kgf", "lbf", "g", "lb", "m", "mm", "in", "deg", "rad", "nm", "knm"}
 """What may stand in brackets and contradict the name that a column is given."""
+_BELOW = {*_UNITS, *_ALIKE, "degrees", "grad", "kp", ""}
+"""What may stand below titles in a line of units."""
 
 
 class LogForm(Strict):
@@ -49,6 +49,7 @@ class Titled:
     Attributes:
         text: The file, with single blanks where blanks separate its cells.
         line: Line of the header.
+        first: Line of the first row.
         delimiter: What separates the cells.
         titles: Our names of its columns in small letters; of those we do not know their titles.
         written: Its titles as they stand in the file.
@@ -57,6 +58,7 @@ class Titled:
 
     text: Text
     line: int
+    first: int
     delimiter: str
     titles: tuple[str, ...]
     written: tuple[str, ...]
@@ -93,36 +95,70 @@ def opened(
 
         def fits(one: Text) -> int:
             found = _found(one, own, key)
-            return 0 if found is None else 1 + holds(_ours(found[2], own))
+            return 0 if found is None else 1 + holds(_ours(found.titles, own))
 
         file = workbook(name, data, sheet, mark, table, fits)
-        line, delimiter, written = _found(file, own, key) or _header(*file.first())
-        with at(line=line):
-            ours = _ours(written, own)
-            _agree([title.lower() for title in written], said.columns, table)
+        head = _found(file, own, key) or _header(file, file.first()[0])
+        with at(line=head.line):
+            ours = _ours(head.titles, own)
+            _agree(head.titles, said.columns, table)
             _unique(ours)
-        file = squeezed(file) if delimiter == " " else file
-        early = above(file, line, delimiter, [ours.index(key)]) if key in ours else []
-        return Titled(file, line, delimiter, tuple(ours), tuple(written), tuple(early))
+        file = squeezed(file) if head.delimiter == " " else file
+        early = above(file, head.line, head.delimiter, [ours.index(key)]) if key in ours else []
+        return Titled(
+            file, head.line, head.first, head.delimiter, tuple(ours), head.written, tuple(early)
+        )
 
 
-def _found(file: Text, own: Mapping[str, str], key: str) -> tuple[int, str, list[str]] | None:
+@dataclass(frozen=True)
+class _Header:
+    """A line as a header.
+
+    Attributes:
+        line: Its number.
+        first: Line of the first row: behind that of the units, where there is one.
+        delimiter: What separates its cells.
+        written: Its titles as written, each with the unit that stands below it.
+    """
+
+    line: int
+    first: int
+    delimiter: str
+    written: tuple[str, ...]
+
+    @property
+    def titles(self) -> list[str]:
+        """The titles in small letters."""
+        return [title.lower() for title in self.written]
+
+
+def _found(file: Text, own: Mapping[str, str], key: str) -> _Header | None:
     """The first line that names a column, as a header; None where none does."""
-    headers = (_header(number, line) for number, line in enumerate(file.sample(), 1))
-    return next((header for header in headers if key in _ours(header[2], own)), None)
+    return next((one for one in _headers(file) if key in _ours(one.titles, own)), None)
 
 
-def _header(line: int, content: str) -> tuple[int, str, list[str]]:
-    """A line as a header: its number, its delimiter, its titles as written."""
-    return line, *_cut(content)
+def _headers(file: Text) -> Iterator[_Header]:
+    return (_header(file, number) for number, _ in file.lines(1, SAMPLE_LINES))
 
 
-def _cut(content: str) -> tuple[str, list[str]]:
-    """The delimiter of a header, and its titles as written."""
-    delimiter = max(DELIMITERS, key=content.count)
-    if delimiter not in content:
-        delimiter, content = " ", " ".join(content.split())
-    return delimiter, [bare(title) for title in content.split(delimiter)]
+def _header(file: Text, line: int) -> _Header:
+    """A line as a header."""
+    content = file.line(line)
+    delimiter = delimiter_of(content, " ")
+    titles = _cut(content, delimiter)
+    below = _cut(file.line(line + 1), delimiter) if line < len(file) else []
+    units = [cell.strip("[]()- ") for cell in below]
+    if len(units) != len(titles) or not any(units) or {u.lower() for u in units} - _BELOW:
+        return _Header(line, line + 1, delimiter, tuple(titles))
+    pairs = zip(titles, units, strict=True)
+    joined = (f"{title} [{u}]" if u and not _parted(title)[1] else title for title, u in pairs)
+    return _Header(line, line + 2, delimiter, tuple(joined))
+
+
+def _cut(line: str, delimiter: str) -> list[str]:
+    """The cells of a line above the rows, as written."""
+    cells = line.split() if delimiter == " " else line.split(delimiter)
+    return [bare(cell) for cell in cells]
 
 
 def understood(
@@ -138,7 +174,7 @@ def understood(
     """
 
     def meant(file: Text) -> dict[str, str] | None:
-        found = (meaning(_cut(line)[1]) for line in file.sample())
+        found = (meaning(head.written) for head in _headers(file))
         return next((columns for columns in found if columns is not None), None)
 
     with at(name):
@@ -158,13 +194,14 @@ def _ours(titles: Sequence[str], said: Mapping[str, str]) -> list[str]:
 
 def _parted(title: str) -> tuple[str, str]:
     """A title without the unit in brackets at its end, and that unit."""
-    unit = _IN_BRACKETS.search(title)
+    unit = next((one for one in IN_BRACKETS.finditer(title) if one.end() == len(title)), None)
     return (title[: unit.start()], unit[1]) if unit else (title, "")
 
 
 def _suffixed(title: str) -> str:
     stem, unit = _parted(title)
-    return f"{stem}_{unit.replace('°', 'deg')}" if unit else title
+    end = f"_{unit.replace('°', 'deg')}" if unit else ""
+    return stem.removesuffix(end) + end
 
 
 def _agree(titles: Sequence[str], said: Mapping[str, str], table: str | None) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from pipeline.base.errors import InputError
 from pipeline.readers._cells import bare, shown
-from pipeline.readers._layout import DELIMITERS
+from pipeline.readers._layout import delimiter_of
 from pipeline.readers._text import Text
 
 UNIT_WORDS = {
@@ -53,18 +53,27 @@ _NAMES = {
     **{one: one for one in ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")},
 }  # fmt: skip
 _OTHER_UNITS = {"km", "dm", "nm", "mil", "mils", "thou", "yd", "yard", "yards"}
-_SHORT_UNITS = ("mm", "m", "in", "um", "µm", "μm", "ft", "cm", "deg", "rad", "gon")
+_SHORT_WORD = 3
+_SHORT_UNITS = {word for word in _UNIT_WORDS if len(word) <= _SHORT_WORD}
 _EXPANDED_WORDS = {"u", "95", "expanded", "k", "2", "uncertainty"}
 UNIT_LINE = re.compile(
     r"\b(units?|einheit(en)?|coordinates?|koordinaten|lengths?|längen)\b", re.IGNORECASE
 )
+_OF_COORDINATES = {
+    "unit", "units", "einheit", "einheiten", "coordinate", "coordinates", "koordinaten", "length",
+    "lengths", "längen", "linear", "distance", "distances", "position", "positions", "points",
+    "x", "y", "z", "xyz", "angle", "angles", "angular", "winkel", "cartesian", "spherical",
+    "cylindrical", "polar", "kartesisch",
+}  # fmt: skip
+"""Words before a unit that leave it that of the coordinates."""
+_BETWEEN = {"in", "is", "are", "of", "the", "all", "and", "as", "m", "und", "sind", "alle"}
 _WORD = re.compile(r"[^\W\d_]+|°")
 _SHORT = re.compile(
     r"(?:[:=(\[,/]|\bin)\s*(m|in)(?=\s*(?:$|[)\],;/|]|gon\b|deg|rad|mm\b))", re.IGNORECASE
 )
 """Units that are words of other meaning, where nothing but a unit stands."""
-_IN_UNIT = re.compile(r"\[[^\]]*\]")
-_IN_BRACKETS = re.compile(r"[\[(]\s*([^\])]*?)\s*[\])]")
+IN_BRACKETS = re.compile(r"\s*[\[(]\s*([^\])]*?)\s*[\])]")
+"""What stands in brackets in a title, mostly its unit, with the blanks before."""
 
 
 @dataclass(frozen=True)
@@ -116,12 +125,11 @@ class Header:
 
 def named(title: str) -> Named:
     """What a column is, judged by its title."""
-    unit, rest = None, bare(title)
-    for inside in _IN_BRACKETS.findall(rest):
-        if inside.lower() in _UNIT_WORDS:
-            unit = _UNIT_WORDS[inside.lower()]
-            rest = re.sub(rf"[\[(]\s*{re.escape(inside)}\s*[\])]", " ", rest)
-    words = re.findall(r"[^\W\d_]+|[0-9]+", rest.lower())
+    rest = bare(title).lower()
+    units = [one for one in IN_BRACKETS.findall(rest) if one in _UNIT_WORDS]
+    unit = _UNIT_WORDS[units[-1]] if units else None
+    rest = IN_BRACKETS.sub(lambda one: " " if one[1] in _UNIT_WORDS else one[0], rest)
+    words = re.findall(r"[^\W\d_]+|[0-9]+", rest)
     if unit is None and len(words) > 1 and words[-1] in _SHORT_UNITS:
         unit = _UNIT_WORDS[words.pop()]
     return Named(bare(title), _role(words), unit)
@@ -152,7 +160,7 @@ def _of_axis(words: Sequence[str]) -> str:
 
 def header(line: str, number: int, delimiter: str | None = None) -> Header:
     """A line as a header."""
-    delimiter = delimiter or max(DELIMITERS, key=line.count)
+    delimiter = delimiter or delimiter_of(line)
     return Header(number, delimiter, in_context([named(cell) for cell in line.split(delimiter)]))
 
 
@@ -172,7 +180,8 @@ def in_context(columns: Sequence[Named]) -> tuple[Named, ...]:
 
 
 def _words(title: str) -> set[str]:
-    return set(re.findall(r"[^\W\d_]+|[0-9]+", _IN_UNIT.sub(" ", title.lower()))) - {*UNIT_WORDS}
+    rest = IN_BRACKETS.sub(lambda one: " " if "[" in one[0] else one[0], title.lower())
+    return set(re.findall(r"[^\W\d_]+|[0-9]+", rest)) - {*UNIT_WORDS}
 
 
 def find(lines: Sequence[str]) -> Header | None:
@@ -201,11 +210,23 @@ def remark(text: Text, header: Header) -> str | None:
     return marks.pop() if len(marks) == 1 and not rows else None
 
 
-def said_units(line: str) -> set[str]:
-    """Units of length that a line names which speaks of units; others may mean something else."""
-    words = [word for word in _WORD.findall(line.lower()) if word not in ("m", "in")]
-    words += [word.lower() for word in _SHORT.findall(line)]
-    return {UNIT_WORDS[word] for word in words if word in UNIT_WORDS}
+def said_units(line: str, of_coordinates: bool = False) -> set[str]:
+    """Units of lengths and angles that a line names; others may mean something else.
+
+    Args:
+        line: One that speaks of units.
+        of_coordinates: Only those behind a word that means coordinates or units as such: a
+            radius, a temperature and what nobody knows have units of their own.
+    """
+    found, counts = set(), True
+    short = {one.start(1) for one in _SHORT.finditer(line)}
+    for one in _WORD.finditer(line):
+        word = one[0].lower()
+        if word in _UNIT_WORDS and (word not in ("m", "in") or one.start() in short):
+            found |= {_UNIT_WORDS[word]} if counts else set()
+        elif of_coordinates and word not in _BETWEEN:
+            counts = word in _OF_COORDINATES
+    return found
 
 
 def known_units(columns: Sequence[Named]) -> None:

@@ -14,9 +14,17 @@ import numpy as np
 from scipy import stats
 
 from pipeline.base.arrays import Array, Bools
-from pipeline.readers._coordinates import Meaning, cartesian, metres
+from pipeline.readers._coordinates import (
+    PACKED,
+    USUAL_UNITS,
+    Meaning,
+    cartesian,
+    may_be_packed,
+    metres,
+    plain_angles,
+)
 
-FULL = {"gon": 400.0, "deg": 360.0, "rad": 2.0 * np.pi}
+FULL = {"gon": 400.0, "deg": 360.0, "rad": 2.0 * np.pi, PACKED: 360.0}
 """A full circle in each unit of angles."""
 _NEAREST_M, _FARTHEST_M = 0.05, 2000.0
 """Between which an instrument with two angles measures [m]: a T-Mac's cover and a total station."""
@@ -61,7 +69,7 @@ class Polar:
     vertical: str
 
     def meaning(self, unit: str) -> Meaning:
-        """What the numbers mean with a unit of length."""
+        """What the numbers mean with a unit of length, to a reflection."""
         return Meaning(unit, "spherical", self.angle, self.vertical)
 
 
@@ -84,6 +92,7 @@ def possible(numbers: Array, unit: str | None) -> list[Polar]:
         Polar((d, a, v), angle, vertical)
         for (d, a, v), angle, vertical in ways
         if (angle != "rad" or (d, a, v) in USUAL)  # instruments show degrees, programs radians
+        and (angle != PACKED or may_be_packed(numbers[:, [a, v]]))
         and _is_distance(numbers[:, d], unit)
         and _is_azimuth(numbers[:, a], angle)
         and _is_vertical(numbers[:, v], angle, vertical)
@@ -94,24 +103,29 @@ def _is_distance(values: Array, unit: str | None) -> bool:
     """Whether an instrument may have measured these lengths."""
     return any(
         bool(np.all((m >= _NEAREST_M) & (m <= _FARTHEST_M)))
-        for m in (metres(values, one) for one in ((unit,) if unit else ("mm", "m", "in")))
+        for m in (metres(values, one) for one in ((unit,) if unit else USUAL_UNITS))
     )
 
 
 def _is_azimuth(values: Array, angle: str) -> bool:
-    return bool(np.all(np.abs(values) <= FULL[angle]))
+    return bool(np.all(np.abs(_circles(values, angle)) <= 1.0))
+
+
+def _circles(values: Array, angle: str) -> Array:
+    """Angles in full circles."""
+    return plain_angles(values, angle) / FULL[angle]
 
 
 def _is_vertical(values: Array, angle: str, vertical: str) -> bool:
     """Whether these may be vertical angles, in the second face too."""
-    full = FULL[angle]
+    turns = _circles(values, angle)
     if vertical == "zenith":
-        return bool(np.all((values >= 0) & (values <= full)) and np.any(values > _OVERHEAD * full))
-    return bool(np.all((values >= -full / 4) & (values <= 3 * full / 4)))
+        return bool(np.all((turns >= 0.0) & (turns <= 1.0)) and np.any(turns > _OVERHEAD))
+    return bool(np.all((turns >= -1 / 4) & (turns <= 3 / 4)))
 
 
 def in_two_faces(numbers: Array, names: Sequence[str], groups: Sequence[str]) -> list[Polar]:
-    """The ways to read them by which a target was read in both faces; none where none was.
+    """The ways to read them by which most targets were read in both faces; none where none was.
 
     Both readings stand in one group, or one behind the other in two rounds of names.
     """
@@ -120,7 +134,9 @@ def in_two_faces(numbers: Array, names: Sequence[str], groups: Sequence[str]) ->
         pairs = [] if not any(names) else list(_again(keys))
         if pairs and not found:
             one, other = (numbers[[pair[k] for pair in pairs]] for k in (0, 1))
-            found = [way for way in possible(numbers, None) if _faces(one, other, way).any()]
+            ways = {w: int(_faces(one, other, w).sum()) for w in possible(numbers, None)}
+            most = max([1, *ways.values()])
+            found = [way for way, count in ways.items() if count == most]
     return found
 
 
@@ -135,11 +151,11 @@ def _again(keys: Sequence[object]) -> Iterator[tuple[int, int]]:
 
 def _faces(one: Array, other: Array, way: Polar) -> Bools:
     """Which pairs are a reading in each face, shape (pairs,)."""
-    full = FULL[way.angle]
-    d, a, v = way.order
-    turned = np.abs((other[:, a] - one[:, a]) % full - full / 2) < _FACE * full
-    both = full if way.vertical == "zenith" else full / 2
-    plunged = np.abs((one[:, v] + other[:, v] - both + full / 2) % full - full / 2) < _FACE * full
+    d, *angles = way.order
+    (a, v), (other_a, other_v) = (_circles(side[:, angles].T, way.angle) for side in (one, other))
+    turned = np.abs((other_a - a) % 1.0 - 1 / 2) < _FACE
+    both = 1.0 if way.vertical == "zenith" else 1 / 2
+    plunged = np.abs((v + other_v - both + 1 / 2) % 1.0 - 1 / 2) < _FACE
     same = np.abs(one[:, d] - other[:, d]) <= _FACE * np.abs(one[:, d])
     return np.asarray(turned & plunged & same)
 
@@ -205,6 +221,31 @@ def rigid_space(
     return rigid(own, [softness(as_polar(numbers, way, unit), names, groups) for way in ways])
 
 
+def in_part(numbers: Array, names: Sequence[str], groups: Sequence[str], unit: str) -> int | None:
+    """The row where angles and a distance end and x, y, z begin, or the other way round.
+
+    What was read first, or last, is angles if targets keep their distances to what was read of
+    them elsewhere only so. None where all is of one kind, or nobody can tell.
+    """
+    own = softness(numbers, names, groups)
+    edges = [k for k in range(1, len(groups)) if groups[k] != groups[k - 1]]
+    if own is None or keeps(own):
+        return None
+    row, lengths = np.arange(len(numbers)), metres(numbers, unit)
+    found: dict[int, float] = {}
+    for parts in ([(k, row < k) for k in edges], [(k, row >= k) for k in reversed(edges)]):
+        for k, angles in parts:
+            ways = possible(numbers[angles], unit)
+            if not ways:
+                break  # nor in any larger part
+            for way in ways:
+                place = np.where(angles[:, None], as_polar(numbers, way, unit), lengths)
+                soft = softness(place, names, groups)
+                if soft is not None and rigid(soft, [own]):
+                    found[k] = min(soft, found.get(k, soft))
+    return min(found, key=lambda k: found[k]) if found else None
+
+
 def keeps(soft: float | None) -> bool:
     """Whether targets keep their distances."""
     return soft is not None and soft <= _RIGID
@@ -235,9 +276,8 @@ def _along(numbers: Array, names: Sequence[str], way: Polar) -> Iterator[float]:
     """1 - |cos| between beam and movement, for each small movement with enough digits."""
     _, a, v = way.order
     position = as_polar(numbers, way, "m")
-    digit = (
-        max(_last_digit(numbers[:, a]), _last_digit(numbers[:, v])) * 2 * np.pi / FULL[way.angle]
-    )
+    last = max(_last_digit(numbers[:, a]), _last_digit(numbers[:, v]))
+    digit = 2 * np.pi * float(_circles(np.array([last]), way.angle)[0])
     for j, k in _again(names) if any(names) else ():
         moved, far = position[k] - position[j], _length(position[k])
         if _DIGITS * digit * far < _length(moved) < _NEAR * far:

@@ -18,12 +18,16 @@ from pipeline.base.strict import Name, Positive, Strict, with_parts
 from pipeline.readers import _faces
 from pipeline.readers._cells import text_of
 from pipeline.readers._coordinates import (
+    Angles,
     Meaning,
+    Unit,
     cartesian,
     covariance,
     raw,
     second_face,
     settled,
+    settled_angle,
+    settled_horizontal,
     settled_vertical,
 )
 from pipeline.readers._faces import Faces
@@ -102,6 +106,7 @@ class Hints(Strict):
         coordinates: Their kind.
         angle: Unit of angles.
         vertical: Where vertical angles are zero.
+        horizontal: Which way horizontal angles grow, seen from above.
         covariance: Which of several covariances to use, or `none`.
         coverage_factor: k of stated uncertainties.
         names: Expression with the parts group and target, for names that hold both.
@@ -109,11 +114,12 @@ class Hints(Strict):
         sheet: Of workbooks, where several of theirs fit.
     """
 
-    unit: Literal["mm", "m", "in", "um", "cm", "ft"] | None = None
+    unit: Unit | None = None
     decimal: Literal[".", ","] | None = None
     coordinates: Literal["cartesian", "spherical", "cylindrical"] | None = None
-    angle: Literal["deg", "rad", "gon"] | None = None
+    angle: Literal["deg", "rad", "gon", "dms"] | None = None
     vertical: Literal["zenith", "elevation"] | None = None
+    horizontal: Literal["clockwise", "counter-clockwise"] | None = None
     covariance: Literal["a-priori", "standard", "expanded", "rms", "none"] | None = None
     coverage_factor: Positive | None = None
     names: Annotated[str, with_parts("group", "target")] | None = None
@@ -143,6 +149,7 @@ class Export(Locked):
         rejected: Line and reason of what was left out.
         faces: Of polar readings in two faces, which are averaged; None where there is one face.
         untimed: A column that should hold times and does not, None where there is none.
+        settled: What campaign.toml settled that the file leaves open, in sentences.
     """
 
     file: str
@@ -162,6 +169,7 @@ class Export(Locked):
     rejected: tuple[tuple[int, str], ...]
     faces: Faces | None = None
     untimed: str | None = None
+    settled: tuple[str, ...] = ()
 
 
 _OF_EACH = ("group", "target", "position", "covariance", "time", "line", "order")
@@ -362,15 +370,15 @@ def settled_unit(stated: str | None, hints: Hints) -> str:
 
 def settled_angles(
     meaning: Meaning,
-    stated: tuple[str | None, str | None],
+    stated: Angles,
     third: Array,
     hints: Hints,
 ) -> Meaning:
-    """The same with unit and zero of angles, where coordinates of its kind have some.
+    """The same with unit, zero and sense of angles, where coordinates of its kind have some.
 
     Args:
         meaning: Unit and kind of coordinates.
-        stated: Unit of angles and zero of the vertical one by the export, None where it does not.
+        stated: What the export says of its angles.
         third: The third column of numbers, which may say where vertical angles begin.
         hints: What campaign.toml says.
 
@@ -379,12 +387,12 @@ def settled_angles(
     """
     if meaning.kind == "cartesian":
         return meaning
-    example = 'angle = "deg" (or "rad", "gon")'
-    angle = settled(stated[0], hints.angle, "unit of angles", example)
-    if meaning.kind == "cylindrical":
-        return replace(meaning, angle=angle)
-    vertical = settled_vertical(stated[1], hints.vertical, third, angle)
-    return replace(meaning, angle=angle, vertical=vertical)
+    angle = settled_angle(stated.unit, hints.angle)
+    meaning = replace(meaning, angle=angle)
+    if meaning.kind == "spherical":
+        vertical = settled_vertical(stated.vertical, hints.vertical, third, angle)
+        meaning = replace(meaning, vertical=vertical)
+    return replace(meaning, horizontal=settled_horizontal(stated.horizontal, hints.horizontal))
 
 
 def written(

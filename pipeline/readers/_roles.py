@@ -14,13 +14,15 @@ from typing import Literal
 import numpy as np
 
 from pipeline.base.arrays import Array, Bools
+from pipeline.base.errors import InputError, listed
 from pipeline.readers import _polar
+from pipeline.readers._cells import is_number
 from pipeline.readers._contents import Content, values
 from pipeline.readers._coordinates import AXES
 from pipeline.readers._named import Named
 from pipeline.readers._polar import Polar
-from pipeline.readers._sheet import Sheet
-from pipeline.readers._titles import Triple, titled, triples, uncertainties
+from pipeline.readers._sheet import Sheet, cells_of
+from pipeline.readers._titles import Triple, is_quantity, numbered, titled, triples, uncertainties
 
 Why = Literal["title", "words", "names", "numbers", "time", "matrix", "faces", "rigid", "range",
               "order", "stated", "empty", "untold", "untimed"]  # fmt: skip
@@ -144,6 +146,7 @@ def _known_titles(table: Table) -> bool:
 
 def _by_titles(table: Table, sets: Sequence[Triple]) -> list[Reading]:
     """One reading for each set of three coordinates that the titles name."""
+    _one_target(table, sets)
     out, sure = [], len(sets) == 1
     for one in sets:
         columns = zip(one.columns, one.roles, strict=True)
@@ -156,6 +159,28 @@ def _by_titles(table: Table, sets: Sequence[Triple]) -> list[Reading]:
         out.append(Reading(one.kind, roles | others))
         sure = sure and one.plain and told
     return out if sure else _doubted(out)
+
+
+def _one_target(table: Table, sets: Sequence[Triple]) -> None:
+    """Each row has one target: no x, y, z beside those of another, as cameras write them.
+
+    Raises:
+        InputError: It has several.
+    """
+    found = [one for one in sets if one.kind == "cartesian" and not one.nominal]
+    sheet = table.sheet
+    lines = [cells_of(line, sheet.delimiter) or [] for line in sheet.preamble]
+    rows = [[cells[k] for k in [one.columns[0] for one in found]]
+            for cells in lines if len(cells) == len(sheet.titles)]  # fmt: skip
+    rows.append(numbered([table.named[one.columns[0]] for one in found]))
+    for names in rows:
+        told = all(names) and not any(is_quantity(one) or is_number(one) for one in names)
+        if len({*names}) > 1 and told:
+            raise InputError(
+                f"each row holds x, y, z of several targets ({listed(dict.fromkeys(names))})",
+                "write a row for each target, with its name: time,target,x_mm,y_mm,z_mm",
+                line=sheet.header,
+            )
 
 
 def _plain(role: str) -> str:
@@ -397,12 +422,25 @@ def _of_three(
         polar = _in_orders(places, roles, turning, "rigid")
         return polar if len(polar) == 1 else _doubted(polar)
     if not ways:
+        mixed = _polar.in_part(*read, unit or "mm")
+        if mixed is not None:
+            raise _of_two_kinds(int(np.array(table.sheet.lines)[table.whole(places)][mixed]))
         return [Reading("cartesian", _xyz(places, roles, "cartesian", "range"))]
     if _polar.rigid_space(*read, ways, unit or "mm"):
         return [Reading("cartesian", _xyz(places, roles, "cartesian", "rigid"))]
     cartesian = Reading("cartesian", _xyz(places, roles, "cartesian", "order"))
     polar = _in_orders(places, roles, ways, "order")
     return [replace(one, open="coordinates") for one in (polar[0], cartesian)]
+
+
+def _of_two_kinds(line: int) -> InputError:
+    return InputError(
+        "the rows from here on and those above seem to be of two kinds, x, y, z and a distance "
+        "with two angles",
+        'split the export into one for each kind, or write coordinates = "cartesian" into '
+        "[tracker] of campaign.toml if all are x, y, z",
+        line=line,
+    )
 
 
 def _in_orders(

@@ -14,7 +14,7 @@ from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError, at, listed
 from pipeline.readers import _time
 from pipeline.readers._cells import above, cells_or_none, shown
-from pipeline.readers._coordinates import AXES, Meaning, uncertainties
+from pipeline.readers._coordinates import AXES, Angles, Meaning, uncertainties
 from pipeline.readers._delimited import rows
 from pipeline.readers._layout import Field, Kind, Layout, Rows
 from pipeline.readers._named import (
@@ -40,7 +40,7 @@ from pipeline.readers._reader import (
     settled_unit,
 )
 from pipeline.readers._text import Text
-from pipeline.readers._titles import titled, triples
+from pipeline.readers._titles import horizontal, titled, triples
 
 _VERTICALS = ("vertical", "zenith", "elevation")
 COVARIANCE = ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")
@@ -162,7 +162,7 @@ def _same_unit(text: Text, header: Header, unit: str) -> None:
     while place >= 0:
         number = int(np.searchsorted(text.starts, place, side="right"))
         line = text.line(number)
-        said = said_units(line) if UNIT_LINE.search(line) else {unit}
+        said = said_units(line) & {*UNIT_WORDS.values()} if UNIT_LINE.search(line) else {unit}
         if line.count(header.delimiter) < len(header.columns) - 1 and said - {unit}:
             raise InputError(
                 f"the unit of length changes here to {listed(said - {unit})}, above it was {unit}",
@@ -361,10 +361,14 @@ def _meaning(header: Header, hints: Hints, table: Rows, kind: str, axes: Sequenc
     angular = {"cartesian": [], "spherical": list(axes[1:]), "cylindrical": [axes[1]]}[kind]
     lengths = [axis for axis in axes if axis not in angular]
     unit = settled_unit(one_unit(header, lengths), hints)
-    stated = one_unit(header, angular), axes[2] if axes[2] in _VERTICALS[1:] else None
-    if stated[0] in UNIT_WORDS.values():
+    stated = Angles(
+        one_unit(header, angular),
+        axes[2] if axes[2] in _VERTICALS[1:] else None,
+        horizontal(header.columns),
+    )
+    if stated.unit in UNIT_WORDS.values():
         raise InputError(
-            f"the column of an angle is in {stated[0]}",
+            f"the column of an angle is in {stated.unit}",
             'correct its title, or state coordinates = "cartesian"',
         )
     third = np.asarray(table.columns[axes[2]])

@@ -10,6 +10,7 @@ from pipeline.readers._coordinates import AXES
 from pipeline.readers._named import (
     ANGLE_WORDS,
     DEVIATION,
+    IN_BRACKETS,
     UNIT_WORDS,
     Named,
     in_context,
@@ -35,8 +36,8 @@ _ROLES = {
     "date": ("datum", "day"),
     "active": ("active", "aktiv", "use", "used", "valid", "gültig", "enabled"),
     "azimuth": (
-        "hz angle", "horizontal angle", "horizontal", "azimut", "hz winkel", "horizontalwinkel",
-        "richtung", "hr", "ha",
+        "hz", "hz angle", "horizontal angle", "horizontal", "azimut", "hz winkel",
+        "horizontalwinkel", "richtung", "hr", "ha", "hl",
     ),
     "vertical": ("v", "vz", "vertical angle", "vertical", "v angle", "v winkel", "va",
                  "vertikalwinkel"),
@@ -118,11 +119,39 @@ def _heights(columns: Sequence[Named]) -> tuple[Named, ...]:
 
 def _words(title: str) -> list[str]:
     """The words of a title in lower case, units left out."""
-    bare = re.sub(r"\[[^\]]*\]|\([^)]*\)", " ", _CAMEL.sub(" ", title))
-    words = _WORDS.findall(bare.lower())
-    while len(words) > 1 and words[-1] in UNIT_WORDS | ANGLE_WORDS:
+    words = _WORDS.findall(IN_BRACKETS.sub(" ", _CAMEL.sub(" ", title)).lower())
+    while len(words) > 1 and words[-1] in {*UNIT_WORDS, *ANGLE_WORDS, "dms"}:
         words.pop()
     return words
+
+
+_RIGHT = {"hz", "horizontal", "horizontalwinkel", "richtung", "hr", "ha"}
+"""Words of a surveyor's horizontal angle, which grows clockwise as the circle of a total station;
+right (HR) is said of it, left (HL) where it is set the other way."""
+_LEFT = {"theta", "phi", "left", "links", "hl"}
+"""Words of an angle from x towards y; ISO 80000-2 counts its spherical coordinates so."""
+
+
+def horizontal(columns: Sequence[Named], place: int | None = None) -> str | None:
+    """Which way azimuths grow by the titles of a table, None where they leave it open.
+
+    An azimuth alone may be a tracker's or a compass'; that of SpatialAnalyzer, which alone writes
+    collections, is a tracker's.
+
+    Args:
+        columns: All of the table.
+        place: The column of the azimuth, None for the one that is called so.
+    """
+    roles = [column.role for column in columns]
+    if place is None:
+        place = roles.index("azimuth") if "azimuth" in roles else None
+    words = set() if place is None else {*_words(columns[place].title)}
+    collected = any("collection" in (c.role, c.title.lower()) for c in columns)
+    left = bool(words & _LEFT) or collected
+    right = bool(words & _RIGHT) and not words & _LEFT  # horizontal, left
+    if left == right:
+        return None
+    return "counter-clockwise" if left else "clockwise"
 
 
 def triples(columns: Sequence[Named]) -> list[Triple]:
@@ -162,7 +191,7 @@ def _polar(columns: Sequence[Named]) -> list[Triple]:
             three = ("range", "azimuth", vertical)
             places = _three(at, three)
             out.append(Triple("spherical", places, three, True))
-            if {*_words(columns[places[1]].title)} == {"theta"}:
+            if vertical == "vertical" and {*_words(columns[places[1]].title)} == {"theta"}:
                 out.append(Triple("spherical", (places[0], places[2], places[1]), three, True))
         elif "z" in at and "x" not in at:
             across = ("range", "azimuth", "z")
@@ -186,6 +215,19 @@ def _axis(column: Named) -> tuple[str, tuple[str, ...]]:
     if len(axes) != 1:
         return "", ()
     return axes[0], tuple(word for word in words if word != axes[0])
+
+
+def numbered(columns: Sequence[Named]) -> list[str]:
+    """The words beside the axis in titles that differ in a number only; empty for others."""
+    stems = [_axis(column)[1] for column in columns]
+    same = {tuple(word for word in stem if not word.isdecimal()) for stem in stems}
+    alike = len(same) == 1 and () not in same
+    return ["".join(stem) for stem in stems] if alike else [""] * len(stems)
+
+
+def is_quantity(title: str) -> bool:
+    """Whether a title above x, y, z says what they are, and not whose."""
+    return {*_words(title)} <= _PLAIN | _NOMINAL | _OTHERS | {"orientation", "translation"}
 
 
 def uncertainties(columns: Sequence[Named], triple: Triple) -> dict[int, str]:

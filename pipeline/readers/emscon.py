@@ -13,7 +13,7 @@ import numpy as np
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError, at, listed
 from pipeline.readers._cells import text_of
-from pipeline.readers._coordinates import Meaning, raw, settled
+from pipeline.readers._coordinates import Angles, Meaning, raw, settled
 from pipeline.readers._delimited import rows
 from pipeline.readers._layout import Field, Layout, Rows
 from pipeline.readers._reader import (
@@ -126,7 +126,7 @@ def _meaning(table: Rows, titles: Sequence[str], hints: Hints) -> Meaning:
     example = 'coordinates = "cartesian" (or "spherical", "cylindrical")'
     kind = hints.coordinates or settled(stated, None, "coordinate system", example)
     third = np.asarray(table.columns[_VALUES[2]])
-    return settled_angles(Meaning(unit, kind), (None, None), third, hints)
+    return settled_angles(Meaning(unit, kind), Angles(), third, hints)
 
 
 def _lengths_only(table: Rows, titles: Sequence[str]) -> bool:

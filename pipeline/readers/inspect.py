@@ -31,6 +31,7 @@ class Inspection:
         coordinates: `cartesian`, `spherical` or `cylindrical`.
         angle: Unit of angles, None for Cartesian coordinates.
         vertical: `zenith` or `elevation`, None where there is no vertical angle.
+        horizontal: `clockwise` or `counter-clockwise`, None for Cartesian coordinates.
         readings: How many can be used.
         groups: How many groups they have, None where the file names none.
         targets: Names of the targets, None where the file has none.
@@ -45,6 +46,7 @@ class Inspection:
         columns: What each column of a table without a dialect was taken for, and why.
         preview: Its first rows as they are read.
         proposal: The same as [tracker.mapping] to paste.
+        settled: What the places of reflectors in campaign.toml settled, and how well.
     """
 
     file: str
@@ -54,6 +56,7 @@ class Inspection:
     coordinates: str
     angle: str | None
     vertical: str | None
+    horizontal: str | None
     readings: int
     groups: int | None
     targets: list[str] | None
@@ -68,11 +71,12 @@ class Inspection:
     columns: list[dict[str, Any]] | None = None
     preview: list[dict[str, Any]] | None = None
     proposal: str | None = None
+    settled: list[str] | None = None
 
     def to_json(self) -> dict[str, Any]:
         """For `--json`; what few files have is there only where they have it."""
-        rare = ("rounds", "two_faces", "untimed", "columns", "preview", "proposal")
-        return {k: v for k, v in asdict(self).items() if k not in rare or v is not None}
+        rare = ("rounds", "two_faces", "untimed", "columns", "preview", "proposal", "settled")
+        return {k: v for k, v in asdict(self).items() if k not in rare or v not in (None, [])}
 
     def to_text(self) -> str:
         """For people, one line per fact."""
@@ -92,14 +96,17 @@ class Inspection:
         if self.two_faces:
             facts["two faces"] = _faces_in_words(self.two_faces)
         lines = [f"{self.file}", *(f"  {name:12} {fact}" for name, fact in facts.items())]
+        lines += [f"  {'settled':12} {one}" for one in self.settled or []]
         lines += columns_in_words(self.columns or []) + rows_in_words(self.preview or [])
         return "\n".join([*lines, "", self.proposal.rstrip()] if self.proposal else lines)
 
     def _kind(self) -> str:
         """Kind of coordinates, with their angles where they have any."""
-        kind = f"{self.coordinates}, angles in {self.angle}" if self.angle else self.coordinates
+        if not self.angle:
+            return self.coordinates
         vertical = {"zenith": " from the zenith", "elevation": ", elevations", None: ""}
-        return kind + vertical[self.vertical]
+        zero = vertical[self.vertical]
+        return f"{self.coordinates}, angles in {self.angle}{zero}, azimuths {self.horizontal}"
 
     def _groups(self) -> str:
         if self.rounds is not None:
@@ -190,6 +197,7 @@ def inspect(name: str, data: bytes, hints: Hints | None = None) -> Inspection:
         coordinates=meaning.kind,
         angle=meaning.angle if angular else None,
         vertical=meaning.vertical if meaning.kind == "spherical" else None,
+        horizontal=meaning.horizontal if angular else None,
         readings=len(export.line),
         groups=None if export.group is None else len(pc.unique(export.group)),
         targets=None if export.target is None else _targets(export.target),

@@ -418,7 +418,7 @@ def _table(file: Titled, wanted: Sequence[Quantity], said: LogForm, where: str |
         known = {title: Field(title, q.kind, q.needed and q.filled) for q, title, _ in there}
         other = {title: Field(title, "any" if title else "blank", False) for title in titles}
         fields = tuple((other | known)[title] for title in titles)
-        layout = Layout(fields, file.delimiter, file.line + 1, said.decimal, table=where)
+        layout = Layout(fields, file.delimiter, file.first, said.decimal, table=where)
         log = _log(name, rows(file.text, layout), there)
         early = tuple((name, line, reason) for line, reason in file.above)
         log = replace(log, rejected=early + log.rejected)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pipeline.base.errors import InputError, at, listed
 from pipeline.readers import _named, _tables
 from pipeline.readers._cells import bare
-from pipeline.readers._layout import DELIMITERS
+from pipeline.readers._layout import delimiter_of
 from pipeline.readers._named import Header, Named
 from pipeline.readers._reader import Columns, Export, Hints
 from pipeline.readers._text import Text, squeezed, until
@@ -37,7 +37,7 @@ def read(text: Text, hints: Hints, dialect: str = NAME) -> Export:
 def _header(text: Text, mapping: Columns) -> Header:
     line = _header_line(text, mapping)
     sample = text.line(line or _first(text, mapping))
-    delimiter = mapping.delimiter or max(DELIMITERS, key=sample.count)
+    delimiter = mapping.delimiter or delimiter_of(sample)
     titles = [bare(title) for title in sample.split(delimiter)]
     words = _words(titles, mapping, line)
     named = []

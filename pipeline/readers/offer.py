@@ -11,7 +11,7 @@ import pyarrow as pa
 from pipeline.base.errors import InputError, at
 from pipeline.base.shown import in_toml
 from pipeline.readers import Columns, Export, Hints, Text, opened_as_text, read, recognise, table
-from pipeline.readers._coordinates import AXES
+from pipeline.readers._coordinates import AXES, SENSES, USUAL_UNITS
 from pipeline.readers._polar import FULL
 from pipeline.readers.proposal import Answer, Column, Proposal, Question, propose
 
@@ -19,10 +19,11 @@ _FIRST = 5
 """Rows of a preview."""
 _MM = 1000.0
 _MAY_BE: dict[str, tuple[str, ...]] = {
-    "unit": ("mm", "m", "in"),
+    "unit": USUAL_UNITS,
     "coordinates": tuple(AXES),
     "angle": tuple(FULL),
     "vertical": ("zenith", "elevation"),
+    "horizontal": tuple(SENSES),
     "decimal": (".", ","),
 }
 """Words of [tracker] that a dialect may leave open, with their answers."""
@@ -75,13 +76,11 @@ def offer(name: str, data: bytes, hints: Hints) -> Offer | None:
     Raises:
         InputError: It is no table, or it contradicts what is said of it.
     """
-    with at(name):
-        file = opened_as_text(name, data, hints)
-        reader = recognise(file)
-        unknown = reader is table.READER or hints.mapping is not None
-        found = propose(file, hints) if unknown else _of_dialect(name, data, file, hints)
+    found = proposal(name, data, hints)
     if found is None:
         return None
+    with at(name):
+        reader = recognise(opened_as_text(name, data, hints))
     return Offer(
         dialect=reader.name,
         columns=found.columns,
@@ -90,6 +89,18 @@ def offer(name: str, data: bytes, hints: Hints) -> Offer | None:
         questions=found.questions,
         hints=found.hints,
     )
+
+
+def proposal(name: str, data: bytes, hints: Hints) -> Proposal | None:
+    """How a file would be read and what is open, None where nothing can be proposed.
+
+    Raises:
+        InputError: It is no table, or it contradicts what is said of it.
+    """
+    with at(name):
+        file = opened_as_text(name, data, hints)
+        unknown = hints.mapping is not None or recognise(file) is table.READER
+        return propose(file, hints) if unknown else _of_dialect(name, data, file, hints)
 
 
 def _of_dialect(name: str, data: bytes, file: Text, hints: Hints) -> Proposal | None:

@@ -16,11 +16,17 @@ import numpy as np
 
 from pipeline.base.errors import InputError, at, listed
 from pipeline.readers import _roles
-from pipeline.readers._cells import is_number, is_turn, shown
+from pipeline.readers._cells import is_number, is_turn
 from pipeline.readers._contents import contents, mark_of
 from pipeline.readers._coordinates import (
     AXES,
+    PACKED,
+    USUAL_UNITS,
+    may_be_packed,
+    seem_packed,
     settled,
+    settled_angle,
+    settled_horizontal,
     settled_vertical,
     steeper_than_not,
 )
@@ -38,13 +44,16 @@ from pipeline.readers._roles import Reading, Role, Table, Why
 from pipeline.readers._sheet import Sheet, cells_of, sheet
 from pipeline.readers._text import Text
 from pipeline.readers._time import ISO
+from pipeline.readers._titles import horizontal
 
-About = Literal["columns", "coordinates", "instrument", "unit", "angle", "vertical", "decimal"]
+About = Literal["columns", "coordinates", "instrument", "unit", "angle", "vertical", "horizontal",
+                "decimal"]  # fmt: skip
 """What is asked."""
 
 KIND_WORDS = {kind: kind for kind in AXES} | {"polar": "spherical", "kartesisch": "cartesian"}
 _WORD = re.compile(r"[^\W\d_]+|°")
 _PACKED = re.compile(r"\bd+\.?m+\.?s+\b", re.IGNORECASE)
+"""What titles call degrees with minutes and seconds, behind the point where no signs part them."""
 _METRES = 50.0
 """Largest coordinate that is taken for metres first: no cell is longer by much, and no cell in
 millimetres or inches is so small."""
@@ -128,6 +137,8 @@ _WORDS: dict[str, tuple[str, str]] = {
     "angle": ("the export does not say its unit of angles", f"write angle = {{0}} {_WRITE}"),
     "vertical": ("the export does not say its vertical angle's zero",
                  f"write vertical = {{0}} {_WRITE}"),
+    "horizontal": ("the export does not say its sense of horizontal angles",
+                   f"write horizontal = {{0}} {_WRITE}"),
 }  # fmt: skip
 
 
@@ -258,11 +269,13 @@ class Stated:
         kinds: Kinds of coordinates.
         units: Units of length.
         angles: Units of angles.
+        senses: Ways in which azimuths grow.
     """
 
     kinds: frozenset[str]
     units: frozenset[str]
     angles: frozenset[str]
+    senses: frozenset[str]
 
     @classmethod
     def of(cls, found: Sheet) -> Stated:
@@ -270,16 +283,18 @@ class Stated:
 
         A reflector's diameter in millimetres says nothing of the coordinates.
         """
-        kinds, units, angles = set(), set(), set()
+        kinds, units, angles, senses = set(), set(), set(), set()
         for line in found.preamble:
             words = _WORD.findall(line.lower())
+            senses |= _senses(words)
             here = {KIND_WORDS[word] for word in words if word in KIND_WORDS}
             kinds |= here
             if not here and not UNIT_LINE.search(line):
                 continue
-            units |= said_units(line)
-            angles |= {ANGLE_WORDS[word] for word in words if word in ANGLE_WORDS}
-        return cls(frozenset(kinds), frozenset(units), frozenset(angles))
+            said = said_units(line, of_coordinates=True)
+            units |= said & {*UNIT_WORDS.values()}
+            angles |= said & {*ANGLE_WORDS.values()}
+        return cls(*map(frozenset, (kinds, units, angles, senses)))
 
     def only(self, what: str) -> str | None:
         """The one word that is said of something, None where there is none.
@@ -296,6 +311,17 @@ class Stated:
         return found[0] if found else None
 
 
+def _senses(words: Sequence[str]) -> set[str]:
+    """Which way azimuths grow by the words of a line.
+
+    What is called spherical or cylindrical counts from x towards y, what is called polar may not.
+    """
+    if "clockwise" in words or "cw" in words:
+        return {"counter-clockwise" if {"counter", "anti"} & {*words} else "clockwise"}
+    from_x = {"spherical", "cylindrical", "counterclockwise", "anticlockwise", "ccw"}
+    return {"counter-clockwise"} if from_x & {*words} else set()
+
+
 def _said(table: Table, places: Sequence[int | None], known: Mapping[str, str]) -> set[str]:
     """Units that titles and the line below them state of some columns."""
     here = [k for k in places if k is not None]
@@ -308,7 +334,9 @@ def _said(table: Table, places: Sequence[int | None], known: Mapping[str, str]) 
 
 
 def _chosen(ways: list[Reading], table: Table, draft: _Draft) -> Reading:
-    """The reading that the proposal follows, its columns written into it."""
+    """The reading that the proposal follows, its columns written into it where nobody has."""
+    if draft.hints.mapping:
+        return ways[0]
     answers = [Answer(_named(table, one), {"mapping": _mapping(table, one)}) for one in ways]
     about = ways[0].open
     if about == "coordinates":
@@ -374,7 +402,7 @@ def _instruments(table: Table, reading: Reading, draft: _Draft, text: Text) -> N
     """Readings of several instruments are in frames of their own, unless they are Cartesian."""
     place = reading.place("instrument")
     mapping = draft.hints.mapping
-    if reading.kind == "cartesian" or mapping is None:
+    if reading.kind == "cartesian" or mapping is None or mapping.instrument or mapping.last:
         return
     if place is not None:
         names = sorted({cell for cell in table.content[place].cells if cell})
@@ -444,7 +472,7 @@ def _length(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> No
         draft.settle({"unit": settled_unit(next(iter(said), None), draft.hints)})
         return
     largest = np.nanmax(np.abs(table.numbers([k for k in lengths if k is not None])), initial=0.0)
-    units = ("m", "mm", "in") if largest < _METRES else ("mm", "m", "in")
+    units = sorted(USUAL_UNITS, key=lambda unit: unit != "m" if largest < _METRES else 0)
     draft.ask("unit", [Answer(unit, {"unit": unit}) for unit in units])
 
 
@@ -459,9 +487,14 @@ def _angle(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> Non
     """Unit of angles and zero of the vertical one, likewise; ranges and faces may say them too."""
     angular = [k for axis in ("azimuth", "vertical") if (k := reading.place(axis)) is not None]
     said = _said(table, angular, ANGLE_WORDS) | stated.angles
-    _no_packed_angles(table, angular, draft)
     cells = [cell for k in angular for cell in table.content[k].cells if cell]
-    said |= {"deg"} if any(map(is_turn, cells)) else set()
+    values = table.numbers(angular)
+    if any(map(is_turn, cells)):
+        said |= {"deg"}
+    elif any(_PACKED.search(table.sheet.titles[k]) for k in angular):
+        said = said - {"deg"} | {PACKED}
+    elif draft.hints.angle is None and said == {"deg"} and seem_packed(values):
+        said = set()
     if len(said) > 1:
         raise InputError(
             f"the export names several units of angles ({', '.join(sorted(said))})",
@@ -469,32 +502,17 @@ def _angle(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> Non
             line=draft.line,
         )
     if said or draft.hints.angle:
-        example = 'angle = "deg" (or "rad", "gon")'
-        found = settled(next(iter(said), None), draft.hints.angle, "unit of angles", example)
-        draft.settle({"angle": found})
+        draft.settle({"angle": settled_angle(next(iter(said), None), draft.hints.angle)})
     else:
-        largest = np.nanmax(np.abs(table.numbers(angular)), initial=0.0)
+        largest = np.nanmax(np.abs(values), initial=0.0)
         allowed = {way.angle for way in reading.ways} or {u for u in FULL if largest <= FULL[u]}
+        allowed -= set() if may_be_packed(values) else {PACKED}
         units = [unit for unit in FULL if unit in allowed] or [*FULL]
+        units.sort(key=lambda unit: unit != PACKED if seem_packed(values) else 0)
         draft.ask("angle", [Answer(unit, {"angle": unit}) for unit in units])
     if reading.kind == "spherical":
         _vertical(table, reading, draft)
-
-
-def _no_packed_angles(table: Table, places: Sequence[int], draft: _Draft) -> None:
-    """Angles whose title says that digits behind the point are minutes and seconds.
-
-    Raises:
-        InputError: There are some, and no signs that tell degrees from minutes.
-    """
-    for place in places:
-        title = table.sheet.titles[place]
-        if _PACKED.search(title) and not is_turn(table.content[place].example):
-            raise InputError(
-                f'the angles of column "{shown(title)}" have minutes and seconds behind the point',
-                "export them in degrees with decimals, or in gon",
-                line=draft.line,
-            )
+    _horizontal(table, reading, draft, stated)
 
 
 def _vertical(table: Table, reading: Reading, draft: _Draft) -> None:
@@ -514,6 +532,26 @@ def _vertical(table: Table, reading: Reading, draft: _Draft) -> None:
         steep = steeper_than_not(values, angle)
         zeros = ("zenith", "elevation") if steep else ("elevation", "zenith")
         draft.ask("vertical", [Answer(zero, {"vertical": zero}) for zero in zeros])
+
+
+_RECORDS = {"SS", "TR", "BS", "FS", "BD", "BR", "FD", "FR"}
+"""How the lines of a total station's raw file begin: sideshot, traverse, back- and foresight."""
+
+
+def _horizontal(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> None:
+    """Which way azimuths grow: what lines above say, titles or records; else it is asked."""
+    titled = horizontal(table.named, reading.place("azimuth"))
+    said = stated.senses | ({titled} if titled else set())
+    if any(all("::" in cell for cell in one.cells) for one in table.content):
+        said |= {"counter-clockwise"}  # SpatialAnalyzer alone writes such names
+    if any({*one.cells} <= _RECORDS for one in table.content):
+        said |= {"clockwise"}
+    if len(said) == 1 or draft.hints.horizontal:
+        found = settled_horizontal(min(said, default=None), draft.hints.horizontal)
+        draft.settle({"horizontal": found})
+        return
+    senses = ("counter-clockwise", "clockwise")
+    draft.ask("horizontal", [Answer(sense, {"horizontal": sense}) for sense in senses])
 
 
 # --- shown ----------------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ import numpy as np
 from pipeline.base.errors import InputError, at
 from pipeline.readers import _named, _tables, _time, plain, table
 from pipeline.readers._cells import cells_or_none, is_number
-from pipeline.readers._coordinates import AXES, Meaning, settled
+from pipeline.readers._coordinates import AXES, Angles, Meaning, settled
 from pipeline.readers._delimited import rows
 from pipeline.readers._layout import DELIMITERS, Field, Kind, Layout, Rows
 from pipeline.readers._named import ANGLE_WORDS, UNIT_WORDS, Header, Named
@@ -219,7 +219,9 @@ def _meaning(comments: Sequence[str], hints: Hints, table: Rows, line: int) -> M
     said = _only(zeros, "vertical angles")
     third = np.asarray(table.columns["3"])
     with at(line=line):
-        return settled_angles(Meaning(unit, kind), (angles, said), third, hints)
+        return settled_angles(
+            Meaning(unit, kind), Angles(angles, said, "counter-clockwise"), third, hints
+        )
 
 
 def _said(words: set[str], known: Mapping[str, _T]) -> set[_T]:

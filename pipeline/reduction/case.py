@@ -25,11 +25,13 @@ class Treated:
         file: Its name.
         faces: Two faces that were averaged, or None.
         untimed: Its column of times that holds none, and one of its cells; None where it has times.
+        settled: What campaign.toml settled that the export leaves open, in sentences.
     """
 
     file: str
     faces: Faces | None
     untimed: str | None
+    settled: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

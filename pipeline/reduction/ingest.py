@@ -25,6 +25,7 @@ from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import Robot
 from pipeline.readers import Export, logs
 from pipeline.readers.assignment import assigned
+from pipeline.readers.known import Body, settled
 from pipeline.reduction import _pulls, _shots, limits
 from pipeline.reduction._index import numbered, pull_number
 from pipeline.reduction._shots import Rejection, Shots, Stale
@@ -176,9 +177,9 @@ def _raw(
         stale=_shots.stale(weighed),
         unused=_shots.unused(everything, whole),
         treated=tuple(
-            Treated(name, one.faces, one.untimed)
+            Treated(name, one.faces, one.untimed, one.settled)
             for name, one in exports.items()
-            if one.faces or one.untimed
+            if one.faces or one.untimed or one.settled
         ),
     )
 
@@ -213,7 +214,7 @@ def _exports(settings: Settings, tracker: Tracker, raw: Mapping[str, bytes]) -> 
     globbed = {name for name in raw for glob in globs if fits(name, glob)}
     found = sorted((globbed - others) | ({*raw} & {*tracker.files}))
     tracker.none_missing(found)
-    exports = {name: readers.read(name, raw[name], tracker) for name in found}
+    exports = {name: _export(name, raw[name], tracker, settings.bodies) for name in found}
     if tracker.assignment:
         table = _file(raw, tracker.assignment, "assignment in [tracker]")
         return assigned(exports, tracker.assignment, table)
@@ -226,6 +227,17 @@ def _exports(settings: Settings, tracker: Tracker, raw: Mapping[str, bytes]) -> 
                 file=name,
             )
     return exports
+
+
+def _export(name: str, data: bytes, tracker: Tracker, bodies: Sequence[Body]) -> Export:
+    """An export; what it leaves open is settled by known reflectors where they can."""
+    try:
+        return readers.read(name, data, tracker)
+    except InputError:
+        hints, why = settled(name, data, tracker, bodies)
+        if not why:
+            raise
+        return replace(readers.read(name, data, hints), settled=why)
 
 
 def _some_reading(exports: Mapping[str, Export]) -> None:

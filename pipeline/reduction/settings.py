@@ -38,6 +38,7 @@ from pipeline.machine.poses import from_log_units
 from pipeline.machine.robot import Robot
 from pipeline.readers import Hints
 from pipeline.readers._log_form import LogForm
+from pipeline.readers.known import Body
 from pipeline.readers.logs import LIMIT_SLACK
 
 BASE_REFLECTORS = 3
@@ -379,6 +380,13 @@ class Settings(Strict):
     def loads_file(self) -> str:
         """Its name."""
         return self.loads_log.file
+
+    @property
+    def bodies(self) -> list[Body]:
+        """Reflectors that keep their places to each other, as far as they are known."""
+        tool = {name: self.tool[name] for name in self.measured}
+        tables = {"[tool]": tool, "[base_frame]": self.base_frame}
+        return [Body(table, places) for table, places in tables.items() if len(places) > 1]
 
     @property
     def measured(self) -> list[str]:

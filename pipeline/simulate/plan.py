@@ -31,6 +31,7 @@ from pipeline.base.strict import Pull as PullForce
 from pipeline.base.toml import loads, merged
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import Robot, rating
+from pipeline.readers._coordinates import Usual
 from pipeline.reduction.settings import Payload, Point, Scale, TestPose
 from pipeline.store.campaign import unfit
 
@@ -145,7 +146,7 @@ class Instrument(Strict):
     noise_scale: NotNegative = 1.0
     stated: bool = True
     dialect: str = "plain"
-    unit: Literal["mm", "m", "in"] = "mm"
+    unit: Usual = "mm"
     digits: Annotated[int, Field(ge=0, le=15)] | Literal["full"] | None = None
 
     @field_validator("digits", mode="before")

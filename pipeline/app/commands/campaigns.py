@@ -123,11 +123,12 @@ def _robot(root: Path, folder: Path, said: Proposal, ask: bool) -> str | None:
 def _asked(said: Proposal, robot: str | None) -> Known:
     """What only a person knows, one question at a time; an empty answer leaves it open."""
     from pipeline.app.blank import Known, log_columns
+    from pipeline.readers._coordinates import USUAL_UNITS
     from pipeline.readers.logs import FORCE, LENGTH
 
     unit = None
     if said.reach is not None:
-        unit = _one_of(f"Unit of lengths, the numbers reach {said.reach:.0f}", ("mm", "m", "in"))
+        unit = _one_of(f"Unit of lengths, the numbers reach {said.reach:.0f}", USUAL_UNITS)
     columns = _columns(log_columns(said, robot))
     sigma_m = _size(
         "Standard uncertainty of one tracker reading per axis [mm]", LENGTH, "mm",
@@ -268,8 +269,11 @@ def inspect(
     file: Annotated[Path, Argument(metavar="FILE", help="A tracker export, or a log.")],
     unit: Annotated[str | None, Option(help="mm, m or in, where the export does not say.")] = None,
     decimal: Annotated[str | None, Option(help="The decimal mark, likewise.")] = None,
-    angles: Annotated[str | None, Option(help="deg, rad or gon, likewise.")] = None,
+    angles: Annotated[str | None, Option(help="deg, rad, gon or dms (D.MMSS), likewise.")] = None,
     vertical: Annotated[str | None, Option(help="zenith or elevation, likewise.")] = None,
+    horizontal: Annotated[
+        str | None, Option(help="clockwise or counter-clockwise, likewise.")
+    ] = None,
     coordinates: Annotated[
         str | None, Option(help="cartesian, spherical or cylindrical, likewise.")
     ] = None,
@@ -287,12 +291,14 @@ def inspect(
     is, and what to write into campaign.toml; on a terminal it asks what an export leaves open.
     """
     from pipeline.app import asking, shell
+    from pipeline.readers._coordinates import USUAL_UNITS
 
     said = {
-        "unit": _known("unit", unit, ("mm", "m", "in")),
+        "unit": _known("unit", unit, USUAL_UNITS),
         "decimal": _known("decimal mark", decimal, (".", ",")),
-        "angle": _known("unit of angles", angles, ("deg", "rad", "gon")),
+        "angle": _known("unit of angles", angles, ("deg", "rad", "gon", "dms")),
         "vertical": _known("vertical angle", vertical, ("zenith", "elevation")),
+        "horizontal": _known("sense of angles", horizontal, ("clockwise", "counter-clockwise")),
         "coordinates": _known("kind", coordinates, ("cartesian", "spherical", "cylindrical")),
     }
     answers = sys.stdin.isatty() and sys.stderr.isatty() and not as_json
