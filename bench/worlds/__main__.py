@@ -47,7 +47,7 @@ def worlds(
 
     if show:
         for one in WORLDS.values():
-            typer.echo(f"{one.exam:12} {one.name:20} {one.says}")
+            typer.echo(f"{one.exam:12} {one.name:26} {one.says}")
         return
     names = chosen(",".join(world or []))
     wanted = fixtures(names, games, first, cause, seeds or SEEDS)
