@@ -16,6 +16,7 @@ from bench.worlds.cell import MOUNT_S, build
 from bench.worlds.judge import CONTRADICTS, Judged, Truth, judged
 from bench.worlds.noise import SIGMA_M
 from bench.worlds.payloads import (
+    ARM,
     CENTER_SIGMA_M,
     GRAVITY,
     MASS_SIGMA_KG,
@@ -52,29 +53,33 @@ def written(name, seed=SEED):
 
 
 def frames(robot, q):
-    """Joint axes, their origins and the flange of one pose: rotations and steps, one by one."""
-    turn, at, axes, origins = np.eye(3), np.zeros(3), [], []
+    """Joint frames, z along the axis, and the flange of one pose: steps and turns, one by one."""
+    turn, at, turns, origins = np.eye(3), np.zeros(3), [], []
     for placed, value, slides in zip(robot.placement, q, robot.prismatic, strict=True):
         at, turn = at + turn @ placed[:3, 3], turn @ placed[:3, :3]
         axis = turn[:, 2]
-        axes.append(axis)
         if slides:
             at = at + value * axis
         else:
             turn = Rotation.from_rotvec(value * axis).as_matrix() @ turn
+        turns.append(turn)
         origins.append(at)
-    return axes, origins, turn @ robot.flange[:3, :3], at + turn @ robot.flange[:3, 3]
+    return turns, origins, turn @ robot.flange[:3, :3], at + turn @ robot.flange[:3, 3]
 
 
-def by_cross_product(robot, q, center):
-    """What holds a kilogram at a point of the flange: axis . ((p - o) x g), against the weight."""
-    axes, origins, turn, at = frames(robot, q)
+def by_cross_product(robot, q, place, joint=None):
+    """What holds a kilogram at a place of a joint, or of the flange: axis . ((p - o) x up)."""
+    turns, origins, turn, at = frames(robot, q)
+    if joint is not None:
+        turn, at = turns[joint - 1], origins[joint - 1]
     up = np.array([0, 0, GRAVITY])
-    arms = [turn @ center + at - origin for origin in origins]
     return np.array(
         [
-            axis @ (up if slides else np.cross(arm, up))
-            for axis, arm, slides in zip(axes, arms, robot.prismatic, strict=True)
+            (joint is None or k < joint)
+            * (axes[:, 2] @ (up if slides else np.cross(turn @ place + at - origin, up)))
+            for k, (axes, origin, slides) in enumerate(
+                zip(turns, origins, robot.prismatic, strict=True)
+            )
         ]
     )
 
@@ -99,6 +104,26 @@ def test_torques_that_hold_a_payload_are_those_of_its_lever(place):
     ]
     np.testing.assert_allclose(by_work, lever, atol=1e-3)
     assert np.abs(by_work).max() > 1000
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_motors_hold_the_links_with_and_without_a_payload(place):
+    """Each link by its lever, up to its own joint, on the arm as the payload has bent it."""
+    cell = cell_of(f"payloads_torques_{place}")
+    q, _, mass, center = at_rest(cell)
+
+    links = [
+        held(cell.one, cell.course, m, center) - held(cell.one, cell.course, m, center, arm=False)
+        for m in (mass, 0 * mass)
+    ]
+
+    for seen, stands in zip(links, (q, cell.course.q), strict=True):
+        lever = [
+            sum(kg * by_cross_product(cell.robot, row, at, j) for j, at, kg in ARM[len(row)])
+            for row in stands
+        ]
+        np.testing.assert_allclose(seen, lever, atol=1e-3)
+    assert np.abs(links[0] - links[1]).max() > 0.1
 
 
 @pytest.mark.parametrize("place", PLACES)
