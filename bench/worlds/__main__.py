@@ -40,7 +40,7 @@ def worlds(
     ] = None,
     root: Root = Path(),
 ) -> None:
-    """Play campaigns of other noise, blunders, loads and instruments, and judge the answers."""
+    """Play campaigns of other noise, blunders, loads, payloads and instruments, and judge them."""
     from bench.worlds.run import SEEDS, contest, fixtures
     from bench.worlds.table import failures, spoken
     from bench.worlds.worlds import WORLDS
