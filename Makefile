@@ -6,7 +6,7 @@
 #   make check    format, lint, types
 #   make bench    how good and how fast, side by side with the alternatives
 #   make league   every hidden cause against the diagnosis
-#   make worlds   campaigns with other noise, blunders, loads and instruments
+#   make worlds   campaigns with other noise, blunders, loads, payloads and instruments
 #   make paper    the paper's tables and figures, computed again
 #   make compare  every number that differs from an earlier commit      make compare BASE=HEAD~1
 #   make example  the report and the picture that the README shows, from the demo campaign

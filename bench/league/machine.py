@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -63,23 +63,53 @@ class Machine:
         Args:
             q: True joint values, shape (m, n).
             tool: Points of interest in the flange frame, shape (t, 3) [m].
-            load_point: Where the force acts in the flange frame, shape (3,) [m].
+            load_point: Where the force acts in the flange frame, shape (3,) or (m, 3) [m].
             force: [N], base frame, shape (m, 3).
 
         Returns:
             Points of interest (m, t, 3) and load point (m, 3) [m].
         """
-        springs = sorted(self.springs, key=lambda s: s.after)
+        bent = self.rest(q, load_point, force, rounds)
+        flange, *_ = self._chain(q, self._sorted(), bent)
+        points = np.einsum("mij,tj->mti", flange[:, :3, :3], tool) + flange[:, None, :3, 3]
+        return points, _placed(flange, load_point)
+
+    def rest(self, q: Array, load_point: Array, force: Array, rounds: int = 8) -> Array:
+        """How far each spring gives way until all is at rest, from base to flange, shape (m, s).
+
+        The arguments are those of `settle`.
+        """
+        springs = self._sorted()
         bent = np.zeros((len(q), len(springs)))
         for _ in range(rounds):
             flange, axes, at, hung = self._chain(q, springs, bent)
-            acts = flange[:, :3, :3] @ load_point + flange[:, :3, 3]
+            acts = _placed(flange, load_point)
             before, bent = bent, _deflections(springs, axes, at, [(acts, force, 99), *hung])
             if np.abs(bent - before).max() < AT_REST:
                 break
-        flange, *_ = self._chain(q, springs, bent)
-        points = np.einsum("mij,tj->mti", flange[:, :3, :3], tool) + flange[:, None, :3, 3]
-        return points, flange[:, :3, :3] @ load_point + flange[:, :3, 3]
+        return bent
+
+    def carried(self, q: Array, bent: Array, place: Array, joint: int | None = None) -> Array:
+        """A point that a joint, or the flange, carries while the springs stay as they are.
+
+        Args:
+            q: True joint values, shape (m, n).
+            bent: How far each spring has given way, shape (m, s).
+            place: In the frame of the joint or of the flange, shape (3,) or (m, 3) [m].
+            joint: From 1; None is the flange.
+
+        Returns:
+            Shape (m, 3) [m].
+        """
+        if joint is None:
+            flange, *_ = self._chain(q, self._sorted(), bent)
+            return _placed(flange, place)
+        marked = replace(self, masses=[(joint, tuple(place.tolist()), 0.0)])
+        (here, _, _), *_ = marked._chain(q, self._sorted(), bent)[3]
+        return here
+
+    def _sorted(self) -> list[Spring]:
+        return sorted(self.springs, key=lambda s: s.after)
 
     def _chain(
         self, q: Array, springs: list[Spring], bent: Array
@@ -108,6 +138,11 @@ class Machine:
                     weight = np.tile([0, 0, -9.81 * mass], (m, 1))
                     hung.append((here, weight, j))
         return T, axes, at, hung
+
+
+def _placed(flange: Array, place: Array) -> Array:
+    """Points of the flange's frame, shape (3,) or (m, 3), in the base's, shape (m, 3)."""
+    return np.asarray((flange[:, :3, :3] @ place[..., None])[..., 0] + flange[:, :3, 3])
 
 
 def _deflections(

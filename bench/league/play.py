@@ -222,7 +222,14 @@ def pull_to(anchor: Array) -> Direction:
     return towards
 
 
-def strained(one: Setup, course: Course, tool: Array, along: Direction, size: Array) -> Moves:
+def strained(
+    one: Setup,
+    course: Course,
+    tool: Array,
+    along: Direction,
+    size: Array,
+    load_point: Array | None = None,
+) -> Moves:
     """Let the machine come to rest under every pull, and without.
 
     Args:
@@ -231,9 +238,12 @@ def strained(one: Setup, course: Course, tool: Array, along: Direction, size: Ar
         tool: True load point and reflectors, flange frame, shape (1 + t, 3) [m].
         along: Which way the force acts.
         size: True forces, shape (m,) [N].
+        load_point: Where each of them acts, flange frame, shape (m, 3) [m]; the tool's where not
+            given.
     """
     q = course.q + one.joint_shift
-    pull_at, targets = tool[0] + one.load_shift, tool[1:] + one.target_shift
+    pull_at = (tool[0] if load_point is None else load_point) + one.load_shift
+    targets = tool[1:] + one.target_shift
     rest, at = one.machine.settle(q, targets, pull_at, np.zeros((len(q), 3)))
     for _ in range(4):
         unit = along(at)

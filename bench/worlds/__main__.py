@@ -40,14 +40,14 @@ def worlds(
     ] = None,
     root: Root = Path(),
 ) -> None:
-    """Play campaigns of other noise, blunders, loads and instruments, and judge the answers."""
+    """Play campaigns of other noise, blunders, loads, payloads and instruments, and judge them."""
     from bench.worlds.run import SEEDS, contest, fixtures
     from bench.worlds.table import failures, spoken
     from bench.worlds.worlds import WORLDS
 
     if show:
         for one in WORLDS.values():
-            typer.echo(f"{one.exam:12} {one.name:20} {one.says}")
+            typer.echo(f"{one.exam:12} {one.name:26} {one.says}")
         return
     names = chosen(",".join(world or []))
     wanted = fixtures(names, games, first, cause, seeds or SEEDS)

@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from bench.league.hidden_effect import Course, Secret, Setup, setup
 from bench.league.play import CHAIN, NAMES, Moves, Plan, Rules, drawn, pull_to, strained
+from bench.worlds.payloads import (
+    GRAVITY,
+    Carrying,
+    Log,
+    Payload,
+    drawn_center,
+    mounted,
+    read_torques,
+    rows_of,
+)
 from pipeline.base.arrays import Array, Ints
 from pipeline.machine.poses import default_anchors, draw_poses
 from pipeline.machine.robot import Robot
@@ -29,6 +39,8 @@ READING_S = (10.0, 25.0)
 """From one reading to the next [s]: the operator carries the reflector or turns the tracker."""
 TIGHTEN_S = (30.0, 60.0)
 """To the next load step [s]."""
+MOUNT_S = (240.0, 600.0)
+"""To the next payload [s]: a crane, and the bolts of the flange."""
 MOVE_S = (60.0, 150.0)
 """To the next pose [s]: drive, hook the chain in, wait."""
 ROUND_POSES = (3, 7)
@@ -42,11 +54,16 @@ class Manner(Rules):
     Attributes:
         hang: Weights at the load point instead of a chain and a scale.
         targets: Reflectors on the tool that are read, the first of three.
+        at_once: All of them at the same moment, by an instrument that reads poses.
+        carries: Payloads on the flange instead of chain and weights; as many load steps as
+            payloads, or a single one: then each pose has one payload, in turn.
     """
 
     scatter: tuple[float, float] = (1.0, 1.0)
     hang: bool = False
     targets: int = 3
+    at_once: bool = False
+    carries: Carrying | None = None
 
 
 @dataclass(frozen=True)
@@ -91,6 +108,9 @@ class Cell:
         test_q: Test pose, shape (n,) [m] or [rad].
         test_force: Force there, F_b, shape (3,) [N].
         amplitudes: What was planted, as the league's judge wants it.
+        payloads: What is mounted; empty where nothing is.
+        which: Payload of each pull, shape (m,).
+        log: What the controller reads of the torques; None where nobody asks.
     """
 
     robot: Robot
@@ -109,6 +129,9 @@ class Cell:
     test_q: Array
     test_force: Array
     amplitudes: tuple[dict[str, Any], ...]
+    payloads: tuple[Payload, ...]
+    which: Ints
+    log: Log | None
 
     @property
     def hours(self) -> Array:
@@ -159,7 +182,11 @@ def build(
         {"label": s.label, "place": s.place, "amplitudes": s.plant(one, size, course) or {}}
         for s, size in secrets
     )
-    scale, moves = _pulled(one, course, tool, plan, rules, of_scale)
+    payloads, which, log = _mounted(one, course, rules, np.random.default_rng([seed, 5]))
+    if payloads:
+        scale, moves = _carried(one, course, tool, *rows_of(payloads, which))
+    else:
+        scale, moves = _pulled(one, course, tool, plan, rules, of_scale)
     u, _, v = np.linalg.svd(of_station.normal(size=(3, 3)))
     return Cell(
         robot=robot,
@@ -176,14 +203,21 @@ def build(
         scale=scale,
         points=_points(slots, moves, base, one),
         test_q=draw_poses(robot, plan.tool, default_anchors(robot), np.zeros(1, int), of_test)[0],
-        test_force=of_test.normal(0, 300.0, 3) - np.array([0, 0, 300.0]),
+        test_force=_test_force(rules, of_test),
         amplitudes=planted,
+        payloads=payloads,
+        which=which,
+        log=log,
     )
 
 
-def random_plan(robot: Robot, rules: Rules, seed: int) -> Plan:
-    """Random reachable poses, as in the league."""
-    return drawn(robot, np.random.default_rng([seed, 0]), rules)
+def random_plan(robot: Robot, rules: Manner, seed: int) -> Plan:
+    """Random reachable poses, as in the league; a further payload hangs at the load point."""
+    plan = drawn(robot, np.random.default_rng([seed, 0]), rules)
+    if rules.carries is None:
+        return plan
+    center = drawn_center(np.random.default_rng([seed, 6]))
+    return replace(plan, tool=np.vstack([center, plan.tool[1:]]))
 
 
 class _Watch:
@@ -196,9 +230,12 @@ class _Watch:
     def wait(self, between: tuple[float, float]) -> None:
         self.seconds += float(self.rng.uniform(*between))
 
-    def read(self, group: str, targets: Sequence[str], state: str, pull: int) -> None:
+    def read(
+        self, group: str, targets: Sequence[str], state: str, pull: int, at_once: bool = False
+    ) -> None:
         for which, target in enumerate(targets):
-            self.wait(READING_S)
+            if which == 0 or not at_once:
+                self.wait(READING_S)
             self.slots.append(Slot(group, target, self.seconds / 3600, state, pull, which))
 
 
@@ -208,20 +245,23 @@ def timetable(
     """When what is read: base, then pose by pose with rounds of the base between, then base."""
     watch, every = _Watch(rng), int(rng.integers(*ROUND_POSES))
     fixed = [f"B{k + 1}" for k in range(reflectors)]
-    names, chain, steps = NAMES[: rules.targets], () if rules.hang else CHAIN, len(rules.steps)
+    names, steps = NAMES[: rules.targets], len(rules.steps)
+    chain = () if rules.hang or rules.carries else CHAIN
+    settles = MOUNT_S if rules.carries else TIGHTEN_S
     watch.read("base_start", fixed, "base", -1)
     for pose in range(poses):
         if pose and pose % every == 0:
             watch.read(f"base_mid{pose // every}", fixed, "base", -1)
         watch.wait(MOVE_S)
         head, first = f"pose{pose + 1:02d}_rep", pose * steps
-        watch.read(f"{head}0_unloaded", names, "unloaded", first)
+        watch.read(f"{head}0_unloaded", names, "unloaded", first, rules.at_once)
         for step in range(steps):
-            watch.wait(TIGHTEN_S)
-            watch.read(f"{head}{step + 1}_loaded", names, "loaded", first + step)
+            watch.wait(settles)
+            watch.read(f"{head}{step + 1}_loaded", names, "loaded", first + step, rules.at_once)
             watch.read(f"{head}{step + 1}_loaded", chain, "chain", first + step)
-        watch.wait(TIGHTEN_S)
-        watch.read(f"{head}{steps + 1}_unloaded", names, "unloaded", first + steps - 1)
+        watch.wait(settles)
+        last = first + steps - 1
+        watch.read(f"{head}{steps + 1}_unloaded", names, "unloaded", last, rules.at_once)
     watch.read("base_end", fixed, "base", -1)
     return tuple(watch.slots)
 
@@ -256,6 +296,40 @@ def _pulled(
     for target, shift in one.loose.items():
         moves.loaded[:, target] += shift * (nominal / rules.force_n)[:, None]
     return nominal, moves
+
+
+def _mounted(
+    one: Setup, course: Course, rules: Manner, rng: np.random.Generator
+) -> tuple[tuple[Payload, ...], Ints, Log | None]:
+    """The payloads, which of them hangs at each pull, and the torques of it."""
+    if rules.carries is None:
+        return (), np.zeros(len(course.pose), int), None
+    payloads = mounted(rules.carries, rng)
+    which = course.repeat if len(rules.steps) > 1 else course.pose % len(payloads)
+    if not rules.carries.torques:
+        return payloads, which, None
+    by_state = rules.carries.torques == "states"
+    log = read_torques(one, course, *rows_of(payloads, which), by_state, rng)
+    return payloads, which, log
+
+
+def _carried(
+    one: Setup, course: Course, tool: Array, mass: Array, center: Array
+) -> tuple[Array, Moves]:
+    """What the payloads weigh [N], and where everything then stands."""
+    down = np.tile([0.0, 0.0, -1.0], (len(mass), 1))
+    weight = GRAVITY * mass
+    moves = strained(one, course, tool, lambda _: down, weight, center)
+    for target, shift in one.loose.items():
+        moves.loaded[:, target] += shift * (weight / weight.max())[:, None]
+    return weight, moves
+
+
+def _test_force(rules: Manner, rng: np.random.Generator) -> Array:
+    """Any force, mostly downwards, or the weight of a further payload, F_b, shape (3,) [N]."""
+    if rules.carries:
+        return np.array([0.0, 0.0, -GRAVITY * rules.carries.further_kg])
+    return np.asarray(rng.normal(0, 300.0, 3) - np.array([0, 0, 300.0]))
 
 
 def _points(slots: Sequence[Slot], moves: Moves, base: Array, one: Setup) -> Array:

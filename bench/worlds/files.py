@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import datetime, timedelta
 
 import numpy as np
 
 from bench.league.play import NAMES, joints_log, loads_log
 from bench.worlds.cell import Cell
+from bench.worlds.payloads import CENTER_SIGMA_M, GRAVITY, MASS_SIGMA_KG, Log, Payload
 from pipeline.base.arrays import Array
 
 START = datetime(2026, 11, 3, 8)
-GRAVITY = 9.81
-"""Free fall where the weights hang [m/s^2]."""
 
 
 def raw(
-    cell: Cell, record: Array, stated: str, instrument: str, factor: float, timed: bool
+    cell: Cell,
+    record: Array,
+    stated: str,
+    instrument: Sequence[str],
+    factor: float,
+    timed: bool,
 ) -> dict[str, bytes]:
     """Content of the raw folder.
 
@@ -24,24 +29,62 @@ def raw(
         cell: What was measured.
         record: What the tracker recorded, its own frame, shape (r, 3) [m].
         stated: Line on the noise in `[tracker]`, or empty.
-        instrument: Its kind in `[instrument]`, or empty.
+        instrument: Lines of `[instrument]`; none where nobody says.
         factor: The log of the scale shows so many times the force.
         timed: The export says when each reading was taken.
     """
-    hang = cell.rules.hang
     lines = ["group,target,x_mm,y_mm,z_mm" + (",time" if timed else "")]
     for slot, at in zip(cell.slots, 1e3 * record, strict=True):
         when = START + timedelta(seconds=round(3600 * slot.hours))
         row = f"{slot.group},{slot.target},{at[0]:.4f},{at[1]:.4f},{at[2]:.4f}"
         lines.append(f"{row},{when.isoformat()}" if timed else row)
-    shown = cell.scale / GRAVITY if hang else factor * cell.scale
-    loads = loads_log(cell.course, shown, "mass_kg" if hang else "force_n")
+    joints = joints_log(cell.robot, cell.course)
     return {
         "campaign.toml": _toml(cell, stated, instrument).encode(),
         "tracker.csv": ("\n".join(lines) + "\n").encode(),
-        "loads.csv": loads.encode(),
-        "joints.csv": joints_log(cell.robot, cell.course).encode(),
+        "loads.csv": _loads(cell, factor).encode(),
+        "joints.csv": (_with_torques(cell, cell.log, joints) if cell.log else joints).encode(),
     }
+
+
+def _loads(cell: Cell, factor: float) -> str:
+    """loads.csv: forces, weights, or the names of payloads."""
+    if cell.payloads:
+        rows = zip(cell.course.pose, cell.course.repeat, cell.which, strict=True)
+        body = [f"{p + 1},{r + 1},{cell.payloads[w].name}" for p, r, w in rows]
+        return "\n".join(["pose,repeat,payload", *body]) + "\n"
+    if cell.rules.hang:
+        return loads_log(cell.course, cell.scale / GRAVITY, "mass_kg")
+    return loads_log(cell.course, factor * cell.scale)
+
+
+def _with_torques(cell: Cell, log: Log, joints: str) -> str:
+    """joints.csv with what the controller reads: a row for each state, or one for each pose."""
+    names = [f"tau{j}_{'n' if s else 'nm'}" for j, s in enumerate(cell.robot.prismatic, 1)]
+    titles, *rows = joints.splitlines()
+    out = [",".join([titles, *(["repeat"] if log.by_state else []), *names])]
+    for i, (pose, repeat) in enumerate(zip(cell.course.pose, cell.course.repeat, strict=True)):
+        if not log.by_state:
+            out.append(",".join([rows[pose], *_told(log.loaded[i] - log.unloaded[i])]))
+            continue
+        if repeat == 0:
+            out.append(",".join([rows[pose], "0", *_told(log.unloaded[i])]))
+        out.append(",".join([rows[pose], str(repeat + 1), *_told(log.loaded[i])]))
+    return "\n".join(out) + "\n"
+
+
+def _told(torques: Array) -> list[str]:
+    return [f"{v:.1f}" for v in torques]
+
+
+def _payload(one: Payload) -> list[str]:
+    return [
+        f"[payload.{one.name}]",
+        f"mass_kg = {one.stated.mass_kg}",
+        f"mass_sigma_kg = {MASS_SIGMA_KG}",
+        f"center_m = {list(one.stated.center_m)}",
+        f"center_sigma_m = {CENTER_SIGMA_M}",
+    ]
 
 
 def line(reading: int) -> int:
@@ -49,18 +92,19 @@ def line(reading: int) -> int:
     return reading + 2
 
 
-def _toml(cell: Cell, stated: str, instrument: str) -> str:
+def _toml(cell: Cell, stated: str, instrument: Sequence[str]) -> str:
     base = cell.base + np.cross(cell.one.base_turn, cell.base)
     names = NAMES[: cell.rules.targets]
     points = zip(("load_point", *names), cell.plan.tool.tolist(), strict=False)
     q = np.where(cell.robot.prismatic, cell.test_q, np.rad2deg(cell.test_q))
-    kind = ["[instrument]", f'kind = "{instrument}"'] if instrument else []
+    sigma = [] if cell.payloads else [f"sigma_n = {0.1 if cell.rules.hang else 2.0}"]
+    gravity = ["[gravity]", f"m_s2 = {GRAVITY}"] if cell.payloads else []
     return "\n".join(
         [
             "format = 1",
             'name = "game"',
             f'robot = "{cell.robot.name}"',
-            *kind,
+            *(["[instrument]", *instrument] if instrument else []),
             "[tracker]",
             'files = ["tracker.csv"]',
             stated,
@@ -70,7 +114,9 @@ def _toml(cell: Cell, stated: str, instrument: str) -> str:
             *(f"B{k + 1} = {[round(v, 7) for v in row]}" for k, row in enumerate(base.tolist())),
             "[scale]",
             'file = "loads.csv"',
-            "sigma_n = 0.1" if cell.rules.hang else "sigma_n = 2.0",
+            *sigma,
+            *gravity,
+            *(text for one in cell.payloads for text in _payload(one)),
             "[joints]",
             'file = "joints.csv"',
             "[tool]",

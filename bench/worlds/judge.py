@@ -10,6 +10,7 @@ import numpy as np
 
 from bench.league.judge import SCATTER, label
 from bench.league.play import NAMES
+from bench.worlds.payloads import Payload
 from bench.worlds.worlds import FORCE
 from pipeline.base.arrays import Array
 
@@ -23,6 +24,9 @@ MOVED = ("tracker_moved", "tracker_moved_or_knocked")
 
 LISTED = 0.01
 """A rival less probable than this is not counted as one."""
+
+CONTRADICTS = 1e-3
+"""Below this p-value a payload is to be called another one than stated (docs/campaign.md)."""
 
 WIDE = 1.959964
 """Half a 95 % interval in standard uncertainties."""
@@ -107,6 +111,7 @@ class Truth:
         secrets: Labels of hidden causes.
         allowed: Names of causes that are right beside those of noise.
         family: Names of noise that are right.
+        payloads: What was mounted.
     """
 
     stiffness: Sequence[float]
@@ -115,6 +120,7 @@ class Truth:
     secrets: tuple[str, ...] = ()
     allowed: tuple[str, ...] = ()
     family: tuple[str, ...] = ()
+    payloads: tuple[Payload, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -137,6 +143,10 @@ class Judged:
         false_causes: Causes of the machine that are neither allowed nor hidden.
         drift_said: The tracker is said to have moved.
         listed: All hidden causes are among causes and rivals.
+        weighed: Masses and centres by the joint torques.
+        contradicted: Payloads that are said not to be what is stated.
+        left_mm: What is left of each payload's rows with the springs of all others, rms.
+        measures: What the instrument is said to measure.
     """
 
     outcome: str
@@ -153,6 +163,10 @@ class Judged:
     false_causes: tuple[str, ...] = ()
     drift_said: bool = False
     listed: bool = False
+    weighed: tuple[Interval, ...] = ()
+    contradicted: tuple[str, ...] = ()
+    left_mm: tuple[float, ...] = ()
+    measures: str = ""
 
 
 def judged(truth: Truth, answer: Json) -> Judged:
@@ -183,6 +197,10 @@ def judged(truth: Truth, answer: Json) -> Judged:
         false_causes=tuple(label(c) for c in strange if c["name"] not in DATA),
         drift_said="tracker_drift" in names or any(one in MOVED for one in said["reasons"]),
         listed=set(truth.secrets) <= _listed(every),
+        weighed=_weighed(answer, truth.payloads),
+        contradicted=_contradicted(answer),
+        left_mm=_left(answer),
+        measures=(answer.get("instrument") or {}).get("measures", ""),
     )
 
 
@@ -222,6 +240,40 @@ def _deflections(answer: Json, true: Array | None) -> tuple[Interval, ...]:
             name = f"{row['target']}.{axis}"
             out.append(Interval(name, float(1e3 * true[t, k]), value, std, low, high))
     return tuple(out)
+
+
+def _weighed(answer: Json, payloads: Sequence[Payload]) -> tuple[Interval, ...]:
+    """What the torques say of each payload, beside what it is."""
+    true = {one.name: one.true for one in payloads}
+    out = []
+    for row in answer.get("payloads", ()):
+        found, body = row["found"], true[row["name"]]
+        if found is None:
+            continue
+        values = (found["mass_kg"], *found["center_m"])
+        stds = (found["mass_std_kg"], *np.broadcast_to(found["center_std_m"], 3).tolist())
+        named = zip(("kg", *"xyz"), (body.mass_kg, *body.center_m), values, stds, strict=True)
+        out += [
+            Interval(f"{row['name']}.{what}", is_, said, std, said - WIDE * std, said + WIDE * std)
+            for what, is_, said, std in named
+        ]
+    return tuple(out)
+
+
+def _contradicted(answer: Json) -> tuple[str, ...]:
+    """Payloads whose statement the torques contradict: by their p-value, and in a sentence."""
+    return tuple(
+        row["name"]
+        for row in answer.get("payloads", ())
+        if row["p_value"] is not None
+        and row["p_value"] < CONTRADICTS
+        and any(row["name"] in text for text in answer["findings"])
+    )
+
+
+def _left(answer: Json) -> tuple[float, ...]:
+    by = (answer["validation"] or {}).get("by_payload") or {}
+    return tuple(float(mm) for mm in by.values() if mm is not None)
 
 
 def _combinations(answer: Json, stiffness: Sequence[float]) -> tuple[Interval, ...]:

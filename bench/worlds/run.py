@@ -27,7 +27,7 @@ from bench.league.run import ABLE, largest, shown_in
 from bench.worlds.cell import Cell, build
 from bench.worlds.files import line, raw
 from bench.worlds.judge import Json, Judged, Spoilt, Truth, forces_doubted, judged, shift
-from bench.worlds.noise import White
+from bench.worlds.payloads import departs
 from bench.worlds.visible import Adjustment, from_table
 from bench.worlds.worlds import WORLDS, World
 from pipeline.app.progress import Progress
@@ -91,6 +91,9 @@ class Played:
         sizes: True amplitudes beside those of the answer.
         before: The judge's word on the same campaign without what is wrong in it.
         moved: Compliances and deflections moved so far by it, in standard uncertainties.
+        wrong: Payload that campaign.toml states wrong; empty for none.
+        apart: By how many standard uncertainties torques and statement contradict each other, on
+            average over the scatter; 0 without torques.
         said: Of forces that are too large: something was said.
         seconds: Of a processor, for the answer.
     """
@@ -108,6 +111,8 @@ class Played:
     sizes: tuple[league.Size, ...] = ()
     before: Judged | None = None
     moved: tuple[float, float] | None = None
+    wrong: str = ""
+    apart: float = 0.0
     said: bool = False
     seconds: float = 0.0
 
@@ -212,9 +217,13 @@ def played(fixture: Fixture) -> Played:
         secrets=tuple(secret.label for secret, _ in hidden),
         allowed=world.allowed,
         family=world.family,
+        payloads=cell.payloads,
     )
     word = Judged(said.outcome, said.message)
-    game = Played(fixture.kind, seed, code(), word, spoilt, seconds=seconds)
+    wrong, apart = _stated_wrong(cell)
+    game = Played(
+        fixture.kind, seed, code(), word, spoilt, wrong=wrong, apart=apart, seconds=seconds
+    )
     if said.answer is None:
         return game
     game = replace(game, judged=judged(truth, said.answer))
@@ -223,11 +232,21 @@ def played(fixture: Fixture) -> Played:
     return _on_cause(game, cell, said.answer, world, hidden[0]) if hidden else game
 
 
+def _stated_wrong(cell: Cell) -> tuple[str, float]:
+    """The payload that is stated wrong, and how far that is from what the torques show."""
+    for k, one in enumerate(cell.payloads):
+        if one.wrong:
+            under = np.flatnonzero(cell.which == k)
+            far = departs(cell.one, cell.course, cell.log, one, under)[0] if cell.log else 0.0
+            return one.name, far
+    return "", 0.0
+
+
 def _recorded(cell: Cell, world: World, seed: int) -> tuple[Array, Array, float]:
     """What the tracker records without and with blunders [m], and the factor of the forces."""
     rng = np.random.default_rng([seed, 3, crc32(world.name.encode())])
     for_noise, for_spoil, for_factor = rng.spawn(3)
-    clean = np.round(cell.local + world.errors(cell.hours, cell.local, for_noise), 7)
+    clean = np.round(cell.local + world.errors(cell, for_noise), 7)
     record = clean.copy()
     for at, instead in world.spoil(cell.slots, clean, for_spoil).items():
         record[at] = np.round(instead, 7)
@@ -293,7 +312,7 @@ def _on_cause(
 def _sized(cell: Cell, world: World, seed: int) -> tuple[Secret, float]:
     """A cause at twice the size that the campaign, read with stated noise, could identify."""
     rng = np.random.default_rng([seed, 4])
-    record = cell.local + White()(cell.hours, rng)
+    record = cell.local + world.as_stated(cell, rng)
     known, most = shown_in(_files(cell, world, record, 1.0), rng), largest(cell.robot)
     able = [name for name in ABLE if name not in world.allowed]
     sizes = {name: TIMES * known.named.get(name, np.inf) for name in able}

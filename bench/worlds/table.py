@@ -10,11 +10,19 @@ import numpy as np
 from bench.league.judge import SCATTER
 from bench.league.table import share
 from bench.worlds.judge import Interval
+from bench.worlds.noise import SIGMA_M
 from bench.worlds.run import Played
 from bench.worlds.worlds import EXAMS, WORLDS
 
 CLEARLY = 1.5
 """A blunder beyond so many times the smallest visible error is due to be named."""
+
+SHOWN = 4.806
+"""Distance of torques and statement that is told in 80 % of the cases: root of the noncentrality
+at which a chi-square test of four quantities at 0.001 has a power of 0.80."""
+
+ROW_MM = 1e3 * SIGMA_M * np.sqrt(1.5)
+"""Noise of a loaded reading less the mean of two unloaded ones [mm]."""
 
 Games = Sequence[Played]
 Column = tuple[str, Callable[[Games], str]]
@@ -186,6 +194,47 @@ def _mixed(games: Games) -> str:
     return f"{np.mean([len(g.judged.combinations) for g in games]):.1f}"
 
 
+def _right(games: Games) -> str:
+    """Accused though all is as stated."""
+    return share(g.judged.accused for g in games if not g.wrong)
+
+
+def _weighed(games: Games) -> str:
+    return covered(one for g in games for one in g.judged.weighed)
+
+
+def _told(clearly: bool) -> Callable[[Games], str]:
+    """The payload that is stated wrong is called so, where torques show it."""
+
+    def count(games: Games) -> str:
+        mine = [g for g in games if g.apart and (g.apart > CLEARLY * SHOWN) == clearly]
+        return share(g.wrong in g.judged.contradicted for g in mine)
+
+    return count
+
+
+def _slandered(games: Games) -> str:
+    """Another payload is, of games whose torques tell."""
+    return share(bool({*g.judged.contradicted} - {g.wrong}) for g in games if g.judged.weighed)
+
+
+def _doubted(games: Games) -> str:
+    """Anything at all is said where a payload is stated wrong."""
+    return share(g.judged.accused or bool(g.judged.contradicted) for g in games if g.wrong)
+
+
+def _from_others(games: Games) -> str:
+    """What is left of a payload's rows with the springs of the others, over the noise: median."""
+    left = [mm / ROW_MM for g in games for mm in g.judged.left_mm]
+    return f"{np.median(left):.2f}" if left else "-"
+
+
+def _poses(games: Games) -> str:
+    """What came of one pose is taken for such."""
+    mine = [g for g in _answered(games) if WORLDS[g.world.partition("+")[0]].reads]
+    return share(g.judged.measures == "poses" for g in mine)
+
+
 CAUSE: tuple[Column, ...] = (
     ("named, nothing else", _named),
     ("among causes and rivals", _listed),
@@ -234,8 +283,27 @@ COLUMNS: dict[str, tuple[Column, ...]] = {
         ("verdicts", _verdicts),
         ("s", _seconds),
     ),
+    "payloads": (
+        ("outcome", _outcomes),
+        ("accused", _right),
+        ("false cause", _false),
+        ("named, nothing else", _named),
+        ("wrong payload told, clearly visible", _told(True)),
+        ("wrong payload told, others", _told(False)),
+        ("right payload accused", _slandered),
+        ("any doubt", _doubted),
+        ("mass and centre covered", _weighed),
+        ("springs covered", _springs),
+        ("further payload covered", _deflections),
+        ("from the other, over noise", _from_others),
+        ("verdicts", _verdicts),
+        ("s", _seconds),
+    ),
     "instruments": (
+        ("outcome", _outcomes),
         ("accused", _accused),
+        ("poses found", _poses),
+        ("named, nothing else", _named),
         ("springs covered", _springs),
         ("test pose covered", _deflections),
         ("width", _width),

@@ -13,13 +13,18 @@ from bench.league.machine import Spring
 from bench.league.play import Plan
 from bench.worlds import blunders
 from bench.worlds.blunders import Spoil, nothing, tracker_moves
-from bench.worlds.cell import Manner, random_plan
+from bench.worlds.cell import Cell, Manner, random_plan
 from bench.worlds.noise import Bursts, Noise, Student, Wander, White
+from bench.worlds.payloads import Carrying
+from bench.worlds.sixd import SIGMA_RAD, Poses
 from pipeline.base.arrays import Array
 from pipeline.machine.robot import Robot
 
 PULLED = Manner()
 """16 poses, 4 load steps, both branches, up to 3 kN."""
+
+STATED = "sigma_m = 3e-5"
+"""Noise of a reading, or of the position of a pose, as campaign.toml has it."""
 
 HUNG = Manner(hang=True, scale_n=0.05)
 """The same with weights, known to 5 g."""
@@ -38,7 +43,7 @@ class World:
 
     Attributes:
         name: Of the command's option.
-        exam: noise, blunders, loads or instruments.
+        exam: noise, blunders, loads, payloads or instruments.
         says: What it is, in a line.
         robot: That is measured.
         rules: How it is measured.
@@ -49,7 +54,8 @@ class World:
         drifts: The tracker moves by a fifth to one millimetre, too.
         factors: The scale's log shows so many times the force, drawn log-uniform in this range.
         stated: Line on the noise in `[tracker]`.
-        instrument: Its kind in `[instrument]`.
+        instrument: Lines of `[instrument]`.
+        reads: Poses instead of points; then the noise is theirs.
         timed: The export says when each reading was taken.
         secrets: Hidden causes, with sizes in typical ones.
     """
@@ -65,8 +71,9 @@ class World:
     spoil: Spoil = nothing
     drifts: bool = False
     factors: tuple[float, float] = (1.0, 1.0)
-    stated: str = "sigma_m = 3e-5"
-    instrument: str = ""
+    stated: str = STATED
+    instrument: tuple[str, ...] = ()
+    reads: Poses | None = None
     timed: bool = True
     secrets: tuple[tuple[Secret, float], ...] = ()
 
@@ -79,11 +86,20 @@ class World:
         """Where it is measured."""
         return random_plan(robot, self.rules, seed)
 
-    def errors(self, hours: Array, local: Array, rng: np.random.Generator) -> Array:
+    def errors(self, cell: Cell, rng: np.random.Generator) -> Array:
         """What the tracker adds to the points, its own frame, shape (r, 3) [m]."""
         for_noise, for_drift = rng.spawn(2)
-        noise = self.noise(hours, for_noise)
-        return noise + tracker_moves(hours, local, for_drift) if self.drifts else noise
+        noise = self._scatter(cell, self.noise, for_noise)
+        return noise + tracker_moves(cell.hours, cell.local, for_drift) if self.drifts else noise
+
+    def as_stated(self, cell: Cell, rng: np.random.Generator) -> Array:
+        """The same of a tracker that scatters as stated."""
+        return self._scatter(cell, White(), rng)
+
+    def _scatter(self, cell: Cell, points: Noise, rng: np.random.Generator) -> Array:
+        if self.reads is None:
+            return points(cell.hours, rng)
+        return self.reads(cell.slots, cell.hours, cell.local, rng)
 
 
 @dataclass(frozen=True)
@@ -224,20 +240,102 @@ LOADS = (
     ),
 )
 
-COARSE = White(2.2e-4)
-INSTRUMENTS = tuple(
-    World(
-        f"{kind}_022",
-        "instruments",
-        f"0.22 mm of noise that nobody stated, instrument {kind}",
-        noise=COARSE,
-        stated="",
-        instrument=kind,
+
+def _mounting(what: Carrying, at_once: bool = False) -> Manner:
+    """16 poses; every payload at each of them, or, where a row has the load's torques, one."""
+    most = max(what.masses_kg)
+    steps = (1.0,) if what.torques == "load" else tuple(kg / most for kg in what.masses_kg)
+    return Manner(steps=steps, at_once=at_once, carries=what)
+
+
+def _of_payloads(place: str, robot: str, kg: float, hides: tuple[Secret, float]) -> list[World]:
+    """Worlds of payloads of once, twice and three times a mass on one robot."""
+    two = Carrying((kg, 2 * kg), 3 * kg)
+    weighed = replace(two, torques="states")
+    kinds = (
+        ("payloads", "two payloads, a heavier one foretold", two),
+        ("payload_light", "one payload, a heavier one foretold", Carrying((kg,), 3 * kg)),
+        ("payload_heavy", "one payload, a lighter one foretold", Carrying((3 * kg,), kg)),
+        ("payloads_torques", "two payloads, torques of every state", weighed),
+        ("payloads_cause", f"the same, and {hides[0].label}", weighed),
+        (
+            "payloads_in_turn",
+            "one of two payloads at a pose, its torques",
+            replace(two, torques="load"),
+        ),
+        ("wrong_mass", "a mass is stated wrong, torques", replace(weighed, wrong="mass")),
+        ("wrong_center", "a centre is stated wrong, torques", replace(weighed, wrong="center")),
+        ("wrong_mass_untold", "a mass is stated wrong, no torques", replace(two, wrong="mass")),
+        (
+            "wrong_center_untold",
+            "a centre is stated wrong, no torques",
+            replace(two, wrong="center"),
+        ),
     )
-    for kind in ("unknown", "camera")
+    return [
+        World(
+            f"{name}_{place}",
+            "payloads",
+            f"{place}: {says}",
+            robot,
+            _mounting(what),
+            secrets=(hides,) if name == "payloads_cause" else (),
+        )
+        for name, says, what in kinds
+    ]
+
+
+PAYLOADS = (
+    *_of_payloads("rail", "kr500_rail", 160.0, (SECRETS["compensator"], 2.0)),
+    *_of_payloads("floor", FANUC, 55.0, (tilting(3, 3e-7), 1.0)),
+)
+
+
+def _reading(
+    name: str, says: str, aside_m: float = 0.0, said: bool = True, stated: str = STATED
+) -> World:
+    """An instrument that reads poses, on the rail."""
+    return World(
+        name,
+        "instruments",
+        says,
+        rules=replace(PULLED, at_once=True),
+        reads=Poses(aside_m),
+        stated=stated,
+        instrument=SAID if said else (),
+    )
+
+
+COARSE = White(2.2e-4)
+SAID = ('measures = "poses"', f"sigma_rad = {SIGMA_RAD}")
+INSTRUMENTS = (
+    *(
+        World(
+            f"{kind}_022",
+            "instruments",
+            f"0.22 mm of noise that nobody stated, instrument {kind}",
+            noise=COARSE,
+            stated="",
+            instrument=(f'kind = "{kind}"',),
+        )
+        for kind in ("unknown", "camera")
+    ),
+    _reading("poses", "6D poses, said to be such"),
+    _reading("poses_aside", "the same, of a probe 0.25 m off the targets", aside_m=0.25),
+    _reading("poses_as_points", "6D poses that pass for points of the stated noise", said=False),
+    _reading("poses_unsaid", "6D poses of which nobody says anything", said=False, stated=""),
+    replace(
+        _reading("poses_cause", "6D poses, said to be such, and a compensator"),
+        secrets=((SECRETS["compensator"], 2.0),),
+    ),
+    replace(
+        _reading("poses_payloads", "6D poses of a robot on the floor under two payloads"),
+        robot=FANUC,
+        rules=_mounting(Carrying((55.0, 110.0), 165.0), at_once=True),
+    ),
 )
 
 WORLDS: Mapping[str, World] = {
-    world.name: world for world in (*NOISE, *BLUNDERS, *LOADS, *INSTRUMENTS)
+    world.name: world for world in (*NOISE, *BLUNDERS, *LOADS, *PAYLOADS, *INSTRUMENTS)
 }
 EXAMS = tuple(dict.fromkeys(world.exam for world in WORLDS.values()))
