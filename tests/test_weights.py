@@ -355,6 +355,51 @@ def test_a_payload_that_the_torques_contradict_is_said():
     assert light.name == "light"
 
 
+@pytest.mark.parametrize(("stated", "accused"), [(130.0, set()), (143.0, {"light", "heavy"})])
+def test_two_payloads_that_disagree_are_rivals(stated, accused):
+    """One is a tenth lighter than stated, and nothing but the other payload could tell which."""
+    more = payload_tables().replace("mass_kg = 130.0", f"mass_kg = {stated}")
+    answer = answered("two", in_memory(hang(MOUNTED, more=more, poses=12)[0])).answer
+    causes = answer.diagnosis.causes
+    named = {(one.name, one.where) for cause in causes for one in (cause, *cause.rivals)}
+
+    assert {where for name, where in named if name == "payload_mass"} == accused
+    assert {name for name, _ in named} <= {"payload_mass"}
+    assert answer.diagnosis.verdict == ("ambiguous" if accused else "adequate")
+    for one, x in zip(answer.stiffness, X, strict=True):
+        if one.identifiable:
+            low, high = one.compliance - 2.5 * one.compliance_std, one.compliance_std * 2.5
+            assert low < x < one.compliance + high
+
+
+def test_a_payload_alone_has_no_mass_to_compare_with():
+    """Its mass would shift all stiffnesses alike; its centre may still be wrong."""
+    alone = case_of(hang(MOUNTED[:1], more=payload_tables(), poses=12)[0])
+    both = case_of(hang(MOUNTED, more=payload_tables(), poses=12)[0])
+
+    labels = {effect.label for effect in catalogue(alone.robot, bring(alone).data.pulls)}
+    of_two = {effect.label for effect in catalogue(both.robot, bring(both).data.pulls)}
+
+    assert {one for one in labels if one.startswith("payload")} == {"payload_center:light"}
+    assert {one for one in of_two if one.startswith("payload_mass")} == {
+        "payload_mass:light", "payload_mass:heavy",
+    }  # fmt: skip
+
+
+def test_a_centre_of_mass_elsewhere_is_named():
+    """A tenth of a metre beside where campaign.toml has it, with the payload's name."""
+    more = payload_tables()
+    at = PAYLOADS["heavy"][1]
+    moved = more.replace(str(list(at)), str([at[0] + 0.1, *at[1:]]))
+    assert moved != more
+    answer = answered("aside", in_memory(hang(MOUNTED, more=moved, poses=12)[0])).answer
+    cause = answer.diagnosis.causes[0]
+
+    assert (cause.name, cause.where) == ("payload_center", "heavy")
+    assert cause.parameters[0].value == pytest.approx(-0.1, abs=4 * cause.parameters[0].std)
+    assert "wrong centre of mass of heavy" in " ".join(answer.verdict_sentence)
+
+
 @pytest.mark.slow
 def test_each_payload_is_predicted_from_the_other():
     """To the scatter of the readings where both are right; not where one of them is not."""

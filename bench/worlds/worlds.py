@@ -36,6 +36,9 @@ DRIFT = ("tracker_drift",)
 FORCE = ("unit_mixup", "scale_gain", "sign_or_convention")
 """Causes by which forces that are many times too large are called."""
 
+PAYLOAD = ("payload_mass", "payload_center")
+"""Causes by which a payload is called that is not what campaign.toml says."""
+
 
 @dataclass(frozen=True)
 class World:
@@ -280,6 +283,7 @@ def _of_payloads(place: str, robot: str, kg: float, hides: tuple[Secret, float])
             robot,
             _mounting(what),
             secrets=(hides,) if name == "payloads_cause" else (),
+            allowed=PAYLOAD if name.startswith("wrong") else (),
         )
         for name, says, what in kinds
     ]

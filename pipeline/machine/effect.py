@@ -34,6 +34,7 @@ class Pulls(Locked):
         time_zero: Time of the pose's unloaded readings [s], NaN unknown, (m,).
         by: `PULLED`, `HUNG` or `MOUNTED`, shape (m,); by a chain where nothing is said.
         acts_at: Where the force acts, flange frame [m]; NaN is the tool's load point, shape (m, 3).
+        body: Name of the payload, empty for other loads, shape (m,).
     """
 
     pose: Ints
@@ -46,6 +47,7 @@ class Pulls(Locked):
     time_zero: Array
     by: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
     acts_at: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    body: Strings = field(default_factory=lambda: np.zeros(0, dtype=object))
 
     def __post_init__(self) -> None:
         """Pulls of which nothing else is said are those of a chain at the load point."""
@@ -53,6 +55,8 @@ class Pulls(Locked):
             object.__setattr__(self, "by", np.full(len(self.pose), PULLED))
         if len(self.acts_at) != len(self.pose):
             object.__setattr__(self, "acts_at", np.full((len(self.pose), 3), np.nan))
+        if len(self.body) != len(self.pose):
+            object.__setattr__(self, "body", np.full(len(self.pose), "", dtype=object))
         super().__post_init__()
 
     def __len__(self) -> int:
@@ -140,14 +144,18 @@ class Loaded(Locked):
     targets: Strings
 
 
-def in_place(where: int | str | None) -> str:
-    """` in joint 3`, ` in the forearm`, ` at P2`, or nothing."""
+_OWNED = ("payload_mass", "payload_center")
+"""Causes of a thing and not at a place."""
+
+
+def in_place(where: int | str | None, name: str = "") -> str:
+    """` in joint 3`, ` in the forearm`, ` at P2`, ` of ballast`, or nothing."""
     if where is None:
         return ""
     if isinstance(where, int):
         return f" in joint {where}"
     parts = {"upper_arm": " in the upper arm", "forearm": " in the forearm"}
-    return parts.get(where, f" at {where}")
+    return parts.get(where, f" {'of' if name in _OWNED else 'at'} {where}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -206,7 +214,7 @@ class Effect:
     @property
     def called(self) -> str:
         """`tilt of the bearing in joint 2`: in words, as it stands in any sentence."""
-        return self.noun + in_place(self.where)
+        return self.noun + in_place(self.where, self.name)
 
     @property
     def location(self) -> str:

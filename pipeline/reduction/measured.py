@@ -13,7 +13,7 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
 from pipeline.base.errors import InputError, listed
 from pipeline.machine import six
 from pipeline.machine.cell import Tool
-from pipeline.machine.effect import Pulls
+from pipeline.machine.effect import MOUNTED, Pulls
 from pipeline.machine.robot import Robot, configure
 from pipeline.reduction.case import tool
 from pipeline.reduction.register import Registration
@@ -175,6 +175,7 @@ def measured(
             time_zero=zero_time,
             by=pulls["by"].to_numpy(np.int64),
             acts_at=pulls[_AT].to_numpy(float),
+            body=_payloads(settings, pulls),
         ),
         pull=pull,
         target=target,
@@ -201,6 +202,13 @@ def measured(
     )
     effector = tool(settings)
     return in_poses(data, robot, effector, settings.instrument) if effector.six else data
+
+
+def _payloads(settings: Settings, pulls: pd.DataFrame) -> Strings:
+    """Name of the payload of each pull, empty where it is none, shape (m,)."""
+    names = np.array([*settings.payload, ""], dtype=object)
+    mounted = pulls["by"].to_numpy() == MOUNTED
+    return np.asarray(names[np.where(mounted, pulls["body"].to_numpy(np.int64), -1)])
 
 
 def in_poses(data: Measured, robot: Robot, effector: Tool, said: Instrument) -> Measured:

@@ -17,6 +17,7 @@ from pipeline.machine.effects import (
     joint_tilt,
     link_bending,
     load_point_offset,
+    payload,
     rail_backlash,
     rail_lateral,
     rail_pitch,
@@ -76,4 +77,5 @@ def catalogue(robot: Robot, pulls: Pulls | None = None) -> tuple[Effect, ...]:
     """
     every = (effect for entry in CATALOGUE for effect in entry(robot))
     loads = {PULLED, HUNG, MOUNTED} if pulls is None else set(pulls.by.tolist())
-    return tuple(effect for effect in every if loads.intersection(effect.of))
+    known = tuple(effect for effect in every if loads.intersection(effect.of))
+    return known if pulls is None else known + payload.effects(pulls)

@@ -1,0 +1,71 @@
+"""A payload is not what campaign.toml says: its mass is m (1 + g), its centre at c + d.
+
+The mass is told by what else loads the robot: of one payload alone it shifts all stiffnesses by
+the same percentage.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from pipeline.base.arrays import Array, Bools, Parameter
+from pipeline.machine.effect import MOUNTED, Effect, Loaded, Pulls, Wrench
+
+NOUNS = {"payload_mass": "wrong mass", "payload_center": "wrong centre of mass"}
+"""What each is called; the name of the payload follows."""
+
+
+def effects(pulls: Pulls) -> tuple[Effect, ...]:
+    """Mass and centre of each payload of a campaign."""
+    mounted = pulls.by == MOUNTED
+    names = sorted({*pulls.body[mounted].tolist()})
+    told = len(names) > 1 or not mounted.all()
+    masses = [_mass(name) for name in names if told]
+    return (*masses, *(_centre(name) for name in names))
+
+
+def _mass(name: str) -> Effect:
+    return Wrench(
+        name="payload_mass",
+        where=name,
+        noun=NOUNS["payload_mass"],
+        place="force",
+        parameters=(Parameter("g_mass", "1", 0.01, -0.5, 0.5),),
+        signature="all that one payload moves is off by the same percentage; another one disagrees",
+        needs="the payload on a scale, or the joint torques",
+        source="f = m g; 1 % is an estimate",
+        wrench=partial(_heavier, name),
+        of=(MOUNTED,),
+    )
+
+
+def _centre(name: str) -> Effect:
+    return Wrench(
+        name="payload_center",
+        where=name,
+        noun=NOUNS["payload_center"],
+        place="force",
+        parameters=tuple(Parameter(f"dc_{axis}", "m", 5e-3, -0.5, 0.5) for axis in "xyz"),
+        signature="torques of the wrist are off by the payload's weight times a lever fixed in it",
+        needs="the centre weighed or from the drawing, or the joint torques",
+        source="moment d x m g; 5 mm is an estimate",
+        wrench=partial(_elsewhere, name),
+        of=(MOUNTED,),
+    )
+
+
+def _heavier(name: str, loaded: Loaded, values: Array) -> tuple[Array, Array]:
+    """The centre as stated, the force of the mass that is true."""
+    return loaded.load_point, loaded.force * (1 + _here(name, loaded)[:, None] * values[0])
+
+
+def _elsewhere(name: str, loaded: Loaded, values: Array) -> tuple[Array, Array]:
+    """The centre that is true, the force as stated."""
+    shift = loaded.configuration.flange_axes @ values
+    return loaded.load_point + _here(name, loaded)[:, None] * shift, loaded.force
+
+
+def _here(name: str, loaded: Loaded) -> Bools:
+    return np.asarray(loaded.pulls.body == name, dtype=bool)
