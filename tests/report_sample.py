@@ -38,7 +38,7 @@ def _content() -> dict[str, Any]:
         "compliance": None,
         "compliance_std": None,
         "finding": "k_theta7 is not identifiable: in every pose the line of pull has no lever "
-        "about joint theta7; load the effector off that joint's axis.",
+        "about joint theta7; load the effector sideways, off that joint's axis.",
         "remarks": [{"odd": "no_lever"}],
         "budget": [],
     }

@@ -18,9 +18,10 @@ from pipeline.faults.conventions import (
     scaled,
     unloaded,
 )
+from pipeline.faults.placement import placement
 from pipeline.machine.instrument import InstrumentNoise, beam_covariance
 from pipeline.machine.robot import load
-from pipeline.reduction.bring import conformed, plain
+from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
@@ -221,6 +222,40 @@ def test_how_far_the_reflectors_miss_is_what_moves_within_a_pose():
     assert anchored_miss(good()) < 1e-3
     bare = good().settings.model_copy(update={"base_frame": {}})
     assert anchored_miss(replace(good(), settings=bare)) is None
+
+
+def turned_base(case):
+    """[base_frame] measured along the other edge of the plate: a right angle and a metre off."""
+    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    base = {
+        name: tuple((turn @ at + [1.0, 0, 0]).tolist())
+        for name, at in case.settings.base_frame.items()
+    }
+    return replace(case, settings=case.settings.model_copy(update={"base_frame": base}))
+
+
+def no_base(case):
+    """Nothing filled in, and the readings in the tracker's frame."""
+    return replace(case, settings=case.settings.model_copy(update={"base_frame": {}}))
+
+
+@pytest.mark.parametrize("plant", [turned_base, no_base])
+def test_readings_that_are_not_in_the_base_frame_are_brought_there(plant):
+    """Named as a whole, and the forces stand then where they stood: to a tenth of a degree."""
+    bad = plant(good())
+
+    (found,) = conventions(bad) or placement(bad)
+    right = found.correct(bad)
+
+    assert (found.name, found.where) == ("sign_or_convention", "base_frame")
+    assert ("without [base_frame]" in found.evidence) is (plant is no_base)
+    assert placement(right) == []
+    assert placement(good()) == []
+    force, true = (
+        bring(one).shown["forces"][["fx_n", "fy_n", "fz_n"]].to_numpy() for one in (right, good())
+    )
+    away = np.linalg.norm(force - true, axis=1) / np.linalg.norm(true, axis=1)
+    assert away.max() < 2e-3
 
 
 def test_a_wrong_unit_takes_the_files_covariances_along_and_no_others():

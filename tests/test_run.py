@@ -297,7 +297,7 @@ def test_two_poses_cannot_predict_each_other():
 
 
 def test_a_base_reflector_off_by_centimetres_is_told():
-    """The finding names it; the registration claims no microradians any more."""
+    """It is named with its table, and the registration is that of the others."""
     files = dict(simulate(Plan(name="c")).files)
     good = told(files)
     toml = files["campaign.toml"].replace(b"B2 = [0.6, 18.5, -0.3]", b"B2 = [0.63, 18.5, -0.3]")
@@ -305,8 +305,10 @@ def test_a_base_reflector_off_by_centimetres_is_told():
     bad = told(files | {"campaign.toml": toml})
 
     assert good.findings == tuple(e.finding for e in good.stiffness if e.finding)
-    assert "base reflectors do not fit" in bad.findings[0]
-    assert bad.registration.rotation_std_rad[2] > (50 * good.registration.rotation_std_rad[2])
+    assert "B2 stands 30.0" in bad.verdict_sentence[0]
+    assert not any("[base_frame]" in finding for finding in bad.findings)
+    assert bad.registration.max_mm < 0.2
+    assert bad.registration.rotation_std_rad[2] > good.registration.rotation_std_rad[2]
 
 
 def test_exchanged_names_are_told_and_the_corrected_result_stands_beside():

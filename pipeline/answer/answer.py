@@ -41,7 +41,7 @@ def answer(found: Findings) -> Answer:
     values, springs = values_entry(found.told, where), values_entry(found.springs, where)
     base = found.right.reduced.registration
     fits = registration_entry(base)
-    overload = overload_entry(raw.robot, given.reduced.data.pulls)
+    overload = overload_entry(raw.robot, found.right.reduced.data.pulls)
     said = [joint.finding for joint in values.stiffness if joint.finding]
     said += filter(None, [common_factor(values.stiffness), *map(enormous, found.diagnosis.causes)])
     payloads = payload_entries(given.case)

@@ -35,5 +35,5 @@ def overloaded(fact: Overload | None) -> list[str]:
     return [
         f"The hardest pull, {plain(fact.force_n)} N in pose {fact.pose}, is {plain(fact.times, 2)} "
         f"times the weight of the {fact.payload_kg:g} kg that the robot carries: check the "
-        "unit of the force column, and whether campaign.toml names the right robot."
+        "unit of the loads, and whether campaign.toml names the right robot."
     ]

@@ -109,8 +109,8 @@ _WORK = {
 _IDLE = {
     JointType.PRISMATIC: "no pull of the campaign has a part along the joint; add pulls along the "
     "rail",
-    JointType.REVOLUTE: "no pull of the campaign puts a torque on the joint; load the effector off "
-    "that joint's axis",
+    JointType.REVOLUTE: "no pull of the campaign puts a torque on the joint; load the effector "
+    "sideways, off that joint's axis",
 }
 """That a joint is never loaded, and the way out."""
 

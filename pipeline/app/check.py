@@ -22,6 +22,7 @@ from pipeline.app.wrong_lines import TOML, Wrong, mistaken, text_of, wrong_lines
 from pipeline.base.errors import InputError, at, listed
 from pipeline.base.quantities import plain as in_digits
 from pipeline.faults.conventions import conventions
+from pipeline.faults.placement import placement
 from pipeline.faults.survey import Clock, Distance, Stand, clock, distances, over_nominal, stands
 from pipeline.machine.effect import HUNG, MOUNTED
 from pipeline.machine.poses import in_log_units
@@ -107,7 +108,7 @@ def _told(
     line = ", ".join(f"{count} {what}" for what, count in used.items())
     found = _Seen(case, there, ratio, when)
     grown = growth_findings(registration_entry(reduced.registration))
-    others = [] if wrong else [one.evidence for one in conventions(case)]
+    others = [] if wrong else [one.evidence for one in (conventions(case) or placement(case))]
     overload = overload_entry(raw.robot, reduced.data.pulls)
     said = [*limit_findings(case), *treated_findings(case), *grown]
     notes = [*others, *said, *found.doubts(), *overloaded(overload)]

@@ -28,8 +28,11 @@ from pipeline.readers.known import BETTER, GROSS_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 
-_GROSS_ANCHORED_M = 0.3
+GROSS_ANCHORED_M = 0.3
 """Nor this far from it in a base frame, however poor its reflectors."""
+
+_BASE = 3
+"""Base reflectors below which nothing is placed."""
 
 FEWEST_POSES = 3
 """Poses below which a rigid motion can hide a wrong table."""
@@ -85,7 +88,7 @@ def conventions(case: Case) -> list[Mistake]:
     measured, or where no single mistake and no pair of them explains their positions. What moves
     the whole robot rigidly shows only against the base reflectors, which are tested second.
     """
-    for how, gross in ((miss, GROSS_M), (anchored_miss, _GROSS_ANCHORED_M)):
+    for how, gross in ((miss, GROSS_M), (anchored_miss, GROSS_ANCHORED_M)):
         before = how(case)
         if before is not None and before >= gross:
             return _search(case, how, gross, before)
@@ -147,16 +150,27 @@ def anchored_miss(case: Case) -> float | None:
 
     None without three base reflectors.
     """
-    rows, nominal = case.readings, case.settings.base_frame
-    base = rows[rows["pose"].isna() & rows["target"].isin(list(nominal))]
-    if base["target"].nunique() < 3:
+    where = anchored(case) if case.settings.base_frame else None
+    if where is None:
         return None
-    zeros = unloaded(case)
-    seen, expected, _ = pairs(case, zeros)
-    points = np.array([nominal[name] for name in base["target"]])
-    R, t = rigid(base[XYZ].to_numpy(float), points)
-    away = np.linalg.norm(seen @ R.T + t - expected, axis=1)
+    seen, expected, _ = pairs(case, unloaded(case))
+    away = np.linalg.norm(seen @ where[0].T + where[1] - expected, axis=1)
     return float(np.median(away)) if len(away) else None
+
+
+def anchored(case: Case) -> tuple[Array, Array] | None:
+    """R, t that bring readings into F_b by the base reflectors, None where fewer than three do.
+
+    Without [base_frame] they are taken to be there.
+    """
+    rows, nominal = case.readings, case.settings.base_frame
+    if not nominal:
+        return np.eye(3), np.zeros(3)
+    base = rows[rows["pose"].isna() & rows["target"].isin(list(nominal))]
+    if base["target"].nunique() < _BASE:
+        return None
+    points = np.array([nominal[name] for name in base["target"]])
+    return rigid(base[XYZ].to_numpy(float), points)
 
 
 def unloaded(case: Case) -> pd.DataFrame:

@@ -1,0 +1,81 @@
+"""The base frame that is missing, turned or elsewhere, from where the reflectors stand unloaded.
+
+Readings are brought into F_b by the base reflectors, or taken to be in it where campaign.toml has
+no [base_frame]. Forces and torques are then those of another pose: turned by a right angle they are
+along another axis. The reflectors tell it where they stand as the robot's table has them, but all
+together somewhere else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from pipeline.base import covariance
+from pipeline.base.arrays import Array
+from pipeline.base.linear import rigid
+from pipeline.faults.conventions import GROSS_ANCHORED_M, anchored, miss, pairs, unloaded
+from pipeline.faults.fault import Fault
+from pipeline.faults.mistake import Mistake, length
+from pipeline.readers.known import BETTER, GROSS_M
+from pipeline.reduction.case import Case
+from pipeline.reduction.register import XYZ
+
+
+def placement(case: Case) -> list[Mistake]:
+    """That the readings are not in F_b, where nothing but a rigid motion of all is wrong."""
+    free, where = miss(case), anchored(case)
+    if free is None or where is None or free >= GROSS_M:
+        return []
+    seen, expected, _ = pairs(case, unloaded(case))
+    R, t = where
+    stand = seen @ R.T + t
+    before = float(np.median(np.linalg.norm(stand - expected, axis=1)))
+    if before < GROSS_ANCHORED_M or before < BETTER * free:
+        return []
+    turn, shift = rigid(stand, expected)
+    angle = np.rad2deg(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1)))
+    base = case.settings.base_frame
+    what = "[base_frame] is" if base else "without [base_frame] the readings are"
+    far = f"turned by {angle:.1f} deg and {length(before)} away"
+    says = f"{what} in another frame than the one in which the robot file begins, {far}"
+    return [
+        Mistake(
+            name="sign_or_convention",
+            where="base_frame",
+            evidence=f"{says}: brought there, the unloaded reflectors stand {1e3 * free:.1f} mm "
+            "from where the robot's table puts them",
+            correction="computed again with the readings brought there"
+            + ("" if base else "; fill in [base_frame]"),
+            before=1e3 * before,
+            after=1e3 * free,
+            unit="mm",
+            correct=partial(_placed, turn, shift),
+        )
+    ]
+
+
+def _placed(turn: Array, shift: Array, case: Case) -> Case:
+    """The campaign brought into F_b: its base reflectors, or without them its readings."""
+    base = case.settings.base_frame
+    if base:
+        moved = {name: tuple((turn @ at + shift).tolist()) for name, at in base.items()}
+        return replace(case, settings=case.settings.model_copy(update={"base_frame": moved}))
+    rows = case.readings
+    here = rows[XYZ].to_numpy(float) @ turn.T + shift
+    C = covariance.flat(turn @ covariance.matrices(rows) @ turn.T)
+    columns = [*XYZ, *covariance.columns()]
+    return replace(
+        case,
+        readings=rows.assign(**dict(zip(columns, np.column_stack([here, C]).T, strict=True))),
+    )
+
+
+FAULT = Fault(
+    "sign_or_convention",
+    "mixed-up sign or axis convention",
+    lambda asked: placement(asked.case),
+    in_files=True,
+)
