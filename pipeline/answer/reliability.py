@@ -116,7 +116,9 @@ def _told(found: Reliability, size: Array, about: Asked) -> dict[str, Array | St
     return {
         "r": found.r,
         "w": found.w,
-        "smallest_visible": found.visible * size,
+        "smallest_visible": np.multiply(
+            found.visible, size, out=found.visible.copy(), where=size > 0
+        ),
         "moves_sigmas": moves[np.arange(len(most)), most],
         "moves_most": about.name[about.stated][most],
     }
