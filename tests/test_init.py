@@ -458,3 +458,80 @@ def test_a_campaign_is_never_written_over(init, tmp_path, capsys):
     assert "has a campaign.toml already: fill that in, or remove it" in capsys.readouterr().err
     assert (folder / "campaign.toml").read_text() == text
     assert all((folder / name).read_bytes() == data for name, data in FILES.items())
+
+
+def joined(form):
+    """Names that hold group and target in one, without a column of groups; titles nobody knows."""
+    rows = [row.split(",") for row in FILES["tracker.csv"].decode().splitlines()]
+    lines = ["\t".join(["Nom", "X [mm]", "Y [mm]", "Z [mm]"])]
+    for group, target, *xyz, _ in rows[1:]:
+        parts = re.fullmatch(r"pose(\d+)_rep(\d+)_(\w+)", group)
+        values = (str(1e3 * float(x)) for x in xyz) if "x_m" in rows[0] else xyz
+        lines.append("\t".join([form(parts and parts.groups(), group, target), *values]))
+    return FILES | {"tracker.csv": "\n".join(lines).encode()}
+
+
+def behind(parts, group, target):
+    """The target stands last."""
+    pose, repeat, state = parts or ("", "", "")
+    return f"Pos-{pose}/{state[:2]}{repeat}/{target}" if parts else f"{group}/{target}"
+
+
+def in_front(parts, group, target):
+    """The target stands first."""
+    pose, repeat, state = parts or ("", "", "")
+    return f"{target} Pose {pose} {state} {repeat}" if parts else f"{target} {group}"
+
+
+def underlined(parts, group, target):
+    """The same sign stands within the group, too."""
+    pose, repeat, state = parts or ("", "", "")
+    return f"p{pose}_{'on' if state == 'loaded' else 'off'}{repeat}_{target}" if parts else (
+        f"{group}_{target}")  # fmt: skip
+
+
+@pytest.mark.parametrize("form", [behind, in_front, underlined])
+def test_names_that_hold_group_and_target_are_parted(init, form):
+    """By the sign before or behind a part that is one of a few and comes again with the others."""
+    text = tomllib.loads(init(joined(form)))
+
+    pattern = text["tracker"]["names"]
+    found = re.fullmatch(pattern, form(("07", "2", "loaded"), "", "P2"))
+    assert found["target"] == "P2"
+    assert text["naming"]["measured"] == TRUE["naming"]["measured"]
+    assert text["naming"]["chain"] == TRUE["naming"]["chain"]
+
+
+def test_two_ways_to_part_names_are_asked(init):
+    """Where no distances tell them: it may be the first or the last part that is the target."""
+    places = np.random.default_rng(5).uniform(-900, 900, (24, 3)).round(3).tolist()
+    names = [f"{one}-{two}-{three}" for one in "ABC" for two in "RSTU" for three in "PQ"]
+    rows = [";".join([name, *map(str, at)]) for name, at in zip(names, places, strict=True)]
+    files = {"tracker.csv": "\n".join(["Punkt;X [mm];Y [mm];Z [mm]", *rows]).encode()}
+    last, first = "(?P<group>.+)-(?P<target>.+)", "(?P<target>.+?)-(?P<group>.+)"
+
+    assert propose(files).names == (last, first)
+    text = init(files)
+    assert "names" in unfilled(text).values()
+    assert f'# names = ?                 # how names hold group and target: "{last}" or' in text
+
+
+def test_the_way_to_part_names_that_is_chosen_holds(init, capsys):
+    """It is asked by number, and the readings have groups from there on."""
+    rows = [f"{one}-{two}-{three};{k};{k * k % 7};{k * 3 % 11}" for k, (one, two, three) in
+            enumerate((a, b, c) for a in "ABC" for b in "RSTU" for c in "PQ")]  # fmt: skip
+    files = {"tracker.csv": "\n".join(["Punkt;X [mm];Y [mm];Z [mm]", *rows]).encode()}
+    text = init(files, "2", *[""] * 4)
+
+    assert tomllib.loads(text)["tracker"]["names"] == "(?P<target>.+?)-(?P<group>.+)"
+    assert "How do names hold group and target?" in capsys.readouterr().err
+
+
+def test_a_mapping_without_coordinates_is_said_in_our_words(tmp_path, capsys):
+    """How many columns there are and are needed, and no word of a program's inside."""
+    (tmp_path / "campaign.toml").write_text('[tracker.mapping]\ncolumns = { group = "Nom" }\n')
+    (tmp_path / "tracker.csv").write_text("Nom;X [mm];Y [mm];Z [mm]\nA;1;2;3\n")
+    code = cli._exit_code(["inspect", str(tmp_path / "tracker.csv")])
+
+    assert code == 5
+    assert "there are 1 here and at least 3 are needed" in capsys.readouterr().err

@@ -114,6 +114,8 @@ def _of_files(said: Proposal) -> dict[str, object]:
         "tracker": _tracker(said),
         "mapping": mapping_lines(mapping) if mapping else [],
         "nameless": said.nameless,
+        "names": quoted(said.names[0]) if len(said.names) == 1 else None,
+        "asked_names": " or ".join(map(quoted, said.names)) if len(said.names) > 1 else None,
         "reach": _shown(said.reach, plain),
         "group": _shown(said.group, lambda group: quoted(group.pattern)),
         "asked_group": _shown(asked or None, lambda names: printable(listed(names), 200)),

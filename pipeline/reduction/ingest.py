@@ -36,6 +36,11 @@ from pipeline.reduction.weights import PULL
 
 _SIX = covariance_columns()
 
+_NAMES = (
+    "say with names in [tracker] of campaign.toml how names hold group and target, as `pipeline "
+    "inspect` proposes, name the column of the groups in [tracker.mapping], or "
+)
+
 
 @dataclass(frozen=True)
 class Ingested:
@@ -222,8 +227,9 @@ def _exports(settings: Settings, tracker: Tracker, raw: Mapping[str, bytes]) -> 
         if export.group is None:
             raise InputError(
                 f"the readings have no {'names' if export.target is None else 'groups'}",
-                "say what each row is in a table order,group,target, and name the table with "
-                'assignment = "assignment.csv" in [tracker] of campaign.toml',
+                f"{_NAMES if export.target is not None else ''}say what each row is in a table "
+                'order,group,target, and name the table with assignment = "assignment.csv" in '
+                "[tracker] of campaign.toml",
                 file=name,
             )
     return exports

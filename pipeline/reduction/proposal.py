@@ -26,6 +26,7 @@ from pipeline.machine.robot import SHIPPED, Robot, load
 from pipeline.machine.robot.mdh import parse as parse_robot
 from pipeline.readers import Export, Hints, logs
 from pipeline.readers._log_form import OURS, LogForm
+from pipeline.readers._names import separators, split
 from pipeline.readers._text import is_workbook
 from pipeline.readers.logs import Log
 from pipeline.readers.offer import Offer, offer
@@ -71,6 +72,8 @@ class Proposal:
         offer: What else [tracker] has to say of the export, None where nothing else is open.
         nameless: Whether an export does not say what its readings are: `names`, or only `groups`
             where it names the targets; None where it does.
+        names: What [tracker] names may say of names that hold group and target in one; with
+            several it is open which one.
         loads: Log of the loads, None where there is none.
         joints: Joint log, None where there is none.
         robots: Robots whose joints the log has; those that ship, and files in the folder.
@@ -90,6 +93,7 @@ class Proposal:
     reach: float | None = None
     offer: Offer | None = None
     nameless: Literal["names", "groups"] | None = None
+    names: tuple[str, ...] = ()
     loads: str | None = None
     joints: str | None = None
     robots: tuple[str, ...] = ()
@@ -136,12 +140,16 @@ def propose(files: Mapping[str, bytes], hints: Hints | None = None) -> Proposal:
     offered = found[1] if found else None
     if more := _with_groups(files, exports, offered or hints, logged):
         offered, exports = more
+    names = _separators(exports, hints)
+    if len(names) == 1:
+        exports = {name: split(one, names[0]) for name, one in exports.items()}
     rows = _by_group(list(exports.values()))
     told = _told(logged, files, rows or {})
     return replace(
         _named(rows, told.states if told else {}),
         nameless=_lacking(list(exports.values())),
         offer=offered,
+        names=names,
         exports=tuple(exports),
         reach=max(reach, default=None),
         loads=logged.loads,
@@ -316,6 +324,12 @@ def _with_groups(
             if rows and _told(logged, files, rows):
                 return replace(one, hints=hints), tried
     return None
+
+
+def _separators(exports: Mapping[str, Export], hints: Hints | None) -> tuple[str, ...]:
+    """What [tracker] names says, or may say, of exports whose names hold group and target."""
+    said = hints.names if hints else None
+    return (said,) if said else tuple(separators(list(exports.values())))
 
 
 def _grouped_in(hints: Hints, title: str) -> Hints:

@@ -79,6 +79,10 @@ def _propose(root: Path, folder: Path, robot: str | None, ask: bool) -> None:
         told = asking.ask(said.offer, partial(typer.echo, err=True))
         hints = (hints or Hints()).model_copy(update=told)
         said = propose(files, hints)
+    if ask and len(said.names) > 1:
+        named = asking.numbered("How do names hold group and target?", said.names, said.names,
+                                partial(typer.echo, err=True))  # fmt: skip
+        said = propose(files, (hints or Hints()).model_copy(update={"names": named}))
     for line in _seen(said):
         _tell(line)
     if robot is None:
