@@ -535,3 +535,63 @@ def test_a_mapping_without_coordinates_is_said_in_our_words(tmp_path, capsys):
 
     assert code == 5
     assert "there are 1 here and at least 3 are needed" in capsys.readouterr().err
+
+
+def without_chain(form):
+    """Groups called otherwise in which the same reflectors were read, loaded or not."""
+    files = foreign(form)
+    rows = files["tracker.csv"].decode().splitlines()
+    kept = [row for row in rows if not re.search(r";Pl\d;", row)]
+    return files | {"tracker.csv": "\n".join([*kept, ""]).encode()}
+
+
+def french(pose, repeat, state):
+    """Numbers behind the words."""
+    return f"Pos-{pose:02d}/{'sans' if state == 'unloaded' else 'avec'}{repeat or ''}"
+
+
+def test_words_of_any_language_are_asked(init):
+    """One answer, and all that was read is known, as with words that the readings tell apart."""
+    files = without_chain(french)
+    text = tomllib.loads(init(files, "avez", "sans", *["", "mm"], *[""] * 11))
+
+    assert text["naming"]["states"] == {"sans": "unloaded", "avec": "loaded"}
+    assert text["naming"]["measured"] == TRUE["naming"]["measured"]
+
+
+def test_words_that_nobody_explains_stay_open(init):
+    """With all that does not depend on them, and a line for either way to fill in."""
+    text = init(without_chain(french))
+    left = unfilled(text)
+
+    assert {"states", "load_point", "P1", *TRUE["base_frame"]} <= set(left.values())
+    assert not {"group", "base_frame"} & set(left.values())
+    for word, other in (("sans", "avec"), ("avec", "sans")):
+        filled = f'states = {{ "{word}" = "unloaded", "{other}" = "loaded" }}'
+        assert filled.removeprefix("states = ") in text
+        said = tomllib.loads(text.replace("[naming]", f"[naming]\n{filled}"))
+        assert re.fullmatch(said["naming"]["group"], "Pos-03/avec2")["repeat"] == "2"
+
+
+def test_words_of_groups_without_a_target_in_common_are_no_states():
+    """Base reflectors that were read as often as the poses."""
+    both = {"Halle": "BCD", "Arm": "PQR"}.items()
+    rows = [
+        f"{word} {k};{name};{k}.5;2.5;1.5" for k in range(6) for word, some in both for name in some
+    ]
+    said = propose(
+        {"tracker.csv": "\n".join(["Gruppe;Punkt;X [mm];Y [mm];Z [mm]", *rows]).encode()}
+    )
+
+    assert said.groups
+    assert not said.either
+
+
+def test_a_base_that_nobody_knows_is_said(init, capsys):
+    """Then readings are taken to be in the robot's frame."""
+    files = without_chain(german)
+    rows = [row for row in files["tracker.csv"].decode().splitlines() if row.startswith("Pose")]
+    text = init(files | {"tracker.csv": "\n".join([*rows, ""]).encode()})
+
+    assert "without them readings are taken to be in F_b" in text
+    assert "without [base_frame] readings are taken to be in F_b" in capsys.readouterr().err

@@ -105,7 +105,8 @@ def _words(folder: Path, said: Proposal, known: Known, fresh: bool) -> dict[str,
 def _of_files(said: Proposal) -> dict[str, object]:
     from pipeline.readers.offer import mapping_lines
 
-    apart, asked = said.apart_m.items(), () if said.group else said.groups
+    apart, asked = said.apart_m.items(), () if said.group or said.either else said.groups
+    group = said.group or next(iter(said.either), None)
     blind = bool(said.loads or said.joints or said.refused)
     mapping = said.offer.hints.mapping if said.offer else None
     return {
@@ -117,9 +118,10 @@ def _of_files(said: Proposal) -> dict[str, object]:
         "names": quoted(said.names[0]) if len(said.names) == 1 else None,
         "asked_names": " or ".join(map(quoted, said.names)) if len(said.names) > 1 else None,
         "reach": _shown(said.reach, plain),
-        "group": _shown(said.group, lambda group: quoted(group.pattern)),
+        "group": _shown(group, lambda group: quoted(group.pattern)),
         "asked_group": _shown(asked or None, lambda names: printable(listed(names), 200)),
         "states": _shown(said.group, lambda group: _states(group.state_of)),
+        "asked_states": " or ".join(_states(one.state_of) for one in said.either),
         "measured": _quoted(said.measured),
         "chain": _quoted(said.chain),
         "apart": [f"{one} to {two}: {1e3 * m:.2f} mm as read" for (one, two), m in apart],

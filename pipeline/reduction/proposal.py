@@ -81,6 +81,8 @@ class Proposal:
             have ours; several, with bars between them, where a title does not state its unit.
         joint_columns: The same of the joint log, by robot.
         group: How group names are read; None where nobody can tell.
+        either: How they are read whichever of some words is the unloaded state; empty where that
+            is known, or nobody can tell how they are read.
         groups: Group names, some of them; none where the log of the loads says what they are.
         measured: Targets read unloaded and loaded.
         chain: Both ends of the chain, the one at the effector first; empty where there is none.
@@ -100,6 +102,7 @@ class Proposal:
     load_columns: dict[str, str] = field(default_factory=dict)
     joint_columns: dict[str, dict[str, str]] = field(default_factory=dict)
     group: Group | None = None
+    either: tuple[Group, ...] = ()
     groups: tuple[str, ...] = ()
     measured: tuple[str, ...] = ()
     chain: tuple[str, ...] = ()
@@ -108,12 +111,15 @@ class Proposal:
     refused: dict[str, str] = field(default_factory=dict)
 
 
-def propose(files: Mapping[str, bytes], hints: Hints | None = None) -> Proposal:
+def propose(
+    files: Mapping[str, bytes], hints: Hints | None = None, unloaded: str | None = None
+) -> Proposal:
     """What the files of a campaign's folder say.
 
     Args:
         files: Content by name; TOML files are taken for robots.
         hints: What is said by now of an export that leaves more open than its unit.
+        unloaded: The word of the unloaded state in group names, where they leave it open.
     """
     logged = propose_logs(files)
     known = {logged.loads, logged.joints, *logged.refused}
@@ -146,7 +152,7 @@ def propose(files: Mapping[str, bytes], hints: Hints | None = None) -> Proposal:
     rows = _by_group(list(exports.values()))
     told = _told(logged, files, rows or {})
     return replace(
-        _named(rows, told.states if told else {}),
+        _named(rows, told.states if told else {}, unloaded),
         nameless=_lacking(list(exports.values())),
         offer=offered,
         names=names,
@@ -363,7 +369,7 @@ def _told(
 
     The column is the one under our title, or one that makes sense of what was read.
     """
-    if logged.loads is None or not rows or _grouped(rows) is not None:
+    if logged.loads is None or not rows or len(_grouped(rows)) == 1:
         return None
     data = files[logged.loads]
     form = logs.settled(LogForm(columns=logged.load_columns))
@@ -390,19 +396,23 @@ def _makes_sense(states: Mapping[str, str], rows: Mapping[str, Mapping[str, Arra
     return bool(unloaded) and unloaded <= loaded and loaded.isdisjoint(others)
 
 
-def _named(rows: dict[str, dict[str, Array]] | None, told: Mapping[str, str]) -> Proposal:
+def _named(
+    rows: dict[str, dict[str, Array]] | None, told: Mapping[str, str], word: str | None
+) -> Proposal:
     """What the names of groups and targets are, as far as they or a log tell.
 
     Args:
         rows: Where the targets of each group were read; None where an export has no names.
         told: State of each group that a log names.
+        word: That of the unloaded state, where somebody says it.
     """
     if rows is None:
         return Proposal()
-    group = None if told else _grouped(rows)
-    if group is None and not told:
+    ways = () if told else _grouped(rows)
+    ways = tuple(one for one in ways if len(ways) == 1 or one.states[0] == word) or ways
+    if not ways and not told:
         return Proposal(groups=tuple(rows)[:_SHOWN])
-    state = told if group is None else _state_of(list(rows), group)
+    state = _state_of(list(rows), ways[0]) if ways else told
     unloaded, loaded, others = (
         [at for name, at in rows.items() if state.get(name) == one] for one in (*_STATES, None)
     )
@@ -410,7 +420,8 @@ def _named(rows: dict[str, dict[str, Array]] | None, told: Mapping[str, str]) ->
     measured = [name for name in read if name in _targets(loaded)]
     ends = [name for name in _targets(loaded) if name not in read]
     return Proposal(
-        group=group,
+        group=ways[0] if len(ways) == 1 else None,
+        either=ways if len(ways) > 1 else (),
         groups=() if told else tuple(rows)[:_SHOWN],
         measured=tuple(measured),
         chain=_chain(ends, measured, loaded),
@@ -484,15 +495,16 @@ def _state_of(names: Sequence[str], group: Group) -> dict[str, str]:
     }
 
 
-def _grouped(rows: Mapping[str, Mapping[str, Array]]) -> Group | None:
+def _grouped(rows: Mapping[str, Mapping[str, Array]]) -> tuple[Group, ...]:
     """How group names are read: the usual way, or by a number and a word of a few.
 
     Names of one form are a number for the pose, a word for the state and perhaps a number for the
     repeat. Words whose groups have more targets are loaded: the chain's ends are read only then.
+    Where as many are read in all, any word may be that of the unloaded state: a way for each.
     """
     usual = Group(Naming().group)
     if _state_of(list(rows), usual):
-        return usual
+        return (usual,)
     tokens = {name: _TOKEN.findall(name) for name in rows if re.search("[0-9]", name)}
     longest = max(tokens.values(), key=len, default=[])
     alike = {name: own for name, own in tokens.items() if _fits(own, longest)}
@@ -500,11 +512,11 @@ def _grouped(rows: Mapping[str, Mapping[str, Array]]) -> Group | None:
     for k in range(len(longest)):
         said = {name: own[k] for name, own in alike.items() if len(own) > k}
         if _states(said, alike, numbers[0]):
-            states = _in_order(said, rows)
+            orders = _orders(said, rows)
             least = min(len(alike[name]) for name in said)
-            group = states and Group(_pattern(longest, numbers, k, states, least), states)
-            return group if group and _apart_from_each_other(list(rows), group) else None
-    return None
+            found = [Group(_pattern(longest, numbers, k, one, least), one) for one in orders]
+            return tuple(one for one in found if _apart_from_each_other(list(rows), one))
+    return ()
 
 
 def _apart_from_each_other(names: Sequence[str], group: Group) -> bool:
@@ -535,14 +547,23 @@ def _fits(own: Sequence[str], longest: Sequence[str]) -> bool:
     )
 
 
-def _in_order(
+def _orders(
     said: Mapping[str, str], rows: Mapping[str, Mapping[str, Array]]
-) -> tuple[str, ...] | None:
-    """The word of the unloaded state, then those of loaded ones; None where no one is below all."""
-    words = dict.fromkeys(said.values())
-    most = {w: max(len(rows[name]) for name in said if said[name] == w) for w in words}
+) -> list[tuple[str, ...]]:
+    """The word of the unloaded state, then those of loaded ones; any first where none has least.
+
+    Only words whose groups have a target in common can be states of one effector.
+    """
+    read: dict[str, list[set[str]]] = {word: [] for word in said.values()}
+    for name, word in said.items():
+        read[word].append({*rows[name]})
+    most = {word: max(map(len, some)) for word, some in read.items()}
     unloaded, *loaded = sorted(most, key=lambda word: most[word])
-    return (unloaded, *loaded) if most[unloaded] < most[loaded[0]] else None
+    if most[unloaded] < most[loaded[0]]:
+        return [(unloaded, *loaded)]
+    if not set.intersection(*(set[str]().union(*some) for some in read.values())):
+        return []
+    return [(one, *(word for word in most if word != one)) for one in most]
 
 
 def _pattern(

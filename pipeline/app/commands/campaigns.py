@@ -82,7 +82,11 @@ def _propose(root: Path, folder: Path, robot: str | None, ask: bool) -> None:
     if ask and len(said.names) > 1:
         named = asking.numbered("How do names hold group and target?", said.names, said.names,
                                 partial(typer.echo, err=True))  # fmt: skip
-        said = propose(files, (hints or Hints()).model_copy(update={"names": named}))
+        hints = (hints or Hints()).model_copy(update={"names": named})
+        said = propose(files, hints)
+    if ask and said.either:
+        words = tuple(one.states[0] for one in said.either)
+        said = propose(files, hints, _one_of("Word of the unloaded state in group names", words))
     for line in _seen(said):
         _tell(line)
     if robot is None:
@@ -243,6 +247,8 @@ def _seen(said: Proposal) -> Iterator[str]:
     for what, found in (files | names).items():
         if found:
             yield f"{what}: {listed(found, most=40)}"
+    if said.measured and not said.base:
+        yield "base: no reflector is known; without [base_frame] readings are taken to be in F_b"
     for name, why in said.refused.items():
         yield f"{name} is not used: {why}."
 
