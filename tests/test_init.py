@@ -14,6 +14,7 @@ from small_case import PLAN
 from pipeline.app import cli
 from pipeline.base.errors import InputError
 from pipeline.base.patterns import named
+from pipeline.machine.poses import from_log_units
 from pipeline.machine.robot import load
 from pipeline.reduction.proposal import propose
 from pipeline.reduction.settings import parse, unfilled
@@ -595,3 +596,60 @@ def test_a_base_that_nobody_knows_is_said(init, capsys):
 
     assert "without them readings are taken to be in F_b" in text
     assert "without [base_frame] readings are taken to be in F_b" in capsys.readouterr().err
+
+
+def by_controller(change, titles=None):
+    """The joint log as a controller has it: a remark, times, titles of its own."""
+    head, *rows = [row.split(",") for row in FILES["joints.csv"].decode().splitlines()]
+    assert head[:2] == ["pose", "r1_m"]
+    titles = titles or [f"rax_{k}" for k in range(1, 7)] + ["eax_a"]
+    lines = ["# log of task T_ROB1, robax", ";".join(["pos", "timestamp", *titles])]
+    robot = load("kr500_rail")
+    for k, (pose, *own) in enumerate(rows):
+        q = from_log_units(robot, np.array(own[:7], float)) - robot.controller_offset
+        rail, *turned = np.linalg.solve(robot.controller_matrix, q).tolist()
+        cells = change([f"{one:.6f}" for one in [*np.rad2deg(turned), rail]], k)
+        lines.append(";".join([pose, f"2026-11-03 08:{k:02d}:00", *cells]))
+    return FILES | {"joints.csv": "\n".join([*lines, ""]).encode()}
+
+
+def test_a_joint_log_is_known_by_its_numbers(init):
+    """With the rail behind the joints; degrees are told by the limits, the rail's unit is not."""
+    files = by_controller(lambda cells, _: cells)
+    said = propose(files)
+    text = init(files, words=("--robot", "kr500_rail"))
+
+    assert said.joints == "joints.csv"
+    assert {"kr500_rail"} <= set(said.robots) <= {"kr500_rail", "kr500_rail_kuka"}
+    assert '"rax_6" = "A6_deg"' in text
+    assert '# "eax_a" = ?   # E1_m or E1_mm or E1_in: the title states no unit' in text
+    assert not said.refused
+
+
+def test_numbers_that_no_robot_can_take_are_no_joint_log():
+    """One pose out of reach of the limits, a column too many, and titles counted backwards."""
+    far = by_controller(lambda cells, k: [*cells[:-1], "95000"] if k == 1 else cells)
+    more = [f"rax_{k}" for k in range(1, 7)] + ["eax_a", "speed"]
+    many = by_controller(lambda cells, k: [*cells, str(100 + k)], more)
+    back = by_controller(lambda cells, _: cells, [f"a_{k}" for k in range(7, 0, -1)])
+
+    for files in (far, many, back):
+        assert propose(files).joints is None
+
+
+def test_inspect_proposes_joints_for_the_robot_of_the_campaign(tmp_path, capsys):
+    """By their names there, in the unit of their titles; never coordinates."""
+    titles = "Position;Horodatage;" + ";".join(f"Axe {k} [rad]" for k in range(1, 7))
+    rows = [f"{k};2026-11-17 08:0{k}:00;-0.99;-0.17;0.2{k};-2.4;0.38;1.3{k}" for k in range(1, 6)]
+    (tmp_path / "abb.csv").write_text("\n".join(["# ABB IRC5 log, T_ROB1", titles, *rows, ""]))
+    code = cli._exit_code(["inspect", str(tmp_path / "abb.csv")])
+    alone = capsys.readouterr().out
+    (tmp_path / "campaign.toml").write_text('robot = "irb6640"\n')
+    cli._exit_code(["inspect", str(tmp_path / "abb.csv")])
+    named_robot = capsys.readouterr().out
+
+    assert code == 0
+    assert "joints as fanuc_r2000ic calls them: name the robot in campaign.toml" in alone
+    assert tomllib.loads(named_robot.partition("\n\n")[2])["joints"]["columns"] == {
+        "Position": "pose", **{f"Axe {k} [rad]": f"joint_{k}_rad" for k in range(1, 7)}
+    }  # fmt: skip

@@ -163,12 +163,18 @@ def _tracker(said: Proposal) -> list[str]:
     return lines
 
 
-def log_lines(said: Proposal) -> list[str]:
-    """What campaign.toml says of the one log of a proposal."""
+def log_lines(said: Proposal, robot: str | None = None) -> list[str]:
+    """What campaign.toml says of the one log of a proposal, for a robot where one is named."""
     table, file = ("scale", said.loads) if said.loads else ("joints", said.joints)
-    columns = _pairs(said.load_columns if said.loads else _joint_columns(said, None))
+    robot = robot if robot in said.joint_columns else None
+    columns = _pairs(said.load_columns if said.loads else _joint_columns(said, robot))
     lines = [f"[{table}]", f"file = {quoted(str(file))}"]
-    return [*lines, "", f"[{table}.columns]", *columns] if columns else lines
+    if not columns:
+        return lines
+    several = table == "joints" and len({str(one) for one in said.joint_columns.values()}) > 1
+    whose = next(iter(said.joint_columns), "") if several and robot is None else ""
+    named = f"   # joints as {whose} calls them: name the robot in campaign.toml" if whose else ""
+    return [*lines, "", f"[{table}.columns]{named}", *columns]
 
 
 def _fitting(found: Sequence[str]) -> str:

@@ -180,11 +180,12 @@ def propose_logs(files: Mapping[str, bytes]) -> Proposal:
     for name, data in files.items():
         if name.endswith(".toml") or not _may_be_log(name, data):
             continue
-        if fits := dict(_having(name, data, robots)):
+        fits = dict(_having(name, data, robots))
+        form = _loads(name, data) if not fits or is_workbook(data) else None
+        if fits := fits or ({} if form else dict(_by_number(name, data, robots))):
             columns = {robot: form.columns for robot, form in fits.items()}
             new = {"joints": name, "robots": tuple(fits), "joint_columns": columns}
             said = _added(said, name, new, said.joints)
-        form = _loads(name, data) if not fits or is_workbook(data) else None
         if form:
             said = _added(said, name, {"loads": name, "load_columns": form.columns}, said.loads)
     return said
@@ -230,8 +231,31 @@ def _having(name: str, data: bytes, robots: Mapping[str, Robot]) -> Iterator[tup
 def _within_limits(name: str, data: bytes, robot: Robot, form: LogForm) -> LogForm:
     """Titles that state no unit with the one that keeps all poses within the robot's limits.
 
-    Where several do, all of them stay.
+    Where several do, those stay; where none does, all.
     """
+    fitting = _possible(name, data, robot, form)
+    said = {title: {one.columns[title] for one in fitting} for title in form.columns}
+    left = {
+        title: "|".join(one for one in ours.split("|") if one in said[title]) or ours
+        for title, ours in form.columns.items()
+    }
+    return form.model_copy(update={"columns": left})
+
+
+def _by_number(
+    name: str, data: bytes, robots: Mapping[str, Robot]
+) -> Iterator[tuple[str, LogForm]]:
+    """Robots that can take every row of numbers of a log as a pose, in one order of the columns."""
+    for key, robot in robots.items():
+        with contextlib.suppress(InputError):
+            ways = logs.numbered_joints(name, data, robot)
+            fitting = [form for form in ways if _possible(name, data, robot, form)]
+            if len(fitting) == 1:
+                yield key, _within_limits(name, data, robot, fitting[0])
+
+
+def _possible(name: str, data: bytes, robot: Robot, form: LogForm) -> list[LogForm]:
+    """A log in each of the units that its titles leave open in which the robot takes all poses."""
     open_ones = {ours for ours in form.columns.values() if "|" in ours}
     units = [{one.rpartition("_")[2] for one in ours.split("|")} for ours in open_ones]
     fitting = []
@@ -241,7 +265,7 @@ def _within_limits(name: str, data: bytes, robot: Robot, form: LogForm) -> LogFo
         with contextlib.suppress(InputError):
             if not limits.impossible(logs.joints(name, data, robot, chosen), robot):
                 fitting.append(chosen)
-    return fitting[0] if len(fitting) == 1 else form
+    return fitting
 
 
 def _in_one_of(ours: str, units: Sequence[str]) -> str:
