@@ -16,9 +16,11 @@ from pipeline.base.errors import InputError
 from pipeline.base.patterns import named
 from pipeline.machine.poses import from_log_units
 from pipeline.machine.robot import load
+from pipeline.reduction.ingest import ingest
 from pipeline.reduction.proposal import propose
 from pipeline.reduction.settings import parse, unfilled
 from pipeline.simulate import simulate
+from pipeline.store.campaign import in_memory
 
 MADE = simulate(PLAN, np.random.default_rng(3)).files
 FILES = {name: data for name, data in MADE.items() if name != "campaign.toml"}
@@ -653,3 +655,42 @@ def test_inspect_proposes_joints_for_the_robot_of_the_campaign(tmp_path, capsys)
     assert tomllib.loads(named_robot.partition("\n\n")[2])["joints"]["columns"] == {
         "Position": "pose", **{f"Axe {k} [rad]": f"joint_{k}_rad" for k in range(1, 7)}
     }  # fmt: skip
+
+
+def loads_of(title, cells):
+    """The log with another load in each row."""
+    rows = [row.split(",")[:2] for row in FILES["loads.csv"].decode().splitlines()[1:]]
+    lines = [",".join(["pose", "repeat", *title])]
+    lines += [",".join([*row, *cells]) for row in rows]
+    return FILES | {"loads.csv": "\n".join([*lines, ""]).encode()}
+
+
+@pytest.mark.parametrize(
+    ("files", "asked"),
+    [
+        (loads_of(["force_n"], ["500"]), {"sigma_n"}),
+        (loads_of(["mass_kg"], ["60"]), {"mass_sigma_kg"}),
+        (loads_of(["mass_kg", "mass_sigma_kg"], ["60", "0.01"]), set()),
+        (loads_of(["payload"], ["box"]), set()),
+    ],
+)
+def test_only_the_uncertainty_of_what_loads_is_asked(init, files, asked):
+    """A scale's, a weight's, or none where the log says it or [payload] does."""
+    text = init(files)
+
+    assert {"sigma_n", "mass_sigma_kg"} & set(unfilled(text).values()) == asked
+    assert ("gain_sigma" in text) == ("sigma_n" in asked)
+
+
+def test_the_uncertainty_of_weights_is_asked_and_used(init):
+    """It holds for the rows that have none of their own."""
+    files = loads_of(["mass_kg", "mass_sigma_kg"], ["60", ""])
+    lines = files["loads.csv"].decode().splitlines()
+    files |= {"loads.csv": "\n".join([*lines[:-1], lines[-1] + "0.5", ""]).encode()}
+    toml = tomllib.loads(init(files, "kr500_rail", "", "20 g", *[""] * 9))
+    scale = MADE["campaign.toml"].decode().replace("[scale]", "[scale]\nmass_sigma_kg = 0.02")
+    raw = in_memory(files | {"campaign.toml": scale.encode()})
+    sigma = ingest(raw.settings, raw.robot, raw.files).loads["mass_sigma_kg"].to_pylist()
+
+    assert toml["scale"] == {"file": "loads.csv", "mass_sigma_kg": 0.02}
+    assert sigma == [0.02] * (len(lines) - 2) + [0.5]

@@ -48,6 +48,7 @@ class Known:
         unit: Of the exports that do not say it.
         sigma_m: Standard uncertainty of one tracker reading per axis [m].
         sigma_n: Standard uncertainty of one scale reading [N].
+        mass_sigma_kg: Standard uncertainty of one weight [kg].
         temperature_c: Of rail and base [degC].
         places: Points of [tool] and [base_frame] [m], by name.
         columns: Our names for titles of the logs that state no unit.
@@ -57,6 +58,7 @@ class Known:
     unit: str | None = None
     sigma_m: float | None = None
     sigma_n: float | None = None
+    mass_sigma_kg: float | None = None
     temperature_c: float | None = None
     places: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     columns: Mapping[str, str] = field(default_factory=dict)
@@ -115,6 +117,7 @@ def _of_files(said: Proposal) -> dict[str, object]:
         "tracker": _tracker(said),
         "mapping": mapping_lines(mapping) if mapping else [],
         "nameless": said.nameless,
+        "unsure": said.unsure,
         "names": quoted(said.names[0]) if len(said.names) == 1 else None,
         "asked_names": " or ".join(map(quoted, said.names)) if len(said.names) > 1 else None,
         "reach": _shown(said.reach, plain),
@@ -135,6 +138,7 @@ def _of_a_person(known: Known) -> dict[str, object]:
         "unit": _shown(known.unit, quoted),
         "sigma_m": _shown(known.sigma_m, "{:.3g}".format),
         "sigma_n": _shown(known.sigma_n, "{:g}".format),
+        "mass_sigma_kg": _shown(known.mass_sigma_kg, "{:g}".format),
         "warm": _shown(known.temperature_c, "{:g}".format),
     }
 

@@ -75,6 +75,7 @@ class Proposal:
         names: What [tracker] names may say of names that hold group and target in one; with
             several it is open which one.
         loads: Log of the loads, None where there is none.
+        unsure: Of `force` and `mass` those in the log whose uncertainty it does not say itself.
         joints: Joint log, None where there is none.
         robots: Robots whose joints the log has; those that ship, and files in the folder.
         load_columns: Our names for the columns of the loads, by their titles; without those that
@@ -97,6 +98,7 @@ class Proposal:
     nameless: Literal["names", "groups"] | None = None
     names: tuple[str, ...] = ()
     loads: str | None = None
+    unsure: tuple[str, ...] = ("force",)
     joints: str | None = None
     robots: tuple[str, ...] = ()
     load_columns: dict[str, str] = field(default_factory=dict)
@@ -151,6 +153,7 @@ def propose(
         exports = {name: split(one, names[0]) for name, one in exports.items()}
     rows = _by_group(list(exports.values()))
     told = _told(logged, files, rows or {})
+    columns = logged.load_columns | (told.columns if told else {})
     return replace(
         _named(rows, told.states if told else {}, unloaded),
         nameless=_lacking(list(exports.values())),
@@ -159,9 +162,10 @@ def propose(
         exports=tuple(exports),
         reach=max(reach, default=None),
         loads=logged.loads,
+        unsure=_unsure(logged.loads, files, columns),
         joints=logged.joints,
         robots=logged.robots,
-        load_columns=logged.load_columns | (told.columns if told else {}),
+        load_columns=columns,
         joint_columns=logged.joint_columns,
         refused=logged.refused | refused,
     )
@@ -276,6 +280,23 @@ def _in_one_of(ours: str, units: Sequence[str]) -> str:
 def _loads(name: str, data: bytes) -> LogForm | None:
     """What has to be said of the columns of a log of loads, None where it is none."""
     return _form(partial(logs.loads, name, data), partial(logs.understood_loads, name, data))
+
+
+def _unsure(
+    name: str | None, files: Mapping[str, bytes], columns: Mapping[str, str]
+) -> tuple[str, ...]:
+    """What a log of loads holds and whose uncertainty only a person knows.
+
+    A scale shows forces wherever nothing else can be read.
+    """
+    with contextlib.suppress(InputError):
+        form = logs.settled(LogForm(columns=dict(columns)))
+        log = logs.loads(name, files[name], form) if name else None
+        if log is not None and len(log.line):
+            given = {kind: ~np.isnan(log.number[kind]) for kind in ("force", "mass")}
+            given["mass"] &= np.isnan(log.number["mass_sigma"])
+            return tuple(kind for kind, rows in given.items() if rows.any())
+    return ("force",)
 
 
 def _form(read: Callable[[LogForm], Log], meant: Callable[[], LogForm | None]) -> LogForm | None:

@@ -132,7 +132,7 @@ def _asked(said: Proposal, robot: str | None) -> Known:
     """What only a person knows, one question at a time; an empty answer leaves it open."""
     from pipeline.app.blank import Known, log_columns
     from pipeline.readers._coordinates import USUAL_UNITS
-    from pipeline.readers.logs import FORCE, LENGTH
+    from pipeline.readers.logs import FORCE, LENGTH, MASS
 
     unit = None
     if said.reach is not None:
@@ -142,9 +142,13 @@ def _asked(said: Proposal, robot: str | None) -> Known:
         "Standard uncertainty of one tracker reading per axis [mm]", LENGTH, "mm",
         "Enter: it is found from repeats and misfit",
     )  # fmt: skip
-    # step / sqrt(12), GUM F.2.2.1
-    _tell("Of the scale, its certificate says it; the last digit alone makes 0.29 of a step.")
-    sigma_n = _size("Standard uncertainty of one scale reading [N]", FORCE, "n")
+    sigma_n = mass_sigma_kg = None
+    if "force" in said.unsure:
+        # step / sqrt(12), GUM F.2.2.1
+        _tell("Of the scale, its certificate says it; the last digit alone makes 0.29 of a step.")
+        sigma_n = _size("Standard uncertainty of one scale reading [N]", FORCE, "n")
+    if "mass" in said.unsure:
+        mass_sigma_kg = _size("Standard uncertainty of one weight [kg]", MASS, "kg")
     warm = (
         _number("Temperature of rail and base [degC]", "Enter: nobody knows")
         if said.exports
@@ -160,6 +164,7 @@ def _asked(said: Proposal, robot: str | None) -> Known:
         unit=unit,
         sigma_m=sigma_m,
         sigma_n=sigma_n,
+        mass_sigma_kg=mass_sigma_kg,
         temperature_c=warm,
         places={name: at for name, at in places.items() if at is not None},
         columns=columns,
