@@ -230,3 +230,15 @@ def test_a_name_with_blanks_is_found_in_its_line():
     files, line = changed("0.2, 0.05, 0.12]", "0.2, 0.05, 0.13]", files)
 
     assert lines(files) == [line]
+
+
+def test_a_campaign_without_base_reflectors_is_said_to_be_in_the_frame_of_the_robot(said):
+    """Nothing else says where the base is."""
+    points = TOML[TOML.index("[base_frame]") :].partition("\n\n")[0]
+    kept = TOML.replace(points, "")
+    assert "B1" not in kept
+    _, before, _ = said(FILES, "--json")
+    _, content, _ = said(FILES | {"campaign.toml": kept.encode()}, "--json")
+
+    assert "taken to be in F_b" not in before
+    assert "has no reflectors: readings are taken to be in F_b" in content

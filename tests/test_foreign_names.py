@@ -464,3 +464,13 @@ def test_their_campaign_has_our_answer():
 
     for form in (german, excel, blanks):
         assert answer(form()) == ours, form.__name__
+
+
+def test_a_column_of_times_may_be_called_time():
+    """In both logs, whatever its title; a remark above titles that mean nothing is no title."""
+    text = "# taken by night\nNr;Uhrzeit;Kraft\n1;2026-11-17 08:00:00;500\n"
+
+    with pytest.raises(InputError, match="no column pose among nr, uhrzeit, kraft"):
+        load_log(text)
+    called = {"Nr": "pose", "Uhrzeit": "time", "Kraft": "force_n"}
+    assert load_log(text, {"columns": called}) == [(1, 1, 500.0)]

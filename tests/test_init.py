@@ -14,10 +14,13 @@ from small_case import PLAN
 from pipeline.app import cli
 from pipeline.base.errors import InputError
 from pipeline.base.patterns import named
+from pipeline.machine.poses import from_log_units
 from pipeline.machine.robot import load
+from pipeline.reduction.ingest import ingest
 from pipeline.reduction.proposal import propose
 from pipeline.reduction.settings import parse, unfilled
 from pipeline.simulate import simulate
+from pipeline.store.campaign import in_memory
 
 MADE = simulate(PLAN, np.random.default_rng(3)).files
 FILES = {name: data for name, data in MADE.items() if name != "campaign.toml"}
@@ -458,3 +461,236 @@ def test_a_campaign_is_never_written_over(init, tmp_path, capsys):
     assert "has a campaign.toml already: fill that in, or remove it" in capsys.readouterr().err
     assert (folder / "campaign.toml").read_text() == text
     assert all((folder / name).read_bytes() == data for name, data in FILES.items())
+
+
+def joined(form):
+    """Names that hold group and target in one, without a column of groups; titles nobody knows."""
+    rows = [row.split(",") for row in FILES["tracker.csv"].decode().splitlines()]
+    lines = ["\t".join(["Nom", "X [mm]", "Y [mm]", "Z [mm]"])]
+    for group, target, *xyz, _ in rows[1:]:
+        parts = re.fullmatch(r"pose(\d+)_rep(\d+)_(\w+)", group)
+        values = (str(1e3 * float(x)) for x in xyz) if "x_m" in rows[0] else xyz
+        lines.append("\t".join([form(parts and parts.groups(), group, target), *values]))
+    return FILES | {"tracker.csv": "\n".join(lines).encode()}
+
+
+def behind(parts, group, target):
+    """The target stands last."""
+    pose, repeat, state = parts or ("", "", "")
+    return f"Pos-{pose}/{state[:2]}{repeat}/{target}" if parts else f"{group}/{target}"
+
+
+def in_front(parts, group, target):
+    """The target stands first."""
+    pose, repeat, state = parts or ("", "", "")
+    return f"{target} Pose {pose} {state} {repeat}" if parts else f"{target} {group}"
+
+
+def underlined(parts, group, target):
+    """The same sign stands within the group, too."""
+    pose, repeat, state = parts or ("", "", "")
+    return f"p{pose}_{'on' if state == 'loaded' else 'off'}{repeat}_{target}" if parts else (
+        f"{group}_{target}")  # fmt: skip
+
+
+@pytest.mark.parametrize("form", [behind, in_front, underlined])
+def test_names_that_hold_group_and_target_are_parted(init, form):
+    """By the sign before or behind a part that is one of a few and comes again with the others."""
+    text = tomllib.loads(init(joined(form)))
+
+    pattern = text["tracker"]["names"]
+    found = re.fullmatch(pattern, form(("07", "2", "loaded"), "", "P2"))
+    assert found["target"] == "P2"
+    assert text["naming"]["measured"] == TRUE["naming"]["measured"]
+    assert text["naming"]["chain"] == TRUE["naming"]["chain"]
+
+
+def test_two_ways_to_part_names_are_asked(init):
+    """Where no distances tell them: it may be the first or the last part that is the target."""
+    places = np.random.default_rng(5).uniform(-900, 900, (24, 3)).round(3).tolist()
+    names = [f"{one}-{two}-{three}" for one in "ABC" for two in "RSTU" for three in "PQ"]
+    rows = [";".join([name, *map(str, at)]) for name, at in zip(names, places, strict=True)]
+    files = {"tracker.csv": "\n".join(["Punkt;X [mm];Y [mm];Z [mm]", *rows]).encode()}
+    last, first = "(?P<group>.+)-(?P<target>.+)", "(?P<target>.+?)-(?P<group>.+)"
+
+    assert propose(files).names == (last, first)
+    text = init(files)
+    assert "names" in unfilled(text).values()
+    assert f'# names = ?                 # how names hold group and target: "{last}" or' in text
+
+
+def test_the_way_to_part_names_that_is_chosen_holds(init, capsys):
+    """It is asked by number, and the readings have groups from there on."""
+    rows = [f"{one}-{two}-{three};{k};{k * k % 7};{k * 3 % 11}" for k, (one, two, three) in
+            enumerate((a, b, c) for a in "ABC" for b in "RSTU" for c in "PQ")]  # fmt: skip
+    files = {"tracker.csv": "\n".join(["Punkt;X [mm];Y [mm];Z [mm]", *rows]).encode()}
+    text = init(files, "2", *[""] * 4)
+
+    assert tomllib.loads(text)["tracker"]["names"] == "(?P<target>.+?)-(?P<group>.+)"
+    assert "How do names hold group and target?" in capsys.readouterr().err
+
+
+def test_a_mapping_without_coordinates_is_said_in_our_words(tmp_path, capsys):
+    """How many columns there are and are needed, and no word of a program's inside."""
+    (tmp_path / "campaign.toml").write_text('[tracker.mapping]\ncolumns = { group = "Nom" }\n')
+    (tmp_path / "tracker.csv").write_text("Nom;X [mm];Y [mm];Z [mm]\nA;1;2;3\n")
+    code = cli._exit_code(["inspect", str(tmp_path / "tracker.csv")])
+
+    assert code == 5
+    assert "there are 1 here and at least 3 are needed" in capsys.readouterr().err
+
+
+def without_chain(form):
+    """Groups called otherwise in which the same reflectors were read, loaded or not."""
+    files = foreign(form)
+    rows = files["tracker.csv"].decode().splitlines()
+    kept = [row for row in rows if not re.search(r";Pl\d;", row)]
+    return files | {"tracker.csv": "\n".join([*kept, ""]).encode()}
+
+
+def french(pose, repeat, state):
+    """Numbers behind the words."""
+    return f"Pos-{pose:02d}/{'sans' if state == 'unloaded' else 'avec'}{repeat or ''}"
+
+
+def test_words_of_any_language_are_asked(init):
+    """One answer, and all that was read is known, as with words that the readings tell apart."""
+    files = without_chain(french)
+    text = tomllib.loads(init(files, "avez", "sans", *["", "mm"], *[""] * 11))
+
+    assert text["naming"]["states"] == {"sans": "unloaded", "avec": "loaded"}
+    assert text["naming"]["measured"] == TRUE["naming"]["measured"]
+
+
+def test_words_that_nobody_explains_stay_open(init):
+    """With all that does not depend on them, and a line for either way to fill in."""
+    text = init(without_chain(french))
+    left = unfilled(text)
+
+    assert {"states", "load_point", "P1", *TRUE["base_frame"]} <= set(left.values())
+    assert not {"group", "base_frame"} & set(left.values())
+    for word, other in (("sans", "avec"), ("avec", "sans")):
+        filled = f'states = {{ "{word}" = "unloaded", "{other}" = "loaded" }}'
+        assert filled.removeprefix("states = ") in text
+        said = tomllib.loads(text.replace("[naming]", f"[naming]\n{filled}"))
+        assert re.fullmatch(said["naming"]["group"], "Pos-03/avec2")["repeat"] == "2"
+
+
+def test_words_of_groups_without_a_target_in_common_are_no_states():
+    """Base reflectors that were read as often as the poses."""
+    both = {"Halle": "BCD", "Arm": "PQR"}.items()
+    rows = [
+        f"{word} {k};{name};{k}.5;2.5;1.5" for k in range(6) for word, some in both for name in some
+    ]
+    said = propose(
+        {"tracker.csv": "\n".join(["Gruppe;Punkt;X [mm];Y [mm];Z [mm]", *rows]).encode()}
+    )
+
+    assert said.groups
+    assert not said.either
+
+
+def test_a_base_that_nobody_knows_is_said(init, capsys):
+    """Then readings are taken to be in the robot's frame."""
+    files = without_chain(german)
+    rows = [row for row in files["tracker.csv"].decode().splitlines() if row.startswith("Pose")]
+    text = init(files | {"tracker.csv": "\n".join([*rows, ""]).encode()})
+
+    assert "without them readings are taken to be in F_b" in text
+    assert "without [base_frame] readings are taken to be in F_b" in capsys.readouterr().err
+
+
+def by_controller(change, titles=None):
+    """The joint log as a controller has it: a remark, times, titles of its own."""
+    head, *rows = [row.split(",") for row in FILES["joints.csv"].decode().splitlines()]
+    assert head[:2] == ["pose", "r1_m"]
+    titles = titles or [f"rax_{k}" for k in range(1, 7)] + ["eax_a"]
+    lines = ["# log of task T_ROB1, robax", ";".join(["pos", "timestamp", *titles])]
+    robot = load("kr500_rail")
+    for k, (pose, *own) in enumerate(rows):
+        q = from_log_units(robot, np.array(own[:7], float)) - robot.controller_offset
+        rail, *turned = np.linalg.solve(robot.controller_matrix, q).tolist()
+        cells = change([f"{one:.6f}" for one in [*np.rad2deg(turned), rail]], k)
+        lines.append(";".join([pose, f"2026-11-03 08:{k:02d}:00", *cells]))
+    return FILES | {"joints.csv": "\n".join([*lines, ""]).encode()}
+
+
+def test_a_joint_log_is_known_by_its_numbers(init):
+    """With the rail behind the joints; degrees are told by the limits, the rail's unit is not."""
+    files = by_controller(lambda cells, _: cells)
+    said = propose(files)
+    text = init(files, words=("--robot", "kr500_rail"))
+
+    assert said.joints == "joints.csv"
+    assert {"kr500_rail"} <= set(said.robots) <= {"kr500_rail", "kr500_rail_kuka"}
+    assert '"rax_6" = "A6_deg"' in text
+    assert '# "eax_a" = ?   # E1_m or E1_mm or E1_in: the title states no unit' in text
+    assert not said.refused
+
+
+def test_numbers_that_no_robot_can_take_are_no_joint_log():
+    """One pose out of reach of the limits, a column too many, and titles counted backwards."""
+    far = by_controller(lambda cells, k: [*cells[:-1], "95000"] if k == 1 else cells)
+    more = [f"rax_{k}" for k in range(1, 7)] + ["eax_a", "speed"]
+    many = by_controller(lambda cells, k: [*cells, str(100 + k)], more)
+    back = by_controller(lambda cells, _: cells, [f"a_{k}" for k in range(7, 0, -1)])
+
+    for files in (far, many, back):
+        assert propose(files).joints is None
+
+
+def test_inspect_proposes_joints_for_the_robot_of_the_campaign(tmp_path, capsys):
+    """By their names there, in the unit of their titles; never coordinates."""
+    titles = "Position;Horodatage;" + ";".join(f"Axe {k} [rad]" for k in range(1, 7))
+    rows = [f"{k};2026-11-17 08:0{k}:00;-0.99;-0.17;0.2{k};-2.4;0.38;1.3{k}" for k in range(1, 6)]
+    (tmp_path / "abb.csv").write_text("\n".join(["# ABB IRC5 log, T_ROB1", titles, *rows, ""]))
+    code = cli._exit_code(["inspect", str(tmp_path / "abb.csv")])
+    alone = capsys.readouterr().out
+    (tmp_path / "campaign.toml").write_text('robot = "irb6640"\n')
+    cli._exit_code(["inspect", str(tmp_path / "abb.csv")])
+    named_robot = capsys.readouterr().out
+
+    assert code == 0
+    assert "joints as fanuc_r2000ic calls them: name the robot in campaign.toml" in alone
+    assert tomllib.loads(named_robot.partition("\n\n")[2])["joints"]["columns"] == {
+        "Position": "pose", **{f"Axe {k} [rad]": f"joint_{k}_rad" for k in range(1, 7)}
+    }  # fmt: skip
+
+
+def loads_of(title, cells):
+    """The log with another load in each row."""
+    rows = [row.split(",")[:2] for row in FILES["loads.csv"].decode().splitlines()[1:]]
+    lines = [",".join(["pose", "repeat", *title])]
+    lines += [",".join([*row, *cells]) for row in rows]
+    return FILES | {"loads.csv": "\n".join([*lines, ""]).encode()}
+
+
+@pytest.mark.parametrize(
+    ("files", "asked"),
+    [
+        (loads_of(["force_n"], ["500"]), {"sigma_n"}),
+        (loads_of(["mass_kg"], ["60"]), {"mass_sigma_kg"}),
+        (loads_of(["mass_kg", "mass_sigma_kg"], ["60", "0.01"]), set()),
+        (loads_of(["payload"], ["box"]), set()),
+    ],
+)
+def test_only_the_uncertainty_of_what_loads_is_asked(init, files, asked):
+    """A scale's, a weight's, or none where the log says it or [payload] does."""
+    text = init(files)
+
+    assert {"sigma_n", "mass_sigma_kg"} & set(unfilled(text).values()) == asked
+    assert ("gain_sigma" in text) == ("sigma_n" in asked)
+
+
+def test_the_uncertainty_of_weights_is_asked_and_used(init):
+    """It holds for the rows that have none of their own."""
+    files = loads_of(["mass_kg", "mass_sigma_kg"], ["60", ""])
+    lines = files["loads.csv"].decode().splitlines()
+    files |= {"loads.csv": "\n".join([*lines[:-1], lines[-1] + "0.5", ""]).encode()}
+    toml = tomllib.loads(init(files, "kr500_rail", "", "20 g", *[""] * 9))
+    scale = MADE["campaign.toml"].decode().replace("[scale]", "[scale]\nmass_sigma_kg = 0.02")
+    raw = in_memory(files | {"campaign.toml": scale.encode()})
+    sigma = ingest(raw.settings, raw.robot, raw.files).loads["mass_sigma_kg"].to_pylist()
+
+    assert toml["scale"] == {"file": "loads.csv", "mass_sigma_kg": 0.02}
+    assert sigma == [0.02] * (len(lines) - 2) + [0.5]

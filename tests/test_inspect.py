@@ -181,3 +181,17 @@ def test_a_log_is_told_from_an_export(capsys, tmp_path):
     assert '[scale.columns]\n"Zug Nr." = "repeat"' in json.loads(said)["proposal"]
     assert json.loads(other)["proposal"] == '[joints]\nfile = "joints.csv"'
     assert "kr500_rail" in json.loads(other)["robots"]
+
+
+def test_names_that_hold_group_and_target_are_parted(capsys, tmp_path):
+    """And what to write is proposed."""
+    rows = [f"Pos-{k:02d}/{state}/{target} {x + 300 * k}.125 {y}.25 {70 * k}.5"
+            for k in range(6) for state in ("sans", "avec")
+            for target, x, y in (("P1", 0, 0), ("P2", 200, 10), ("P3", 30, 150))]  # fmt: skip
+    path = tmp_path / "points.txt"
+    path.write_text("\n".join(["# Nom X Y Z", *rows, ""]))
+    code, out, _ = run(capsys, path, "--unit", "mm")
+
+    assert code == 0
+    assert re.search(r"groups +12\n +targets +P1 P2 P3\n", out)
+    assert 'names = "(?P<group>.+)/(?P<target>.+)"' in out

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import typer
 
 if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second
     from pipeline.readers.offer import Offer
+
+_Answer = TypeVar("_Answer")
 
 _ASKED = {
     "columns": "Which columns are the coordinates?",
@@ -35,10 +37,25 @@ def ask(found: Offer, say: Callable[[str], None]) -> dict[str, Any]:
     assert question is not None
     for line in rows_in_words(found.preview):
         say(line)
-    say(_ASKED[question.about])
-    for number, answer in enumerate(question.answers, 1):
-        say(f"  {number}  {answer.said}")
-    return dict(question.answers[_number(len(question.answers)) - 1].hints)
+    said = [answer.said for answer in question.answers]
+    return dict(numbered(_ASKED[question.about], said, question.answers, say).hints)
+
+
+def numbered(
+    question: str, said: Sequence[str], answers: Sequence[_Answer], say: Callable[[str], None]
+) -> _Answer:
+    """One of some answers, chosen by its number.
+
+    Args:
+        question: What is asked.
+        said: Each answer in words.
+        answers: What they stand for.
+        say: Shows a line.
+    """
+    say(question)
+    for number, words in enumerate(said, 1):
+        say(f"  {number}  {words}")
+    return answers[_number(len(answers)) - 1]
 
 
 def _number(most: int) -> int:

@@ -48,6 +48,7 @@ class Known:
         unit: Of the exports that do not say it.
         sigma_m: Standard uncertainty of one tracker reading per axis [m].
         sigma_n: Standard uncertainty of one scale reading [N].
+        mass_sigma_kg: Standard uncertainty of one weight [kg].
         temperature_c: Of rail and base [degC].
         places: Points of [tool] and [base_frame] [m], by name.
         columns: Our names for titles of the logs that state no unit.
@@ -57,6 +58,7 @@ class Known:
     unit: str | None = None
     sigma_m: float | None = None
     sigma_n: float | None = None
+    mass_sigma_kg: float | None = None
     temperature_c: float | None = None
     places: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     columns: Mapping[str, str] = field(default_factory=dict)
@@ -105,7 +107,8 @@ def _words(folder: Path, said: Proposal, known: Known, fresh: bool) -> dict[str,
 def _of_files(said: Proposal) -> dict[str, object]:
     from pipeline.readers.offer import mapping_lines
 
-    apart, asked = said.apart_m.items(), () if said.group else said.groups
+    apart, asked = said.apart_m.items(), () if said.group or said.either else said.groups
+    group = said.group or next(iter(said.either), None)
     blind = bool(said.loads or said.joints or said.refused)
     mapping = said.offer.hints.mapping if said.offer else None
     return {
@@ -114,10 +117,14 @@ def _of_files(said: Proposal) -> dict[str, object]:
         "tracker": _tracker(said),
         "mapping": mapping_lines(mapping) if mapping else [],
         "nameless": said.nameless,
+        "unsure": said.unsure,
+        "names": quoted(said.names[0]) if len(said.names) == 1 else None,
+        "asked_names": " or ".join(map(quoted, said.names)) if len(said.names) > 1 else None,
         "reach": _shown(said.reach, plain),
-        "group": _shown(said.group, lambda group: quoted(group.pattern)),
+        "group": _shown(group, lambda group: quoted(group.pattern)),
         "asked_group": _shown(asked or None, lambda names: printable(listed(names), 200)),
         "states": _shown(said.group, lambda group: _states(group.state_of)),
+        "asked_states": " or ".join(_states(one.state_of) for one in said.either),
         "measured": _quoted(said.measured),
         "chain": _quoted(said.chain),
         "apart": [f"{one} to {two}: {1e3 * m:.2f} mm as read" for (one, two), m in apart],
@@ -131,6 +138,7 @@ def _of_a_person(known: Known) -> dict[str, object]:
         "unit": _shown(known.unit, quoted),
         "sigma_m": _shown(known.sigma_m, "{:.3g}".format),
         "sigma_n": _shown(known.sigma_n, "{:g}".format),
+        "mass_sigma_kg": _shown(known.mass_sigma_kg, "{:g}".format),
         "warm": _shown(known.temperature_c, "{:g}".format),
     }
 
@@ -159,12 +167,18 @@ def _tracker(said: Proposal) -> list[str]:
     return lines
 
 
-def log_lines(said: Proposal) -> list[str]:
-    """What campaign.toml says of the one log of a proposal."""
+def log_lines(said: Proposal, robot: str | None = None) -> list[str]:
+    """What campaign.toml says of the one log of a proposal, for a robot where one is named."""
     table, file = ("scale", said.loads) if said.loads else ("joints", said.joints)
-    columns = _pairs(said.load_columns if said.loads else _joint_columns(said, None))
+    robot = robot if robot in said.joint_columns else None
+    columns = _pairs(said.load_columns if said.loads else _joint_columns(said, robot))
     lines = [f"[{table}]", f"file = {quoted(str(file))}"]
-    return [*lines, "", f"[{table}.columns]", *columns] if columns else lines
+    if not columns:
+        return lines
+    several = table == "joints" and len({str(one) for one in said.joint_columns.values()}) > 1
+    whose = next(iter(said.joint_columns), "") if several and robot is None else ""
+    named = f"   # joints as {whose} calls them: name the robot in campaign.toml" if whose else ""
+    return [*lines, "", f"[{table}.columns]{named}", *columns]
 
 
 def _fitting(found: Sequence[str]) -> str:

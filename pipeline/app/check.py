@@ -29,7 +29,7 @@ from pipeline.machine.poses import in_log_units
 from pipeline.machine.robot import Robot
 from pipeline.reduction.bring import Reduced, bring, conformed, plain
 from pipeline.reduction.case import Case
-from pipeline.reduction.settings import line_of
+from pipeline.reduction.settings import Settings, line_of
 from pipeline.run import ingested
 from pipeline.store.campaign import Campaign, Raw
 
@@ -111,7 +111,7 @@ def _told(
     others = [] if wrong else [one.evidence for one in (conventions(case) or placement(case))]
     overload = overload_entry(raw.robot, reduced.data.pulls)
     said = [*limit_findings(case), *treated_findings(case), *grown]
-    notes = [*others, *said, *found.doubts(), *overloaded(overload)]
+    notes = [*others, *_unplaced(raw.settings), *said, *found.doubts(), *overloaded(overload)]
     todo, next_step = _next(name, wrong)
     text = [f"{name}: {line}", *found.lines(raw), f"  next         {todo}"]
     return Outcome(
@@ -127,6 +127,15 @@ def _told(
             *(f"{name}: {one}" for one in sentences(rejected)),
         ],
     )  # fmt: skip
+
+
+def _unplaced(settings: Settings) -> Iterator[str]:
+    """That nothing says where the base is."""
+    if settings.tracker is not None and not settings.base_frame:
+        yield (
+            "[base_frame] of campaign.toml has no reflectors: readings are taken to be in F_b; "
+            "give the coordinates of three or more where they are in the tracker's frame"
+        )
 
 
 def _used(reduced: Reduced) -> dict[str, int]:

@@ -149,9 +149,18 @@ def _log(path: Path, data: bytes, folder: Campaign) -> Outcome | None:
     what = "log of loads" if said.loads else "joint log"
     facts = {"dialect": what} | ({"robots": ", ".join(said.robots)} if said.joints else {})
     lines = [path.name, *(f"  {name:12} {fact}" for name, fact in facts.items())]
-    proposal = "\n".join(log_lines(said))
+    proposal = "\n".join(log_lines(said, _named_robot(robots.get("campaign.toml", b""))))
     content = {"file": path.name, **facts, "proposal": proposal}
     return Outcome(path.name, content, "\n".join([*lines, "", proposal]))
+
+
+def _named_robot(data: bytes) -> str | None:
+    """The robot that a campaign.toml names; None where it names none, or cannot be read."""
+    from pipeline.base import toml
+
+    with contextlib.suppress(InputError):
+        return str(toml.loads(files.text(data, "campaign.toml"), "campaign.toml").get("robot"))
+    return None
 
 
 Ask = Callable[[Any], Mapping[str, Any]]

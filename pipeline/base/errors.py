@@ -130,6 +130,11 @@ def first_wrong(problem: ValidationError) -> tuple[list[str], str]:
         said = "is missing"
     elif first["type"] == "extra_forbidden":
         said = "is no word that is known here"
+    elif first["type"] in ("too_short", "too_long"):
+        limits = first["ctx"]
+        bound = f"at least {limits['min_length']}" if "min_length" in limits else (
+            f"at most {limits['max_length']}")  # fmt: skip
+        said = f"there are {limits['actual_length']} here and {bound} are needed"
     elif simple and said.startswith("Input should be "):
         said = f"{shown} should be {said.removeprefix('Input should be ')}"
     return path, said.removeprefix("Value error, ")

@@ -38,6 +38,9 @@ class LogForm(Strict):
     sheet: Name | None = None
 
 
+_REMARKS = ("#", "//", "%", "!")
+"""How remarks begin."""
+
 OURS = LogForm()
 """A log as we write it."""
 
@@ -75,7 +78,8 @@ def opened(
 ) -> Titled:
     """Find the header of a log.
 
-    It is the first line that names the column `key`, and without one the first that is not blank.
+    It is the first line that names the column `key`, and without one the first that is neither
+    blank nor a remark.
 
     Args:
         name: Name of the file, for messages.
@@ -98,7 +102,7 @@ def opened(
             return 0 if found is None else 1 + holds(_ours(found.titles, own))
 
         file = workbook(name, data, sheet, mark, table, fits)
-        head = _found(file, own, key) or _header(file, file.first()[0])
+        head = _found(file, own, key) or _header(file, _no_remark(file))
         with at(line=head.line):
             ours = _ours(head.titles, own)
             _agree(head.titles, said.columns, table)
@@ -135,6 +139,13 @@ class _Header:
 def _found(file: Text, own: Mapping[str, str], key: str) -> _Header | None:
     """The first line that names a column, as a header; None where none does."""
     return next((one for one in _headers(file) if key in _ours(one.titles, own)), None)
+
+
+def _no_remark(file: Text) -> int:
+    """The first line that is neither blank nor a remark; the first that is not blank without."""
+    lines = ((n, line.lstrip()) for n, line in file.lines(1, SAMPLE_LINES))
+    plain = (n for n, line in lines if line and not line.startswith(_REMARKS))
+    return next(plain, file.first()[0])
 
 
 def _headers(file: Text) -> Iterator[_Header]:

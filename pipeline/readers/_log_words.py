@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Mapping, Sequence
 
@@ -69,6 +70,28 @@ def of_loads(titles: Sequence[str], units: Mapping[str, Sequence[str]]) -> dict[
     roles = ("pose", "repeat", "branch", *units)
     found = _first(titles, {role: units.get(role, ()) for role in roles})
     return _ours(found) if "pose" in found and found.keys() & units.keys() else None
+
+
+def pose_alone(titles: Sequence[str]) -> dict[str, str] | None:
+    """Our name for the title that numbers poses, None where there is none."""
+    return _ours(_first(titles, {"pose": ()})) if has_poses(titles) else None
+
+
+def in_order(titles: Sequence[str]) -> bool:
+    """Whether the numbers in titles, where all have one, do not run against their order."""
+    found = [re.findall("[0-9]+", title) for title in titles]
+    return not all(found) or len(titles) == 1 or _rises([int(one[-1]) for one in found])
+
+
+def stated_unit(title: str, units: Sequence[str]) -> Sequence[str]:
+    """The one of some units in which a title ends, all of them where it ends in none."""
+    last = _WORDS.findall(title.lower())[-1:]
+    own = [unit for unit in units if [unit] == [_UNIT.get(word, word) for word in last]]
+    return own or units
+
+
+def _rises(numbers: Sequence[int]) -> bool:
+    return len({*numbers}) == 1 or all(a < b for a, b in itertools.pairwise(numbers))
 
 
 def of_joints(

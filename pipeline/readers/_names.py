@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,11 +12,15 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from pipeline.base import patterns
-from pipeline.base.arrays import Ints
+from pipeline.base.arrays import Array, Ints
+from pipeline.readers import _polar
 from pipeline.readers._reader import Export, kept
 
 _JOINED = r"(?:.+?::)?(?P<group>[^:]+(?::[^:]+)*)::(?P<target>[^:]+(?::[^:]+)*)"
 """SpatialAnalyzer's way; a collection in front is not used."""
+_SEPARATOR = re.compile(r"[\W_]+")
+_LOOKED_AT = 100_000
+"""Readings from which names are understood: they repeat from pose to pose."""
 
 
 def split(export: Export, pattern: str | None) -> Export:
@@ -38,6 +45,66 @@ def split(export: Export, pattern: str | None) -> Export:
         fits,
         "the name has no group and target by names in [tracker]; correct the name or names",
     )
+
+
+def separators(exports: Sequence[Export]) -> list[str]:
+    """What [tracker] names may say of exports whose names hold group and target with any sign.
+
+    The last or the first part of every name is one of a few that come again with the others. Of
+    several such ways those in which targets keep their distances, where there are some.
+    """
+    joined = [one for one in exports if one.group is None and one.target is not None]
+    targets = [one.target[:_LOOKED_AT].cast(pa.string()).to_pylist() for one in joined]  # type: ignore[index]
+    names = [name for some in targets for name in some]
+    signs = dict.fromkeys(_SEPARATOR.findall(names[0].strip()) if names else ())
+    common = [sign for sign in signs if all(sign in name for name in {*names})]
+    read = {way: pairs for sign in common for way in _ways(sign) if (pairs := _pairs(names, way))}
+    few = {way: pairs for way, pairs in read.items() if _come_again(set(pairs))}
+    places = [at for one in joined for at in one.position[:_LOOKED_AT]]
+    return [way for way, pairs in few.items() if _polar.some_keep(_read(pairs, places))] or [*few]
+
+
+def _ways(sign: str) -> tuple[str, str]:
+    """A name cut where a sign stands last, and where it stands first."""
+    between = re.sub(r"[.^$*+?{}\[\]\\|()]", r"\\\g<0>", sign)
+    return (
+        f"(?P<group>.+){between}(?P<target>.+)",
+        f"(?P<target>.+?){between}(?P<group>.+)",
+    )
+
+
+def _pairs(names: Sequence[str], pattern: str) -> list[tuple[str, str]] | None:
+    """Group and target of each name; None where a name has none."""
+    found = patterns.parts(pa.array(names, pa.string()), pattern)
+    if found.null_count:
+        return None
+    groups, targets = (_part(found, name).to_pylist() for name in ("group", "target"))
+    return list(zip(groups, targets, strict=True))
+
+
+def _read(pairs: Sequence[tuple[str, str]], places: Sequence[Array]) -> list[dict[str, Array]]:
+    """Where each target of a group was read."""
+    groups = defaultdict[str, dict[str, Array]](dict)
+    for (group, target), at in zip(pairs, places, strict=True):
+        groups[group][target] = at
+    return [*groups.values()]
+
+
+def _come_again(pairs: set[tuple[str, str]]) -> bool:
+    """Whether targets are fewer than groups, and most that belong together come in each of them."""
+    groups, targets = ({pair[k] for pair in pairs} for k in (0, 1))
+    if not 1 < len(targets) < len(groups):
+        return False
+    read = defaultdict[str, set[str]](set)
+    for group, target in pairs:
+        read[group].add(target)
+    bodies: list[tuple[set[str], int]] = []  # targets that share groups, and in how many
+    for some in read.values():
+        touching = [body for body in bodies if body[0] & some]
+        joined = some.union(*(body[0] for body in touching))
+        apart = [body for body in bodies if not body[0] & some]
+        bodies = [*apart, (joined, 1 + sum(body[1] for body in touching))]
+    return 2 * len(pairs) > sum(len(body) * often for body, often in bodies)
 
 
 def rounds(target: Ints) -> Ints:

@@ -7,7 +7,7 @@ in both faces of the instrument proves it, and so does a tool that keeps its siz
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -190,6 +190,30 @@ def softness(position: Array, names: Sequence[str], groups: Sequence[str]) -> fl
                 found.append(abs(apart - was) / moved)
         before[pair] = here
     return float(np.quantile(found, _MOST)) if len(found) >= _FEW else None
+
+
+def some_keep(groups: Sequence[Mapping[str, Array]]) -> bool:
+    """Whether any two targets keep their distance while they move, beside it and beside the move.
+
+    A place before and after a load is no such pair: what is between them is all that changes.
+
+    Args:
+        groups: Where each target was read in what was read together [any unit].
+    """
+    names = dict.fromkeys(name for at in groups for name in at)
+    for one, other in itertools.combinations(names, 2):
+        read = np.array([(at[one], at[other]) for at in groups if one in at and other in at])
+        if len(read) <= _FEW:
+            continue
+        apart = np.linalg.norm(read[:, 0] - read[:, 1], axis=1)
+        moved = np.linalg.norm(np.diff(read, axis=0), axis=2).mean(axis=1)
+        counts = moved > _MOVED * apart[1:]
+        least = np.minimum(moved, apart[1:])[counts]
+        if len(least) >= _FEW and least.all():
+            changes = np.abs(np.diff(apart))[counts] / least
+            if keeps(float(np.quantile(changes, _MOST))):
+                return True
+    return False
 
 
 def _length(vector: Array) -> float:

@@ -10,8 +10,9 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from pipeline import tables
+from pipeline.base.shown import in_toml
 from pipeline.readers import Export, Hints, read
-from pipeline.readers._names import rounds
+from pipeline.readers._names import rounds, separators, split
 from pipeline.readers.offer import Offer, offer
 from pipeline.readers.table import NAME
 
@@ -185,6 +186,9 @@ def inspect(name: str, data: bytes, hints: Hints | None = None) -> Inspection:
         InputError: It is no export that can be read, or something has to be asked back.
     """
     export = read(name, data, hints)
+    names = separators([export])
+    if len(names) == 1:
+        export = split(export, names[0])
     meaning = export.meaning
     angular = meaning.kind != "cartesian"
     span = pc.min_max(export.time).as_py()
@@ -209,7 +213,7 @@ def inspect(name: str, data: bytes, hints: Hints | None = None) -> Inspection:
         rounds=_rounds(export),
         two_faces=_two_faces(export),
         untimed=export.untimed,
-        **_as_proposed(name, data, hints, export),
+        **_as_proposed(name, data, hints or Hints(), export, names),
     )
 
 
@@ -227,11 +231,24 @@ def _two_faces(export: Export) -> dict[str, Any] | None:
     return {"pairs": export.faces.pairs, "largest_mm": largest, "single": export.faces.single}
 
 
-def _as_proposed(name: str, data: bytes, hints: Hints | None, export: Export) -> dict[str, Any]:
-    """How the columns of a table without a dialect were taken."""
-    found = offer(name, data, hints or Hints()) if export.dialect == NAME else None
+def _as_proposed(
+    name: str, data: bytes, hints: Hints, export: Export, names: Sequence[str]
+) -> dict[str, Any]:
+    """How the columns of a table without a dialect were taken, and how names hold group and target.
+
+    Args:
+        name: File name, for messages.
+        data: Content of the file.
+        hints: What campaign.toml adds.
+        export: What was read.
+        names: What [tracker] names may say.
+    """
+    if names:
+        hints = hints.model_copy(update={"names": names[0]})
+    found = offer(name, data, hints) if export.dialect == NAME else None
     if found is None:
-        return {}
+        others = f"   # or {', '.join(map(in_toml, names[1:]))}" if names[1:] else ""
+        return {"proposal": f"[tracker]\nnames = {in_toml(names[0])}{others}"} if names else {}
     return {
         "columns": [dict(vars(one)) for one in found.columns],
         "preview": [dict(row) for row in found.preview],

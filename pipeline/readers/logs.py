@@ -20,6 +20,7 @@ from pipeline.base.errors import InputError, at, listed
 from pipeline.base.strict import LEAST_FORCE, LEAST_MASS, STANDARD_GRAVITY
 from pipeline.machine.robot import Robot
 from pipeline.readers import _log_words
+from pipeline.readers._cells import is_number
 from pipeline.readers._delimited import rows
 from pipeline.readers._layout import Field, Kind, Layout, Rows
 from pipeline.readers._log_form import OURS, LogForm, Titled, opened, understood
@@ -123,6 +124,8 @@ class Quantity:
 
 POSE = Quantity("pose", {})
 _REPEAT = Quantity("repeat", {})
+_TIME = Quantity("time", {}, "name", needed=False)
+"""When a row was taken: `check` holds it against the readings."""
 
 
 def loads(name: str, data: bytes, said: LogForm = OURS) -> Log:
@@ -151,7 +154,7 @@ def loads(name: str, data: bytes, said: LogForm = OURS) -> Log:
     needed = not any(_suffixed(file.titles, q) for q in other[:3])
     wanted[0] = replace(POSE, filled=not named)
     wanted[2] = replace(force, needed=needed, filled=not named)
-    _known(said, "scale", wanted)
+    _known(said, "scale", [*wanted, _TIME])
     log = _one_load(_pulls(_table(file, wanted, said, "scale")))
     if "branch" in log.word:
         own = np.array([_log_words.branch(cell) for cell in log.word["branch"]], dtype=object)
@@ -291,7 +294,7 @@ def joints(name: str, data: bytes, robot: Robot, said: LogForm = OURS) -> Log:
                for j, q in enumerate(wanted, 1)]  # fmt: skip
     repeat = replace(_REPEAT, needed=False)
     others = [approach, repeat, *torques]
-    _known(said, "joints", [POSE, *own, *axes, *others])
+    _known(said, "joints", [POSE, _TIME, *own, *axes, *others])
     log = _whole_numbers(_table(file, [POSE, *wanted, *others], said, "joints"))
     reason = "approach is neither 1 nor -1; correct it or leave it empty"
     log = log.where("approach", lambda way: np.isin(way, [1, -1, 0]) | np.isnan(way), reason)
@@ -350,6 +353,46 @@ def understood_joints(name: str, data: bytes, robot: Robot) -> LogForm | None:
     return understood(
         name, data, "joints", lambda titles: _log_words.of_joints(titles, names, slides, units)
     )
+
+
+def numbered_joints(name: str, data: bytes, robot: Robot) -> list[LogForm]:
+    """What [joints] may say of a log with as many columns of numbers as joints.
+
+    Whatever their titles, the columns are in the order of the joints; one that slides may stand
+    behind those that turn. Nothing is said yet of whether the robot can take the poses.
+
+    Raises:
+        InputError: The file cannot be read.
+    """
+    form = understood(name, data, "joints", _log_words.pose_alone)
+    if form is None:
+        return []
+    file = opened(name, data, form, "joints", POSE.stem)
+    fields = tuple(Field(str(k), "name", False) for k in range(len(file.titles)))
+    read = rows(file.text, Layout(fields, file.delimiter, file.first, table="joints"))
+    cells = [set(read.columns[one.name].cast(pa.string()).to_pylist()) for one in fields]
+    titles = [
+        written
+        for written, title, some in zip(file.written, file.titles, cells, strict=True)
+        if title not in (POSE.stem, _REPEAT.stem, "approach") and some and all(map(is_number, some))
+    ]
+    axes = _controller(robot) or _own(robot)
+    if len(titles) != len(axes) or not _log_words.in_order(titles):
+        return []
+    behind = sorted(axes, key=lambda q: q.units is LENGTH)
+    orders = [axes] if behind == axes else [axes, behind]
+    return [
+        form.model_copy(update={"columns": form.columns | _as_called(titles, one)})
+        for one in orders
+    ]
+
+
+def _as_called(titles: Sequence[str], axes: Sequence[Quantity]) -> dict[str, str]:
+    """Our names for titles, with bars between them where they state no unit."""
+    return {
+        title: "|".join(f"{q.stem}_{u}" for u in _log_words.stated_unit(title, [*q.units]))
+        for title, q in zip(titles, axes, strict=True)
+    }
 
 
 def of_poses(log: Log) -> Log:

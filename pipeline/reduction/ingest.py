@@ -36,6 +36,11 @@ from pipeline.reduction.weights import PULL
 
 _SIX = covariance_columns()
 
+_NAMES = (
+    "say with names in [tracker] of campaign.toml how names hold group and target, as `pipeline "
+    "inspect` proposes, name the column of the groups in [tracker.mapping], or "
+)
+
 
 @dataclass(frozen=True)
 class Ingested:
@@ -170,7 +175,7 @@ def _raw(
         raise _nothing_left(causes or whole.rejected)
     return Ingested(
         readings=_readings(whole, tracker),
-        loads=_loads(loads),
+        loads=_loads(loads, settings.loads_log.mass_sigma_kg),
         joints=_joints(joints, robot),
         rejected=_rejected([*whole.rejected, *loads.rejected, *joints.rejected]),
         doubt=doubt,
@@ -222,8 +227,9 @@ def _exports(settings: Settings, tracker: Tracker, raw: Mapping[str, bytes]) -> 
         if export.group is None:
             raise InputError(
                 f"the readings have no {'names' if export.target is None else 'groups'}",
-                "say what each row is in a table order,group,target, and name the table with "
-                'assignment = "assignment.csv" in [tracker] of campaign.toml',
+                f"{_NAMES if export.target is not None else ''}say what each row is in a table "
+                'order,group,target, and name the table with assignment = "assignment.csv" in '
+                "[tracker] of campaign.toml",
                 file=name,
             )
     return exports
@@ -346,12 +352,15 @@ def _alike(six: Array, n: int) -> list[Array]:
     return [columns[value] for value in six.tolist()]
 
 
-def _loads(loads: logs.Log) -> pa.Table:
+def _loads(loads: logs.Log, mass_sigma_kg: float) -> pa.Table:
+    """Table LOADS; weights whose uncertainty no row says have the one that is said of all."""
+    stated, weight = (loads.number[name] for name in ("mass_sigma", "mass"))
+    sigma = np.where(np.isnan(stated) & ~np.isnan(weight), mass_sigma_kg, np.nan_to_num(stated))
     columns = {
         **_pulls_of(loads),
         "force_n": loads.number["force"],
         "mass_kg": loads.number["mass"],
-        "mass_sigma_kg": np.nan_to_num(loads.number["mass_sigma"]),
+        "mass_sigma_kg": sigma,
         "payload": [name or None for name in loads.word["payload"]],
         "branch": [branch or None for branch in loads.word.get("branch", [""] * len(loads.line))],
         **_source(loads),

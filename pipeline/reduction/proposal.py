@@ -26,6 +26,7 @@ from pipeline.machine.robot import SHIPPED, Robot, load
 from pipeline.machine.robot.mdh import parse as parse_robot
 from pipeline.readers import Export, Hints, logs
 from pipeline.readers._log_form import OURS, LogForm
+from pipeline.readers._names import separators, split
 from pipeline.readers._text import is_workbook
 from pipeline.readers.logs import Log
 from pipeline.readers.offer import Offer, offer
@@ -71,13 +72,18 @@ class Proposal:
         offer: What else [tracker] has to say of the export, None where nothing else is open.
         nameless: Whether an export does not say what its readings are: `names`, or only `groups`
             where it names the targets; None where it does.
+        names: What [tracker] names may say of names that hold group and target in one; with
+            several it is open which one.
         loads: Log of the loads, None where there is none.
+        unsure: Of `force` and `mass` those in the log whose uncertainty it does not say itself.
         joints: Joint log, None where there is none.
         robots: Robots whose joints the log has; those that ship, and files in the folder.
         load_columns: Our names for the columns of the loads, by their titles; without those that
             have ours; several, with bars between them, where a title does not state its unit.
         joint_columns: The same of the joint log, by robot.
         group: How group names are read; None where nobody can tell.
+        either: How they are read whichever of some words is the unloaded state; empty where that
+            is known, or nobody can tell how they are read.
         groups: Group names, some of them; none where the log of the loads says what they are.
         measured: Targets read unloaded and loaded.
         chain: Both ends of the chain, the one at the effector first; empty where there is none.
@@ -90,12 +96,15 @@ class Proposal:
     reach: float | None = None
     offer: Offer | None = None
     nameless: Literal["names", "groups"] | None = None
+    names: tuple[str, ...] = ()
     loads: str | None = None
+    unsure: tuple[str, ...] = ("force",)
     joints: str | None = None
     robots: tuple[str, ...] = ()
     load_columns: dict[str, str] = field(default_factory=dict)
     joint_columns: dict[str, dict[str, str]] = field(default_factory=dict)
     group: Group | None = None
+    either: tuple[Group, ...] = ()
     groups: tuple[str, ...] = ()
     measured: tuple[str, ...] = ()
     chain: tuple[str, ...] = ()
@@ -104,12 +113,15 @@ class Proposal:
     refused: dict[str, str] = field(default_factory=dict)
 
 
-def propose(files: Mapping[str, bytes], hints: Hints | None = None) -> Proposal:
+def propose(
+    files: Mapping[str, bytes], hints: Hints | None = None, unloaded: str | None = None
+) -> Proposal:
     """What the files of a campaign's folder say.
 
     Args:
         files: Content by name; TOML files are taken for robots.
         hints: What is said by now of an export that leaves more open than its unit.
+        unloaded: The word of the unloaded state in group names, where they leave it open.
     """
     logged = propose_logs(files)
     known = {logged.loads, logged.joints, *logged.refused}
@@ -136,18 +148,24 @@ def propose(files: Mapping[str, bytes], hints: Hints | None = None) -> Proposal:
     offered = found[1] if found else None
     if more := _with_groups(files, exports, offered or hints, logged):
         offered, exports = more
+    names = _separators(exports, hints)
+    if len(names) == 1:
+        exports = {name: split(one, names[0]) for name, one in exports.items()}
     rows = _by_group(list(exports.values()))
     told = _told(logged, files, rows or {})
+    columns = logged.load_columns | (told.columns if told else {})
     return replace(
-        _named(rows, told.states if told else {}),
+        _named(rows, told.states if told else {}, unloaded),
         nameless=_lacking(list(exports.values())),
         offer=offered,
+        names=names,
         exports=tuple(exports),
         reach=max(reach, default=None),
         loads=logged.loads,
+        unsure=_unsure(logged.loads, files, columns),
         joints=logged.joints,
         robots=logged.robots,
-        load_columns=logged.load_columns | (told.columns if told else {}),
+        load_columns=columns,
         joint_columns=logged.joint_columns,
         refused=logged.refused | refused,
     )
@@ -166,11 +184,12 @@ def propose_logs(files: Mapping[str, bytes]) -> Proposal:
     for name, data in files.items():
         if name.endswith(".toml") or not _may_be_log(name, data):
             continue
-        if fits := dict(_having(name, data, robots)):
+        fits = dict(_having(name, data, robots))
+        form = _loads(name, data) if not fits or is_workbook(data) else None
+        if fits := fits or ({} if form else dict(_by_number(name, data, robots))):
             columns = {robot: form.columns for robot, form in fits.items()}
             new = {"joints": name, "robots": tuple(fits), "joint_columns": columns}
             said = _added(said, name, new, said.joints)
-        form = _loads(name, data) if not fits or is_workbook(data) else None
         if form:
             said = _added(said, name, {"loads": name, "load_columns": form.columns}, said.loads)
     return said
@@ -216,8 +235,31 @@ def _having(name: str, data: bytes, robots: Mapping[str, Robot]) -> Iterator[tup
 def _within_limits(name: str, data: bytes, robot: Robot, form: LogForm) -> LogForm:
     """Titles that state no unit with the one that keeps all poses within the robot's limits.
 
-    Where several do, all of them stay.
+    Where several do, those stay; where none does, all.
     """
+    fitting = _possible(name, data, robot, form)
+    said = {title: {one.columns[title] for one in fitting} for title in form.columns}
+    left = {
+        title: "|".join(one for one in ours.split("|") if one in said[title]) or ours
+        for title, ours in form.columns.items()
+    }
+    return form.model_copy(update={"columns": left})
+
+
+def _by_number(
+    name: str, data: bytes, robots: Mapping[str, Robot]
+) -> Iterator[tuple[str, LogForm]]:
+    """Robots that can take every row of numbers of a log as a pose, in one order of the columns."""
+    for key, robot in robots.items():
+        with contextlib.suppress(InputError):
+            ways = logs.numbered_joints(name, data, robot)
+            fitting = [form for form in ways if _possible(name, data, robot, form)]
+            if len(fitting) == 1:
+                yield key, _within_limits(name, data, robot, fitting[0])
+
+
+def _possible(name: str, data: bytes, robot: Robot, form: LogForm) -> list[LogForm]:
+    """A log in each of the units that its titles leave open in which the robot takes all poses."""
     open_ones = {ours for ours in form.columns.values() if "|" in ours}
     units = [{one.rpartition("_")[2] for one in ours.split("|")} for ours in open_ones]
     fitting = []
@@ -227,7 +269,7 @@ def _within_limits(name: str, data: bytes, robot: Robot, form: LogForm) -> LogFo
         with contextlib.suppress(InputError):
             if not limits.impossible(logs.joints(name, data, robot, chosen), robot):
                 fitting.append(chosen)
-    return fitting[0] if len(fitting) == 1 else form
+    return fitting
 
 
 def _in_one_of(ours: str, units: Sequence[str]) -> str:
@@ -238,6 +280,23 @@ def _in_one_of(ours: str, units: Sequence[str]) -> str:
 def _loads(name: str, data: bytes) -> LogForm | None:
     """What has to be said of the columns of a log of loads, None where it is none."""
     return _form(partial(logs.loads, name, data), partial(logs.understood_loads, name, data))
+
+
+def _unsure(
+    name: str | None, files: Mapping[str, bytes], columns: Mapping[str, str]
+) -> tuple[str, ...]:
+    """What a log of loads holds and whose uncertainty only a person knows.
+
+    A scale shows forces wherever nothing else can be read.
+    """
+    with contextlib.suppress(InputError):
+        form = logs.settled(LogForm(columns=dict(columns)))
+        log = logs.loads(name, files[name], form) if name else None
+        if log is not None and len(log.line):
+            given = {kind: ~np.isnan(log.number[kind]) for kind in ("force", "mass")}
+            given["mass"] &= np.isnan(log.number["mass_sigma"])
+            return tuple(kind for kind, rows in given.items() if rows.any())
+    return ("force",)
 
 
 def _form(read: Callable[[LogForm], Log], meant: Callable[[], LogForm | None]) -> LogForm | None:
@@ -318,6 +377,12 @@ def _with_groups(
     return None
 
 
+def _separators(exports: Mapping[str, Export], hints: Hints | None) -> tuple[str, ...]:
+    """What [tracker] names says, or may say, of exports whose names hold group and target."""
+    said = hints.names if hints else None
+    return (said,) if said else tuple(separators(list(exports.values())))
+
+
 def _grouped_in(hints: Hints, title: str) -> Hints:
     """What is said of a table, with the column of its groups in its mapping."""
     assert hints.mapping is not None
@@ -349,7 +414,7 @@ def _told(
 
     The column is the one under our title, or one that makes sense of what was read.
     """
-    if logged.loads is None or not rows or _grouped(rows) is not None:
+    if logged.loads is None or not rows or len(_grouped(rows)) == 1:
         return None
     data = files[logged.loads]
     form = logs.settled(LogForm(columns=logged.load_columns))
@@ -376,19 +441,23 @@ def _makes_sense(states: Mapping[str, str], rows: Mapping[str, Mapping[str, Arra
     return bool(unloaded) and unloaded <= loaded and loaded.isdisjoint(others)
 
 
-def _named(rows: dict[str, dict[str, Array]] | None, told: Mapping[str, str]) -> Proposal:
+def _named(
+    rows: dict[str, dict[str, Array]] | None, told: Mapping[str, str], word: str | None
+) -> Proposal:
     """What the names of groups and targets are, as far as they or a log tell.
 
     Args:
         rows: Where the targets of each group were read; None where an export has no names.
         told: State of each group that a log names.
+        word: That of the unloaded state, where somebody says it.
     """
     if rows is None:
         return Proposal()
-    group = None if told else _grouped(rows)
-    if group is None and not told:
+    ways = () if told else _grouped(rows)
+    ways = tuple(one for one in ways if len(ways) == 1 or one.states[0] == word) or ways
+    if not ways and not told:
         return Proposal(groups=tuple(rows)[:_SHOWN])
-    state = told if group is None else _state_of(list(rows), group)
+    state = _state_of(list(rows), ways[0]) if ways else told
     unloaded, loaded, others = (
         [at for name, at in rows.items() if state.get(name) == one] for one in (*_STATES, None)
     )
@@ -396,7 +465,8 @@ def _named(rows: dict[str, dict[str, Array]] | None, told: Mapping[str, str]) ->
     measured = [name for name in read if name in _targets(loaded)]
     ends = [name for name in _targets(loaded) if name not in read]
     return Proposal(
-        group=group,
+        group=ways[0] if len(ways) == 1 else None,
+        either=ways if len(ways) > 1 else (),
         groups=() if told else tuple(rows)[:_SHOWN],
         measured=tuple(measured),
         chain=_chain(ends, measured, loaded),
@@ -470,15 +540,16 @@ def _state_of(names: Sequence[str], group: Group) -> dict[str, str]:
     }
 
 
-def _grouped(rows: Mapping[str, Mapping[str, Array]]) -> Group | None:
+def _grouped(rows: Mapping[str, Mapping[str, Array]]) -> tuple[Group, ...]:
     """How group names are read: the usual way, or by a number and a word of a few.
 
     Names of one form are a number for the pose, a word for the state and perhaps a number for the
     repeat. Words whose groups have more targets are loaded: the chain's ends are read only then.
+    Where as many are read in all, any word may be that of the unloaded state: a way for each.
     """
     usual = Group(Naming().group)
     if _state_of(list(rows), usual):
-        return usual
+        return (usual,)
     tokens = {name: _TOKEN.findall(name) for name in rows if re.search("[0-9]", name)}
     longest = max(tokens.values(), key=len, default=[])
     alike = {name: own for name, own in tokens.items() if _fits(own, longest)}
@@ -486,11 +557,11 @@ def _grouped(rows: Mapping[str, Mapping[str, Array]]) -> Group | None:
     for k in range(len(longest)):
         said = {name: own[k] for name, own in alike.items() if len(own) > k}
         if _states(said, alike, numbers[0]):
-            states = _in_order(said, rows)
+            orders = _orders(said, rows)
             least = min(len(alike[name]) for name in said)
-            group = states and Group(_pattern(longest, numbers, k, states, least), states)
-            return group if group and _apart_from_each_other(list(rows), group) else None
-    return None
+            found = [Group(_pattern(longest, numbers, k, one, least), one) for one in orders]
+            return tuple(one for one in found if _apart_from_each_other(list(rows), one))
+    return ()
 
 
 def _apart_from_each_other(names: Sequence[str], group: Group) -> bool:
@@ -521,14 +592,23 @@ def _fits(own: Sequence[str], longest: Sequence[str]) -> bool:
     )
 
 
-def _in_order(
+def _orders(
     said: Mapping[str, str], rows: Mapping[str, Mapping[str, Array]]
-) -> tuple[str, ...] | None:
-    """The word of the unloaded state, then those of loaded ones; None where no one is below all."""
-    words = dict.fromkeys(said.values())
-    most = {w: max(len(rows[name]) for name in said if said[name] == w) for w in words}
+) -> list[tuple[str, ...]]:
+    """The word of the unloaded state, then those of loaded ones; any first where none has least.
+
+    Only words whose groups have a target in common can be states of one effector.
+    """
+    read: dict[str, list[set[str]]] = {word: [] for word in said.values()}
+    for name, word in said.items():
+        read[word].append({*rows[name]})
+    most = {word: max(map(len, some)) for word, some in read.items()}
     unloaded, *loaded = sorted(most, key=lambda word: most[word])
-    return (unloaded, *loaded) if most[unloaded] < most[loaded[0]] else None
+    if most[unloaded] < most[loaded[0]]:
+        return [(unloaded, *loaded)]
+    if not set.intersection(*(set[str]().union(*some) for some in read.values())):
+        return []
+    return [(one, *(word for word in most if word != one)) for one in most]
 
 
 def _pattern(

@@ -153,6 +153,7 @@ class Scale(LogForm):
     sigma_rel: Uncertainty = 0.0
     gain_sigma: Uncertainty = 0.0
     zero_sigma_n: ForceUncertainty = 0.0
+    mass_sigma_kg: MassUncertainty = 0.0
 
 
 class Gravity(Strict):

@@ -79,6 +79,14 @@ def _propose(root: Path, folder: Path, robot: str | None, ask: bool) -> None:
         told = asking.ask(said.offer, partial(typer.echo, err=True))
         hints = (hints or Hints()).model_copy(update=told)
         said = propose(files, hints)
+    if ask and len(said.names) > 1:
+        named = asking.numbered("How do names hold group and target?", said.names, said.names,
+                                partial(typer.echo, err=True))  # fmt: skip
+        hints = (hints or Hints()).model_copy(update={"names": named})
+        said = propose(files, hints)
+    if ask and said.either:
+        words = tuple(one.states[0] for one in said.either)
+        said = propose(files, hints, _one_of("Word of the unloaded state in group names", words))
     for line in _seen(said):
         _tell(line)
     if robot is None:
@@ -124,7 +132,7 @@ def _asked(said: Proposal, robot: str | None) -> Known:
     """What only a person knows, one question at a time; an empty answer leaves it open."""
     from pipeline.app.blank import Known, log_columns
     from pipeline.readers._coordinates import USUAL_UNITS
-    from pipeline.readers.logs import FORCE, LENGTH
+    from pipeline.readers.logs import FORCE, LENGTH, MASS
 
     unit = None
     if said.reach is not None:
@@ -134,9 +142,13 @@ def _asked(said: Proposal, robot: str | None) -> Known:
         "Standard uncertainty of one tracker reading per axis [mm]", LENGTH, "mm",
         "Enter: it is found from repeats and misfit",
     )  # fmt: skip
-    # step / sqrt(12), GUM F.2.2.1
-    _tell("Of the scale, its certificate says it; the last digit alone makes 0.29 of a step.")
-    sigma_n = _size("Standard uncertainty of one scale reading [N]", FORCE, "n")
+    sigma_n = mass_sigma_kg = None
+    if "force" in said.unsure:
+        # step / sqrt(12), GUM F.2.2.1
+        _tell("Of the scale, its certificate says it; the last digit alone makes 0.29 of a step.")
+        sigma_n = _size("Standard uncertainty of one scale reading [N]", FORCE, "n")
+    if "mass" in said.unsure:
+        mass_sigma_kg = _size("Standard uncertainty of one weight [kg]", MASS, "kg")
     warm = (
         _number("Temperature of rail and base [degC]", "Enter: nobody knows")
         if said.exports
@@ -152,6 +164,7 @@ def _asked(said: Proposal, robot: str | None) -> Known:
         unit=unit,
         sigma_m=sigma_m,
         sigma_n=sigma_n,
+        mass_sigma_kg=mass_sigma_kg,
         temperature_c=warm,
         places={name: at for name, at in places.items() if at is not None},
         columns=columns,
@@ -239,6 +252,8 @@ def _seen(said: Proposal) -> Iterator[str]:
     for what, found in (files | names).items():
         if found:
             yield f"{what}: {listed(found, most=40)}"
+    if said.measured and not said.base:
+        yield "base: no reflector is known; without [base_frame] readings are taken to be in F_b"
     for name, why in said.refused.items():
         yield f"{name} is not used: {why}."
 
