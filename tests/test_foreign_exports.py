@@ -135,16 +135,36 @@ def test_which_way_azimuths_grow_is_said_or_asked(head):
         ("Units: mm, temperature deg C, radius m", "mm"),
         ("Coordinates: x, y and z in m; offset in mm", "m"),
         ("Length unit: inch", "in"),
+        ("Uncertainty units: um", None),
+        ("Tolerance unit: mm", None),
+        ("Resolution unit: um", None),
+        ("// Target offset units: in", None),
+        ("Uncertainty of the coordinates: um", None),
+        ("Job Hall 3; Units: mm; Uncertainty units: um", "mm"),
+        ("Tolerance unit: mm\nCoordinates exported in metres", "m"),
+        ("Measurement units: mm", "mm"),
     ],
 )
 def test_a_unit_belongs_to_what_it_is_said_of(line, unit):
     """That of a radius or of a temperature says nothing of the coordinates."""
-    data = rows(line, "Point;X;Y;Z", "P1;1500;2500;3500").encode()
+    data = rows(*line.splitlines(), "Point;X;Y;Z", "P1;1500;2500;3500").encode()
     if unit is None:
         with pytest.raises(InputError, match="does not say its unit of length"):
             readers.read("t", data)
     else:
         assert readers.read("t", data).meaning.unit == unit
+
+
+def test_the_unit_of_an_offset_is_none_of_spatialanalyzers_header():
+    """Neither the unit of the coordinates nor a second one beside it."""
+    body = rows("A::g::P1, 1500.0, 2500.0, 3500.0", "A::g::P2, 1600.0, 2500.0, 3500.0")
+    for head, unit in (("// Cartesian, Units: Millimeters\n", "mm"), ("// Cartesian\n", None)):
+        data = (head + "// Target offset units: in\n" + body).encode()
+        if unit:
+            assert readers.read("t", data).meaning.unit == unit
+            continue
+        with pytest.raises(InputError, match="does not say its unit of length"):
+            readers.read("t", data)
 
 
 @pytest.mark.parametrize("first", [True, False])

@@ -200,7 +200,7 @@ def _rest_fields(shape: _Shape) -> list[Field]:
 def _meaning(comments: Sequence[str], hints: Hints, table: Rows, line: int) -> Meaning:
     """What the header says of the numbers; short units count behind `units` or in brackets."""
     head = [comment for comment in comments if comment.lstrip().startswith(_COMMENT)]
-    text = "\n".join(head)
+    text = "\n".join(line for line in head if not _named.of_other_quantity(line))
     words = set(re.findall(r"[a-z°]+", text.lower()))
     long = {word: unit for word, unit in UNIT_WORDS.items() if len(word) > 2}
     short = set(itertools.chain(*_SHORT_UNIT.findall(text))) - {""}
