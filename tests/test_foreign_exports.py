@@ -12,7 +12,7 @@ from scipy import stats
 from pipeline import readers
 from pipeline.app.cli import main
 from pipeline.base.errors import InputError
-from pipeline.readers import Hints
+from pipeline.readers import Columns, Hints
 from pipeline.readers.inspect import inspect
 from pipeline.readers.offer import offer
 from pipeline.run import answered
@@ -165,6 +165,23 @@ def test_the_unit_of_an_offset_is_none_of_spatialanalyzers_header():
             continue
         with pytest.raises(InputError, match="does not say its unit of length"):
             readers.read("t", data)
+
+
+@pytest.mark.parametrize(
+    "title", ["HD [m]", "Horizontaldistanz [m]", "Distance 2D [m]", "Horiz. Dist. [m]", "Hor Dist"]
+)
+def test_a_horizontal_distance_is_no_range(title):
+    """Alone it is refused, by a mapping, too; beside the slope distance it is passed over."""
+    head, row = f"Pkt;Hz [gon];V [gon];{title}", "B1;326.99737;109.38258;10.56544"
+    columns = {"target": "Pkt", "azimuth": "Hz [gon]", "vertical": "V [gon]", "range": title}
+    for mapping in (None, Columns(columns=columns)):
+        hints = Hints(unit="m" if "[" not in title else None, vertical="zenith", mapping=mapping)
+        with pytest.raises(InputError, match=r"t:1: .*is a horizontal distance.* slope distance"):
+            readers.read("t", rows(head, row).encode(), hints)
+
+    beside = rows(f"{head};SD [m]", f"{row};10.68124").encode()
+    got = readers.read("t", beside, Hints(vertical="zenith"))
+    assert np.linalg.norm(got.position[0]) == pytest.approx(10.68124, abs=1e-9)
 
 
 @pytest.mark.parametrize("first", [True, False])

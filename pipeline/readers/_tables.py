@@ -40,7 +40,7 @@ from pipeline.readers._reader import (
     settled_unit,
 )
 from pipeline.readers._text import Text
-from pipeline.readers._titles import horizontal, titled, triples
+from pipeline.readers._titles import horizontal, no_level_range, titled, triples
 
 _VERTICALS = ("vertical", "zenith", "elevation")
 COVARIANCE = ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")
@@ -99,6 +99,8 @@ def read(
             _nearly(header)
         _group_needs_target(header)
         kind, axes = _kind(header, hints)
+        if kind == "spherical":
+            no_level_range(column.title for column in header.columns if column.role == axes[0])
         header, untimed = (header, None) if form else _trusted_times(text, header, comment)
         form = form or _form(text, header, comment)
     layout = Layout(
