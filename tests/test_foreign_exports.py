@@ -184,6 +184,49 @@ def test_a_horizontal_distance_is_no_range(title):
     assert np.linalg.norm(got.position[0]) == pytest.approx(10.68124, abs=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("head", "row", "wrong"),
+    [
+        ("Pkt;Hz [deg];V [deg];SD [m]", "B1;373.2;109.4;10.7", "Hz .deg.. holds 373.2, .* 360 deg"),
+        ("Pkt;Hz [rad];Elevation [rad];SD [m]", "B1;1;-9.4;10.7", "Elevation .rad.. holds -9.4"),
+        ("Pkt;Hz;V;SD", "B1;100;400.5;10.7", "V. holds 400.5, more than the 400 gon"),
+    ],
+)
+def test_an_angle_beyond_its_circle_is_in_another_unit(head, row, wrong):
+    """Neither by its title nor by campaign.toml; a circle rounded upwards is one still."""
+    hints = Hints(vertical="elevation" if "Elev" in head else "zenith", unit="m", angle="gon")
+    if "[" in head:
+        hints = hints.model_copy(update={"angle": None, "unit": None})
+    first = "B2;6.28319;1;5"
+    with pytest.raises(InputError, match=f"t:3: .*{wrong}.*; correct its unit"):
+        readers.read("t", rows(head, first, row).encode(), hints)
+
+    assert len(readers.read("t", rows(head, first).encode(), hints).line) == 1
+
+
+def test_spatialanalyzers_angles_keep_within_their_circle_too():
+    """Its header names the unit of angles that its rows then break."""
+    head = ["// Spherical, Zenith, Units: Meters, Degrees", "// Group::Target, R, Theta, Phi"]
+    for theta, sound in (("359.5", True), ("373.2", False)):
+        data = rows(*head, f"A::g::B1, 10.7, {theta}, 98.0").encode()
+        if sound:
+            assert readers.read("t", data).meaning.angle == "deg"
+            continue
+        with pytest.raises(InputError, match=r"t:3: .* holds 373\.2"):
+            readers.read("t", data)
+
+
+@pytest.mark.parametrize(("moved", "left"), [(0.0, 1), (0.01, 1), (0.05, 2)])
+def test_two_places_are_no_two_faces(moved, left):
+    """A target that has moved by more than any collimation stays two readings."""
+    far = 2.0 + moved
+    data = rows("Pkt;Hz [gon];V [gon];SD [m]", "P1;50.0;98.0;2.0", f"P1;250.0;302.0;{far}").encode()
+    export = readers.read("t", data, Hints(vertical="zenith"))
+
+    assert len(export.line) == left
+    assert export.faces.pairs == 2 - left
+
+
 @pytest.mark.parametrize("first", [True, False])
 def test_two_kinds_in_one_file_without_titles_are_refused(first):
     """A tool's targets keep their distances only if one part is angles and the other x, y, z."""

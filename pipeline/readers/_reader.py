@@ -298,7 +298,7 @@ def _one_face(readings: Export, second: Bools) -> Export:
     if not second.any() or readings.target is None:
         return readings
     columns = [c.to_pylist() for c in (readings.group, readings.target) if c is not None]
-    found = _faces.pairs(list(zip(*columns, strict=True)), second)
+    found = _faces.pairs(list(zip(*columns, strict=True)), second, readings.position)
     told = _faces.summary(readings.position, found, second)
     position, C = _faces.mean(readings.position, readings.covariance, found)
     keep = np.ones(len(second), dtype=bool)

@@ -27,6 +27,7 @@ from pipeline.readers._named import (
     one_unit,
     said_units,
 )
+from pipeline.readers._polar import within_a_circle
 from pipeline.readers._reader import (
     EXPANDED,
     RMS,
@@ -116,6 +117,9 @@ def read(
         table = _dated(table, layout.moment)
     with at(line=header.line or None):
         meaning = _meaning(header, hints, table, kind, axes)
+        for axis in _angular(kind, axes):
+            title = header.columns[header.where(axis) or 0].title
+            within_a_circle(title, table.floats(axis), table.line, meaning.angle)
         _same_unit(text, header, meaning.unit)
         _unit_of_rows(text, header, meaning.unit, comment)
         table = _counting(table, hints)
@@ -359,8 +363,13 @@ def _cells_that(table: Rows, name: str, fits: Callable[[str], bool]) -> Bools:
     return np.array(fitting, dtype=bool)[np.asarray(marks.indices)]
 
 
+def _angular(kind: str, axes: Sequence[str]) -> Sequence[str]:
+    """Those of the three columns that are angles."""
+    return {"cartesian": [], "spherical": axes[1:], "cylindrical": [axes[1]]}[kind]
+
+
 def _meaning(header: Header, hints: Hints, table: Rows, kind: str, axes: Sequence[str]) -> Meaning:
-    angular = {"cartesian": [], "spherical": list(axes[1:]), "cylindrical": [axes[1]]}[kind]
+    angular = _angular(kind, axes)
     lengths = [axis for axis in axes if axis not in angular]
     unit = settled_unit(one_unit(header, lengths), hints)
     stated = Angles(

@@ -23,6 +23,7 @@ from pipeline.readers._coordinates import AXES, Angles, Meaning, settled
 from pipeline.readers._delimited import rows
 from pipeline.readers._layout import DELIMITERS, Field, Kind, Layout, Rows
 from pipeline.readers._named import ANGLE_WORDS, UNIT_WORDS, Header, Named
+from pipeline.readers._polar import within_a_circle
 from pipeline.readers._reader import (
     Export,
     Hints,
@@ -96,6 +97,9 @@ def read(text: Text, hints: Hints) -> Export:
     )
     found = rows(text, layout)
     meaning = _meaning(comments, hints, found, first)
+    angular = {"cartesian": "", "spherical": "23", "cylindrical": "2"}[meaning.kind]
+    for axis in angular:
+        within_a_circle(f"{axis} of the coordinates", found.floats(axis), found.line, meaning.angle)
     covariances = _tables.covariances(
         found, Header(0, shape.delimiter, shape.rest), hints, meaning.unit
     )
