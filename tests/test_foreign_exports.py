@@ -227,6 +227,27 @@ def test_two_places_are_no_two_faces(moved, left):
     assert export.faces.pairs == 2 - left
 
 
+STATISTICS = ["Mean", "Std Dev", "Std. Dev.", "Min", "Max", "Mittelwert", "Standardabweichung",
+              "Average", "RMS", "Centroid", "Range", "Count", "Std_Dev"]  # fmt: skip
+
+
+@pytest.mark.parametrize("head", ["Point;X [mm];Y [mm];Z [mm]", "group;target;x_mm;y_mm;z_mm"])
+@pytest.mark.parametrize("above", [True, False])
+def test_statistics_of_the_points_are_no_readings(head, above):
+    """Left out with their lines, whatever they are of; a target with such a word in it stays."""
+    group = "g;" if head.startswith("group") else ""
+    points = [f"{group}{name};4347.4;9629.5;-1568.5" for name in ("B1", "Max1", "Min Plate")]
+    below = [f"{group.replace('g', 'Statistics')}{name};0.1;0.2;0.3" for name in STATISTICS]
+    data = rows(head, *(below + points if above else points + below)).encode()
+    export = readers.read("t", data)
+
+    assert export.target.to_pylist() == ["B1", "Max1", "Min Plate"]
+    first = 2 if above else 5
+    assert [n for n, why in export.rejected if "a statistic" in why] == [
+        *range(first, first + len(STATISTICS))
+    ]
+
+
 @pytest.mark.parametrize("first", [True, False])
 def test_two_kinds_in_one_file_without_titles_are_refused(first):
     """A tool's targets keep their distances only if one part is angles and the other x, y, z."""
