@@ -248,6 +248,69 @@ def test_statistics_of_the_points_are_no_readings(head, above):
     ]
 
 
+SPREAD = [("B1", 4347.4, 9629.5, -1568.5), ("B2", -3925.1, 6118.3, -1571.2),
+          ("B3", -2441.9, -5220.7, -1550.1), ("P1", 2847.7, 1877.5, -196.7)]  # fmt: skip
+
+
+def kinds_of_rows(head, first, second, shift):
+    """Every point twice: as `first` calls it, `shift` mm off, and as `second` does."""
+    lines = []
+    for group in ("g", "h"):
+        for name, x, y, z in SPREAD:
+            for word, off in ((first, shift), (second, 0.0)):
+                lines.append(f"{group};{name};{word};{x + off};{y - off};{z + off}")
+    return rows(head, *lines).encode()
+
+
+@pytest.mark.parametrize(
+    ("title", "nominal", "measured"),
+    [("Typ", "Soll", "Ist"), ("Type", "Nominal", "Measured"), ("Kind", "CAD", "Probed")],
+)
+@pytest.mark.parametrize("names", ["group;target", "Gruppe;Punkt"])
+def test_nominal_rows_are_not_read_beside_measured_ones(title, nominal, measured, names):
+    """Left out with their lines, however near they are."""
+    data = kinds_of_rows(f"{names};{title};x [mm];y [mm];z [mm]", nominal, measured, 0.4)
+    export = readers.read("t", data)
+
+    np.testing.assert_allclose(export.position[:4] * 1e3, [p[1:] for p in SPREAD], atol=1e-9)
+    assert [line for line, _ in export.rejected] == [*range(2, 18, 2)]
+    assert f"its {title} is {nominal}" in export.rejected[0][1]
+    assert title not in export.unused
+
+
+def test_rows_below_a_line_of_nominal_points_are_left_out():
+    """Until the line of the measured ones."""
+    points = [f"{name};{x};{y};{z}" for name, x, y, z in SPREAD]
+    titles = "Point;X [mm];Y [mm];Z [mm]"
+    places = [f"{name};{x + 0.5};{y};{z}" for name, x, y, z in SPREAD]
+    data = rows("Nominal points", titles, *places, "Measured points", titles, *points)
+    export = readers.read("t", data.encode())
+
+    np.testing.assert_allclose(export.position * 1e3, [p[1:] for p in SPREAD], atol=1e-9)
+    assert [line for line, why in export.rejected if "nominal points" in why] == [3, 4, 5, 6]
+
+
+@pytest.mark.parametrize("names", ["group;target", "Gruppe;Punkt"])
+def test_a_column_that_tells_frames_apart_is_asked_for(names):
+    """Targets metres apart by a word are in two frames; those that a load moves are in one."""
+    head = f"{names};Frame;x [mm];y [mm];z [mm]"
+    data = kinds_of_rows(head, "World", "Tracker", 1000.0)
+    with pytest.raises(InputError, match=r't:1: .*"Frame" holds Tracker, World, .* in \[tracker'):
+        readers.read("t", data)
+    asked = offer("t", data, Hints()).question
+    assert [answer.said for answer in asked.answers] == ["Tracker", "World"]
+    chosen = readers.read("t", data, Hints(**asked.answers[0].hints))
+    np.testing.assert_allclose(chosen.position[:4] * 1e3, [p[1:] for p in SPREAD], atol=1e-9)
+    columns = dict(zip(("group", "target"), names.split(";"), strict=True))
+    columns |= {"instrument": "Frame"} | {axis: f"{axis} [mm]" for axis in "xyz"}
+    hints = Hints(mapping=Columns(columns=columns, instrument="Tracker"))
+    export = readers.read("t", kinds_of_rows(head, "World", "Tracker", 1000.0), hints)
+    np.testing.assert_allclose(export.position[:4] * 1e3, [p[1:] for p in SPREAD], atol=1e-9)
+
+    near = readers.read("t", kinds_of_rows(head, "up", "down", 2.0))
+    assert (len(near.line), near.unused) == (16, ("Frame",))
+
+
 @pytest.mark.parametrize("first", [True, False])
 def test_two_kinds_in_one_file_without_titles_are_refused(first):
     """A tool's targets keep their distances only if one part is angles and the other x, y, z."""
