@@ -311,6 +311,19 @@ def test_a_column_that_tells_frames_apart_is_asked_for(names):
     assert (len(near.line), near.unused) == (16, ("Frame",))
 
 
+@pytest.mark.parametrize("many", [1, 2, 3, 10])
+@pytest.mark.parametrize("bad", ["beam broken;beam broken;beam broken", ";;", "-;-;-", "–1;2;3"])
+@pytest.mark.parametrize("units", [False, True])
+def test_rows_that_cannot_be_read_below_the_titles_leave_these_alone(many, bad, units):
+    """Each is rejected with its line; the titles still say which column is what, in which unit."""
+    head = ["Point;Z;X;Y", ";[in];[in];[in]"] if units else ["Point;Z [in];X [in];Y [in]"]
+    good = [f"{name};{z};{x};{y}" for name, x, y, z in SPREAD]
+    export = readers.read("t", rows(*head, *[f"B1;{bad}"] * many, *good).encode())
+
+    np.testing.assert_allclose(export.position / 0.0254, [p[1:] for p in SPREAD], rtol=1e-12)
+    assert [line for line, _ in export.rejected] == [len(head) + 1 + k for k in range(many)]
+
+
 @pytest.mark.parametrize("first", [True, False])
 def test_two_kinds_in_one_file_without_titles_are_refused(first):
     """A tool's targets keep their distances only if one part is angles and the other x, y, z."""
