@@ -12,7 +12,7 @@ from scipy import stats
 from pipeline import readers
 from pipeline.app.cli import main
 from pipeline.base.errors import InputError
-from pipeline.readers import Hints
+from pipeline.readers import Columns, Hints
 from pipeline.readers.inspect import inspect
 from pipeline.readers.offer import offer
 from pipeline.run import answered
@@ -135,16 +135,193 @@ def test_which_way_azimuths_grow_is_said_or_asked(head):
         ("Units: mm, temperature deg C, radius m", "mm"),
         ("Coordinates: x, y and z in m; offset in mm", "m"),
         ("Length unit: inch", "in"),
+        ("Uncertainty units: um", None),
+        ("Tolerance unit: mm", None),
+        ("Resolution unit: um", None),
+        ("// Target offset units: in", None),
+        ("Uncertainty of the coordinates: um", None),
+        ("Job Hall 3; Units: mm; Uncertainty units: um", "mm"),
+        ("Tolerance unit: mm\nCoordinates exported in metres", "m"),
+        ("Measurement units: mm", "mm"),
     ],
 )
 def test_a_unit_belongs_to_what_it_is_said_of(line, unit):
     """That of a radius or of a temperature says nothing of the coordinates."""
-    data = rows(line, "Point;X;Y;Z", "P1;1500;2500;3500").encode()
+    data = rows(*line.splitlines(), "Point;X;Y;Z", "P1;1500;2500;3500").encode()
     if unit is None:
         with pytest.raises(InputError, match="does not say its unit of length"):
             readers.read("t", data)
     else:
         assert readers.read("t", data).meaning.unit == unit
+
+
+def test_the_unit_of_an_offset_is_none_of_spatialanalyzers_header():
+    """Neither the unit of the coordinates nor a second one beside it."""
+    body = rows("A::g::P1, 1500.0, 2500.0, 3500.0", "A::g::P2, 1600.0, 2500.0, 3500.0")
+    for head, unit in (("// Cartesian, Units: Millimeters\n", "mm"), ("// Cartesian\n", None)):
+        data = (head + "// Target offset units: in\n" + body).encode()
+        if unit:
+            assert readers.read("t", data).meaning.unit == unit
+            continue
+        with pytest.raises(InputError, match="does not say its unit of length"):
+            readers.read("t", data)
+
+
+@pytest.mark.parametrize(
+    "title", ["HD [m]", "Horizontaldistanz [m]", "Distance 2D [m]", "Horiz. Dist. [m]", "Hor Dist"]
+)
+def test_a_horizontal_distance_is_no_range(title):
+    """Alone it is refused, by a mapping, too; beside the slope distance it is passed over."""
+    head, row = f"Pkt;Hz [gon];V [gon];{title}", "B1;326.99737;109.38258;10.56544"
+    columns = {"target": "Pkt", "azimuth": "Hz [gon]", "vertical": "V [gon]", "range": title}
+    for mapping in (None, Columns(columns=columns)):
+        hints = Hints(unit="m" if "[" not in title else None, vertical="zenith", mapping=mapping)
+        with pytest.raises(InputError, match=r"t:1: .*is a horizontal distance.* slope distance"):
+            readers.read("t", rows(head, row).encode(), hints)
+
+    beside = rows(f"{head};SD [m]", f"{row};10.68124").encode()
+    got = readers.read("t", beside, Hints(vertical="zenith"))
+    assert np.linalg.norm(got.position[0]) == pytest.approx(10.68124, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("head", "row", "wrong"),
+    [
+        ("Pkt;Hz [deg];V [deg];SD [m]", "B1;373.2;109.4;10.7", "Hz .deg.. holds 373.2, .* 360 deg"),
+        ("Pkt;Hz [rad];Elevation [rad];SD [m]", "B1;1;-9.4;10.7", "Elevation .rad.. holds -9.4"),
+        ("Pkt;Hz;V;SD", "B1;100;400.5;10.7", "V. holds 400.5, more than the 400 gon"),
+    ],
+)
+def test_an_angle_beyond_its_circle_is_in_another_unit(head, row, wrong):
+    """Neither by its title nor by campaign.toml; a circle rounded upwards is one still."""
+    hints = Hints(vertical="elevation" if "Elev" in head else "zenith", unit="m", angle="gon")
+    if "[" in head:
+        hints = hints.model_copy(update={"angle": None, "unit": None})
+    first = "B2;6.28319;1;5"
+    with pytest.raises(InputError, match=f"t:3: .*{wrong}.*; correct its unit"):
+        readers.read("t", rows(head, first, row).encode(), hints)
+
+    assert len(readers.read("t", rows(head, first).encode(), hints).line) == 1
+
+
+def test_spatialanalyzers_angles_keep_within_their_circle_too():
+    """Its header names the unit of angles that its rows then break."""
+    head = ["// Spherical, Zenith, Units: Meters, Degrees", "// Group::Target, R, Theta, Phi"]
+    for theta, sound in (("359.5", True), ("373.2", False)):
+        data = rows(*head, f"A::g::B1, 10.7, {theta}, 98.0").encode()
+        if sound:
+            assert readers.read("t", data).meaning.angle == "deg"
+            continue
+        with pytest.raises(InputError, match=r"t:3: .* holds 373\.2"):
+            readers.read("t", data)
+
+
+@pytest.mark.parametrize(("moved", "left"), [(0.0, 1), (0.01, 1), (0.05, 2)])
+def test_two_places_are_no_two_faces(moved, left):
+    """A target that has moved by more than any collimation stays two readings."""
+    far = 2.0 + moved
+    data = rows("Pkt;Hz [gon];V [gon];SD [m]", "P1;50.0;98.0;2.0", f"P1;250.0;302.0;{far}").encode()
+    export = readers.read("t", data, Hints(vertical="zenith"))
+
+    assert len(export.line) == left
+    assert export.faces.pairs == 2 - left
+
+
+STATISTICS = ["Mean", "Std Dev", "Std. Dev.", "Min", "Max", "Mittelwert", "Standardabweichung",
+              "Average", "RMS", "Centroid", "Range", "Count", "Std_Dev"]  # fmt: skip
+
+
+@pytest.mark.parametrize("head", ["Point;X [mm];Y [mm];Z [mm]", "group;target;x_mm;y_mm;z_mm"])
+@pytest.mark.parametrize("above", [True, False])
+def test_statistics_of_the_points_are_no_readings(head, above):
+    """Left out with their lines, whatever they are of; a target with such a word in it stays."""
+    group = "g;" if head.startswith("group") else ""
+    points = [f"{group}{name};4347.4;9629.5;-1568.5" for name in ("B1", "Max1", "Min Plate")]
+    below = [f"{group.replace('g', 'Statistics')}{name};0.1;0.2;0.3" for name in STATISTICS]
+    data = rows(head, *(below + points if above else points + below)).encode()
+    export = readers.read("t", data)
+
+    assert export.target.to_pylist() == ["B1", "Max1", "Min Plate"]
+    first = 2 if above else 5
+    assert [n for n, why in export.rejected if "a statistic" in why] == [
+        *range(first, first + len(STATISTICS))
+    ]
+
+
+SPREAD = [("B1", 4347.4, 9629.5, -1568.5), ("B2", -3925.1, 6118.3, -1571.2),
+          ("B3", -2441.9, -5220.7, -1550.1), ("P1", 2847.7, 1877.5, -196.7)]  # fmt: skip
+
+
+def kinds_of_rows(head, first, second, shift):
+    """Every point twice: as `first` calls it, `shift` mm off, and as `second` does."""
+    lines = []
+    for group in ("g", "h"):
+        for name, x, y, z in SPREAD:
+            for word, off in ((first, shift), (second, 0.0)):
+                lines.append(f"{group};{name};{word};{x + off};{y - off};{z + off}")
+    return rows(head, *lines).encode()
+
+
+@pytest.mark.parametrize(
+    ("title", "nominal", "measured"),
+    [("Typ", "Soll", "Ist"), ("Type", "Nominal", "Measured"), ("Kind", "CAD", "Probed")],
+)
+@pytest.mark.parametrize("names", ["group;target", "Gruppe;Punkt"])
+def test_nominal_rows_are_not_read_beside_measured_ones(title, nominal, measured, names):
+    """Left out with their lines, however near they are."""
+    data = kinds_of_rows(f"{names};{title};x [mm];y [mm];z [mm]", nominal, measured, 0.4)
+    export = readers.read("t", data)
+
+    np.testing.assert_allclose(export.position[:4] * 1e3, [p[1:] for p in SPREAD], atol=1e-9)
+    assert [line for line, _ in export.rejected] == [*range(2, 18, 2)]
+    assert f"its {title} is {nominal}" in export.rejected[0][1]
+    assert title not in export.unused
+
+
+def test_rows_below_a_line_of_nominal_points_are_left_out():
+    """Until the line of the measured ones."""
+    points = [f"{name};{x};{y};{z}" for name, x, y, z in SPREAD]
+    titles = "Point;X [mm];Y [mm];Z [mm]"
+    places = [f"{name};{x + 0.5};{y};{z}" for name, x, y, z in SPREAD]
+    data = rows("Nominal points", titles, *places, "Measured points", titles, *points)
+    export = readers.read("t", data.encode())
+
+    np.testing.assert_allclose(export.position * 1e3, [p[1:] for p in SPREAD], atol=1e-9)
+    assert [line for line, why in export.rejected if "nominal points" in why] == [3, 4, 5, 6]
+
+
+@pytest.mark.parametrize("names", ["group;target", "Gruppe;Punkt"])
+def test_a_column_that_tells_frames_apart_is_asked_for(names):
+    """Targets metres apart by a word are in two frames; those that a load moves are in one."""
+    head = f"{names};Frame;x [mm];y [mm];z [mm]"
+    data = kinds_of_rows(head, "World", "Tracker", 1000.0)
+    with pytest.raises(InputError, match=r't:1: .*"Frame" holds Tracker, World, .* in \[tracker'):
+        readers.read("t", data)
+    asked = offer("t", data, Hints()).question
+    assert [answer.said for answer in asked.answers] == ["Tracker", "World"]
+    chosen = readers.read("t", data, Hints(**asked.answers[0].hints))
+    np.testing.assert_allclose(chosen.position[:4] * 1e3, [p[1:] for p in SPREAD], atol=1e-9)
+    columns = dict(zip(("group", "target"), names.split(";"), strict=True))
+    columns |= {"instrument": "Frame"} | {axis: f"{axis} [mm]" for axis in "xyz"}
+    hints = Hints(mapping=Columns(columns=columns, instrument="Tracker"))
+    export = readers.read("t", kinds_of_rows(head, "World", "Tracker", 1000.0), hints)
+    np.testing.assert_allclose(export.position[:4] * 1e3, [p[1:] for p in SPREAD], atol=1e-9)
+
+    near = readers.read("t", kinds_of_rows(head, "up", "down", 2.0))
+    assert (len(near.line), near.unused) == (16, ("Frame",))
+
+
+@pytest.mark.parametrize("many", [1, 2, 3, 10])
+@pytest.mark.parametrize("bad", ["beam broken;beam broken;beam broken", ";;", "-;-;-", "–1;2;3"])
+@pytest.mark.parametrize("units", [False, True])
+def test_rows_that_cannot_be_read_below_the_titles_leave_these_alone(many, bad, units):
+    """Each is rejected with its line; the titles still say which column is what, in which unit."""
+    head = ["Point;Z;X;Y", ";[in];[in];[in]"] if units else ["Point;Z [in];X [in];Y [in]"]
+    good = [f"{name};{z};{x};{y}" for name, x, y, z in SPREAD]
+    export = readers.read("t", rows(*head, *[f"B1;{bad}"] * many, *good).encode())
+
+    np.testing.assert_allclose(export.position / 0.0254, [p[1:] for p in SPREAD], rtol=1e-12)
+    assert [line for line, _ in export.rejected] == [len(head) + 1 + k for k in range(many)]
 
 
 @pytest.mark.parametrize("first", [True, False])

@@ -13,6 +13,9 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Bools, Ints
 
+GROSS_M = 0.03
+"""No robot in use is this far off its own table, and no reflector off its place."""
+
 
 @dataclass(frozen=True)
 class Faces:
@@ -29,12 +32,15 @@ class Faces:
     single: int
 
 
-def pairs(names: Sequence[Any], second: Bools) -> Ints:
+def pairs(names: Sequence[Any], second: Bools, position: Array) -> Ints:
     """Readings of one target in both faces, each with the nearest one before, shape (pairs, 2).
+
+    What lies farther apart than any adjustment leaves is not the same place in two faces.
 
     Args:
         names: Group and target of each reading.
         second: Which are in the second face, shape (n,).
+        position: Coordinates [m], shape (n, 3).
     """
     waiting: dict[Any, int] = {}
     found = []
@@ -44,7 +50,9 @@ def pairs(names: Sequence[Any], second: Bools) -> Ints:
             found.append((before, k))
         else:
             waiting[name] = k
-    return np.array(found, dtype=np.int64).reshape(-1, 2)
+    both = np.array(found, dtype=np.int64).reshape(-1, 2)
+    apart = np.linalg.norm(position[both[:, 0]] - position[both[:, 1]], axis=1)
+    return both[apart <= GROSS_M]
 
 
 def summary(position: Array, found: Ints, second: Bools) -> Faces:

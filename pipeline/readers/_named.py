@@ -67,6 +67,15 @@ _OF_COORDINATES = {
 }  # fmt: skip
 """Words before a unit that leave it that of the coordinates."""
 _BETWEEN = {"in", "is", "are", "of", "the", "all", "and", "as", "m", "und", "sind", "alle"}
+_OF_THE_FILE = {
+    "job", "file", "export", "exported", "report", "measurement", "measurements", "measured",
+    "format", "datei", "messung", "messungen", "gemessen", "gemessene", "bericht", "projekt",
+    "project", "system", "display", "default", "lineare", "der", "die",
+}  # fmt: skip
+"""Words before a unit that say whose it is, and not of what else."""
+_OPEN = _OF_COORDINATES | _BETWEEN | _OF_THE_FILE
+_UNITS = re.compile(r"\b(units?|einheit(en)?)\b", re.IGNORECASE)
+_APART = re.compile(r"[;,|\t]|  ")
 _WORD = re.compile(r"[^\W\d_]+|°")
 _SHORT = re.compile(
     r"(?:[:=(\[,/]|\bin)\s*(m|in)(?=\s*(?:$|[)\],;/|]|gon\b|deg|rad|mm\b))", re.IGNORECASE
@@ -224,9 +233,20 @@ def said_units(line: str, of_coordinates: bool = False) -> set[str]:
         word = one[0].lower()
         if word in _UNIT_WORDS and (word not in ("m", "in") or one.start() in short):
             found |= {_UNIT_WORDS[word]} if counts else set()
-        elif of_coordinates and word not in _BETWEEN:
-            counts = word in _OF_COORDINATES
+        elif of_coordinates and word not in _BETWEEN | _OF_THE_FILE:
+            counts = word in _OF_COORDINATES and not _of_other(line[: one.start()])
     return found
+
+
+def _of_other(before: str) -> bool:
+    """Whether words before `units` or `coordinates` make them those of another quantity."""
+    words = _WORD.findall(_APART.split(before)[-1].lower())
+    return not {*words} <= _OPEN | {*_UNIT_WORDS}
+
+
+def of_other_quantity(line: str) -> bool:
+    """Whether a line speaks of the unit of something else than the coordinates: a tolerance."""
+    return any(_of_other(line[: one.start()]) for one in _UNITS.finditer(line))
 
 
 def known_units(columns: Sequence[Named]) -> None:

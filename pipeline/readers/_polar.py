@@ -13,7 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from pipeline.base.arrays import Array, Bools
+from pipeline.base.arrays import Array, Bools, Ints
+from pipeline.base.errors import InputError
+from pipeline.readers._cells import shown
 from pipeline.readers._coordinates import (
     PACKED,
     USUAL_UNITS,
@@ -114,6 +116,30 @@ def _is_azimuth(values: Array, angle: str) -> bool:
 def _circles(values: Array, angle: str) -> Array:
     """Angles in full circles."""
     return plain_angles(values, angle) / FULL[angle]
+
+
+def within_a_circle(title: str, values: Array, line: Ints, angle: str | None) -> None:
+    """No instrument counts its angles beyond a full circle; _FACE is left for what rounding adds.
+
+    Args:
+        title: Of the column.
+        values: Its angles in their unit, shape (n,).
+        line: Line of each, shape (n,).
+        angle: Their unit, None for lengths.
+
+    Raises:
+        InputError: An angle is beyond, so that it is in another unit.
+    """
+    if angle is None:
+        return
+    beyond = np.flatnonzero(np.abs(_circles(values, angle)) > 1.0 + _FACE)
+    if len(beyond):
+        raise InputError(
+            f'column "{shown(title)}" holds {values[beyond[0]]:.10g}, more than the '
+            f"{FULL[angle]:.4g} {angle} of a full circle",
+            "correct its unit in the title, or angle in [tracker] of campaign.toml, or the row",
+            line=int(line[beyond[0]]),
+        )
 
 
 def _is_vertical(values: Array, angle: str, vertical: str) -> bool:

@@ -51,6 +51,14 @@ _NO_UNCERTAINTY = (
     "its uncertainty is none (a variance below zero or a correlation above one); export it again, "
     'or set covariance = "none" in [tracker]'
 )
+_STATISTICS = {
+    "mean", "mean value", "average", "avg", "median", "min", "max", "minimum", "maximum", "range",
+    "count", "rms", "centroid", "std", "std dev", "stddev", "std deviation", "standard deviation",
+    "st dev", "stdev", "sigma", "sum", "mittelwert", "mittel", "standardabweichung", "stabw",
+    "spannweite", "anzahl", "schwerpunkt", "summe", "moyenne", "écart type", "media",
+}  # fmt: skip
+"""Names of what programs write below or above the points of a table."""
+_STATISTIC = "its name is that of a statistic, and no target; rename it if it is one"
 _NINES = re.compile(r"999+(\.9+)?")
 """What programs write for no number."""
 _NOTHING = (
@@ -273,6 +281,10 @@ def export(
         unused=tuple(unused),
         rejected=rows.rejected,
     )
+    statistic = _statistics(everything.target)
+    if statistic.any():
+        everything = kept(everything, ~statistic, _STATISTIC)
+        numbers = [column[~statistic] for column in numbers]
     nothing = _nothing(numbers)
     if nothing.any():
         everything = kept(everything, ~nothing, _NOTHING)
@@ -280,6 +292,15 @@ def export(
     if meaning.kind == "spherical":
         everything = _one_face(everything, second_face(numbers[2], meaning))
     return _possible(everything)
+
+
+def _statistics(target: pa.DictionaryArray | None) -> Bools:
+    """Rows whose target is a mean, a deviation or the like of the others, shape (n,)."""
+    if target is None:
+        return np.zeros(1, dtype=bool)
+    words = (re.findall(r"[^\W_]+", str(name).lower()) for name in target.dictionary.to_pylist())
+    found = np.array([" ".join(word) in _STATISTICS for word in words], dtype=bool)
+    return np.asarray(found[np.asarray(target.indices)])
 
 
 def _nothing(numbers: Sequence[Array]) -> Bools:
@@ -298,7 +319,7 @@ def _one_face(readings: Export, second: Bools) -> Export:
     if not second.any() or readings.target is None:
         return readings
     columns = [c.to_pylist() for c in (readings.group, readings.target) if c is not None]
-    found = _faces.pairs(list(zip(*columns, strict=True)), second)
+    found = _faces.pairs(list(zip(*columns, strict=True)), second, readings.position)
     told = _faces.summary(readings.position, found, second)
     position, C = _faces.mean(readings.position, readings.covariance, found)
     keep = np.ones(len(second), dtype=bool)

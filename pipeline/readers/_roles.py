@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from pipeline.base.arrays import Array, Bools
-from pipeline.base.errors import InputError, listed
+from pipeline.base.errors import InputError, at, listed
 from pipeline.readers import _polar
 from pipeline.readers._cells import is_number
 from pipeline.readers._contents import Content, values
@@ -22,7 +22,15 @@ from pipeline.readers._coordinates import AXES
 from pipeline.readers._named import Named
 from pipeline.readers._polar import Polar
 from pipeline.readers._sheet import Sheet, cells_of
-from pipeline.readers._titles import Triple, is_quantity, numbered, titled, triples, uncertainties
+from pipeline.readers._titles import (
+    Triple,
+    is_quantity,
+    no_level_range,
+    numbered,
+    titled,
+    triples,
+    uncertainties,
+)
 
 Why = Literal["title", "words", "names", "numbers", "time", "matrix", "faces", "rigid", "range",
               "order", "stated", "empty", "untold", "untimed"]  # fmt: skip
@@ -113,6 +121,9 @@ def named(sheet: Sheet) -> tuple[Named, ...]:
     return titled(sheet.titles)
 
 
+_ANGLES = {"azimuth", "vertical", "zenith", "elevation"}
+
+
 def readings(table: Table, kind: str | None, unit: str | None) -> list[Reading]:
     """Every way to read a table that makes sense, the most plausible one first.
 
@@ -120,11 +131,17 @@ def readings(table: Table, kind: str | None, unit: str | None) -> list[Reading]:
         table: The table.
         kind: Kind of its coordinates where the file or somebody says it.
         unit: Unit of length, likewise.
+
+    Raises:
+        InputError: A row holds several targets, or its distance is no range.
     """
     number = {k for k, c in enumerate(table.content) if c.kind == "number"}
     sets = [one for one in triples(table.named) if number.issuperset(one.columns)]
     if sets:
         return _by_titles(table, sets)
+    if _ANGLES & {c.role for c in table.named}:
+        with at(line=table.sheet.header):
+            no_level_range(column.title for column in table.named)
     if "x" in {c.role for c in table.named} or table.sheet.stray:
         return _doubted(_by_numbers(table, number, kind, unit))
     found = _by_numbers(table, number, kind, unit)

@@ -98,7 +98,7 @@ def sheet(text: Text) -> Sheet | None:
         delimiter=found.delimiter,
         header=header,
         commented=commented,
-        first=found.rows[0][0],
+        first=_first(above, found, header, mark),
         comment=mark,
         titles=titles,
         units=units,
@@ -179,7 +179,8 @@ def _titles(
     nothing = ("",) * found.width
     units, stray = nothing, False
     near = [(n, line) for n, line in above if line.strip() and not _RULE.fullmatch(line)]
-    for number, line in reversed(near[-_ABOVE:]):
+    known = _named_above(near, found, mark)
+    for number, line in reversed(near[-_ABOVE:] if known is None else near[known : known + 2]):
         cells = _fitting(line, found, mark)
         if cells is None:
             stray = stray or _names_axes(line)
@@ -187,9 +188,36 @@ def _titles(
             continue
         elif all(map(_is_unit, filter(_filled, cells))):
             units = tuple(cells)
+        elif known is not None and number != near[known][0]:
+            continue
         elif 2 * sum(map(bool, cells)) >= found.width and _no_sentence(cells, found.delimiter):
             return number, tuple(map(bare, cells)), units, False
     return 0, nothing, units, stray
+
+
+def _named_above(near: Sequence[tuple[int, str]], found: _Rows, mark: str | None) -> int | None:
+    """Which line above names three coordinates, however many rows that cannot be read follow.
+
+    What stands in a comment may be a remark on titles below it.
+    """
+    said = [
+        k
+        for k, (_, line) in enumerate(near)
+        if not (mark and line.lstrip().startswith(mark)) and _known(_fitting(line, found, mark))
+    ]
+    return said[-1] if said else None
+
+
+def _first(above: Sequence[tuple[int, str]], found: _Rows, header: int, mark: str | None) -> int:
+    """Line of the first row below titles, one that cannot be read included: it is told then."""
+    for number, line in above if header else ():
+        cells = _fitting(line, found, mark) if number > header and line.strip() else None
+        remark = mark and line.lstrip().startswith(mark)
+        if cells is None or remark or _RULE.fullmatch(line):
+            continue
+        if not all(map(_is_unit, filter(_filled, cells))):
+            return number
+    return found.rows[0][0]
 
 
 def _no_sentence(cells: Sequence[str], delimiter: str) -> bool:

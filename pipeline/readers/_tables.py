@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
 
@@ -12,7 +12,7 @@ import pyarrow.compute as pc
 
 from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError, at, listed
-from pipeline.readers import _time
+from pipeline.readers import _kinds, _time
 from pipeline.readers._cells import above, cells_or_none, shown
 from pipeline.readers._coordinates import AXES, Angles, Meaning, uncertainties
 from pipeline.readers._delimited import rows
@@ -27,6 +27,7 @@ from pipeline.readers._named import (
     one_unit,
     said_units,
 )
+from pipeline.readers._polar import within_a_circle
 from pipeline.readers._reader import (
     EXPANDED,
     RMS,
@@ -40,7 +41,7 @@ from pipeline.readers._reader import (
     settled_unit,
 )
 from pipeline.readers._text import Text
-from pipeline.readers._titles import horizontal, titled, triples
+from pipeline.readers._titles import horizontal, no_level_range, titled, triples
 
 _VERTICALS = ("vertical", "zenith", "elevation")
 COVARIANCE = ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")
@@ -99,21 +100,33 @@ def read(
             _nearly(header)
         _group_needs_target(header)
         kind, axes = _kind(header, hints)
+        if kind == "spherical":
+            no_level_range(column.title for column in header.columns if column.role == axes[0])
         header, untimed = (header, None) if form else _trusted_times(text, header, comment)
         form = form or _form(text, header, comment)
+    sorting = _sorting(text, header, comment)
     layout = Layout(
-        fields=tuple(_field(c, k, axes, header.has("date")) for k, c in enumerate(header.columns)),
+        fields=tuple(
+            sorting.get(k) or _field(c, k, axes, header.has("date"))
+            for k, c in enumerate(header.columns)
+        ),
         delimiter=header.delimiter,
         first=header.begins,
         decimal=hints.decimal,
         comment=comment,
         moment=form,
     )
-    table = rows(text, layout)
+    table = _below_nominal(rows(text, layout), text, header)
+    table, sorted_by = _not_nominal(table, sorting.values())
     if header.has("date"):
         table = _dated(table, layout.moment)
     with at(line=header.line or None):
+        if kind == "cartesian":
+            _one_frame(table, header, sorting.values(), axes)
         meaning = _meaning(header, hints, table, kind, axes)
+        for axis in _angular(kind, axes):
+            title = header.columns[header.where(axis) or 0].title
+            within_a_circle(title, table.floats(axis), table.line, meaning.angle)
         _same_unit(text, header, meaning.unit)
         _unit_of_rows(text, header, meaning.unit, comment)
         table = _counting(table, hints)
@@ -121,10 +134,68 @@ def read(
             _all_or_none(header, roles)
         found = covariances(table, header, hints, meaning.unit)
     unused = [c.title for c in header.columns if c.title and not _used(c, axes)]
+    unused = [title for title in unused if title not in sorted_by]
     readings = export(text, hints, dialect, table, meaning, axes, found, unused)
     again = _again(text, header, readings.rejected)
     early = above(text, header.line, header.delimiter, [header.where(axis) or 0 for axis in axes])
     return replace(readings, rejected=(*early, *again), untimed=untimed)
+
+
+def _sorting(text: Text, header: Header, comment: str | None) -> dict[int, Field]:
+    """The columns of few words that are nothing else, by their place: they may sort the rows."""
+    places = [k for k, c in enumerate(header.columns) if c.title and not c.role]
+    cells: list[list[str]] = list(_sample(text, header, comment)) if places else []
+    found = {k: _kinds.few(row[k] for row in cells if len(row) > k) for k in places}
+    return {
+        k: Field(f"words ({k + 1})", "name", needed=False, title=header.columns[k].title)
+        for k, words in found.items()
+        if words
+    }
+
+
+def _below_nominal(table: Rows, text: Text, header: Header) -> Rows:
+    """The rows without those below a line that calls them nominal, where others are measured."""
+    numbers = [*range(1, header.line), *(number for number, _ in table.rejected)]
+    marks = {n: kind for n in numbers if (kind := _kinds.section(text.line(n)))}
+    if {*marks.values()} != {"nominal", "measured"}:
+        return table
+    starts, said = np.array(sorted(marks)), [marks[n] for n in sorted(marks)]
+    above = np.searchsorted(starts, table.line) - 1
+    measured = np.array([k < 0 or said[k] == "measured" for k in above.tolist()], dtype=bool)
+    known = tuple((n, why) for n, why in table.rejected if n not in marks)
+    reason = "it stands below a line of nominal points; remove that line if it was measured"
+    return replace(table, rejected=known).only(measured, reason)
+
+
+def _not_nominal(table: Rows, sorting: Iterable[Field]) -> tuple[Rows, set[str]]:
+    """The rows that no column calls nominal beside others, and the titles of such columns."""
+    titles = set()
+    for field in sorting:
+        marks = table.columns[field.name].dictionary.to_pylist()
+        found = _kinds.nominal(map(str, marks))
+        if found:
+            reason = f"its {shown(field.title)} is {listed(sorted(found))}, so that nobody has "
+            reason += "measured it; correct that if it was"
+            table = table.only(~_cells_that(table, field.name, found.__contains__), reason)
+            titles.add(field.title)
+    return table, titles
+
+
+def _one_frame(table: Rows, header: Header, sorting: Iterable[Field], axes: Sequence[str]) -> None:
+    """No column of words may tell apart rows in which the same targets are elsewhere.
+
+    Raises:
+        InputError: One does, and nobody has said which word is meant.
+    """
+    position = np.column_stack([table.floats(axis)[:_SEARCHED] for axis in axes])
+    called = [name for name in ("group", "target", "reflector") if name in table.columns]
+    names = list(
+        zip(*(table.columns[name][:_SEARCHED].to_pylist() for name in called), strict=True)
+    )
+    for field in sorting if names else ():
+        words = list(map(str, table.columns[field.name][:_SEARCHED].to_pylist()))
+        if _kinds.apart(names, words, position):
+            raise _kinds.several(field.title, words, header.line or None)
 
 
 def _again(
@@ -357,8 +428,13 @@ def _cells_that(table: Rows, name: str, fits: Callable[[str], bool]) -> Bools:
     return np.array(fitting, dtype=bool)[np.asarray(marks.indices)]
 
 
+def _angular(kind: str, axes: Sequence[str]) -> Sequence[str]:
+    """Those of the three columns that are angles."""
+    return {"cartesian": [], "spherical": axes[1:], "cylindrical": [axes[1]]}[kind]
+
+
 def _meaning(header: Header, hints: Hints, table: Rows, kind: str, axes: Sequence[str]) -> Meaning:
-    angular = {"cartesian": [], "spherical": list(axes[1:]), "cylindrical": [axes[1]]}[kind]
+    angular = _angular(kind, axes)
     lengths = [axis for axis in axes if axis not in angular]
     unit = settled_unit(one_unit(header, lengths), hints)
     stated = Angles(

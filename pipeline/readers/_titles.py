@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
+from pipeline.base.errors import InputError
+from pipeline.readers._cells import shown
 from pipeline.readers._coordinates import AXES
 from pipeline.readers._named import (
     ANGLE_WORDS,
@@ -50,8 +52,10 @@ _ROLES = {
     "height": ("height", "höhe", "hoehe", "h"),
 }  # fmt: skip
 _ROLE_OF = {title: role for role, titles in _ROLES.items() for title in titles}
-_SHORT_OF_A_DISTANCE = {"horizontal distance", "hd", "horizontaldistanz", "horizontalstrecke"}
+_SHORT_OF_A_DISTANCE = {"hd", "horizontaldistanz", "horizontalstrecke", "horizontalentfernung"}
 """Distances that are no ranges: reduced to the horizon."""
+_LEVEL = {"horizontal", "horizontale", "horiz", "hor", "h", "level", "reduced", "reduziert"}
+_DISTANCE = {"distance", "dist", "distanz", "strecke", "entfernung", "abstand"}
 _PLAIN = {
     "coordinate", "coord", "koordinate", "pos", "position", "value", "actual", "act", "measured",
     "measurement", "meas", "ist", "gemessen", "messwert", "point", "punkt", "cartesian", "xyz",
@@ -101,9 +105,30 @@ def titled(titles: Sequence[str]) -> tuple[Named, ...]:
 def _known(one: Named) -> Named:
     words = _words(one.title)
     other = _ROLE_OF.get(" ".join(words), "")
-    if " ".join(words) in _SHORT_OF_A_DISTANCE:
+    if is_level_distance(one.title):
         return replace(one, role="")
     return one if one.role and not other else replace(one, role=other or one.role)
+
+
+def is_level_distance(title: str) -> bool:
+    """Whether a title says that a distance is reduced to the horizon, and so no range."""
+    words = _words(title)
+    flat = {*words} & _LEVEL or {"2", "d"} <= {*words}
+    return bool(flat and {*words} & _DISTANCE) or " ".join(words) in _SHORT_OF_A_DISTANCE
+
+
+def no_level_range(titles: Iterable[str]) -> None:
+    """No distance that is reduced to the horizon may stand for the range of two angles.
+
+    Raises:
+        InputError: One does.
+    """
+    level = next(filter(is_level_distance, titles), None)
+    if level is not None:
+        raise InputError(
+            f'column "{shown(level)}" is a horizontal distance, and no range',
+            "export the slope distance beside the angles, or x, y and z",
+        )
 
 
 def _heights(columns: Sequence[Named]) -> tuple[Named, ...]:

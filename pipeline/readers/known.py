@@ -16,13 +16,12 @@ from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError
 from pipeline.base.linear import rigid
 from pipeline.readers import Export, Hints, opened_as_text, read
+from pipeline.readers._faces import GROSS_M as GROSS_M
 from pipeline.readers._names import rounds
 from pipeline.readers._text import until
 from pipeline.readers.offer import proposal
 from pipeline.readers.proposal import Proposal
 
-GROSS_M = 0.03
-"""No robot in use is this far off its own table, and no reflector off its place."""
 BETTER = 3.0
 """How many times nearer an answer, or a correction, must bring the reflectors than any other."""
 _LOOKED_AT = 1000

@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 
 from pipeline.base.errors import InputError, at, listed
-from pipeline.readers import _roles
+from pipeline.readers import _kinds, _roles
 from pipeline.readers._cells import is_number, is_turn
 from pipeline.readers._contents import contents, mark_of
 from pipeline.readers._coordinates import (
@@ -402,7 +402,10 @@ def _instruments(table: Table, reading: Reading, draft: _Draft, text: Text) -> N
     """Readings of several instruments are in frames of their own, unless they are Cartesian."""
     place = reading.place("instrument")
     mapping = draft.hints.mapping
-    if reading.kind == "cartesian" or mapping is None or mapping.instrument or mapping.last:
+    if mapping is None or mapping.instrument or mapping.last:
+        return
+    if reading.kind == "cartesian":
+        _frames(table, reading, mapping, draft)
         return
     if place is not None:
         names = sorted({cell for cell in table.content[place].cells if cell})
@@ -414,6 +417,29 @@ def _instruments(table: Table, reading: Reading, draft: _Draft, text: Text) -> N
             Answer(name, {"mapping": mapping.model_copy(update=part)}) for name, part in pick
         ]
         draft.ask("instrument", answers)
+
+
+def _frames(table: Table, reading: Reading, mapping: Columns, draft: _Draft) -> None:
+    """Rows in which a column of words puts the same targets elsewhere are those of several."""
+    axes = [k for axis in AXES[reading.kind] if (k := reading.place(axis)) is not None]
+    rows = table.whole(axes)
+    names = [table.cells(reading.place(role), rows) for role in ("group", "target")]
+    free = (k for k in range(len(table.content)) if k not in reading.roles)
+    for place in free if any(names[1]) else ():
+        words = table.cells(place, rows)
+        kinds = sorted(_kinds.few(words))
+        if _kinds.nominal(kinds) or not kinds:
+            continue
+        if _kinds.apart(list(zip(*names, strict=True)), words, table.numbers(axes)):
+            columns = {**mapping.columns, "instrument": place + 1}
+            picks = [{"columns": columns, "instrument": one} for one in kinds]
+            answers = [
+                Answer(str(pick["instrument"]), {"mapping": mapping.model_copy(update=pick)})
+                for pick in picks
+            ]
+            wrong = _kinds.several(table.sheet.titles[place], kinds, draft.line)
+            draft.ask("instrument", answers, wrong)
+            return
 
 
 def _blocks(found: Sheet, text: Text) -> Iterator[tuple[str, dict[str, Any]]]:

@@ -23,6 +23,7 @@ from pipeline.readers._coordinates import AXES, Angles, Meaning, settled
 from pipeline.readers._delimited import rows
 from pipeline.readers._layout import DELIMITERS, Field, Kind, Layout, Rows
 from pipeline.readers._named import ANGLE_WORDS, UNIT_WORDS, Header, Named
+from pipeline.readers._polar import within_a_circle
 from pipeline.readers._reader import (
     Export,
     Hints,
@@ -96,6 +97,9 @@ def read(text: Text, hints: Hints) -> Export:
     )
     found = rows(text, layout)
     meaning = _meaning(comments, hints, found, first)
+    angular = {"cartesian": "", "spherical": "23", "cylindrical": "2"}[meaning.kind]
+    for axis in angular:
+        within_a_circle(f"{axis} of the coordinates", found.floats(axis), found.line, meaning.angle)
     covariances = _tables.covariances(
         found, Header(0, shape.delimiter, shape.rest), hints, meaning.unit
     )
@@ -200,7 +204,7 @@ def _rest_fields(shape: _Shape) -> list[Field]:
 def _meaning(comments: Sequence[str], hints: Hints, table: Rows, line: int) -> Meaning:
     """What the header says of the numbers; short units count behind `units` or in brackets."""
     head = [comment for comment in comments if comment.lstrip().startswith(_COMMENT)]
-    text = "\n".join(head)
+    text = "\n".join(line for line in head if not _named.of_other_quantity(line))
     words = set(re.findall(r"[a-z°]+", text.lower()))
     long = {word: unit for word, unit in UNIT_WORDS.items() if len(word) > 2}
     short = set(itertools.chain(*_SHORT_UNIT.findall(text))) - {""}
