@@ -8,6 +8,7 @@ from scipy import stats
 from small_case import small
 from test_worlds import asked, written
 
+from pipeline.faults import screen
 from pipeline.faults.reading import bad_reading
 from pipeline.faults.screen import Screened, acquit
 from pipeline.reduction.bring import bring, conformed, plain
@@ -19,7 +20,7 @@ from pipeline.system.estimate import solve
 from pipeline.system.family import FREEDOM, Family
 from pipeline.system.fit import fit
 from pipeline.system.linearised import Model, linearise
-from pipeline.system.shape import Shape, misfit, shape
+from pipeline.system.shape import Shape, misfit, shape, tails
 
 
 @pytest.fixture(scope="module")
@@ -41,27 +42,45 @@ def test_noise_of_another_family_is_named_and_accuses_nobody(world, name):
     assert not set(names) - {"heavy_tails", "tracker_wander", "tracker_noise"}
 
 
+def doubted(world, sigmas):
+    """A campaign with one reading off by so much, and as if screening had called it a blunder."""
+    case = ingested(in_memory(written(world)[3]), conformed, plain)
+    reduced = bring(case)
+    right = fit(case, reduced)
+    row, off = reduced.placed[reduced.placed["state"] == "loaded"].iloc[7], sigmas * 3e-5
+    one = bad_reading(row, "all other readings", off, sigmas, 1e-9, beside_model=True)
+    here = (case.readings["line"] == row["line"]) & (case.readings["file"] == row["file"])
+    given = replace(
+        case, readings=case.readings.assign(x_m=case.readings["x_m"] + np.where(here, off, 0.0))
+    )
+    screened = Screened((one,), one.correct(given))
+    model = Model(case.cell, right.estimate.value, 7)
+    return given, screened, right, linearise(model, bring(screened.case).data, ())
+
+
 @pytest.mark.parametrize(("world", "kept"), [("normal", True), ("student3", False)])
 def test_a_reading_is_judged_by_the_tails_beside_the_accepted_model(world, kept):
     """20 sigma: out of the question where noise is normal, one reading in 5000 of Student's 3."""
-    raw = in_memory(written(world)[3])
-    case = ingested(raw, conformed, plain)
-    reduced = bring(case)
-    right = fit(case, reduced)
-    row = reduced.placed[reduced.placed["state"] == "loaded"].iloc[7]
-    doubted = bad_reading(row, "all other readings", 6e-4, 20.0, 1e-9, beside_model=True)
-    here = (case.readings["line"] == row["line"]) & (case.readings["file"] == row["file"])
-    given = replace(
-        case, readings=case.readings.assign(x_m=case.readings["x_m"] + np.where(here, 6e-4, 0.0))
-    )
-    screened = Screened((doubted,), doubted.correct(given))
-    data = bring(screened.case).data
-    model = Model(case.cell, right.estimate.value, 7)
+    given, screened, right, seen = doubted(world, 20.0)
 
-    judged = acquit(given, screened, right, linearise(model, data, ()))
+    judged = acquit(given, screened, right, seen)
 
     assert (judged is screened) is kept
     assert len(judged.case.readings) == len(given.readings) - kept
+
+
+@pytest.mark.parametrize(("heavy", "kept"), [(0.17, True), (0.6, False)])
+def test_where_noise_is_rather_normal_nothing_is_given_back(monkeypatch, heavy, kept):
+    """A doubt about the tails is none about a reading of 12 sigma."""
+    given, screened, right, seen = doubted("normal", 12.0)
+    known, family, variance, beyond = tails(seen, ())
+    weight = np.zeros(len(family.weight))
+    weight[[0, 8]] = 1 - heavy, heavy
+    unsure = replace(family, weight=weight)
+    assert unsure.mistaken(12.0**2) < 0.9
+    monkeypatch.setattr(screen, "tails", lambda *_: (known, unsure, variance, beyond))
+
+    assert (acquit(given, screened, right, seen) is screened) is kept
 
 
 @pytest.mark.parametrize("off_m", [0.0, 1e-4])

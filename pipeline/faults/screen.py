@@ -122,6 +122,8 @@ def acquit(given: Case, screened: Screened, right: Fitted, seen: Linearised) -> 
         case = case if finding.may_be_noise else finding.correct(case)
     data = right.as_noisy(bring(case).data)
     found = tails(linearise(seen.model, data, seen.suspects), seen.model.accepted)[1]
+    if not found.likely_heavy:  # then no reading owes its place to the noise
+        return screened
     kept = [one for one in screened.findings if not one.may_be_noise or _sure(one, found)]
     if len(kept) == len(screened.findings):
         return screened

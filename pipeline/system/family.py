@@ -45,6 +45,9 @@ _SCATTER = 6.0
 """Standard uncertainties below which a reading that is off is scatter, not a mistake [1]: what a
 normal reading reaches once in a hundred million."""
 
+LIKELY = 0.5
+"""Probability beyond which something rather is there than not [1]."""
+
 _STEP = 0.1
 _GRID = np.arange(-3.0, 25.0, _STEP)
 """log lambda: up to an error of ten metres where 0.03 mm is stated."""
@@ -75,6 +78,11 @@ class Family(Locked):
     def heavy(self) -> float:
         """Probability that the tails are heavier than stated."""
         return float(self.weight[1:].sum())
+
+    @property
+    def likely_heavy(self) -> bool:
+        """Whether the tails rather are heavier than stated than not."""
+        return self.heavy > LIKELY
 
     @property
     def freedom(self) -> float:

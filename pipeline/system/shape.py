@@ -17,7 +17,7 @@ from pipeline.base.arrays import Array, Locked
 from pipeline.reduction.measured import Measured
 from pipeline.system.assemble import errors
 from pipeline.system.beyond import Beyond, Readings, columns, estimates, free
-from pipeline.system.family import Family, family, likelihood
+from pipeline.system.family import LIKELY, Family, family, likelihood
 from pipeline.system.linearised import Linearised
 from pipeline.system.system import System
 from pipeline.system.wander import Wander, wander
@@ -36,8 +36,6 @@ The same where the catalogue would take half of the rows."""
 
 _DRAWS = 2000
 """Campaigns of pure noise that a misfit is compared with."""
-
-_LIKELY = 0.5
 
 _FEWEST = 12
 """Degrees of freedom from which the residuals say anything of tails."""
@@ -78,7 +76,7 @@ class Shape(Locked):
     @property
     def likely(self) -> bool:
         """Whether there rather is heavier noise, or a wander, than not."""
-        return max(self.family.heavy, self.wander.probability) > _LIKELY
+        return self.family.likely_heavy or self.wander.probability > LIKELY
 
     def on(self, data: Measured) -> Measured:
         """The measurements with all of it in their covariances."""
