@@ -19,6 +19,7 @@ CORE = (
     "prediction",
     "design",
     "simulate",
+    "geometry",
 )
 OUTSIDE = {"prefect", "typer", "matplotlib", "filelock", "jinja2", "typst"}
 LATE = ("pinocchio", "prefect", "matplotlib", "scipy", "pandas", "pyarrow", "numpy")
@@ -104,6 +105,7 @@ ORDER = (
     "reduction",
     "store",
     "system",
+    "geometry",
     "faults",
     "diagnosis",
     "prediction",

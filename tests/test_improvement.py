@@ -7,7 +7,8 @@ import pytest
 from linear_campaign import EACH, FREE, POSES, SPRINGS, case_of, made, suspect
 from scipy import stats
 
-from pipeline.diagnosis.improvement import _choose, alone, as_good, gain, interval
+from pipeline.base.bootstrap import interval
+from pipeline.diagnosis.improvement import _choose, alone, as_good, gain
 
 SUSPECTS = (suspect("a", FREE), suspect("b", FREE, FREE), suspect("a", FREE), suspect("d", FREE))
 POSE = np.repeat(np.arange(POSES), EACH)

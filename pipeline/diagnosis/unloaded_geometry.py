@@ -14,8 +14,8 @@ from dataclasses import replace
 import numpy as np
 from scipy import special, stats
 
+from pipeline.base.bootstrap import interval
 from pipeline.diagnosis.facts import NOTHING, Fit, Gain, Standing
-from pipeline.diagnosis.improvement import interval
 from pipeline.diagnosis.unloaded_fit import Fits, Unloaded, fitted, unloaded
 from pipeline.machine.cell import Cell, load
 from pipeline.machine.effect import Effect, Geometry, Observation

@@ -295,6 +295,18 @@ def _turn_y(beta: float) -> Array:
     return np.array([[c, 0, s, 0], [0, 1, 0, 0], [-s, 0, c, 0], [0, 0, 0, 1.0]])
 
 
+def along_x(row: Joint, convention: str) -> Array:
+    """The part of a row along and about x, and its turn about y behind it, shape (4, 4)."""
+    shift, _ = _letters(row, convention)
+    return _screw_x(np.deg2rad(row.alpha_deg), shift) @ _turn_y(np.deg2rad(row.beta_deg))
+
+
+def along_z(row: Joint, convention: str) -> Array:
+    """The part of a row along and about z, without the joint's own motion, shape (4, 4)."""
+    _, shift = _letters(row, convention)
+    return _screw_z(np.deg2rad(row.theta_deg), shift)
+
+
 def placements(file: RobotFile) -> tuple[Array, Array]:
     """Constant joint placements of a table between its base and flange.
 
@@ -308,14 +320,12 @@ def placements(file: RobotFile) -> tuple[Array, Array]:
     before = Fixed() if file.base is None else file.base
     behind = before.step  # what a distal table puts between a joint and the next one, and the base
     for row in file.joint:
-        x, z = _letters(row, file.convention)
-        along_x = _screw_x(np.deg2rad(row.alpha_deg), x) @ _turn_y(np.deg2rad(row.beta_deg))
-        along_z = _screw_z(np.deg2rad(row.theta_deg), z)
+        x, z = along_x(row, file.convention), along_z(row, file.convention)
         if file.convention == "standard":
             placement.append(behind)
-            behind = along_z @ along_x
+            behind = z @ x
         else:
-            placement.append(behind @ along_x @ along_z)
+            placement.append(behind @ x @ z)
             behind = np.eye(4)
     after = Fixed() if file.flange is None else file.flange
     return np.array(placement), behind @ after.step

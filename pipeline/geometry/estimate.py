@@ -1,0 +1,307 @@
+"""Weighted least squares for a mechanism: table, tool, frames, springs, laws and curves at once.
+
+    sum over poses |W (y - D x - Z K k)|^2  +  sum ((x - x0) / sigma)^2  +  k' C^-1 k  is smallest
+
+with W'W = V^-1 of `scatter`, what is stated or usual x0 +- sigma, and C the covariance of the
+curves' knots. The scale of the priors (how rough a table is, how large a curve) is estimated too
+(MacKay, Neural Computation 4, 1992).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy import linalg, sparse
+
+from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.geometry.curves import Curve
+from pipeline.geometry.mechanism import Linear, Mechanism, layout
+from pipeline.geometry.scatter import Scatter
+
+ROUGH = {False: 1e-3, True: 1e-3}
+"""How far a length [m] and an angle [rad] of a table are off as delivered, where its file does not
+say: Nubiola and Bonev (Robotics and Computer-Integrated Manufacturing 29, 2013) found 0.1 to 2 mm
+and mrad on an industrial robot."""
+
+BEYOND = 5.0
+"""A letter so many times rougher than the others, or than stated, is none of them."""
+
+_LOOSE = 1e3
+"""Standard deviation of what nothing is known of: frames, tool [m] or [rad], amplitudes [rad]."""
+
+_WAVE = 1e-3
+"""Amplitude of a law before any data [m] or [rad]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prior(Locked):
+    """What is known of the parameters before any data.
+
+    Attributes:
+        mean: Shape (dense,).
+        std: Shape (dense,).
+        turns: Which letters are angles, shape (k,).
+        free: Letters that are off by far more than the rest of the table, shape (k,).
+        stated: Roughness of lengths and of angles that the robot file states; NaN where not.
+    """
+
+    mean: Array
+    std: Array
+    turns: Bools
+    free: Bools
+    stated: tuple[float, float]
+
+    def roughness(self, turns: bool) -> float:
+        """Of lengths [m] or of angles [rad], as found so far."""
+        mine = (self.turns == turns) & ~self.free
+        return float(self.std[: len(self.turns)][mine][0]) if mine.any() else ROUGH[turns]
+
+
+def prior(mechanism: Mechanism, stated: tuple[float, float]) -> Prior:
+    """What is usual, about the nominal table and nominal stiffnesses."""
+    where, robot = layout(mechanism), mechanism.table
+    mean, std = np.zeros(where.dense), np.full(where.dense, _LOOSE)
+    turns = np.array([letter.turns for letter in mechanism.letters], dtype=bool)
+    said = [s if np.isfinite(s) else ROUGH[k == 1] for k, s in enumerate(stated)]
+    std[where.letters] = np.where(turns, said[1], said[0])
+    mean[where.compliance] = robot.nominal_compliance
+    std[where.compliance] = robot.nominal_compliance
+    std[where.laws] = _WAVE
+    return Prior(mean, std, turns, np.zeros(len(turns), dtype=bool), stated)
+
+
+@dataclass(frozen=True, eq=False)
+class Rows(Locked):
+    """Whitened rows, and the sums that every solution needs.
+
+    All rows of a pose lie between the same two knots of each of c curves.
+
+    Attributes:
+        D: Derivatives by all parameters but the knots, shape (m, r, dense).
+        K: Derivatives by the two knots of each curve, shape (m, r, 2 c).
+        at: Which knots these are, shape (m, 2 c).
+        knots: Number of all knots.
+        y: What they are to explain, absolute: residual + X x at the point of linearisation, (m, r).
+        W: Whitening of each pose, shape (m, r, r).
+    """
+
+    D: Array
+    K: Array
+    at: Ints
+    knots: int
+    y: Array
+    W: Array
+
+    @cached_property
+    def _sparse(self) -> sparse.csr_array:
+        m, r, two = self.K.shape
+        starts = np.arange(0, m * r * two + 1, two) if two else np.zeros(m * r + 1, dtype=int)
+        columns = np.repeat(self.at, r, axis=0).ravel()
+        return sparse.csr_array((self.K.ravel(), columns, starts), shape=(m * r, self.knots))
+
+    @cached_property
+    def N(self) -> Array:
+        """X'X."""
+        D, K = self.D.reshape(-1, self.D.shape[2]), self._sparse
+        both = K.T @ D
+        return np.block([[D.T @ D, both.T], [both, (K.T @ K).toarray()]])
+
+    @cached_property
+    def b(self) -> Array:
+        """X'y."""
+        D, y = self.D.reshape(-1, self.D.shape[2]), self.y.ravel()
+        return np.concatenate([D.T @ y, self._sparse.T @ y])
+
+    def of(self, which: Bools) -> Rows:
+        """The rows of some poses, (m,)."""
+        return Rows(
+            self.D[which],
+            self.K[which],
+            self.at[which],
+            self.knots,
+            self.y[which],
+            self.W[which],
+        )
+
+    def along(self, x: Array) -> Array:
+        """X x, shape (m, r)."""
+        dense = self.D.shape[2]
+        knots = x[dense:][self.at] if self.knots else np.zeros(self.at.shape)
+        return np.asarray(self.D @ x[:dense] + np.einsum("mrk,mk->mr", self.K, knots))
+
+    def variance(self, cov: Array) -> Array:
+        """X cov X' of each pose, shape (m, r, r)."""
+        dense = self.D.shape[2]
+        out = self.D @ cov[:dense, :dense] @ np.swapaxes(self.D, 1, 2)
+        if self.knots:
+            beside = cov[:dense, dense:].T[self.at]  # m, 2c, dense
+            mixed = self.K @ beside @ np.swapaxes(self.D, 1, 2)
+            own = cov[dense:, dense:][self.at[:, :, None], self.at[:, None, :]]
+            out += mixed + np.swapaxes(mixed, 1, 2) + self.K @ own @ np.swapaxes(self.K, 1, 2)
+        return np.asarray(out)
+
+
+def rows(linear: Linear, mechanism: Mechanism, scatter: Scatter) -> Rows:
+    """Whitened rows about a mechanism."""
+    W = scatter.whitening(linear)
+    K, at = between_knots(mechanism.curves, linear.inputs.q, W @ linear.Z)
+    knots = sum(curve.count for curve in mechanism.curves)
+    here = Rows(W @ linear.D, K, at, knots, np.einsum("mij,mj->mi", W, linear.y), W)
+    return replace(here, y=here.y + here.along(mechanism.at(layout(mechanism))))
+
+
+def between_knots(curves: Sequence[Curve], q: Array, Z: Array) -> tuple[Array, Ints]:
+    """Derivatives by the two knots of each curve, (m, r, 2 c), and which knots they are, (m, 2 c).
+
+    Args:
+        curves: c of them.
+        q: Joint values [m] or [rad], shape (m, n).
+        Z: Derivatives by the joints, shape (m, r, n).
+    """
+    K = np.empty((*Z.shape[:2], 2 * len(curves)))
+    at, before = np.empty((len(q), 2 * len(curves)), dtype=np.int64), 0
+    for k, curve in enumerate(curves):
+        knot, one, two = curve.between(q[:, curve.joint])
+        K[:, :, 2 * k] = Z[:, :, curve.joint] * one[:, None]
+        K[:, :, 2 * k + 1] = Z[:, :, curve.joint] * two[:, None]
+        at[:, 2 * k], at[:, 2 * k + 1] = before + knot, before + knot + 1
+        before += curve.count
+    return K, at
+
+
+@dataclass(frozen=True, eq=False)
+class Solution(Locked):
+    """What rows and priors say.
+
+    Attributes:
+        x: The parameters.
+        cov: Their covariance.
+        evidence: Log of the likelihood of the rows, whatever the parameters are.
+    """
+
+    x: Array
+    cov: Array
+    evidence: float
+
+
+def precision(mechanism: Mechanism, known: Prior) -> tuple[Array, float]:
+    """Inverse covariance of the parameters before any data, and the log of its determinant."""
+    where = layout(mechanism)
+    P = np.zeros((where.size, where.size))
+    head = np.arange(where.dense)
+    P[head, head] = known.std**-2
+    log, at = float(-2 * np.log(known.std).sum()), where.dense
+    for curve in mechanism.curves:
+        part, own = slice(at, at + curve.count), _inverse(curve)
+        P[part, part] = own[0]
+        log, at = log + own[1], at + curve.count
+    return P, log
+
+
+def _inverse(curve: Curve) -> tuple[Array, float]:
+    """Inverse covariance of a curve's knots, and the log of its determinant."""
+    factor = linalg.cho_factor(curve.shape())
+    log = -2 * float(np.log(np.diag(factor[0])).sum()) - 2 * curve.count * float(np.log(curve.size))
+    return linalg.cho_solve(factor, np.eye(curve.count)) / curve.size**2, log
+
+
+def solve(
+    N: Array, b: Array, square: float, prior_of: tuple[Array, float], mean: Array
+) -> Solution:
+    """The parameters from products of rows and priors.
+
+    Args:
+        N: X'X.
+        b: X'y.
+        square: y'y, for the evidence.
+        prior_of: Inverse covariance before any data, and the log of its determinant.
+        mean: Of the parameters before any data.
+    """
+    P, log = prior_of
+    factor, scale, x = _factored(N + P, b + P @ mean)
+    cov = scale[:, None] * linalg.cho_solve(factor, np.eye(len(b))) * scale
+    det = 2 * float(np.log(np.diag(factor[0])).sum()) - 2 * float(np.log(scale).sum())
+    chi2 = square + mean @ P @ mean - x @ (b + P @ mean)
+    return Solution(x, np.asarray(cov), float(-0.5 * (chi2 + det - log)))
+
+
+def values(N: Array, b: Array, P: Array, mean: Array) -> Array:
+    """The parameters alone."""
+    return _factored(N + P, b + P @ mean)[2]
+
+
+def _factored(whole: Array, right: Array) -> tuple[tuple[Array, bool], Array, Array]:
+    """Cholesky factor of scaled products, the scale, and the solution."""
+    scale = 1 / np.sqrt(np.diag(whole))
+    factor = linalg.cho_factor(whole * scale * scale[:, None], check_finite=False)
+    return factor, scale, scale * linalg.cho_solve(factor, scale * right, check_finite=False)
+
+
+def solved(rows: Rows, mechanism: Mechanism, known: Prior) -> Solution:
+    """The parameters from all rows."""
+    return solve(
+        rows.N,
+        rows.b,
+        float(np.sum(rows.y**2)),
+        precision(mechanism, known),
+        padded(known.mean, len(rows.b)),
+    )
+
+
+def padded(head: Array, size: int) -> Array:
+    """Numbers with zeros behind."""
+    out = np.zeros(size)
+    out[: len(head)] = head
+    return out
+
+
+def rougher(known: Prior, found: Solution) -> Prior:
+    """The prior with the roughness that the letters show; those far beyond it stand alone."""
+    k = len(known.turns)
+    x, var = found.x[:k], np.diag(found.cov)[:k]
+    std, free = known.std.copy(), known.free.copy()
+    for turns in (False, True):
+        mine = np.flatnonzero(known.turns == turns)
+        if not len(mine):
+            continue
+        second = x[mine] ** 2 + var[mine]
+        middle = np.sqrt(np.median(second) / _MEDIAN)
+        limit = BEYOND * max(middle, ROUGH[turns] if np.isnan(known.stated[turns]) else 0.0)
+        far = np.sqrt(second) > limit
+        rest = second[~far]
+        size = np.sqrt(rest.mean()) if len(rest) else middle
+        std[mine], free[mine] = np.where(far, np.sqrt(second), max(size, 1e-6)), far
+    return replace(known, std=std, free=free)
+
+
+_MEDIAN = 0.4549
+"""Median of the square of a standard normal number."""
+
+
+def larger(mechanism: Mechanism, found: Solution) -> Mechanism:
+    """The curves with the size that their knots show (MacKay's fixed point)."""
+    at, out = layout(mechanism).dense, []
+    for curve in mechanism.curves:
+        part = slice(at, at + curve.count)
+        own = _inverse(curve)[0]
+        x, cov = found.x[part], found.cov[part, part]
+        known = curve.count - float(np.einsum("ij,ji->", own, cov))
+        share = float(x @ own @ x) / max(known, 1e-3)
+        out.append(replace(curve, size=max(curve.size * np.sqrt(share), _SMALLEST)))
+        at += curve.count
+    return replace(mechanism, curves=tuple(out))
+
+
+_SMALLEST = 1e-7
+"""No curve is smaller [m] or [rad]: there is none."""
+
+
+def again(rows: Rows, linear: Linear, found: Solution, scatter: Scatter) -> Scatter:
+    """The scatter that the residuals show."""
+    left = rows.y - rows.along(found.x)
+    products = left[:, :, None] * left[:, None, :] + rows.variance(found.cov)
+    back = np.linalg.inv(rows.W)
+    return scatter.better(linear, back @ products @ np.swapaxes(back, 1, 2))

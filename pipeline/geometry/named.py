@@ -1,0 +1,278 @@
+"""From clues to laws: curves and waves of joints, and what else predicts what was left out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.geometry import curves, search
+from pipeline.geometry.identify import Identified, Wanted, identify, likeliest_length
+from pipeline.geometry.laws import Law
+from pipeline.geometry.mechanism import Mechanism, Weights, layout
+from pipeline.geometry.readings import Readings
+from pipeline.geometry.scatter import Scatter
+from pipeline.geometry.worth import NO_GAIN, Gain, Judge, Parting
+
+_HALF = 0.5
+"""Part of a curve's variance over the poses from which one wave is what it is."""
+
+_NEAR = np.linspace(-0.25, 0.25, 41)
+"""Orders about the best one of the search, periods per turn."""
+
+_MOST_LAWS = 6
+"""Laws beside the curves that are taken up, one after the other."""
+
+
+@dataclass(frozen=True, eq=False)
+class NamedLaw(Locked):
+    """A law nobody listed that the readings call for.
+
+    Attributes:
+        joint: Which it moves, from 1.
+        kind: `periodic`, `smooth`, `step` or `coupling`.
+        variable: `angle`, `torque`, `temperature` or `time`.
+        source: The joint it is of, from 1; None for temperature and time.
+        order: Periods per turn (per metre of a sliding joint), or degree; of a curve 1 / l in
+            turns, with l the length over which it remembers.
+        amplitude: Half height of a wave; standard deviation times root two of a curve; at the end
+            of its range of others [m] or [rad].
+        std: Its standard uncertainty.
+        range: Of the variable where it was taught.
+        p: Chance of so much somewhere without any law.
+        gain: At left-out neighbours in time.
+        carried: At left-out series, or parts of joint space where there is one series.
+    """
+
+    joint: int
+    kind: str
+    variable: str
+    source: int | None
+    order: float
+    amplitude: float
+    std: float
+    range: tuple[float, float]
+    p: float = 1.0
+    gain: Gain = NO_GAIN
+    carried: Gain = NO_GAIN
+
+
+@dataclass(frozen=True, eq=False)
+class Data:
+    """What is estimated from.
+
+    Attributes:
+        readings: Poses.
+        weights: What pulls at them.
+        stated: Roughness as stated.
+        noise: What no model holds, before any data.
+    """
+
+    readings: Readings
+    weights: Weights
+    stated: tuple[float, float]
+    noise: Scatter
+
+    def identify(
+        self, begun: Mechanism, wanted: Wanted, earlier: Identified | None = None
+    ) -> Identified:
+        """An estimate, with the priors of an earlier one."""
+        known = None if earlier is None else earlier.known
+        return identify(begun, self.readings, self.weights, wanted, self.noise, self.stated, known)
+
+    def again(self, found: Identified) -> Identified:
+        """The same model from these readings."""
+        wanted = replace(
+            found.wanted, curves=tuple((c.joint, c.length) for c in found.mechanism.curves)
+        )
+        return self.identify(found.mechanism, wanted, found)
+
+    def without(self, bad: Bools) -> Data:
+        """All poses but some."""
+        weights = self.weights.part(np.flatnonzero(~bad))
+        return replace(self, readings=self.readings.part(~bad), weights=weights)
+
+
+@dataclass(frozen=True, eq=False)
+class Whole:
+    """The model with laws, and why they are in it.
+
+    Attributes:
+        found: The estimate.
+        laws: What is named of it.
+    """
+
+    found: Identified
+    laws: tuple[NamedLaw, ...]
+
+
+def with_laws(
+    data: Data, springs: Identified, parts: dict[Parting, Ints], rng: np.random.Generator
+) -> Whole:
+    """Search beside table and springs, then once more beside the curves that it found."""
+    signs = search.flips(data.readings, rng)
+    inputs, slides = springs.linear.inputs, springs.mechanism.table.prismatic
+    every = list(search.candidates(inputs, slides))
+    clues = search.clues(search.score(springs, signs), inputs, every, slides.tolist())
+    sure = [clue for clue in clues if clue.p < search.ALPHA]
+    bent: dict[int, float] = {}
+    for clue in sure:
+        if clue.law is None or _own_angle(clue.law):
+            bent[clue.joint - 1] = min(clue.p, bent.get(clue.joint - 1, 1.0))
+    found, judge, p = springs, Judge(parts, rng), {}
+    if bent:
+        joints = sorted(bent)
+        length = likeliest_length(springs, joints, curves.LENGTHS[False])
+        wanted = Wanted(curves=tuple((j, length) for j in joints))
+        found = data.identify(springs.mechanism, wanted, springs)
+        waves = [law for j in joints if (law := _one_wave(found, clues, j)) is not None]
+        p = {_curve_of(j): chance for j, chance in bent.items()}
+        p |= {_key(law): bent[law.joint - 1] for law in waves}
+        found = _better(data, found, waves, judge)
+    others = [law for law in every if not _own_angle(law)]
+    for _ in range(_MOST_LAWS):
+        left = search.clues(search.score(found, signs), found.linear.inputs, others)
+        if not left or left[0].p >= search.ALPHA or left[0].law is None:
+            break
+        new = (*found.mechanism.laws, left[0].law)
+        more = data.identify(found.mechanism, replace(found.wanted, laws=new), found)
+        if not judge.carries(more, _of_law(more.mechanism, len(new) - 1)):
+            break
+        found, p[_key(left[0].law)] = more, left[0].p
+        others.remove(left[0].law)
+    return Whole(found, _named(found, p, judge))
+
+
+def _better(data: Data, bent: Identified, waves: Sequence[Law], judge: Judge) -> Identified:
+    """Waves in the place of curves, where they predict what was left out as well."""
+    found = bent
+    for law in waves:
+        rest = tuple(
+            (c.joint, c.length) for c in found.mechanism.curves if c.joint != law.joint - 1
+        )
+        wanted = Wanted(laws=(*found.mechanism.laws, law), curves=rest)
+        trial = data.identify(found.mechanism, wanted, found)
+        if judge.as_good(trial, found):
+            found = trial
+    return found
+
+
+_Key = tuple[str, int, str, int | None, float]
+
+
+def _key(law: Law | NamedLaw) -> _Key:
+    """Tells laws apart."""
+    return law.kind, law.joint, law.variable, law.source, law.order
+
+
+def _curve_of(joint: int) -> _Key:
+    """The same of a curve of a joint, from 0."""
+    return "curve", joint + 1, "angle", joint + 1, 0.0
+
+
+def _of_law(mechanism: Mechanism, number: int) -> slice:
+    """Where the amplitudes of a law stand."""
+    first = layout(mechanism).laws.start + sum(law.amplitudes for law in mechanism.laws[:number])
+    return slice(first, first + mechanism.laws[number].amplitudes)
+
+
+def _own_angle(law: Law) -> bool:
+    return law.variable == "angle" and law.source == law.joint
+
+
+def _one_wave(found: Identified, clues: Sequence[search.Clue], joint: int) -> Law | None:
+    """The wave that a joint's curve is, where one wave is most of it over the poses taken."""
+    q = found.readings.q[:, joint]
+    curve, knots = _curve(found.mechanism, joint)
+    f = curve.value(q, knots)
+    tried = [c.law for c in clues if c.law and c.law.kind == "periodic" and c.joint == joint + 1]
+    orders = np.unique(tried[0].order + _NEAR) if tried else np.zeros(0)
+    shares = [_share(f, order * q) for order in orders]
+    if not shares or max(shares) < _HALF:
+        return None
+    return replace(tried[0], order=float(orders[int(np.argmax(shares))]))
+
+
+def _curve(mechanism: Mechanism, joint: int) -> tuple[curves.Curve, Array]:
+    """A joint's curve and its knots."""
+    at = 0
+    for one in mechanism.curves:
+        if one.joint == joint:
+            return one, mechanism.knots[at : at + one.count]
+        at += one.count
+    raise KeyError(joint)
+
+
+def _share(f: Array, phase: Array) -> float:
+    """Part of the variance of f, (m,), that one wave is."""
+    X = np.stack([np.ones(len(f)), np.cos(phase), np.sin(phase)], axis=1)
+    left = f - X @ linear.least_squares(X, f)
+    return 1 - float(np.var(left)) / max(float(np.var(f)), 1e-300)
+
+
+def _named(found: Identified, p: dict[_Key, float], judge: Judge) -> tuple[NamedLaw, ...]:
+    """The laws that predict what was left out better."""
+    out = []
+    for law, key, part in _slices(found):
+        near, carried = judge.gains(found, part)
+        if near.sure and carried.sure:
+            out.append(replace(law, p=p[key], gain=near, carried=carried))
+    return tuple(sorted(out, key=lambda law: -law.gain.reduction))
+
+
+def _slices(found: Identified) -> Iterator[tuple[NamedLaw, _Key, slice]]:
+    """Each law and curve as it would be named, its key, and where its parameters stand."""
+    mechanism, x, cov = found.mechanism, found.solution.x, found.solution.cov
+    where, inputs = layout(mechanism), found.linear.inputs
+    for k, law in enumerate(mechanism.laws):
+        part = _of_law(mechanism, k)
+        one = NamedLaw(
+            law.joint,
+            law.kind,
+            law.variable,
+            law.source,
+            law.order,
+            *_size(x[part], cov[part, part]),
+            range=_ends(law.of(inputs)),
+        )
+        yield one, _key(law), part
+    at = where.knots.start
+    for curve in mechanism.curves:
+        part = slice(at, at + curve.count)
+        q = inputs.q[:, curve.joint]
+        turn = 1.0 if mechanism.table.prismatic[curve.joint] else 2 * np.pi
+        one = NamedLaw(
+            curve.joint + 1,
+            "smooth",
+            "angle",
+            curve.joint + 1,
+            turn / curve.length,
+            *_bend(curve, q, x[part], cov[part, part]),
+            range=_ends(q),
+        )
+        yield one, _curve_of(curve.joint), part
+        at = part.stop
+
+
+def _ends(v: Array) -> tuple[float, float]:
+    return float(v.min()), float(v.max())
+
+
+def _size(x: Array, cov: Array) -> tuple[float, float]:
+    """Amplitude of a law and its standard uncertainty, by propagation."""
+    size = float(np.linalg.norm(x))
+    slope = x / max(size, 1e-300)
+    return size, float(np.sqrt(slope @ cov @ slope))
+
+
+def _bend(curve: curves.Curve, q: Array, x: Array, cov: Array) -> tuple[float, float]:
+    """Root two times the standard deviation of a curve over the poses, and its uncertainty."""
+    rows = curve.rows(q).toarray()
+    rows = rows - rows.mean(axis=0)
+    f = rows @ x
+    std = float(np.sqrt(np.mean(f**2)))
+    slope = rows.T @ f / len(f) / max(std, 1e-300)
+    return float(np.sqrt(2.0)) * std, float(np.sqrt(2.0 * slope @ cov @ slope))

@@ -1,0 +1,248 @@
+"""Laws that nobody listed, searched in what table and springs leave.
+
+At each pose a law of joint j shows in u_j = z_j' e and w_j = z_j' z_j, z_j the whitened motion of
+the joint and e the whitened residual: a candidate g explains
+
+    T = (g'u)' [g' diag(w) g - (g'P) N^-1 (P'g)]^-1 (g'u),     P = z_j' D,
+
+beside the columns D of all that is estimated in any case, with N their products. Thousands of
+candidates are tried, and the largest T of them all is held against the largest that arises where
+there is no law: residuals of blocks of poses, taken in the order of measurement, with their signs
+flipped, which keeps what neighbours share and destroys what depends on the robot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.geometry import curves
+from pipeline.geometry.estimate import Rows
+from pipeline.geometry.identify import Identified
+from pipeline.geometry.laws import Inputs, Law
+from pipeline.geometry.readings import Readings
+
+_ORDERS = np.arange(0.5, 130.01, 0.25)
+"""Periods per turn: eccentric wheels have one, gears of robots up to some hundred teeth."""
+
+_COUPLED = (1.0, 2.0, 3.0)
+"""Periods per turn of another joint: what turns with it pulls once, twice or three times."""
+
+_BLOCK = 8
+"""Poses whose residuals keep their signs to each other."""
+
+FLIPS = 200
+"""Copies without a law."""
+
+ALPHA = 1e-3
+"""Chance to find one in residuals without."""
+
+
+@dataclass(frozen=True, eq=False)
+class Score(Locked):
+    """What is left of the readings, joint by joint, and what of it a law could explain.
+
+    Attributes:
+        u: z_j' e at each pose and joint, of the readings and then of copies without a law, shape
+            (1 + copies, m, n).
+        w: z_j' z_j, shape (m, n).
+        rows: The whitened rows of the estimate.
+        P: z_j' D, shape (m, n, dense).
+        Q: z_j' K, shape (m, n, 2 c).
+        cov: N^-1 with the priors, shape (k, k).
+    """
+
+    u: Array
+    w: Array
+    rows: Rows
+    P: Array
+    Q: Array
+    cov: Array
+
+    def products(self, g: Array, joint: int) -> Array:
+        """X'z_j g of columns g (m, k): what they share with all that is estimated, (K, k)."""
+        head = self.P[:, joint].T @ g
+        tail = np.zeros((self.rows.knots, g.shape[1]))
+        for k in range(self.Q.shape[2]):
+            np.add.at(tail, self.rows.at[:, k], self.Q[:, joint, k, None] * g)
+        return np.vstack([head, tail])
+
+
+def score(found: Identified, signs: Array) -> Score:
+    """The residuals of an estimate, and of copies whose residuals have other signs.
+
+    Args:
+        found: The estimate.
+        signs: Of each copy, shape (copies, m).
+    """
+    rows, cov = found.rows, found.solution.cov
+    Z = rows.W @ found.linear.Z
+    e = rows.y - rows.along(found.solution.x)
+    own = np.einsum("mrn,mr->mn", Z, e)
+    P, Q = (np.swapaxes(Z, 1, 2) @ one for one in (rows.D, rows.K))
+    D = np.einsum("mrd,mr->md", rows.D, e)
+    K = np.einsum("mrk,mr->mk", rows.K, e)
+    seen = np.zeros((len(cov), len(signs)))
+    dense = D.shape[1]
+    seen[:dense] = D.T @ signs.T
+    for k in range(K.shape[1]):
+        np.add.at(seen[dense:], rows.at[:, k], (signs * K[:, k]).T)
+    x = cov @ seen
+    u = np.empty((1 + len(signs), *own.shape))
+    u[0] = own
+    for joint in range(own.shape[1]):
+        beside = P[:, joint] @ x[:dense]
+        for k in range(K.shape[1]):
+            beside += Q[:, joint, k, None] * x[dense:][rows.at[:, k]]
+        u[1:, :, joint] = signs * own[:, joint] - beside.T
+    return Score(u, np.einsum("mrn,mrn->mn", Z, Z), rows, P, Q, cov)
+
+
+def blocks(readings: Readings) -> Ints:
+    """Block of each pose: neighbours in the order of measurement, of one series, (m,)."""
+    place = np.zeros(len(readings), dtype=np.int64)
+    for series in range(len(readings.names)):
+        mine = np.flatnonzero(readings.series == series)
+        place[mine] = np.arange(len(mine)) // _BLOCK
+    _, out = np.unique(np.stack([readings.series, place]), axis=1, return_inverse=True)
+    return np.asarray(out, dtype=np.int64)
+
+
+def flips(readings: Readings, rng: np.random.Generator, count: int = FLIPS) -> Array:
+    """Signs of copies without a law, shape (count, m)."""
+    block = blocks(readings)
+    return np.asarray(rng.choice([-1.0, 1.0], (count, int(block.max()) + 1))[:, block])
+
+
+def candidates(inputs: Inputs, prismatic: Bools) -> Iterator[Law]:
+    """Every law that is tried, of every joint; the curves are tried beside them."""
+    n = inputs.q.shape[1]
+    for joint in range(1, n + 1):
+        for order in _ORDERS.tolist():
+            yield Law(joint, "periodic", "angle", joint, order)
+        yield from _of_torque(inputs, joint)
+        for other in range(1, n + 1):
+            if other != joint and not prismatic[other - 1]:
+                for order in _COUPLED:
+                    yield Law(joint, "coupling", "angle", other, order)
+        yield from _of_surroundings(inputs, joint)
+
+
+def _of_torque(inputs: Inputs, joint: int) -> Iterator[Law]:
+    tau = inputs.tau[:, joint - 1]
+    scale = float(np.abs(tau).max())
+    if scale > 0:
+        for degree in (2.0, 3.0):
+            yield Law(joint, "smooth", "torque", joint, degree, 0.0, scale)
+        yield Law(joint, "step", "torque", joint, 0.0)
+
+
+def _of_surroundings(inputs: Inputs, joint: int) -> Iterator[Law]:
+    for name, v in (("temperature", inputs.temperature), ("time", inputs.time)):
+        if np.isfinite(v).all() and np.ptp(v) > 0:
+            yield Law(joint, "smooth", name, None, 1.0, float(v.mean()), float(np.ptp(v)) / 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Clue(Locked):
+    """How much a law would explain.
+
+    Attributes:
+        law: The law; None for a curve over the joint's own angle.
+        joint: Which it moves, from 1.
+        statistic: T; of a curve h' R h, which compares with other curves only.
+        p: Chance of so much somewhere, in residuals without any law.
+    """
+
+    law: Law | None
+    joint: int
+    statistic: float
+    p: float
+
+
+def explained(here: Score, laws: Sequence[Law], inputs: Inputs) -> Array:
+    """T of laws of one joint with as many amplitudes each, for readings and copies.
+
+    Returns:
+        Shape (laws, 1 + copies).
+    """
+    joint, k = laws[0].joint - 1, laws[0].amplitudes
+    g = np.concatenate([law.basis(inputs) for law in laws], axis=1)
+    shared = here.products(g, joint)
+    known = here.cov @ shared
+    num = (here.u[:, :, joint] @ g).T.reshape(len(laws), k, -1)
+    whole, info = np.empty((len(laws), k)), np.empty((len(laws), k, k))
+    for a in range(k):
+        for b in range(k):
+            own = (g[:, a::k] * g[:, b::k]).T @ here.w[:, joint]
+            info[:, a, b] = own - np.einsum("dk,dk->k", shared[:, a::k], known[:, b::k])
+            if a == b:
+                whole[:, a] = own
+    inverse, _ = linear.left(info, np.maximum(whole, _NOTHING))
+    return np.asarray(np.einsum("lks,lkj,ljs->ls", num, inverse, num))
+
+
+_NOTHING = 1e-30
+"""Of a column that is zero."""
+
+
+def curved(here: Score, joint: int, q: Array, slides: bool) -> Array:
+    """How much smooth curves over a joint's own angle would explain: h' R h, (1 + copies,).
+
+    h = K'u, what the residuals say of each knot, R the correlation of the knots.
+    """
+    length = curves.LENGTHS[slides][0]
+    one = curves.over(joint, q[:, joint], slides, length, 1.0)
+    h = here.u[:, :, joint] @ one.rows(q[:, joint])
+    return np.asarray(np.einsum("sk,kl,sl->s", h, one.shape(), h))
+
+
+def clues(
+    here: Score, inputs: Inputs, laws: Sequence[Law], bent: Sequence[bool] = ()
+) -> list[Clue]:
+    """All laws and curves, the largest share of the sum of squares first.
+
+    Each T is standardised by what it reaches in the copies. p is the chance that the largest of
+    all lies as far beyond: among the copies, and by an extreme-value distribution fitted to theirs.
+
+    Args:
+        here: Residuals.
+        inputs: What laws are of.
+        laws: Those that are tried.
+        bent: For each joint whether it slides, where curves are tried too; empty where not.
+    """
+    kinds = sorted({(law.joint, law.amplitudes) for law in laws})
+    of: list[tuple[Law | None, int]] = []
+    T: list[Array] = []
+    for kind in kinds:
+        mine = [law for law in laws if (law.joint, law.amplitudes) == kind]
+        T.append(explained(here, mine, inputs))
+        of += [(law, law.joint) for law in mine]
+    for joint, slides in enumerate(bent):
+        T.append(curved(here, joint, inputs.q, slides)[None])
+        of.append((None, joint + 1))
+    each = np.concatenate(T)
+    z = _standard(each)
+    most = z[:, 1:].max(axis=0)
+    place, scale = stats.gumbel_r.fit(most)
+    rank = (1 + (most >= z[:, :1]).sum(axis=1)) / (1 + len(most))
+    p = np.where(rank > 1 / len(most), rank, stats.gumbel_r.sf(z[:, 0], place, scale))
+    found = [
+        Clue(law, joint, float(t), float(chance))
+        for (law, joint), t, chance in zip(of, each[:, 0], p, strict=True)
+    ]
+    return sorted(found, key=lambda clue: -clue.statistic)
+
+
+def _standard(T: Array) -> Array:
+    """Sums of squares (k, copies), each standardised by all others of its law, by cube roots."""
+    root = np.cbrt(np.maximum(T, 0.0))
+    n = root.shape[1] - 1
+    mean = (root.sum(axis=1, keepdims=True) - root) / n
+    square = ((root**2).sum(axis=1, keepdims=True) - root**2) / n
+    return np.asarray((root - mean) / np.sqrt(np.maximum(square - mean**2, 1e-18)))

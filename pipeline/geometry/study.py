@@ -1,0 +1,152 @@
+"""A campaign of absolute positions from readings to what is identified, step by step.
+
+Table as delivered, then its letters, then springs under the arm's own weight, then laws that nobody
+listed: each step with what it is worth at poses that were left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from scipy import stats
+
+from pipeline.base.arrays import Array, Bools, Locked
+from pipeline.geometry import leftout
+from pipeline.geometry.begin import begin
+from pipeline.geometry.identify import Identified, Wanted
+from pipeline.geometry.mechanism import Mechanism, Weights, linearised
+from pipeline.geometry.named import Data, NamedLaw, with_laws
+from pipeline.geometry.readings import Readings
+from pipeline.geometry.scatter import start
+from pipeline.geometry.worth import Parting, distances, partings
+from pipeline.machine.robot import Robot
+from pipeline.machine.robot.weight import weighs
+
+_TAILS = 3.0
+"""Sums of squares so many times beyond chance are no tail of what is always there."""
+
+_GROSS = 20.0
+"""Residuals of the nominal table beyond so many medians are blunders before any estimate."""
+
+_BLUNDER = 1e-3
+"""Chance that the largest of all residuals is called a blunder where there is none."""
+
+
+class Step(StrEnum):
+    """What a model holds beside tool and frames."""
+
+    TABLE = "nominal table"
+    LETTERS = "letters of the table"
+    SPRINGS = "springs under the arm's weight"
+    LAWS = "laws"
+
+
+@dataclass(frozen=True, eq=False)
+class Stage(Locked):
+    """A model and what it misses at left-out poses.
+
+    Attributes:
+        step: Which.
+        found: The estimate.
+        errors: Of positions by what is left out [m], NaN where not read, each (m, t).
+    """
+
+    step: Step
+    found: Identified
+    errors: dict[Parting, Array]
+
+    def mean(self, parting: Parting, mine: Bools | slice = slice(None)) -> float:
+        """Mean distance [m] over some poses."""
+        return float(np.nanmean(self.errors[parting][mine]))
+
+
+@dataclass(frozen=True, eq=False)
+class Study(Locked):
+    """All of it.
+
+    Attributes:
+        stages: From the nominal table to the whole model.
+        laws: Named, the largest first.
+        bad: Poses that were left out, with their distance from the model [m].
+    """
+
+    stages: tuple[Stage, ...]
+    laws: tuple[NamedLaw, ...]
+    bad: tuple[tuple[int, float], ...]
+
+    @property
+    def final(self) -> Identified:
+        """The whole model."""
+        return self.stages[-1].found
+
+
+def study(
+    robot: Robot,
+    readings: Readings,
+    weights: Weights,
+    tool: dict[str, Array],
+    sigma_m: float | None,
+    stated: tuple[float, float],
+    rng: np.random.Generator,
+) -> Study:
+    """Identify a robot from absolute positions.
+
+    Args:
+        robot: As delivered.
+        readings: All series.
+        weights: What pulls at the arm.
+        tool: Nominal points of targets, flange frame [m], where they are known.
+        sigma_m: Noise of a coordinate, None where it is not stated.
+        stated: Roughness of lengths [m] and angles [rad] in the robot file, NaN where not stated.
+        rng: Draws copies and intervals.
+    """
+    data = Data(readings, weights, stated, start(robot, sigma_m))
+    begun = begin(robot, readings, tool)
+    data, bad = _without_gross(data, begun)
+    nominal = data.identify(begun, Wanted(False, False))
+    table = data.identify(nominal.mechanism, Wanted(springs=False))
+    springs = table
+    if weighs(robot) or weights.mass.any():
+        springs = data.identify(table.mechanism, Wanted(), table)
+    data, late = _without_blunders(data, springs)
+    if late:
+        nominal, table, springs = (data.again(one) for one in (nominal, table, springs))
+    parts = partings(data.readings, rng)
+    whole = with_laws(data, springs, parts, rng)
+    steps = ((Step.TABLE, nominal), (Step.LETTERS, table), (Step.SPRINGS, springs),
+             (Step.LAWS, whole.found))  # fmt: skip
+    stages = tuple(
+        Stage(step, found, {k: distances(found, part) for k, part in parts.items()})
+        for step, found in steps
+    )
+    return Study(stages, whole.laws, tuple(sorted([*bad, *late])))
+
+
+# --- blunders -------------------------------------------------------------------------------------
+
+
+def _without_gross(data: Data, begun: Mechanism) -> tuple[Data, list[tuple[int, float]]]:
+    """The poses but those that stand metres from a nominal robot whose others stand millimetres."""
+    rows = linearised(data.readings, begun, data.weights)
+    off = leftout.distances(rows.y, rows.read)
+    worst = np.nanmax(off, axis=1)
+    bad = worst > _GROSS * np.nanmedian(off)
+    lines = data.readings.line[bad]
+    return data.without(bad), list(zip(lines.tolist(), worst[bad].tolist(), strict=True))
+
+
+def _without_blunders(data: Data, found: Identified) -> tuple[Data, list[tuple[int, float]]]:
+    """The poses but those that stand farther from the model than chance takes any.
+
+    |W e|^2 of a pose is chi-square with as many degrees as it has readings; what is not `_TAILS`
+    times beyond the largest that chance allows stays.
+    """
+    e = found.rows.y - found.rows.along(found.solution.x)
+    square, k = np.sum(e**2, axis=1), found.linear.read.sum(axis=1)
+    limit = _TAILS * stats.chi2.isf(_BLUNDER / len(e), k)
+    bad = square > limit
+    off = np.nanmax(leftout.distances(found.left, found.readings.read), axis=1)
+    lines = data.readings.line[bad]
+    return data.without(bad), list(zip(lines.tolist(), off[bad].tolist(), strict=True))

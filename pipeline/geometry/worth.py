@@ -1,0 +1,103 @@
+"""What a part of a model is worth at poses that were left out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Ints, Locked
+from pipeline.base.bootstrap import interval
+from pipeline.geometry import leftout, search
+from pipeline.geometry.identify import Identified
+from pipeline.geometry.readings import Readings
+
+
+class Parting(StrEnum):
+    """Which poses are left out at a time."""
+
+    BETWEEN = "every tenth pose"
+    SPACE = "a tenth of joint space"
+    SERIES = "one series"
+
+
+@dataclass(frozen=True, eq=False)
+class Gain(Locked):
+    """Error of left-out positions with and without something.
+
+    Attributes:
+        before: rms over coordinates without it [m].
+        after: rms with it [m].
+        ci95: Interval of 1 - after / before.
+    """
+
+    before: float
+    after: float
+    ci95: tuple[float, float]
+
+    @property
+    def reduction(self) -> float:
+        """1 - after / before."""
+        return 1 - self.after / self.before if self.before > 0 else 0.0
+
+    @property
+    def sure(self) -> bool:
+        """The error falls for certain."""
+        return self.ci95[0] > 0
+
+
+NO_GAIN = Gain(0.0, 0.0, (0.0, 0.0))
+"""Of what was not asked about."""
+
+
+def partings(readings: Readings, rng: np.random.Generator) -> dict[Parting, Ints]:
+    """Which poses are left out together, (m,) each; series only where there are several."""
+    out = {
+        Parting.BETWEEN: leftout.by_turns(readings),
+        Parting.SPACE: leftout.by_space(readings, rng),
+    }
+    if len(np.unique(readings.series)) > 1:
+        out[Parting.SERIES] = readings.series
+    return out
+
+
+def distances(found: Identified, part: Ints) -> Array:
+    """Distance of each target from its prediction without the part of its pose [m], (m, t)."""
+    return leftout.distances(leftout.errors(found, part), found.readings.read)
+
+
+class Judge:
+    """What parameters are worth at poses that were left out."""
+
+    def __init__(self, parts: dict[Parting, Ints], rng: np.random.Generator) -> None:
+        self._near = parts[Parting.BETWEEN]
+        self._far = parts.get(Parting.SERIES, parts[Parting.SPACE])
+        self._rng = rng
+        self._made: tuple[Identified | None, list[Array]] = (None, [])
+
+    def gains(self, found: Identified, part: slice) -> tuple[Gain, Gain]:
+        """At left-out neighbours in time, and at left-out series or parts of joint space."""
+        if self._made[0] is not found:
+            self._made = found, [leftout.errors(found, one) for one in (self._near, self._far)]
+        near, far = self._made[1]
+        return self._gain(found, near, self._near, part), self._gain(found, far, self._far, part)
+
+    def carries(self, found: Identified, part: slice) -> bool:
+        """Both fall for certain."""
+        return all(gain.sure for gain in self.gains(found, part))
+
+    def as_good(self, one: Identified, other: Identified) -> bool:
+        """The first predicts what was left out as well as the second, within chance."""
+        errors = [leftout.errors(found, self._far) for found in (other, one)]
+        seen = np.tile(np.arange(6) < 3, errors[0].shape[1] // 6) & one.readings.read
+        block = np.broadcast_to(search.blocks(one.readings)[:, None], seen.shape)[seen]
+        return interval(errors[0][seen], errors[1][seen], block, self._rng)[1][1] >= 0
+
+    def _gain(self, found: Identified, with_it: Array, part: Ints, without: slice) -> Gain:
+        bare = leftout.errors(found, part, [without])
+        seen = np.tile(np.arange(6) < 3, with_it.shape[1] // 6) & found.readings.read
+        block = np.broadcast_to(search.blocks(found.readings)[:, None], seen.shape)[seen]
+        _, ci95 = interval(bare[seen], with_it[seen], block, self._rng)
+        return Gain(linear.rms(bare[seen]), linear.rms(with_it[seen]), ci95)

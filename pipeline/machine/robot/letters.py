@@ -1,0 +1,149 @@
+"""Letters of a robot's table that may be off: what each of them moves, and the table with them.
+
+Letter k is a small motion d along or about an axis of a frame that some joint carries, so that to
+first order a point p of the flange moves by d (omega_k x p + v_k), its twist taken in F_b. What a
+letter is called does not depend on the convention of the table: lengths and twists lie along and
+about x, offsets and zeros along and about z. Between axes that are nearly parallel a second turn,
+about y, keeps lengths and offsets small (Hayati and Mirmirani, J. Robotic Systems 2, 1985).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.base import toml
+from pipeline.base.arrays import Array, Locked
+from pipeline.machine.robot.configuration import (
+    Configuration,
+    rotation_about,
+    translation_along,
+)
+from pipeline.machine.robot.mdh import Fixed, Joint, Robot, RobotFile, along_x, along_z, parse
+
+_PARALLEL = 0.2
+"""Sine of the angle between axes below which they count as parallel [1]."""
+
+_X, _Y, _Z = range(3)
+
+
+@dataclass(frozen=True, eq=False)
+class Letter(Locked):
+    """One entry of a robot's table.
+
+    Attributes:
+        name: `link_length`, `link_offset`, `link_twist`, `axis_tilt`, `link_turn`, `joint_offset`.
+        joint: Its row, from 1.
+        key: The word of the robot file, in m or degrees.
+        turns: True for an angle [rad], False for a length [m].
+        carrier: The joint whose frame it is given in, 0 for F_b.
+        step: From that frame to the one whose axis it is, shape (4, 4).
+        axis: 0, 1, 2 for x, y, z.
+    """
+
+    name: str
+    joint: int
+    key: str
+    turns: bool
+    carrier: int
+    step: Array
+    axis: int
+
+    @property
+    def label(self) -> str:
+        """`link_length:3`."""
+        return f"{self.name}:{self.joint}"
+
+    @property
+    def unit(self) -> str:
+        """Unit of its value."""
+        return "rad" if self.turns else "m"
+
+
+def letters(robot: Robot) -> tuple[Letter, ...]:
+    """Every letter of a robot's table that moves its flange against F_b in its own way.
+
+    What stands before the first joint, and the zero and offset of that joint, only say where F_b
+    is, and are left out.
+    """
+    file = _file(robot)
+    return tuple(one for one in _all(file) if not _moves_the_base(one))
+
+
+def _file(robot: Robot) -> RobotFile:
+    return RobotFile.model_validate(toml.loads(robot.text, robot.name))
+
+
+def _all(file: RobotFile) -> Iterator[Letter]:
+    base = Fixed() if file.base is None else file.base
+    for number, row in enumerate(file.joint, 1):
+        if file.convention == "standard":
+            yield from _of_x(row, number, file, number, along_z(row, file.convention))
+        else:
+            first = base.step if number == 1 else np.eye(4)
+            yield from _of_x(row, number, file, number - 1, first)
+        yield from _of_z(row, number, file)
+
+
+def _of_x(row: Joint, number: int, file: RobotFile, carrier: int, step: Array) -> Iterator[Letter]:
+    """Length and twist of a row, and the tilt of an axis that is parallel to its neighbour."""
+    length = "d_m" if file.convention == "khalil" else "a_m"
+    yield Letter("link_length", number, length, False, carrier, step, _X)
+    yield Letter("link_twist", number, "alpha_deg", True, carrier, step, _X)
+    if abs(np.sin(np.deg2rad(row.alpha_deg))) < _PARALLEL:
+        behind = step @ along_x(row.model_copy(update={"beta_deg": 0.0}), file.convention)
+        yield Letter("axis_tilt", number, "beta_deg", True, carrier, behind, _Y)
+
+
+def _of_z(row: Joint, number: int, file: RobotFile) -> Iterator[Letter]:
+    """Offset and zero of a row; a sliding joint's zero is a length, its turn an angle."""
+    shift = "r_m" if file.convention == "khalil" else "d_m"
+    names = ("joint_offset", "link_turn") if row.prismatic else ("link_offset", "joint_offset")
+    yield Letter(names[0], number, shift, False, number, np.eye(4), _Z)
+    yield Letter(names[1], number, "theta_deg", True, number, np.eye(4), _Z)
+
+
+def _moves_the_base(letter: Letter) -> bool:
+    return letter.carrier == 0 or (letter.joint == 1 and letter.axis == _Z)
+
+
+def twists(configuration: Configuration, wanted: Sequence[Letter]) -> Array:
+    """Unit twist of each letter in F_b, shape (m, k, 6).
+
+    Args:
+        configuration: The robot at m joint vectors.
+        wanted: k letters of its table.
+    """
+    m = len(configuration.q)
+    out = np.empty((m, len(wanted), 6))
+    for k, letter in enumerate(wanted):
+        R, o = np.broadcast_to(np.eye(3), (m, 3, 3)), np.zeros((m, 3))
+        if letter.carrier:
+            R, o = configuration.frame(letter.carrier)
+        axis = R @ letter.step[:3, letter.axis]
+        origin = o + R @ letter.step[:3, 3]
+        out[:, k] = rotation_about(origin, axis) if letter.turns else translation_along(axis)
+    return out
+
+
+def changed(robot: Robot, wanted: Sequence[Letter], values: Array) -> Robot:
+    """The robot with letters of its table off by values [m] or [rad], shape (k,); its text too."""
+    file = _file(robot)
+    rows = [row.model_dump(exclude_none=True) for row in file.joint]
+    for letter, value in zip(wanted, values, strict=True):
+        row = rows[letter.joint - 1]
+        said = float(np.rad2deg(value)) if letter.turns else float(value)
+        row[letter.key] = float(row.get(letter.key) or 0.0) + said
+    content = toml.loads(robot.text, robot.name) | {"joint": rows}
+    return parse(toml.dumps(content), robot.name)
+
+
+def nominal(robot: Robot, wanted: Sequence[Letter]) -> Array:
+    """What the table has for each letter [m] or [rad], shape (k,)."""
+    file = _file(robot)
+    said = [getattr(file.joint[one.joint - 1], one.key) or 0.0 for one in wanted]
+    return np.array(
+        [np.deg2rad(s) if one.turns else s for one, s in zip(wanted, said, strict=True)]
+    )

@@ -1,0 +1,28 @@
+"""Letters of a table: what each moves, against a table that is written anew."""
+
+import numpy as np
+import pytest
+
+from pipeline.machine.robot import configure, load
+from pipeline.machine.robot.letters import changed, letters, nominal, twists
+
+
+@pytest.mark.parametrize(
+    "name", ["kr500_rail", "ur10", "fanuc_r2000ic", "irb6640", "kr210_r2700_2"]
+)
+def test_a_letter_moves_the_flange_as_the_table_that_has_it(name):
+    robot = load(name)
+    known = letters(robot)
+    rng = np.random.default_rng(1)
+    q = rng.uniform(-1, 1, (5, robot.n))
+    here = configure(robot, q)
+    point = np.array([[0.1, -0.2, 0.3]])
+    before = here.points(point)[:, 0]
+    unit = twists(here, known)
+
+    for k, letter in enumerate(known):
+        values = np.zeros(len(known))
+        values[k] = 1e-6
+        after = configure(changed(robot, known, values), q).points(point)[:, 0]
+        foreseen = np.cross(unit[:, k, :3], before) + unit[:, k, 3:]
+        assert np.allclose((after - before) / 1e-6, foreseen, atol=2e-5), letter.label
