@@ -7,7 +7,7 @@ column, and another reading makes as much sense, both are handed on.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -18,7 +18,7 @@ from pipeline.base.errors import InputError, at, listed
 from pipeline.readers import _polar
 from pipeline.readers._cells import is_number
 from pipeline.readers._contents import Content, values
-from pipeline.readers._coordinates import AXES
+from pipeline.readers._coordinates import AXES, VERTICALS, ZEROS
 from pipeline.readers._named import Named
 from pipeline.readers._polar import Polar
 from pipeline.readers._sheet import Sheet, cells_of
@@ -80,7 +80,12 @@ class Reading:
 
     def place(self, role: str) -> int | None:
         """The column of a role."""
-        return next((k for k, one in self.roles.items() if one.role == role), None)
+        return next(iter(self.places(role)), None)
+
+    def places(self, *roles: str) -> list[int]:
+        """The columns of some roles, in their order, as far as they are there."""
+        at = {one.role: k for k, one in reversed([*self.roles.items()])}
+        return [at[role] for role in roles if role in at]
 
 
 @dataclass(frozen=True)
@@ -98,6 +103,10 @@ class Table:
     named: tuple[Named, ...]
     content: tuple[Content, ...]
     mark: str
+
+    def of_kind(self, kind: str, taken: Set[int] = frozenset()) -> list[int]:
+        """The columns whose cells are of a kind, without those that are taken."""
+        return [k for k, c in enumerate(self.content) if c.kind == kind and k not in taken]
 
     def numbers(self, places: Sequence[int]) -> Array:
         """Columns of numbers of the rows in which all are numbers, shape (rows, columns)."""
@@ -121,9 +130,6 @@ def named(sheet: Sheet) -> tuple[Named, ...]:
     return titled(sheet.titles)
 
 
-_ANGLES = {"azimuth", "vertical", "zenith", "elevation"}
-
-
 def readings(table: Table, kind: str | None, unit: str | None) -> list[Reading]:
     """Every way to read a table that makes sense, the most plausible one first.
 
@@ -135,30 +141,28 @@ def readings(table: Table, kind: str | None, unit: str | None) -> list[Reading]:
     Raises:
         InputError: A row holds several targets, or its distance is no range.
     """
-    number = {k for k, c in enumerate(table.content) if c.kind == "number"}
-    sets = [one for one in triples(table.named) if number.issuperset(one.columns)]
+    number = table.of_kind("number")
+    sets = [one for one in triples(table.named) if {*one.columns} <= {*number}]
     if sets:
         return _by_titles(table, sets)
-    if _ANGLES & {c.role for c in table.named}:
+    called = {column.role for column in table.named}
+    if called & {"azimuth", *VERTICALS}:
         with at(line=table.sheet.header):
-            no_level_range(column.title for column in table.named)
-    if "x" in {c.role for c in table.named} or table.sheet.stray:
-        return _doubted(_by_numbers(table, number, kind, unit))
+            no_level_range(table.sheet.titles)
     found = _by_numbers(table, number, kind, unit)
-    return _doubted(found) if table.sheet.titled and not _known_titles(table) else found
+    others = any(table.named[k].title for k in number if table.named[k].role != "target")
+    return _doubted(found) if "x" in called or table.sheet.stray or others else found
 
 
-def _doubted(found: list[Reading]) -> list[Reading]:
-    return [replace(one, open="columns") for one in found]
+def _doubted(
+    found: list[Reading], about: Literal["columns", "coordinates"] = "columns"
+) -> list[Reading]:
+    return [replace(one, open=about) for one in found]
 
 
-def _known_titles(table: Table) -> bool:
-    """Whether the titles above the numbers leave them open, and are not others' quantities."""
-    return all(
-        not column.title
-        for column, content in zip(table.named, table.content, strict=True)
-        if content.kind == "number" and column.role != "target"
-    )
+def _sole(found: list[Reading]) -> list[Reading]:
+    """The only reading, or several of which one has to be chosen."""
+    return found if len(found) == 1 else _doubted(found)
 
 
 def _by_titles(table: Table, sets: Sequence[Triple]) -> list[Reading]:
@@ -184,24 +188,25 @@ def _one_target(table: Table, sets: Sequence[Triple]) -> None:
     Raises:
         InputError: It has several.
     """
-    found = [one for one in sets if one.kind == "cartesian" and not one.nominal]
-    sheet = table.sheet
-    lines = [cells_of(line, sheet.delimiter) or [] for line in sheet.preamble]
-    rows = [[cells[k] for k in [one.columns[0] for one in found]]
-            for cells in lines if len(cells) == len(sheet.titles)]  # fmt: skip
-    rows.append(numbered([table.named[one.columns[0]] for one in found]))
-    for names in rows:
+    first = [one.columns[0] for one in sets if one.kind == "cartesian" and not one.nominal]
+    for names in (*_above(table.sheet, first), numbered([table.named[k] for k in first])):
         told = all(names) and not any(is_quantity(one) or is_number(one) for one in names)
         if len({*names}) > 1 and told:
             raise InputError(
                 f"each row holds x, y, z of several targets ({listed(dict.fromkeys(names))})",
                 "write a row for each target, with its name: time,target,x_mm,y_mm,z_mm",
-                line=sheet.header,
+                line=table.sheet.header,
             )
 
 
+def _above(sheet: Sheet, places: Sequence[int]) -> list[list[str]]:
+    """The cells above some columns, of each line that has one for every column."""
+    lines = (cells_of(line, sheet.delimiter) or [] for line in sheet.preamble)
+    return [[cells[k] for k in places] for cells in lines if len(cells) == len(sheet.titles)]
+
+
 def _plain(role: str) -> str:
-    return "vertical" if role in ("zenith", "elevation") else role
+    return "vertical" if role in ZEROS else role
 
 
 def _mapped(role: str) -> str:
@@ -230,7 +235,7 @@ def _others(table: Table, taken: set[int]) -> tuple[dict[int, Role], bool]:
     roles = _called(table, taken)
     roles |= _moments(table, taken | {*roles})
     at = {one.role: place for place, one in roles.items()}
-    left = [k for k in _words(table, taken | {*roles}) if _names_something(table, k)]
+    left = [k for k in table.of_kind("word", taken | {*roles}) if _names_something(table, k)]
     if "target" not in at:
         names, told = _names(table, left, {*at})
         return roles | names, told
@@ -256,9 +261,8 @@ def _only_counts(table: Table, place: int) -> bool:
     """Whether a column numbers the rows, beside words that name the targets."""
     if table.named[place].role != "target" or not table.content[place].counts:
         return False
-    others = [
-        k for k in _words(table, {place}) if table.named[k].role in ("target", "reflector", "")
-    ]
+    called = ("target", "reflector", "")
+    others = [k for k in table.of_kind("word", {place}) if table.named[k].role in called]
     return any(_names_something(table, k) for k in others)
 
 
@@ -278,10 +282,6 @@ def _names_something(table: Table, place: int) -> bool:
     )
 
 
-def _words(table: Table, taken: set[int]) -> list[int]:
-    return [k for k, c in enumerate(table.content) if c.kind == "word" and k not in taken]
-
-
 def _names(table: Table, places: Sequence[int], known: set[str]) -> tuple[dict[int, Role], bool]:
     """The roles of columns of words, left to right, and whether they are beyond doubt."""
     if "group" in known or len(places) < len(_TWO):
@@ -298,17 +298,14 @@ _TWO = ("group", "target")
 
 def _moments(table: Table, taken: set[int]) -> dict[int, Role]:
     """The column of times, or those of dates and times of day; what only should hold times."""
-    of_kind: dict[str, list[int]] = {"time": [], "date": [], "clock": []}
-    for place, content in enumerate(table.content):
-        if place not in taken and content.kind in of_kind:
-            of_kind[content.kind].append(place)
-    times, days, clocks = of_kind.values()
-    called = [k for k in times if table.named[k].role == "time"]
+    times, days, clocks = (table.of_kind(one, taken) for one in ("time", "date", "clock"))
+    should = [k for k, c in enumerate(table.named) if c.role == "time" and k not in taken]
+    for place in (k for k in times if k in should):
+        return {place: Role("time", "title")}
     if times:
-        return {(called or times)[0]: Role("time", "title" if called else "time")}
+        return {times[0]: Role("time", "time")}
     if days and clocks:
         return {days[0]: Role("date", "time"), clocks[0]: Role("time", "time")}
-    should = [k for k, c in enumerate(table.named) if c.role == "time" and k not in taken]
     return {k: Role("", "untimed") for k in (*should, *clocks, *days)}
 
 
@@ -316,10 +313,10 @@ def _moments(table: Table, taken: set[int]) -> dict[int, Role]:
 
 
 def _by_numbers(
-    table: Table, number: set[int], kind: str | None, unit: str | None
+    table: Table, number: list[int], kind: str | None, unit: str | None
 ) -> list[Reading]:
     """Ways to read columns of numbers that no title explains."""
-    roles, left, told = _without_names(table, sorted(number))
+    roles, left, told = _without_names(table, number)
     known = [k for k in left if table.named[k].role]  # a temperature has a title, a place has not
     left = [k for k in left if k not in known] if len(left) - len(known) >= len(_SPACE) else left
     if len(left) < len(_SPACE):
@@ -357,24 +354,37 @@ def _if_cartesian(one: Reading, matrix: dict[int, Role]) -> dict[int, Role]:
 
 def _without_names(table: Table, number: list[int]) -> tuple[dict[int, Role], list[int], bool]:
     """Names and times, the columns of numbers that are left, and whether names are beyond doubt."""
-    words = [k for k in _words(table, set()) if not table.named[k].role]
+    words = [k for k in table.of_kind("word") if not table.named[k].role]
     if words and len(number) > len(_SPACE) and table.content[number[0]].counts:
         number = number[1:]
     roles, _ = _others(table, {*number, *words})
     at = {one.role for one in roles.values()}
     if "target" in at:
         return roles, number, True
+    points = _by_points(table, number, words)
+    if points:
+        return roles | points, [k for k in number if k not in points], True
+    names, told = _by_words(table, number, words, at)
+    return roles | names, number, told
+
+
+def _by_points(table: Table, number: Sequence[int], words: Sequence[int]) -> dict[int, Role]:
+    """Numbers that name points, and the words that may say their group; empty where none do."""
     name = _number_of_point(table, number)
-    if name is not None and len(words) <= 1 and all(_tells_apart(table, k, name) for k in words):
-        left = [k for k in number if k != name]
-        group = {k: Role("group", "names") for k in words}
-        return roles | group | {name: Role("target", "numbers")}, left, True
+    if name is None or len(words) > 1 or not all(_tells_apart(table, k, name) for k in words):
+        return {}
+    return {k: Role("group", "names") for k in words} | {name: Role("target", "numbers")}
+
+
+def _by_words(
+    table: Table, number: Sequence[int], words: Sequence[int], known: set[str]
+) -> tuple[dict[int, Role], bool]:
+    """Names in columns of words, those before the numbers first, and whether they are sure."""
     leading = [k for k in words if not number or k < number[0]]
     if len(leading) > 1 and _is_instrument(table.content[leading[0]]):
-        roles[leading[0]] = Role("instrument", "words")
-        leading = leading[1:]
-    names, told = _names(table, leading or words, at)
-    return roles | names, number, told
+        names, told = _names(table, leading[1:], known)
+        return names | {leading[0]: Role("instrument", "words")}, told
+    return _names(table, leading or words, known)
 
 
 def _number_of_point(table: Table, number: Sequence[int]) -> int | None:
@@ -424,40 +434,41 @@ def _of_three(
     unit: str | None,
 ) -> list[Reading]:
     """The ways to read three columns: x, y, z, or a distance and two angles."""
-    read = _named_numbers(table, places, roles)
-    faces = _polar.in_two_faces(*read)
-    ways = faces or [
-        w for w in _polar.possible(read[0], unit) if not _polar.only_along(*read[:2], w)
-    ]
     if kind in ("cartesian", "cylindrical"):
         return [Reading(kind, _xyz(places, roles, kind, "stated"))]
-    if kind or faces:
-        polar = _in_orders(places, roles, ways, "faces" if faces else "stated")
-        return polar[:1] if kind or len(polar) == 1 else _doubted(polar)
-    turning = _polar.rigid_ways(*read, ways, unit or "mm")
-    if turning:
-        polar = _in_orders(places, roles, turning, "rigid")
-        return polar if len(polar) == 1 else _doubted(polar)
+    read, usual = _named_numbers(table, places, roles), unit or "mm"
+    faces = _polar.in_two_faces(*read)
+    ways = faces or _polar.beams(*read[:2], unit)
+    if kind:
+        return _in_orders(places, roles, ways, "faces" if faces else "stated")[:1]
+    if faces:
+        return _sole(_in_orders(places, roles, faces, "faces"))
+    if turning := _polar.rigid_ways(*read, ways, usual):
+        return _sole(_in_orders(places, roles, turning, "rigid"))
     if not ways:
-        mixed = _polar.in_part(*read, unit or "mm")
-        if mixed is not None:
-            raise _of_two_kinds(int(np.array(table.sheet.lines)[table.whole(places)][mixed]))
+        _of_one_kind(table, places, _polar.in_part(*read, usual))
         return [Reading("cartesian", _xyz(places, roles, "cartesian", "range"))]
-    if _polar.rigid_space(*read, ways, unit or "mm"):
+    if _polar.rigid_space(*read, ways, usual):
         return [Reading("cartesian", _xyz(places, roles, "cartesian", "rigid"))]
     cartesian = Reading("cartesian", _xyz(places, roles, "cartesian", "order"))
     polar = _in_orders(places, roles, ways, "order")
-    return [replace(one, open="coordinates") for one in (polar[0], cartesian)]
+    return _doubted([polar[0], cartesian], "coordinates")
 
 
-def _of_two_kinds(line: int) -> InputError:
-    return InputError(
-        "the rows from here on and those above seem to be of two kinds, x, y, z and a distance "
-        "with two angles",
-        'split the export into one for each kind, or write coordinates = "cartesian" into '
-        "[tracker] of campaign.toml if all are x, y, z",
-        line=line,
-    )
+def _of_one_kind(table: Table, places: Sequence[int], change: int | None) -> None:
+    """No row may be the one at which angles and a distance end or begin.
+
+    Raises:
+        InputError: One is.
+    """
+    if change is not None:
+        raise InputError(
+            "the rows from here on and those above seem to be of two kinds, x, y, z and a distance "
+            "with two angles",
+            'split the export into one for each kind, or write coordinates = "cartesian" into '
+            "[tracker] of campaign.toml if all are x, y, z",
+            line=int(np.array(table.sheet.lines)[table.whole(places)][change]),
+        )
 
 
 def _in_orders(

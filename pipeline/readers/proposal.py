@@ -8,20 +8,23 @@ what is read without a question is read by the same lines that somebody could pa
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 
+from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError, at, listed
 from pipeline.readers import _kinds, _roles
 from pipeline.readers._cells import is_number, is_turn
 from pipeline.readers._contents import contents, mark_of
 from pipeline.readers._coordinates import (
+    ANGULAR,
     AXES,
     PACKED,
     USUAL_UNITS,
+    ZEROS,
     may_be_packed,
     seem_packed,
     settled,
@@ -38,7 +41,7 @@ from pipeline.readers._named import (
     known_units,
     said_units,
 )
-from pipeline.readers._polar import FULL
+from pipeline.readers._polar import FULL, Polar
 from pipeline.readers._reader import Columns, Hints, settled_unit
 from pipeline.readers._roles import Reading, Role, Table, Why
 from pipeline.readers._sheet import Sheet, cells_of, sheet
@@ -189,7 +192,7 @@ def propose(text: Text, hints: Hints) -> Proposal | None:
     found = sheet(text)
     if found is None:
         return None
-    draft = _Draft(hints, found.header or found.first)
+    draft = _Draft(hints, found.top)
     table = _table(found, draft)
     stated = Stated.of(found)
     reading = _chosen(_ways(table, stated, hints), table, draft)
@@ -220,7 +223,7 @@ def _ways(table: Table, stated: Stated, hints: Hints) -> list[Reading]:
         raise InputError(
             f"the columns {said}",
             "describe them in [tracker.mapping] of campaign.toml",
-            line=table.sheet.header or table.sheet.first,
+            line=table.sheet.top,
         )
     return allowed
 
@@ -240,7 +243,7 @@ def _told(table: Table, mapping: Columns) -> Reading:
         raise InputError(
             "the columns of [tracker.mapping] are not those of the table",
             "correct them: three coordinates are needed",
-            line=table.sheet.header or table.sheet.first,
+            line=table.sheet.top,
         )
     return Reading(kind, roles)
 
@@ -322,11 +325,10 @@ def _senses(words: Sequence[str]) -> set[str]:
     return {"counter-clockwise"} if from_x & {*words} else set()
 
 
-def _said(table: Table, places: Sequence[int | None], known: Mapping[str, str]) -> set[str]:
+def _said(table: Table, places: Sequence[int], known: Mapping[str, str]) -> set[str]:
     """Units that titles and the line below them state of some columns."""
-    here = [k for k in places if k is not None]
-    below = (table.sheet.units[k].strip("[]() ").lower() for k in here)
-    found = {table.named[k].unit for k in here} | {known.get(word) for word in below}
+    below = (table.sheet.units[k].strip("[]() ").lower() for k in places)
+    found = {table.named[k].unit for k in places} | {known.get(word) for word in below}
     return {unit for unit in found if unit and unit in known.values()}
 
 
@@ -354,8 +356,7 @@ def _chosen(ways: list[Reading], table: Table, draft: _Draft) -> Reading:
 def _named(table: Table, reading: Reading) -> str:
     """A reading in a word: which columns are the coordinates."""
     axes = AXES[reading.kind]
-    places = [reading.place(axis) for axis in axes]
-    titles = [_called(table.sheet.titles, k) for k in places if k is not None]
+    titles = [_called(table.sheet.titles, k) for k in reading.places(*axes)]
     return ", ".join(f"{axis} = {title}" for axis, title in zip(axes, titles, strict=True))
 
 
@@ -368,19 +369,12 @@ def _called(titles: Sequence[str], place: int) -> str:
 def _mapping(table: Table, reading: Reading) -> Columns:
     """[tracker.mapping] of a reading."""
     found = table.sheet
-    readable = found.titled and found.commented is None and _as_cut(found)
-    titles = [title.lower() for title in found.titles]
-    columns: dict[str, Any] = {}
-    for place, one in sorted(reading.roles.items()):
-        if one.role:
-            title = found.titles[place]
-            by_title = readable and title and titles.count(title.lower()) == 1
-            columns[one.role] = title if by_title else place + 1
-    header = found.header if readable else 0
-    form = next((c.form for k, c in enumerate(table.content)
-                 if c.form and reading.roles.get(k, _NOTHING).role == "time"), None)  # fmt: skip
+    roles = {place: one.role for place, one in sorted(reading.roles.items()) if one.role}
+    titles = found.titles if _readable(found) else ("",) * len(found.titles)
+    header = found.header if _readable(found) else 0
+    form = next((table.content[k].form for k in reading.places("time")), None)
     mapping = {
-        "columns": columns,
+        "columns": {role: _once(titles, place) or place + 1 for place, role in roles.items()},
         "delimiter": found.delimiter,
         "header": header,
         "first": found.first if found.first != header + 1 else None,
@@ -390,12 +384,16 @@ def _mapping(table: Table, reading: Reading) -> Columns:
     return Columns.model_validate(mapping)
 
 
-_NOTHING = Role("", "untold")
+def _once(titles: Sequence[str], place: int) -> str:
+    """The title of a column, nothing where another has the same."""
+    alike = [title for title in titles if title.lower() == titles[place].lower()]
+    return alike[0] if len(alike) == 1 else ""
 
 
-def _as_cut(found: Sheet) -> bool:
-    """Whether the titles are cut by the sign that cuts the rows."""
-    return found.delimiter != " " or not any(" " in title for title in found.titles)
+def _readable(found: Sheet) -> bool:
+    """Whether there are titles that are cut by the sign that cuts the rows, and no remark."""
+    cut = found.delimiter != " " or not any(" " in title for title in found.titles)
+    return cut and found.titled and found.commented is None
 
 
 def _instruments(table: Table, reading: Reading, draft: _Draft, text: Text) -> None:
@@ -413,15 +411,17 @@ def _instruments(table: Table, reading: Reading, draft: _Draft, text: Text) -> N
     else:
         pick = list(_blocks(table.sheet, text))
     if len(pick) > 1:
-        answers = [
-            Answer(name, {"mapping": mapping.model_copy(update=part)}) for name, part in pick
-        ]
-        draft.ask("instrument", answers)
+        draft.ask("instrument", _of_one(mapping, pick))
+
+
+def _of_one(mapping: Columns, pick: Iterable[tuple[str, dict[str, Any]]]) -> list[Answer]:
+    """For each instrument the mapping that reads only what is of it."""
+    return [Answer(name, {"mapping": mapping.model_copy(update=part)}) for name, part in pick]
 
 
 def _frames(table: Table, reading: Reading, mapping: Columns, draft: _Draft) -> None:
     """Rows in which a column of words puts the same targets elsewhere are those of several."""
-    axes = [k for axis in AXES[reading.kind] if (k := reading.place(axis)) is not None]
+    axes = reading.places(*AXES[reading.kind])
     rows = table.whole(axes)
     names = [table.cells(reading.place(role), rows) for role in ("group", "target")]
     free = (k for k in range(len(table.content)) if k not in reading.roles)
@@ -432,13 +432,9 @@ def _frames(table: Table, reading: Reading, mapping: Columns, draft: _Draft) -> 
             continue
         if _kinds.apart(list(zip(*names, strict=True)), words, table.numbers(axes)):
             columns = {**mapping.columns, "instrument": place + 1}
-            picks = [{"columns": columns, "instrument": one} for one in kinds]
-            answers = [
-                Answer(str(pick["instrument"]), {"mapping": mapping.model_copy(update=pick)})
-                for pick in picks
-            ]
+            pick = ((one, {"columns": columns, "instrument": one}) for one in kinds)
             wrong = _kinds.several(table.sheet.titles[place], kinds, draft.line)
-            draft.ask("instrument", answers, wrong)
+            draft.ask("instrument", _of_one(mapping, pick), wrong)
             return
 
 
@@ -480,15 +476,14 @@ def _whole_points(table: Table, reading: Reading, draft: _Draft) -> None:
 
 def _length(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> None:
     """The unit of length: what titles say, the lines above, or somebody; else it is asked."""
-    lengths = [
-        reading.place(axis) for axis in AXES[reading.kind] if axis in ("x", "y", "z", "range")
-    ]
+    angular = ANGULAR[reading.kind]
+    lengths = reading.places(*(a for k, a in enumerate(AXES[reading.kind]) if k not in angular))
     with at(line=draft.line):
-        known_units([table.named[k] for k in lengths if k is not None])
+        known_units([table.named[k] for k in lengths])
     said = _said(table, lengths, UNIT_WORDS) | stated.units | _unit_column(table)
-    angular = _said(table, lengths, ANGLE_WORDS)
-    if len(said) > 1 or angular:
-        named = listed(sorted(said | angular))
+    turned = _said(table, lengths, ANGLE_WORDS)
+    if len(said) > 1 or turned:
+        named = listed(sorted(said | turned))
         raise InputError(
             f"the export names several units for its coordinates ({named})",
             "correct its titles, or export all coordinates in the same unit",
@@ -497,7 +492,7 @@ def _length(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> No
     if said or draft.hints.unit:
         draft.settle({"unit": settled_unit(next(iter(said), None), draft.hints)})
         return
-    largest = np.nanmax(np.abs(table.numbers([k for k in lengths if k is not None])), initial=0.0)
+    largest = np.nanmax(np.abs(table.numbers(lengths)), initial=0.0)
     units = sorted(USUAL_UNITS, key=lambda unit: unit != "m" if largest < _METRES else 0)
     draft.ask("unit", [Answer(unit, {"unit": unit}) for unit in units])
 
@@ -511,16 +506,8 @@ def _unit_column(table: Table) -> set[str]:
 
 def _angle(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> None:
     """Unit of angles and zero of the vertical one, likewise; ranges and faces may say them too."""
-    angular = [k for axis in ("azimuth", "vertical") if (k := reading.place(axis)) is not None]
-    said = _said(table, angular, ANGLE_WORDS) | stated.angles
-    cells = [cell for k in angular for cell in table.content[k].cells if cell]
-    values = table.numbers(angular)
-    if any(map(is_turn, cells)):
-        said |= {"deg"}
-    elif any(_PACKED.search(table.sheet.titles[k]) for k in angular):
-        said = said - {"deg"} | {PACKED}
-    elif draft.hints.angle is None and said == {"deg"} and seem_packed(values):
-        said = set()
+    angular = reading.places("azimuth", "vertical")
+    said = _said_of_angles(table, angular, draft.hints, stated)
     if len(said) > 1:
         raise InputError(
             f"the export names several units of angles ({', '.join(sorted(said))})",
@@ -530,23 +517,40 @@ def _angle(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> Non
     if said or draft.hints.angle:
         draft.settle({"angle": settled_angle(next(iter(said), None), draft.hints.angle)})
     else:
-        largest = np.nanmax(np.abs(values), initial=0.0)
-        allowed = {way.angle for way in reading.ways} or {u for u in FULL if largest <= FULL[u]}
-        allowed -= set() if may_be_packed(values) else {PACKED}
-        units = [unit for unit in FULL if unit in allowed] or [*FULL]
-        units.sort(key=lambda unit: unit != PACKED if seem_packed(values) else 0)
+        units = _possible_angles(table.numbers(angular), reading.ways)
         draft.ask("angle", [Answer(unit, {"angle": unit}) for unit in units])
     if reading.kind == "spherical":
         _vertical(table, reading, draft)
     _horizontal(table, reading, draft, stated)
 
 
+def _said_of_angles(
+    table: Table, angular: Sequence[int], hints: Hints, stated: Stated
+) -> frozenset[str]:
+    """Units of angles that titles and lines above state, and those that are told by the cells."""
+    said = stated.angles | _said(table, angular, ANGLE_WORDS)
+    if any(is_turn(cell) for k in angular for cell in table.content[k].cells):
+        return said | {"deg"}
+    if any(_PACKED.search(table.sheet.titles[k]) for k in angular):
+        return said - {"deg"} | {PACKED}
+    doubtful = hints.angle is None and said == {"deg"} and seem_packed(table.numbers(angular))
+    return frozenset() if doubtful else said
+
+
+def _possible_angles(values: Array, ways: Sequence[Polar]) -> list[str]:
+    """Units that angles may be in by their size, the most plausible one first; all if none may."""
+    largest = np.nanmax(np.abs(values), initial=0.0)
+    allowed = {way.angle for way in ways} or {unit for unit in FULL if largest <= FULL[unit]}
+    allowed -= set() if may_be_packed(values) else {PACKED}
+    units = [unit for unit in FULL if unit in allowed] or [*FULL]
+    return sorted(units, key=PACKED.__ne__) if seem_packed(values) else units
+
+
 def _vertical(table: Table, reading: Reading, draft: _Draft) -> None:
-    place, angle = reading.place("vertical"), str(draft.hints.angle)
-    assert place is not None
+    (place,), angle = reading.places("vertical"), str(draft.hints.angle)
     values = table.numbers([place])[:, 0]
     role = table.named[place].role
-    called = role if role in ("zenith", "elevation") else None
+    called = role if role in ZEROS else None
     allowed = {way.vertical for way in reading.ways if way.angle == angle}
     if draft.hints.vertical is None and called is None and len(allowed) == 1:
         called = allowed.pop()
@@ -555,8 +559,7 @@ def _vertical(table: Table, reading: Reading, draft: _Draft) -> None:
     except InputError:
         if draft.hints.vertical is not None:
             raise
-        steep = steeper_than_not(values, angle)
-        zeros = ("zenith", "elevation") if steep else ("elevation", "zenith")
+        zeros = ZEROS if steeper_than_not(values, angle) else ZEROS[::-1]
         draft.ask("vertical", [Answer(zero, {"vertical": zero}) for zero in zeros])
 
 
