@@ -299,15 +299,23 @@ def joints(name: str, data: bytes, robot: Robot, said: LogForm = OURS) -> Log:
     reason = "approach is neither 1 nor -1; correct it or leave it empty"
     log = log.where("approach", lambda way: np.isin(way, [1, -1, 0]) | np.isnan(way), reason)
     log = once(log, ["pose", *({"repeat"} & {*log.number})])
-    if not from_controller:
-        return log
-    axes_q = np.column_stack([log.number[axis.stem] for axis in axes])
-    q = axes_q @ robot.controller_matrix.T + robot.controller_offset
+    return _of_joints(log, robot, [one.stem for one in torques]) if from_controller else log
+
+
+def _of_joints(log: Log, robot: Robot, torques: Sequence[str]) -> Log:
+    """A log of the controller's axes with the joints beside them, and all torques those of joints.
+
+    q = C a + q_0,    tau_a = C' tau,
+
+    C `controller_matrix` and q_0 `controller_offset` of the robot: both do the same work.
+    """
+    axes = np.column_stack([log.number[axis] for axis in robot.controller])
+    q = axes @ robot.controller_matrix.T + robot.controller_offset
     number = log.number | {j.name: q[:, k] for k, j in enumerate(robot.joints)}
-    if {one.stem for one in torques} <= {*log.number} and len(axes) == robot.n:
-        tau = np.column_stack([log.number[one.stem] for one in torques])
-        turned = linear.solve(robot.controller_matrix.T, tau.T)  # both do the same work
-        number |= {one.stem: tau for one, tau in zip(torques, turned, strict=True)}
+    if {*torques} <= {*log.number} and len(torques) == robot.n:
+        tau = np.column_stack([log.number[one] for one in torques])
+        turned = linear.solve(robot.controller_matrix.T, tau.T)
+        number |= dict(zip(torques, turned, strict=True))
     return replace(log, number=number)
 
 
@@ -367,15 +375,7 @@ def numbered_joints(name: str, data: bytes, robot: Robot) -> list[LogForm]:
     form = understood(name, data, "joints", _log_words.pose_alone)
     if form is None:
         return []
-    file = opened(name, data, form, "joints", POSE.stem)
-    fields = tuple(Field(str(k), "name", False) for k in range(len(file.titles)))
-    read = rows(file.text, Layout(fields, file.delimiter, file.first, table="joints"))
-    cells = [set(read.columns[one.name].cast(pa.string()).to_pylist()) for one in fields]
-    titles = [
-        written
-        for written, title, some in zip(file.written, file.titles, cells, strict=True)
-        if title not in (POSE.stem, _REPEAT.stem, "approach") and some and all(map(is_number, some))
-    ]
+    titles = _of_numbers(opened(name, data, form, "joints", POSE.stem))
     axes = _controller(robot) or _own(robot)
     if len(titles) != len(axes) or not _log_words.in_order(titles):
         return []
@@ -384,6 +384,18 @@ def numbered_joints(name: str, data: bytes, robot: Robot) -> list[LogForm]:
     return [
         form.model_copy(update={"columns": form.columns | _as_called(titles, one)})
         for one in orders
+    ]
+
+
+def _of_numbers(file: Titled) -> list[str]:
+    """Titles of columns that hold nothing but numbers, without those of poses and the like."""
+    fields = tuple(Field(str(k), "name", False) for k in range(len(file.titles)))
+    read = rows(file.text, Layout(fields, file.delimiter, file.first, table="joints"))
+    cells = [{*read.columns[one.name].cast(pa.string()).to_pylist()} for one in fields]
+    return [
+        written
+        for written, title, some in zip(file.written, file.titles, cells, strict=True)
+        if title not in (POSE.stem, _REPEAT.stem, "approach") and some and all(map(is_number, some))
     ]
 
 
