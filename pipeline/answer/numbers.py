@@ -5,14 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.base.arrays import Array
-
-
-def rms_mm(values: Array) -> float:
-    """Root mean square over coordinates [mm], unweighted."""
-    return 1e3 * float(np.sqrt(np.mean(np.asarray(values, dtype=float) ** 2)))
+from pipeline.base.linear import rms
 
 
 def left_out_mm(left_out_m: Array) -> float | None:
-    """The same of cross-validation residuals [m] that other poses determine; None without any."""
+    """Rms [mm] of cross-validation residuals [m] that other poses determine; None without any."""
     known = left_out_m[np.isfinite(left_out_m)]
-    return rms_mm(known) if len(known) else None
+    return 1e3 * rms(known) if len(known) else None
