@@ -45,8 +45,8 @@ _SOFTER = 10.0
 _BY_CHANCE, _UNUSUAL = 1e-3, 0.05
 """Chance that targets move so much along the beam, where all directions are alike, below which it
 is no beam: for usual orders of the columns, and for those that hardly any program writes."""
-_NEAR = 0.01
-"""Movement over distance up to which it is small: what a load or a repetition moves."""
+NEAR = 0.01
+"""Movement over distance up to which a place is the same: what a load or a repetition moves."""
 _DIGITS = 20.0
 """Last digits by which a target has to move across the beam for its direction to be known."""
 _MOVED = 0.01
@@ -344,7 +344,7 @@ def _along(numbers: Array, names: Sequence[str], way: Polar) -> Iterator[float]:
     digit = 2 * np.pi * float(_circles(np.array([last]), way.angle)[0])
     for j, k in _again(names) if any(names) else ():
         moved, far = position[k] - position[j], _length(position[k])
-        if _DIGITS * digit * far < _length(moved) < _NEAR * far:
+        if _DIGITS * digit * far < _length(moved) < NEAR * far:
             yield 1.0 - abs(float(moved @ position[k])) / (_length(moved) * far)
 
 

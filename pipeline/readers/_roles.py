@@ -7,7 +7,7 @@ column, and another reading makes as much sense, both are handed on.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -16,10 +16,12 @@ import numpy as np
 from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError, at, listed
 from pipeline.readers import _polar
+from pipeline.readers._beside import Role, Table, Why, roles_beside, roles_of_words, tells_apart
 from pipeline.readers._cells import is_number
-from pipeline.readers._contents import Content, values
+from pipeline.readers._contents import Content
 from pipeline.readers._coordinates import AXES, VERTICALS, ZEROS
-from pipeline.readers._named import Named
+from pipeline.readers._layout import JOINT
+from pipeline.readers._named import COVARIANCE
 from pipeline.readers._polar import Polar
 from pipeline.readers._sheet import Sheet, cells_of
 from pipeline.readers._titles import (
@@ -27,38 +29,17 @@ from pipeline.readers._titles import (
     is_quantity,
     no_level_range,
     numbered,
-    titled,
     triples,
     uncertainties,
 )
 
-Why = Literal["title", "words", "names", "numbers", "time", "matrix", "faces", "rigid", "range",
-              "order", "stated", "empty", "untold", "untimed"]  # fmt: skip
-"""What says what a column is."""
-
 _INSTRUMENT = re.compile(r"(instrument|station|tracker|stn|standpunkt)[ _:-]*\w*", re.IGNORECASE)
-_REMARKS = {"comment", "comments", "remark", "remarks", "note", "notes", "status", "state", "info",
-            "bemerkung", "kommentar", "description", "type", "mode", "user", "operator", "unit",
-            "units", "prism", "probe", "reflector type", "quality", "frame"}  # fmt: skip
-"""Titles of words that name no point."""
-_CLEARLY = 2
-"""How many times more often the first of two names has to change for the second to be the group."""
-_JOINT = "::"
-"""Between group and target in SpatialAnalyzer's names."""
 _MATRIX = 9
 """Cells of a covariance, row by row."""
 _SYMMETRIC = 1e-3
 """How well its halves agree, over the roots of the diagonal: four digits are printed."""
-_SIX = {"cxx": 0, "cxy": 1, "cxz": 2, "cyy": 4, "cyz": 5, "czz": 8}
+_SIX = dict(zip(COVARIANCE, (0, 1, 2, 4, 5, 8), strict=True))
 """Where the six numbers of a covariance stand in it."""
-
-
-@dataclass(frozen=True)
-class Role:
-    """What a column is, and what says so."""
-
-    role: str
-    why: Why
 
 
 @dataclass(frozen=True)
@@ -86,48 +67,6 @@ class Reading:
         """The columns of some roles, in their order, as far as they are there."""
         at = {one.role: k for k, one in reversed([*self.roles.items()])}
         return [at[role] for role in roles if role in at]
-
-
-@dataclass(frozen=True)
-class Table:
-    """A sheet with what its titles and cells say.
-
-    Attributes:
-        sheet: The cells.
-        named: Columns by their titles.
-        content: Columns by their cells.
-        mark: The decimal mark.
-    """
-
-    sheet: Sheet
-    named: tuple[Named, ...]
-    content: tuple[Content, ...]
-    mark: str
-
-    def of_kind(self, kind: str, taken: Set[int] = frozenset()) -> list[int]:
-        """The columns whose cells are of a kind, without those that are taken."""
-        return [k for k, c in enumerate(self.content) if c.kind == kind and k not in taken]
-
-    def numbers(self, places: Sequence[int]) -> Array:
-        """Columns of numbers of the rows in which all are numbers, shape (rows, columns)."""
-        found = np.column_stack([values(self.content[k], self.mark) for k in places])
-        return found[self.whole(places)]
-
-    def whole(self, places: Sequence[int]) -> Bools:
-        """Which rows have numbers in all of some columns, shape (rows,)."""
-        found = np.column_stack([values(self.content[k], self.mark) for k in places])
-        return np.asarray(np.isfinite(found).all(axis=1))
-
-    def cells(self, place: int | None, rows: Bools) -> list[str]:
-        """The cells of some rows in a column, empty where there is no such column."""
-        if place is None:
-            return [""] * int(rows.sum())
-        return [cell for cell, row in zip(self.content[place].cells, rows, strict=True) if row]
-
-
-def named(sheet: Sheet) -> tuple[Named, ...]:
-    """The columns of a sheet as their titles call them."""
-    return titled(sheet.titles)
 
 
 def readings(table: Table, kind: str | None, unit: str | None) -> list[Reading]:
@@ -176,7 +115,7 @@ def _by_titles(table: Table, sets: Sequence[Triple]) -> list[Reading]:
             beside = uncertainties(table.named, one)
             roles |= {k: Role(_mapped(role), "title") for k, role in beside.items()}
             roles |= _titled_matrix(table)
-        others, told = _others(table, {*roles})
+        others, told = roles_beside(table, {*roles})
         out.append(Reading(one.kind, roles | others))
         sure = sure and one.plain and told
     return out if sure else _doubted(out)
@@ -218,95 +157,6 @@ def _titled_matrix(table: Table) -> dict[int, Role]:
     """The columns of a covariance, where all six have their titles."""
     at = {c.title.lower(): k for k, c in enumerate(table.named)}
     return {at[name]: Role(name, "title") for name in _SIX} if at.keys() >= _SIX.keys() else {}
-
-
-# --- names and times ------------------------------------------------------------------------------
-
-
-_CALLED = ("group", "target", "reflector", "delete", "active", "instrument")
-"""Columns that are what their title says, whatever their cells are."""
-
-
-def _others(table: Table, taken: set[int]) -> tuple[dict[int, Role], bool]:
-    """Names, times and flags of the columns that are left, and whether the names are beyond doubt.
-
-    Names whose titles nobody knows are those columns of words that differ.
-    """
-    roles = _called(table, taken)
-    roles |= _moments(table, taken | {*roles})
-    at = {one.role: place for place, one in roles.items()}
-    left = [k for k in table.of_kind("word", taken | {*roles}) if _names_something(table, k)]
-    if "target" not in at:
-        names, told = _names(table, left, {*at})
-        return roles | names, told
-    apart = [k for k in left if "group" not in at and _tells_apart(table, k, at["target"])]
-    return roles | {k: Role("group", "names") for k in apart[:1]}, len(apart) <= 1
-
-
-def _called(table: Table, taken: set[int]) -> dict[int, Role]:
-    """The first column of each kind that its title calls so; numbers of rows come last."""
-    found: dict[str, int] = {}
-    free = [k for k, c in enumerate(table.content) if k not in taken and c.kind != "empty"]
-    called = [k for k in free if table.named[k].role in _CALLED and not _only_counts(table, k)]
-    for place in sorted(called, key=lambda k: table.named[k].title.strip(". ").lower() in _NUMBERS):
-        found.setdefault(table.named[place].role.replace("reflector", "target"), place)
-    return {place: Role(role, "title") for role, place in found.items()}
-
-
-_NUMBERS = ("id", "nr", "no", "number", "nummer", "index", "#")
-"""Titles of what numbers rows or points, where another column has their names."""
-
-
-def _only_counts(table: Table, place: int) -> bool:
-    """Whether a column numbers the rows, beside words that name the targets."""
-    if table.named[place].role != "target" or not table.content[place].counts:
-        return False
-    called = ("target", "reflector", "")
-    others = [k for k in table.of_kind("word", {place}) if table.named[k].role in called]
-    return any(_names_something(table, k) for k in others)
-
-
-def _tells_apart(table: Table, place: int, target: int) -> bool:
-    """Whether targets come again, and a column that changes less often says which time it is."""
-    words, names = table.content[place], table.content[target]
-    pairs = {*zip(words.cells, names.cells, strict=True)}
-    return names.different < len(pairs) == len(names.cells) and words.runs < names.runs
-
-
-def _names_something(table: Table, place: int) -> bool:
-    column, content = table.named[place], table.content[place]
-    return (
-        column.title.lower() not in _REMARKS
-        and column.role != "collection"
-        and (not column.title or content.different > 1 or len(content.cells) == 1)
-    )
-
-
-def _names(table: Table, places: Sequence[int], known: set[str]) -> tuple[dict[int, Role], bool]:
-    """The roles of columns of words, left to right, and whether they are beyond doubt."""
-    if "group" in known or len(places) < len(_TWO):
-        return {k: Role("target", "words") for k in places[:1]}, len(places) <= 1
-    first, second = places[-2:]
-    swapped = table.content[first].runs > _CLEARLY * (table.content[second].runs + 1)
-    told = not (swapped or table.sheet.titled or len(places) > len(_TWO) + 1)  # and a collection
-    ordered = (second, first) if swapped else (first, second)
-    return {k: Role(role, "words") for k, role in zip(ordered, _TWO, strict=True)}, told
-
-
-_TWO = ("group", "target")
-
-
-def _moments(table: Table, taken: set[int]) -> dict[int, Role]:
-    """The column of times, or those of dates and times of day; what only should hold times."""
-    times, days, clocks = (table.of_kind(one, taken) for one in ("time", "date", "clock"))
-    should = [k for k, c in enumerate(table.named) if c.role == "time" and k not in taken]
-    for place in (k for k in times if k in should):
-        return {place: Role("time", "title")}
-    if times:
-        return {times[0]: Role("time", "time")}
-    if days and clocks:
-        return {days[0]: Role("date", "time"), clocks[0]: Role("time", "time")}
-    return {k: Role("", "untimed") for k in (*should, *clocks, *days)}
 
 
 # --- without titles -------------------------------------------------------------------------------
@@ -357,7 +207,7 @@ def _without_names(table: Table, number: list[int]) -> tuple[dict[int, Role], li
     words = [k for k in table.of_kind("word") if not table.named[k].role]
     if words and len(number) > len(_SPACE) and table.content[number[0]].counts:
         number = number[1:]
-    roles, _ = _others(table, {*number, *words})
+    roles, _ = roles_beside(table, {*number, *words})
     at = {one.role for one in roles.values()}
     if "target" in at:
         return roles, number, True
@@ -371,7 +221,7 @@ def _without_names(table: Table, number: list[int]) -> tuple[dict[int, Role], li
 def _by_points(table: Table, number: Sequence[int], words: Sequence[int]) -> dict[int, Role]:
     """Numbers that name points, and the words that may say their group; empty where none do."""
     name = _number_of_point(table, number)
-    if name is None or len(words) > 1 or not all(_tells_apart(table, k, name) for k in words):
+    if name is None or len(words) > 1 or not all(tells_apart(table, k, name) for k in words):
         return {}
     return {k: Role("group", "names") for k in words} | {name: Role("target", "numbers")}
 
@@ -382,9 +232,9 @@ def _by_words(
     """Names in columns of words, those before the numbers first, and whether they are sure."""
     leading = [k for k in words if not number or k < number[0]]
     if len(leading) > 1 and _is_instrument(table.content[leading[0]]):
-        names, told = _names(table, leading[1:], known)
+        names, told = roles_of_words(table, leading[1:], known)
         return names | {leading[0]: Role("instrument", "words")}, told
-    return _names(table, leading or words, known)
+    return roles_of_words(table, leading or words, known)
 
 
 def _number_of_point(table: Table, number: Sequence[int]) -> int | None:
@@ -493,13 +343,13 @@ def _named_numbers(
     at = {one.role: place for place, one in roles.items()}
     names = table.cells(at.get("target"), rows)
     groups = _groups(table, at, rows, names)
-    if names and all(_JOINT in name for name in names):
+    if names and all(JOINT in name for name in names):
         groups, names = (list(part) for part in zip(*map(_split, names), strict=True))
     return table.numbers(places), names, groups
 
 
 def _split(name: str) -> tuple[str, str]:
-    group, _, target = name.rpartition(_JOINT)
+    group, _, target = name.rpartition(JOINT)
     return group, target
 
 

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.compute as pc
 
 from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError, at, listed
-from pipeline.readers import _kinds, _time
-from pipeline.readers._cells import above, cells_or_none, is_plain, is_remark, shown
+from pipeline.readers import _kinds
+from pipeline.readers._cells import above, cells_or_none, is_remark, shown
 from pipeline.readers._coordinates import (
     ANGULAR,
     AXES,
@@ -26,6 +24,7 @@ from pipeline.readers._coordinates import (
 from pipeline.readers._delimited import rows
 from pipeline.readers._layout import Field, Kind, Layout, Rows
 from pipeline.readers._named import (
+    COVARIANCE,
     UNIT_LINE,
     UNIT_WORDS,
     Header,
@@ -48,18 +47,14 @@ from pipeline.readers._reader import (
     settled_angles,
     settled_unit,
 )
+from pipeline.readers._table_times import SEARCHED, dated, form_of_times, sample, trusted_times
 from pipeline.readers._text import Text
 from pipeline.readers._titles import horizontal, name_a_place, no_level_range
 
-COVARIANCE = ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")
 _UNCERTAINTIES = {
     EXPANDED: ("u95 x", "u95 y", "u95 z"),
     STANDARD: ("std x", "std y", "std z"),
 }
-_SEARCHED = 1000
-"""How many rows are searched for the first one with a time; without any it is ISO 8601."""
-_SEVERAL = 2
-"""Cells that are no times from which on it is the column that is none, and not a damaged cell."""
 _FLAGS = ("delete", "active", "instrument")
 """Columns that say whether a row counts."""
 _NO = ("0", "no", "false", "n", "nein")
@@ -139,8 +134,8 @@ def read(
     line = header.line or None
     with at(line=line):
         axes = _axes(header, hints)
-        header, untimed = (header, None) if form else _trusted_times(text, header, comment)
-        form = form or _form(text, header, comment)
+        header, untimed = (header, None) if form else trusted_times(text, header, comment)
+        form = form or form_of_times(text, header, comment)
     sorting = _sorting(text, header, comment)
     fields = {k: _field(c, k, axes, header.has("date")) for k, c in enumerate(header.columns)}
     layout = Layout(
@@ -154,7 +149,7 @@ def read(
     table = _below_nominal(rows(text, layout), text, header)
     table, sorted_by = _not_nominal(table, sorting.values())
     if header.has("date"):
-        table = _dated(table, layout.moment)
+        table = dated(table, layout.moment)
     with at(line=line):
         if axes.kind == "cartesian":
             _one_frame(table, line, sorting.values(), axes)
@@ -177,7 +172,7 @@ def read(
 def _sorting(text: Text, header: Header, comment: str | None) -> dict[int, Field]:
     """The columns of few words that are nothing else, by their place: they may sort the rows."""
     places = [k for k, c in enumerate(header.columns) if c.title and not c.role]
-    cells: list[list[str]] = list(_sample(text, header, comment)) if places else []
+    cells: list[list[str]] = list(sample(text, header, comment)) if places else []
     found = {k: _kinds.few(row[k] for row in cells if len(row) > k) for k in places}
     return {
         k: Field(f"words ({k + 1})", "name", needed=False, title=header.columns[k].title)
@@ -220,13 +215,11 @@ def _one_frame(table: Rows, line: int | None, sorting: Iterable[Field], axes: _A
     Raises:
         InputError: One does, and nobody has said which word is meant.
     """
-    position = np.column_stack([table.floats(axis)[:_SEARCHED] for axis in axes.roles])
+    position = np.column_stack([table.floats(axis)[:SEARCHED] for axis in axes.roles])
     called = [name for name in _NAMES if name in table.columns]
-    names = list(
-        zip(*(table.columns[name][:_SEARCHED].to_pylist() for name in called), strict=True)
-    )
+    names = list(zip(*(table.columns[name][:SEARCHED].to_pylist() for name in called), strict=True))
     for field in sorting if names else ():
-        words = list(map(str, table.columns[field.name][:_SEARCHED].to_pylist()))
+        words = list(map(str, table.columns[field.name][:SEARCHED].to_pylist()))
         if _kinds.apart(names, words, position):
             raise _kinds.several(field.title, words, line)
 
@@ -295,18 +288,6 @@ def _unit_of_rows(text: Text, header: Header, unit: str, comment: str | None) ->
                 "export all rows in one unit, or split the export",
                 line=number,
             )
-
-
-def _dated(table: Rows, form: str) -> Rows:
-    """Times of the day put together with their dates; rows without a time that can be read go."""
-    days, clocks = (table.columns[role].cast(pa.string()) for role in ("date", "time"))
-    clocks = pc.utf8_ltrim(clocks, characters=_time.APOSTROPHE)
-    cells = pc.utf8_trim_whitespace(pc.binary_join_element_wise(days, clocks, " "))
-    times, _ = _time.moments(cells, form)
-    keep = np.asarray(pc.or_(times.is_valid(), pc.equal(cells, "")))
-    return replace(table, columns={**table.columns, "time": times}).only(
-        keep, "date and time are no time in the form of the others; correct or remove the row"
-    )
 
 
 def _group_needs_target(header: Header) -> None:
@@ -380,64 +361,15 @@ def _present(header: Header, role: str) -> int | None:
     return next((header.where(name) for name in alike if header.has(name)), None)
 
 
-def _field(column: Named, place: int, axes: _Axes, dated: bool) -> Field:
+def _field(column: Named, place: int, axes: _Axes, apart: bool) -> Field:
     """How the cells of a column are read, with their date apart from the time of day or not."""
-    kinds = _KINDS | dict.fromkeys(axes.roles, "number") | ({"time": "name"} if dated else {})
+    kinds = _KINDS | dict.fromkeys(axes.roles, "number") | ({"time": "name"} if apart else {})
     kind = kinds.get(column.role.partition(" ")[0])
     if kind is not None:
         return Field(column.role, kind, column.role in (*axes.roles, *_NAMES), column.title)
     unused: Kind = "any" if column.title or not place else "blank"  # pandas' index has no title
     name = column.role or f"column {place + 1}"
     return Field(f"{name} ({place + 1})", unused, needed=False, title=column.title)
-
-
-def _form(text: Text, header: Header, comment: str | None) -> str:
-    """How the times are written, told from the first row that has one."""
-    rows = _sample(text, header, comment)
-    if not header.has("time"):
-        _no_times_elsewhere(next(rows, []), header)
-        return _time.ISO
-    first = next(filter(None, (_moment(cells, header) for cells in rows)), "")
-    return _time.form_of(first) or _time.ISO
-
-
-def _trusted_times(text: Text, header: Header, comment: str | None) -> tuple[Header, str | None]:
-    """The header without a column of times of which none is one, and its title with an example."""
-    place = header.where("time")
-    if place is None or header.has("date"):
-        return header, None
-    cells = [row[place] for row in _sample(text, header, comment) if len(row) > place]
-    filled = [cell for cell in cells if cell]
-    if len(filled) < _SEVERAL or any(map(_time.form_of, filled)):
-        return header, None
-    columns = list(header.columns)
-    columns[place] = replace(columns[place], role="")
-    untimed = f'{columns[place].title} ("{shown(filled[0])}")'
-    return replace(header, columns=tuple(columns)), untimed
-
-
-def _sample(text: Text, header: Header, comment: str | None) -> Iterator[list[str]]:
-    """Cells of the rows below the header, as many as it may take to find one with a time."""
-    for _, line in text.lines(header.begins, most=_SEARCHED):
-        if is_plain(line, comment) and (cells := cells_or_none(line, header.delimiter)):
-            yield cells
-
-
-def _moment(cells: Sequence[str], header: Header) -> str:
-    """Date and time of a row as it has them, or nothing where the time is not filled in."""
-    places = (header.where(role) for role in ("date", "time"))
-    day, clock = ("" if k is None else "".join(cells[k : k + 1]) for k in places)
-    return f"{day} {clock.lstrip(_time.APOSTROPHE)}".strip() if clock else ""
-
-
-def _no_times_elsewhere(cells: Sequence[str], header: Header) -> None:
-    """Without a time column, no other column may hold times: they would be lost unnoticed."""
-    for column, cell in zip(header.columns, cells, strict=False):
-        if not column.role and _time.form_of(cell):
-            raise InputError(
-                f'column "{shown(column.title)}" holds times, but is not called time',
-                "call it time, or say what it is in [tracker.mapping] of campaign.toml",
-            )
 
 
 def _counting(table: Rows, hints: Hints) -> Rows:

@@ -20,7 +20,7 @@ from pipeline.readers._faces import GROSS_M as GROSS_M
 from pipeline.readers._names import rounds
 from pipeline.readers._text import until
 from pipeline.readers.offer import proposal
-from pipeline.readers.proposal import Proposal
+from pipeline.readers.question import Proposal
 
 BETTER = 3.0
 """How many times nearer an answer, or a correction, must bring the reflectors than any other."""

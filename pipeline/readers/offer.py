@@ -13,7 +13,8 @@ from pipeline.base.shown import in_toml
 from pipeline.readers import Columns, Export, Hints, Text, opened_as_text, read, recognise, table
 from pipeline.readers._coordinates import AXES, SENSES, USUAL_UNITS, ZEROS
 from pipeline.readers._polar import FULL
-from pipeline.readers.proposal import Answer, Column, Proposal, Question, propose
+from pipeline.readers.proposal import propose
+from pipeline.readers.question import Answer, Column, Proposal, Question
 
 _FIRST = 5
 """Rows of a preview."""

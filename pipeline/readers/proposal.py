@@ -10,13 +10,14 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError, at, listed
 from pipeline.readers import _kinds, _roles
+from pipeline.readers._beside import Role, Table
 from pipeline.readers._cells import is_number, is_turn
 from pipeline.readers._contents import contents, mark_of
 from pipeline.readers._coordinates import (
@@ -33,132 +34,29 @@ from pipeline.readers._coordinates import (
     settled_vertical,
     steeper_than_not,
 )
+from pipeline.readers._layout import JOINT
 from pipeline.readers._named import (
     ANGLE_WORDS,
-    UNIT_LINE,
     UNIT_WORDS,
     is_unit_title,
     known_units,
-    said_units,
 )
 from pipeline.readers._polar import FULL, Polar
 from pipeline.readers._reader import Columns, Hints, settled_unit
-from pipeline.readers._roles import Reading, Role, Table, Why
+from pipeline.readers._roles import Reading
 from pipeline.readers._sheet import Sheet, cells_of, sheet
+from pipeline.readers._stated import Stated
 from pipeline.readers._text import Text
 from pipeline.readers._time import ISO
-from pipeline.readers._titles import horizontal
+from pipeline.readers._titles import horizontal, titled
+from pipeline.readers.question import About, Answer, Column, Proposal, Question
 
-About = Literal["columns", "coordinates", "instrument", "unit", "angle", "vertical", "horizontal",
-                "decimal"]  # fmt: skip
-"""What is asked."""
-
-KIND_WORDS = {kind: kind for kind in AXES} | {"polar": "spherical", "kartesisch": "cartesian"}
-_WORD = re.compile(r"[^\W\d_]+|°")
+_COORDINATES = 'coordinates = "cartesian" (or "spherical", "cylindrical")'
 _PACKED = re.compile(r"\bd+\.?m+\.?s+\b", re.IGNORECASE)
 """What titles call degrees with minutes and seconds, behind the point where no signs part them."""
 _METRES = 50.0
 """Largest coordinate that is taken for metres first: no cell is longer by much, and no cell in
 millimetres or inches is so small."""
-
-
-@dataclass(frozen=True)
-class Column:
-    """What a column seems to be.
-
-    Attributes:
-        number: Counted from 1.
-        title: As written, empty where it has none.
-        example: Its first cell that is filled in.
-        role: A word of [tracker.mapping] columns, empty where it is not used.
-        why: What says so.
-    """
-
-    number: int
-    title: str
-    example: str
-    role: str
-    why: Why
-
-
-@dataclass(frozen=True)
-class Answer:
-    """One answer to a question.
-
-    Attributes:
-        said: The answer in a word: `mm`, `zenith`, or the columns it stands for.
-        hints: What [tracker] then says, by its keys.
-    """
-
-    said: str
-    hints: Mapping[str, Any]
-
-
-@dataclass(frozen=True)
-class Question:
-    """What a file leaves open.
-
-    Attributes:
-        about: What is asked.
-        answers: Those that make sense, the most plausible one first.
-        line: Line of the file it is about.
-        wrong: What a reader says of it, None where nothing but the question has to be said.
-    """
-
-    about: About
-    answers: tuple[Answer, ...]
-    line: int
-    wrong: InputError | None = None
-
-    def problem(self) -> InputError:
-        """The same as an error, with the way out."""
-        if self.wrong is not None:
-            return self.wrong
-        said = [answer.said for answer in self.answers]
-        thing, way_out = _WORDS[self.about]
-        shown = f'"{said[0]}"' + (f" (or {listed(map(_quoted, said[1:]))})" if said[1:] else "")
-        paste = "paste what `pipeline inspect` proposes"
-        return InputError(
-            thing.format(listed(map(_quoted, said))), way_out.format(shown, paste), line=self.line
-        )
-
-
-def _quoted(word: str) -> str:
-    return f'"{word}"'
-
-
-_COORDINATES = 'coordinates = "cartesian" (or "spherical", "cylindrical")'
-_WRITE = "into [tracker] of campaign.toml"
-_WORDS: dict[str, tuple[str, str]] = {
-    "columns": ("the table does not say for certain which columns are the coordinates (maybe {0})",
-                "describe its columns in [tracker.mapping] of campaign.toml: {1}"),
-    "coordinates": ("the coordinates may be {0}, the numbers allow each",
-                    f"write coordinates = {{0}} {_WRITE}, or {{1}}"),
-    "instrument": ("there are readings of several instruments ({0}), each in a frame of its own",
-                   "describe those of one in [tracker.mapping] of campaign.toml: {1}"),
-    "unit": ("the export does not say its unit of length", f"write unit = {{0}} {_WRITE}"),
-    "angle": ("the export does not say its unit of angles", f"write angle = {{0}} {_WRITE}"),
-    "vertical": ("the export does not say its vertical angle's zero",
-                 f"write vertical = {{0}} {_WRITE}"),
-    "horizontal": ("the export does not say its sense of horizontal angles",
-                   f"write horizontal = {{0}} {_WRITE}"),
-}  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Proposal:
-    """How a table would be read.
-
-    Attributes:
-        hints: All of [tracker] that the reading needs, open questions answered by their first
-            answer.
-        columns: What each column seems to be.
-        questions: What is open, in the order in which it is asked.
-    """
-
-    hints: Hints
-    columns: tuple[Column, ...]
-    questions: tuple[Question, ...] = ()
 
 
 @dataclass
@@ -258,71 +156,7 @@ def _table(found: Sheet, draft: _Draft) -> Table:
     except InputError as wrong:
         draft.ask("decimal", [Answer(one, {"decimal": one}) for one in (",", ".")], wrong)
         mark = ","
-    return Table(found, _roles.named(found), content, mark or ".")
-
-
-# --- what the file says of itself -----------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Stated:
-    """What the lines above a table and the one below its titles say of all of it.
-
-    Attributes:
-        kinds: Kinds of coordinates.
-        units: Units of length.
-        angles: Units of angles.
-        senses: Ways in which azimuths grow.
-    """
-
-    kinds: frozenset[str]
-    units: frozenset[str]
-    angles: frozenset[str]
-    senses: frozenset[str]
-
-    @classmethod
-    def of(cls, found: Sheet) -> Stated:
-        """Words of lines that speak of units or of the kind of coordinates; others may mean else.
-
-        A reflector's diameter in millimetres says nothing of the coordinates.
-        """
-        kinds, units, angles, senses = set(), set(), set(), set()
-        for line in found.preamble:
-            words = _WORD.findall(line.lower())
-            senses |= _senses(words)
-            here = {KIND_WORDS[word] for word in words if word in KIND_WORDS}
-            kinds |= here
-            if not here and not UNIT_LINE.search(line):
-                continue
-            said = said_units(line, of_coordinates=True)
-            units |= said & {*UNIT_WORDS.values()}
-            angles |= said & {*ANGLE_WORDS.values()}
-        return cls(*map(frozenset, (kinds, units, angles, senses)))
-
-    def only(self, what: str) -> str | None:
-        """The one word that is said of something, None where there is none.
-
-        Raises:
-            InputError: There are several.
-        """
-        found = sorted(getattr(self, what))
-        if len(found) > 1:
-            raise InputError(
-                f"the lines above the table name several {what} ({', '.join(found)})",
-                "correct them, or describe the table in [tracker.mapping] of campaign.toml",
-            )
-        return found[0] if found else None
-
-
-def _senses(words: Sequence[str]) -> set[str]:
-    """Which way azimuths grow by the words of a line.
-
-    What is called spherical or cylindrical counts from x towards y, what is called polar may not.
-    """
-    if "clockwise" in words or "cw" in words:
-        return {"counter-clockwise" if {"counter", "anti"} & {*words} else "clockwise"}
-    from_x = {"spherical", "cylindrical", "counterclockwise", "anticlockwise", "ccw"}
-    return {"counter-clockwise"} if from_x & {*words} else set()
+    return Table(found, titled(found.titles), content, mark or ".")
 
 
 def _said(table: Table, places: Sequence[int], known: Mapping[str, str]) -> set[str]:
@@ -571,7 +405,7 @@ def _horizontal(table: Table, reading: Reading, draft: _Draft, stated: Stated) -
     """Which way azimuths grow: what lines above say, titles or records; else it is asked."""
     titled = horizontal(table.named, reading.place("azimuth"))
     said = stated.senses | ({titled} if titled else set())
-    if any(all("::" in cell for cell in one.cells) for one in table.content):
+    if any(all(JOINT in cell for cell in one.cells) for one in table.content):
         said |= {"counter-clockwise"}  # SpatialAnalyzer alone writes such names
     if any({*one.cells} <= _RECORDS for one in table.content):
         said |= {"clockwise"}

@@ -21,7 +21,7 @@ from pipeline.readers import _named, _tables, _time, plain, table
 from pipeline.readers._cells import cells_or_none, is_number, is_plain, is_remark
 from pipeline.readers._coordinates import AXES, Angles, Meaning, settled
 from pipeline.readers._delimited import rows
-from pipeline.readers._layout import DELIMITERS, Field, Kind, Layout, Rows
+from pipeline.readers._layout import DELIMITERS, JOINT, Field, Kind, Layout, Rows
 from pipeline.readers._named import ANGLE_WORDS, UNIT_WORDS, Header, Named
 from pipeline.readers._polar import within_a_circle
 from pipeline.readers._reader import (
@@ -34,8 +34,8 @@ from pipeline.readers._reader import (
     settled_unit,
     written,
 )
+from pipeline.readers._stated import KIND_WORDS
 from pipeline.readers._text import SAMPLE_LINES, Text
-from pipeline.readers.proposal import KIND_WORDS
 
 _T = TypeVar("_T")
 
@@ -123,7 +123,7 @@ def _shape_by(delimiter: str, sample: Sequence[str], comments: Sequence[str]) ->
     cut = [cells for line in sample if (cells := cells_or_none(line, delimiter))]
     for cells in cut:
         titles = _titles(comments, len(cells), delimiter)
-        compound = cells[0].count("::") + 1 if "::" in cells[0] else 0
+        compound = cells[0].count(JOINT) + 1 if JOINT in cells[0] else 0
         count = 1 if compound else _names(cells, titles)
         alike = [row[count + 3 :] for row in cut if len(row) == len(cells)]
         if _fits(cells, compound, count) and 2 * len(alike) >= len(sample):
