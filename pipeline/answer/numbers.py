@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array
-from pipeline.base.linear import rms
+
+
+def rms_mm(values: Array) -> float:
+    """Root mean square over coordinates [mm], unweighted."""
+    return 1e3 * linear.rms(values)
 
 
 def left_out_mm(left_out_m: Array) -> float | None:
-    """Rms [mm] of cross-validation residuals [m] that other poses determine; None without any."""
+    """The same of cross-validation residuals [m] that other poses determine; None without any."""
     known = left_out_m[np.isfinite(left_out_m)]
-    return 1e3 * rms(known) if len(known) else None
+    return rms_mm(known) if len(known) else None

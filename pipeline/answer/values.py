@@ -10,11 +10,10 @@ import pandas as pd
 from pipeline.answer import contract
 from pipeline.answer.contract import Deflection, Drawn, Fit, NoiseFrom, Validation
 from pipeline.answer.findings import Told
-from pipeline.answer.numbers import left_out_mm
+from pipeline.answer.numbers import left_out_mm, rms_mm
 from pipeline.answer.recommended import Values
 from pipeline.answer.stiffness import stiffness_entries
 from pipeline.base.arrays import Array
-from pipeline.base.linear import rms
 from pipeline.machine.cell import Cell
 from pipeline.prediction.by_payload import by_payload
 from pipeline.prediction.model import Model
@@ -45,7 +44,7 @@ def values_entry(told: Told, where: Where) -> contract.Values:
 def fit_entry(cell: Cell, data: Measured, estimate: Estimate) -> Fit:
     """How well the model meets the data."""
     return Fit(
-        rms_mm=1e3 * rms(estimate.residual),
+        rms_mm=rms_mm(estimate.residual),
         chi2=estimate.chi2,
         dof=estimate.dof,
         p_value=estimate.p_value,
@@ -61,7 +60,7 @@ def _second_order_mm(cell: Cell, data: Measured, estimate: Estimate) -> float:
     n = len(cell.parameters)  # the springs stand first
     known = estimate.identifiable[:n] & (estimate.value[:n] > 0)
     x = np.where(known, estimate.value[:n], cell.robot.nominal_compliance)
-    return 1e3 * rms(second_order(cell, data, x))
+    return rms_mm(second_order(cell, data, x))
 
 
 _RESTS_ON = "Uncertainties, chi-squared and its p-value rest on the noise"

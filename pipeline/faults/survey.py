@@ -14,7 +14,6 @@ from pipeline.base.linear import rms
 from pipeline.faults.conventions import unloaded
 from pipeline.machine.cell import predict
 from pipeline.readers import logs
-from pipeline.readers.log import Quantity, wanted_columns
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.register import XYZ
@@ -152,9 +151,9 @@ def clock(case: Case, files: Mapping[str, bytes]) -> Clock | None:
 
 def _away(rows: pd.DataFrame, name: str, data: bytes) -> pd.Timedelta | None:
     """Median time of a log's rows after the readings of their poses; None where it has none."""
-    time = Quantity("time", {}, "name", needed=False)
+    time = logs.Quantity("time", {}, "name", needed=False)
     try:
-        log = wanted_columns(name, data, [logs.POSE, time])
+        log = logs.table(name, data, [logs.POSE, time])
     except InputError:
         return None
     if "time" not in log.word:

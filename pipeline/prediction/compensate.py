@@ -14,7 +14,6 @@ from pipeline.machine.robot import Robot, configure
 from pipeline.machine.robot.configuration import velocity
 from pipeline.prediction.model import Model
 from pipeline.readers import logs
-from pipeline.readers.log import Quantity, wanted_columns
 
 _ARM_M = 0.3
 """Turning the tool by an angle counts as moving a point this far from its tip."""
@@ -81,7 +80,7 @@ def read(name: str, data: bytes, robot: Robot) -> Path:
         InputError: Any row or column is not as it should be: a path with a hole is no path.
     """
     log = logs.joints(name, data, robot)
-    force = wanted_columns(name, data, [logs.POSE, *(Quantity(a, logs.FORCE) for a in _FORCES)])
+    force = logs.table(name, data, [logs.POSE, *(logs.Quantity(a, logs.FORCE) for a in _FORCES)])
     for _, line, reason in (*log.rejected, *force.rejected):
         thing, _, way_out = reason.partition("; ")
         raise InputError(thing, way_out or "correct the row", file=name, line=line)

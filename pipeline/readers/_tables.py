@@ -326,7 +326,7 @@ def _axes(header: Header, hints: Hints) -> _Axes:
     """The columns of coordinates of a sound header.
 
     Raises:
-        InputError: It is none: the columns are not those of any kind, one is there twice, ...
+        InputError: The columns are not those of any kind, or one of them is in doubt.
     """
     _once(header)
     if hints.mapping is None:  # whoever wrote one has said which column is what

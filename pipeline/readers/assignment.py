@@ -15,8 +15,7 @@ import pyarrow as pa
 
 from pipeline.base.errors import InputError, at
 from pipeline.readers._reader import Export
-from pipeline.readers.log import Log, Quantity, once, wanted_columns
-from pipeline.readers.logs import columns
+from pipeline.readers.logs import Log, Quantity, columns, once, table
 
 BASE = "base"
 _Names = dict[int, tuple[str, str]]
@@ -46,7 +45,7 @@ def _names(name: str, data: bytes, files: list[str]) -> dict[str, _Names]:
     words = [Quantity(w, {}, "name", needed=False) for w in ("file", "group", "state")]
     numbers = [Quantity(n, {}, needed=False) for n in ("pose", "repeat")]
     wanted = [Quantity("order", {}), Quantity("target", {}, "name"), *words, *numbers]
-    log = once(wanted_columns(name, data, wanted), ["order", *({"file"} & {*columns(name, data)})])
+    log = once(table(name, data, wanted), ["order", *({"file"} & {*columns(name, data)})])
     if log.rejected:
         file, line, reason = log.rejected[0]
         thing, _, way_out = reason.rpartition("; ")

@@ -23,7 +23,8 @@ from pipeline.readers._cells import is_number
 from pipeline.readers._delimited import rows
 from pipeline.readers._layout import Field, Layout
 from pipeline.readers._log_form import OURS, LogForm, Titled, opened, understood
-from pipeline.readers.log import (
+from pipeline.readers._log_table import (
+    BEYOND,
     Log,
     Quantity,
     State,
@@ -31,10 +32,38 @@ from pipeline.readers.log import (
     names_of,
     once,
     suffixed,
+    table,
     typed,
-    wanted_columns,
     whole_numbers,
 )
+
+__all__ = [
+    "BEYOND",
+    "FORCE",
+    "LENGTH",
+    "LIMIT_SLACK",
+    "MASS",
+    "POSE",
+    "Log",
+    "Quantity",
+    "State",
+    "columns",
+    "displacements",
+    "forces",
+    "group_name",
+    "joint_values",
+    "joints",
+    "loads",
+    "may_be_log",
+    "numbered_joints",
+    "of_poses",
+    "once",
+    "settled",
+    "table",
+    "understood_joints",
+    "understood_loads",
+    "unknown",
+]
 
 FORCE = {"n": 1.0, "kn": 1e3, "kgf": STANDARD_GRAVITY, "lbf": 0.45359237 * STANDARD_GRAVITY}
 """Units of force [N]; those of weight with standard gravity."""
@@ -374,14 +403,14 @@ def displacements(name: str, data: bytes) -> Log:
     """Displacements of an already reduced campaign: pose, repeat, target, dx, dy, dz [m]."""
     target = Quantity("target", {}, "name")
     axes = [Quantity(axis, LENGTH) for axis in ("dx", "dy", "dz")]
-    log = whole_numbers(wanted_columns(name, data, [POSE, _REPEAT, target, *axes]))
+    log = whole_numbers(table(name, data, [POSE, _REPEAT, target, *axes]))
     return once(log, ["pose", "repeat", "target"])
 
 
 def forces(name: str, data: bytes) -> Log:
     """Forces of an already reduced campaign: pose, repeat, fx, fy, fz [N] in the base frame."""
     axes = [Quantity(axis, FORCE) for axis in ("fx", "fy", "fz")]
-    log = whole_numbers(wanted_columns(name, data, [POSE, _REPEAT, *axes]))
+    log = whole_numbers(table(name, data, [POSE, _REPEAT, *axes]))
     size = np.linalg.norm([log.number[axis.stem] for axis in axes], axis=0)
     log = log.only(size >= LEAST_FORCE, "the force is zero; correct or remove the row")
     return once(log, ["pose", "repeat"])

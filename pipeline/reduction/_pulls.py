@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.base.arrays import Bools, Ints, Locked
 from pipeline.base.errors import listed
-from pipeline.readers.log import Log
+from pipeline.readers.logs import Log
 from pipeline.reduction._index import found, numbered, pull_number
 from pipeline.reduction._shots import Rejection, Shots
 from pipeline.reduction.settings import Settings

@@ -19,8 +19,7 @@ from pipeline.base.threads import MUCH, spread
 from pipeline.base.toml import quoted
 from pipeline.readers import Export
 from pipeline.readers._cells import shown
-from pipeline.readers.log import BEYOND, State
-from pipeline.readers.logs import group_name
+from pipeline.readers.logs import BEYOND, State, group_name
 from pipeline.reduction._index import numbered
 from pipeline.reduction.settings import Naming, Settings
 

@@ -26,7 +26,6 @@ from pipeline.machine.robot import Robot
 from pipeline.readers import Export, logs
 from pipeline.readers.assignment import assigned
 from pipeline.readers.known import Body, settled
-from pipeline.readers.log import Log
 from pipeline.reduction import _pulls, _shots, _size, limits
 from pipeline.reduction._index import numbered, pull_number
 from pipeline.reduction._shots import Rejection, Shots, Stale
@@ -108,7 +107,7 @@ def ingest(
     return replace(found, torques=_torques(logged, robot))
 
 
-def _leaving(log: Log, why: Mapping[int, str]) -> Log:
+def _leaving(log: logs.Log, why: Mapping[int, str]) -> logs.Log:
     """Rows of a log but those of some poses, which are left out for these reasons."""
     poses = log.number["pose"]
     rows = np.flatnonzero(np.isin(poses, [*why])).tolist()
@@ -143,7 +142,7 @@ def _raw(
     settings: Settings,
     robot: Robot,
     raw: Mapping[str, bytes],
-    joints: Log,
+    joints: logs.Log,
     plausible: bool,
     doubt: InputError | None,
     left_out: Mapping[int, str],
@@ -190,7 +189,7 @@ def _raw(
     )
 
 
-def _known_loads(settings: Settings, loads: Log) -> Log:
+def _known_loads(settings: Settings, loads: logs.Log) -> logs.Log:
     """Rows whose scale or payload campaign.toml knows.
 
     Raises:
@@ -277,7 +276,7 @@ def _three_base_reflectors(shots: Shots, settings: Settings) -> None:
     read_apart(seen, shots.position[base], nominal, *first)
 
 
-def _some_pull(shots: Shots, settings: Settings, loads: Log) -> None:
+def _some_pull(shots: Shots, settings: Settings, loads: logs.Log) -> None:
     if shots.loaded.any():
         return
     if pulls := [name for name, one in loads.states.items() if one.loaded]:
@@ -353,7 +352,7 @@ def _alike(six: Array, n: int) -> list[Array]:
     return [columns[value] for value in six.tolist()]
 
 
-def _loads(loads: Log, mass_sigma_kg: float) -> pa.Table:
+def _loads(loads: logs.Log, mass_sigma_kg: float) -> pa.Table:
     """Table LOADS; weights whose uncertainty no row says have the one that is said of all."""
     stated, weight = (loads.number[name] for name in ("mass_sigma", "mass"))
     sigma = np.where(np.isnan(stated) & ~np.isnan(weight), mass_sigma_kg, np.nan_to_num(stated))
@@ -369,7 +368,7 @@ def _loads(loads: Log, mass_sigma_kg: float) -> pa.Table:
     return tables.conform(pa.table(columns), tables.LOADS)
 
 
-def _joints(joints: Log, robot: Robot) -> pa.Table:
+def _joints(joints: logs.Log, robot: Robot) -> pa.Table:
     values = {tables.joint_column(j.name, j.prismatic): joints.number[j.name] for j in robot.joints}
     approach = joints.number.get("approach", np.zeros(len(joints.line)))
     columns = {
@@ -381,7 +380,7 @@ def _joints(joints: Log, robot: Robot) -> pa.Table:
     return tables.conform(pa.table(columns), tables.joints(robot))
 
 
-def _torques(log: Log, robot: Robot) -> pd.DataFrame | None:
+def _torques(log: logs.Log, robot: Robot) -> pd.DataFrame | None:
     """What `Ingested.torques` says."""
     names = [f"tau{j}" for j in range(1, robot.n + 1)]
     if not {*names} & {*log.number}:
@@ -391,11 +390,11 @@ def _torques(log: Log, robot: Robot) -> pd.DataFrame | None:
     return pd.DataFrame({"pose": log.number["pose"].astype(np.int64), **named})
 
 
-def _pulls_of(log: Log) -> dict[str, Array]:
+def _pulls_of(log: logs.Log) -> dict[str, Array]:
     return {name: log.number[name] for name in ("pose", "repeat")}
 
 
-def _source(log: Log) -> dict[str, pa.Array | Ints]:
+def _source(log: logs.Log) -> dict[str, pa.Array | Ints]:
     return {"file": pa.repeat(log.file, len(log.line)), "line": log.line}
 
 
@@ -431,7 +430,7 @@ def _reduced(
     said: Displacements,
     robot: Robot,
     raw: Mapping[str, bytes],
-    joints: Log,
+    joints: logs.Log,
     doubt: InputError | None,
     left_out: Mapping[int, str],
 ) -> Ingested:
@@ -472,11 +471,11 @@ def _reduced(
     )
 
 
-def _keys(log: Log) -> Ints:
+def _keys(log: logs.Log) -> Ints:
     return pull_number(*(values.astype(np.int64) for values in _pulls_of(log).values()))
 
 
-def _displacements(moved: Log, sigma_m: float | None) -> pa.Table:
+def _displacements(moved: logs.Log, sigma_m: float | None) -> pa.Table:
     """Covariance of a displacement as that of its loaded reading, NaN where none is stated."""
     loaded = np.nan if sigma_m is None else sigma_m**2
     columns = {
@@ -489,7 +488,7 @@ def _displacements(moved: Log, sigma_m: float | None) -> pa.Table:
     return _conform(columns, tables.DISPLACEMENTS)
 
 
-def _forces(forces: Log) -> pa.Table:
+def _forces(forces: logs.Log) -> pa.Table:
     axes = {f"{axis}_n": forces.number[axis] for axis in ("fx", "fy", "fz")}
     at_load_point = {f"at_{axis}_m": np.nan for axis in "xyz"} | {"body": PULL}
     return _conform({**_pulls_of(forces), **axes, **at_load_point}, tables.FORCES)

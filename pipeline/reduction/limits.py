@@ -14,8 +14,7 @@ import numpy as np
 from pipeline.base.arrays import Array, Ints
 from pipeline.base.errors import InputError
 from pipeline.machine.robot import Joint, Robot
-from pipeline.readers.log import Log
-from pipeline.readers.logs import LIMIT_SLACK, joint_values
+from pipeline.readers.logs import LIMIT_SLACK, Log, joint_values
 from pipeline.reduction.case import Case
 
 LEEWAY = float(np.deg2rad(1.0))

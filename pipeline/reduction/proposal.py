@@ -146,7 +146,8 @@ def _exports(files: Mapping[str, bytes], logged: Logs) -> _Exports:
             exports[name], largest = _export(name, data)
             reach += largest
         except InputError as problem:
-            refused |= {} if name in known else {name: problem.thing}
+            if name not in known:
+                refused[name] = problem.thing
     return _Exports(exports, tuple(reach), refused)
 
 

@@ -17,7 +17,7 @@ from pipeline.machine.robot.mdh import parse as parse_robot
 from pipeline.readers import logs
 from pipeline.readers._log_form import OURS, LogForm
 from pipeline.readers._text import is_workbook
-from pipeline.readers.log import Log
+from pipeline.readers.logs import Log
 from pipeline.reduction import limits
 
 

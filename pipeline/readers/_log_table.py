@@ -97,7 +97,7 @@ class Quantity:
     filled: bool = True
 
 
-def wanted_columns(name: str, data: bytes, wanted: Sequence[Quantity]) -> Log:
+def table(name: str, data: bytes, wanted: Sequence[Quantity]) -> Log:
     """The wanted columns of a delimited table with a header, in SI; the first names its rows.
 
     Raises:
