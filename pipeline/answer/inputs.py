@@ -14,6 +14,7 @@ from pipeline.answer.contract import Input, Rejected
 from pipeline.base import files
 from pipeline.base.arrays import Array
 from pipeline.base.errors import listed
+from pipeline.base.linear import rms
 from pipeline.base.quantities import with_std
 from pipeline.machine.effects.tracker_drift import GROUP_S
 from pipeline.reduction.case import Case
@@ -68,7 +69,7 @@ def registration_entry(registration: Registration) -> contract.Registration | No
     std = np.sqrt(np.diag(registration.cov))
     chi2, dof = registration.chi2, registration.dof
     return contract.Registration(
-        rms_mm=1e3 * float(np.sqrt(np.mean(miss**2))),
+        rms_mm=1e3 * rms(miss),
         max_mm=1e3 * float(miss.max()),
         chi2=chi2,
         dof=dof,

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array
 
 
 def rms_mm(values: Array) -> float:
     """Root mean square over coordinates [mm], unweighted."""
-    return 1e3 * float(np.sqrt(np.mean(np.asarray(values, dtype=float) ** 2)))
+    return 1e3 * linear.rms(values)
 
 
 def left_out_mm(left_out_m: Array) -> float | None:

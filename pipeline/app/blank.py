@@ -21,6 +21,7 @@ from pipeline.store.campaign import Campaign, unfit
 
 if TYPE_CHECKING:  # it brings the readers
     from pipeline.reduction.proposal import Proposal
+    from pipeline.reduction.which_logs import Logs
 
 NAME = "a plain folder name that begins with no dot"
 
@@ -74,12 +75,9 @@ def write(folder: Path, said: Proposal, known: Known) -> list[str]:
     """
     from pipeline.reduction.settings import unfilled
 
-    fresh = not (said.exports or said.loads or said.joints)
     template = (resources.files("pipeline.app") / "campaign.toml.jinja").read_text("utf-8")
-    text = jinja2.Template(template, keep_trailing_newline=True).render(
-        _words(folder, said, known, fresh)
-    )
-    if fresh and known.robot is not None:
+    text = jinja2.Template(template, keep_trailing_newline=True).render(_words(folder, said, known))
+    if said.nothing and known.robot is not None:
         joints = load(known.robot, folder).joints
         columns = [f"{j.name}_m" if j.prismatic else f"{j.name}_deg" for j in joints]
         files.write(folder / "loads.csv", b"pose,repeat,force_n,branch\n")
@@ -88,18 +86,19 @@ def write(folder: Path, said: Proposal, known: Known) -> list[str]:
     return [f"{name} (line {line})" for line, name in unfilled(text).items()]
 
 
-def _words(folder: Path, said: Proposal, known: Known, fresh: bool) -> dict[str, object]:
+def _words(folder: Path, said: Proposal, known: Known) -> dict[str, object]:
     """What stands in the template; None and nothing where it stays open."""
-    loads, joints = _LOGS if fresh else (said.loads, said.joints)
+    loads, joints = _LOGS if said.nothing else (said.loads, said.joints)
     return {
         "name": quoted(folder.name),
         "loads": _shown(loads, quoted),
         "joints": _shown(joints, quoted),
-        "base": _points(said.base or _BASE * fresh, known),
+        "base": _points(said.base or _BASE * said.nothing, known),
         "tool": _points(["load_point", *(said.measured or _TARGETS)], known),
         "load_columns": _pairs(_told(said.load_columns, known)),
         "joint_columns": _pairs(_told(_joint_columns(said, known.robot), known)),
         **_of_files(said),
+        **_of_names(said),
         **_of_a_person(known),
     }
 
@@ -107,8 +106,6 @@ def _words(folder: Path, said: Proposal, known: Known, fresh: bool) -> dict[str,
 def _of_files(said: Proposal) -> dict[str, object]:
     from pipeline.readers.offer import mapping_lines
 
-    apart, asked = said.apart_m.items(), () if said.group or said.either else said.groups
-    group = said.group or next(iter(said.either), None)
     blind = bool(said.loads or said.joints or said.refused)
     mapping = said.offer.hints.mapping if said.offer else None
     return {
@@ -116,19 +113,28 @@ def _of_files(said: Proposal) -> dict[str, object]:
         "exports": _quoted(said.exports or (() if blind else _DEFAULTS)),
         "tracker": _tracker(said),
         "mapping": mapping_lines(mapping) if mapping else [],
-        "nameless": said.nameless,
         "unsure": said.unsure,
-        "names": quoted(said.names[0]) if len(said.names) == 1 else None,
-        "asked_names": " or ".join(map(quoted, said.names)) if len(said.names) > 1 else None,
         "reach": _shown(said.reach, plain),
-        "group": _shown(group, lambda group: quoted(group.pattern)),
-        "asked_group": _shown(asked or None, lambda names: printable(listed(names), 200)),
+        "refused": [(printable(name, 80), why) for name, why in said.refused.items()],
+    }
+
+
+def _of_names(said: Proposal) -> dict[str, object]:
+    names = " or ".join(map(quoted, said.names))
+    asked = None if said.ways else said.groups or None
+    return {
+        "nameless": said.nameless,
+        "names": names if len(said.names) == 1 else None,
+        "asked_names": names if len(said.names) > 1 else None,
+        "group": _shown(next(iter(said.ways), None), lambda group: quoted(group.pattern)),
+        "asked_group": _shown(asked, lambda names: printable(listed(names), 200)),
         "states": _shown(said.group, lambda group: _states(group.state_of)),
         "asked_states": " or ".join(_states(one.state_of) for one in said.either),
         "measured": _quoted(said.measured),
         "chain": _quoted(said.chain),
-        "apart": [f"{one} to {two}: {1e3 * m:.2f} mm as read" for (one, two), m in apart],
-        "refused": [(printable(name, 80), why) for name, why in said.refused.items()],
+        "apart": [
+            f"{one} to {two}: {1e3 * m:.2f} mm as read" for (one, two), m in said.apart_m.items()
+        ],
     }
 
 
@@ -167,7 +173,7 @@ def _tracker(said: Proposal) -> list[str]:
     return lines
 
 
-def log_lines(said: Proposal, robot: str | None = None) -> list[str]:
+def log_lines(said: Logs, robot: str | None = None) -> list[str]:
     """What campaign.toml says of the one log of a proposal, for a robot where one is named."""
     table, file = ("scale", said.loads) if said.loads else ("joints", said.joints)
     robot = robot if robot in said.joint_columns else None
@@ -203,7 +209,7 @@ def _told(columns: Mapping[str, str], known: Known) -> dict[str, str]:
     return {title: known.columns.get(title, ours) for title, ours in columns.items()}
 
 
-def _joint_columns(said: Proposal, robot: str | None) -> Mapping[str, str]:
+def _joint_columns(said: Logs, robot: str | None) -> Mapping[str, str]:
     """Our names for the titles of the joint log; of the first robot it fits, where none is said."""
     first = next(iter(said.joint_columns.values()), {})
     return said.joint_columns.get(robot, {}) if robot else first

@@ -137,7 +137,7 @@ def inspect(
 def _log(path: Path, data: bytes, folder: Campaign) -> Outcome | None:
     """What a file is that is a log beside the exports, None where it is none."""
     from pipeline.app.blank import log_lines
-    from pipeline.reduction.proposal import propose_logs
+    from pipeline.reduction.which_logs import propose_logs
 
     robots = {}
     for one in sorted(path.parent.glob("*.toml")):

@@ -84,14 +84,14 @@ def _likely(case: Case, found: Found) -> list[_Set]:
 
 def _of_catalogue(case: Case, found: Found, known: float) -> Iterator[_Set]:
     """Sets of the catalogue's causes in all their forms, `known` the probability of any of them."""
-    label = [suspect.label for suspect in case.suspects]
+    suspects = case.suspects
     for rivals in product(*found.rivals):
         odds = known * math.prod(rival.probability for rival in rivals)
         twice = len({rival.label for rival in rivals}) < len(rivals)  # one cause, two places
         for forms in () if twice or odds <= LEAST else product(*(r.forms for r in rivals)):
             chosen = tuple(suspect for suspect, _ in forms)
             pairs = zip(found.accepted, chosen, strict=True)
-            instead = tuple((a, b) for a, b in pairs if label[a] != label[b])
+            instead = tuple((a, b) for a, b in pairs if suspects[a].label != suspects[b].label)
             yield _Set(chosen, odds * math.prod(share for _, share in forms), instead)
 
 

@@ -62,15 +62,15 @@ def standing(
     best = _search(fits, exact, suspects)
     if best is None:
         return nobody
-    rest = [fits(_but(best.effects, k)) for k in range(len(best.effects))]
-    if max(one.p for one in rest) > _NEEDED:
+    p_values = tuple(fits(_but(best.effects, k)).p for k in range(len(best.effects)))
+    if max(p_values) > _NEEDED:
         return nobody
     return replace(
         nobody,
         visible=visible,
         left_m=exact.left(best.effects),
         fit=best,
-        p_values=tuple(one.p for one in rest),
+        p_values=p_values,
         rivals=tuple(_rivals(fits, best, k, suspects) for k in range(len(best.effects))),
         gain=_gain(fits, exact, suspects, rng),
     )

@@ -48,7 +48,7 @@ def base_target(case: Case, registration: Registration, scale: float) -> list[Mi
         return []
     off = shifts(agreed(registration)[0], scale, which)
     left = np.where(off.rank == 3, off.rest - off.drop, np.inf)
-    best, rival = (int(k) for k in np.argsort(left, kind="stable")[:2])
+    best, rival = np.argsort(left, kind="stable")[:2].tolist()
     if not np.isfinite(left[rival]):
         return []
     free = _freed(case, registration, str(names[best]))

@@ -99,14 +99,18 @@ def _search(
     case: Case, how: Callable[[Case], float | None], gross: float, before: float
 ) -> list[Mistake]:
     singles = list(hypotheses(case))
-    data = [h for h in singles if not h.table and how is miss]
-    pairs = [p for p in itertools.combinations(data, 2) if p[0].where != p[1].where]
-    for tried in ([(h,) for h in singles], pairs):
+    for tried in ([(h,) for h in singles], _pairs(singles) if how is miss else []):
         misses = [_after(case, chosen, how) for chosen in tried]
         best = int(np.argmin([*misses, np.inf]))
         if best < len(tried) and misses[best] < gross and BETTER * misses[best] < before:
             return [_finding(h, before, misses[best]) for h in tried[best]]
     return []
+
+
+def _pairs(singles: Sequence[Hypothesis]) -> list[tuple[Hypothesis, ...]]:
+    """Two mistakes at once, each in another place, neither of them one of the table."""
+    data = [h for h in singles if not h.table]
+    return [p for p in itertools.combinations(data, 2) if p[0].where != p[1].where]
 
 
 def _after(case: Case, chosen: Sequence[Hypothesis], how: Callable[[Case], float | None]) -> float:

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.base.linear import rigid
+from pipeline.base.linear import rigid, rms
 from pipeline.faults.conventions import unloaded
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, outlying
@@ -202,7 +202,7 @@ def _whole(read: _Stand, laid: _Laid, k: int) -> bool:
     """
     far = np.linalg.norm(laid.away, axis=1)
     zero = read.zero & (read.pose == k)
-    size = float(np.sqrt(np.mean(far[zero] ** 2)))
+    size = rms(far[zero])
     loaded = ~read.zero & (read.pose == k)
     if loaded.any() and np.median(far[loaded]) < size / 3:
         return False
@@ -221,7 +221,7 @@ def _moved(seen: Array, due: Array, size: float, usual: float) -> bool:
     left = float(np.sqrt(np.mean(np.sum((seen - due @ R.T - t) ** 2, axis=1))))
     away = np.linalg.norm(seen[:, None] - due[None], axis=2)
     row, column = optimize.linear_sum_assignment(away**2)
-    names = float(np.sqrt(np.mean(away[row, column] ** 2)))
+    names = rms(away[row, column])
     return left < max(size / PART, _STANDS_OUT * usual) and names > size / 2
 
 

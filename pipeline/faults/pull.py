@@ -92,6 +92,10 @@ def _turned_round(case: Case) -> Case:
     return replace(case, settings=case.settings.model_copy(update={"naming": naming}))
 
 
+_OTHERWISE = [(sign, unit) for unit in FORCE if unit != "n" for sign in (1, -1)]
+"""Numbers in another unit read as N, and the other way round."""
+
+
 def force_unit(case: Case, estimate: Estimate) -> list[Mistake]:
     """The scale's numbers are in another unit: all stiffnesses are off by its factor.
 
@@ -106,27 +110,24 @@ def force_unit(case: Case, estimate: Estimate) -> list[Mistake]:
         return []
     softer = np.log(x[known] * nominal[known])
     middle = float(np.median(softer))
-    factors = {name: np.log(f) for name, f in FORCE.items() if f != 1.0}
-    tried = [(abs(middle - s * f), s, name) for name, f in factors.items() for s in (1, -1)]
-    off, sign, unit = min(tried)
+    off, sign, unit = min((abs(middle - s * np.log(FORCE[u])), s, u) for s, u in _OTHERWISE)
     if off > _NEAR or np.median(np.abs(softer - middle)) > _SPREAD:
         return []
     factor = float(FORCE[unit] ** sign)
-    said, where = (
-        (f"are {unit} and were read as N", unit)
-        if sign > 0
-        else (f"are N and were read as {unit}", "n")
-    )
+    said, where, size = {
+        1: (f"are {unit} and were read as N", unit, "small"),
+        -1: (f"are N and were read as {unit}", "n", "large"),
+    }[sign]
     return [
         Mistake(
             name="unit_mixup",
             where=where,
             evidence=f"the numbers of the scale {said}: all stiffnesses come out "
-            f"{np.exp(abs(middle)):.2g} times too {'small' if sign > 0 else 'large'} "
+            f"{np.exp(abs(middle)):.2g} times too {size} "
             f"against the robot's nominal ones, and {unit} is {FORCE[unit]:.4g} N",
             correction=f"computed again with all forces times {factor:.4g}",
             before=float(np.exp(middle)),
-            after=float(np.exp(middle - sign * factors[unit])),
+            after=float(np.exp(middle - sign * np.log(FORCE[unit]))),
             unit="1",
             correct=times(factor),
         )

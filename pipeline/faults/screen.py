@@ -51,14 +51,17 @@ def screen(case: Case, reduced: Reduced) -> Screened:
     for fault in tests:
         if fault.in_files:
             asked = Screening(case, case.cell, case.robot.nominal_compliance)
-            case = _put_right(case, fault.find(asked), findings)
+            found = fault.find(asked)
+            findings += found
+            case = _put_right(case, found)
     single = [fault for fault in tests if not fault.in_files]
     before = None
     for _ in range(_MOST):
         known = reduced if case is given else None
         before = Screening(case, case.cell, case.robot.nominal_compliance, known, before)
         found = _first(single, before)
-        case = _put_right(case, found, findings)
+        findings += found
+        case = _put_right(case, found)
         if not found:
             break
     return Screened(tuple(findings), case)
@@ -87,14 +90,13 @@ def screen_again(
         return screened
     if richer != extended.parameters:  # unloaded geometry was corrected, which no cell can hold
         return screened
-    case = given
-    for finding in kept:
-        case = finding.correct(case)
+    case = _put_right(given, kept)
     again = [fault for fault in FAULTS if fault.beside_model]
     for _ in range(len(screened.findings) - len(kept)):
         asked = Screening(case, case.cell.with_effects(*causes), extended.value)
         found = _first(again, asked)
-        case = _put_right(case, found, kept)
+        kept += found
+        case = _put_right(case, found)
         if not found:
             break
     return Screened(tuple(kept), case) if len(kept) < len(screened.findings) else screened
@@ -117,9 +119,7 @@ def acquit(given: Case, screened: Screened, right: Fitted, seen: Linearised) -> 
     """
     if not right.plain.noise_stated or not any(one.may_be_noise for one in screened.findings):
         return screened
-    case = given
-    for finding in screened.findings:
-        case = case if finding.may_be_noise else finding.correct(case)
+    case = _put_right(given, [one for one in screened.findings if not one.may_be_noise])
     data = right.as_noisy(bring(case).data)
     found = tails(linearise(seen.model, data, seen.suspects), seen.model.accepted)[1]
     if not found.likely_heavy:  # then no reading owes its place to the noise
@@ -127,13 +127,12 @@ def acquit(given: Case, screened: Screened, right: Fitted, seen: Linearised) -> 
     kept = [one for one in screened.findings if not one.may_be_noise or _sure(one, found)]
     if len(kept) == len(screened.findings):
         return screened
-    findings: list[Mistake] = []
-    return Screened(tuple(kept), _put_right(given, kept, findings))
+    return Screened(tuple(kept), _put_right(given, kept))
 
 
-def _put_right(case: Case, found: list[Mistake], findings: list[Mistake]) -> Case:
-    for finding in found:
-        findings.append(finding)
+def _put_right(case: Case, findings: Sequence[Mistake]) -> Case:
+    """The campaign without some mistakes."""
+    for finding in findings:
         case = finding.correct(case)
     return case
 

@@ -426,16 +426,18 @@ def _read(one: _Hypothesis, springs: Cell, file: str) -> Hypothesis:
             f"its parameters are not {', '.join(wanted)} with their covariance", _ANEW, file=file
         )
     told = one.undetermined, one.variance_within
-    if any(told) and not _fit(*told, len(value)):
+    if not _fit(*told, len(value)):
         raise InputError(
             f"undetermined and variance_within are not of {len(value)} parameters", _ANEW, file=file
         )
-    free, within = (None if each is None else np.array(each, float) for each in told)
-    return Hypothesis(one.weight, cell, value, cov, None if free is None else free.T, within)
+    free, within = (None if each is None else np.array(each, float).T for each in told)
+    return Hypothesis(one.weight, cell, value, cov, free, within)
 
 
 def _fit(free: list[list[float]] | None, within: list[float] | None, k: int) -> bool:
-    """Whether both are there, with one number for each of k parameters."""
+    """Whether both are there, with one number for each of k parameters, or neither is."""
+    if not free and not within:
+        return True
     return bool(free and within and {len(row) for row in (*free, within)} == {k})
 
 

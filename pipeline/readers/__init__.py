@@ -61,14 +61,15 @@ def recognise(file: Text) -> Reader:
         InputError: More than one dialect fits, or there is no table of points.
     """
     sample = file.sample()
-    dialects = [reader for reader in READERS.values() if reader is not table.READER]
-    fitting = [reader for reader in dialects if reader.recognise(sample)]
+    dialects = READERS.copy()
+    del dialects[table.NAME]
+    fitting = [reader for reader in dialects.values() if reader.recognise(sample)]
     fitting = [reader for reader in fitting if not reader.general] or fitting
     if not fitting and table.holds_one(file):
         return table.READER
     if len(fitting) == 1:
         return fitting[0]
-    known = listed(reader.name for reader in fitting or dialects)
+    known = listed(reader.name for reader in fitting or dialects.values())
     none = f"the file is none of {known}, and there are no rows with three numbers in it"
     raise InputError(
         f"the file may be {known}" if fitting else none,

@@ -28,6 +28,8 @@ ODD = "[ '’\u00a0\u202f\u2009−°dD]|,.*\\.|\\..*,|[0-9]-[0-9]"
 """What no number has that is written as programs read them."""
 _IS_ODD = re.compile(ODD)
 _MINUTES = 60
+MARKS = ("//", "#", "%", "!")
+"""How remarks begin."""
 
 
 _GLANCE = 40
@@ -59,6 +61,16 @@ def cells_or_none(line: str, delimiter: str) -> list[str] | None:
         return cells(line, delimiter)
     except Bad:
         return None
+
+
+def is_remark(line: str, mark: str | tuple[str, ...] | None) -> bool:
+    """Whether a line begins with a mark of remarks; none does where a file has no mark."""
+    return mark is not None and line.lstrip().startswith(mark)
+
+
+def is_plain(line: str, mark: str | tuple[str, ...] | None) -> bool:
+    """Whether a line is neither blank nor a remark."""
+    return bool(line.strip()) and not is_remark(line, mark)
 
 
 def above(text: Text, header: int, delimiter: str, numbers: Sequence[int]) -> list[tuple[int, str]]:

@@ -34,6 +34,13 @@ AXES = {
 }
 """What the three numbers are, by kind of coordinates."""
 
+ZEROS = ("zenith", "elevation")
+"""Where vertical angles may be zero: straight up, or level."""
+VERTICALS = ("vertical", *ZEROS)
+"""What titles call a vertical angle; the first leaves open where it is zero."""
+ANGULAR = {"cartesian": [], "spherical": [1, 2], "cylindrical": [1]}
+"""Which of the three numbers are angles, by kind of coordinates."""
+
 
 @dataclass(frozen=True)
 class Meaning:
@@ -54,6 +61,19 @@ class Meaning:
     vertical: str = "zenith"
     horizontal: str = "counter-clockwise"
 
+    @property
+    def angular(self) -> list[int]:
+        """Which of the three numbers are angles."""
+        return ANGULAR[self.kind]
+
+    @property
+    def angles(self) -> Angles:
+        """Unit, zero and sense of its angles, each None where coordinates of its kind have none."""
+        if not self.angular:
+            return Angles()
+        zero = self.vertical if self.kind == "spherical" else None
+        return Angles(self.angle, zero, self.horizontal)
+
 
 SENSES = {"counter-clockwise": 1.0, "clockwise": -1.0}
 """Ways in which azimuths grow, seen from above, and the sign of a turn from x towards y."""
@@ -61,7 +81,7 @@ SENSES = {"counter-clockwise": 1.0, "clockwise": -1.0}
 
 @dataclass(frozen=True)
 class Angles:
-    """What an export itself says of its angles, each None where it does not.
+    """What is said of angles, each None where nothing is.
 
     Attributes:
         unit: As `Meaning.angle`.
@@ -142,21 +162,17 @@ def covariance(six: Array, values: Array, meaning: Meaning) -> Array:
     return flat(J @ C @ J.transpose(0, 2, 1))
 
 
-def _angles(meaning: Meaning) -> list[int]:
-    return {"spherical": [1, 2], "cylindrical": [1]}[meaning.kind]
-
-
 def _si(values: Array, meaning: Meaning) -> Array:
-    angles = _angles(meaning)
     out = metres(values, meaning.unit)
-    out[:, angles] = plain_angles(values[:, angles], meaning.angle) * _radians(meaning)
+    out[:, meaning.angular] = plain_angles(values[:, meaning.angular], meaning.angle) * _radians(
+        meaning
+    )
     return out
 
 
 def _from_si(values: Array, meaning: Meaning) -> Array:
-    angles = _angles(meaning)
     out = _in_unit(values, meaning.unit)
-    out[:, angles] = values[:, angles] / _radians(meaning)
+    out[:, meaning.angular] = values[:, meaning.angular] / _radians(meaning)
     return out
 
 
@@ -208,7 +224,7 @@ _MAY_BE_BOTH, _BY_CHANCE = 0.6 * 0.6, 1e-3
 
 def _radians(meaning: Meaning) -> Array:
     """Of one unit of each angle [rad], azimuths that grow clockwise with a minus."""
-    signs = [SENSES[meaning.horizontal], 1.0][: len(_angles(meaning))]
+    signs = [SENSES[meaning.horizontal], 1.0][: len(meaning.angular)]
     return _ANGLES[meaning.angle or "rad"] * np.array(signs)
 
 

@@ -16,10 +16,9 @@ from pyarrow import csv as arrow_csv
 
 from pipeline.base.arrays import Bools, Ints, Locked
 from pipeline.readers._cells import Bad, cells, is_special
-from pipeline.readers._layout import Layout
+from pipeline.readers._layout import JOINT, Layout
 from pipeline.readers._text import Text
 
-_JOINT = "::"
 _BLOCK = 1 << 22
 """Bytes that Arrow cuts in one go; many times the longest line."""
 _BLANK = bytes({c.encode()[0] for c in map(chr, range(0x3001)) if c.isspace()})
@@ -74,7 +73,7 @@ def _at_once(text: Text, layout: Layout, special: Bools) -> list[pa.Array] | Non
         return None
     columns = [column.unify_dictionaries().combine_chunks() for column in table.columns]
     if layout.joined:
-        parts = pc.split_pattern(columns.pop(0), _JOINT)
+        parts = pc.split_pattern(columns.pop(0), JOINT)
         if not np.all(pc.list_value_length(parts).to_numpy() == layout.joined):
             return None
         places = [k for k, f in enumerate(layout.fields[: layout.joined]) if f.kind in _TYPES]
@@ -147,7 +146,7 @@ def _row(line: str, layout: Layout) -> list[str]:
     """
     found = cells(line, layout.delimiter)
     if layout.joined:
-        names = found[0].split(_JOINT)
+        names = found[0].split(JOINT)
         if len(names) != layout.joined:
             raise Bad(
                 f"has {len(names)} names in its first cell where {layout.joined} are expected; "

@@ -14,6 +14,7 @@ import numpy as np
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError, listed
 from pipeline.readers._cells import shown
+from pipeline.readers._polar import NEAR
 
 _NOMINAL = {
     "nominal", "nominals", "nom", "soll", "sollwert", "sollwerte", "sollpunkte", "goal", "cad",
@@ -35,8 +36,6 @@ _FEWEST = 3
 """Names at least that come again for every word: fewer may be chance."""
 _MOST = 0.8
 """Share of the names that come as often for one word as for the other."""
-_NEAR = 0.01
-"""Difference over distance up to which a place is the same: what a load or a repetition moves."""
 
 
 def few(cells: Iterable[str]) -> set[str]:
@@ -88,7 +87,7 @@ def apart(names: Sequence[object], words: Sequence[str], position: Array) -> boo
         for word in kinds - {first}
         for a, b in zip(by[first], by[word], strict=True)
     ]
-    return bool(np.median(off) > _NEAR)
+    return bool(np.median(off) > NEAR)
 
 
 def several(title: str, words: Iterable[str], line: int | None) -> InputError:

@@ -12,6 +12,8 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked, sifted
 from pipeline.readers import _time
 
 DELIMITERS = (",", ";", "\t", "|")
+JOINT = "::"
+"""Between collection, group and target in SpatialAnalyzer's names."""
 
 
 def delimiter_of(line: str, otherwise: str = DELIMITERS[0]) -> str:

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from pipeline.base.errors import InputError, at, listed
 from pipeline.base.strict import Name, Strict
-from pipeline.readers._cells import above, bare
+from pipeline.readers._cells import MARKS, above, bare, is_plain
 from pipeline.readers._layout import delimiter_of
 from pipeline.readers._named import IN_BRACKETS
 from pipeline.readers._text import SAMPLE_LINES, Text, refuse_other_programs, squeezed
@@ -37,9 +37,6 @@ class LogForm(Strict):
     decimal: Literal[".", ","] | None = None
     sheet: Name | None = None
 
-
-_REMARKS = ("#", "//", "%", "!")
-"""How remarks begin."""
 
 OURS = LogForm()
 """A log as we write it."""
@@ -143,8 +140,7 @@ def _found(file: Text, own: Mapping[str, str], key: str) -> _Header | None:
 
 def _no_remark(file: Text) -> int:
     """The first line that is neither blank nor a remark; the first that is not blank without."""
-    lines = ((n, line.lstrip()) for n, line in file.lines(1, SAMPLE_LINES))
-    plain = (n for n, line in lines if line and not line.startswith(_REMARKS))
+    plain = (n for n, line in file.lines(1, SAMPLE_LINES) if is_plain(line, MARKS))
     return next(plain, file.first()[0])
 
 

@@ -33,6 +33,7 @@ _AXES = {
     "inclination": "elevation",
 }  # fmt: skip
 _SPACE = ("x", "y", "z")
+COVARIANCE = ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")
 _FILLING = {
     "coordinate", "coord", "koordinate", "pos", "position", "angle", "value", "actual", "measured",
 }  # fmt: skip
@@ -50,7 +51,7 @@ _NAMES = {
     "punkt": "target", "punktname": "target", "gruppe": "group",
     "reflector": "reflector",
     "delete": "delete", "deleted": "delete", "rms": "rms",
-    **{one: one for one in ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")},
+    **{one: one for one in COVARIANCE},
 }  # fmt: skip
 _OTHER_UNITS = {"km", "dm", "nm", "mil", "mils", "thou", "yd", "yard", "yards"}
 _SHORT_WORD = 3
@@ -76,7 +77,7 @@ _OF_THE_FILE = {
 _OPEN = _OF_COORDINATES | _BETWEEN | _OF_THE_FILE
 _UNITS = re.compile(r"\b(units?|einheit(en)?)\b", re.IGNORECASE)
 _APART = re.compile(r"[;,|\t]|  ")
-_WORD = re.compile(r"[^\W\d_]+|°")
+WORD = re.compile(r"[^\W\d_]+|°")
 _SHORT = re.compile(
     r"(?:[:=(\[,/]|\bin)\s*(m|in)(?=\s*(?:$|[)\],;/|]|gon\b|deg|rad|mm\b))", re.IGNORECASE
 )
@@ -229,7 +230,7 @@ def said_units(line: str, of_coordinates: bool = False) -> set[str]:
     """
     found, counts = set(), True
     short = {one.start(1) for one in _SHORT.finditer(line)}
-    for one in _WORD.finditer(line):
+    for one in WORD.finditer(line):
         word = one[0].lower()
         if word in _UNIT_WORDS and (word not in ("m", "in") or one.start() in short):
             found |= {_UNIT_WORDS[word]} if counts else set()
@@ -240,7 +241,7 @@ def said_units(line: str, of_coordinates: bool = False) -> set[str]:
 
 def _of_other(before: str) -> bool:
     """Whether words before `units` or `coordinates` make them those of another quantity."""
-    words = _WORD.findall(_APART.split(before)[-1].lower())
+    words = WORD.findall(_APART.split(before)[-1].lower())
     return not {*words} <= _OPEN | {*_UNIT_WORDS}
 
 

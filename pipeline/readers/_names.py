@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections import defaultdict
 from collections.abc import Sequence
@@ -10,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+from scipy.sparse import coo_array, csgraph
 
 from pipeline.base import patterns
 from pipeline.base.arrays import Array, Ints
@@ -19,7 +21,7 @@ from pipeline.readers._reader import Export, kept
 _JOINED = r"(?:.+?::)?(?P<group>[^:]+(?::[^:]+)*)::(?P<target>[^:]+(?::[^:]+)*)"
 """SpatialAnalyzer's way; a collection in front is not used."""
 _SEPARATOR = re.compile(r"[\W_]+")
-_LOOKED_AT = 100_000
+LOOKED_AT = 100_000
 """Readings from which names are understood: they repeat from pose to pose."""
 
 
@@ -53,15 +55,21 @@ def separators(exports: Sequence[Export]) -> list[str]:
     The last or the first part of every name is one of a few that come again with the others. Of
     several such ways those in which targets keep their distances, where there are some.
     """
-    joined = [one for one in exports if one.group is None and one.target is not None]
-    targets = [one.target[:_LOOKED_AT].cast(pa.string()).to_pylist() for one in joined]  # type: ignore[index]
-    names = [name for some in targets for name in some]
-    signs = dict.fromkeys(_SEPARATOR.findall(names[0].strip()) if names else ())
-    common = [sign for sign in signs if all(sign in name for name in {*names})]
-    read = {way: pairs for sign in common for way in _ways(sign) if (pairs := _pairs(names, way))}
-    few = {way: pairs for way, pairs in read.items() if _come_again(set(pairs))}
-    places = [at for one in joined for at in one.position[:_LOOKED_AT]]
+    names, places = list[str](), list[Array]()
+    for one in exports:
+        if one.group is None and one.target is not None:
+            names += one.target[:LOOKED_AT].cast(pa.string()).to_pylist()
+            places += [*one.position[:LOOKED_AT]]
+    ways = itertools.chain.from_iterable(map(_ways, _in_all(names)))
+    read = {way: pairs for way in ways if (pairs := _pairs(names, way))}
+    few = {way: pairs for way, pairs in read.items() if _come_again({*pairs})}
     return [way for way, pairs in few.items() if _polar.some_keep(_read(pairs, places))] or [*few]
+
+
+def _in_all(names: Sequence[str]) -> list[str]:
+    """Signs between letters that all names have, in the order of the first."""
+    signs = dict.fromkeys(_SEPARATOR.findall(names[0].strip()) if names else ())
+    return [sign for sign in signs if all(sign in name for name in {*names})]
 
 
 def _ways(sign: str) -> tuple[str, str]:
@@ -92,19 +100,17 @@ def _read(pairs: Sequence[tuple[str, str]], places: Sequence[Array]) -> list[dic
 
 def _come_again(pairs: set[tuple[str, str]]) -> bool:
     """Whether targets are fewer than groups, and most that belong together come in each of them."""
-    groups, targets = ({pair[k] for pair in pairs} for k in (0, 1))
+    groups, targets = (
+        {name: k for k, name in enumerate({*some})} for some in zip(*pairs, strict=True)
+    )
     if not 1 < len(targets) < len(groups):
         return False
-    read = defaultdict[str, set[str]](set)
-    for group, target in pairs:
-        read[group].add(target)
-    bodies: list[tuple[set[str], int]] = []  # targets that share groups, and in how many
-    for some in read.values():
-        touching = [body for body in bodies if body[0] & some]
-        joined = some.union(*(body[0] for body in touching))
-        apart = [body for body in bodies if not body[0] & some]
-        bodies = [*apart, (joined, 1 + sum(body[1] for body in touching))]
-    return 2 * len(pairs) > sum(len(body) * often for body, often in bodies)
+    rows, columns = zip(*((groups[group], targets[target]) for group, target in pairs), strict=True)
+    n = len(groups) + len(targets)
+    shared = coo_array((np.ones(len(pairs)), (rows, np.add(columns, len(groups)))), shape=(n, n))
+    body = csgraph.connected_components(shared, directed=False)[1]  # of what is read together
+    often, size = (np.bincount(some, minlength=n) for some in np.split(body, [len(groups)]))
+    return bool(2 * len(pairs) > often @ size)
 
 
 def rounds(target: Ints) -> Ints:

@@ -19,6 +19,7 @@ from pipeline.readers._cells import shown
 from pipeline.readers._coordinates import (
     PACKED,
     USUAL_UNITS,
+    ZEROS,
     Meaning,
     cartesian,
     may_be_packed,
@@ -44,8 +45,8 @@ _SOFTER = 10.0
 _BY_CHANCE, _UNUSUAL = 1e-3, 0.05
 """Chance that targets move so much along the beam, where all directions are alike, below which it
 is no beam: for usual orders of the columns, and for those that hardly any program writes."""
-_NEAR = 0.01
-"""Movement over distance up to which it is small: what a load or a repetition moves."""
+NEAR = 0.01
+"""Movement over distance up to which a place is the same: what a load or a repetition moves."""
 _DIGITS = 20.0
 """Last digits by which a target has to move across the beam for its direction to be known."""
 _MOVED = 0.01
@@ -89,7 +90,7 @@ def possible(numbers: Array, unit: str | None) -> list[Polar]:
     orders = sorted(
         itertools.permutations(range(3)), key=lambda o: USUAL.index(o) if o in USUAL else len(USUAL)
     )
-    ways = itertools.product(orders, FULL, ("zenith", "elevation"))
+    ways = itertools.product(orders, FULL, ZEROS)
     return [
         Polar((d, a, v), angle, vertical)
         for (d, a, v), angle, vertical in ways
@@ -118,28 +119,29 @@ def _circles(values: Array, angle: str) -> Array:
     return plain_angles(values, angle) / FULL[angle]
 
 
-def within_a_circle(title: str, values: Array, line: Ints, angle: str | None) -> None:
+def within_a_circle(
+    titles: Sequence[str], numbers: Sequence[Array], line: Ints, meaning: Meaning
+) -> None:
     """No instrument counts its angles beyond a full circle; _FACE is left for what rounding adds.
 
     Args:
-        title: Of the column.
-        values: Its angles in their unit, shape (n,).
-        line: Line of each, shape (n,).
-        angle: Their unit, None for lengths.
+        titles: Of the three columns.
+        numbers: What they hold in its unit, each shape (n,).
+        line: Line of each row, shape (n,).
+        meaning: Which of them are angles, and their unit.
 
     Raises:
         InputError: An angle is beyond, so that it is in another unit.
     """
-    if angle is None:
-        return
-    beyond = np.flatnonzero(np.abs(_circles(values, angle)) > 1.0 + _FACE)
-    if len(beyond):
-        raise InputError(
-            f'column "{shown(title)}" holds {values[beyond[0]]:.10g}, more than the '
-            f"{FULL[angle]:.4g} {angle} of a full circle",
-            "correct its unit in the title, or angle in [tracker] of campaign.toml, or the row",
-            line=int(line[beyond[0]]),
-        )
+    for k in meaning.angular:
+        angle, values = str(meaning.angle), numbers[k]
+        for row in np.flatnonzero(np.abs(_circles(values, angle)) > 1.0 + _FACE)[:1]:
+            raise InputError(
+                f'column "{shown(titles[k])}" holds {values[row]:.10g}, more than the '
+                f"{FULL[angle]:.4g} {angle} of a full circle",
+                "correct its unit in the title, or angle in [tracker] of campaign.toml, or the row",
+                line=int(line[row]),
+            )
 
 
 def _is_vertical(values: Array, angle: str, vertical: str) -> bool:
@@ -148,6 +150,11 @@ def _is_vertical(values: Array, angle: str, vertical: str) -> bool:
     if vertical == "zenith":
         return bool(np.all((turns >= 0.0) & (turns <= 1.0)) and np.any(turns > _OVERHEAD))
     return bool(np.all((turns >= -1 / 4) & (turns <= 3 / 4)))
+
+
+def beams(numbers: Array, names: Sequence[str], unit: str | None) -> list[Polar]:
+    """Those of all ways in which targets do not seem to move along the beam only."""
+    return [way for way in possible(numbers, unit) if not only_along(numbers, names, way)]
 
 
 def in_two_faces(numbers: Array, names: Sequence[str], groups: Sequence[str]) -> list[Polar]:
@@ -284,16 +291,23 @@ def in_part(numbers: Array, names: Sequence[str], groups: Sequence[str], unit: s
     row, lengths = np.arange(len(numbers)), metres(numbers, unit)
     found: dict[int, float] = {}
     for parts in ([(k, row < k) for k in edges], [(k, row >= k) for k in reversed(edges)]):
-        for k, angles in parts:
-            ways = possible(numbers[angles], unit)
-            if not ways:
-                break  # nor in any larger part
-            for way in ways:
-                place = np.where(angles[:, None], as_polar(numbers, way, unit), lengths)
-                soft = softness(place, names, groups)
-                if soft is not None and rigid(soft, [own]):
-                    found[k] = min(soft, found.get(k, soft))
-    return min(found, key=lambda k: found[k]) if found else None
+        for k, angles, way in _while_possible(numbers, parts, unit):
+            place = np.where(angles[:, None], as_polar(numbers, way, unit), lengths)
+            soft = softness(place, names, groups)
+            if soft is not None and rigid(soft, [own]):
+                found[k] = min(soft, found.get(k, soft))
+    return min(found, key=found.__getitem__, default=None)
+
+
+def _while_possible(
+    numbers: Array, parts: Sequence[tuple[int, Bools]], unit: str
+) -> Iterator[tuple[int, Bools, Polar]]:
+    """Every way to read rows of growing parts as angles; where one has none, no larger one has."""
+    for k, angles in parts:
+        ways = possible(numbers[angles], unit)
+        if not ways:
+            return
+        yield from ((k, angles, way) for way in ways)
 
 
 def keeps(soft: float | None) -> bool:
@@ -330,7 +344,7 @@ def _along(numbers: Array, names: Sequence[str], way: Polar) -> Iterator[float]:
     digit = 2 * np.pi * float(_circles(np.array([last]), way.angle)[0])
     for j, k in _again(names) if any(names) else ():
         moved, far = position[k] - position[j], _length(position[k])
-        if _DIGITS * digit * far < _length(moved) < _NEAR * far:
+        if _DIGITS * digit * far < _length(moved) < NEAR * far:
             yield 1.0 - abs(float(moved @ position[k])) / (_length(moved) * far)
 
 

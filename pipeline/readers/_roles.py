@@ -16,10 +16,12 @@ import numpy as np
 from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError, at, listed
 from pipeline.readers import _polar
+from pipeline.readers._beside import Role, Table, Why, roles_beside, roles_of_words, tells_apart
 from pipeline.readers._cells import is_number
-from pipeline.readers._contents import Content, values
-from pipeline.readers._coordinates import AXES
-from pipeline.readers._named import Named
+from pipeline.readers._contents import Content
+from pipeline.readers._coordinates import AXES, VERTICALS, ZEROS
+from pipeline.readers._layout import JOINT
+from pipeline.readers._named import COVARIANCE
 from pipeline.readers._polar import Polar
 from pipeline.readers._sheet import Sheet, cells_of
 from pipeline.readers._titles import (
@@ -27,38 +29,17 @@ from pipeline.readers._titles import (
     is_quantity,
     no_level_range,
     numbered,
-    titled,
     triples,
     uncertainties,
 )
 
-Why = Literal["title", "words", "names", "numbers", "time", "matrix", "faces", "rigid", "range",
-              "order", "stated", "empty", "untold", "untimed"]  # fmt: skip
-"""What says what a column is."""
-
 _INSTRUMENT = re.compile(r"(instrument|station|tracker|stn|standpunkt)[ _:-]*\w*", re.IGNORECASE)
-_REMARKS = {"comment", "comments", "remark", "remarks", "note", "notes", "status", "state", "info",
-            "bemerkung", "kommentar", "description", "type", "mode", "user", "operator", "unit",
-            "units", "prism", "probe", "reflector type", "quality", "frame"}  # fmt: skip
-"""Titles of words that name no point."""
-_CLEARLY = 2
-"""How many times more often the first of two names has to change for the second to be the group."""
-_JOINT = "::"
-"""Between group and target in SpatialAnalyzer's names."""
 _MATRIX = 9
 """Cells of a covariance, row by row."""
 _SYMMETRIC = 1e-3
 """How well its halves agree, over the roots of the diagonal: four digits are printed."""
-_SIX = {"cxx": 0, "cxy": 1, "cxz": 2, "cyy": 4, "cyz": 5, "czz": 8}
+_SIX = dict(zip(COVARIANCE, (0, 1, 2, 4, 5, 8), strict=True))
 """Where the six numbers of a covariance stand in it."""
-
-
-@dataclass(frozen=True)
-class Role:
-    """What a column is, and what says so."""
-
-    role: str
-    why: Why
 
 
 @dataclass(frozen=True)
@@ -80,48 +61,12 @@ class Reading:
 
     def place(self, role: str) -> int | None:
         """The column of a role."""
-        return next((k for k, one in self.roles.items() if one.role == role), None)
+        return next(iter(self.places(role)), None)
 
-
-@dataclass(frozen=True)
-class Table:
-    """A sheet with what its titles and cells say.
-
-    Attributes:
-        sheet: The cells.
-        named: Columns by their titles.
-        content: Columns by their cells.
-        mark: The decimal mark.
-    """
-
-    sheet: Sheet
-    named: tuple[Named, ...]
-    content: tuple[Content, ...]
-    mark: str
-
-    def numbers(self, places: Sequence[int]) -> Array:
-        """Columns of numbers of the rows in which all are numbers, shape (rows, columns)."""
-        found = np.column_stack([values(self.content[k], self.mark) for k in places])
-        return found[self.whole(places)]
-
-    def whole(self, places: Sequence[int]) -> Bools:
-        """Which rows have numbers in all of some columns, shape (rows,)."""
-        found = np.column_stack([values(self.content[k], self.mark) for k in places])
-        return np.asarray(np.isfinite(found).all(axis=1))
-
-    def cells(self, place: int | None, rows: Bools) -> list[str]:
-        """The cells of some rows in a column, empty where there is no such column."""
-        if place is None:
-            return [""] * int(rows.sum())
-        return [cell for cell, row in zip(self.content[place].cells, rows, strict=True) if row]
-
-
-def named(sheet: Sheet) -> tuple[Named, ...]:
-    """The columns of a sheet as their titles call them."""
-    return titled(sheet.titles)
-
-
-_ANGLES = {"azimuth", "vertical", "zenith", "elevation"}
+    def places(self, *roles: str) -> list[int]:
+        """The columns of some roles, in their order, as far as they are there."""
+        at = {one.role: k for k, one in reversed([*self.roles.items()])}
+        return [at[role] for role in roles if role in at]
 
 
 def readings(table: Table, kind: str | None, unit: str | None) -> list[Reading]:
@@ -135,30 +80,28 @@ def readings(table: Table, kind: str | None, unit: str | None) -> list[Reading]:
     Raises:
         InputError: A row holds several targets, or its distance is no range.
     """
-    number = {k for k, c in enumerate(table.content) if c.kind == "number"}
-    sets = [one for one in triples(table.named) if number.issuperset(one.columns)]
+    number = table.of_kind("number")
+    sets = [one for one in triples(table.named) if {*one.columns} <= {*number}]
     if sets:
         return _by_titles(table, sets)
-    if _ANGLES & {c.role for c in table.named}:
+    called = {column.role for column in table.named}
+    if called & {"azimuth", *VERTICALS}:
         with at(line=table.sheet.header):
-            no_level_range(column.title for column in table.named)
-    if "x" in {c.role for c in table.named} or table.sheet.stray:
-        return _doubted(_by_numbers(table, number, kind, unit))
+            no_level_range(table.sheet.titles)
     found = _by_numbers(table, number, kind, unit)
-    return _doubted(found) if table.sheet.titled and not _known_titles(table) else found
+    others = any(table.named[k].title for k in number if table.named[k].role != "target")
+    return _doubted(found) if "x" in called or table.sheet.stray or others else found
 
 
-def _doubted(found: list[Reading]) -> list[Reading]:
-    return [replace(one, open="columns") for one in found]
+def _doubted(
+    found: list[Reading], about: Literal["columns", "coordinates"] = "columns"
+) -> list[Reading]:
+    return [replace(one, open=about) for one in found]
 
 
-def _known_titles(table: Table) -> bool:
-    """Whether the titles above the numbers leave them open, and are not others' quantities."""
-    return all(
-        not column.title
-        for column, content in zip(table.named, table.content, strict=True)
-        if content.kind == "number" and column.role != "target"
-    )
+def _sole(found: list[Reading]) -> list[Reading]:
+    """The only reading, or several of which one has to be chosen."""
+    return found if len(found) == 1 else _doubted(found)
 
 
 def _by_titles(table: Table, sets: Sequence[Triple]) -> list[Reading]:
@@ -172,7 +115,7 @@ def _by_titles(table: Table, sets: Sequence[Triple]) -> list[Reading]:
             beside = uncertainties(table.named, one)
             roles |= {k: Role(_mapped(role), "title") for k, role in beside.items()}
             roles |= _titled_matrix(table)
-        others, told = _others(table, {*roles})
+        others, told = roles_beside(table, {*roles})
         out.append(Reading(one.kind, roles | others))
         sure = sure and one.plain and told
     return out if sure else _doubted(out)
@@ -184,24 +127,25 @@ def _one_target(table: Table, sets: Sequence[Triple]) -> None:
     Raises:
         InputError: It has several.
     """
-    found = [one for one in sets if one.kind == "cartesian" and not one.nominal]
-    sheet = table.sheet
-    lines = [cells_of(line, sheet.delimiter) or [] for line in sheet.preamble]
-    rows = [[cells[k] for k in [one.columns[0] for one in found]]
-            for cells in lines if len(cells) == len(sheet.titles)]  # fmt: skip
-    rows.append(numbered([table.named[one.columns[0]] for one in found]))
-    for names in rows:
+    first = [one.columns[0] for one in sets if one.kind == "cartesian" and not one.nominal]
+    for names in (*_above(table.sheet, first), numbered([table.named[k] for k in first])):
         told = all(names) and not any(is_quantity(one) or is_number(one) for one in names)
         if len({*names}) > 1 and told:
             raise InputError(
                 f"each row holds x, y, z of several targets ({listed(dict.fromkeys(names))})",
                 "write a row for each target, with its name: time,target,x_mm,y_mm,z_mm",
-                line=sheet.header,
+                line=table.sheet.header,
             )
 
 
+def _above(sheet: Sheet, places: Sequence[int]) -> list[list[str]]:
+    """The cells above some columns, of each line that has one for every column."""
+    lines = (cells_of(line, sheet.delimiter) or [] for line in sheet.preamble)
+    return [[cells[k] for k in places] for cells in lines if len(cells) == len(sheet.titles)]
+
+
 def _plain(role: str) -> str:
-    return "vertical" if role in ("zenith", "elevation") else role
+    return "vertical" if role in ZEROS else role
 
 
 def _mapped(role: str) -> str:
@@ -215,111 +159,14 @@ def _titled_matrix(table: Table) -> dict[int, Role]:
     return {at[name]: Role(name, "title") for name in _SIX} if at.keys() >= _SIX.keys() else {}
 
 
-# --- names and times ------------------------------------------------------------------------------
-
-
-_CALLED = ("group", "target", "reflector", "delete", "active", "instrument")
-"""Columns that are what their title says, whatever their cells are."""
-
-
-def _others(table: Table, taken: set[int]) -> tuple[dict[int, Role], bool]:
-    """Names, times and flags of the columns that are left, and whether the names are beyond doubt.
-
-    Names whose titles nobody knows are those columns of words that differ.
-    """
-    roles = _called(table, taken)
-    roles |= _moments(table, taken | {*roles})
-    at = {one.role: place for place, one in roles.items()}
-    left = [k for k in _words(table, taken | {*roles}) if _names_something(table, k)]
-    if "target" not in at:
-        names, told = _names(table, left, {*at})
-        return roles | names, told
-    apart = [k for k in left if "group" not in at and _tells_apart(table, k, at["target"])]
-    return roles | {k: Role("group", "names") for k in apart[:1]}, len(apart) <= 1
-
-
-def _called(table: Table, taken: set[int]) -> dict[int, Role]:
-    """The first column of each kind that its title calls so; numbers of rows come last."""
-    found: dict[str, int] = {}
-    free = [k for k, c in enumerate(table.content) if k not in taken and c.kind != "empty"]
-    called = [k for k in free if table.named[k].role in _CALLED and not _only_counts(table, k)]
-    for place in sorted(called, key=lambda k: table.named[k].title.strip(". ").lower() in _NUMBERS):
-        found.setdefault(table.named[place].role.replace("reflector", "target"), place)
-    return {place: Role(role, "title") for role, place in found.items()}
-
-
-_NUMBERS = ("id", "nr", "no", "number", "nummer", "index", "#")
-"""Titles of what numbers rows or points, where another column has their names."""
-
-
-def _only_counts(table: Table, place: int) -> bool:
-    """Whether a column numbers the rows, beside words that name the targets."""
-    if table.named[place].role != "target" or not table.content[place].counts:
-        return False
-    others = [
-        k for k in _words(table, {place}) if table.named[k].role in ("target", "reflector", "")
-    ]
-    return any(_names_something(table, k) for k in others)
-
-
-def _tells_apart(table: Table, place: int, target: int) -> bool:
-    """Whether targets come again, and a column that changes less often says which time it is."""
-    words, names = table.content[place], table.content[target]
-    pairs = {*zip(words.cells, names.cells, strict=True)}
-    return names.different < len(pairs) == len(names.cells) and words.runs < names.runs
-
-
-def _names_something(table: Table, place: int) -> bool:
-    column, content = table.named[place], table.content[place]
-    return (
-        column.title.lower() not in _REMARKS
-        and column.role != "collection"
-        and (not column.title or content.different > 1 or len(content.cells) == 1)
-    )
-
-
-def _words(table: Table, taken: set[int]) -> list[int]:
-    return [k for k, c in enumerate(table.content) if c.kind == "word" and k not in taken]
-
-
-def _names(table: Table, places: Sequence[int], known: set[str]) -> tuple[dict[int, Role], bool]:
-    """The roles of columns of words, left to right, and whether they are beyond doubt."""
-    if "group" in known or len(places) < len(_TWO):
-        return {k: Role("target", "words") for k in places[:1]}, len(places) <= 1
-    first, second = places[-2:]
-    swapped = table.content[first].runs > _CLEARLY * (table.content[second].runs + 1)
-    told = not (swapped or table.sheet.titled or len(places) > len(_TWO) + 1)  # and a collection
-    ordered = (second, first) if swapped else (first, second)
-    return {k: Role(role, "words") for k, role in zip(ordered, _TWO, strict=True)}, told
-
-
-_TWO = ("group", "target")
-
-
-def _moments(table: Table, taken: set[int]) -> dict[int, Role]:
-    """The column of times, or those of dates and times of day; what only should hold times."""
-    of_kind: dict[str, list[int]] = {"time": [], "date": [], "clock": []}
-    for place, content in enumerate(table.content):
-        if place not in taken and content.kind in of_kind:
-            of_kind[content.kind].append(place)
-    times, days, clocks = of_kind.values()
-    called = [k for k in times if table.named[k].role == "time"]
-    if times:
-        return {(called or times)[0]: Role("time", "title" if called else "time")}
-    if days and clocks:
-        return {days[0]: Role("date", "time"), clocks[0]: Role("time", "time")}
-    should = [k for k, c in enumerate(table.named) if c.role == "time" and k not in taken]
-    return {k: Role("", "untimed") for k in (*should, *clocks, *days)}
-
-
 # --- without titles -------------------------------------------------------------------------------
 
 
 def _by_numbers(
-    table: Table, number: set[int], kind: str | None, unit: str | None
+    table: Table, number: list[int], kind: str | None, unit: str | None
 ) -> list[Reading]:
     """Ways to read columns of numbers that no title explains."""
-    roles, left, told = _without_names(table, sorted(number))
+    roles, left, told = _without_names(table, number)
     known = [k for k in left if table.named[k].role]  # a temperature has a title, a place has not
     left = [k for k in left if k not in known] if len(left) - len(known) >= len(_SPACE) else left
     if len(left) < len(_SPACE):
@@ -357,24 +204,37 @@ def _if_cartesian(one: Reading, matrix: dict[int, Role]) -> dict[int, Role]:
 
 def _without_names(table: Table, number: list[int]) -> tuple[dict[int, Role], list[int], bool]:
     """Names and times, the columns of numbers that are left, and whether names are beyond doubt."""
-    words = [k for k in _words(table, set()) if not table.named[k].role]
+    words = [k for k in table.of_kind("word") if not table.named[k].role]
     if words and len(number) > len(_SPACE) and table.content[number[0]].counts:
         number = number[1:]
-    roles, _ = _others(table, {*number, *words})
+    roles, _ = roles_beside(table, {*number, *words})
     at = {one.role for one in roles.values()}
     if "target" in at:
         return roles, number, True
+    points = _by_points(table, number, words)
+    if points:
+        return roles | points, [k for k in number if k not in points], True
+    names, told = _by_words(table, number, words, at)
+    return roles | names, number, told
+
+
+def _by_points(table: Table, number: Sequence[int], words: Sequence[int]) -> dict[int, Role]:
+    """Numbers that name points, and the words that may say their group; empty where none do."""
     name = _number_of_point(table, number)
-    if name is not None and len(words) <= 1 and all(_tells_apart(table, k, name) for k in words):
-        left = [k for k in number if k != name]
-        group = {k: Role("group", "names") for k in words}
-        return roles | group | {name: Role("target", "numbers")}, left, True
+    if name is None or len(words) > 1 or not all(tells_apart(table, k, name) for k in words):
+        return {}
+    return {k: Role("group", "names") for k in words} | {name: Role("target", "numbers")}
+
+
+def _by_words(
+    table: Table, number: Sequence[int], words: Sequence[int], known: set[str]
+) -> tuple[dict[int, Role], bool]:
+    """Names in columns of words, those before the numbers first, and whether they are sure."""
     leading = [k for k in words if not number or k < number[0]]
     if len(leading) > 1 and _is_instrument(table.content[leading[0]]):
-        roles[leading[0]] = Role("instrument", "words")
-        leading = leading[1:]
-    names, told = _names(table, leading or words, at)
-    return roles | names, number, told
+        names, told = roles_of_words(table, leading[1:], known)
+        return names | {leading[0]: Role("instrument", "words")}, told
+    return roles_of_words(table, leading or words, known)
 
 
 def _number_of_point(table: Table, number: Sequence[int]) -> int | None:
@@ -424,40 +284,41 @@ def _of_three(
     unit: str | None,
 ) -> list[Reading]:
     """The ways to read three columns: x, y, z, or a distance and two angles."""
-    read = _named_numbers(table, places, roles)
-    faces = _polar.in_two_faces(*read)
-    ways = faces or [
-        w for w in _polar.possible(read[0], unit) if not _polar.only_along(*read[:2], w)
-    ]
     if kind in ("cartesian", "cylindrical"):
         return [Reading(kind, _xyz(places, roles, kind, "stated"))]
-    if kind or faces:
-        polar = _in_orders(places, roles, ways, "faces" if faces else "stated")
-        return polar[:1] if kind or len(polar) == 1 else _doubted(polar)
-    turning = _polar.rigid_ways(*read, ways, unit or "mm")
-    if turning:
-        polar = _in_orders(places, roles, turning, "rigid")
-        return polar if len(polar) == 1 else _doubted(polar)
+    read, usual = _named_numbers(table, places, roles), unit or "mm"
+    faces = _polar.in_two_faces(*read)
+    ways = faces or _polar.beams(*read[:2], unit)
+    if kind:
+        return _in_orders(places, roles, ways, "faces" if faces else "stated")[:1]
+    if faces:
+        return _sole(_in_orders(places, roles, faces, "faces"))
+    if turning := _polar.rigid_ways(*read, ways, usual):
+        return _sole(_in_orders(places, roles, turning, "rigid"))
     if not ways:
-        mixed = _polar.in_part(*read, unit or "mm")
-        if mixed is not None:
-            raise _of_two_kinds(int(np.array(table.sheet.lines)[table.whole(places)][mixed]))
+        _of_one_kind(table, places, _polar.in_part(*read, usual))
         return [Reading("cartesian", _xyz(places, roles, "cartesian", "range"))]
-    if _polar.rigid_space(*read, ways, unit or "mm"):
+    if _polar.rigid_space(*read, ways, usual):
         return [Reading("cartesian", _xyz(places, roles, "cartesian", "rigid"))]
     cartesian = Reading("cartesian", _xyz(places, roles, "cartesian", "order"))
     polar = _in_orders(places, roles, ways, "order")
-    return [replace(one, open="coordinates") for one in (polar[0], cartesian)]
+    return _doubted([polar[0], cartesian], "coordinates")
 
 
-def _of_two_kinds(line: int) -> InputError:
-    return InputError(
-        "the rows from here on and those above seem to be of two kinds, x, y, z and a distance "
-        "with two angles",
-        'split the export into one for each kind, or write coordinates = "cartesian" into '
-        "[tracker] of campaign.toml if all are x, y, z",
-        line=line,
-    )
+def _of_one_kind(table: Table, places: Sequence[int], change: int | None) -> None:
+    """No row may be the one at which angles and a distance end or begin.
+
+    Raises:
+        InputError: One is.
+    """
+    if change is not None:
+        raise InputError(
+            "the rows from here on and those above seem to be of two kinds, x, y, z and a distance "
+            "with two angles",
+            'split the export into one for each kind, or write coordinates = "cartesian" into '
+            "[tracker] of campaign.toml if all are x, y, z",
+            line=int(np.array(table.sheet.lines)[table.whole(places)][change]),
+        )
 
 
 def _in_orders(
@@ -482,13 +343,13 @@ def _named_numbers(
     at = {one.role: place for place, one in roles.items()}
     names = table.cells(at.get("target"), rows)
     groups = _groups(table, at, rows, names)
-    if names and all(_JOINT in name for name in names):
+    if names and all(JOINT in name for name in names):
         groups, names = (list(part) for part in zip(*map(_split, names), strict=True))
     return table.numbers(places), names, groups
 
 
 def _split(name: str) -> tuple[str, str]:
-    group, _, target = name.rpartition(_JOINT)
+    group, _, target = name.rpartition(JOINT)
     return group, target
 
 

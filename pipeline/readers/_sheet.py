@@ -11,15 +11,13 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pipeline.readers._cells import bare, cells_or_none, is_number
+from pipeline.readers._cells import MARKS, bare, cells_or_none, is_number, is_plain, is_remark
 from pipeline.readers._named import ANGLE_WORDS, UNIT_WORDS
 from pipeline.readers._text import Text
-from pipeline.readers._titles import titled, triples
+from pipeline.readers._titles import name_a_place, titled
 
 SEPARATORS = (";", "\t", "|", ",", " ")
 """What may stand between cells; of two that cut a file alike the first, which is the rarer sign."""
-MARKS = ("//", "#", "%", "!")
-"""How lines begin that are no rows."""
 _SAMPLED = 400
 """Lines by which a table is known: the longest preamble seen has 60, and a pose has 10 rows."""
 _LEAST = 3
@@ -64,6 +62,11 @@ class Sheet:
     blocks: tuple[int, ...]
 
     @property
+    def top(self) -> int:
+        """Line of the titles, of the first row where there are none."""
+        return self.header or self.first
+
+    @property
     def titled(self) -> bool:
         """Whether the columns have titles."""
         return self.header > 0
@@ -93,7 +96,7 @@ def sheet(text: Text) -> Sheet | None:
     found = _below_titles(_without_numbered_titles(found), lines, mark)
     above = [(n, line) for n, line in lines if n < found.rows[0][0]]
     header, titles, units, stray = _titles(above, found, mark)
-    commented = next((m for m in MARKS if header and _line(text, header).startswith(m)), None)
+    commented = next((m for m in MARKS if header and is_remark(text.line(header), m)), None)
     return Sheet(
         delimiter=found.delimiter,
         header=header,
@@ -117,13 +120,9 @@ def cells_of(line: str, delimiter: str) -> list[str] | None:
     return cells_or_none(" ".join(line.split()), " ") if '"' in line else line.split()
 
 
-def _line(text: Text, number: int) -> str:
-    return text.line(number).lstrip()
-
-
 def _mark(lines: Sequence[tuple[int, str]]) -> str | None:
     """How comments begin: the mark of most lines that begin with one, if others do not."""
-    begins = Counter(m for _, line in lines for m in MARKS if line.lstrip().startswith(m))
+    begins = Counter(m for _, line in lines for m in MARKS if is_remark(line, m))
     if not begins:
         return None
     mark, often = begins.most_common(1)[0]
@@ -135,9 +134,7 @@ def _rows(lines: Sequence[tuple[int, str]], delimiter: str, mark: str | None) ->
     """The lines with as many cells as most of those that hold a point."""
     found: dict[int, list[tuple[int, tuple[str, ...]]]] = {}
     for number, line in lines:
-        if not line.strip() or (mark and line.lstrip().startswith(mark)):
-            continue
-        cells = cells_of(line, delimiter)
+        cells = cells_of(line, delimiter) if is_plain(line, mark) else None
         if cells and sum(map(is_number, cells)) >= _LEAST:
             found.setdefault(len(cells), []).append((number, tuple(cells)))
     if not found:
@@ -158,18 +155,15 @@ def _without_numbered_titles(found: _Rows) -> _Rows:
 def _below_titles(found: _Rows, lines: Sequence[tuple[int, str]], mark: str | None) -> _Rows:
     """The rows below a line that names coordinates; those above it only a damaged file has."""
     first, last = found.rows[0][0], found.rows[-1][0]
-    if any(n < first and _known(_fitting(line, found, mark)) for n, line in lines):
+    if any(n < first and name_a_place(_fitting(line, found, mark)) for n, line in lines):
         return found
-    below = (n for n, line in lines if first < n < last and _known(_fitting(line, found, mark)))
+    below = (
+        n for n, line in lines if first < n < last and name_a_place(_fitting(line, found, mark))
+    )
     header = next(below, None)
     if header is None:
         return found
     return _Rows(found.delimiter, found.width, tuple(row for row in found.rows if row[0] > header))
-
-
-def _known(cells: Sequence[str] | None) -> bool:
-    """Whether cells are titles of three coordinates."""
-    return bool(cells and triples(titled(cells)))
 
 
 def _titles(
@@ -178,52 +172,54 @@ def _titles(
     """Line of the titles, titles, units, and whether titles seem to be there that do not fit."""
     nothing = ("",) * found.width
     units, stray = nothing, False
-    near = [(n, line) for n, line in above if line.strip() and not _RULE.fullmatch(line)]
-    known = _named_above(near, found, mark)
-    for number, line in reversed(near[-_ABOVE:] if known is None else near[known : known + 2]):
+    near, last = _near(above, found, mark)
+    for number, line in reversed(near):
         cells = _fitting(line, found, mark)
         if cells is None:
             stray = stray or _names_axes(line)
-        elif any(map(is_number, cells)):
-            continue
-        elif all(map(_is_unit, filter(_filled, cells))):
+        elif _are_units(cells):
             units = tuple(cells)
-        elif known is not None and number != near[known][0]:
-            continue
-        elif 2 * sum(map(bool, cells)) >= found.width and _no_sentence(cells, found.delimiter):
+        elif number <= last and _are_titles(cells, found):
             return number, tuple(map(bare, cells)), units, False
     return 0, nothing, units, stray
 
 
-def _named_above(near: Sequence[tuple[int, str]], found: _Rows, mark: str | None) -> int | None:
-    """Which line above names three coordinates, however many rows that cannot be read follow.
+def _near(
+    above: Sequence[tuple[int, str]], found: _Rows, mark: str | None
+) -> tuple[list[tuple[int, str]], int]:
+    """Lines above in which titles and units may stand, and the last that may be the titles.
 
-    What stands in a comment may be a remark on titles below it.
+    One that names three coordinates is, however many rows that cannot be read follow. What stands
+    in a comment may be a remark on titles below it.
     """
-    said = [
-        k
-        for k, (_, line) in enumerate(near)
-        if not (mark and line.lstrip().startswith(mark)) and _known(_fitting(line, found, mark))
-    ]
-    return said[-1] if said else None
+    near = [(n, line) for n, line in above if line.strip() and not _RULE.fullmatch(line)]
+    for k in reversed(range(len(near))):
+        number, line = near[k]
+        if not is_remark(line, mark) and name_a_place(_fitting(line, found, mark)):
+            return near[k : k + 2], number
+    return near[-_ABOVE:], found.rows[0][0]
+
+
+def _are_titles(cells: Sequence[str], found: _Rows) -> bool:
+    """Whether cells may be titles: for half of the columns at least, and none is a number.
+
+    Between blanks, where any words may stand, one is a known one.
+    """
+    if any(map(is_number, cells)) or 2 * sum(map(bool, cells)) < found.width:
+        return False
+    columns = titled(cells)
+    return found.delimiter != " " or any(column.role for column in columns) or name_a_place(cells)
 
 
 def _first(above: Sequence[tuple[int, str]], found: _Rows, header: int, mark: str | None) -> int:
     """Line of the first row below titles, one that cannot be read included: it is told then."""
     for number, line in above if header else ():
-        cells = _fitting(line, found, mark) if number > header and line.strip() else None
-        remark = mark and line.lstrip().startswith(mark)
-        if cells is None or remark or _RULE.fullmatch(line):
+        if number <= header or not is_plain(line, mark) or _RULE.fullmatch(line):
             continue
-        if not all(map(_is_unit, filter(_filled, cells))):
+        cells = _fitting(line, found, mark)
+        if cells and not _are_units(cells):
             return number
     return found.rows[0][0]
-
-
-def _no_sentence(cells: Sequence[str], delimiter: str) -> bool:
-    """Whether cells are titles: between blanks, where any words may stand, one is a known one."""
-    columns = titled(cells)
-    return delimiter != " " or any(column.role for column in columns) or bool(triples(columns))
 
 
 def _fitting(line: str, found: _Rows, mark: str | None) -> list[str] | None:
@@ -252,12 +248,10 @@ def _padded(cells: list[str], found: _Rows) -> list[str] | None:
     return cells if len(cells) == found.width else None
 
 
-def _filled(cell: str) -> bool:
-    return bool(cell.strip("[]()- "))
-
-
-def _is_unit(cell: str) -> bool:
-    return cell.strip("[]() ").lower() in UNIT_WORDS | ANGLE_WORDS
+def _are_units(cells: Sequence[str]) -> bool:
+    """Whether all cells are units, but those with nothing in them."""
+    filled = (cell for cell in cells if cell.strip("[]()- "))
+    return all(cell.strip("[]() ").lower() in UNIT_WORDS | ANGLE_WORDS for cell in filled)
 
 
 def _names_axes(line: str) -> bool:

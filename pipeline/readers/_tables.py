@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.compute as pc
 
 from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError, at, listed
-from pipeline.readers import _kinds, _time
-from pipeline.readers._cells import above, cells_or_none, shown
-from pipeline.readers._coordinates import AXES, Angles, Meaning, uncertainties
+from pipeline.readers import _kinds
+from pipeline.readers._cells import above, cells_or_none, is_remark, shown
+from pipeline.readers._coordinates import (
+    ANGULAR,
+    AXES,
+    VERTICALS,
+    ZEROS,
+    Angles,
+    Meaning,
+    uncertainties,
+)
 from pipeline.readers._delimited import rows
 from pipeline.readers._layout import Field, Kind, Layout, Rows
 from pipeline.readers._named import (
+    COVARIANCE,
     UNIT_LINE,
     UNIT_WORDS,
     Header,
@@ -40,19 +47,14 @@ from pipeline.readers._reader import (
     settled_angles,
     settled_unit,
 )
+from pipeline.readers._table_times import SEARCHED, dated, form_of_times, sample, trusted_times
 from pipeline.readers._text import Text
-from pipeline.readers._titles import horizontal, no_level_range, titled, triples
+from pipeline.readers._titles import horizontal, name_a_place, no_level_range
 
-_VERTICALS = ("vertical", "zenith", "elevation")
-COVARIANCE = ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")
 _UNCERTAINTIES = {
     EXPANDED: ("u95 x", "u95 y", "u95 z"),
     STANDARD: ("std x", "std y", "std z"),
 }
-_SEARCHED = 1000
-"""How many rows are searched for the first one with a time; without any it is ISO 8601."""
-_SEVERAL = 2
-"""Cells that are no times from which on it is the column that is none, and not a damaged cell."""
 _FLAGS = ("delete", "active", "instrument")
 """Columns that say whether a row counts."""
 _NO = ("0", "no", "false", "n", "nein")
@@ -63,7 +65,42 @@ _LOST_IF_MISSPELT = {
 }  # fmt: skip
 _ALIKE = 0.75
 """Share of letters alike (difflib's ratio) from which a title is a slip of the pen."""
-_NAMES = ("group", "target", "reflector", *_FLAGS)
+_NAMES = ("group", "target", "reflector")
+_KINDS: dict[str, Kind] = {
+    **dict.fromkeys((*_NAMES, *_FLAGS, "date"), "name"), "time": "time",
+    **dict.fromkeys(("std", "u95", *COVARIANCE), "number"),
+}  # fmt: skip
+"""What the cells of a column hold, by the first word of its role."""
+
+
+@dataclass(frozen=True)
+class _Axes:
+    """The three columns of coordinates.
+
+    Attributes:
+        kind: Of the coordinates.
+        columns: In the order of `AXES`.
+        places: Of the columns, counted from 0.
+    """
+
+    kind: str
+    columns: tuple[Named, ...]
+    places: tuple[int, ...]
+
+    @property
+    def roles(self) -> list[str]:
+        """Roles of all three."""
+        return [column.role for column in self.columns]
+
+    @property
+    def titles(self) -> list[str]:
+        """Their titles as written."""
+        return [column.title for column in self.columns]
+
+    @property
+    def angular(self) -> list[str]:
+        """Roles of those that are angles."""
+        return [self.roles[k] for k in ANGULAR[self.kind]]
 
 
 def below_header(text: Text, hints: Hints, dialect: str) -> Export:
@@ -94,22 +131,15 @@ def read(
     Raises:
         InputError: Unit, angles or kind of coordinates are not stated.
     """
-    with at(line=header.line or None):
-        _once(header)
-        if hints.mapping is None:  # whoever wrote one has said which column is what
-            _nearly(header)
-        _group_needs_target(header)
-        kind, axes = _kind(header, hints)
-        if kind == "spherical":
-            no_level_range(column.title for column in header.columns if column.role == axes[0])
-        header, untimed = (header, None) if form else _trusted_times(text, header, comment)
-        form = form or _form(text, header, comment)
+    line = header.line or None
+    with at(line=line):
+        axes = _axes(header, hints)
+        header, untimed = (header, None) if form else trusted_times(text, header, comment)
+        form = form or form_of_times(text, header, comment)
     sorting = _sorting(text, header, comment)
+    fields = {k: _field(c, k, axes, header.has("date")) for k, c in enumerate(header.columns)}
     layout = Layout(
-        fields=tuple(
-            sorting.get(k) or _field(c, k, axes, header.has("date"))
-            for k, c in enumerate(header.columns)
-        ),
+        fields=tuple((fields | sorting).values()),
         delimiter=header.delimiter,
         first=header.begins,
         decimal=hints.decimal,
@@ -119,32 +149,30 @@ def read(
     table = _below_nominal(rows(text, layout), text, header)
     table, sorted_by = _not_nominal(table, sorting.values())
     if header.has("date"):
-        table = _dated(table, layout.moment)
-    with at(line=header.line or None):
-        if kind == "cartesian":
-            _one_frame(table, header, sorting.values(), axes)
-        meaning = _meaning(header, hints, table, kind, axes)
-        for axis in _angular(kind, axes):
-            title = header.columns[header.where(axis) or 0].title
-            within_a_circle(title, table.floats(axis), table.line, meaning.angle)
+        table = dated(table, layout.moment)
+    with at(line=line):
+        if axes.kind == "cartesian":
+            _one_frame(table, line, sorting.values(), axes)
+        meaning = _meaning(header, hints, table, axes)
+        within_a_circle(axes.titles, [*map(table.floats, axes.roles)], table.line, meaning)
         _same_unit(text, header, meaning.unit)
         _unit_of_rows(text, header, meaning.unit, comment)
         table = _counting(table, hints)
-        for roles in (*_UNCERTAINTIES.values(), COVARIANCE):
-            _all_or_none(header, roles)
+        _all_or_none(header)
         found = covariances(table, header, hints, meaning.unit)
-    unused = [c.title for c in header.columns if c.title and not _used(c, axes)]
-    unused = [title for title in unused if title not in sorted_by]
-    readings = export(text, hints, dialect, table, meaning, axes, found, unused)
+    unused = [
+        f.title for f in fields.values() if f.kind == "any" and f.title not in {"", *sorted_by}
+    ]
+    readings = export(text, hints, dialect, table, meaning, axes.roles, found, unused)
     again = _again(text, header, readings.rejected)
-    early = above(text, header.line, header.delimiter, [header.where(axis) or 0 for axis in axes])
+    early = above(text, header.line, header.delimiter, axes.places)
     return replace(readings, rejected=(*early, *again), untimed=untimed)
 
 
 def _sorting(text: Text, header: Header, comment: str | None) -> dict[int, Field]:
     """The columns of few words that are nothing else, by their place: they may sort the rows."""
     places = [k for k, c in enumerate(header.columns) if c.title and not c.role]
-    cells: list[list[str]] = list(_sample(text, header, comment)) if places else []
+    cells: list[list[str]] = list(sample(text, header, comment)) if places else []
     found = {k: _kinds.few(row[k] for row in cells if len(row) > k) for k in places}
     return {
         k: Field(f"words ({k + 1})", "name", needed=False, title=header.columns[k].title)
@@ -181,21 +209,19 @@ def _not_nominal(table: Rows, sorting: Iterable[Field]) -> tuple[Rows, set[str]]
     return table, titles
 
 
-def _one_frame(table: Rows, header: Header, sorting: Iterable[Field], axes: Sequence[str]) -> None:
+def _one_frame(table: Rows, line: int | None, sorting: Iterable[Field], axes: _Axes) -> None:
     """No column of words may tell apart rows in which the same targets are elsewhere.
 
     Raises:
         InputError: One does, and nobody has said which word is meant.
     """
-    position = np.column_stack([table.floats(axis)[:_SEARCHED] for axis in axes])
-    called = [name for name in ("group", "target", "reflector") if name in table.columns]
-    names = list(
-        zip(*(table.columns[name][:_SEARCHED].to_pylist() for name in called), strict=True)
-    )
+    position = np.column_stack([table.floats(axis)[:SEARCHED] for axis in axes.roles])
+    called = [name for name in _NAMES if name in table.columns]
+    names = list(zip(*(table.columns[name][:SEARCHED].to_pylist() for name in called), strict=True))
     for field in sorting if names else ():
-        words = list(map(str, table.columns[field.name][:_SEARCHED].to_pylist()))
+        words = list(map(str, table.columns[field.name][:SEARCHED].to_pylist()))
         if _kinds.apart(names, words, position):
-            raise _kinds.several(field.title, words, header.line or None)
+            raise _kinds.several(field.title, words, line)
 
 
 def _again(
@@ -212,8 +238,7 @@ def _again(
         if text.line(number).strip() == first:
             out.append((number, "the header comes again; remove the row"))
             continue
-        cells = cells_or_none(text.line(number), header.delimiter) or []
-        if triples(titled(cells)):
+        if name_a_place(cells_or_none(text.line(number), header.delimiter)):
             raise InputError(
                 "another header begins here, with other columns or units",
                 "split the export there into two files and list them in [tracker] files",
@@ -253,7 +278,7 @@ def _unit_of_rows(text: Text, header: Header, unit: str, comment: str | None) ->
     if place is None:
         return
     for number, line in text.lines(header.begins):
-        if comment and line.lstrip().startswith(comment):
+        if is_remark(line, comment):
             continue
         cells = cells_or_none(line, header.delimiter) or []
         said = UNIT_WORDS.get("".join(cells[place : place + 1]).lower(), unit)
@@ -263,18 +288,6 @@ def _unit_of_rows(text: Text, header: Header, unit: str, comment: str | None) ->
                 "export all rows in one unit, or split the export",
                 line=number,
             )
-
-
-def _dated(table: Rows, form: str) -> Rows:
-    """Times of the day put together with their dates; rows without a time that can be read go."""
-    days, clocks = (table.columns[role].cast(pa.string()) for role in ("date", "time"))
-    clocks = pc.utf8_ltrim(clocks, characters=_time.APOSTROPHE)
-    cells = pc.utf8_trim_whitespace(pc.binary_join_element_wise(days, clocks, " "))
-    times, _ = _time.moments(cells, form)
-    keep = np.asarray(pc.or_(times.is_valid(), pc.equal(cells, "")))
-    return replace(table, columns={**table.columns, "time": times}).only(
-        keep, "date and time are no time in the form of the others; correct or remove the row"
-    )
 
 
 def _group_needs_target(header: Header) -> None:
@@ -309,19 +322,33 @@ def _nearly(header: Header) -> None:
             )
 
 
-def _kind(header: Header, hints: Hints) -> tuple[str, tuple[str, str, str]]:
-    """Kind of coordinates and the names of their columns.
+def _axes(header: Header, hints: Hints) -> _Axes:
+    """The columns of coordinates of a sound header.
+
+    Raises:
+        InputError: The columns are not those of any kind, or one of them is in doubt.
+    """
+    _once(header)
+    if hints.mapping is None:  # whoever wrote one has said which column is what
+        _nearly(header)
+    _group_needs_target(header)
+    axes = _kind(header, hints)
+    if axes.kind == "spherical":
+        no_level_range(axes.titles[:1])
+    return axes
+
+
+def _kind(header: Header, hints: Hints) -> _Axes:
+    """The columns of coordinates.
 
     Raises:
         InputError: The columns are not those of any kind.
     """
     for kind, wanted in AXES.items():
-        axes = [_present(header, role) for role in wanted]
-        if None not in axes:
-            x, y, z = (str(axis) for axis in axes)
-            if kind == "cartesian":
-                kind = hints.coordinates or kind
-            return kind, (x, y, z)
+        places = tuple(place for role in wanted if (place := _present(header, role)) is not None)
+        if len(places) == len(wanted):
+            said = hints.coordinates if kind == "cartesian" else None
+            return _Axes(said or kind, tuple(header.columns[k] for k in places), places)
     lacking = next((role for role in AXES["cartesian"] if not header.has(role)), "x")
     raise InputError(
         f"there is no column {lacking}_mm among {listed(c.title for c in header.columns)}",
@@ -329,79 +356,20 @@ def _kind(header: Header, hints: Hints) -> tuple[str, tuple[str, str, str]]:
     )
 
 
-def _present(header: Header, role: str) -> str | None:
-    alike = _VERTICALS if role == "vertical" else (role,)
-    return next((name for name in alike if header.has(name)), None)
+def _present(header: Header, role: str) -> int | None:
+    alike = VERTICALS if role == "vertical" else (role,)
+    return next((header.where(name) for name in alike if header.has(name)), None)
 
 
-def _field(column: Named, place: int, axes: Sequence[str], dated: bool = False) -> Field:
+def _field(column: Named, place: int, axes: _Axes, apart: bool) -> Field:
+    """How the cells of a column are read, with their date apart from the time of day or not."""
+    kinds = _KINDS | dict.fromkeys(axes.roles, "number") | ({"time": "name"} if apart else {})
+    kind = kinds.get(column.role.partition(" ")[0])
+    if kind is not None:
+        return Field(column.role, kind, column.role in (*axes.roles, *_NAMES), column.title)
+    unused: Kind = "any" if column.title or not place else "blank"  # pandas' index has no title
     name = column.role or f"column {place + 1}"
-    kind: Kind = "any" if column.title or not place else "blank"  # pandas' index has no title
-    if column.role in axes:
-        return Field(name, "number", title=column.title)
-    if column.role in _NAMES:
-        return Field(name, "name", column.role not in _FLAGS, column.title)
-    if column.role == "time" and not dated:
-        return Field(name, "time", needed=False, title=column.title)
-    if column.role in ("date", "time"):
-        return Field(name, "name", needed=False, title=column.title)
-    if column.role.startswith(("std ", "u95 ")) or column.role in COVARIANCE:
-        return Field(name, "number", needed=False, title=column.title)
-    return Field(f"{name} ({place + 1})", kind, needed=False)
-
-
-def _used(column: Named, axes: Sequence[str]) -> bool:
-    return _field(column, 0, axes).kind in ("name", "number", "time")
-
-
-def _form(text: Text, header: Header, comment: str | None) -> str:
-    """How the times are written, told from the first row that has one."""
-    rows = _sample(text, header, comment)
-    if not header.has("time"):
-        _no_times_elsewhere(next(rows, []), header)
-        return _time.ISO
-    first = next(filter(None, (_moment(cells, header) for cells in rows)), "")
-    return _time.form_of(first) or _time.ISO
-
-
-def _trusted_times(text: Text, header: Header, comment: str | None) -> tuple[Header, str | None]:
-    """The header without a column of times of which none is one, and its title with an example."""
-    place = header.where("time")
-    if place is None or header.has("date"):
-        return header, None
-    cells = [row[place] for row in _sample(text, header, comment) if len(row) > place]
-    filled = [cell for cell in cells if cell]
-    if len(filled) < _SEVERAL or any(map(_time.form_of, filled)):
-        return header, None
-    columns = list(header.columns)
-    columns[place] = replace(columns[place], role="")
-    untimed = f'{columns[place].title} ("{shown(filled[0])}")'
-    return replace(header, columns=tuple(columns)), untimed
-
-
-def _sample(text: Text, header: Header, comment: str | None) -> Iterator[list[str]]:
-    """Cells of the rows below the header, as many as it may take to find one with a time."""
-    for _, line in text.lines(header.begins, most=_SEARCHED):
-        remark = comment and line.lstrip().startswith(comment)
-        if line.strip() and not remark and (cells := cells_or_none(line, header.delimiter)):
-            yield cells
-
-
-def _moment(cells: Sequence[str], header: Header) -> str:
-    """Date and time of a row as it has them, or nothing where the time is not filled in."""
-    places = (header.where(role) for role in ("date", "time"))
-    day, clock = ("" if k is None else "".join(cells[k : k + 1]) for k in places)
-    return f"{day} {clock.lstrip(_time.APOSTROPHE)}".strip() if clock else ""
-
-
-def _no_times_elsewhere(cells: Sequence[str], header: Header) -> None:
-    """Without a time column, no other column may hold times: they would be lost unnoticed."""
-    for column, cell in zip(header.columns, cells, strict=False):
-        if not column.role and _time.form_of(cell):
-            raise InputError(
-                f'column "{shown(column.title)}" holds times, but is not called time',
-                "call it time, or say what it is in [tracker.mapping] of campaign.toml",
-            )
+    return Field(f"{name} ({place + 1})", unused, needed=False, title=column.title)
 
 
 def _counting(table: Rows, hints: Hints) -> Rows:
@@ -428,37 +396,34 @@ def _cells_that(table: Rows, name: str, fits: Callable[[str], bool]) -> Bools:
     return np.array(fitting, dtype=bool)[np.asarray(marks.indices)]
 
 
-def _angular(kind: str, axes: Sequence[str]) -> Sequence[str]:
-    """Those of the three columns that are angles."""
-    return {"cartesian": [], "spherical": axes[1:], "cylindrical": [axes[1]]}[kind]
-
-
-def _meaning(header: Header, hints: Hints, table: Rows, kind: str, axes: Sequence[str]) -> Meaning:
-    angular = _angular(kind, axes)
-    lengths = [axis for axis in axes if axis not in angular]
+def _meaning(header: Header, hints: Hints, table: Rows, axes: _Axes) -> Meaning:
+    lengths = [role for role in axes.roles if role not in axes.angular]
     unit = settled_unit(one_unit(header, lengths), hints)
-    stated = Angles(
-        one_unit(header, angular),
-        axes[2] if axes[2] in _VERTICALS[1:] else None,
-        horizontal(header.columns),
-    )
+    third = axes.roles[2]
+    zero = third if third in ZEROS else None
+    stated = Angles(one_unit(header, axes.angular), zero, horizontal(header.columns))
     if stated.unit in UNIT_WORDS.values():
         raise InputError(
             f"the column of an angle is in {stated.unit}",
             'correct its title, or state coordinates = "cartesian"',
         )
-    third = np.asarray(table.columns[axes[2]])
-    return settled_angles(Meaning(unit, kind), stated, third, hints)
+    values = np.asarray(table.columns[third])
+    return settled_angles(Meaning(unit, axes.kind), stated, values, hints)
 
 
-def _all_or_none(header: Header, roles: Sequence[str]) -> None:
-    there = [role for role in roles if header.has(role)]
-    if there and len(there) < len(roles):
-        lacking = listed(role for role in roles if role not in there)
-        raise InputError(
-            f"the uncertainties lack {lacking}",
-            "correct the titles of their columns, or remove all of them",
-        )
+def _all_or_none(header: Header) -> None:
+    """Uncertainties of each kind are there for all axes or for none.
+
+    Raises:
+        InputError: They are not.
+    """
+    for roles in (*_UNCERTAINTIES.values(), COVARIANCE):
+        lacking = [role for role in roles if not header.has(role)]
+        if 0 < len(lacking) < len(roles):
+            raise InputError(
+                f"the uncertainties lack {listed(lacking)}",
+                "correct the titles of their columns, or remove all of them",
+            )
 
 
 def covariances(table: Rows, header: Header, hints: Hints, unit: str) -> dict[str, Array]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from pipeline.base.errors import InputError
 from pipeline.readers._cells import shown
-from pipeline.readers._coordinates import AXES
+from pipeline.readers._coordinates import AXES, VERTICALS
 from pipeline.readers._named import (
     ANGLE_WORDS,
     DEVIATION,
@@ -187,6 +187,11 @@ def triples(columns: Sequence[Named]) -> list[Triple]:
     return [*called, *rest]
 
 
+def name_a_place(cells: Sequence[str] | None) -> bool:
+    """Whether the cells of a line are titles of three coordinates."""
+    return bool(cells and triples(titled(cells)))
+
+
 def _cartesian(columns: Sequence[Named]) -> Iterator[Triple]:
     """Columns of x, y and z whose other words are the same, left to right."""
     sets: dict[tuple[str, ...], dict[str, list[int]]] = {}
@@ -209,19 +214,18 @@ def _polar(columns: Sequence[Named]) -> list[Triple]:
     """
     roles = [column.role for column in columns]
     at = {role: place for place, role in reversed([*enumerate(roles)])}
-    out = []
-    vertical = next((r for r in ("vertical", "zenith", "elevation") if r in at), None)
-    if "range" in at and "azimuth" in at:
-        if vertical:
-            three = ("range", "azimuth", vertical)
-            places = _three(at, three)
-            out.append(Triple("spherical", places, three, True))
-            if vertical == "vertical" and {*_words(columns[places[1]].title)} == {"theta"}:
-                out.append(Triple("spherical", (places[0], places[2], places[1]), three, True))
-        elif "z" in at and "x" not in at:
-            across = ("range", "azimuth", "z")
-            out.append(Triple("cylindrical", _three(at, across), across, True))
-    return out
+    if not {"range", "azimuth"} <= at.keys():
+        return []
+    vertical = next((role for role in VERTICALS if role in at), None)
+    if vertical:
+        three = ("range", "azimuth", vertical)
+        far, across, up = _three(at, three)
+        either = vertical == "vertical" and {*_words(columns[across].title)} == {"theta"}
+        places = [(far, across, up), (far, up, across)][: 1 + either]
+        return [Triple("spherical", one, three, True) for one in places]
+    level = ("range", "azimuth", "z")
+    flat = "z" in at and "x" not in at
+    return [Triple("cylindrical", _three(at, level), level, True)] if flat else []
 
 
 def _three(at: dict[str, int], roles: tuple[str, str, str]) -> tuple[int, int, int]:

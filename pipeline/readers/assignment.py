@@ -108,15 +108,17 @@ def _assigned(export: Export, names: _Names, name: str) -> Export:
             "number its rows from 1 on without a gap",
         )
     found = [names[int(order)] for order in export.order]
-    own = export.target
-    for k, (_, name_there) in enumerate(found):
-        if own is not None and own[k].as_py() != name_there:
+    group, target = (
+        pa.array([pair[k] for pair in found], pa.string()).dictionary_encode() for k in (0, 1)
+    )
+    own = target if export.target is None else export.target
+    columns = own.to_pylist(), target.to_pylist(), export.line.tolist()
+    for mine, theirs, line in zip(*columns, strict=True):
+        if mine != theirs:
             raise InputError(
-                f"the export calls this reading {own[k].as_py()}, {name} calls it {name_there}",
+                f"the export calls this reading {mine}, {name} calls it {theirs}",
                 "correct the assignment",
                 file=export.file,
-                line=int(export.line[k]),
+                line=line,
             )
-    columns = (pa.array([pair[k] for pair in found], pa.string()) for k in (0, 1))
-    group, target = (column.dictionary_encode() for column in columns)
     return replace(export, group=group, target=target)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -81,7 +81,13 @@ class Inspection:
 
     def to_text(self) -> str:
         """For people, one line per fact."""
-        facts = {
+        lines = [f"{self.file}", *(f"  {name:12} {fact}" for name, fact in self._facts())]
+        lines += columns_in_words(self.columns or []) + rows_in_words(self.preview or [])
+        return "\n".join([*lines, "", self.proposal.rstrip()] if self.proposal else lines)
+
+    def _facts(self) -> Iterator[tuple[str, str]]:
+        """What is said of any file, then what only few have."""
+        yield from {
             "dialect": self.dialect,
             "encoding": self.encoding,
             "unit": self.unit,
@@ -93,13 +99,10 @@ class Inspection:
             "uncertainty": self.covariance or "not stated",
             "not used": ", ".join(self.unused) or "nothing",
             "rejected": str(len(self.rejected)),
-        }
+        }.items()
         if self.two_faces:
-            facts["two faces"] = _faces_in_words(self.two_faces)
-        lines = [f"{self.file}", *(f"  {name:12} {fact}" for name, fact in facts.items())]
-        lines += [f"  {'settled':12} {one}" for one in self.settled or []]
-        lines += columns_in_words(self.columns or []) + rows_in_words(self.preview or [])
-        return "\n".join([*lines, "", self.proposal.rstrip()] if self.proposal else lines)
+            yield "two faces", _faces_in_words(self.two_faces)
+        yield from (("settled", one) for one in self.settled or [])
 
     def _kind(self) -> str:
         """Kind of coordinates, with their angles where they have any."""
@@ -189,8 +192,7 @@ def inspect(name: str, data: bytes, hints: Hints | None = None) -> Inspection:
     names = separators([export])
     if len(names) == 1:
         export = split(export, names[0])
-    meaning = export.meaning
-    angular = meaning.kind != "cartesian"
+    meaning, angles = export.meaning, export.meaning.angles
     span = pc.min_max(export.time).as_py()
     first, last = (None if span[end] is None else span[end].isoformat() for end in ("min", "max"))
     return Inspection(
@@ -199,9 +201,9 @@ def inspect(name: str, data: bytes, hints: Hints | None = None) -> Inspection:
         encoding=export.encoding,
         unit=meaning.unit,
         coordinates=meaning.kind,
-        angle=meaning.angle if angular else None,
-        vertical=meaning.vertical if meaning.kind == "spherical" else None,
-        horizontal=meaning.horizontal if angular else None,
+        angle=angles.unit,
+        vertical=angles.vertical,
+        horizontal=angles.horizontal,
         readings=len(export.line),
         groups=None if export.group is None else len(pc.unique(export.group)),
         targets=None if export.target is None else _targets(export.target),

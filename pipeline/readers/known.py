@@ -20,7 +20,7 @@ from pipeline.readers._faces import GROSS_M as GROSS_M
 from pipeline.readers._names import rounds
 from pipeline.readers._text import until
 from pipeline.readers.offer import proposal
-from pipeline.readers.proposal import Proposal
+from pipeline.readers.question import Proposal
 
 BETTER = 3.0
 """How many times nearer an answer, or a correction, must bring the reflectors than any other."""
@@ -74,33 +74,46 @@ def settled(
         hints: What is said of it by now.
         bodies: What is known.
     """
-    if not bodies:
+    ways = _judged(name, data, hints, bodies) if bodies else []
+    if not ways:
         return hints, ()
-    try:
-        sample = until(opened_as_text(name, data, hints), _LOOKED_AT).data
-        asked = _asked(name, sample, hints)
-    except InputError:  # the reader says it better
-        asked = False
-    if not asked:
-        return hints, ()
-    ways = []
-    for way in _ways(_Way((), (), (hints,)), name, sample, bodies):
-        if np.isnan(way.off):
-            return hints, ()
-        ways.append(way)
     by, out = " and ".join(body.table for body in bodies), list[str]()
     while (depth := len(out)) < len(ways[0].chosen):
-        nearest: dict[int, float] = {}
-        for way in ways:
-            nearest[way.chosen[depth]] = min(way.off, nearest.get(way.chosen[depth], np.inf))
-        best, *others = sorted(nearest, key=lambda k: nearest[k])
-        off, beyond = nearest[best], min((nearest[k] for k in others), default=np.inf)
+        best, off, beyond = _nearest(ways, depth)
         if off >= GROSS_M or beyond < max(GROSS_M, BETTER * off):
             break
         ways = [way for way in ways if way.chosen[depth] == best]
         other = f", and {_length(beyond)} with any other answer" if beyond < np.inf else ""
         out.append(f"{ways[0].said[depth]}: so reflectors are {_length(off)} off {by}{other}")
     return ways[0].hints[len(out)], tuple(out)
+
+
+def _judged(name: str, data: bytes, hints: Hints, bodies: Sequence[Body]) -> list[_Way]:
+    """Every answer to all questions with how far reflectors are off then.
+
+    None where nothing is asked, and where one of the answers leaves nothing that is known.
+    """
+    try:
+        sample = until(opened_as_text(name, data, hints), _LOOKED_AT).data
+        if not _asked(name, sample, hints):
+            return []
+    except InputError:  # the reader says it better
+        return []
+    ways = []
+    for way in _ways(_Way((), (), (hints,)), name, sample, bodies):
+        if np.isnan(way.off):
+            return []
+        ways.append(way)
+    return ways
+
+
+def _nearest(ways: Sequence[_Way], depth: int) -> tuple[int, float, float]:
+    """The best answer to a question, how far reflectors are off with it, and with any other [m]."""
+    nearest: dict[int, float] = {}
+    for way in ways:
+        nearest[way.chosen[depth]] = min(way.off, nearest.get(way.chosen[depth], np.inf))
+    best, *others = sorted(nearest, key=nearest.__getitem__)
+    return best, nearest[best], min((nearest[k] for k in others), default=np.inf)
 
 
 def _asked(name: str, data: bytes, hints: Hints) -> bool:

@@ -6,27 +6,64 @@ what others call them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings, sifted
-from pipeline.base.errors import InputError, at, listed
+from pipeline.base.arrays import Array, Bools
+from pipeline.base.errors import InputError
 from pipeline.base.strict import LEAST_FORCE, LEAST_MASS, STANDARD_GRAVITY
 from pipeline.machine.robot import Robot
 from pipeline.readers import _log_words
 from pipeline.readers._cells import is_number
 from pipeline.readers._delimited import rows
-from pipeline.readers._layout import Field, Kind, Layout, Rows
+from pipeline.readers._layout import Field, Layout
 from pipeline.readers._log_form import OURS, LogForm, Titled, opened, understood
+from pipeline.readers._log_table import (
+    BEYOND,
+    Log,
+    Quantity,
+    State,
+    known_columns,
+    names_of,
+    once,
+    suffixed,
+    table,
+    typed,
+    whole_numbers,
+)
 
-_Rejection = tuple[str, int | None, str]
-"""File, line and reason of what was left out."""
+__all__ = [
+    "BEYOND",
+    "FORCE",
+    "LENGTH",
+    "LIMIT_SLACK",
+    "MASS",
+    "POSE",
+    "Log",
+    "Quantity",
+    "State",
+    "columns",
+    "displacements",
+    "forces",
+    "group_name",
+    "joint_values",
+    "joints",
+    "loads",
+    "may_be_log",
+    "numbered_joints",
+    "of_poses",
+    "once",
+    "settled",
+    "table",
+    "understood_joints",
+    "understood_loads",
+    "unknown",
+]
 
 FORCE = {"n": 1.0, "kn": 1e3, "kgf": STANDARD_GRAVITY, "lbf": 0.45359237 * STANDARD_GRAVITY}
 """Units of force [N]; those of weight with standard gravity."""
@@ -41,85 +78,9 @@ _FORCE_OF = {True: FORCE, False: {"nm": 1.0, "knm": 1e3}}
 """Units of what drives a sliding joint [N], and of what turns another [N m]."""
 _ANGLE = {"deg": np.pi / 180.0, "rad": 1.0}
 """Units of angles [rad]."""
-BEYOND = 2**31
-"""Poses and pulls are numbered below it: tables hold them in 32 bits."""
 LIMIT_SLACK = 1e-9
 """How far a joint may seem beyond its limit [m] or [rad]: degrees are rounded when converted."""
-_LARGEST = 1e7
-"""Of lengths, angles and forces [SI], whatever unit was mistaken for whatever other."""
 _BRANCHES = ("up", "down")
-
-
-class State(NamedTuple):
-    """What was read in a group: a state of a pose, and the line of the log that says so."""
-
-    pose: int
-    repeat: int
-    loaded: bool
-    line: int
-
-
-@dataclass(frozen=True, eq=False)
-class Log(Locked):
-    """Rows of a log.
-
-    Attributes:
-        file: Its name.
-        number: Numeric columns in SI by name, each shape (n,); NaN where a cell is empty.
-        word: Columns of words by name, each shape (n,).
-        line: Line of each row, shape (n,).
-        rejected: What could not be read.
-        states: What groups of readings are, by the names that the log has for them.
-    """
-
-    file: str
-    number: dict[str, Array]
-    word: dict[str, Strings]
-    line: Ints
-    rejected: tuple[_Rejection, ...]
-    states: dict[str, State] = field(default_factory=dict)
-
-    def only(self, good: Bools, reason: str) -> Log:
-        """The rows that are good; the others are rejected, all for one reason."""
-        return self.without(dict.fromkeys(np.flatnonzero(~good).tolist(), reason))
-
-    def where(self, name: str, good: Callable[[Any], Bools], reason: str) -> Log:
-        """The rows whose cell of a column, where there is such a column, is good."""
-        column = (self.number | self.word).get(name)
-        return self if column is None else self.only(good(column), reason)
-
-    def without(self, why: Mapping[int, str]) -> Log:
-        """All rows but some, which are rejected, each for its reason."""
-        if not why:
-            return self
-        good = np.ones(len(self.line), dtype=bool)
-        good[list(why)] = False
-        left_out = tuple((self.file, int(self.line[k]), why[k]) for k in sorted(why))
-        return replace(self.kept(good), rejected=self.rejected + left_out)
-
-    def kept(self, good: Bools) -> Log:
-        """Some of the rows; nothing is said of the others."""
-        number, word = sifted(self.number, good), sifted(self.word, good)
-        return replace(self, number=number, word=word, line=self.line[good])
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """A column to look for.
-
-    Attributes:
-        stem: Its name without unit.
-        units: Factor to SI by unit suffix; empty for a number without unit.
-        kind: `number` or `name`.
-        needed: Whether the table must have it.
-        filled: Whether every row of a table that must have it has to.
-    """
-
-    stem: str
-    units: Mapping[str, float]
-    kind: Kind = "number"
-    needed: bool = True
-    filled: bool = True
 
 
 POSE = Quantity("pose", {})
@@ -149,13 +110,13 @@ def loads(name: str, data: bytes, said: LogForm = OURS) -> Log:
     _, _, force, *other = wanted
     kinds = [force, *other[:3]]
     file = opened(name, data, said, "scale", POSE.stem,
-                  lambda titles: any(_suffixed(titles, q) for q in kinds))  # fmt: skip
-    named = _suffixed(file.titles, other[-1]) is not None
-    needed = not any(_suffixed(file.titles, q) for q in other[:3])
+                  lambda titles: any(suffixed(titles, q) for q in kinds))  # fmt: skip
+    named = suffixed(file.titles, other[-1]) is not None
+    needed = not any(suffixed(file.titles, q) for q in other[:3])
     wanted[0] = replace(POSE, filled=not named)
     wanted[2] = replace(force, needed=needed, filled=not named)
-    _known(said, "scale", [*wanted, _TIME])
-    log = _one_load(_pulls(_table(file, wanted, said, "scale")))
+    known_columns(said, "scale", [*wanted, _TIME])
+    log = _one_load(_pulls(typed(file, wanted, said, "scale")))
     if "branch" in log.word:
         own = np.array([_log_words.branch(cell) for cell in log.word["branch"]], dtype=object)
         log = replace(log, word=log.word | {"branch": own})
@@ -183,7 +144,7 @@ def _pulls(log: Log) -> Log:
     resting = _resting(log)
     log = _counted(log, resting)
     number = log.number | {"resting": resting.astype(float)}
-    log = _whole_numbers(replace(log, number=number))
+    log = whole_numbers(replace(log, number=number))
     if "group" in log.word:
         log = log.where("group", lambda names: names != "", "names no group; fill it in")
         log = once(log, ["group"])
@@ -294,20 +255,28 @@ def joints(name: str, data: bytes, robot: Robot, said: LogForm = OURS) -> Log:
                for j, q in enumerate(wanted, 1)]  # fmt: skip
     repeat = replace(_REPEAT, needed=False)
     others = [approach, repeat, *torques]
-    _known(said, "joints", [POSE, _TIME, *own, *axes, *others])
-    log = _whole_numbers(_table(file, [POSE, *wanted, *others], said, "joints"))
+    known_columns(said, "joints", [POSE, _TIME, *own, *axes, *others])
+    log = whole_numbers(typed(file, [POSE, *wanted, *others], said, "joints"))
     reason = "approach is neither 1 nor -1; correct it or leave it empty"
     log = log.where("approach", lambda way: np.isin(way, [1, -1, 0]) | np.isnan(way), reason)
     log = once(log, ["pose", *({"repeat"} & {*log.number})])
-    if not from_controller:
-        return log
-    axes_q = np.column_stack([log.number[axis.stem] for axis in axes])
-    q = axes_q @ robot.controller_matrix.T + robot.controller_offset
+    return _of_joints(log, robot, [one.stem for one in torques]) if from_controller else log
+
+
+def _of_joints(log: Log, robot: Robot, torques: Sequence[str]) -> Log:
+    """A log of the controller's axes with the joints beside them, and all torques those of joints.
+
+    q = C a + q_0,    tau_a = C' tau,
+
+    C `controller_matrix` and q_0 `controller_offset` of the robot: both do the same work.
+    """
+    axes = np.column_stack([log.number[axis] for axis in robot.controller])
+    q = axes @ robot.controller_matrix.T + robot.controller_offset
     number = log.number | {j.name: q[:, k] for k, j in enumerate(robot.joints)}
-    if {one.stem for one in torques} <= {*log.number} and len(axes) == robot.n:
-        tau = np.column_stack([log.number[one.stem] for one in torques])
-        turned = linear.solve(robot.controller_matrix.T, tau.T)  # both do the same work
-        number |= {one.stem: tau for one, tau in zip(torques, turned, strict=True)}
+    if {*torques} <= {*log.number} and len(torques) == robot.n:
+        tau = np.column_stack([log.number[one] for one in torques])
+        turned = linear.solve(robot.controller_matrix.T, tau.T)
+        number |= dict(zip(torques, turned, strict=True))
     return replace(log, number=number)
 
 
@@ -367,15 +336,7 @@ def numbered_joints(name: str, data: bytes, robot: Robot) -> list[LogForm]:
     form = understood(name, data, "joints", _log_words.pose_alone)
     if form is None:
         return []
-    file = opened(name, data, form, "joints", POSE.stem)
-    fields = tuple(Field(str(k), "name", False) for k in range(len(file.titles)))
-    read = rows(file.text, Layout(fields, file.delimiter, file.first, table="joints"))
-    cells = [set(read.columns[one.name].cast(pa.string()).to_pylist()) for one in fields]
-    titles = [
-        written
-        for written, title, some in zip(file.written, file.titles, cells, strict=True)
-        if title not in (POSE.stem, _REPEAT.stem, "approach") and some and all(map(is_number, some))
-    ]
+    titles = _of_numbers(opened(name, data, form, "joints", POSE.stem))
     axes = _controller(robot) or _own(robot)
     if len(titles) != len(axes) or not _log_words.in_order(titles):
         return []
@@ -384,6 +345,18 @@ def numbered_joints(name: str, data: bytes, robot: Robot) -> list[LogForm]:
     return [
         form.model_copy(update={"columns": form.columns | _as_called(titles, one)})
         for one in orders
+    ]
+
+
+def _of_numbers(file: Titled) -> list[str]:
+    """Titles of columns that hold nothing but numbers, without those of poses and the like."""
+    fields = tuple(Field(str(k), "name", False) for k in range(len(file.titles)))
+    read = rows(file.text, Layout(fields, file.delimiter, file.first, table="joints"))
+    cells = [{*read.columns[one.name].cast(pa.string()).to_pylist()} for one in fields]
+    return [
+        written
+        for written, title, some in zip(file.written, file.titles, cells, strict=True)
+        if title not in (POSE.stem, _REPEAT.stem, "approach") and some and all(map(is_number, some))
     ]
 
 
@@ -423,89 +396,29 @@ def _controller(robot: Robot) -> list[Quantity]:
 
 
 def _has(header: Sequence[str], wanted: Sequence[Quantity]) -> bool:
-    return all(_suffixed(header, q) for q in wanted)
+    return all(suffixed(header, q) for q in wanted)
 
 
 def displacements(name: str, data: bytes) -> Log:
     """Displacements of an already reduced campaign: pose, repeat, target, dx, dy, dz [m]."""
     target = Quantity("target", {}, "name")
     axes = [Quantity(axis, LENGTH) for axis in ("dx", "dy", "dz")]
-    log = _whole_numbers(table(name, data, [POSE, _REPEAT, target, *axes]))
+    log = whole_numbers(table(name, data, [POSE, _REPEAT, target, *axes]))
     return once(log, ["pose", "repeat", "target"])
 
 
 def forces(name: str, data: bytes) -> Log:
     """Forces of an already reduced campaign: pose, repeat, fx, fy, fz [N] in the base frame."""
     axes = [Quantity(axis, FORCE) for axis in ("fx", "fy", "fz")]
-    log = _whole_numbers(table(name, data, [POSE, _REPEAT, *axes]))
+    log = whole_numbers(table(name, data, [POSE, _REPEAT, *axes]))
     size = np.linalg.norm([log.number[axis.stem] for axis in axes], axis=0)
     log = log.only(size >= LEAST_FORCE, "the force is zero; correct or remove the row")
     return once(log, ["pose", "repeat"])
 
 
-def table(name: str, data: bytes, wanted: Sequence[Quantity]) -> Log:
-    """The wanted columns of a delimited table with a header, in SI; the first names its rows.
-
-    Raises:
-        InputError: Empty, a needed column is missing, or it has no unit.
-    """
-    return _table(opened(name, data, OURS, None, wanted[0].stem), wanted, OURS, None)
-
-
-def _table(file: Titled, wanted: Sequence[Quantity], said: LogForm, where: str | None) -> Log:
-    """The same of a log whose header was found, and that a table of campaign.toml may describe."""
-    name, titles = file.text.name, file.titles
-    with at(name):
-        with at(line=file.line):
-            there = [(q, *column) for q in wanted if (column := _column(titles, q, where))]
-        known = {title: Field(title, q.kind, q.needed and q.filled) for q, title, _ in there}
-        other = {title: Field(title, "any" if title else "blank", False) for title in titles}
-        fields = tuple((other | known)[title] for title in titles)
-        layout = Layout(fields, file.delimiter, file.first, said.decimal, table=where)
-        log = _log(name, rows(file.text, layout), there)
-        early = tuple((name, line, reason) for line, reason in file.above)
-        log = replace(log, rejected=early + log.rejected)
-        if not len(log.line) + len(log.rejected):
-            raise InputError("there is no row in it, nothing but a header", "export it again")
-    return _possible(log, [q.stem for q in wanted if q.units])
-
-
-def _known(said: LogForm, where: str, quantities: Sequence[Quantity]) -> None:
-    """Every name that campaign.toml gives a column is one of ours.
-
-    Raises:
-        InputError: One is not.
-    """
-    names = [name for q in quantities for name in _names(q)]
-    for title, ours in said.columns.items():
-        if ours.lower() not in {name.lower() for name in names}:
-            raise InputError(
-                f'[{where}.columns] calls "{title}" {ours}, which is no column of ours',
-                f"there are {listed(names, most=40)}",
-                file="campaign.toml",
-            )
-
-
-def _log(file: str, read: Rows, columns: Sequence[tuple[Quantity, str, float]]) -> Log:
-    """A table in SI; of each quantity the title of its column, and the factor."""
-    number = {q.stem: read.floats(title) * si for q, title, si in columns if q.kind == "number"}
-    words = {q.stem: read.columns[title] for q, title, _ in columns if q.kind == "name"}
-    word = {k: w.cast(pa.string()).to_numpy(zero_copy_only=False) for k, w in words.items()}
-    rejected = tuple((file, line, reason) for line, reason in read.rejected)
-    return Log(file, number, word, read.line, rejected)
-
-
-def _possible(log: Log, names: Sequence[str]) -> Log:
-    """Only rows with values that an instrument may show."""
-    for name in names:
-        reason = f"{name} is larger than any instrument shows; correct or remove the row"
-        log = log.where(name, lambda values: ~(np.abs(values) > _LARGEST), reason)
-    return log
-
-
 def unknown(name: str, data: bytes, said: LogForm) -> tuple[str, ...]:
     """Titles of a log of loads that are no name of ours, as written."""
-    ours = {one for q in _of_loads() for one in (*map(str.lower, _names(q)), q.stem)}
+    ours = {one for q in _of_loads() for one in (*map(str.lower, names_of(q)), q.stem)}
     file = opened(name, data, said, "scale", POSE.stem)
     both = zip(file.titles, file.written, strict=True)
     return tuple(written for title, written in both if title and title not in ours)
@@ -514,63 +427,3 @@ def unknown(name: str, data: bytes, said: LogForm) -> tuple[str, ...]:
 def columns(name: str, data: bytes) -> tuple[str, ...]:
     """Names of the columns in the header of a delimited table."""
     return opened(name, data, OURS, None, POSE.stem).titles
-
-
-def _names(q: Quantity) -> list[str]:
-    """What the column of a quantity may be called."""
-    return [f"{q.stem}_{unit}" for unit in q.units] or [q.stem]
-
-
-def _suffixed(titles: Sequence[str], q: Quantity) -> tuple[str, str | None] | None:
-    """The column of a quantity and the unit in its name: `x_mm`, `mm`; None where it has none."""
-    of_unit = {f"{q.stem}_{unit}".lower(): unit for unit in q.units} | {q.stem.lower(): None}
-    return next(((name, of_unit[name]) for name in titles if name in of_unit), None)
-
-
-def _column(titles: Sequence[str], q: Quantity, where: str | None) -> tuple[str, float] | None:
-    """The column of a quantity and its factor to SI, or None where it has none and needs none."""
-    found = _suffixed(titles, q)
-    mapped = (
-        f", or say what it is in [{where}.columns] of campaign.toml, as `pipeline inspect` proposes"
-        if where
-        else ""
-    )
-    if found is None and q.needed:
-        raise InputError(
-            f"there is no column {_names(q)[0]} among {listed(titles)}",
-            f"add it to the header and to every row{mapped}",
-        )
-    if found and q.units and found[1] is None:
-        raise InputError(
-            f"column {found[0]} does not say its unit",
-            f"call it {' or '.join(_names(q))}{mapped}",
-        )
-    return (found[0], q.units[found[1]] if found[1] else 1.0) if found else None
-
-
-def _whole_numbers(log: Log) -> Log:
-    """Only rows whose pose and repeat are whole numbers, not negative."""
-
-    def whole(values: Array) -> Bools:
-        return (values >= 0) & (values == np.round(values)) & (values < BEYOND)
-
-    for name in ("pose", "repeat"):
-        log = log.where(name, whole, f"{name} is not a whole number; correct or remove the row")
-    return log
-
-
-def once(log: Log, key: Sequence[str]) -> Log:
-    """Rows whose key comes once: equal ones are kept once, contradicting ones not at all."""
-    rows = pd.DataFrame({**log.number, **log.word})
-    twice = rows[rows.duplicated(list(key), keep=False)]
-    why: dict[int, str] = {}
-    for _, same in twice.groupby(list(key), sort=False):
-        agree = len(same.drop_duplicates()) == 1
-        line = log.line[same.index]
-        reason = (
-            f"repeats line {line[0]}; remove it"
-            if agree
-            else f"lines {listed(map(str, line))} contradict each other; keep the right one"
-        )
-        why |= dict.fromkeys(same.index[agree:].tolist(), reason)
-    return log.without(why)

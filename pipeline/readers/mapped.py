@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pipeline.base.errors import InputError, at, listed
 from pipeline.readers import _named, _tables
-from pipeline.readers._cells import bare
+from pipeline.readers._cells import bare, is_plain
 from pipeline.readers._layout import delimiter_of
 from pipeline.readers._named import Header, Named
 from pipeline.readers._reader import Columns, Export, Hints
@@ -70,15 +70,7 @@ def _first(text: Text, mapping: Columns) -> int:
     """The first line that is neither blank nor a comment, or the one that is said to be it."""
     if mapping.first is not None:
         return _there(mapping.first, text, "first row")
-    comment = mapping.comment
-    return next(
-        (
-            n
-            for n, line in text.lines()
-            if line.strip() and not (comment and line.lstrip().startswith(comment))
-        ),
-        1,
-    )
+    return next((n for n, line in text.lines() if is_plain(line, mapping.comment)), 1)
 
 
 def _header_line(text: Text, mapping: Columns) -> int:

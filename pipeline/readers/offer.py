@@ -11,9 +11,10 @@ import pyarrow as pa
 from pipeline.base.errors import InputError, at
 from pipeline.base.shown import in_toml
 from pipeline.readers import Columns, Export, Hints, Text, opened_as_text, read, recognise, table
-from pipeline.readers._coordinates import AXES, SENSES, USUAL_UNITS
+from pipeline.readers._coordinates import AXES, SENSES, USUAL_UNITS, ZEROS
 from pipeline.readers._polar import FULL
-from pipeline.readers.proposal import Answer, Column, Proposal, Question, propose
+from pipeline.readers.proposal import propose
+from pipeline.readers.question import Answer, Column, Proposal, Question
 
 _FIRST = 5
 """Rows of a preview."""
@@ -22,7 +23,7 @@ _MAY_BE: dict[str, tuple[str, ...]] = {
     "unit": USUAL_UNITS,
     "coordinates": tuple(AXES),
     "angle": tuple(FULL),
-    "vertical": ("zenith", "elevation"),
+    "vertical": ZEROS,
     "horizontal": tuple(SENSES),
     "decimal": (".", ","),
 }
@@ -180,18 +181,18 @@ def first_rows(export: Export) -> tuple[Mapping[str, Any], ...]:
 
 def as_toml(found: Proposal) -> str:
     """[tracker] and [tracker.mapping], what is open with its other answers behind it."""
-    asked = {question.about: question for question in found.questions}
+    others: dict[str, list[str]] = {
+        one.about: [in_toml(other.said) for other in one.answers[1:]] for one in found.questions
+    }
+    said = {word: value for word, value in found.hints if value is not None}
+    mapping = said.pop("mapping", None)
     lines = ["[tracker]"]
-    for word in Hints.model_fields:
-        value = getattr(found.hints, word)
-        if value is None or word == "mapping":
-            continue
-        others = [in_toml(one.said) for one in asked[word].answers[1:]] if word in asked else []
-        lines.append(f"{word} = {_value(value)}" + (f"   # or {', '.join(others)}" * bool(others)))
-    if found.hints.mapping:
-        lines += ["", "[tracker.mapping]", *mapping_lines(found.hints.mapping)]
-    columns = asked.get("columns") or asked.get("instrument")
-    lines += [f"# or: {in_toml(one.said)}" for one in columns.answers[1:]] if columns else []
+    for word, value in said.items():
+        behind = f"   # or {', '.join(others[word])}" if others.get(word) else ""
+        lines.append(f"{word} = {_value(value)}{behind}")
+    if mapping:
+        lines += ["", "[tracker.mapping]", *mapping_lines(mapping)]
+    lines += [f"# or: {one}" for one in others.get("columns") or others.get("instrument", [])]
     return "\n".join(lines) + "\n"
 
 

@@ -8,20 +8,24 @@ what is read without a question is read by the same lines that somebody could pa
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
+from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError, at, listed
 from pipeline.readers import _kinds, _roles
+from pipeline.readers._beside import Role, Table
 from pipeline.readers._cells import is_number, is_turn
 from pipeline.readers._contents import contents, mark_of
 from pipeline.readers._coordinates import (
+    ANGULAR,
     AXES,
     PACKED,
     USUAL_UNITS,
+    ZEROS,
     may_be_packed,
     seem_packed,
     settled,
@@ -30,132 +34,29 @@ from pipeline.readers._coordinates import (
     settled_vertical,
     steeper_than_not,
 )
+from pipeline.readers._layout import JOINT
 from pipeline.readers._named import (
     ANGLE_WORDS,
-    UNIT_LINE,
     UNIT_WORDS,
     is_unit_title,
     known_units,
-    said_units,
 )
-from pipeline.readers._polar import FULL
+from pipeline.readers._polar import FULL, Polar
 from pipeline.readers._reader import Columns, Hints, settled_unit
-from pipeline.readers._roles import Reading, Role, Table, Why
+from pipeline.readers._roles import Reading
 from pipeline.readers._sheet import Sheet, cells_of, sheet
+from pipeline.readers._stated import Stated
 from pipeline.readers._text import Text
 from pipeline.readers._time import ISO
-from pipeline.readers._titles import horizontal
+from pipeline.readers._titles import horizontal, titled
+from pipeline.readers.question import About, Answer, Column, Proposal, Question
 
-About = Literal["columns", "coordinates", "instrument", "unit", "angle", "vertical", "horizontal",
-                "decimal"]  # fmt: skip
-"""What is asked."""
-
-KIND_WORDS = {kind: kind for kind in AXES} | {"polar": "spherical", "kartesisch": "cartesian"}
-_WORD = re.compile(r"[^\W\d_]+|°")
+_COORDINATES = 'coordinates = "cartesian" (or "spherical", "cylindrical")'
 _PACKED = re.compile(r"\bd+\.?m+\.?s+\b", re.IGNORECASE)
 """What titles call degrees with minutes and seconds, behind the point where no signs part them."""
 _METRES = 50.0
 """Largest coordinate that is taken for metres first: no cell is longer by much, and no cell in
 millimetres or inches is so small."""
-
-
-@dataclass(frozen=True)
-class Column:
-    """What a column seems to be.
-
-    Attributes:
-        number: Counted from 1.
-        title: As written, empty where it has none.
-        example: Its first cell that is filled in.
-        role: A word of [tracker.mapping] columns, empty where it is not used.
-        why: What says so.
-    """
-
-    number: int
-    title: str
-    example: str
-    role: str
-    why: Why
-
-
-@dataclass(frozen=True)
-class Answer:
-    """One answer to a question.
-
-    Attributes:
-        said: The answer in a word: `mm`, `zenith`, or the columns it stands for.
-        hints: What [tracker] then says, by its keys.
-    """
-
-    said: str
-    hints: Mapping[str, Any]
-
-
-@dataclass(frozen=True)
-class Question:
-    """What a file leaves open.
-
-    Attributes:
-        about: What is asked.
-        answers: Those that make sense, the most plausible one first.
-        line: Line of the file it is about.
-        wrong: What a reader says of it, None where nothing but the question has to be said.
-    """
-
-    about: About
-    answers: tuple[Answer, ...]
-    line: int
-    wrong: InputError | None = None
-
-    def problem(self) -> InputError:
-        """The same as an error, with the way out."""
-        if self.wrong is not None:
-            return self.wrong
-        said = [answer.said for answer in self.answers]
-        thing, way_out = _WORDS[self.about]
-        shown = f'"{said[0]}"' + (f" (or {listed(map(_quoted, said[1:]))})" if said[1:] else "")
-        paste = "paste what `pipeline inspect` proposes"
-        return InputError(
-            thing.format(listed(map(_quoted, said))), way_out.format(shown, paste), line=self.line
-        )
-
-
-def _quoted(word: str) -> str:
-    return f'"{word}"'
-
-
-_COORDINATES = 'coordinates = "cartesian" (or "spherical", "cylindrical")'
-_WRITE = "into [tracker] of campaign.toml"
-_WORDS: dict[str, tuple[str, str]] = {
-    "columns": ("the table does not say for certain which columns are the coordinates (maybe {0})",
-                "describe its columns in [tracker.mapping] of campaign.toml: {1}"),
-    "coordinates": ("the coordinates may be {0}, the numbers allow each",
-                    f"write coordinates = {{0}} {_WRITE}, or {{1}}"),
-    "instrument": ("there are readings of several instruments ({0}), each in a frame of its own",
-                   "describe those of one in [tracker.mapping] of campaign.toml: {1}"),
-    "unit": ("the export does not say its unit of length", f"write unit = {{0}} {_WRITE}"),
-    "angle": ("the export does not say its unit of angles", f"write angle = {{0}} {_WRITE}"),
-    "vertical": ("the export does not say its vertical angle's zero",
-                 f"write vertical = {{0}} {_WRITE}"),
-    "horizontal": ("the export does not say its sense of horizontal angles",
-                   f"write horizontal = {{0}} {_WRITE}"),
-}  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Proposal:
-    """How a table would be read.
-
-    Attributes:
-        hints: All of [tracker] that the reading needs, open questions answered by their first
-            answer.
-        columns: What each column seems to be.
-        questions: What is open, in the order in which it is asked.
-    """
-
-    hints: Hints
-    columns: tuple[Column, ...]
-    questions: tuple[Question, ...] = ()
 
 
 @dataclass
@@ -189,7 +90,7 @@ def propose(text: Text, hints: Hints) -> Proposal | None:
     found = sheet(text)
     if found is None:
         return None
-    draft = _Draft(hints, found.header or found.first)
+    draft = _Draft(hints, found.top)
     table = _table(found, draft)
     stated = Stated.of(found)
     reading = _chosen(_ways(table, stated, hints), table, draft)
@@ -220,7 +121,7 @@ def _ways(table: Table, stated: Stated, hints: Hints) -> list[Reading]:
         raise InputError(
             f"the columns {said}",
             "describe them in [tracker.mapping] of campaign.toml",
-            line=table.sheet.header or table.sheet.first,
+            line=table.sheet.top,
         )
     return allowed
 
@@ -240,7 +141,7 @@ def _told(table: Table, mapping: Columns) -> Reading:
         raise InputError(
             "the columns of [tracker.mapping] are not those of the table",
             "correct them: three coordinates are needed",
-            line=table.sheet.header or table.sheet.first,
+            line=table.sheet.top,
         )
     return Reading(kind, roles)
 
@@ -255,78 +156,13 @@ def _table(found: Sheet, draft: _Draft) -> Table:
     except InputError as wrong:
         draft.ask("decimal", [Answer(one, {"decimal": one}) for one in (",", ".")], wrong)
         mark = ","
-    return Table(found, _roles.named(found), content, mark or ".")
+    return Table(found, titled(found.titles), content, mark or ".")
 
 
-# --- what the file says of itself -----------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Stated:
-    """What the lines above a table and the one below its titles say of all of it.
-
-    Attributes:
-        kinds: Kinds of coordinates.
-        units: Units of length.
-        angles: Units of angles.
-        senses: Ways in which azimuths grow.
-    """
-
-    kinds: frozenset[str]
-    units: frozenset[str]
-    angles: frozenset[str]
-    senses: frozenset[str]
-
-    @classmethod
-    def of(cls, found: Sheet) -> Stated:
-        """Words of lines that speak of units or of the kind of coordinates; others may mean else.
-
-        A reflector's diameter in millimetres says nothing of the coordinates.
-        """
-        kinds, units, angles, senses = set(), set(), set(), set()
-        for line in found.preamble:
-            words = _WORD.findall(line.lower())
-            senses |= _senses(words)
-            here = {KIND_WORDS[word] for word in words if word in KIND_WORDS}
-            kinds |= here
-            if not here and not UNIT_LINE.search(line):
-                continue
-            said = said_units(line, of_coordinates=True)
-            units |= said & {*UNIT_WORDS.values()}
-            angles |= said & {*ANGLE_WORDS.values()}
-        return cls(*map(frozenset, (kinds, units, angles, senses)))
-
-    def only(self, what: str) -> str | None:
-        """The one word that is said of something, None where there is none.
-
-        Raises:
-            InputError: There are several.
-        """
-        found = sorted(getattr(self, what))
-        if len(found) > 1:
-            raise InputError(
-                f"the lines above the table name several {what} ({', '.join(found)})",
-                "correct them, or describe the table in [tracker.mapping] of campaign.toml",
-            )
-        return found[0] if found else None
-
-
-def _senses(words: Sequence[str]) -> set[str]:
-    """Which way azimuths grow by the words of a line.
-
-    What is called spherical or cylindrical counts from x towards y, what is called polar may not.
-    """
-    if "clockwise" in words or "cw" in words:
-        return {"counter-clockwise" if {"counter", "anti"} & {*words} else "clockwise"}
-    from_x = {"spherical", "cylindrical", "counterclockwise", "anticlockwise", "ccw"}
-    return {"counter-clockwise"} if from_x & {*words} else set()
-
-
-def _said(table: Table, places: Sequence[int | None], known: Mapping[str, str]) -> set[str]:
+def _said(table: Table, places: Sequence[int], known: Mapping[str, str]) -> set[str]:
     """Units that titles and the line below them state of some columns."""
-    here = [k for k in places if k is not None]
-    below = (table.sheet.units[k].strip("[]() ").lower() for k in here)
-    found = {table.named[k].unit for k in here} | {known.get(word) for word in below}
+    below = (table.sheet.units[k].strip("[]() ").lower() for k in places)
+    found = {table.named[k].unit for k in places} | {known.get(word) for word in below}
     return {unit for unit in found if unit and unit in known.values()}
 
 
@@ -354,8 +190,7 @@ def _chosen(ways: list[Reading], table: Table, draft: _Draft) -> Reading:
 def _named(table: Table, reading: Reading) -> str:
     """A reading in a word: which columns are the coordinates."""
     axes = AXES[reading.kind]
-    places = [reading.place(axis) for axis in axes]
-    titles = [_called(table.sheet.titles, k) for k in places if k is not None]
+    titles = [_called(table.sheet.titles, k) for k in reading.places(*axes)]
     return ", ".join(f"{axis} = {title}" for axis, title in zip(axes, titles, strict=True))
 
 
@@ -368,19 +203,12 @@ def _called(titles: Sequence[str], place: int) -> str:
 def _mapping(table: Table, reading: Reading) -> Columns:
     """[tracker.mapping] of a reading."""
     found = table.sheet
-    readable = found.titled and found.commented is None and _as_cut(found)
-    titles = [title.lower() for title in found.titles]
-    columns: dict[str, Any] = {}
-    for place, one in sorted(reading.roles.items()):
-        if one.role:
-            title = found.titles[place]
-            by_title = readable and title and titles.count(title.lower()) == 1
-            columns[one.role] = title if by_title else place + 1
-    header = found.header if readable else 0
-    form = next((c.form for k, c in enumerate(table.content)
-                 if c.form and reading.roles.get(k, _NOTHING).role == "time"), None)  # fmt: skip
+    roles = {place: one.role for place, one in sorted(reading.roles.items()) if one.role}
+    titles = found.titles if _readable(found) else ("",) * len(found.titles)
+    header = found.header if _readable(found) else 0
+    form = next((table.content[k].form for k in reading.places("time")), None)
     mapping = {
-        "columns": columns,
+        "columns": {role: _once(titles, place) or place + 1 for place, role in roles.items()},
         "delimiter": found.delimiter,
         "header": header,
         "first": found.first if found.first != header + 1 else None,
@@ -390,12 +218,16 @@ def _mapping(table: Table, reading: Reading) -> Columns:
     return Columns.model_validate(mapping)
 
 
-_NOTHING = Role("", "untold")
+def _once(titles: Sequence[str], place: int) -> str:
+    """The title of a column, nothing where another has the same."""
+    alike = [title for title in titles if title.lower() == titles[place].lower()]
+    return alike[0] if len(alike) == 1 else ""
 
 
-def _as_cut(found: Sheet) -> bool:
-    """Whether the titles are cut by the sign that cuts the rows."""
-    return found.delimiter != " " or not any(" " in title for title in found.titles)
+def _readable(found: Sheet) -> bool:
+    """Whether there are titles that are cut by the sign that cuts the rows, and no remark."""
+    cut = found.delimiter != " " or not any(" " in title for title in found.titles)
+    return cut and found.titled and found.commented is None
 
 
 def _instruments(table: Table, reading: Reading, draft: _Draft, text: Text) -> None:
@@ -413,15 +245,17 @@ def _instruments(table: Table, reading: Reading, draft: _Draft, text: Text) -> N
     else:
         pick = list(_blocks(table.sheet, text))
     if len(pick) > 1:
-        answers = [
-            Answer(name, {"mapping": mapping.model_copy(update=part)}) for name, part in pick
-        ]
-        draft.ask("instrument", answers)
+        draft.ask("instrument", _of_one(mapping, pick))
+
+
+def _of_one(mapping: Columns, pick: Iterable[tuple[str, dict[str, Any]]]) -> list[Answer]:
+    """For each instrument the mapping that reads only what is of it."""
+    return [Answer(name, {"mapping": mapping.model_copy(update=part)}) for name, part in pick]
 
 
 def _frames(table: Table, reading: Reading, mapping: Columns, draft: _Draft) -> None:
     """Rows in which a column of words puts the same targets elsewhere are those of several."""
-    axes = [k for axis in AXES[reading.kind] if (k := reading.place(axis)) is not None]
+    axes = reading.places(*AXES[reading.kind])
     rows = table.whole(axes)
     names = [table.cells(reading.place(role), rows) for role in ("group", "target")]
     free = (k for k in range(len(table.content)) if k not in reading.roles)
@@ -432,13 +266,9 @@ def _frames(table: Table, reading: Reading, mapping: Columns, draft: _Draft) -> 
             continue
         if _kinds.apart(list(zip(*names, strict=True)), words, table.numbers(axes)):
             columns = {**mapping.columns, "instrument": place + 1}
-            picks = [{"columns": columns, "instrument": one} for one in kinds]
-            answers = [
-                Answer(str(pick["instrument"]), {"mapping": mapping.model_copy(update=pick)})
-                for pick in picks
-            ]
+            pick = ((one, {"columns": columns, "instrument": one}) for one in kinds)
             wrong = _kinds.several(table.sheet.titles[place], kinds, draft.line)
-            draft.ask("instrument", answers, wrong)
+            draft.ask("instrument", _of_one(mapping, pick), wrong)
             return
 
 
@@ -480,15 +310,14 @@ def _whole_points(table: Table, reading: Reading, draft: _Draft) -> None:
 
 def _length(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> None:
     """The unit of length: what titles say, the lines above, or somebody; else it is asked."""
-    lengths = [
-        reading.place(axis) for axis in AXES[reading.kind] if axis in ("x", "y", "z", "range")
-    ]
+    angular = ANGULAR[reading.kind]
+    lengths = reading.places(*(a for k, a in enumerate(AXES[reading.kind]) if k not in angular))
     with at(line=draft.line):
-        known_units([table.named[k] for k in lengths if k is not None])
+        known_units([table.named[k] for k in lengths])
     said = _said(table, lengths, UNIT_WORDS) | stated.units | _unit_column(table)
-    angular = _said(table, lengths, ANGLE_WORDS)
-    if len(said) > 1 or angular:
-        named = listed(sorted(said | angular))
+    turned = _said(table, lengths, ANGLE_WORDS)
+    if len(said) > 1 or turned:
+        named = listed(sorted(said | turned))
         raise InputError(
             f"the export names several units for its coordinates ({named})",
             "correct its titles, or export all coordinates in the same unit",
@@ -497,7 +326,7 @@ def _length(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> No
     if said or draft.hints.unit:
         draft.settle({"unit": settled_unit(next(iter(said), None), draft.hints)})
         return
-    largest = np.nanmax(np.abs(table.numbers([k for k in lengths if k is not None])), initial=0.0)
+    largest = np.nanmax(np.abs(table.numbers(lengths)), initial=0.0)
     units = sorted(USUAL_UNITS, key=lambda unit: unit != "m" if largest < _METRES else 0)
     draft.ask("unit", [Answer(unit, {"unit": unit}) for unit in units])
 
@@ -511,16 +340,8 @@ def _unit_column(table: Table) -> set[str]:
 
 def _angle(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> None:
     """Unit of angles and zero of the vertical one, likewise; ranges and faces may say them too."""
-    angular = [k for axis in ("azimuth", "vertical") if (k := reading.place(axis)) is not None]
-    said = _said(table, angular, ANGLE_WORDS) | stated.angles
-    cells = [cell for k in angular for cell in table.content[k].cells if cell]
-    values = table.numbers(angular)
-    if any(map(is_turn, cells)):
-        said |= {"deg"}
-    elif any(_PACKED.search(table.sheet.titles[k]) for k in angular):
-        said = said - {"deg"} | {PACKED}
-    elif draft.hints.angle is None and said == {"deg"} and seem_packed(values):
-        said = set()
+    angular = reading.places("azimuth", "vertical")
+    said = _said_of_angles(table, angular, draft.hints, stated)
     if len(said) > 1:
         raise InputError(
             f"the export names several units of angles ({', '.join(sorted(said))})",
@@ -530,23 +351,40 @@ def _angle(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> Non
     if said or draft.hints.angle:
         draft.settle({"angle": settled_angle(next(iter(said), None), draft.hints.angle)})
     else:
-        largest = np.nanmax(np.abs(values), initial=0.0)
-        allowed = {way.angle for way in reading.ways} or {u for u in FULL if largest <= FULL[u]}
-        allowed -= set() if may_be_packed(values) else {PACKED}
-        units = [unit for unit in FULL if unit in allowed] or [*FULL]
-        units.sort(key=lambda unit: unit != PACKED if seem_packed(values) else 0)
+        units = _possible_angles(table.numbers(angular), reading.ways)
         draft.ask("angle", [Answer(unit, {"angle": unit}) for unit in units])
     if reading.kind == "spherical":
         _vertical(table, reading, draft)
     _horizontal(table, reading, draft, stated)
 
 
+def _said_of_angles(
+    table: Table, angular: Sequence[int], hints: Hints, stated: Stated
+) -> frozenset[str]:
+    """Units of angles that titles and lines above state, and those that are told by the cells."""
+    said = stated.angles | _said(table, angular, ANGLE_WORDS)
+    if any(is_turn(cell) for k in angular for cell in table.content[k].cells):
+        return said | {"deg"}
+    if any(_PACKED.search(table.sheet.titles[k]) for k in angular):
+        return said - {"deg"} | {PACKED}
+    doubtful = hints.angle is None and said == {"deg"} and seem_packed(table.numbers(angular))
+    return frozenset() if doubtful else said
+
+
+def _possible_angles(values: Array, ways: Sequence[Polar]) -> list[str]:
+    """Units that angles may be in by their size, the most plausible one first; all if none may."""
+    largest = np.nanmax(np.abs(values), initial=0.0)
+    allowed = {way.angle for way in ways} or {unit for unit in FULL if largest <= FULL[unit]}
+    allowed -= set() if may_be_packed(values) else {PACKED}
+    units = [unit for unit in FULL if unit in allowed] or [*FULL]
+    return sorted(units, key=PACKED.__ne__) if seem_packed(values) else units
+
+
 def _vertical(table: Table, reading: Reading, draft: _Draft) -> None:
-    place, angle = reading.place("vertical"), str(draft.hints.angle)
-    assert place is not None
+    (place,), angle = reading.places("vertical"), str(draft.hints.angle)
     values = table.numbers([place])[:, 0]
     role = table.named[place].role
-    called = role if role in ("zenith", "elevation") else None
+    called = role if role in ZEROS else None
     allowed = {way.vertical for way in reading.ways if way.angle == angle}
     if draft.hints.vertical is None and called is None and len(allowed) == 1:
         called = allowed.pop()
@@ -555,8 +393,7 @@ def _vertical(table: Table, reading: Reading, draft: _Draft) -> None:
     except InputError:
         if draft.hints.vertical is not None:
             raise
-        steep = steeper_than_not(values, angle)
-        zeros = ("zenith", "elevation") if steep else ("elevation", "zenith")
+        zeros = ZEROS if steeper_than_not(values, angle) else ZEROS[::-1]
         draft.ask("vertical", [Answer(zero, {"vertical": zero}) for zero in zeros])
 
 
@@ -568,7 +405,7 @@ def _horizontal(table: Table, reading: Reading, draft: _Draft, stated: Stated) -
     """Which way azimuths grow: what lines above say, titles or records; else it is asked."""
     titled = horizontal(table.named, reading.place("azimuth"))
     said = stated.senses | ({titled} if titled else set())
-    if any(all("::" in cell for cell in one.cells) for one in table.content):
+    if any(all(JOINT in cell for cell in one.cells) for one in table.content):
         said |= {"counter-clockwise"}  # SpatialAnalyzer alone writes such names
     if any({*one.cells} <= _RECORDS for one in table.content):
         said |= {"clockwise"}

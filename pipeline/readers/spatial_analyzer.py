@@ -18,10 +18,10 @@ import numpy as np
 
 from pipeline.base.errors import InputError, at
 from pipeline.readers import _named, _tables, _time, plain, table
-from pipeline.readers._cells import cells_or_none, is_number
+from pipeline.readers._cells import cells_or_none, is_number, is_plain, is_remark
 from pipeline.readers._coordinates import AXES, Angles, Meaning, settled
 from pipeline.readers._delimited import rows
-from pipeline.readers._layout import DELIMITERS, Field, Kind, Layout, Rows
+from pipeline.readers._layout import DELIMITERS, JOINT, Field, Kind, Layout, Rows
 from pipeline.readers._named import ANGLE_WORDS, UNIT_WORDS, Header, Named
 from pipeline.readers._polar import within_a_circle
 from pipeline.readers._reader import (
@@ -34,8 +34,8 @@ from pipeline.readers._reader import (
     settled_unit,
     written,
 )
+from pipeline.readers._stated import KIND_WORDS
 from pipeline.readers._text import SAMPLE_LINES, Text
-from pipeline.readers.proposal import KIND_WORDS
 
 _T = TypeVar("_T")
 
@@ -66,8 +66,8 @@ class _Shape:
 
 def recognise(lines: Sequence[str]) -> bool:
     """Rows that are no comments have a name of one to three parts, then three numbers."""
-    comments = [line for line in lines if line.lstrip().startswith(_COMMENT)]
-    sample = [line for line in lines if _is_row(line)]
+    comments = [line for line in lines if is_remark(line, _COMMENT)]
+    sample = [line for line in lines if is_plain(line, _COMMENT)]
     shape = _shape(sample, comments)
     if shape is None or _named.find(sample) or plain.recognise(sample):  # rows under a header
         return False
@@ -82,24 +82,18 @@ def read(text: Text, hints: Hints) -> Export:
     """
     if not _says_kind(text) and hints.coordinates is None:
         return table.read(text, hints, READER.name)
-    first = next(n for n, line in text.lines() if _is_row(line))
+    first = next(n for n, line in text.lines() if is_plain(line, _COMMENT))
     comments = [line for _, line in text.lines(1, first - 1) if line.strip()]
-    sample = [line for _, line in text.lines(first, SAMPLE_LINES) if _is_row(line)]
+    sample = [line for _, line in text.lines(first, SAMPLE_LINES) if is_plain(line, _COMMENT)]
     shape = _shape(sample, comments)
     assert shape is not None  # recognised before
-    fields = (
-        *_name_fields(shape.names),
-        *(Field(axis, "number") for axis in _AXES),
-        *_rest_fields(shape),
-    )
     layout = Layout(
-        fields, shape.delimiter, first, hints.decimal, _COMMENT, shape.form, shape.compound
+        _fields(shape), shape.delimiter, first, hints.decimal, _COMMENT, shape.form, shape.compound
     )
     found = rows(text, layout)
     meaning = _meaning(comments, hints, found, first)
-    angular = {"cartesian": "", "spherical": "23", "cylindrical": "2"}[meaning.kind]
-    for axis in angular:
-        within_a_circle(f"{axis} of the coordinates", found.floats(axis), found.line, meaning.angle)
+    titles, numbers = [f"{axis} of the coordinates" for axis in _AXES], map(found.floats, _AXES)
+    within_a_circle(titles, [*numbers], found.line, meaning)
     covariances = _tables.covariances(
         found, Header(0, shape.delimiter, shape.rest), hints, meaning.unit
     )
@@ -109,13 +103,9 @@ def read(text: Text, hints: Hints) -> Export:
 
 def _says_kind(text: Text) -> bool:
     """Whether comments say what the coordinates are; without them any three numbers may stand."""
-    head = [line for line in text.sample() if line.lstrip().startswith(_COMMENT)]
+    head = [line for line in text.sample() if is_remark(line, _COMMENT)]
     words = set(re.findall(r"[a-z]+", " ".join(head).lower()))
     return bool(words & KIND_WORDS.keys() or _kinds_by_titles(head))
-
-
-def _is_row(line: str) -> bool:
-    return bool(line.strip()) and not line.lstrip().startswith(_COMMENT)
 
 
 def _shape(sample: Sequence[str], comments: Sequence[str]) -> _Shape | None:
@@ -133,7 +123,7 @@ def _shape_by(delimiter: str, sample: Sequence[str], comments: Sequence[str]) ->
     cut = [cells for line in sample if (cells := cells_or_none(line, delimiter))]
     for cells in cut:
         titles = _titles(comments, len(cells), delimiter)
-        compound = cells[0].count("::") + 1 if "::" in cells[0] else 0
+        compound = cells[0].count(JOINT) + 1 if JOINT in cells[0] else 0
         count = 1 if compound else _names(cells, titles)
         alike = [row[count + 3 :] for row in cut if len(row) == len(cells)]
         if _fits(cells, compound, count) and 2 * len(alike) >= len(sample):
@@ -180,13 +170,10 @@ def _titles(comments: Sequence[str], count: int, delimiter: str) -> list[Named]:
     return []
 
 
-def _name_fields(names: Sequence[str]) -> list[Field]:
-    return [Field(n, "any" if n == "collection" else "name", n != "collection") for n in names]
-
-
-def _rest_fields(shape: _Shape) -> list[Field]:
-    """Fields behind the coordinates; those without a role are not looked at."""
-    out = []
+def _fields(shape: _Shape) -> tuple[Field, ...]:
+    """Names, coordinates and what stands behind them; what has no role there is not looked at."""
+    out = [Field(n, "any" if n == "collection" else "name", n != "collection") for n in shape.names]
+    out += [Field(axis, "number") for axis in _AXES]
     for place, column in enumerate(shape.rest):
         kind: Kind = "any"
         if column.role == "time":
@@ -198,12 +185,12 @@ def _rest_fields(shape: _Shape) -> list[Field]:
         out.append(
             Field(column.role if kind in ("time", "number") else f"rest {place}", kind, False)
         )
-    return out
+    return tuple(out)
 
 
 def _meaning(comments: Sequence[str], hints: Hints, table: Rows, line: int) -> Meaning:
     """What the header says of the numbers; short units count behind `units` or in brackets."""
-    head = [comment for comment in comments if comment.lstrip().startswith(_COMMENT)]
+    head = [comment for comment in comments if is_remark(comment, _COMMENT)]
     text = "\n".join(line for line in head if not _named.of_other_quantity(line))
     words = set(re.findall(r"[a-z°]+", text.lower()))
     long = {word: unit for word, unit in UNIT_WORDS.items() if len(word) > 2}

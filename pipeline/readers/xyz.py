@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from pipeline.readers import _named, table
 from pipeline.readers._cells import cells_or_none, is_number
+from pipeline.readers._layout import JOINT
 from pipeline.readers._reader import Export, Hints, Reader, Readings, written
 from pipeline.readers._text import Text
 
@@ -23,7 +24,7 @@ def recognise(lines: Sequence[str]) -> bool:
 
 def _elsewhere(line: str) -> bool:
     """Whether only SpatialAnalyzer writes such a line."""
-    return "::" in line or line.lstrip().startswith("//")
+    return JOINT in line or line.lstrip().startswith("//")
 
 
 def _cells(line: str) -> list[str]:

@@ -26,20 +26,6 @@ from pipeline.reduction.settings import Naming, Settings
 BASE, STRANGE = -1, -2
 """Roles of a target beside 0..t-1: a base reflector, and a name nobody knows."""
 
-_CERTAIN_FACTORS = {
-    1000.0: "millimetres were taken for metres",
-    1 / 1000: "metres were taken for millimetres",
-    25.4: "millimetres were taken for inches",
-    1 / 25.4: "inches were taken for millimetres",
-    1000 / 25.4: "inches were taken for metres",
-    25.4 / 1000: "metres were taken for inches",
-}
-"""What makes distances so many times too large."""
-_SMALLEST_M = 1e-3
-"""Points whose nominal spread [m] is below say nothing about a unit."""
-_NEAR = 0.2
-"""A ratio within 20 % of a factor is that factor; reflectors are placed better than that."""
-
 Rejection = tuple[str, int | None, str]
 
 _OF_EACH = ("file", "line", "group", "target", "position", "covariance", "time", "role", "slot")
@@ -457,68 +443,3 @@ def _identity(shots: Shots, k: int) -> tuple[object, ...]:
         return int(shots.slot[k]), int(shots.role[k])
     x, y, z = shots.position[k]
     return -1, shots.target[k].as_py(), shots.group[k].as_py(), shots.time[k].as_py(), x, y, z
-
-
-def check_units(shots: Shots, settings: Settings) -> None:
-    """Distances between reflectors must have the size that campaign.toml states.
-
-    Raises:
-        InputError: They are off by a factor that only a wrong unit explains.
-    """
-    tool = np.array([settings.tool[name] for name in settings.measured])
-    unloaded = np.append(~shots.loaded, False)[shots.slot]  # -1, a base reading, takes the last
-    rows = np.flatnonzero(unloaded & (shots.role >= 0) & (shots.role < len(tool)))
-    _check_size(shots, rows, shots.slot[rows], tool[shots.role[rows]], "[tool]")
-    if not settings.base_frame:
-        return
-    names = shots.target.dictionary.to_pylist()
-    nominal = np.array([settings.base_frame.get(name, (np.nan,) * 3) for name in names])
-    rows = np.flatnonzero(shots.role == BASE)
-    group, target = (np.asarray(names.indices)[rows] for names in (shots.group, shots.target))
-    _check_size(shots, rows, group.astype(np.int64), nominal[target], "[base_frame]")
-
-
-def _check_size(shots: Shots, rows: Ints, together: Ints, nominal: Array, said: str) -> None:
-    """Compare the spread of what was read together with the spread of its nominal points.
-
-    A unit is one of a whole file: only where most of what was read together in it is off alike.
-    """
-    if not len(rows):
-        return
-    count = int(together.max()) + 1
-    label = together + count * shots.file[rows]
-    member = pa.array(label).dictionary_encode().indices.to_numpy().astype(np.int64)
-    seen, expected = (_spread(points, member) for points in (shots.position[rows], nominal))
-    enough = (expected > _SMALLEST_M) & (seen > 0)
-    ratio = np.where(enough, seen, 1.0) / np.where(enough, expected, 1.0)
-    of = np.zeros(len(seen), dtype=np.int64)
-    of[member] = shots.file[rows]
-    for factor, meaning in _CERTAIN_FACTORS.items():
-        off = enough & (np.abs(np.log(ratio / factor)) < _NEAR)
-        most = 2 * np.bincount(of, off) > np.bincount(of, enough)
-        hit = np.flatnonzero(off & most[of])
-        if len(hit):
-            first = rows[member == hit[0]][0]
-            raise InputError(
-                f"distances between reflectors are {_off(factor)}, as if {meaning} "
-                f"({ratio[hit[0]]:.4g} of those in {said})",
-                "correct the unit of the export, in its column names or in [tracker]",
-                file=shots.files[shots.file[first]],
-                line=int(shots.line[first]),
-            )
-
-
-def _off(factor: float) -> str:
-    """A factor in words."""
-    times = f"{max(factor, 1 / factor):.1f}".removesuffix(".0")
-    return f"{times} times too {'large' if factor > 1 else 'small'}"
-
-
-def _spread(points: Array, member: Ints) -> Array:
-    """Root of the summed squared distances from the mean of each set [m], shape (sets,)."""
-    count = np.bincount(member)
-    total = np.zeros(len(count))
-    for axis in range(3):
-        mean = np.bincount(member, points[:, axis]) / count
-        total += np.bincount(member, (points[:, axis] - mean[member]) ** 2)
-    return np.sqrt(total)

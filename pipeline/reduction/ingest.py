@@ -26,7 +26,7 @@ from pipeline.machine.robot import Robot
 from pipeline.readers import Export, logs
 from pipeline.readers.assignment import assigned
 from pipeline.readers.known import Body, settled
-from pipeline.reduction import _pulls, _shots, limits
+from pipeline.reduction import _pulls, _shots, _size, limits
 from pipeline.reduction._index import numbered, pull_number
 from pipeline.reduction._shots import Rejection, Shots, Stale
 from pipeline.reduction.case import Treated
@@ -160,7 +160,7 @@ def _raw(
     shots = _shots.known(everything, settings, loads.states)
     if loads.states:
         _shots.pulled_at_rest(shots, settings.naming.chain, loads.states, file)
-    doubt = _doubt(lambda: _shots.check_units(shots, settings), plausible) or doubt
+    doubt = _doubt(lambda: _size.check_units(shots, settings), plausible) or doubt
     once = _shots.once(shots, len(settings.measured) + 2)
     weighed = _shots.weighed(once, tracker.noise is not None or tracker.sigma_m is not None)
     _three_base_reflectors(weighed, settings)

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base.arrays import Array
+from pipeline.base.linear import rms
 from pipeline.diagnosis.facts import DETECTED
 
 Tables = Mapping[str, pd.DataFrame]
@@ -26,17 +27,17 @@ def has(tables: Tables, *names: str) -> bool:
     return all(name in tables and len(tables[name]) > 0 for name in names)
 
 
-def rms(values: pd.Series[float] | Array) -> float:
+def _rms(values: pd.Series[float]) -> float:
     """Root mean square of what is finite, NaN if nothing is."""
-    values = np.asarray(values, dtype=float)
-    values = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
+    numbers = np.asarray(values, dtype=float)
+    known = numbers[np.isfinite(numbers)]
+    return rms(known) if len(known) else float("nan")
 
 
 def _rms_of_poses(table: pd.DataFrame, **columns: str) -> pd.DataFrame:
     """Rms of each pose [mm]: pose, and for each name that of a column [m]."""
     mm = table.assign(**{name: MM * table[column] for name, column in columns.items()})
-    by_pose: pd.DataFrame = mm.groupby("pose")[list(columns)].agg(rms)
+    by_pose: pd.DataFrame = mm.groupby("pose")[list(columns)].agg(_rms)
     return by_pose.reset_index()
 
 
@@ -204,7 +205,7 @@ def registration_by_target(registration: pd.DataFrame) -> pd.DataFrame:
     mm = MM * registration.set_index("target")[AXES].set_axis(["dx", "dy", "dz"], axis=1)
     mm["distance"] = np.linalg.norm(mm, axis=1)
     groups = mm.groupby(level="target")
-    out = groups[["dx", "dy", "dz"]].mean().assign(rms=groups["distance"].agg(rms))
+    out = groups[["dx", "dy", "dz"]].mean().assign(rms=groups["distance"].agg(_rms))
     out.insert(0, "readings", groups.size())
     return out.assign(largest=groups["distance"].max()).reset_index()
 

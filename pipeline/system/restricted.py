@@ -51,7 +51,7 @@ class Blocks(Locked):
         every scale, a direction near the limit would come and go and pass for evidence.
         """
         blocks, errors = Rows.of(system.rows.pose), system.errors
-        unit = float(np.sqrt(np.mean(system.c**2))) or 1.0
+        unit = linear.rms(system.c) or 1.0
         Q = linear.orthonormal(X)
         y = (system.c - Q @ (Q.T @ system.c)) / unit  # they count in no pose's score
         A = errors.G[:, errors.common].toarray() / unit

@@ -66,27 +66,13 @@ def init(
 
 def _propose(root: Path, folder: Path, robot: str | None, ask: bool) -> None:
     """A campaign.toml for what lies in the folder, with what is known or asked."""
-    from pipeline.app import asking, blank
-    from pipeline.readers import Hints
+    from pipeline.app import blank
     from pipeline.reduction.proposal import propose
 
-    hints: Hints | None = None
     if robot is not None:
         blank.known(root, folder.name, robot)
     files = blank.there(root, folder)
-    said = propose(files)
-    while ask and said.offer and said.offer.question:
-        told = asking.ask(said.offer, partial(typer.echo, err=True))
-        hints = (hints or Hints()).model_copy(update=told)
-        said = propose(files, hints)
-    if ask and len(said.names) > 1:
-        named = asking.numbered("How do names hold group and target?", said.names, said.names,
-                                partial(typer.echo, err=True))  # fmt: skip
-        hints = (hints or Hints()).model_copy(update={"names": named})
-        said = propose(files, hints)
-    if ask and said.either:
-        words = tuple(one.states[0] for one in said.either)
-        said = propose(files, hints, _one_of("Word of the unloaded state in group names", words))
+    said = _settled(files) if ask else propose(files)
     for line in _seen(said):
         _tell(line)
     if robot is None:
@@ -94,12 +80,34 @@ def _propose(root: Path, folder: Path, robot: str | None, ask: bool) -> None:
     known = _asked(said, robot) if ask else blank.Known(robot=robot)
     left = blank.write(folder, said, known)
     typer.echo(folder)
-    if not (said.exports or said.loads or said.joints):
+    if said.nothing:
         _tell("No exports or logs lie there yet. To have campaign.toml written for files of other "
               f"programs, copy them there, remove it, and type `pipeline init {folder.name}` "
               "again.")  # fmt: skip
     todo = f"Still open in campaign.toml: {listed(left, most=40)}; fill it in, then" if left else ""
     _tell(f"{todo or 'Next'}: pipeline check {folder.name}")
+
+
+def _settled(files: Mapping[str, bytes]) -> Proposal:
+    """What the files say, once all that they leave open of exports and names is asked."""
+    from pipeline.app import asking
+    from pipeline.readers import Hints
+    from pipeline.reduction.proposal import propose
+
+    hints, tell = Hints(), partial(typer.echo, err=True)
+    said = propose(files, hints)
+    while said.offer and said.offer.question:
+        hints = hints.model_copy(update=asking.ask(said.offer, tell))
+        said = propose(files, hints)
+    if len(said.names) > 1:
+        question = "How do names hold group and target?"
+        named = asking.numbered(question, said.names, said.names, tell)
+        hints = hints.model_copy(update={"names": named})
+        said = propose(files, hints)
+    if said.either:
+        words = tuple(one.states[0] for one in said.either)
+        said = propose(files, hints, _one_of("Word of the unloaded state in group names", words))
+    return said
 
 
 def _tell(words: str) -> None:

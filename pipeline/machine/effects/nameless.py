@@ -82,7 +82,7 @@ def nameless(robot: Robot) -> tuple[Effect, ...]:
     """Everything of this file that the robot can have."""
     numbers = turning(robot)
     shoulder = (arm(robot) or (None,))[0]
-    guides = [guide for file in _GUIDES for guide in file.effects(robot)]
+    guides = [*itertools.chain.from_iterable(file.effects(robot) for file in _GUIDES)]
     return (
         *(_bearing(robot, joint) for joint in _own_bearings(robot, numbers)),
         *(_cross_talk(robot, *pair) for pair in _coupled(numbers)),

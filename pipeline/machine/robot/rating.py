@@ -72,7 +72,7 @@ def _softness(robot: Robot, load_point: Array) -> float:
     points = at.points(load_point[None])[:, 0]
     J = np.stack([torque(at.twists, points, np.tile(e, (len(q), 1))) for e in np.eye(3)], axis=1)
     compliance = np.einsum("mik,k,mjk->mij", J, robot.nominal_compliance, J)
-    return float(np.sqrt(np.mean(linear.directions(compliance)[0][:, -1] ** 2)))
+    return linear.rms(linear.directions(compliance)[0][:, -1])
 
 
 def round_pull(value: float) -> float:

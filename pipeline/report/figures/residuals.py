@@ -10,6 +10,7 @@ from matplotlib.ticker import MaxNLocator
 
 from pipeline.answer.contract import Answer
 from pipeline.answer.words import capital
+from pipeline.base.linear import rms
 from pipeline.base.quantities import percent, plain
 from pipeline.report.figures.marks import MARKERS, Tips, dots, each_row, integer_ticks, legend_above
 from pipeline.report.figures.plot import Plot
@@ -180,7 +181,7 @@ def _write_whitened(answer: Answer, tables: Tables) -> Figure | None:
     values = whitened(tables["residuals"])
     if not len(values):
         return None
-    spread, beyond = float(np.sqrt(np.mean(values**2))), int(np.sum(np.abs(values) > 3))
+    spread, beyond = rms(values), int(np.sum(np.abs(values) > 3))
     expected = 0.0027 * len(values)
     said = (
         f"Their spread is {plain(spread)} where 1 is expected; {beyond} of {len(values)} lie "

@@ -1,0 +1,217 @@
+"""A log as columns in SI: found by their titles and units, with what could not be read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings, sifted
+from pipeline.base.errors import InputError, at, listed
+from pipeline.readers._delimited import rows
+from pipeline.readers._layout import Field, Kind, Layout, Rows
+from pipeline.readers._log_form import OURS, LogForm, Titled, opened
+
+_Rejection = tuple[str, int | None, str]
+"""File, line and reason of what was left out."""
+
+BEYOND = 2**31
+"""Poses and pulls are numbered below it: tables hold them in 32 bits."""
+_LARGEST = 1e7
+"""Of lengths, angles and forces [SI], whatever unit was mistaken for whatever other."""
+
+
+class State(NamedTuple):
+    """What was read in a group: a state of a pose, and the line of the log that says so."""
+
+    pose: int
+    repeat: int
+    loaded: bool
+    line: int
+
+
+@dataclass(frozen=True, eq=False)
+class Log(Locked):
+    """Rows of a log.
+
+    Attributes:
+        file: Its name.
+        number: Numeric columns in SI by name, each shape (n,); NaN where a cell is empty.
+        word: Columns of words by name, each shape (n,).
+        line: Line of each row, shape (n,).
+        rejected: What could not be read.
+        states: What groups of readings are, by the names that the log has for them.
+    """
+
+    file: str
+    number: dict[str, Array]
+    word: dict[str, Strings]
+    line: Ints
+    rejected: tuple[_Rejection, ...]
+    states: dict[str, State] = field(default_factory=dict)
+
+    def only(self, good: Bools, reason: str) -> Log:
+        """The rows that are good; the others are rejected, all for one reason."""
+        return self.without(dict.fromkeys(np.flatnonzero(~good).tolist(), reason))
+
+    def where(self, name: str, good: Callable[[Any], Bools], reason: str) -> Log:
+        """The rows whose cell of a column, where there is such a column, is good."""
+        column = (self.number | self.word).get(name)
+        return self if column is None else self.only(good(column), reason)
+
+    def without(self, why: Mapping[int, str]) -> Log:
+        """All rows but some, which are rejected, each for its reason."""
+        if not why:
+            return self
+        good = np.ones(len(self.line), dtype=bool)
+        good[list(why)] = False
+        left_out = tuple((self.file, int(self.line[k]), why[k]) for k in sorted(why))
+        return replace(self.kept(good), rejected=self.rejected + left_out)
+
+    def kept(self, good: Bools) -> Log:
+        """Some of the rows; nothing is said of the others."""
+        number, word = sifted(self.number, good), sifted(self.word, good)
+        return replace(self, number=number, word=word, line=self.line[good])
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A column to look for.
+
+    Attributes:
+        stem: Its name without unit.
+        units: Factor to SI by unit suffix; empty for a number without unit.
+        kind: `number` or `name`.
+        needed: Whether the table must have it.
+        filled: Whether every row of a table that must have it has to.
+    """
+
+    stem: str
+    units: Mapping[str, float]
+    kind: Kind = "number"
+    needed: bool = True
+    filled: bool = True
+
+
+def table(name: str, data: bytes, wanted: Sequence[Quantity]) -> Log:
+    """The wanted columns of a delimited table with a header, in SI; the first names its rows.
+
+    Raises:
+        InputError: Empty, a needed column is missing, or it has no unit.
+    """
+    return typed(opened(name, data, OURS, None, wanted[0].stem), wanted, OURS, None)
+
+
+def typed(file: Titled, wanted: Sequence[Quantity], said: LogForm, where: str | None) -> Log:
+    """The same of a log whose header was found, and that a table of campaign.toml may describe."""
+    name, titles = file.text.name, file.titles
+    with at(name):
+        with at(line=file.line):
+            there = [(q, *column) for q in wanted if (column := _column(titles, q, where))]
+        known = {title: Field(title, q.kind, q.needed and q.filled) for q, title, _ in there}
+        other = {title: Field(title, "any" if title else "blank", False) for title in titles}
+        fields = tuple((other | known)[title] for title in titles)
+        layout = Layout(fields, file.delimiter, file.first, said.decimal, table=where)
+        log = _log(name, rows(file.text, layout), there)
+        early = tuple((name, line, reason) for line, reason in file.above)
+        log = replace(log, rejected=early + log.rejected)
+        if not len(log.line) + len(log.rejected):
+            raise InputError("there is no row in it, nothing but a header", "export it again")
+    return _possible(log, [q.stem for q in wanted if q.units])
+
+
+def known_columns(said: LogForm, where: str, quantities: Sequence[Quantity]) -> None:
+    """Every name that campaign.toml gives a column is one of ours.
+
+    Raises:
+        InputError: One is not.
+    """
+    names = [name for q in quantities for name in names_of(q)]
+    for title, ours in said.columns.items():
+        if ours.lower() not in {name.lower() for name in names}:
+            raise InputError(
+                f'[{where}.columns] calls "{title}" {ours}, which is no column of ours',
+                f"there are {listed(names, most=40)}",
+                file="campaign.toml",
+            )
+
+
+def _log(file: str, read: Rows, columns: Sequence[tuple[Quantity, str, float]]) -> Log:
+    """A table in SI; of each quantity the title of its column, and the factor."""
+    number = {q.stem: read.floats(title) * si for q, title, si in columns if q.kind == "number"}
+    words = {q.stem: read.columns[title] for q, title, _ in columns if q.kind == "name"}
+    word = {k: w.cast(pa.string()).to_numpy(zero_copy_only=False) for k, w in words.items()}
+    rejected = tuple((file, line, reason) for line, reason in read.rejected)
+    return Log(file, number, word, read.line, rejected)
+
+
+def _possible(log: Log, names: Sequence[str]) -> Log:
+    """Only rows with values that an instrument may show."""
+    for name in names:
+        reason = f"{name} is larger than any instrument shows; correct or remove the row"
+        log = log.where(name, lambda values: ~(np.abs(values) > _LARGEST), reason)
+    return log
+
+
+def names_of(q: Quantity) -> list[str]:
+    """What the column of a quantity may be called."""
+    return [f"{q.stem}_{unit}" for unit in q.units] or [q.stem]
+
+
+def suffixed(titles: Sequence[str], q: Quantity) -> tuple[str, str | None] | None:
+    """The column of a quantity and the unit in its name: `x_mm`, `mm`; None where it has none."""
+    of_unit = {f"{q.stem}_{unit}".lower(): unit for unit in q.units} | {q.stem.lower(): None}
+    return next(((name, of_unit[name]) for name in titles if name in of_unit), None)
+
+
+def _column(titles: Sequence[str], q: Quantity, where: str | None) -> tuple[str, float] | None:
+    """The column of a quantity and its factor to SI, or None where it has none and needs none."""
+    found = suffixed(titles, q)
+    mapped = (
+        f", or say what it is in [{where}.columns] of campaign.toml, as `pipeline inspect` proposes"
+        if where
+        else ""
+    )
+    if found is None and q.needed:
+        raise InputError(
+            f"there is no column {names_of(q)[0]} among {listed(titles)}",
+            f"add it to the header and to every row{mapped}",
+        )
+    if found and q.units and found[1] is None:
+        raise InputError(
+            f"column {found[0]} does not say its unit",
+            f"call it {' or '.join(names_of(q))}{mapped}",
+        )
+    return (found[0], q.units[found[1]] if found[1] else 1.0) if found else None
+
+
+def whole_numbers(log: Log) -> Log:
+    """Only rows whose pose and repeat are whole numbers, not negative."""
+
+    def whole(values: Array) -> Bools:
+        return (values >= 0) & (values == np.round(values)) & (values < BEYOND)
+
+    for name in ("pose", "repeat"):
+        log = log.where(name, whole, f"{name} is not a whole number; correct or remove the row")
+    return log
+
+
+def once(log: Log, key: Sequence[str]) -> Log:
+    """Rows whose key comes once: equal ones are kept once, contradicting ones not at all."""
+    rows = pd.DataFrame({**log.number, **log.word})
+    twice = rows[rows.duplicated(list(key), keep=False)]
+    why: dict[int, str] = {}
+    for _, same in twice.groupby(list(key), sort=False):
+        agree = len(same.drop_duplicates()) == 1
+        line = log.line[same.index]
+        reason = (
+            f"repeats line {line[0]}; remove it"
+            if agree
+            else f"lines {listed(map(str, line))} contradict each other; keep the right one"
+        )
+        why |= dict.fromkeys(same.index[agree:].tolist(), reason)
+    return log.without(why)

@@ -1,0 +1,83 @@
+"""The times of a table with a header: which column has them, in which form, and what is none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from pipeline.base.errors import InputError
+from pipeline.readers import _time
+from pipeline.readers._cells import cells_or_none, is_plain, shown
+from pipeline.readers._layout import Rows
+from pipeline.readers._named import Header
+from pipeline.readers._text import Text
+
+SEARCHED = 1000
+"""How many rows are searched for the first one with a time; without any it is ISO 8601."""
+_SEVERAL = 2
+"""Cells that are no times from which on it is the column that is none, and not a damaged cell."""
+
+
+def form_of_times(text: Text, header: Header, comment: str | None) -> str:
+    """How the times are written, told from the first row that has one."""
+    rows = sample(text, header, comment)
+    if not header.has("time"):
+        _no_times_elsewhere(next(rows, []), header)
+        return _time.ISO
+    first = next(filter(None, (_moment(cells, header) for cells in rows)), "")
+    return _time.form_of(first) or _time.ISO
+
+
+def trusted_times(text: Text, header: Header, comment: str | None) -> tuple[Header, str | None]:
+    """The header without a column of times of which none is one, and its title with an example."""
+    place = header.where("time")
+    if place is None or header.has("date"):
+        return header, None
+    cells = [row[place] for row in sample(text, header, comment) if len(row) > place]
+    filled = [cell for cell in cells if cell]
+    if len(filled) < _SEVERAL or any(map(_time.form_of, filled)):
+        return header, None
+    columns = list(header.columns)
+    columns[place] = replace(columns[place], role="")
+    untimed = f'{columns[place].title} ("{shown(filled[0])}")'
+    return replace(header, columns=tuple(columns)), untimed
+
+
+def sample(text: Text, header: Header, comment: str | None) -> Iterator[list[str]]:
+    """Cells of the rows below the header, as many as it may take to find one with a time."""
+    for _, line in text.lines(header.begins, most=SEARCHED):
+        if is_plain(line, comment) and (cells := cells_or_none(line, header.delimiter)):
+            yield cells
+
+
+def _moment(cells: Sequence[str], header: Header) -> str:
+    """Date and time of a row as it has them, or nothing where the time is not filled in."""
+    places = (header.where(role) for role in ("date", "time"))
+    day, clock = ("" if k is None else "".join(cells[k : k + 1]) for k in places)
+    return f"{day} {clock.lstrip(_time.APOSTROPHE)}".strip() if clock else ""
+
+
+def _no_times_elsewhere(cells: Sequence[str], header: Header) -> None:
+    """Without a time column, no other column may hold times: they would be lost unnoticed."""
+    for column, cell in zip(header.columns, cells, strict=False):
+        if not column.role and _time.form_of(cell):
+            raise InputError(
+                f'column "{shown(column.title)}" holds times, but is not called time',
+                "call it time, or say what it is in [tracker.mapping] of campaign.toml",
+            )
+
+
+def dated(table: Rows, form: str) -> Rows:
+    """Times of the day put together with their dates; rows without a time that can be read go."""
+    days, clocks = (table.columns[role].cast(pa.string()) for role in ("date", "time"))
+    clocks = pc.utf8_ltrim(clocks, characters=_time.APOSTROPHE)
+    cells = pc.utf8_trim_whitespace(pc.binary_join_element_wise(days, clocks, " "))
+    times, _ = _time.moments(cells, form)
+    keep = np.asarray(pc.or_(times.is_valid(), pc.equal(cells, "")))
+    return replace(table, columns={**table.columns, "time": times}).only(
+        keep, "date and time are no time in the form of the others; correct or remove the row"
+    )

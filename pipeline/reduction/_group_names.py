@@ -1,0 +1,140 @@
+"""How the names of groups are read: which part is the pose, the state, the repeat.
+
+Told from the names alone, and from what was read in the groups that have them.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import pyarrow as pa
+
+from pipeline.base import patterns
+from pipeline.base.arrays import Array
+from pipeline.reduction.settings import Naming
+
+STATES = ("unloaded", "loaded")
+_TOKEN = re.compile(r"[0-9]+|[^\W\d_]+|[\W_]+")
+"""A number, a word, or what stands between them."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """How group names are read.
+
+    Attributes:
+        pattern: Regular expression with the parts pose, state and, where there is one, repeat.
+        states: The words of the states as they stand in the names: that of the unloaded one, and
+            those of loaded ones, as on the way up and down.
+    """
+
+    pattern: str
+    states: tuple[str, ...] = STATES
+
+    @property
+    def state_of(self) -> dict[str, str]:
+        """`unloaded` or `loaded` by word."""
+        return {word: STATES[k > 0] for k, word in enumerate(self.states)}
+
+
+def states_of(names: Sequence[str], group: Group) -> dict[str, str]:
+    """State of each group that is one."""
+    found = patterns.parts(pa.array(names, pa.string()), group.pattern).to_pylist()
+    word = {said.lower(): state for said, state in group.state_of.items()}
+    return {
+        name: word[parts["state"].lower()]
+        for name, parts in zip(names, found, strict=True)
+        if parts is not None and parts["state"].lower() in word
+    }
+
+
+def ways_to_read(rows: Mapping[str, Mapping[str, Array]]) -> tuple[Group, ...]:
+    """How group names are read: the usual way, or by a number and a word of a few.
+
+    Names of one form are a number for the pose, a word for the state and perhaps a number for the
+    repeat. Words whose groups have more targets are loaded: the chain's ends are read only then.
+    Where as many are read in all, any word may be that of the unloaded state: a way for each.
+    """
+    usual = Group(Naming().group)
+    if states_of(list(rows), usual):
+        return (usual,)
+    tokens = {name: _TOKEN.findall(name) for name in rows if re.search("[0-9]", name)}
+    longest = max(tokens.values(), key=len, default=[])
+    alike = {name: own for name, own in tokens.items() if _fits(own, longest)}
+    numbers = [k for k, token in enumerate(longest) if token.isdigit()]
+    for k in range(len(longest)):
+        said = {name: own[k] for name, own in alike.items() if len(own) > k}
+        if _states(said, alike, numbers[0]):
+            orders = _orders(said, rows)
+            least = min(map(len, map(alike.__getitem__, said)))
+            found = [Group(_pattern(longest, numbers, k, one, least), one) for one in orders]
+            return tuple(one for one in found if _apart_from_each_other(list(rows), one))
+    return ()
+
+
+def _apart_from_each_other(names: Sequence[str], group: Group) -> bool:
+    """Whether no two groups are the same pull: on the way up and down numbers may begin again."""
+    found = patterns.parts(pa.array(names, pa.string()), group.pattern).drop_null().to_pylist()
+    keys = [(parts["pose"], group.state_of.get(parts["state"]), parts["repeat"]) for parts in found]
+    numbered = [key for key in keys if key[2]]
+    return len(set(numbered)) == len(numbered)
+
+
+def _states(said: Mapping[str, str], alike: Mapping[str, Sequence[str]], place: int) -> bool:
+    """Whether a part of the names is one of some words, and most numbers at a place have two."""
+    words = set(said.values())
+    pose = {name: alike[name][place] for name in said if len(alike[name]) > place}
+    both = {(number, said[name]) for name, number in pose.items()}
+    return (
+        len(words) > 1
+        and all(word.isalpha() for word in words)
+        and len(both) >= 1.5 * len(set(pose.values()))
+    )
+
+
+def _fits(own: Sequence[str], longest: Sequence[str]) -> bool:
+    """Whether numbers and words stand where they stand in the longest name, as far as it goes."""
+    return all(
+        a.isdigit() == b.isdigit() and a.isalpha() == b.isalpha()
+        for a, b in zip(own, longest, strict=False)
+    )
+
+
+def _orders(
+    said: Mapping[str, str], rows: Mapping[str, Mapping[str, Array]]
+) -> list[tuple[str, ...]]:
+    """The word of the unloaded state, then those of loaded ones; any first where none has least.
+
+    Only words whose groups have a target in common can be states of one effector.
+    """
+    read: dict[str, list[set[str]]] = {word: [] for word in said.values()}
+    for name, word in said.items():
+        read[word].append({*rows[name]})
+    most = {word: max(map(len, some)) for word, some in read.items()}
+    unloaded, *loaded = sorted(most, key=lambda word: most[word])
+    if most[unloaded] < most[loaded[0]]:
+        return [(unloaded, *loaded)]
+    if not set.intersection(*(set[str]().union(*some) for some in read.values())):
+        return []
+    return [(one, *(word for word in most if word != one)) for one in most]
+
+
+def _pattern(
+    tokens: Sequence[str], numbers: Sequence[int], state: int, states: tuple[str, ...], least: int
+) -> str:
+    """An expression for names of one form, the last parts of which may be missing."""
+    parts = {
+        numbers[0]: "(?P<pose>[0-9]+)",
+        state: f"(?P<state>{'|'.join(map(re.escape, states))})",
+    }
+    if len(numbers) > 1:
+        parts[numbers[1]] = "(?P<repeat>[0-9]*)" if numbers[1] >= least else "(?P<repeat>[0-9]+)"
+    out = []
+    for k, token in enumerate(tokens):
+        fixed = "[0-9]+" if token.isdigit() else re.escape(token).replace("\\ ", " ")
+        maybe = f"{fixed}?" if len(fixed) == 1 else f"(?:{fixed})?"
+        out.append(parts.get(k, maybe if k >= least else fixed))
+    none = "" if len(numbers) > 1 else "(?P<repeat>[0-9]*)"
+    return "".join(out) + none

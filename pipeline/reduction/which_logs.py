@@ -1,0 +1,191 @@
+"""Which files of a new campaign are the logs beside the exports, and what their columns mean."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from pipeline.base.errors import InputError
+from pipeline.machine.robot import SHIPPED, Robot, load
+from pipeline.machine.robot.mdh import parse as parse_robot
+from pipeline.readers import logs
+from pipeline.readers._log_form import OURS, LogForm
+from pipeline.readers._text import is_workbook
+from pipeline.readers.logs import Log
+from pipeline.reduction import limits
+
+
+@dataclass(frozen=True)
+class Logs:
+    """The logs among some files.
+
+    Attributes:
+        loads: Log of the loads, None where there is none.
+        joints: Joint log, None where there is none.
+        robots: Robots whose joints the log has; those that ship, and files in the folder.
+        load_columns: Our names for the columns of the loads, by their titles; without those that
+            have ours; several, with bars between them, where a title does not state its unit.
+        joint_columns: The same of the joint log, by robot.
+        refused: Why a file is not used.
+    """
+
+    loads: str | None = None
+    joints: str | None = None
+    robots: tuple[str, ...] = ()
+    load_columns: dict[str, str] = field(default_factory=dict)
+    joint_columns: dict[str, dict[str, str]] = field(default_factory=dict)
+    refused: dict[str, str] = field(default_factory=dict)
+
+
+def propose_logs(files: Mapping[str, bytes]) -> Logs:
+    """Which files are the logs beside the exports; of several alike the first.
+
+    A workbook may be both, and an export, too: on a sheet for each.
+
+    Args:
+        files: Content by name; TOML files are taken for robots.
+    """
+    robots = dict(_robots(files))
+    said = Logs()
+    for name, data in files.items():
+        if not _may_be_log(name, data):
+            continue
+        fits = dict(_having(name, data, robots))
+        form = _loads(name, data) if not fits or is_workbook(data) else None
+        if fits := fits or ({} if form else dict(_by_number(name, data, robots))):
+            columns = {robot: form.columns for robot, form in fits.items()}
+            new = {"joints": name, "robots": tuple(fits), "joint_columns": columns}
+            said = _added(said, name, new, said.joints)
+        if form:
+            said = _added(said, name, {"loads": name, "load_columns": form.columns}, said.loads)
+    return said
+
+
+def _may_be_log(name: str, data: bytes) -> bool:
+    try:
+        return not name.endswith(".toml") and logs.may_be_log(name, data)
+    except InputError:
+        return is_workbook(data)  # several of its sheets may be meant: each log looks for its own
+
+
+def _added(said: Logs, name: str, new: Mapping[str, Any], earlier: str | None) -> Logs:
+    """The logs with one more, refused where an earlier one is of the same kind."""
+    if earlier is None:
+        return replace(said, **new)
+    return replace(said, refused=said.refused | {name: f"{earlier} is such a log, too"})
+
+
+def _robots(files: Mapping[str, bytes]) -> Iterator[tuple[str, Robot]]:
+    """Robots in the folder, then those that ship."""
+    for name, data in files.items():
+        if name.endswith(".toml"):
+            try:
+                yield name, parse_robot(data.decode("utf-8", "replace"), name)
+            except InputError:
+                continue
+    for name in SHIPPED:
+        yield name, load(name)
+
+
+def _having(name: str, data: bytes, robots: Mapping[str, Robot]) -> Iterator[tuple[str, LogForm]]:
+    """Robots all of whose joints a log has, and what has to be said of its columns."""
+    for key, robot in robots.items():
+        form = _form(
+            partial(logs.joints, name, data, robot),
+            partial(logs.understood_joints, name, data, robot),
+        )
+        if form:
+            yield key, _within_limits(name, data, robot, form)
+
+
+def _within_limits(name: str, data: bytes, robot: Robot, form: LogForm) -> LogForm:
+    """Titles that state no unit with the one that keeps all poses within the robot's limits.
+
+    Where several do, those stay; where none does, all.
+    """
+    fitting = _possible(name, data, robot, form)
+    said = {title: {one.columns[title] for one in fitting} for title in form.columns}
+    left = {
+        title: "|".join(one for one in ours.split("|") if one in said[title]) or ours
+        for title, ours in form.columns.items()
+    }
+    return form.model_copy(update={"columns": left})
+
+
+def _by_number(
+    name: str, data: bytes, robots: Mapping[str, Robot]
+) -> Iterator[tuple[str, LogForm]]:
+    """Robots that can take every row of numbers of a log as a pose, in one order of the columns."""
+    for key, robot in robots.items():
+        with contextlib.suppress(InputError):
+            ways = logs.numbered_joints(name, data, robot)
+            fitting = [form for form in ways if _possible(name, data, robot, form)]
+            if len(fitting) == 1:
+                yield key, _within_limits(name, data, robot, fitting[0])
+
+
+def _possible(name: str, data: bytes, robot: Robot, form: LogForm) -> list[LogForm]:
+    """A log in each of the units that its titles leave open in which the robot takes all poses."""
+    open_ones = {ours for ours in form.columns.values() if "|" in ours}
+    units = [{one.rpartition("_")[2] for one in ours.split("|")} for ours in open_ones]
+    fitting = []
+    for choice in product(*sorted({tuple(sorted(some)) for some in units})):
+        columns = {title: _in_one_of(ours, choice) for title, ours in form.columns.items()}
+        chosen = form.model_copy(update={"columns": columns})
+        with contextlib.suppress(InputError):
+            if not limits.impossible(logs.joints(name, data, robot, chosen), robot):
+                fitting.append(chosen)
+    return fitting
+
+
+def _in_one_of(ours: str, units: Sequence[str]) -> str:
+    """Of several names that differ by unit the one with a unit of these."""
+    return next((one for one in ours.split("|") if one.rpartition("_")[2] in units), ours)
+
+
+def _loads(name: str, data: bytes) -> LogForm | None:
+    """What has to be said of the columns of a log of loads, None where it is none."""
+    return _form(partial(logs.loads, name, data), partial(logs.understood_loads, name, data))
+
+
+def unsure(
+    name: str | None, files: Mapping[str, bytes], columns: Mapping[str, str]
+) -> tuple[str, ...]:
+    """What a log of loads holds and whose uncertainty only a person knows.
+
+    A scale shows forces wherever nothing else can be read.
+    """
+    with contextlib.suppress(InputError):
+        form = logs.settled(LogForm(columns=dict(columns)))
+        log = logs.loads(name, files[name], form) if name else None
+        if log is not None and len(log.line):
+            given = {kind: ~np.isnan(log.number[kind]) for kind in ("force", "mass")}
+            given["mass"] &= np.isnan(log.number["mass_sigma"])
+            return tuple(kind for kind, rows in given.items() if rows.any())
+    return ("force",)
+
+
+def _form(read: Callable[[LogForm], Log], meant: Callable[[], LogForm | None]) -> LogForm | None:
+    """How a log is read: as ours, else by what its titles mean; None where it is none.
+
+    A row that cannot be read, or a decimal mark that has to be asked, makes no other file of it.
+    """
+    try:
+        return OURS if _readable(read, OURS) else meant()
+    except InputError:
+        return None
+
+
+def _readable(read: Callable[[LogForm], Log], form: LogForm) -> bool:
+    """Whether a log can be read; one without rows is one."""
+    try:
+        read(form)
+    except InputError as problem:
+        return "nothing but a header" in problem.thing
+    return True
