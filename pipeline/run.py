@@ -7,7 +7,7 @@ order and keeps every table. How a stage is carried out (plainly, or as a Prefec
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
@@ -19,6 +19,7 @@ from pipeline.answer.contract import Answer, Which
 from pipeline.answer.findings import Findings, Told
 from pipeline.answer.recommended import Basis, Values, decide, identified, joint_springs, recommend
 from pipeline.answer.reliability import control
+from pipeline.answer.standing import stood
 from pipeline.answer.tables import (
     covariance_table,
     errors_table,
@@ -144,6 +145,7 @@ def _compute(campaign: Campaign, raw: Raw, step: Step) -> Answer:
     before = archive.earlier(campaign, found.answer)
     pages = step(render)(found.answer, found.shown, run_time_s, before)
     answers = {"result.json": dump(found.answer.as_json()), **handover.files(found.model), **pages}
+    answers |= found.files
     told = {
         "run_time_s": run_time_s,
         "previous": archive.mark(before),
@@ -162,16 +164,21 @@ class Answered:
         answer: What result.json holds.
         shown: The tables a reader wants to see, by name.
         model: The identified robot, for those who load it elsewhere.
+        files: Further files for others, by name.
     """
 
     answer: Answer
     shown: dict[str, pd.DataFrame]
     model: handover.Model
+    files: dict[str, bytes] = field(default_factory=dict)
 
 
 @at(_LAST_RESORT)
 def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) -> Answered:
     """To stiffnesses and what is wrong with data or model."""
+    if raw.settings.positions is not None:
+        end = stood(name, raw, keep, step)
+        return Answered(end.answer, end.shown, end.model, end.files)
     raw.settings.within_reach(raw.files[_LAST_RESORT].decode("utf-8", "replace"))
     case = ingested(raw, keep, step, plausible=False)
     case, reduced, pose = step(as_measured)(case, bring(case, keep, step))

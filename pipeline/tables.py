@@ -104,6 +104,29 @@ LOADS = _promise(
     *_SOURCE,
 )
 
+CURVES = _promise(
+    "curves",
+    "joint,q",
+    _count("joint", "number of the joint, from 1"),
+    _number("q", "m or rad", "joint value"),
+    _number("error", "m or rad", "how much more the joint moves than its encoder says"),
+    _number("error_std", "m or rad", "its standard uncertainty"),
+    _count("poses", "how many poses were measured there"),
+)
+"""Transmission errors of the joints, of a campaign of positions."""
+
+HELD_OUT = _promise(
+    "held_out",
+    "model,parting,series,pose,target",
+    _word("model", "what the model holds"),
+    _word("parting", "which poses were left out at a time"),
+    _text("series", "series of the instrument's frame"),
+    _count("pose", "number of the pose in its series"),
+    _TARGET,
+    _number("distance_m", "m", "from where a model without the pose puts the target"),
+)
+"""Targets of poses that were left out, of a campaign of positions."""
+
 REJECTED = _promise(
     "rejected",
     "file,line,reason",
@@ -265,6 +288,23 @@ WORKSPACE = _promise(
     *_axes("direction_{}", "1", "direction in which it moves, F_b"),
 )
 """How soft the robot is over the plane that its arm sweeps."""
+
+
+def positions(robot: Robot) -> pa.Schema:
+    """Absolute positions as they were read, in the frame of the instrument."""
+    return _promise(
+        "positions",
+        "series,pose,target",
+        _text("series", "series of the instrument's frame"),
+        _number("pose", "1", "number of the pose in its series"),
+        _TARGET,
+        _text("payload", "name of the payload on the flange, empty for none"),
+        _number("temperature", "degC", "of the air, NaN unknown"),
+        *_SOURCE,
+        *(_number(axis, "m", "reading") for axis in "xyz"),
+        *(_number(f"r{axis}", "rad", "reading of a 6D target, NaN for a point") for axis in "xyz"),
+        *(_number(j.name, "m" if j.prismatic else "rad", "joint value") for j in robot.joints),
+    )
 
 
 def joints(robot: Robot) -> pa.Schema:

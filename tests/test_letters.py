@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.machine.robot import configure, load
-from pipeline.machine.robot.letters import changed, letters, nominal, twists
+from pipeline.machine.robot.letters import changed, letters, twists
 
 
 @pytest.mark.parametrize(

@@ -106,6 +106,7 @@ class Predicted(StrEnum):
 
     DISPLACEMENTS = "displacements"
     UNLOADED_POSITIONS = "unloaded positions"
+    POSITIONS = "positions"
 
 
 class Odd(StrEnum):
@@ -226,6 +227,14 @@ class Drawn(Fact):
     )
 
 
+class HeldOutPosition(Fact):
+    """Distance of targets from where a model without their pose puts them [mm]."""
+
+    mean: Number
+    rms: Number
+    p95: Number = Field(description="95 % of the targets are nearer")
+
+
 class Validation(Drawn):
     """How far predictions can be trusted."""
 
@@ -240,6 +249,11 @@ class Validation(Drawn):
         exclude_if=_nothing,
         description="rms error [mm] of the rows of one payload or weight, the springs from all "
         "other loads; null where these leave it open; absent with one load",
+    )
+    held_out_position_mm: HeldOutPosition | None = Field(
+        default=None,
+        exclude_if=_nothing,
+        description="of absolute positions, every tenth pose left out; absent without positions",
     )
 
 
@@ -365,6 +379,21 @@ class Evidence(Fact):
     unit: str
 
 
+class Law(Fact):
+    """A law that nobody listed: by how much a joint turns more than its encoder says."""
+
+    kind: Literal["periodic", "smooth", "step", "coupling"]
+    variable: Literal["angle", "torque", "position", "temperature", "time"]
+    joint: int = Field(description="that it moves, from 1")
+    source_joint: int | None = Field(description="whose angle or torque it is of, where another")
+    order: Number = Field(
+        description="periods per turn, or degree; of a smooth law of an angle how many of the "
+        "lengths over which it remembers make a turn"
+    )
+    range: tuple[Number, Number] = Field(description="of the variable, where it was taught, SI")
+    text: str
+
+
 class Cause(Placed):
     """A cause that the data call for, or a mistake in the data."""
 
@@ -385,6 +414,9 @@ class Cause(Placed):
     needs: str | None = Field(default=None, description="what would settle it")
     gain: Gain | None
     evidence: Evidence | None = None
+    law: Law | None = Field(
+        default=None, exclude_if=_nothing, description="of an `unlisted_law`; absent otherwise"
+    )
 
 
 class Alone(Placed):
@@ -619,6 +651,30 @@ class Measuring(Fact):
     calibrated: str | None
 
 
+class Letter(Placed):
+    """An entry of the robot's table: a length, an offset, a twist or a joint's zero."""
+
+    nominal: float = Field(description="in the robot file")
+    value: float
+    std: float = Field(description="standard uncertainty")
+    prior_std: float = Field(
+        description="how rough the table is: as found over all of its lengths or angles"
+    )
+    unit: Literal["m", "rad"]
+    identifiable: bool = Field(
+        description="the readings alone know it better than the robot file does"
+    )
+
+
+class PositionStep(Fact):
+    """Mean distance of left-out targets from their prediction by one model [mm]."""
+
+    model: str
+    between_mm: Number = Field(description="every tenth pose left out")
+    space_mm: Number = Field(description="a tenth of joint space left out")
+    series_mm: Number = Field(description="one series left out; null where there is one only")
+
+
 class Forward(Fact):
     """What the forward model takes into account."""
 
@@ -677,6 +733,14 @@ class Answer(Values, Heading):
         default=None,
         exclude_if=_nothing,
         description="a force that the robot would hardly hold; absent without one",
+    )
+    geometry: tuple[Letter, ...] = Field(
+        default=(), exclude_if=_nothing, description="the robot's table; absent without positions"
+    )
+    position_steps: tuple[PositionStep, ...] = Field(
+        default=(),
+        exclude_if=_nothing,
+        description="what each part of the model is worth; absent without positions",
     )
     model: Forward
     assumptions: tuple[str, ...]

@@ -7,10 +7,14 @@ The transmission error over the joint's own angle of whatever shape is `curves.C
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from pipeline.base.arrays import Array, Locked
+
+Kind = Literal["periodic", "smooth", "step", "coupling"]
+Variable = Literal["angle", "torque", "temperature", "time"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +53,8 @@ class Law:
     """
 
     joint: int
-    kind: str
-    variable: str
+    kind: Kind
+    variable: Variable
     source: int | None
     order: float
     middle: float = 0.0
@@ -86,8 +90,3 @@ class Law:
         if self.kind == "step":
             return np.sign(v)[:, None]
         return np.asarray(v[:, None].clip(-1.0, 1.0) ** self.order)
-
-
-def size(law: Law, values: Array) -> float:
-    """Amplitude of a law: of a wave its half height, else that at one `scale`."""
-    return float(np.linalg.norm(values))

@@ -235,10 +235,10 @@ def linearised(readings: Readings, mechanism: Mechanism, weights: Weights) -> Li
     y = np.concatenate([seen_at - at, turned], axis=2).reshape(len(readings), -1)
     read = readings.read
     D = np.zeros((*read.shape, where.dense))
-    D[..., where.letters] = _reach(twists(here, mechanism.letters), at)
+    D[..., where.letters] = reach(twists(here, mechanism.letters), at)
     D[..., where.tool] = _of_tool(at, turn, readings)
     D[..., where.frames] = _of_frames(at, readings)
-    Z = _reach(here.twists, at)
+    Z = reach(here.twists, at)
     D[..., where.compliance] = Z * inputs.tau[:, None, :]
     if mechanism.laws:
         each = [(law.joint - 1, law.basis(inputs)) for law in mechanism.laws]
@@ -257,7 +257,7 @@ def within(readings: Readings) -> Array:
     return out
 
 
-def _reach(screws: Array, at: Array) -> Array:
+def reach(screws: Array, at: Array) -> Array:
     """How screws (m, k, 6) move targets (m, t, 3): rows of shift and turn, (m, 6 t, k)."""
     omega, v = screws[:, None, :, :3], screws[:, None, :, 3:]
     shift = np.cross(omega, at[:, :, None, :]) + v

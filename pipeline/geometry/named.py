@@ -11,7 +11,7 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.geometry import curves, search
 from pipeline.geometry.identify import Identified, Wanted, identify, likeliest_length
-from pipeline.geometry.laws import Law
+from pipeline.geometry.laws import Kind, Law, Variable
 from pipeline.geometry.mechanism import Mechanism, Weights, layout
 from pipeline.geometry.readings import Readings
 from pipeline.geometry.scatter import Scatter
@@ -48,8 +48,8 @@ class NamedLaw(Locked):
     """
 
     joint: int
-    kind: str
-    variable: str
+    kind: Kind
+    variable: Variable
     source: int | None
     order: float
     amplitude: float

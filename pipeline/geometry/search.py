@@ -24,7 +24,7 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.geometry import curves
 from pipeline.geometry.estimate import Rows
 from pipeline.geometry.identify import Identified
-from pipeline.geometry.laws import Inputs, Law
+from pipeline.geometry.laws import Inputs, Law, Variable
 from pipeline.geometry.readings import Readings
 
 _ORDERS = np.arange(0.5, 130.01, 0.25)
@@ -143,7 +143,11 @@ def _of_torque(inputs: Inputs, joint: int) -> Iterator[Law]:
 
 
 def _of_surroundings(inputs: Inputs, joint: int) -> Iterator[Law]:
-    for name, v in (("temperature", inputs.temperature), ("time", inputs.time)):
+    surroundings: tuple[tuple[Variable, Array], ...] = (
+        ("temperature", inputs.temperature),
+        ("time", inputs.time),
+    )
+    for name, v in surroundings:
         if np.isfinite(v).all() and np.ptp(v) > 0:
             yield Law(joint, "smooth", name, None, 1.0, float(v.mean()), float(np.ptp(v)) / 2)
 

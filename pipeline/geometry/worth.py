@@ -12,6 +12,7 @@ from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.base.bootstrap import interval
 from pipeline.geometry import leftout, search
 from pipeline.geometry.identify import Identified
+from pipeline.geometry.mechanism import layout
 from pipeline.geometry.readings import Readings
 
 
@@ -64,8 +65,21 @@ def partings(readings: Readings, rng: np.random.Generator) -> dict[Parting, Ints
 
 
 def distances(found: Identified, part: Ints) -> Array:
-    """Distance of each target from its prediction without the part of its pose [m], (m, t)."""
-    return leftout.distances(leftout.errors(found, part), found.readings.read)
+    """Distance of each target from its prediction without the part of its pose [m], (m, t).
+
+    Each series is laid on its readings as a rigid body: where the instrument stood is no part of
+    the robot, and a table that is wrong says it wrongly.
+    """
+    errors = leftout.errors(found, part)
+    where, off = layout(found.mechanism), errors.copy()
+    position = np.tile(np.arange(6) < 3, errors.shape[1] // 6)
+    for series in range(len(found.readings.names)):
+        frame = slice(where.frames.start + 6 * series, where.frames.start + 6 * series + 6)
+        seen = found.readings.read & position & (found.readings.series == series)[:, None]
+        K = found.linear.D[..., frame][seen]
+        if len(K) > K.shape[1]:
+            off[seen] = errors[seen] - K @ linear.least_squares(K, errors[seen])
+    return leftout.distances(off, found.readings.read)
 
 
 class Judge:

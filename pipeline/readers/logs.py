@@ -76,7 +76,7 @@ LENGTH = {"m": 1.0, "mm": 1e-3, "in": 0.0254}
 """Units of length [m]."""
 _FORCE_OF = {True: FORCE, False: {"nm": 1.0, "knm": 1e3}}
 """Units of what drives a sliding joint [N], and of what turns another [N m]."""
-_ANGLE = {"deg": np.pi / 180.0, "rad": 1.0}
+ANGLE = {"deg": np.pi / 180.0, "rad": 1.0}
 """Units of angles [rad]."""
 LIMIT_SLACK = 1e-9
 """How far a joint may seem beyond its limit [m] or [rad]: degrees are rounded when converted."""
@@ -244,7 +244,7 @@ def joints(name: str, data: bytes, robot: Robot, said: LogForm = OURS) -> Log:
     Raises:
         InputError: A joint is missing; the file cannot be read.
     """
-    own, axes = _own(robot), _controller(robot)
+    own, axes = own_joints(robot), controller_axes(robot)
     kinds = [names for names in (own, axes) if names]
     file = opened(name, data, said, "joints", POSE.stem,
                   lambda titles: any(_has(titles, one) for one in kinds))  # fmt: skip
@@ -316,9 +316,9 @@ def settled(form: LogForm) -> LogForm:
 
 def understood_joints(name: str, data: bytes, robot: Robot) -> LogForm | None:
     """What [joints] may say of a joint log with the titles of others; None where it is none."""
-    axes = _controller(robot) or _own(robot)
+    axes = controller_axes(robot) or own_joints(robot)
     slides = [q.units is LENGTH for q in axes]
-    names, units = [q.stem for q in axes], ([*LENGTH], [*_ANGLE])
+    names, units = [q.stem for q in axes], ([*LENGTH], [*ANGLE])
     return understood(
         name, data, "joints", lambda titles: _log_words.of_joints(titles, names, slides, units)
     )
@@ -337,7 +337,7 @@ def numbered_joints(name: str, data: bytes, robot: Robot) -> list[LogForm]:
     if form is None:
         return []
     titles = _of_numbers(opened(name, data, form, "joints", POSE.stem))
-    axes = _controller(robot) or _own(robot)
+    axes = controller_axes(robot) or own_joints(robot)
     if len(titles) != len(axes) or not _log_words.in_order(titles):
         return []
     behind = sorted(axes, key=lambda q: q.units is LENGTH)
@@ -383,16 +383,16 @@ def joint_values(log: Log, robot: Robot) -> Array:
     return np.column_stack([log.number[joint.name] for joint in robot.joints])
 
 
-def _own(robot: Robot) -> list[Quantity]:
+def own_joints(robot: Robot) -> list[Quantity]:
     """The robot's joints."""
-    return [Quantity(j.name, LENGTH if j.prismatic else _ANGLE) for j in robot.joints]
+    return [Quantity(j.name, LENGTH if j.prismatic else ANGLE) for j in robot.joints]
 
 
-def _controller(robot: Robot) -> list[Quantity]:
+def controller_axes(robot: Robot) -> list[Quantity]:
     """The controller's axes; those that move a sliding joint are lengths."""
     slides = robot.prismatic.astype(float) @ np.abs(robot.controller_matrix) > 0
     axes = zip(robot.controller, slides, strict=True)
-    return [Quantity(axis, LENGTH if slide else _ANGLE) for axis, slide in axes]
+    return [Quantity(axis, LENGTH if slide else ANGLE) for axis, slide in axes]
 
 
 def _has(header: Sequence[str], wanted: Sequence[Quantity]) -> bool:

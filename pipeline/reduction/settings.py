@@ -207,6 +207,28 @@ class Displacements(Strict):
     sigma_m: Scatter | None = None
 
 
+class Positions(LogForm):
+    """A campaign of absolute positions: tables of joint values and what was read there.
+
+    Attributes:
+        file: One table with all series, where `files` names none.
+        files: One table for each series, by its name.
+        rotation: What rx, ry, rz of a 6D target are: turns about its x, y and z, one after the
+            other about axes that turn along, or about fixed ones.
+        sigma_m: Standard uncertainty of a coordinate; estimated where it is not stated.
+    """
+
+    file: FileName = "poses.csv"
+    files: dict[Name, FileName] = Field(default_factory=dict)
+    rotation: Literal["xyz_intrinsic", "xyz_extrinsic", "zyx_intrinsic"] = "xyz_intrinsic"
+    sigma_m: Scatter | None = None
+
+    @property
+    def named(self) -> list[str]:
+        """The tables."""
+        return [*dict.fromkeys(self.files.values())] or [self.file]
+
+
 class TestPose(Strict):
     """Where a good prediction matters most, Eqs. (12), (13); m and degrees, N."""
 
@@ -303,17 +325,25 @@ class Settings(Strict):
     payload: dict[Name, Payload] = Field(default_factory=dict)
     joints: JointLog = JointLog()
     displacements: Displacements | None = None
+    positions: Positions | None = None
     instrument: Instrument = Instrument()
-    tool: dict[Name, Point]
+    tool: dict[Name, Point] = Field(default_factory=dict)
     tool_uncertainty: ToolUncertainty = ToolUncertainty()
     test_pose: TestPose | None = None
     model: Model = Model()
 
     @model_validator(mode="after")
     def raw_or_reduced(self) -> Settings:
-        """Either [tracker], with a [scale] where a chain pulls, or [displacements]."""
-        if self.displacements is None and self.tracker is None:
-            raise ValueError("needs the tables [tracker] and [scale], or [displacements]")
+        """[tracker], with a [scale] where a chain pulls, or [displacements], or [positions]."""
+        ways = (self.tracker, self.displacements, self.positions)
+        if ways == (None, None, None):
+            raise ValueError(
+                "needs the tables [tracker] and [scale], or [displacements], or [positions]"
+            )
+        if self.positions is not None and (*ways[:2], self.scale) != (None, None, None):
+            raise ValueError(
+                "has [positions] beside [tracker], [scale] or [displacements]; keep one way in"
+            )
         if self.displacements is not None and (self.tracker is not None or self.scale is not None):
             raise ValueError("has [displacements] beside [tracker] or [scale]; keep one way in")
         return self
@@ -322,13 +352,15 @@ class Settings(Strict):
     def tool_has_its_points(self) -> Settings:
         """The load point and every measured target need nominal coordinates."""
         lacking = [name for name in ("load_point", *self.measured) if name not in self.tool]
-        if lacking:
+        if lacking and self.positions is None:
             raise ValueError(f"[tool] lacks {', '.join(lacking)}")
         return self
 
     @model_validator(mode="after")
     def a_pose_has_three_targets(self) -> Settings:
         """Three targets that are not on one line tell a pose."""
+        if self.positions is not None:
+            return self
         places = np.array([self.tool[name] for name in self.measured])
         if self.instrument.measures == "poses" and not tells_a_pose(places):
             raise ValueError(
@@ -350,7 +382,9 @@ class Settings(Strict):
                     raise ValueError(f'"{name}" stands in {seen[name]} and in {part}; rename one')
             if twice := sorted({name for name in names if names.count(name) > 1}):
                 raise ValueError(f"{part} has {listed(twice)} twice; name each reflector once")
-        places = [self.tool[name] for name in self.measured]
+        places = [self.tool.get(name) for name in self.measured]
+        if self.positions is not None:
+            return self
         if same := [n for n in self.measured if places.count(self.tool[n]) > 1]:
             raise ValueError(f"[tool] has {listed(same)} in one place; give each its own")
         return self

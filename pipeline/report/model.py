@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from pipeline.answer.contract import Answer
 from pipeline.report import words
-from pipeline.report.record import Report, present
+from pipeline.report.record import Report, Section, present
 from pipeline.report.sections.diagnosis import diagnosis
+from pipeline.report.sections.geometry import geometry, laws, letters
 from pipeline.report.sections.method import method
 from pipeline.report.sections.prediction import test_pose, validation
 from pipeline.report.sections.readings import (
@@ -38,18 +39,22 @@ def compose(
         previous: The answer to the robot's previous campaign, to say what has changed.
     """
     title, tone = words.VERDICTS[answer.diagnosis.verdict]
-    sections = [
-        stiffness(answer, previous),
-        diagnosis(answer, tables),
-        test_pose(answer, tables),
-        validation(answer, tables),
-        residuals(answer, tables),
-        budget(answer),
-        registration(answer, tables),
-        reliability(tables),
-        rejected(answer),
-        method(answer),
-    ]
+    sections = (
+        _of_positions(answer, tables)
+        if answer.geometry
+        else [
+            stiffness(answer, previous),
+            diagnosis(answer, tables),
+            test_pose(answer, tables),
+            validation(answer, tables),
+            residuals(answer, tables),
+            budget(answer),
+            registration(answer, tables),
+            reliability(tables),
+            rejected(answer),
+            method(answer),
+        ]
+    )
     return Report(
         kicker=f"Joint stiffness · {answer.robot}",
         heading=answer.campaign,
@@ -61,3 +66,15 @@ def compose(
         elsewhere="The same stands in index.html and report.pdf, the numbers in result.json.",
         run_time=None if run_time_s is None else f"{run_time_s:.1f} s",
     )
+
+
+def _of_positions(answer: Answer, tables: Tables) -> list[Section | None]:
+    """What there is to say of absolute positions."""
+    return [
+        geometry(answer, tables),
+        laws(answer, tables),
+        stiffness(answer, None),
+        letters(answer),
+        rejected(answer),
+        method(answer),
+    ]

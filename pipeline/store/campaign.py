@@ -140,6 +140,8 @@ class Campaign:
         own = None if settings.robot in SHIPPED else settings.robot
         if own is not None and not (own.endswith(".toml") and os.path.exists(self.folder / own)):
             raise no_robot(own, "campaign.toml")
+        if settings.positions is not None:
+            return [*settings.positions.named, *filter(None, [own])]
         if settings.displacements is not None:
             given = settings.displacements
             return [*filter(None, [given.file, given.forces, settings.joints.file, own])]

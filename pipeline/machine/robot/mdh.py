@@ -211,6 +211,8 @@ class RobotFile(BaseModel):
     flange: Fixed | None = None
     joint: list[Joint] = Field(min_length=1)
     controller: Controller | None = None
+    length_sigma_m: Positive | None = None
+    angle_sigma_deg: Positive | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,6 +231,8 @@ class Robot(Locked):
         assumptions: What the file assumes, for the report.
         payload_kg: What its manufacturer lets it carry, None when the file does not say.
         text: The file itself, for hashing and the report.
+        roughness: How far its lengths [m] and angles [rad] are off as delivered, one standard
+            deviation; NaN where the file does not say.
     """
 
     name: str
@@ -242,6 +246,7 @@ class Robot(Locked):
     assumptions: tuple[str, ...]
     payload_kg: float | None
     text: str
+    roughness: tuple[float, float] = (math.nan, math.nan)
 
     @property
     def n(self) -> int:
@@ -363,6 +368,10 @@ def parse(text: str, file: str) -> Robot:
         assumptions=tuple(content.assumptions),
         payload_kg=content.payload_kg,
         text=text,
+        roughness=(
+            content.length_sigma_m or math.nan,
+            math.radians(content.angle_sigma_deg or math.nan),
+        ),
     )
 
 

@@ -8,6 +8,7 @@ from pipeline.answer.contract import Answer
 from pipeline.answer.history import robots
 from pipeline.report.figures import (
     causes,
+    geometry,
     places,
     prediction,
     residuals,
@@ -35,6 +36,8 @@ CATALOGUE: tuple[Plot, ...] = (
     workspace.WORKSPACE,
     workspace.WORKSPACE_JOINT_SPRINGS,
     places.REGISTRATION,
+    geometry.POSITION_STEPS,
+    geometry.CURVES,
 )
 _PLOTS = {plot.name: plot for plot in CATALOGUE}
 

@@ -20,6 +20,16 @@ _METHOD = (
     "pose with all its pulls at a time."
 )
 
+OF_POSITIONS = (
+    "Readings of the targets are explained by the robot's table, its tool, one frame of the "
+    "instrument per series, springs of the joints under the weight of the arm, and laws by which "
+    "joints turn more than their encoders say; all are estimated at once by generalised least "
+    "squares about the robot where it stands. Beside the noise of the instrument each joint has an "
+    "error at each pose that no model holds; both are found by restricted maximum likelihood. "
+    "Lengths and angles of the table are expected to be off by what is found over all of them."
+)
+"""How absolute positions are explained."""
+
 _PULLED = {
     "load": "the force reading that moves all coordinates of a pull together, the direction of "
     "the chain",
@@ -41,6 +51,8 @@ def method(answer: Answer) -> Section | None:
 
 
 def _told(answer: Answer) -> str:
+    if answer.geometry:
+        return OF_POSITIONS
     deformed = answer.model.equilibrium is Equilibrium.DEFORMED
     told = [
         _METHOD.format(**_loads(answer)),

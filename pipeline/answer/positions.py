@@ -1,0 +1,376 @@
+"""The answer to a campaign of absolute positions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from pipeline.answer import contract
+from pipeline.answer.contract import Answer, Data, JointType, NoiseFrom, Predicted, Reason, Which
+from pipeline.answer.inputs import (
+    input_entries,
+    instrument_entry,
+    measured_on,
+    rejected_entries,
+)
+from pipeline.base.linear import rms
+from pipeline.base.quantities import percent, plain, with_std
+from pipeline.diagnosis.finding import Finding, Verdict
+from pipeline.geometry.identify import Identified
+from pipeline.geometry.mechanism import layout
+from pipeline.geometry.named import NamedLaw
+from pipeline.geometry.study import Stage, Step, Study
+from pipeline.geometry.worth import Parting
+from pipeline.machine.robot import Joint, Robot
+from pipeline.machine.robot.letters import nominal
+from pipeline.store.campaign import Raw, versions
+
+_KNOWN = 0.5
+"""Variance over that of the prior below which the readings alone know more than the prior does."""
+
+_QUANTILE = 1.959964
+"""Of 95 % intervals: there are thousands of readings."""
+
+UNLISTED = "unlisted_law"
+
+
+def answer(campaign: str, raw: Raw, found: Study, rejected: pd.DataFrame) -> Answer:
+    """The answer to a campaign of positions.
+
+    Args:
+        campaign: Its name.
+        raw: Its files.
+        found: What was identified.
+        rejected: Table REJECTED.
+    """
+    last, springs = found.stages[-1], _stage(found, Step.SPRINGS)
+    causes = tuple(_cause(law, raw.robot) for law in found.laws)
+    verdict = Verdict.EXPLAINED if causes else Verdict.ADEQUATE
+    model = Which.EXTENDED if causes else Which.JOINT_SPRINGS
+    reason = Reason.CAUSE_IDENTIFIED if causes else Reason.ADEQUATE
+    sentences = _sentences(found, raw.robot)
+    shown = last if causes else springs
+    values = _values(shown)
+    known = contract.Believed
+    return Answer(
+        format=1,
+        campaign=campaign,
+        name=raw.settings.name,
+        robot=raw.robot.name,
+        measured=measured_on(raw.settings, None),
+        verdict_sentence=sentences,
+        recommended=contract.Recommended(
+            model=model,
+            data=Data.AS_GIVEN,
+            reason=reason,
+            why=_WHY[bool(causes)],
+            hypotheses=(
+                contract.Weighed(
+                    weight=1.0,
+                    causes=tuple(
+                        known(name=UNLISTED, where=law.joint, form=law.kind, in_catalogue=False)
+                        for law in found.laws
+                    ),
+                ),
+            ),
+        ),
+        **dict(values),
+        diagnosis=_diagnosis(found, verdict, causes, sentences),
+        joint_springs=_values(springs),
+        extended=_extended(last) if causes else None,
+        budget=(),
+        noise=contract.Noise(from_=_noise_from(last.found), contrasts=0, components=()),
+        rejected=rejected_entries(rejected),
+        findings=(),
+        registration=None,
+        instrument=instrument_entry(raw.settings),
+        geometry=letter_entries(shown.found),
+        position_steps=tuple(_step(one) for one in found.stages),
+        model=contract.Forward(equilibrium=contract.Equilibrium.UNDEFORMED),
+        assumptions=(*raw.robot.assumptions, *_ASSUMED),
+        inputs=input_entries(raw),
+        versions=versions(),
+    )
+
+
+_WHY = {
+    True: "Laws of the joints were identified that predict poses left out better: they stand "
+    "beside table and springs.",
+    False: "Table and springs predict poses left out as well as anything else that was tried.",
+}
+
+_ASSUMED = (
+    "weight pulls along -z of the robot's base, unless campaign.toml says otherwise",
+    "stiffnesses come from the weight of the links in the robot file; an error of these weights is "
+    "an error of the stiffnesses",
+    "each joint has an error at each pose that no model holds, found from the readings; it is in "
+    "the uncertainty of every prediction",
+)
+
+
+def _stage(found: Study, step: Step) -> Stage:
+    return next(one for one in found.stages if one.step is step)
+
+
+def _values(stage: Stage) -> contract.Values:
+    return contract.Values(
+        stiffness=stiffness_entries(stage.found),
+        fit=_fit(stage.found),
+        validation=_validation(stage),
+        test_pose_deflection=(),
+    )
+
+
+def _extended(stage: Stage) -> contract.Extended:
+    return contract.Extended(
+        stiffness=stiffness_entries(stage.found), fit=_fit(stage.found), test_pose_deflection=()
+    )
+
+
+def stiffness_entries(found: Identified) -> tuple[contract.Stiffness, ...]:
+    """One record per joint, from what the arm's own weight does to it."""
+    part = layout(found.mechanism).compliance
+    value, var = found.solution.x[part], np.diag(found.solution.cov)[part]
+    before = found.known.std[part] ** 2
+    return tuple(
+        _stiffness(number, joint, float(x), float(np.sqrt(v)), bool(v < _KNOWN * b))
+        for number, (joint, x, v, b) in enumerate(
+            zip(found.mechanism.table.joints, value, var, before, strict=True), 1
+        )
+    )
+
+
+def _stiffness(number: int, joint: Joint, x: float, std: float, known: bool) -> contract.Stiffness:
+    has_value = known and x > 0
+    low, high = x - _QUANTILE * std, x + _QUANTILE * std
+    return contract.Stiffness(
+        joint=number,
+        joint_name=joint.name,
+        name=f"k_{joint.name}",
+        unit=joint.stiffness_unit,
+        value=1 / x if has_value else None,
+        std=std / x**2 if has_value else None,
+        ci95=(1 / high if known and high > 0 else None, 1 / low if known and low > 0 else None),
+        identifiable=known,
+        joint_type=JointType.PRISMATIC if joint.prismatic else JointType.REVOLUTE,
+        compliance=x if known else None,
+        compliance_std=std if known else None,
+        compliance_unit=joint.compliance_unit,
+        relative_std=std / x if has_value else None,
+        nominal=joint.stiffness,
+        finding=_about(joint, x, known),
+        budget=(),
+    )
+
+
+def _about(joint: Joint, x: float, known: bool) -> str | None:
+    if not known:
+        return f"k_{joint.name} is not determined: the weight of the arm hardly turns that joint."
+    if x <= 0:
+        return (
+            f"k_{joint.name} comes out negative: something else moves that joint with the weight; "
+            "hang a known load on the flange."
+        )
+    return None
+
+
+def letter_entries(found: Identified) -> tuple[contract.Letter, ...]:
+    """The robot's table as found."""
+    mechanism, known = found.mechanism, found.known
+    k = len(mechanism.values)
+    table = nominal(mechanism.table, mechanism.letters)
+    var = np.diag(found.solution.cov)[:k]
+    rough = [known.roughness(letter.turns) for letter in mechanism.letters]
+    return tuple(
+        contract.Letter(
+            name=letter.name,
+            where=letter.joint,
+            nominal=float(nominal_value),
+            value=float(nominal_value + off),
+            std=float(np.sqrt(v)),
+            prior_std=prior,
+            unit="rad" if letter.turns else "m",
+            identifiable=bool(v < _KNOWN * before**2),
+        )
+        for letter, nominal_value, off, v, prior, before in zip(
+            mechanism.letters, table, mechanism.values, var, rough, known.std[:k], strict=True
+        )
+    )
+
+
+def _fit(found: Identified) -> contract.Fit:
+    e = found.rows.y - found.rows.along(found.solution.x)
+    seen = found.linear.read
+    held = float(np.sum(found.rows.variance(found.solution.cov).diagonal(axis1=1, axis2=2)))
+    off = found.left.reshape(len(e), -1, 6)[..., :3][seen.reshape(len(e), -1, 6)[..., :3]]
+    std = 1e3 * found.scatter.position
+    return contract.Fit(
+        rms_mm=1e3 * rms(off),
+        chi2=float(np.sum(e**2)),
+        dof=round(float(seen.sum()) - held),
+        p_value=None,
+        noise_from=_noise_from(found),
+        residual_std_mm=std,
+        second_order_rms_mm=None,
+        noise_statement=f"A coordinate scatters by {plain(std, 2)} mm, "
+        + ("as stated" if found.scatter.stated else "found from the residuals")
+        + "; what each joint adds at each pose is found beside it.",
+    )
+
+
+def _noise_from(found: Identified) -> NoiseFrom:
+    return NoiseFrom.STATED if found.scatter.stated else NoiseFrom.RESIDUALS
+
+
+def _validation(stage: Stage) -> contract.Validation:
+    off = 1e3 * stage.errors[Parting.BETWEEN]
+    off = off[np.isfinite(off)]
+    none = contract.Drawn(test_pose={}, global_={})
+    return contract.Validation(
+        test_pose={},
+        global_={},
+        held_out_rms_mm=rms(off) / np.sqrt(3.0),
+        independent=none,
+        poses=len(stage.found.readings),
+        test_pose_stated=False,
+        held_out_position_mm=contract.HeldOutPosition(
+            mean=float(off.mean()), rms=rms(off), p95=float(np.quantile(off, 0.95))
+        ),
+    )
+
+
+def _step(stage: Stage) -> contract.PositionStep:
+    mm = {parting: 1e3 * stage.mean(parting) for parting in stage.errors}
+    return contract.PositionStep(
+        model=stage.step.value,
+        between_mm=mm[Parting.BETWEEN],
+        space_mm=mm[Parting.SPACE],
+        series_mm=mm.get(Parting.SERIES),
+    )
+
+
+def _cause(law: NamedLaw, robot: Robot) -> contract.Cause:
+    slides = robot.prismatic[law.joint - 1]
+    return contract.Cause(
+        name=UNLISTED,
+        where=law.joint,
+        location=f"joint {law.joint}",
+        form=law.kind,
+        probability=1.0,
+        parameters=(
+            contract.Amplitude(
+                name="amplitude",
+                value=law.amplitude,
+                std=law.std,
+                unit="m" if slides else "rad",
+                ci95=(law.amplitude - _QUANTILE * law.std, law.amplitude + _QUANTILE * law.std),
+            ),
+        ),
+        p_value=law.p,
+        rivals=(),
+        gain=contract.Gain(
+            held_out_rms_before_mm=1e3 * law.gain.before,
+            held_out_rms_after_mm=1e3 * law.gain.after,
+            reduction=law.gain.reduction,
+            ci95=law.gain.ci95,
+            of=Predicted.POSITIONS,
+            test_pose_change_mm=None,
+        ),
+        law=contract.Law(
+            kind=law.kind,
+            variable="position" if law.variable == "angle" and slides else law.variable,
+            joint=law.joint,
+            source_joint=None if law.source == law.joint else law.source,
+            order=law.order,
+            range=law.range,
+            text=text_of(law, robot),
+        ),
+    )
+
+
+def text_of(law: NamedLaw, robot: Robot) -> str:
+    """The law in one sentence."""
+    slides = bool(robot.prismatic[law.joint - 1])
+    size = f"{plain(1e3 * law.amplitude, 2)} {'mm' if slides else 'mrad'}"
+    turn = "per metre" if slides else "per turn"
+    moves = f"joint {law.joint} {'slides' if slides else 'turns'}"
+    if law.kind == "periodic":
+        return f"{moves} with a ripple of {plain(law.order, 3)} {turn}, {size}"
+    if law.kind == "coupling":
+        return f"{moves} with joint {law.source}, {plain(law.order, 2)} {turn} of that, {size}"
+    if law.variable == "angle":
+        way = "its place" if slides else "its angle"
+        return f"{moves} by a smooth error over {way}, {size} in amplitude"
+    return f"{moves} with {_OF[law.variable]}, {size}"
+
+
+_OF = {
+    "torque": "the square or cube of its torque",
+    "temperature": "the temperature of the air",
+    "time": "the time since the series began",
+}
+
+
+def _sentences(found: Study, robot: Robot) -> tuple[str, ...]:
+    """The first screen."""
+    first, last = found.stages[0], found.stages[-1]
+    mm = [1e3 * one.mean(Parting.BETWEEN) for one in (first, last)]
+    out = [
+        f"Poses left out are predicted to {plain(mm[1], 2)} mm on average, with the robot's table "
+        f"as delivered to {plain(mm[0], 2)} mm."
+    ]
+    steps = zip(found.stages, found.stages[1:], strict=False)
+    said = [
+        f"{now.step.value} {percent(1 - now.mean(Parting.BETWEEN) / before.mean(Parting.BETWEEN))}"
+        for before, now in steps
+        if now.found is not before.found
+    ]
+    out.append(f"Each step takes off the error: {', '.join(said)}.")
+    if found.laws:
+        out.append(f"The largest law that nobody listed: {text_of(found.laws[0], robot)}.")
+    if Parting.SERIES in last.errors:
+        out.append(
+            f"Where a whole series is left out, {plain(1e3 * last.mean(Parting.SERIES), 2)} mm "
+            "remain: expect as much in joint angles that were not measured."
+        )
+    known = [s for s in stiffness_entries(last.found) if s.value is not None]
+    if known:
+        springs = ", ".join(f"{s.name} = {with_std(s.value, s.std)} {s.unit}" for s in known)
+        out.append(f"Springs under the arm's own weight: {springs}.")
+    return tuple(out)
+
+
+def _diagnosis(
+    found: Study, verdict: Verdict, causes: Sequence[contract.Cause], why: Sequence[str]
+) -> contract.Diagnosis:
+    first, last = found.stages[0], found.stages[-1]
+    none = contract.PosesPulls(poses=None, pulls=None)
+    return contract.Diagnosis(
+        verdict=verdict,
+        why=why[0],
+        reasons=(Finding.CAUSE_IDENTIFIED if causes else Finding.NOTHING,),
+        causes=tuple(causes),
+        alone=(),
+        unloaded_off_mm=(1e3 * first.mean(Parting.BETWEEN), 1e3 * last.mean(Parting.BETWEEN)),
+        blind_spots=(),
+        next_poses=(),
+        refused=(),
+        misfit_sits_at=(),
+        detection=contract.Detection(
+            threshold_p=None,
+            smallest_p=min((law.p for law in found.laws), default=None),
+            lack_of_fit_p=none,
+            remainder_over_scatter=None,
+            remainder_p=contract.Remainder(poses=None, pulls=None, further_cause=None),
+        ),
+        scatter=contract.Scatter(
+            tracker_over_stated=None,
+            tracker_over_stated_std=None,
+            scale_over_tracker=None,
+            known_from="residuals",
+        ),
+        equilibrium=contract.Equilibrium.UNDEFORMED,
+        noise_floor_mm=1e3 * last.found.scatter.position,
+    )

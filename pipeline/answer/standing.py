@@ -1,0 +1,159 @@
+"""What a campaign of positions hands over: its answer, tables to show, and models."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from pipeline import tables
+from pipeline.answer import positions
+from pipeline.answer.contract import Answer
+from pipeline.base.arrays import Array
+from pipeline.geometry.identify import Identified
+from pipeline.geometry.mechanism import layout
+from pipeline.geometry.positioned import Positioned, positioned
+from pipeline.geometry.study import Study, study
+from pipeline.machine.cell import Tool, paper_cell
+from pipeline.prediction.model import Hypothesis, Model
+from pipeline.prediction.standing import dumps, standing
+from pipeline.reduction.bring import Keep, Step
+from pipeline.store.campaign import Raw
+
+_SEED = 20261123
+
+MODEL = "positions.npz"
+"""What `pipeline predict` reads."""
+
+_ACROSS = 400
+"""Points of a curve that is drawn."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stood:
+    """The end of a campaign of positions.
+
+    Attributes:
+        answer: What result.json holds.
+        shown: The tables a reader wants to see, by name.
+        model: Springs and corrected table, for those who load it elsewhere.
+        files: What `pipeline predict` reads, by name.
+    """
+
+    answer: Answer
+    shown: dict[str, pd.DataFrame]
+    model: Model
+    files: dict[str, bytes]
+
+
+def stood(name: str, raw: Raw, keep: Keep, step: Step) -> Stood:
+    """From the tables of positions to the answer."""
+    read = step(positioned)(raw.settings, raw.robot, raw.files)
+    keep("10_positions", read.table, tables.positions(raw.robot))
+    settings = raw.settings.positions
+    points = {one: np.array(at) for one, at in raw.settings.tool.items()}
+    found = step(study)(
+        raw.robot,
+        read.readings,
+        read.weights,
+        points,
+        None if settings is None else settings.sigma_m,
+        raw.robot.roughness,
+        np.random.default_rng(_SEED),
+    )
+    rejected = keep("13_rejected", _rejected(read, found), tables.REJECTED)
+    given = positions.answer(name, raw, found, rejected)
+    shown = {
+        "rejected": rejected,
+        "curves": keep("50_curves", _curves(found.final), tables.CURVES),
+        "held_out": keep("60_held_out", _held_out(found), tables.HELD_OUT),
+    }
+    masses = [
+        (one, body.mass_kg, np.array(body.center_m)) for one, body in raw.settings.payload.items()
+    ]
+    kept = standing(name, found.final, masses)
+    return Stood(given, shown, _model(name, found.final, given), {MODEL: dumps(kept)})
+
+
+def _rejected(read: Positioned, found: Study) -> pd.DataFrame:
+    """What was left out when it was read, and the blunders."""
+    file = dict(zip(read.readings.line.tolist(), read.files, strict=True))
+    bad = pd.DataFrame(
+        [
+            (file[line], line, f"stands {1e3 * off:.3g} mm from where all others put it")
+            for line, off in found.bad
+        ],
+        columns=["file", "line", "reason"],
+    )
+    return pd.concat([read.rejected, bad], ignore_index=True)
+
+
+def _curves(found: Identified) -> pd.DataFrame:
+    """The curves of the joints with their uncertainties, and how many poses stand there."""
+    mechanism, at = found.mechanism, layout(found.mechanism).knots.start
+    parts = []
+    for curve in mechanism.curves:
+        q = np.linspace(curve.first, curve.knots[-1], _ACROSS)
+        part = slice(at, at + curve.count)
+        rows = curve.rows(q)
+        var = np.asarray((rows @ found.solution.cov[part, part]).T * rows.T.toarray()).sum(axis=0)
+        seen, _ = np.histogram(found.readings.q[:, curve.joint], np.append(q, q[-1] + q[1] - q[0]))
+        parts.append(
+            pd.DataFrame(
+                {
+                    "joint": np.full(_ACROSS, curve.joint + 1, dtype=np.int32),
+                    "q": q,
+                    "error": rows @ found.solution.x[part],
+                    "error_std": np.sqrt(np.maximum(var, 0.0)),
+                    "poses": seen.astype(np.int32),
+                }
+            )
+        )
+        at = part.stop
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=_CURVE)
+
+
+_CURVE = ["joint", "q", "error", "error_std", "poses"]
+
+
+def _held_out(found: Study) -> pd.DataFrame:
+    """Distance of each target from its prediction by each model, by what was left out."""
+    parts = []
+    for stage in found.stages:
+        readings = stage.found.readings
+        for parting, off in stage.errors.items():
+            m, t = off.shape
+            parts.append(
+                pd.DataFrame(
+                    {
+                        "model": np.full(m * t, stage.step.value, dtype=object),
+                        "parting": np.full(m * t, parting.value, dtype=object),
+                        "series": np.repeat(readings.names[readings.series], t),
+                        "pose": np.repeat(readings.pose, t).astype(np.int32),
+                        "target": np.tile(readings.targets, m),
+                        "distance_m": off.ravel(),
+                    }
+                )
+            )
+    return pd.concat(parts, ignore_index=True)
+
+
+def _model(name: str, found: Identified, given: Answer) -> Model:
+    """Corrected table and springs; the uncertainty of what is not determined is infinite."""
+    mechanism, part = found.mechanism, layout(found.mechanism).compliance
+    points = mechanism.tool[:, :3, 3]
+    cell = paper_cell(mechanism.robot, Tool(points[0], found.readings.targets, points))
+    cov: Array = found.solution.cov[part, part].copy()
+    known = np.array([one.identifiable for one in given.stiffness])
+    cov[~known], cov[:, ~known] = 0.0, 0.0
+    cov[~known, ~known] = np.inf
+    one = Hypothesis(1.0, cell, mechanism.compliance, cov)
+    said = given.recommended
+    return Model(
+        name,
+        str(given.diagnosis.verdict),
+        {"model": str(said.model), "data": str(said.data), "reason": str(said.reason)},
+        (one,),
+        known,
+    )

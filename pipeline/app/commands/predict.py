@@ -1,0 +1,69 @@
+"""`pipeline predict`: where the targets of a campaign of positions stand at other joint values."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from typer import Argument, Option
+
+from pipeline.app.commands._shared import Named, Root, app
+from pipeline.base import files
+from pipeline.base.errors import UsageError
+
+
+class Of(StrEnum):
+    """Which model predicts."""
+
+    RECOMMENDED = "recommended"
+    JOINT_SPRINGS = "joint_springs"
+    NOMINAL = "nominal"
+
+
+@app.command(short_help="Predict where targets stand at joint values.")
+def predict(
+    campaign: Named,
+    file: Annotated[
+        Path,
+        Argument(metavar="FILE.csv", help="Joint values, columns as in joints.csv; fx_n, payload."),
+    ],
+    model: Annotated[Of, Option(help="Of what is identified, or of the table.")] = Of.RECOMMENDED,
+    output: Annotated[Path | None, Option(help="CSV to write; stdout without it.")] = None,
+    root: Root = Path(),
+) -> None:
+    """Predict the absolute positions of a campaign's targets, in F_b, with their uncertainty."""
+    table = predicted(root, campaign, file, model)
+    if output is None:
+        typer.echo(table, nl=False)
+    else:
+        files.write(output, table.encode())
+        typer.echo(output)
+
+
+def predicted(root: Path, name: str, file: Path, model: Of = Of.RECOMMENDED) -> str:
+    """Rows of `row,target,x_m,...`, as docs/campaign.md has them.
+
+    Raises:
+        UsageError: The campaign has no such model yet, or the file is not there.
+        InputError: The file cannot be read, or a row of it is not as it should be.
+    """
+    from pipeline.prediction import standing
+    from pipeline.prediction.asked import as_csv, asked
+    from pipeline.store import campaign as campaigns
+
+    kept = campaigns.find(root, name).reports / "positions.npz"
+    if not kept.is_file():
+        raise UsageError(
+            f"{name} has no model of positions: only campaigns with [positions] have one, once "
+            f"`pipeline run {name}` is done"
+        )
+    one = standing.load(kept)
+    chosen = {Of.NOMINAL: one.nominal, Of.JOINT_SPRINGS: one.springs}.get(model, lambda: one)()
+    try:
+        data = file.read_bytes()
+    except OSError as problem:
+        raise UsageError(f"{file} cannot be read ({problem.strerror}): check the path") from problem
+    rows = asked(file.name, data, chosen)
+    return as_csv(chosen, standing.predict(chosen, *rows))

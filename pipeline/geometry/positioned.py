@@ -1,0 +1,189 @@
+"""A campaign of absolute positions, from its tables to readings pose by pose."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy.spatial.transform import Rotation
+
+from pipeline.base.arrays import Array, Bools, Ints
+from pipeline.base.errors import InputError, listed
+from pipeline.geometry.mechanism import Weights
+from pipeline.geometry.readings import Readings
+from pipeline.machine.robot import Robot
+from pipeline.readers.logs import Log, joint_values
+from pipeline.readers.positions import AXES, TARGET, TURNS, positions
+from pipeline.reduction.limits import LEEWAY
+from pipeline.reduction.settings import Payload, Positions, Settings
+
+_ORDER = {"xyz_intrinsic": "XYZ", "xyz_extrinsic": "xyz", "zyx_intrinsic": "ZYX"}
+"""How scipy writes the sequences; rx, ry, rz are the angles about x, y and z in each."""
+
+_FEWEST = 10
+"""Poses of a campaign: tool, frame and a few letters have some twenty unknowns, a pose has three to
+six readings."""
+
+
+@dataclass(frozen=True, eq=False)
+class Positioned:
+    """Positions of a campaign.
+
+    Attributes:
+        readings: What was read, pose by pose.
+        weights: What pulls at the arm.
+        rejected: File, line and reason of what was left out.
+        table: Every row that was used, table POSITIONS.
+        files: File of each pose.
+    """
+
+    readings: Readings
+    weights: Weights
+    rejected: pd.DataFrame
+    table: pd.DataFrame
+    files: tuple[str, ...]
+
+
+def positioned(settings: Settings, robot: Robot, raw: Mapping[str, bytes]) -> Positioned:
+    """Read a campaign of positions.
+
+    Raises:
+        InputError: A file is missing or cannot be trusted, or too little is left.
+    """
+    said = settings.positions
+    assert said is not None
+    logs = [_log(settings, said, robot, raw, name) for name in said.named]
+    rows = pd.concat([_rows(log, robot, said) for log in logs], ignore_index=True)
+    rows, beyond = _within_limits(rows, robot)
+    rejected = [*(one for log in logs for one in log.rejected), *beyond]
+    unknown = sorted(set(rows["payload"]) - {"", *settings.payload})
+    if unknown:
+        raise InputError(
+            f"payload {listed(unknown)} is not known",
+            f"give it a table [payload.{unknown[0]}] in campaign.toml",
+            file=str(rows["file"].iloc[0]),
+        )
+    frame = pd.DataFrame(rejected, columns=["file", "line", "reason"])
+    poses = rows.groupby(["series", "pose"], sort=False, observed=True)
+    if poses.ngroups < _FEWEST:
+        raise InputError(
+            f"{poses.ngroups} poses are left, of at least {_FEWEST}",
+            "measure more, or correct the rows that were left out",
+            file=said.named[0],
+        )
+    readings, files = _by_pose(rows, robot, said, list(settings.payload))
+    return Positioned(readings, weights_of(settings, readings), frame, rows, files)
+
+
+def weights_of(settings: Settings, readings: Readings) -> Weights:
+    """Gravity, and the payload of each pose."""
+    bodies: Sequence[Payload | None] = [None, *settings.payload.values()]
+    mass = np.array([0.0 if one is None else one.mass_kg for one in bodies])
+    centre = np.array([(0.0, 0.0, 0.0) if one is None else one.center_m for one in bodies])
+    return Weights(settings.gravity.vector, mass[readings.payload], centre[readings.payload])
+
+
+def _log(
+    settings: Settings, said: Positions, robot: Robot, raw: Mapping[str, bytes], name: str
+) -> Log:
+    if name not in raw:
+        raise InputError(
+            "the file is missing",
+            "put it into the campaign folder or correct [positions] of campaign.toml",
+            file=name,
+        )
+    return positions(name, raw[name], robot, said)
+
+
+def _rows(log: Log, robot: Robot, said: Positions) -> pd.DataFrame:
+    """Rows of a table: series, pose, target, payload, joints, place and turn."""
+    m = len(log.line)
+    series = next((s for s, file in said.files.items() if file == log.file), None)
+    empty = np.full(m, "", dtype=object)
+    target = log.word.get("target", empty)
+    nothing = np.full(m, np.nan)
+    turn = np.stack([log.number.get(one, nothing) for one in TURNS], axis=1)
+    table = {
+        "series": log.word.get("series", empty) if series is None else np.full(m, series, object),
+        "pose": log.number.get("pose", np.arange(1.0, m + 1)),
+        "target": np.where(target == "", TARGET, target),
+        "payload": log.word.get("payload", empty),
+        "temperature": log.number.get("temperature", nothing),
+        "file": np.full(m, log.file, dtype=object),
+        "line": log.line,
+        **{axis: log.number[axis] for axis in AXES},
+        **dict(zip(TURNS, turn.T, strict=True)),
+        **{j.name: q for j, q in zip(robot.joints, joint_values(log, robot).T, strict=True)},
+    }
+    return pd.DataFrame(table)
+
+
+def _within_limits(
+    rows: pd.DataFrame, robot: Robot
+) -> tuple[pd.DataFrame, list[tuple[str, int, str]]]:
+    """The rows that the robot can take, and why others are left out."""
+    q = rows[[joint.name for joint in robot.joints]].to_numpy(float)
+    over = np.maximum(robot.lower - q, q - robot.upper)
+    worst = np.argmax(over, axis=1)
+    bad = over[np.arange(len(q)), worst] > LEEWAY
+    out = []
+    for k in np.flatnonzero(bad).tolist():
+        joint = robot.joints[worst[k]]
+        out.append((
+            str(rows["file"].iloc[k]),
+            int(rows["line"].iloc[k]),
+            f"joint {joint.name} is beyond the limits of the robot file; correct or remove the row",
+        ))  # fmt: skip
+    return rows[~bad].reset_index(drop=True), out
+
+
+def _by_pose(
+    rows: pd.DataFrame, robot: Robot, said: Positions, payloads: list[str]
+) -> tuple[Readings, tuple[str, ...]]:
+    """Readings pose by pose; of targets that are read twice the first counts."""
+    number = rows.groupby(["series", "pose"], sort=False).ngroup().to_numpy()
+    first = np.unique(number, return_index=True)[1]
+    head = rows.iloc[first]
+    targets, target = np.unique(rows["target"].to_numpy(str), return_inverse=True)
+    names, series = np.unique(head["series"].to_numpy(str), return_inverse=True)
+    m, t = len(first), len(targets)
+    at, turn = np.full((m, t, 3), np.nan), np.tile(np.eye(3), (m, t, 1, 1))
+    at[number, target] = rows[list(AXES)].to_numpy(float)
+    angles = rows[list(TURNS)].to_numpy(float)
+    six = _six(angles, target.astype(np.int64), t)
+    known = np.flatnonzero(np.isfinite(angles).all(axis=1))
+    if len(known):
+        turned = _turned(angles[known], said.rotation)
+        turn[number[known], target[known]] = turned
+    places = {"": 0, **{name: k for k, name in enumerate(payloads, 1)}}
+    readings = Readings(
+        series=series.astype(np.int64),
+        names=names.astype(object),
+        pose=head["pose"].to_numpy(np.int64),
+        line=head["line"].to_numpy(np.int64),
+        q=head[[joint.name for joint in robot.joints]].to_numpy(float),
+        targets=targets.astype(object),
+        six=six,
+        at=at,
+        turn=turn,
+        payload=np.array([places[one] for one in head["payload"]], dtype=np.int64),
+        payloads=np.array(payloads, dtype=object),
+        temperature=head["temperature"].to_numpy(float),
+    )
+    return readings, tuple(head["file"])
+
+
+def _six(angles: Array, target: Ints, count: int) -> Bools:
+    """Targets whose every row has its orientation, (t,)."""
+    unknown = np.isnan(angles).any(axis=1)
+    return np.bincount(target, unknown, count) == 0
+
+
+def _turned(angles: Array, rotation: str) -> Array:
+    """Orientations of angles about x, y, z in some order, (k, 3, 3)."""
+    order = _ORDER[rotation]
+    place = {"X": 0, "Y": 1, "Z": 2}
+    sorted_by = angles[:, [place[letter] for letter in order.upper()]]
+    return np.asarray(Rotation.from_euler(order, sorted_by).as_matrix())

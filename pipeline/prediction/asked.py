@@ -1,0 +1,67 @@
+"""Rows that are to be predicted, and what is said of them, as CSV."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from scipy.spatial.transform import Rotation
+
+from pipeline.base.arrays import Array, Ints
+from pipeline.base.errors import InputError, listed
+from pipeline.prediction.standing import Predicted, Standing
+from pipeline.readers import positions
+from pipeline.readers.logs import FORCE, joint_values
+
+
+def asked(name: str, data: bytes, model: Standing) -> tuple[Array, Array, Ints, Array]:
+    """Joint values (m, n), force [N] (m, 3), payload (m,) and temperature [degC] (m,).
+
+    Raises:
+        InputError: A row cannot be read, or names a payload that the campaign does not know.
+    """
+    robot = model.mechanism.table
+    log = positions.asked(name, data, robot, FORCE)
+    for _, line, reason in log.rejected:
+        thing, _, way_out = reason.partition("; ")
+        raise InputError(thing, way_out or "correct the row", file=name, line=line)
+    m = len(log.line)
+    nothing = np.zeros(m)
+    force = [np.nan_to_num(log.number.get(f"f{axis}", nothing)) for axis in positions.AXES]
+    words = log.word.get("payload", np.full(m, "", dtype=object))
+    number = {"": 0, **{one: k for k, one in enumerate(model.payloads, 1)}}
+    for word, line in zip(words, log.line, strict=True):
+        if word not in number:
+            raise InputError(
+                f'payload "{word}" is not known',
+                f"the campaign knows {listed(model.payloads) or 'none'}",
+                file=name,
+                line=int(line),
+            )
+    return (
+        joint_values(log, robot),
+        np.column_stack(force),
+        np.array([number[word] for word in words], dtype=np.int64),
+        log.number.get("temperature", np.full(m, np.nan)),
+    )
+
+
+def as_csv(model: Standing, found: Predicted) -> str:
+    """`row,target,x_m,y_m,z_m,std_x_m,...` with orientation where a target has one."""
+    m, t = found.at.shape[:2]
+    std = found.std.reshape(m * t, 6)
+    table = {
+        "row": np.repeat(np.arange(1, m + 1), t),
+        "target": np.tile(model.targets, m),
+        **_columns("{}_m", found.at.reshape(m * t, 3)),
+        **_columns("std_{}_m", std[:, :3]),
+    }
+    if model.six.any():
+        turned = Rotation.from_matrix(found.turn.reshape(-1, 3, 3)).as_euler("XYZ")
+        known = np.tile(model.six, m)[:, None]
+        table |= _columns("r{}_rad", np.where(known, turned, np.nan))
+        table |= _columns("std_r{}_rad", np.where(known, std[:, 3:], np.nan))
+    return pd.DataFrame(table).to_csv(index=False, float_format="%.9f", lineterminator="\n")
+
+
+def _columns(name: str, values: Array) -> dict[str, Array]:
+    return {name.format(axis): values[:, k] for k, axis in enumerate(positions.AXES)}

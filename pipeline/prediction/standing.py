@@ -1,0 +1,297 @@
+"""Where a robot stands, by the model of a campaign of positions."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
+from pipeline.base.errors import InputError
+from pipeline.base.files import read as bytes_of
+from pipeline.geometry.curves import Curve
+from pipeline.geometry.estimate import between_knots
+from pipeline.geometry.identify import Identified
+from pipeline.geometry.laws import Inputs, Law
+from pipeline.geometry.mechanism import Mechanism, Weights, layout, reach
+from pipeline.machine.robot import Robot, configure
+from pipeline.machine.robot.configuration import torque
+from pipeline.machine.robot.letters import twists
+from pipeline.machine.robot.mdh import parse
+
+_LARGEST = 2**28
+"""Bytes of a model: the covariance of two thousand knots has 2^25."""
+
+_ROWS = 2048
+"""Predicted together: their arrays stay in the processor's cache."""
+
+
+@dataclass(frozen=True, eq=False)
+class Standing(Locked):
+    """A model of positions.
+
+    Attributes:
+        campaign: It comes from.
+        mechanism: Table, tool, springs, laws.
+        six: Targets whose orientation is known, shape (t,).
+        targets: Their names, shape (t,).
+        cov: Covariance of all parameters, shape (k, k).
+        joints: Error of each joint at a pose that no model holds [m] or [rad], shape (n,).
+        payloads: Names of the payloads that campaign.toml knows.
+        mass: Their masses [kg].
+        centre: Their centres, flange frame [m], shape (p, 3).
+        gravity: [m/s^2], F_b, shape (3,).
+    """
+
+    campaign: str
+    mechanism: Mechanism
+    six: Bools
+    targets: Strings
+    cov: Array
+    joints: Array
+    payloads: tuple[str, ...]
+    mass: Array
+    centre: Array
+    gravity: Array
+
+    def weights(self, payload: Ints) -> Weights:
+        """What pulls, with the payload of each pose: 0 for none, k + 1 for `payloads[k]`."""
+        mass = np.append(0.0, self.mass)[payload]
+        centre = np.vstack([np.zeros(3), self.centre.reshape(-1, 3)])[payload]
+        return Weights(self.gravity, mass, centre)
+
+    def nominal(self) -> Standing:
+        """The table as delivered, with its nominal stiffnesses; tool as found."""
+        there, where = self.mechanism, layout(self.mechanism)
+        bare = replace(
+            there,
+            values=np.zeros_like(there.values),
+            compliance=there.table.nominal_compliance,
+            laws=(),
+            amplitudes=np.zeros(0),
+            curves=(),
+            knots=np.zeros(0),
+        )
+        kept = slice(where.laws.start)
+        return replace(self, mechanism=bare, cov=self.cov[kept, kept])
+
+    def springs(self) -> Standing:
+        """The table as delivered with the springs found, without letters and laws."""
+        bare = self.nominal()
+        return replace(
+            bare, mechanism=replace(bare.mechanism, compliance=self.mechanism.compliance)
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Predicted(Locked):
+    """Where targets are.
+
+    Attributes:
+        at: [m], F_b, shape (m, t, 3).
+        turn: Orientation, shape (m, t, 3, 3).
+        cov: Of position [m^2] and of rotation about the axes of F_b [rad^2], (m, t, 6, 6).
+    """
+
+    at: Array
+    turn: Array
+    cov: Array
+
+    @property
+    def std(self) -> Array:
+        """Standard uncertainties, x, y, z [m] and about x, y, z [rad], (m, t, 6)."""
+        return np.sqrt(np.maximum(np.einsum("mtii->mti", self.cov), 0.0))
+
+
+def predict(
+    model: Standing, q: Array, force: Array, payload: Ints, temperature: Array
+) -> Predicted:
+    """Where the targets are at joint values, with the uncertainty of the true position.
+
+    Parameters, laws and the error of each joint that no model holds are in it; the noise of a
+    reading is not. Beyond where a curve was taught it has the size of the curve.
+
+    Args:
+        model: Of a campaign.
+        q: Joint values [m] or [rad], shape (m, n).
+        force: Force on the first target [N], F_b, shape (m, 3).
+        payload: 0 for none, k + 1 for `payloads[k]`, shape (m,).
+        temperature: Of the air [degC], NaN unknown, shape (m,).
+    """
+    robot, parts = model.mechanism.robot, []
+    for start in range(0, len(q), _ROWS):
+        rows = slice(start, start + _ROWS)
+        parts.append(_predict(model, robot, q[rows], force[rows], payload[rows], temperature[rows]))
+    return Predicted(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+
+
+def _predict(
+    model: Standing, robot: Robot, q: Array, force: Array, payload: Ints, temperature: Array
+) -> tuple[Array, Array, Array]:
+    mechanism = model.mechanism
+    inputs = mechanism.inputs(q, model.weights(payload), temperature, np.full(len(q), np.nan))
+    pulled = _torque(mechanism, robot, inputs, force)
+    here = mechanism.stands(replace(inputs, tau=inputs.tau + pulled), robot)
+    at, turn = mechanism.targets(here)
+    Z = reach(here.twists, at)
+    D = _dense(model, inputs, Z, reach(twists(here, mechanism.letters), at), turn, pulled)
+    K, knots = between_knots(mechanism.curves, q, Z)
+    cov = _spread(model.cov, D, K, knots)
+    loose = np.zeros_like(q) + model.joints**2
+    for curve in mechanism.curves:
+        loose[:, curve.joint] += curve.beyond(q[:, curve.joint])
+    for law in mechanism.laws:
+        loose[:, law.joint - 1] += _unknown(law, mechanism, inputs)
+    cov += (Z * loose[:, None, :]) @ np.swapaxes(Z, 1, 2)
+    m, t = at.shape[:2]
+    each = cov.reshape(m, t, 6, t, 6)
+    return at, turn, np.stack([each[:, k, :, k] for k in range(t)], axis=1)
+
+
+def _torque(mechanism: Mechanism, robot: Robot, inputs: Inputs, force: Array) -> Array:
+    """Torque of a force at the first target on the joints, (m, n)."""
+    if not force.any():
+        return np.zeros_like(inputs.q)
+    here = configure(robot, inputs.q)
+    return np.asarray(torque(here.twists, mechanism.targets(here)[0][:, 0], force))
+
+
+def _dense(
+    model: Standing, inputs: Inputs, Z: Array, letters: Array, turn: Array, pulled: Array
+) -> Array:
+    """Derivatives by all parameters but the knots, (m, 6 t, dense); frames move nothing in F_b."""
+    mechanism, where = model.mechanism, layout(model.mechanism)
+    D = np.zeros((*Z.shape[:2], where.dense))
+    D[..., where.letters] = letters
+    m, t = turn.shape[:2]
+    tool = np.zeros((m, t, 6, t, 6))
+    for k in range(t):
+        tool[:, k, :3, k, 3:] = turn[:, k]
+        tool[:, k, 3:, k, :3] = turn[:, k]
+    D[..., where.tool] = tool.reshape(m, 6 * t, 6 * t)
+    D[..., where.compliance] = Z * (inputs.tau + pulled)[:, None, :]
+    at = where.laws.start
+    for law in mechanism.laws:
+        D[..., at : at + law.amplitudes] = Z[..., law.joint - 1, None] * law.basis(inputs)[:, None]
+        at += law.amplitudes
+    return D
+
+
+def _spread(cov: Array, D: Array, K: Array, knots: Ints) -> Array:
+    """[D K] cov [D K]' of each pose, (m, r, r)."""
+    dense = D.shape[2]
+    out = D @ cov[:dense, :dense] @ np.swapaxes(D, 1, 2)
+    if K.shape[2]:
+        beside = cov[:dense, dense:].T[knots]
+        mixed = K @ (beside @ np.swapaxes(D, 1, 2))
+        own = cov[dense:, dense:][knots[:, :, None], knots[:, None, :]]
+        out += mixed + np.swapaxes(mixed, 1, 2) + K @ own @ np.swapaxes(K, 1, 2)
+    return np.asarray(out)
+
+
+def _unknown(law: Law, mechanism: Mechanism, inputs: Inputs) -> Array:
+    """Variance of a law where its variable is not known, or beyond where it was taught, (m,)."""
+    v = (law.of(inputs) - law.middle) / law.scale
+    if law.periodic:
+        return np.zeros(len(v))
+    at = sum(one.amplitudes for one in mechanism.laws[: mechanism.laws.index(law)])
+    size = float(np.sum(mechanism.amplitudes[at : at + law.amplitudes] ** 2))
+    beyond = np.maximum(np.abs(np.nan_to_num(v)) - 1.0, 0.0)
+    return np.where(np.isfinite(v), size * beyond**2, size)
+
+
+def standing(
+    campaign: str, found: Identified, masses: Sequence[tuple[str, float, Array]]
+) -> Standing:
+    """The model of an estimate."""
+    return Standing(
+        campaign=campaign,
+        mechanism=found.mechanism,
+        six=found.readings.six,
+        targets=found.readings.targets,
+        cov=found.solution.cov,
+        joints=found.scatter.joints,
+        payloads=tuple(name for name, _, _ in masses),
+        mass=np.array([mass for _, mass, _ in masses], dtype=float),
+        centre=np.array([centre for _, _, centre in masses], dtype=float).reshape(-1, 3),
+        gravity=found.weights.gravity,
+    )
+
+
+def dumps(model: Standing) -> bytes:
+    """positions.npz: all of it."""
+    there = model.mechanism
+    said = {
+        "format": 1,
+        "campaign": model.campaign,
+        "table": there.table.text,
+        "name": there.table.name,
+        "targets": model.targets.tolist(),
+        "payloads": list(model.payloads),
+        "laws": [vars(law) for law in there.laws],
+        "curves": [vars(curve) for curve in there.curves],
+    }
+    arrays: dict[str, Any] = {
+        "said": np.frombuffer(json.dumps(said).encode(), dtype=np.uint8),
+        "cov": model.cov[np.triu_indices(len(model.cov))].astype(np.float32),
+        "six": model.six,
+        "joints": model.joints,
+        "mass": model.mass,
+        "centre": model.centre,
+        "gravity": model.gravity,
+    }
+    arrays |= {name: getattr(there, name) for name in _ARRAYS}
+    sink = io.BytesIO()
+    np.savez(sink, **arrays)
+    return sink.getvalue()
+
+
+_ARRAYS = ("values", "tool", "frames", "compliance", "amplitudes", "knots")
+
+
+def load(path: Path) -> Standing:
+    """The model in a positions.npz.
+
+    Raises:
+        InputError: There is no such file, or it is no model.
+    """
+    missing = InputError("there is no such file", "run the campaign first", file=str(path))
+    data = bytes_of(path, str(path), _LARGEST, missing)
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as kept:
+            return _loaded({name: kept[name] for name in kept.files})
+    except (ValueError, KeyError, OSError, TypeError) as problem:
+        raise InputError(
+            "is no model of positions", "run the campaign again", file=str(path)
+        ) from problem
+
+
+def _loaded(kept: dict[str, Any]) -> Standing:
+    said = json.loads(kept["said"].tobytes())
+    mechanism = Mechanism(
+        table=parse(said["table"], said["name"]),
+        laws=tuple(Law(**one) for one in said["laws"]),
+        curves=tuple(Curve(**one) for one in said["curves"]),
+        **{name: kept[name] for name in _ARRAYS},
+    )
+    size = layout(mechanism).size
+    cov = np.zeros((size, size))
+    cov[np.triu_indices(size)] = kept["cov"]
+    cov = cov + np.triu(cov, 1).T
+    return Standing(
+        campaign=said["campaign"],
+        mechanism=mechanism,
+        six=kept["six"],
+        targets=np.array(said["targets"], dtype=object),
+        cov=cov,
+        joints=kept["joints"],
+        payloads=tuple(said["payloads"]),
+        mass=kept["mass"],
+        centre=kept["centre"],
+        gravity=kept["gravity"],
+    )

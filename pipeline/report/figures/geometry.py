@@ -1,0 +1,113 @@
+"""Campaigns of positions: what each part of the model is worth, and the laws of the joints."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Canvas
+
+from pipeline.answer.contract import Answer
+from pipeline.base.quantities import plain
+from pipeline.report.figures.marks import Tips, dots, legend_above, title
+from pipeline.report.figures.plot import Plot
+from pipeline.report.record import Figure
+from pipeline.report.summaries import MM, Tables
+from pipeline.report.svg import GRID, SERIES
+
+_BETWEEN = "every tenth pose"
+"""What is left out in the picture of the steps."""
+
+_STEPS = np.linspace(0.0, 1.0, 41)
+
+
+def _models(tables: Tables) -> list[str]:
+    """Models in the order in which they were made."""
+    return list(dict.fromkeys(tables["held_out"]["model"]))
+
+
+def _distances(tables: Tables, model: str) -> Any:
+    held = tables["held_out"]
+    mine = held[(held["model"] == model) & (held["parting"] == _BETWEEN)]
+    return MM * mine["distance_m"].dropna().to_numpy(float)
+
+
+def _draw_steps(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
+    """Share of the left-out targets nearer than a distance, one curve per model."""
+    axes = canvas.subplots()
+    tips: Tips = {}
+    for k, (model, colour) in enumerate(zip(_models(tables), SERIES, strict=False)):
+        at = np.quantile(_distances(tables, model), _STEPS)
+        axes.plot(at, 100 * _STEPS, color=colour, linewidth=1.6, label=model)
+        shown, shares = at[4:-1:4], 100 * _STEPS[4:-1:4]
+        said = [
+            f"{model}: {plain(share)} % of the targets within {plain(v, 2)} mm"
+            for share, v in zip(shares, shown, strict=True)
+        ]
+        tips |= dots(axes, f"step-{k}", shown, shares, said, s=9, color=colour, linewidths=0)
+    axes.set_xscale("log")
+    axes.minorticks_off()
+    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.set(xlabel="Distance from the prediction [mm]", ylabel="Left-out targets within [%]")
+    axes.grid(color=GRID, linewidth=0.6)
+    legend_above(axes, 2)
+    return tips
+
+
+def _write_steps(answer: Answer, tables: Tables) -> Figure:
+    said = " ".join(
+        f"With {one.model}: {plain(one.between_mm, 2)} mm on average."
+        for one in answer.position_steps
+    )
+    return Figure(
+        "position_steps",
+        "What each part of the model is worth",
+        f"{said} Every tenth pose was left out and predicted from the others; the further left a "
+        "curve, the better.",
+        f"Cumulative curves of the distance of left-out targets from their prediction. {said}",
+    )
+
+
+def _draw_curves(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
+    """Each joint's error over its value, with two standard uncertainties."""
+    curves = tables["curves"]
+    joints = list(dict.fromkeys(curves["joint"]))
+    for axes, joint in zip(_grid(canvas, len(joints)), joints, strict=True):
+        mine = curves[curves["joint"] == joint]
+        slides = answer.stiffness[joint - 1].joint_type == "prismatic"
+        q = mine["q"].to_numpy(float) if slides else np.rad2deg(mine["q"].to_numpy(float))
+        f, u = MM * mine["error"].to_numpy(float), 2 * MM * mine["error_std"].to_numpy(float)
+        axes.fill_between(q, f - u, f + u, color=SERIES[0], alpha=0.2, linewidth=0)
+        axes.plot(q, f, color=SERIES[0], linewidth=0.9)
+        title(axes, f"joint {joint} [{'mm' if slides else 'mrad'}]")
+        axes.set_xlabel("place [m]" if slides else "angle [deg]")
+        top = 1.3 * float(np.abs(f).max())
+        axes.set_ylim(-top, top)
+        axes.grid(color=GRID, linewidth=0.6)
+    return {}
+
+
+def _grid(canvas: Canvas, count: int) -> list[Axes]:
+    """Plots, two in a row."""
+    return list(canvas.subplots((count + 1) // 2, 2, squeeze=False).flat)[:count]
+
+
+def _write_curves(answer: Answer, tables: Tables) -> Figure:
+    largest = max(
+        (one for one in answer.diagnosis.causes if one.law is not None),
+        key=lambda one: one.parameters[0].value or 0.0,
+        default=None,
+    )
+    said = "" if largest is None or largest.law is None else f"{largest.law.text.capitalize()}. "
+    return Figure(
+        "curves",
+        "What joints turn more than their encoders say",
+        f"{said}The band has two standard uncertainties; where no pose was measured it is as wide "
+        "as the curves are high.",
+        f"Transmission error of each joint over its own angle. {said}",
+    )
+
+
+POSITION_STEPS = Plot("position_steps", ("held_out",), _write_steps, _draw_steps)
+CURVES = Plot("curves", ("curves",), _write_curves, _draw_curves)

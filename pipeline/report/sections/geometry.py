@@ -1,0 +1,117 @@
+"""Campaigns of positions: steps of the model, laws of the joints, and the robot's table."""
+
+from __future__ import annotations
+
+from pipeline.answer.contract import Answer, Cause, Letter, PositionStep
+from pipeline.base.quantities import p_value, percent, plain
+from pipeline.report.columns import Cells, measured, number, roughly, said, table_of
+from pipeline.report.figures.catalogue import figures
+from pipeline.report.record import Section, Table, Text, section_of
+from pipeline.report.summaries import Tables
+
+_NAMES = {
+    "link_length": "length",
+    "link_offset": "offset",
+    "link_twist": "twist",
+    "link_turn": "turn",
+    "axis_tilt": "tilt of the axis",
+    "joint_offset": "zero",
+}
+
+
+def geometry(answer: Answer, tables: Tables) -> Section | None:
+    """What each part of the model is worth."""
+    blocks = [
+        _steps(answer),
+        *figures(("position_steps",), answer, tables),
+        Text(_LEFT_OUT),
+    ]
+    return section_of("positions", "How well poses are predicted", blocks)
+
+
+_LEFT_OUT = (
+    "Poses between measured ones are predicted as the first column says; joint angles in a tenth "
+    "of joint space that was not measured as the second; another day or workspace, with the "
+    "instrument set up anew, as the third."
+)
+
+
+def laws(answer: Answer, tables: Tables) -> Section | None:
+    """Laws that nobody listed."""
+    return section_of(
+        "laws",
+        "Laws of the joints",
+        [_laws(answer), *figures(("curves",), answer, tables)],
+    )
+
+
+def letters(answer: Answer) -> Section | None:
+    """The robot's table as delivered and as found."""
+    return section_of("table", "The robot's table", [_letters(answer)])
+
+
+def _steps(answer: Answer) -> Table | None:
+    columns: list[Cells[PositionStep]] = [
+        said("The model holds", lambda one: one.model),
+        number("Every tenth pose left out [mm]", lambda one: one.between_mm, roughly),
+        number("A tenth of joint space left out [mm]", lambda one: one.space_mm, roughly),
+        number("One series left out [mm]", lambda one: one.series_mm, roughly),
+    ]
+    return table_of(
+        "position_steps",
+        "Mean distance of left-out targets from their prediction",
+        columns,
+        answer.position_steps,
+        "Each model holds what stands above it, too.",
+    )
+
+
+def _laws(answer: Answer) -> Table | None:
+    columns: list[Cells[Cause]] = [
+        said("Law", lambda one: one.law.text.capitalize() if one.law else one.name),
+        measured("Amplitude [mrad or mm]", _amplitude),
+        said("p", lambda one: p_value(one.p_value)),
+        said("Takes off the error of left-out poses", lambda one: _gain(one)),
+    ]
+    found = [one for one in answer.diagnosis.causes if one.law is not None]
+    return table_of("laws", "Laws that nobody listed", columns, found)
+
+
+def _amplitude(one: Cause) -> tuple[float | None, float | None]:
+    first = one.parameters[0]
+    value, std = first.value, first.std
+    return (None if value is None else 1e3 * value), (None if std is None else 1e3 * std)
+
+
+def _gain(one: Cause) -> str:
+    if one.gain is None or one.gain.reduction is None or one.gain.ci95 is None:
+        return ""
+    low, high = one.gain.ci95
+    if low is None or high is None:
+        return percent(one.gain.reduction)
+    return f"{percent(one.gain.reduction)} ({percent(low)} to {percent(high)})"
+
+
+def _letters(answer: Answer) -> Table | None:
+    columns: list[Cells[Letter]] = [
+        said("Joint", lambda one: one.where),
+        said("Entry", lambda one: _NAMES.get(one.name, one.name)),
+        number("As delivered [mm or deg]", lambda one: _scaled(one, one.nominal), plain),
+        measured(
+            "Found minus delivered [mm or mrad]",
+            lambda one: (1e3 * (one.value - one.nominal), 1e3 * one.std),
+        ),
+        said("Determined", lambda one: "yes" if one.identifiable else "no"),
+    ]
+    return table_of(
+        "letters",
+        "Lengths in mm, angles in degrees; what is found of angles in mrad",
+        columns,
+        answer.geometry,
+        "An entry that is not determined moves the targets as others do, or hardly at all: it is "
+        "carried with the uncertainty of a table as delivered.",
+    )
+
+
+def _scaled(one: Letter, value: float) -> float:
+    return 1e3 * value if one.unit == "m" else value * 57.29577951308232

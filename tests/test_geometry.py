@@ -1,0 +1,196 @@
+"""Robots identified from absolute positions, against machines made by other formulas."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from pipeline.geometry.curves import matern, over
+from pipeline.geometry.laws import Inputs, Law
+from pipeline.geometry.mechanism import Weights, linearised
+from pipeline.geometry.readings import Readings
+from pipeline.geometry.study import Step, study
+from pipeline.geometry.worth import Parting
+from pipeline.machine.robot import load
+from pipeline.prediction.standing import dumps, predict, standing
+from pipeline.prediction.standing import load as load_standing
+
+# a UR10 as its maker's table has it (distal DH), and what its links weigh
+D = [0.1273, 0.0, 0.0, 0.163941, 0.1157, 0.0922]
+A = [0.0, -0.612, -0.5723, 0.0, 0.0, 0.0]
+ALPHA = [np.pi / 2, 0.0, 0.0, np.pi / 2, -np.pi / 2, 0.0]
+OFF_D = [0.0, 0.0, 0.0, 0.6e-3, -0.4e-3, 0.0]
+OFF_A = [0.3e-3, 0.8e-3, -0.5e-3, 0.2e-3, 0.0, 0.0]
+ZEROS = [0.0, 0.7e-3, -0.9e-3, 0.5e-3, 0.4e-3, 0.0]
+TOOL = np.array([0.05, -0.02, 0.12])
+TURN = Rotation.from_euler("xyz", [0.3, -0.2, 1.0]).as_matrix()
+STATION = Rotation.from_euler("xyz", [0.1, 0.05, -2.0]).as_matrix(), np.array([2.0, -1.0, 0.4])
+
+
+def stands(q, error):
+    """Place and orientation of the target in the frame of the instrument, by distal DH."""
+    places, turns = [], []
+    for row in q + error + np.array(ZEROS):
+        T = np.eye(4)
+        for theta, d, a, alpha in zip(row, np.add(D, OFF_D), np.add(A, OFF_A), ALPHA, strict=True):
+            c, s, ca, sa = np.cos(theta), np.sin(theta), np.cos(alpha), np.sin(alpha)
+            T = T @ np.array([[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s],
+                              [0, sa, ca, d], [0, 0, 0, 1]])  # fmt: skip
+        R, t = STATION
+        places.append(R @ (T[:3, :3] @ TOOL + T[:3, 3]) + t)
+        turns.append(R @ T[:3, :3] @ TURN)
+    return np.array(places), np.array(turns)
+
+
+def made(m, rng, law=lambda q: 0.0 * q, joint=1e-5, noise=1e-5):
+    """Readings of m poses of a machine whose table is off, under a law of its joints."""
+    q = rng.uniform([-3, -2.4, -2.2, -3, -2.5, -2.5], [3, 0.1, 2.2, 3, 2.5, 2.5], (m, 6))
+    at, turn = stands(q, law(q) + joint * rng.standard_normal(q.shape))
+    at = at + noise * rng.standard_normal(at.shape)
+    turn = Rotation.from_rotvec(noise * rng.standard_normal(at.shape)).as_matrix() @ turn
+    number = np.arange(m)
+    return Readings(
+        series=np.zeros(m, dtype=np.int64),
+        names=np.array([""], dtype=object),
+        pose=number,
+        line=number + 2,
+        q=q,
+        targets=np.array(["T"], dtype=object),
+        six=np.array([True]),
+        at=at[:, None],
+        turn=turn[:, None],
+        payload=np.zeros(m, dtype=np.int64),
+        payloads=np.array([], dtype=object),
+        temperature=np.full(m, np.nan),
+    )
+
+
+def weightless(m):
+    return Weights(np.zeros(3), np.zeros(m), np.zeros((m, 3)))
+
+
+def studied(readings, seed=0):
+    return study(
+        load("ur10"), readings, weightless(len(readings)), {}, None, (np.nan, np.nan),
+        np.random.default_rng(seed),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def rippled():
+    """A ripple of 0.3 mrad in joint 2, 18.2 to a turn, and nothing else."""
+
+    def ripple(q):
+        out = np.zeros_like(q)
+        out[:, 1] = 3e-4 * np.sin(18.2 * q[:, 1] + 0.4)
+        return out
+
+    readings = made(420, np.random.default_rng(4), ripple)
+    return readings, studied(readings), ripple
+
+
+def test_a_ripple_is_named_with_joint_kind_and_order(rippled):
+    _, found, _ = rippled
+
+    law = found.laws[0]
+    assert (law.joint, law.kind, law.variable) == (2, "periodic", "angle")
+    assert abs(law.order - 18.2) < 0.15
+    assert abs(law.amplitude - 3e-4) < 5 * law.std
+    assert law.p < 1e-3
+    assert law.gain.reduction > 0.5
+
+
+def test_a_wrong_table_is_corrected_and_poses_left_out_are_predicted(rippled):
+    _, found, _ = rippled
+
+    before, after = found.stages[0], found.stages[-1]
+    assert before.step is Step.TABLE
+    assert after.mean(Parting.BETWEEN) < 0.05e-3 < before.mean(Parting.BETWEEN) / 10
+    assert after.mean(Parting.SPACE) < 0.06e-3
+
+
+def test_predictions_of_poses_never_measured_hold_the_truth(rippled):
+    readings, found, ripple = rippled
+    model = standing("made", found.final, [])
+    rng = np.random.default_rng(9)
+    fresh = made(300, rng, ripple, noise=0.0)
+    told = predict(
+        model, fresh.q, np.zeros((300, 3)), np.zeros(300, dtype=np.int64), np.full(300, np.nan)
+    )
+    R, t = found.final.mechanism.frames[0, :3, :3], found.final.mechanism.frames[0, :3, 3]
+    truth = (fresh.at[:, 0] - t) @ R
+
+    z = (told.at[:, 0] - truth) / told.std[:, 0, :3]
+    inside = np.mean(np.abs(z) < 1.96)
+    assert 0.90 < inside < 0.985
+    assert len(readings) == 420
+
+
+def test_nothing_is_named_where_there_is_nothing():
+    found = studied(made(300, np.random.default_rng(8)))
+
+    assert found.laws == ()
+    assert found.bad == ()
+    assert found.stages[-1].mean(Parting.BETWEEN) < 0.04e-3
+
+
+def test_a_reading_metres_off_is_left_out_and_moves_nothing():
+    readings = made(300, np.random.default_rng(8))
+    at = readings.at.copy()
+    at[17, 0] += [0.4, -2.0, 1.0]
+
+    found = studied(replace(readings, at=at))
+
+    assert [line for line, _ in found.bad] == [19]
+    assert found.stages[-1].mean(Parting.BETWEEN) < 0.04e-3
+
+
+def test_a_model_comes_back_from_its_file(rippled, tmp_path):
+    _, found, _ = rippled
+    model = standing("made", found.final, [("tool", 2.5, np.array([0.0, 0.0, 0.03]))])
+    (tmp_path / "positions.npz").write_bytes(dumps(model))
+    again = load_standing(tmp_path / "positions.npz")
+    q = np.random.default_rng(1).uniform(-1, 1, (50, 6))
+    asked = (q, np.zeros((50, 3)), np.ones(50, dtype=np.int64), np.full(50, np.nan))
+
+    one, two = predict(model, *asked), predict(again, *asked)
+
+    assert np.allclose(one.at, two.at, atol=1e-12)
+    assert np.allclose(one.std, two.std, rtol=1e-3)
+    assert json.dumps(again.payloads) == '["tool"]'
+
+
+def test_derivatives_are_those_of_differences():
+    """What the estimate is linear in, against the nonlinear model moved by hand."""
+    readings = made(12, np.random.default_rng(3))
+    found = studied(made(120, np.random.default_rng(8))).stages[1].found.mechanism
+    law = Law(3, "coupling", "angle", 5, 2.0)
+    there = replace(found, laws=(law,), amplitudes=np.array([1e-4, -2e-4]))
+    weights = Weights(np.array([0, 0, -9.80665]), np.zeros(12), np.zeros((12, 3)))
+    here = linearised(readings, there, weights)
+    size = len(there.values)
+
+    for k in range(size):
+        off = there.values.copy()
+        off[k] += 1e-6
+        moved = linearised(readings, replace(there, values=off), weights)
+        assert np.allclose((here.y - moved.y) / 1e-6, here.D[..., k], atol=2e-3)
+
+
+def test_a_curve_is_forgotten_beyond_its_knots():
+    curve = over(1, np.linspace(-1.0, 1.0, 50), False, 0.1, 3e-4)
+    knots = np.ones(curve.count)
+
+    assert np.allclose(curve.value(np.array([-0.7, 0.0, 0.9]), knots), 1.0)
+    assert np.allclose(curve.value(np.array([-5.0, 4.0]), knots), 0.0)
+    assert np.allclose(curve.beyond(np.array([0.0, 4.0])), [0.0, 9e-8])
+    assert matern(np.array([0.0]), 0.1)[0] == 1.0
+
+
+def test_a_law_of_temperature_stays_where_it_was_taught():
+    law = Law(1, "smooth", "temperature", None, 1.0, 20.0, 2.0)
+    inputs = Inputs(np.zeros((4, 6)), np.zeros((4, 6)), np.array([20, 21, 30, np.nan]), np.zeros(4))
+
+    assert law.basis(inputs)[:, 0].tolist() == [0.0, 0.5, 1.0, 0.0]
