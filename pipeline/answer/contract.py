@@ -609,6 +609,15 @@ class Overload(Fact):
     times: float = Field(description="force over the weight of the payload")
 
 
+class CommonFactor(Fact):
+    """All stiffnesses over those of the robot file, where they are off by one factor."""
+
+    value: float = Field(description="stiffnesses over those of the file, in common")
+    ci95: tuple[float, float]
+    joints: int = Field(description="how many tell")
+    probability: float = Field(description="that it is more than robots of one type differ by")
+
+
 class Measuring(Fact):
     """The instrument as campaign.toml has it; model, serial number and calibration not judged."""
 
@@ -677,6 +686,11 @@ class Answer(Values, Heading):
         default=None,
         exclude_if=_nothing,
         description="a force that the robot would hardly hold; absent without one",
+    )
+    common_factor: CommonFactor | None = Field(
+        default=None,
+        exclude_if=_nothing,
+        description="of all stiffnesses against the robot file's; absent where these agree",
     )
     model: Forward
     assumptions: tuple[str, ...]
