@@ -15,9 +15,9 @@ from pipeline.reduction.bring import Reduced
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import Measured
 from pipeline.system.assemble import assemble
-from pipeline.system.estimate import identify, solve
+from pipeline.system.estimate import identify
 from pipeline.system.linearised import Linearised, Model, linearise
-from pipeline.system.shape import Shape, misfit, shape
+from pipeline.system.shape import Shape, goodness, shape
 from pipeline.system.system import Estimate, System
 from pipeline.system.variance import Components, noise, rescaled, resting_on
 
@@ -97,11 +97,10 @@ def _shaped(
 ) -> Fitted:
     data, start = of.on(plain), case.robot.nominal_compliance
     system, estimate = identify(case.cell, data, start, near)
+    if estimate.p_value is not None:
+        alike = assemble(case.cell, replace(plain, wander=data.wander), estimate.value)
+        left = goodness(alike, of, np.random.default_rng(_SEED))
+        estimate = replace(estimate, goodness=left)
     if found.used:
         estimate = resting_on(estimate, found)
-    elif estimate.p_value is not None:
-        as_stated = assemble(case.cell, replace(plain, wander=data.wander), estimate.value)
-        chi2 = solve(as_stated, start).chi2
-        p = misfit(as_stated, of, chi2, np.random.default_rng(_SEED))
-        estimate = replace(estimate, p_value=p)
     return Fitted(case, reduced, plain, data, system, estimate, found, of)
