@@ -19,6 +19,7 @@ from pipeline.system.estimate import identify
 from pipeline.system.linearised import Linearised, Model, linearise
 from pipeline.system.shape import Shape, goodness, shape
 from pipeline.system.system import Estimate, System
+from pipeline.system.turning import apart
 from pipeline.system.variance import Components, noise, rescaled, resting_on
 
 _SEED = 20261122
@@ -67,6 +68,8 @@ def fit(case: Case, reduced: Reduced, taken: bool = False) -> Fitted:
         taken: As in `Components`.
     """
     data, start = reduced.data, case.robot.nominal_compliance
+    if data.poses and not data.noise_stated:
+        data = apart(case.settings, case.cell, reduced.placed, data, start)
     data = replace(data, bends=data.noise_stated)  # of residuals alone nobody knows what is noise
     system, estimate = identify(case.cell, data, start)
     data = data.in_metres(system.found_m)
