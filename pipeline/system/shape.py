@@ -116,7 +116,10 @@ def shape(seen: Linearised, accepted: tuple[int, ...] | None = None, loose: bool
     readings, found, variance, beyond = tails(seen, accepted, 1, loose)
     if accepted is None:
         variance = np.ones(len(variance))
-    slow = wander(seen.data, beyond, beyond.base.dof >= _FEWEST)
+    springs = seen.B * np.array(
+        [one.typical for one in seen.model.cell.parameters[: seen.model.springs]]
+    )
+    slow = wander(seen.data, beyond, beyond.base.dof >= _FEWEST, springs)
     return Shape(found, variance, readings, slow, accepted is not None)
 
 
