@@ -289,9 +289,8 @@ def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosis:
         effects = by_order(effects)
     wander = right.shape.wander
     moved = drift(right.reduced.registration, scale, data.unloaded, effects, wander)
-    return step(diagnose)(
-        cell, data, right.estimate, where, rng, effects, drift=moved, noise=right.noise
-    )
+    told = right.noise, right.shape
+    return step(diagnose)(cell, data, right.estimate, where, rng, effects, moved, *told)
 
 
 def _settled(right: Fitted, said: Diagnosis, where: Where, step: Step) -> tuple[Fitted, Diagnosis]:

@@ -25,7 +25,7 @@ from pipeline.machine.cell import baseline
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
 from pipeline.system.estimate import identifiable, solve
-from pipeline.system.system import Errors, Estimate, Rows, System
+from pipeline.system.system import Errors, Estimate, Goodness, Rows, System
 
 KR500 = load("kr500_rail")
 X = KR500.nominal_compliance
@@ -52,7 +52,7 @@ def hypothesis(weight, factor=1.0, relative=0.01, lost=None, instead=None, cov=N
     )
     system = System(parameters, rows, np.ones((3, k)), np.zeros(3), errors, True)
     known = identifiable(typical, value, np.sqrt(np.diag(whole)))
-    rest = (np.zeros(3), 1.0, 1, 0.5, "stated", 1e-5, 1.96)
+    rest = (np.zeros(3), Goodness(1.0, 1, 0.5), "stated", 1e-5, 1.96)
     estimate = Estimate(parameters, value, whole, known, *rest)
     told = (("joint_tilt:5", instead),) if instead else ()
     return Hypothesis(weight, (effect,), CELL, system, estimate, told)

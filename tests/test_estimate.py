@@ -28,7 +28,7 @@ from pipeline.system.estimate import (
     solve,
     tracker_noise,
 )
-from pipeline.system.system import Errors, Rows, System
+from pipeline.system.system import Errors, Goodness, Rows, System
 from pipeline.system.whiten import whitener
 
 X = np.array([1.25e-8, 2.6e-7, 2.1e-6])
@@ -382,7 +382,7 @@ def test_a_misfit_is_one_in_a_hundred_or_beyond_any_tracker(rng, p_value, rest_m
     """With stated noise chance decides; without, whether a tracker could read so badly."""
     found = solve(system(rng), X)
 
-    assert fits(replace(found, p_value=p_value, residual_std_m=rest_m)) is fit
+    assert fits(replace(found, goodness=Goodness(1.0, 1, p_value), residual_std_m=rest_m)) is fit
 
 
 @pytest.mark.parametrize("size", [1e-9, 1.0, 1e6])
@@ -576,9 +576,11 @@ def test_a_misfit_is_what_chance_makes_once_in_a_hundred(rng, p, good):
     """Where noise is stated by its p-value, else by what a tracker can scatter."""
     found = solve(system(rng), TYPICAL)
 
-    assert fits(replace(found, p_value=p)) == good
-    assert fits(replace(found, p_value=None, residual_std_m=0.99e-4))
-    assert not fits(replace(found, p_value=None, residual_std_m=1.01e-4))
+    untold = replace(found, goodness=Goodness.untold(found.chi2, found.dof))
+
+    assert fits(replace(found, goodness=Goodness(1.0, 1, p))) == good
+    assert fits(replace(untold, residual_std_m=0.99e-4))
+    assert not fits(replace(untold, residual_std_m=1.01e-4))
 
 
 def test_left_out_poses_know_neither_units_nor_order(rng):

@@ -15,6 +15,7 @@ from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.fit import fit
 from pipeline.system.one_pose import as_measured, one_pose
+from pipeline.system.turning import apart
 
 SIX = {"kind": "camera", "measures": "poses", "sigma_m": 5e-5, "sigma_rad": 2e-4, "stated": False}
 
@@ -90,6 +91,23 @@ def test_intervals_of_6d_campaigns_cover():
 
     assert len(inside) > 110
     assert np.mean(inside) > 0.90
+
+
+@pytest.mark.parametrize("turned", [0.4, 2.5])
+def test_rotations_of_unstated_noise_are_weighed_by_their_own(turned):
+    """Their noise over that of positions comes out, from zeros that were read again."""
+    point = case_of(silent(made(poses=2, tracker=SIX)))
+    size = six.radius(point.tool.points)
+    case = case_of(silent(made(poses=16, tracker=SIX | {"sigma_rad": turned * 5e-5 / size})))
+    case, reduced, _ = as_measured(case, bring(case))
+    start = case.robot.nominal_compliance
+    data = apart(case.settings, case.cell, reduced.placed, reduced.data, start)
+    variance = np.einsum("dii->d", data.loaded_cov)
+
+    assert variance[0::2] == pytest.approx(np.einsum("dii->d", reduced.data.loaded_cov)[0::2])
+    assert np.sqrt(variance[1::2] / variance[0::2]) == pytest.approx(turned, rel=0.35)
+    grown = [np.trace(data.zero_cov[1]) / np.trace(reduced.data.zero_cov[1])]
+    assert grown == pytest.approx([variance[1] / variance[0]])
 
 
 @pytest.mark.parametrize("stated", [True, False])

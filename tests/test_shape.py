@@ -20,7 +20,7 @@ from pipeline.system.estimate import solve
 from pipeline.system.family import FREEDOM, Family
 from pipeline.system.fit import fit
 from pipeline.system.linearised import Model, linearise
-from pipeline.system.shape import Shape, misfit, shape, tails
+from pipeline.system.shape import Shape, goodness, shape, tails
 
 
 @pytest.fixture(scope="module")
@@ -137,13 +137,20 @@ def test_a_misfit_of_normal_noise_is_chi_square(case):
     chi2, rng = solve(system, fitted.estimate.value).chi2, np.random.default_rng(1)
     normal = Shape.unseen(fitted.plain)
     dof = len(system.rows) - 7
+    found = goodness(system, normal, rng)
 
-    assert misfit(system, normal, chi2, rng) == pytest.approx(stats.chi2.sf(chi2, dof), rel=1e-9)
+    assert (found.chi2, found.dof) == pytest.approx((chi2, dof))
+    assert found.p_value == pytest.approx(stats.chi2.sf(chi2, dof), rel=1e-9)
     stated = Family.stated()
     weight = np.zeros(len(stated.weight))
     weight[1 + FREEDOM.index(5.0)] = 1.0
     scale = np.full(len(weight), np.log(3 / 5))  # variances as stated
-    heavy = replace(normal, family=replace(stated, weight=weight, log_scale=scale))
+    seen = replace(normal, family=replace(stated, weight=weight, log_scale=scale))
     high = float(stats.chi2.isf(0.01, dof))
-    p = misfit(system, heavy, high, rng)
-    assert 0.02 < p < 0.15  # five times as often as in normal noise, by the kurtosis of 9
+    off = replace(system, c=system.c * np.sqrt(high / chi2))
+    carried = goodness(off, replace(seen, weighed=True), rng)
+    assert goodness(off, seen, rng).p_value == pytest.approx(
+        stats.chi2.sf(goodness(off, seen, rng).chi2, dof)
+    )
+    assert 0.01 < carried.p_value < 0.15  # some times as often as in normal noise
+    assert carried.dof < carried.chi2 < 1.3 * goodness(off, seen, rng).chi2

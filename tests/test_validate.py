@@ -14,7 +14,7 @@ from pipeline.machine.robot import configure, load
 from pipeline.prediction.validate import deflections, validate
 from pipeline.reduction.pose_of_interest import Where, place_of_interest
 from pipeline.reduction.settings import TestPose
-from pipeline.system.system import Estimate
+from pipeline.system.system import Estimate, Goodness
 
 ROBOT = load("kr500_rail")
 TOOL = Tool(
@@ -37,9 +37,7 @@ def estimate(cov):
         cov=cov,
         identifiable=np.isfinite(np.diag(cov)),
         residual=np.zeros(1),
-        chi2=1.0,
-        dof=1,
-        p_value=0.5,
+        goodness=Goodness(1.0, 1, 0.5),
         noise_from="stated",
         residual_std_m=0.0,
         quantile=1.96,

@@ -152,3 +152,48 @@ def test_one_axis_alone_is_told_from_three():
 
     assert (alone.size, alone.p_value) == (0.0, 1.0)
     assert together.p_value < 1e-6
+
+
+def sprung(rng):
+    """What seven joints do to the rows [m]: by the force of a pull, all targets nearly alike."""
+    size = np.tile([0.35, 0.7, 1.0, 0.5], POSES)[:, None, None]
+    of_pull = size * np.exp(rng.normal(0, 1, (POSES, 1, 7))).repeat(PULLS, axis=0)
+    way = rng.standard_normal((POSES, 3, 7)).repeat(PULLS, axis=0)
+    rows = np.repeat(of_pull * way, TARGETS, axis=0).reshape(-1, 7)
+    return 1e-3 * (rows + 0.05 * rng.standard_normal(rows.shape))
+
+
+def softened(part, tau, moves, rng):
+    """Whitened rows of joints whose compliances walk by a part of themselves."""
+    pulls = timetable()[0].ravel()
+    changes = np.hstack([walk(pulls, tau, rng) for _ in range(3)])[:, :7]
+    rows = np.sum(moves * np.repeat(changes, TARGETS * 3, axis=0), axis=1)
+    return part * rows / SIGMA_M + rng.standard_normal(len(rows))
+
+
+def test_joints_that_soften_are_told_from_an_instrument():
+    """Both move all targets alike, slowly; the joints by their torques, the wander by none."""
+    data, blind = measured(), []
+    for k in range(5):
+        moves = sprung(np.random.default_rng(k))
+        joints = beyond_of(softened(0.03, 1200.0, moves, np.random.default_rng(100 + k)))
+        tracker = beyond_of(drawn(1.5, 1200.0, np.random.default_rng(k)))
+        blind.append(wander(data, joints).p_value < 0.003)
+
+        assert wander(data, joints, moves=moves).size == 0.0
+        assert wander(data, tracker, moves=moves).size == wander(data, tracker).size > 0.0
+    assert any(blind)
+
+
+def test_restless_joints_are_what_is_drawn_of_them():
+    """Their covariance within a pose, in the mean square of all rows, is that of 3000 walks."""
+    data, moves, rng = measured(), sprung(np.random.default_rng(1)), np.random.default_rng(2)
+    factor = module.restless(data, moves, 1200.0).reshape(len(moves), -1)
+    rows = np.arange(PULLS * TARGETS * 3)
+    walked = np.array([softened(1.0, 1200.0, moves, rng)[rows] * SIGMA_M for _ in range(3000)])
+    K = np.cov(walked.T)
+
+    assert np.mean(np.sum(factor**2, axis=1)) == pytest.approx(1.0)
+    mine = factor[rows] @ factor[rows].T
+    K, mine = K / np.trace(K), mine / np.trace(mine)
+    assert mine == pytest.approx(K, abs=0.1 * K.max())

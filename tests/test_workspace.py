@@ -14,7 +14,7 @@ from pipeline.machine.robot.model import model
 from pipeline.prediction.model import Hypothesis, Model
 from pipeline.prediction.workspace import _seen, arm_joints, workspace
 from pipeline.reduction.pose_of_interest import Where
-from pipeline.system.system import Estimate
+from pipeline.system.system import Estimate, Goodness
 
 LOAD = np.array([0.15, 0.02, 0.25])
 Q = {
@@ -46,7 +46,7 @@ def estimate_of(cell, unknown=None):
         cov[unknown, unknown] = np.inf
     known = np.isfinite(np.diag(cov))
     return Estimate(
-        cell.parameters, value, cov, known, np.zeros(1), 1.0, 1, None, "stated", 0.0, 2.0
+        cell.parameters, value, cov, known, np.zeros(1), Goodness(1.0, 1, None), "stated", 0.0, 2.0
     )
 
 

@@ -158,6 +158,11 @@ def test_what_moves_is_measured_in_standard_uncertainties(clean):
     assert shift(gone, answer)[0] == np.inf
     assert not forces_doubted(answer, answer)
     assert forces_doubted(accused_of(answer, name="unit_mixup"), answer)
+    said = "The stiffnesses are about 9.8 times (8.2 to 12) those of the robot file."
+    factor = {**answer, "common_factor": {"value": 9.8}, "findings": [said]}
+    assert forces_doubted(factor, answer)
+    assert not forces_doubted(factor, factor)
+    assert not forces_doubted({**factor, "findings": []}, answer)
 
 
 @pytest.mark.parametrize("name", WORLDS)

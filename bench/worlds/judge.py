@@ -331,10 +331,15 @@ def _predicted(answer: Json) -> Values:
 
 
 def forces_doubted(answer: Json, before: Json) -> bool:
-    """Whether anything is said of forces, or of stiffnesses, that was not said before."""
+    """Whether it is said that forces, or all stiffnesses, are many times what they should be.
+
+    By a cause, or by the factor that the stiffnesses have in common and its sentence.
+    """
     causes = {cause["name"] for cause in answer["diagnosis"]["causes"]}
-    return bool(causes & set(FORCE)) or bool(_odd(answer) - _odd(before))
+    return bool(causes & set(FORCE)) or (_factor(answer) and not _factor(before))
 
 
-def _odd(answer: Json) -> set[str]:
-    return {r["odd"] for row in answer["stiffness"] for r in row["remarks"]} - {"uncertain"}
+def _factor(answer: Json) -> bool:
+    return "common_factor" in answer and any(
+        "times" in text and "those of the robot file" in text for text in answer["findings"]
+    )

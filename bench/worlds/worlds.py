@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from bench.league.hidden import SECRETS
-from bench.league.hidden_effect import Secret, Setup, straight
+from bench.league.hidden_effect import Course, Secret, Setup, straight
 from bench.league.machine import Spring
 from bench.league.play import Plan
 from bench.worlds import blunders
@@ -138,6 +138,31 @@ def tilting(joint: int, compliance: float) -> Secret:
     return Secret(f"joint_tilt:{joint}", f"joint {joint}", True, plant)
 
 
+MEMORY_MIN = (2.0, 40.0)
+"""How fast a joint forgets [min], drawn log-uniform for each: from a load step to some poses."""
+
+
+def _remembers(one: Setup, size: float, course: Course) -> None:
+    """Each joint is softer after loads, c (1 + size m), T m' = |tau| / tau_max - m, T its own."""
+    steps = np.diff(60 * course.time, prepend=60 * course.time[0])
+    for j, c in enumerate(one.compliance, 1):
+        forgets = float(np.exp(course.rng.uniform(*np.log(MEMORY_MIN))))
+        keeps = np.exp(-steps / forgets)
+
+        def law(own: Array, _: object, c: float = c, keeps: Array = keeps) -> Array:
+            held, now = np.zeros(len(own)), 0.0
+            share = np.abs(own) / max(np.abs(own).max(), 1e-300)
+            for i in range(1, len(own)):
+                held[i] = now = keeps[i] * now + (1 - keeps[i]) * share[i - 1]
+            return np.asarray(size * c * own * held)
+
+        slides = bool(one.machine.robot.prismatic[j - 1])
+        one.machine.springs.append(Spring(f"past{j}", j, (0, 0, 1), slides, law))
+
+
+MEMORY = Secret("memory", "all joints", False, _remembers)
+
+
 def _noise(
     name: str, noise: Noise, says: str, *family: str, allowed: tuple[str, ...] = ()
 ) -> World:
@@ -222,6 +247,12 @@ LOADS = (
         "weights on the rail, and a compensator",
         rules=HUNG,
         secrets=((SECRETS["compensator"], 2.0),),
+    ),
+    World(
+        "memory",
+        "loads",
+        "each joint is softer after loads, and forgets them in 2 to 40 min",
+        secrets=((MEMORY, 0.2),),
     ),
     World("poses3", "loads", "three poses", rules=replace(PULLED, poses=3)),
     World("pull1", "loads", "one pull", rules=replace(ONE_STEP, poses=1)),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pipeline.answer import contract
 from pipeline.answer.combinations import combination_entries, told
+from pipeline.answer.common_factor import common_factor, told_factor
 from pipeline.answer.contract import Answer
 from pipeline.answer.diagnosis import diagnosis_entry, noise_entry, placed
 from pipeline.answer.findings import Findings
@@ -24,7 +25,7 @@ from pipeline.answer.inputs import (
 from pipeline.answer.overload import overload_entry, overloaded
 from pipeline.answer.recommended import Values
 from pipeline.answer.reliability import carried_entries, controlled_entries
-from pipeline.answer.remarks import common_factor, contradicted
+from pipeline.answer.remarks import contradicted
 from pipeline.answer.sentences import sentences
 from pipeline.answer.stiffness import budget_entries
 from pipeline.answer.values import stated, values_entry
@@ -43,7 +44,8 @@ def answer(found: Findings) -> Answer:
     fits = registration_entry(base)
     overload = overload_entry(raw.robot, found.right.reduced.data.pulls)
     said = [joint.finding for joint in values.stiffness if joint.finding]
-    said += filter(None, [common_factor(values.stiffness), *map(enormous, found.diagnosis.causes)])
+    factor = common_factor(raw.robot, values.stiffness)
+    said += [*told_factor(factor), *filter(None, map(enormous, found.diagnosis.causes))]
     payloads = payload_entries(given.case)
     together = combination_entries(found.told.values)
     carried = carried_entries(found.carried, found.told.values)
@@ -56,7 +58,7 @@ def answer(found: Findings) -> Answer:
         name=raw.settings.name,
         robot=raw.robot.name,
         measured=measured_on(raw.settings, given.reduced.shown["readings"]),
-        verdict_sentence=tuple(sentences(found, values, springs, together)),
+        verdict_sentence=(*sentences(found, values, springs, together), *told_factor(factor)),
         recommended=contract.Recommended(
             model=found.row.model,
             data=found.row.data,
@@ -89,6 +91,7 @@ def answer(found: Findings) -> Answer:
         payloads=payloads,
         instrument=instrument_entry(given.case.settings),
         overload=overload,
+        common_factor=factor,
         model=contract.Forward(
             equilibrium=contract.Equilibrium(found.told.values.first.cell.equilibrium)
         ),

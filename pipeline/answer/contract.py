@@ -641,6 +641,15 @@ class Overload(Fact):
     times: float = Field(description="force over the weight of the payload")
 
 
+class CommonFactor(Fact):
+    """All stiffnesses over those of the robot file, where they are off by one factor."""
+
+    value: float = Field(description="stiffnesses over those of the file, in common")
+    ci95: tuple[float, float]
+    joints: int = Field(description="how many tell")
+    probability: float = Field(description="that it is more than robots of one type differ by")
+
+
 class Measuring(Fact):
     """The instrument as campaign.toml has it; model, serial number and calibration not judged."""
 
@@ -741,6 +750,11 @@ class Answer(Values, Heading):
         default=(),
         exclude_if=_nothing,
         description="what each part of the model is worth; absent without positions",
+    )
+    common_factor: CommonFactor | None = Field(
+        default=None,
+        exclude_if=_nothing,
+        description="of all stiffnesses against the robot file's; absent where these agree",
     )
     model: Forward
     assumptions: tuple[str, ...]

@@ -3,42 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from statistics import median
 from typing import Any
 
 from pipeline.answer.contract import Body, JointType, Odd, Payload, Remark, Stiffness
 from pipeline.answer.words import listed
-from pipeline.base.quantities import plain, with_std
+from pipeline.base.quantities import with_std
 from pipeline.reduction.torques import CONTRADICTS
 
 
 def finding(joint: Stiffness) -> str | None:
     """All that is to be known of one stiffness; None where nothing is."""
     return " ".join(_sentence(remark, [joint]) for remark in joint.remarks) or None
-
-
-_SPECIMENS = 1.5
-"""Robots of one type differ by tens of per cent; a scale read in another unit by 2.2 (lb and kg) or
-more."""
-
-
-def common_factor(joints: Sequence[Stiffness]) -> str | None:
-    """That all stiffnesses are as many times those of the robot file; None where they are not.
-
-    A factor common to all forces is one on all stiffnesses and on nothing else, so no residual
-    shows it: only what is known of the robot can.
-    """
-    ratios = [j.value / j.nominal for j in joints if j.identifiable and j.value and j.nominal]
-    if len(ratios) < 2:
-        return None
-    factor = median(ratios)
-    if 1 / _SPECIMENS < factor < _SPECIMENS:
-        return None
-    return (
-        f"The stiffnesses are about {plain(factor, 2)} times those of the robot file: check the "
-        "unit of the force column and the scale, or the stiffnesses in the file; a factor common "
-        "to all forces shows in no residual."
-    )
 
 
 def contradicted(payloads: Sequence[Payload]) -> list[str]:

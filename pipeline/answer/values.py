@@ -72,10 +72,19 @@ _STATEMENTS = {
 }
 
 
+def _beside(estimate: Estimate) -> str:
+    """What else the test of the model rests on, or why there is none."""
+    if estimate.p_value is None:
+        return " Nothing is left beside these that could test the model."
+    if estimate.goodness.tails:
+        return " Its p-value is that of noise with the tails that the readings show."
+    return ""
+
+
 def noise_statement(estimate: Estimate, tracked: bool) -> str:
     """One sentence on where the noise comes from and what depends on it."""
     if estimate.noise_from in _STATEMENTS:
-        return _STATEMENTS[estimate.noise_from]
+        return _STATEMENTS[estimate.noise_from] + _beside(estimate)
     std = 1e3 * estimate.residual_std_m
     more = (
         "; a laser tracker measures better than that, so the model does not fit as well as a "

@@ -32,6 +32,7 @@ from pipeline.system.elimination import eliminate
 from pipeline.system.estimate import fits
 from pipeline.system.linearised import Linearised
 from pipeline.system.noise import scatter
+from pipeline.system.shape import Shape
 from pipeline.system.system import Estimate, Scatter, System
 from pipeline.system.variance import Components, variance_components
 from pipeline.system.whitened import Whitened
@@ -54,6 +55,7 @@ def diagnose(
     effects: tuple[Effect, ...] | None = None,
     drift: Drift | None = None,
     noise: Components | None = None,
+    shape: Shape | None = None,
 ) -> Diagnosis:
     """Find what the paper's model misses in one campaign.
 
@@ -66,6 +68,7 @@ def diagnose(
         effects: The catalogue to search; that of robot and loads when not given.
         drift: What the base reflectors show of the tracker, where they show anything.
         noise: Noise found in the campaign; found in its pulls when not given.
+        shape: Tails and wander that the measurements carry; none when not given.
     """
     whole = catalogue(cell.robot, data.pulls) if effects is None else effects
     known = twins(cell.robot)
@@ -75,7 +78,7 @@ def diagnose(
     if stood.believed:
         data = corrected(hung, data, stood)
         case, spread = case_of(cell, data, estimate, whole, known, noise)
-    case = replace(case, refuted=stood.visible)
+    case = replace(case, refuted=stood.visible, shape=shape)
     case, spread, found = _searched(case, spread, estimate.value, rng)
     worth = _gain(case, found, rng)
     facts = replace(_facts(case, found, spread), gain=worth)

@@ -18,8 +18,11 @@ from pipeline.machine.effect import Effect
 from pipeline.system.assemble import TRACKED, assemble
 from pipeline.system.estimate import identifiable, solve
 from pipeline.system.linearised import Linearised, Model
+from pipeline.system.shape import goodness
 from pipeline.system.system import Errors, Estimate, System
 from pipeline.system.whitened import with_laws
+
+_SEED = 20261122
 
 
 def hypotheses(case: Case, found: Found, moved: bool, helps: bool) -> tuple[Hypothesis, ...]:
@@ -36,9 +39,11 @@ def hypotheses(case: Case, found: Found, moved: bool, helps: bool) -> tuple[Hypo
     if not (found.accepted and helps):
         if not moved and case.force_noise == 1:
             return ()
-        return (_hypothesis(case, found.first.model, found.first.seen, 1.0),)
+        only = _hypothesis(case, found.first.model, found.first.seen, 1.0)
+        return (_tested(case, only, found.first.seen),)
     first, *others = _likely(case, found)
     own = _hypothesis(case, found.view.model, found.seen, first.weight)
+    own = _tested(case, own, found.seen)
     return weighed([own, *(_other(case, found, one) for one in others)])
 
 
@@ -135,6 +140,19 @@ def _hypothesis(
     estimate = replace(estimate, cov=cov, identifiable=estimate.identifiable & known)
     sized = _sized(system, model, ratio) if effects else None
     return Hypothesis(weight, effects, model.cell, system, estimate, instead, ratio, sized)
+
+
+def _tested(case: Case, one: Hypothesis, seen: Linearised) -> Hypothesis:
+    """The same, tested in the noise that its readings are weighed by: alike, with what was found.
+
+    Weights that follow from the residuals make these small, whatever the model.
+    """
+    if case.shape is None or one.estimate.p_value is None:
+        return one
+    data = replace(case.shape.off(case.data), wander=case.data.wander)
+    alike = _solved(replace(case, data=data), seen.model, seen)[0]
+    left = goodness(alike, case.shape, np.random.default_rng(_SEED))
+    return replace(one, estimate=replace(one.estimate, goodness=left))
 
 
 def _sized(system: System, model: Model, ratio: float) -> Estimate:

@@ -18,6 +18,7 @@ from pipeline.system.detect import Lack, Threshold, lack_of_fit, threshold
 from pipeline.system.elimination import coefficients, eliminate
 from pipeline.system.evidence import ROUNDING, Scores
 from pipeline.system.linearised import Linearised, Model, linearise
+from pipeline.system.shape import Shape
 from pipeline.system.whitened import Whitened, whiten
 
 _MOST = 3
@@ -54,6 +55,8 @@ class Case:
         nameless: What competes with the suspects and is never named.
         refuted: Multiples of the typical size from which the unloaded reflectors would show a
             cause and do not, by label.
+        shape: Tails and wander of the noise as the data carry them; None where all readings are
+            alike.
     """
 
     cell: Cell
@@ -64,6 +67,7 @@ class Case:
     force_noise: float = 1.0
     nameless: tuple[Effect, ...] = ()
     refuted: Mapping[str, float] = field(default_factory=dict)
+    shape: Shape | None = None
 
     def linearised(self, model: Model, near: Linearised | None = None) -> Linearised:
         """The campaign linearised at a model, with the errors of a near one where it is given."""

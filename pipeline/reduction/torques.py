@@ -34,6 +34,18 @@ _ROUNDS = 10
 _SPARE = 1.0
 """Fewer degrees of freedom of a joint tell no scatter."""
 
+_CHAINS, _SETTLE, _KEPT = 200, 20, 10
+"""Side by side, and steps of each: before it is kept, and kept. 2000 draws know a 95 % interval to
+three parts in a hundred."""
+
+_DARK = 1e-12
+"""Part of the largest information below which a direction is rounding [1]."""
+
+_SEED = 20261122
+
+_WEIGHT = 2.0
+"""So many readings at most is worth what other joints say of the scatter of one [1]."""
+
 _ALIKE = 1e-3
 """Joints whose log variances differ by less beyond chance scatter alike."""
 
@@ -44,9 +56,10 @@ class Weighed(Locked):
 
     Attributes:
         mass: [kg].
-        mass_std: Its standard uncertainty, that of the torques' own scatter.
+        mass_std: Its standard uncertainty, that of the torques' own scatter: of Student's tails, a
+            95 % interval reaches 1.96 of it to either side.
         center: Flange frame [m], shape (3,).
-        center_std: Its standard uncertainties, infinite where no pose tells, shape (3,).
+        center_std: Its standard uncertainties, likewise, shape (3,).
         poses: How many it rests on.
         p_value: Probability of being so unlike the stated payload, whose uncertainties count.
     """
@@ -94,49 +107,98 @@ def _of(case: Case, name: str) -> tuple[Ints, Array]:
 
 
 def _fit(case: Case, payload: Payload, pose: Ints, tau: Array) -> Weighed | None:
-    """Least squares of (m, m c) and offsets, each joint weighed by what it leaves."""
-    here, g = configure(case.robot, case.q(pose)), case.settings.gravity.vector
-    n, force = case.robot.n, np.broadcast_to(g, (len(pose), 3))
+    """(m, m c) and offsets over all scatters that the joints may have."""
+    X, y, joint = _rows(case, payload, pose, tau)
+    inverse = linear.pseudoinverse(X)
+    dof = len(y) - inverse.rank
+    if dof < _FEWEST:
+        return None
+    n, size = case.robot.n, np.ones(case.robot.n)
+    for _ in range(_ROUNDS):
+        inverse = linear.pseudoinverse(X / size[joint, None])
+        rest = y - X @ inverse(y / size[joint])
+        spare = np.bincount(joint, 1 - np.sum(inverse.U**2, axis=1), n).astype(float)
+        square = np.bincount(joint, rest**2, n).astype(float)
+        weight, usual = _usual(square, spare)
+        left = (weight * usual + square) / (weight + np.maximum(spare, 0.0))
+        size = np.maximum(np.sqrt(left), _LEAST * np.abs(y).max())
+    if not np.isfinite(np.diag(inverse.cov)[:4]).all():
+        return None
+    drawn = _drawn(X, y, joint, size, (weight, usual))[:, :4]
+    drawn *= np.sign(np.median(drawn[:, 0]))
+    return _weighed(payload, drawn, dof, len(np.unique(pose)))
+
+
+def _rows(case: Case, payload: Payload, pose: Ints, tau: Array) -> tuple[Array, Array, Ints]:
+    """Columns of (m, m c) and the offsets (k, 4 + n), torques (k,), joint of each (k,).
+
+    The payload hangs on the arm as it bends under what is stated of it.
+    """
+    q, body = case.q(pose), payload.mass_kg * np.array([1.0, *payload.center_m])
+    straight = _by_payload(case, q)
+    A = _by_payload(case, q + (straight @ body) * case.robot.nominal_compliance)
+    n, known = case.robot.n, np.isfinite(tau)
+    X = np.concatenate([A, np.broadcast_to(np.eye(n), (len(pose), n, n))], axis=-1)[known]
+    return X, tau[known], np.broadcast_to(np.arange(n), tau.shape)[known]
+
+
+def _by_payload(case: Case, q: Array) -> Array:
+    """Torques [N m] or [N] by kg and kg m of (m, m c) at joint values (m, n), shape (m, n, 4)."""
+    here, g = configure(case.robot, q), case.settings.gravity.vector
+    force = np.broadcast_to(g, (len(q), 3))
     slid = here.twists[..., 3:] @ g  # what a force does and a pure moment does not
     at = [torque(here.twists, here.flange_origin, force)]
     at += [torque(here.twists, here.flange_axes[:, :, k], force) - slid for k in range(3)]
-    A = np.stack(at, axis=-1)  # (m, n, 4)
-    known = np.isfinite(tau)
-    X = np.concatenate([A, np.broadcast_to(np.eye(n), (len(pose), n, n))], axis=-1)[known]
-    y, joint = tau[known], np.broadcast_to(np.arange(n), tau.shape)[known]
-    dof = len(y) - linear.pseudoinverse(X).rank
-    if dof < _FEWEST:
-        return None
-    size, theta, cov = np.ones(n), np.zeros(4), np.eye(4)
-    for _ in range(_ROUNDS):
-        inverse = linear.pseudoinverse(X / size[joint, None])
-        value = inverse(y / size[joint])
-        rest = y - X @ value
-        spare = np.bincount(joint, 1 - np.sum(inverse.U**2, axis=1), n).astype(float)
-        left = _scatter(np.bincount(joint, rest**2, n).astype(float), spare)
-        theta, cov = value[:4], inverse.cov[:4, :4]
-        size = np.maximum(left, _LEAST * np.abs(y).max())
-    return _weighed(payload, np.sign(theta[0]) * theta, cov, dof, len(np.unique(pose)))
+    return np.stack(at, axis=-1)
 
 
-def _scatter(square: Array, spare: Array) -> Array:
-    """Standard uncertainty of each joint's torque from sums of squares and degrees of freedom.
+def _usual(square: Array, spare: Array) -> tuple[float, float]:
+    """What the joints have in common: how many readings that counts as, and a variance s_0^2.
 
-    s_j^2 = (d_0 s_0^2 + square_j) / (d_0 + d_j), s_0 and d_0 from the mean and the variance of
-    log(square_j / d_j): joints that differ no more than by chance share one scatter, for a few
-    readings of each would weigh themselves (Smyth, Stat. Appl. Genet. Mol. Biol. 3, 2004).
+    From the mean and the variance of log(square_j / d_j) (Smyth, Stat. Appl. Genet. Mol. Biol. 3,
+    2004); it counts as `_WEIGHT` at most, for a few joints that agree may do so by chance.
     """
     told = (spare > _SPARE) & (square > 0)
     if not told.any():
-        return np.zeros(len(square))
+        return 0.0, 0.0
     d = spare[told]
     logs = np.log(square[told] / d) - special.digamma(d / 2) + np.log(d / 2)
     more = float(np.var(logs, ddof=1) - np.mean(special.polygamma(1, d / 2))) if len(d) > 1 else 0.0
     if more < _ALIKE:
-        return np.full(len(square), np.sqrt(square.sum() / spare.sum()))
+        return _WEIGHT, float(np.exp(np.mean(logs)))
     half = _trigamma_inverse(more)
-    s0 = np.exp(np.mean(logs) + special.digamma(half) - np.log(half))
-    return np.sqrt((2 * half * s0 + square) / (2 * half + np.maximum(spare, 0.0)))
+    usual = float(np.exp(np.mean(logs) + special.digamma(half) - np.log(half)))
+    return min(2 * half, _WEIGHT), usual
+
+
+def _drawn(X: Array, y: Array, joint: Ints, size: Array, usual: tuple[float, float]) -> Array:
+    """Draws of all parameters, shape (d, k), from what the torques say of them and of the scatters.
+
+    Gibbs' sampler, `_CHAINS` side by side: b given the scatters is N(N^-1 g, N^-1), N = X' S^-2 X,
+    and s_j^2 given b is (d_0 s_0^2 + sum r_j^2) / chi2(d_0 + n_j) (Gelfand et al., J. Am. Stat.
+    Assoc. 85, 1990). Taken for known, scatters of a few readings weigh them as if they were sure.
+    """
+    rng, n = np.random.default_rng(_SEED), len(size)
+    unit = np.linalg.norm(X, axis=0)
+    unit = np.where(unit > 0, unit, 1.0)
+    own = [np.where((joint == j)[:, None], X / unit, 0.0) for j in range(n)]
+    XX, Xy = np.stack([x.T @ x for x in own]), np.stack([x.T @ y for x in own])
+    readings = np.bincount(joint, minlength=n)
+    least = (_LEAST * np.abs(y).max()) ** 2
+    variance, out = np.tile(size**2, (_CHAINS, 1)), []
+    for turn in range(_SETTLE + _KEPT):
+        N = np.einsum("cj,jab->cab", 1 / variance, XX)
+        values, R = linear.directions(N)
+        half = R / np.sqrt(np.maximum(values, _DARK * values[:, -1:]))[:, None, :]
+        g = np.einsum("cj,ja->ca", 1 / variance, Xy)
+        turned = np.einsum("cai,ca->ci", half, g) + rng.standard_normal(g.shape)
+        b = np.einsum("cai,ci->ca", half, turned) / unit
+        rest = (y - b @ X.T) ** 2
+        square = np.stack([rest[:, joint == j].sum(axis=1) for j in range(n)], axis=1)
+        drawn = rng.chisquare(np.maximum(usual[0] + readings, 1.0), square.shape)
+        variance = np.maximum((usual[0] * usual[1] + square) / drawn, least)
+        out += [b] if turn >= _SETTLE else []
+    return np.concatenate(out)
 
 
 def _trigamma_inverse(value: float) -> float:
@@ -148,21 +210,23 @@ def _trigamma_inverse(value: float) -> float:
     return float(x)
 
 
+_LOST = 0.025
+"""A mass that may be zero with more than this probability is none."""
+
 _LEAST = 1e-9
 """Part of the largest torque that is rounding."""
 
 
-def _weighed(payload: Payload, theta: Array, cov: Array, dof: int, poses: int) -> Weighed | None:
-    """Mass and centre from (m, m c), and how likely they are the stated ones.
+def _weighed(payload: Payload, drawn: Array, dof: int, poses: int) -> Weighed | None:
+    """Mass and centre from draws of (m, m c), and how likely they are the stated ones.
 
     F = (t - t0)' (C + C0)^-1 (t - t0) / 4 with 4 and `dof` degrees of freedom, t0 and C0 those
     stated; the sense in which a controller counts torques is not judged.
     """
-    if not np.isfinite(np.diag(cov)).all() or theta[0] <= 0:
+    theta, cov = drawn.mean(axis=0), np.cov(drawn.T)
+    if theta[0] <= 0 or (drawn[:, 0] <= 0).mean() > _LOST:
         return None
     m, center = theta[0], theta[1:] / theta[0]
-    # d(c) = (d(m c) - c dm) / m
-    D = np.column_stack([-center, np.eye(3)]) / m
     stated = np.array(payload.center_m)
     off = theta - payload.mass_kg * np.array([1.0, *stated])
     E = np.zeros((4, 4))
@@ -171,11 +235,19 @@ def _weighed(payload: Payload, theta: Array, cov: Array, dof: int, poses: int) -
     sigma = np.array([payload.mass_sigma_kg, *[payload.center_sigma_m] * 3])
     both = cov + (E * sigma**2) @ E.T
     F = float(off @ linear.solve(both, off)) / 4
+    # d(c) = (d(m c) - c dm) / m
+    centers = center + (drawn[:, 1:] - theta[1:] - np.outer(drawn[:, 0] - m, center)) / m
     return Weighed(
         mass=float(m),
-        mass_std=float(np.sqrt(cov[0, 0])),
+        mass_std=float(_std(drawn[:, 0])),
         center=center,
-        center_std=np.sqrt(np.diag(D @ cov @ D.T)),
+        center_std=_std(centers),
         poses=poses,
         p_value=float(special.fdtrc(4, dof, F)),
     )
+
+
+def _std(drawn: Array) -> Array:
+    """Half of the 95 % interval over 1.96: draws have Student's tails."""
+    low, high = np.quantile(drawn, [0.025, 0.975], axis=0)
+    return np.asarray((high - low) / (2 * special.ndtri(0.975)))

@@ -184,6 +184,8 @@ def stacked(system: System, c: Array, data: Measured, zeros: Zeros, cell: Cell) 
     if not data.noise_stated:
         nth = zeros.which[known][:, None, None]
         C = (system.found_m or 1.0) ** 2 * np.eye(3) * (1 + 1 / nth)
+    if cell.tool.six:
+        C = C * _turning(data)[zero_target][:, None, None]
     factors = covariance.factors(C)
     own = scipy.sparse.block_diag(list(factors), format="csr") if len(factors) else None
     G, source, common = system.errors.G, system.errors.source, system.errors.common
@@ -204,6 +206,13 @@ def stacked(system: System, c: Array, data: Measured, zeros: Zeros, cell: Cell) 
         modes=modes.reshape(-1, 6),
         to_first=brought,
     )
+
+
+def _turning(data: Measured) -> Array:
+    """Mean variance of positions and of rotations over that of positions, shape (2,)."""
+    own = np.einsum("dii->d", data.loaded_cov)
+    mean = np.bincount(data.target, own) / np.bincount(data.target)
+    return np.asarray(mean / mean[0])
 
 
 def _rigid(cell: Cell, axes: Array, target: Ints) -> Array:

@@ -14,7 +14,7 @@ from pipeline.reduction.measured import Measured
 from pipeline.system import beside
 from pipeline.system.assemble import TRACKED, assemble
 from pipeline.system.restricted import Blocks, lowest
-from pipeline.system.system import Estimate, System
+from pipeline.system.system import Estimate, Goodness, System
 from pipeline.system.whiten import Whitener, whitener
 
 MISFIT_P = 0.01
@@ -69,26 +69,20 @@ def solve(system: System, start: Array, white: Whitener | None = None) -> Estima
     dark = np.isinf(cov)
     cov = np.where(dark, np.inf, np.where(dark, 0.0, cov) * scale)  # a perfect fit has scale 0
     std = np.sqrt(np.diag(cov))
+    of = Goodness.of if system.noise_stated else Goodness.untold
     return Estimate(
         parameters=system.parameters,
         value=value,
         cov=cov,
         identifiable=identifiable(typical, value, std),
         residual=residual,
-        chi2=chi2 / scale if scale else 0.0,
-        dof=dof,
-        p_value=_chance(chi2, dof) if system.noise_stated else None,
+        goodness=of(chi2 / scale if scale else 0.0, dof),
         noise_from="stated" if system.noise_stated else "residuals",
         residual_std_m=float(np.sqrt(residual @ residual / max(dof, 1))),
         quantile=float(
             special.ndtri(0.975) if system.noise_stated else special.stdtrit(dof, 0.975)
         ),
     )
-
-
-def _chance(chi2: float, dof: int) -> float:
-    """Probability of a sum of squares as large; 1 where nothing is left that could be one."""
-    return float(special.chdtrc(dof, chi2)) if dof > 0 else 1.0
 
 
 def identifiable(typical: Array, value: Array, std: Array) -> Bools:

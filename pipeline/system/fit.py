@@ -15,10 +15,11 @@ from pipeline.reduction.bring import Reduced
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import Measured
 from pipeline.system.assemble import assemble
-from pipeline.system.estimate import identify, solve
+from pipeline.system.estimate import identify
 from pipeline.system.linearised import Linearised, Model, linearise
-from pipeline.system.shape import Shape, misfit, shape
+from pipeline.system.shape import Shape, goodness, shape
 from pipeline.system.system import Estimate, System
+from pipeline.system.turning import apart
 from pipeline.system.variance import Components, noise, rescaled, resting_on
 
 _SEED = 20261122
@@ -67,6 +68,8 @@ def fit(case: Case, reduced: Reduced, taken: bool = False) -> Fitted:
         taken: As in `Components`.
     """
     data, start = reduced.data, case.robot.nominal_compliance
+    if data.poses and not data.noise_stated:
+        data = apart(case.settings, case.cell, reduced.placed, data, start)
     data = replace(data, bends=data.noise_stated)  # of residuals alone nobody knows what is noise
     system, estimate = identify(case.cell, data, start)
     data = data.in_metres(system.found_m)
@@ -97,11 +100,10 @@ def _shaped(
 ) -> Fitted:
     data, start = of.on(plain), case.robot.nominal_compliance
     system, estimate = identify(case.cell, data, start, near)
+    if estimate.p_value is not None:
+        alike = assemble(case.cell, replace(plain, wander=data.wander), estimate.value)
+        left = goodness(alike, of, np.random.default_rng(_SEED))
+        estimate = replace(estimate, goodness=left)
     if found.used:
         estimate = resting_on(estimate, found)
-    elif estimate.p_value is not None:
-        as_stated = assemble(case.cell, replace(plain, wander=data.wander), estimate.value)
-        chi2 = solve(as_stated, start).chi2
-        p = misfit(as_stated, of, chi2, np.random.default_rng(_SEED))
-        estimate = replace(estimate, p_value=p)
     return Fitted(case, reduced, plain, data, system, estimate, found, of)

@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import special
 
 from pipeline.base.arrays import Array, Locked
 from pipeline.reduction.measured import Measured
@@ -19,7 +18,7 @@ from pipeline.system.assemble import errors
 from pipeline.system.beyond import Beyond, Readings, columns, estimates, free
 from pipeline.system.family import LIKELY, Family, family, likelihood
 from pipeline.system.linearised import Linearised
-from pipeline.system.system import System
+from pipeline.system.system import Goodness, System
 from pipeline.system.wander import Wander, wander
 from pipeline.system.whiten import whitener
 
@@ -117,7 +116,10 @@ def shape(seen: Linearised, accepted: tuple[int, ...] | None = None, loose: bool
     readings, found, variance, beyond = tails(seen, accepted, 1, loose)
     if accepted is None:
         variance = np.ones(len(variance))
-    slow = wander(seen.data, beyond, beyond.base.dof >= _FEWEST)
+    springs = seen.B * np.array(
+        [one.typical for one in seen.model.cell.parameters[: seen.model.springs]]
+    )
+    slow = wander(seen.data, beyond, beyond.base.dof >= _FEWEST, springs)
     return Shape(found, variance, readings, slow, accepted is not None)
 
 
@@ -172,29 +174,29 @@ def _taken_out(seen: Linearised, accepted: tuple[int, ...] | None, loose: bool) 
     return np.hstack([own, free(seen)]) if loose else own
 
 
-def misfit(system: System, found: Shape, chi2: float, rng: np.random.Generator) -> float:
-    """Probability of a chi2 as large if the noise were of the family found.
+def goodness(system: System, found: Shape, rng: np.random.Generator) -> Goodness:
+    """What a model leaves, and how likely noise of the family that is carried leaves as much.
 
-    chi2 = y' V^-1 (y - X b) with V as stated and the wander; where the tails are heavier than
-    stated, `_DRAWS` campaigns of pure noise are drawn, each reading with a lambda of its own.
+    chi2 = y' V^-1 (y - X b) with V as stated and the wander; where heavier tails are carried,
+    `_DRAWS` campaigns of pure noise are drawn, each reading with a lambda of its own. Tails that
+    are seen and not carried change nothing: chi2 then stands beside the stated noise.
 
     Args:
         system: c = B x + G e with the wander, each reading as it is stated.
         found: The shape of the noise.
-        chi2: What the model leaves.
         rng: Source of the draws.
     """
     white = whitener(system.errors, system.rows.pose)
     base = white.base(system.B * system.typical, system.c)
-    exact = float(special.chdtrc(max(base.dof, 1), chi2))
-    heavy = found.family.heavy
+    heavy = found.family.heavy if found.weighed else 0.0
     if base.dof < _FEWEST or (heavy < _HEAVY and not found.family.paper):
-        return exact
+        return Goodness.of(base.rest, base.dof)
     which = found.readings.columns(system)
     n = len(found.variance)
-    spread = found.family.drawn(n * _DRAWS, rng).reshape(n, _DRAWS)
+    family = found.family if heavy >= _HEAVY else Family.stated(found.family.paper)
+    spread = family.drawn(n * _DRAWS, rng).reshape(n, _DRAWS)
     e = rng.standard_normal((system.errors.G.shape[1], _DRAWS))
     e *= np.sqrt(np.where(which[:, None] >= 0, spread[which], 1.0))
     drawn = white.with_priors(np.asarray(system.errors.G @ e))
     left = np.sum(base.beyond(drawn) ** 2, axis=0)
-    return float((1 + np.sum(left >= chi2)) / (1 + _DRAWS))
+    return Goodness.among(base.rest, base.dof, left)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse
+from scipy import special
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Parameter, Strings
 
@@ -91,6 +92,55 @@ class System(Locked):
         return not self.noise_stated and self.found_m is None
 
 
+@dataclass(frozen=True)
+class Goodness:
+    """What a model leaves and how likely chance leaves as much: one sum of squares and its own p.
+
+    It is made by its class methods only, each of which takes p from the very chi2 that it keeps.
+
+    Attributes:
+        chi2: Weighted sum of squared residuals in the noise that is used, every reading alike.
+        dof: Rows minus determined parameters.
+        p_value: Probability of a chi2 this large or larger; None where no noise is known beside it.
+        tails: The noise beside which it stands has the tails that were found, not those stated.
+    """
+
+    chi2: float
+    dof: int
+    p_value: float | None
+    tails: bool = False
+
+    @classmethod
+    def of(cls, chi2: float, dof: int) -> Goodness:
+        """In a normal noise that is stated; p is 1 where nothing is left that could be a misfit."""
+        return cls(chi2, dof, float(special.chdtrc(dof, chi2)) if dof > 0 else 1.0)
+
+    @classmethod
+    def untold(cls, chi2: float, dof: int) -> Goodness:
+        """In a noise that these residuals tell themselves."""
+        return cls(chi2, dof, None)
+
+    @classmethod
+    def beyond(cls, chi2: float, dof: int, part: tuple[float, int], nu: float) -> Goodness:
+        """In a noise that a part of the rows tells, known with `nu` degrees of freedom.
+
+        p is that of F = (chi2 - chi2_part) / (dof - dof_part); None where the part is the whole.
+        """
+        lack, more = max(chi2 - part[0], 0.0), dof - part[1]
+        return cls(chi2, dof, float(special.fdtrc(more, nu, lack / more)) if more > 0 else None)
+
+    @classmethod
+    def among(cls, chi2: float, dof: int, drawn: Array) -> Goodness:
+        """Among the chi2 of campaigns of nothing but the noise that was found, shape (d,).
+
+        p is the share of them that leaves as much. What such noise does to the scale of chi2 is
+        taken off: half of the campaigns then stay below the median of chi-square.
+        """
+        p = float((1 + np.sum(drawn >= chi2)) / (1 + len(drawn)))
+        middle = float(special.chdtri(dof, 0.5)) / float(np.median(drawn))
+        return cls(chi2 * middle, dof, p, tails=True)
+
+
 @dataclass(frozen=True, eq=False)
 class Estimate(Locked):
     """What the data say about x.
@@ -101,10 +151,7 @@ class Estimate(Locked):
         cov: Covariance of `value`, shape (k, k); infinite on the diagonal where undetermined.
         identifiable: True where the data determine the entry to better than its typical size, (k,).
         residual: c - B x [m], shape (M,).
-        chi2: Weighted sum of squared residuals; about `dof` if the model is true, or if the noise
-            of the tracker is found from these residuals.
-        dof: Rows minus determined parameters.
-        p_value: Probability of a chi2 this large or larger; None when no noise is stated.
+        goodness: What of the residuals chance explains.
         noise_from: `stated`, `replicates` or `residuals`.
         residual_std_m: Unweighted residual standard deviation, sqrt(r'r / dof) [m].
         quantile: Half width of a 95 % interval in standard deviations (normal or Student).
@@ -115,9 +162,7 @@ class Estimate(Locked):
     cov: Array
     identifiable: Bools
     residual: Array
-    chi2: float
-    dof: int
-    p_value: float | None
+    goodness: Goodness
     noise_from: str
     residual_std_m: float
     quantile: float
@@ -126,6 +171,21 @@ class Estimate(Locked):
     def std(self) -> Array:
         """Standard uncertainty of `value`, shape (k,)."""
         return np.sqrt(np.diag(self.cov))
+
+    @property
+    def chi2(self) -> float:
+        """Weighted sum of squared residuals, about `dof` if model and noise are true."""
+        return self.goodness.chi2
+
+    @property
+    def dof(self) -> int:
+        """Rows minus determined parameters."""
+        return self.goodness.dof
+
+    @property
+    def p_value(self) -> float | None:
+        """Probability of a chi2 this large or larger; None when no noise is stated."""
+        return self.goodness.p_value
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from pipeline.system import alarms
 from pipeline.system.assemble import TRACKED
 from pipeline.system.contrasts import ZEROS, pure_error, repeated_zeros
 from pipeline.system.restricted import Blocks, maximum
-from pipeline.system.system import Estimate, System
+from pipeline.system.system import Estimate, Goodness, System
 from pipeline.system.whiten import whitener
 
 _SCALED: Mapping[str, tuple[str, ...]] = {
@@ -173,17 +173,16 @@ def resting_on(estimate: Estimate, found: Components) -> Estimate:
     """The estimate whose noise is itself estimated: Student's quantile, and the test of misfit.
 
     The noise was made to fit the contrasts, so they cannot speak for the model: what chi2 holds
-    beside them is compared with them, F = (chi2 - chi2_contrasts) / (dof - dof_contrasts), with
-    dof - dof_contrasts and nu degrees of freedom. nu = (u(scale) / scale)^-2 / 2 is that of
-    Student's t, too (GUM, JCGM 100:2008, Eq. (G.3)); of several scales the least certain counts.
+    beside them is compared with them, see `Goodness.beyond`. nu = (u(scale) / scale)^-2 / 2 is that
+    of Student's t, too (GUM, JCGM 100:2008, Eq. (G.3)); of several scales the least certain counts.
     """
-    dof = 0.5 / float(np.max(found.std[found.replaced])) ** 2
-    lack, lack_dof = max(estimate.chi2 - found.chi2, 0.0), estimate.dof - found.chi2_dof
+    nu = 0.5 / float(np.max(found.std[found.replaced])) ** 2
+    part = found.chi2, found.chi2_dof
     return replace(
         estimate,
-        p_value=float(stats.f.sf(lack / lack_dof, lack_dof, dof)) if lack_dof > 0 else None,
+        goodness=Goodness.beyond(estimate.chi2, estimate.dof, part, nu),
         noise_from="replicates",
-        quantile=float(stats.t.ppf(0.975, dof)),
+        quantile=float(stats.t.ppf(0.975, nu)),
     )
 
 

@@ -103,7 +103,33 @@ def kernel(data: Measured, time_s: float) -> tuple[Array, float]:
     return out / np.sqrt(mean), mean
 
 
-def wander(data: Measured, beyond: Beyond, told: bool = True) -> Wander:
+def restless(data: Measured, moves: Array, time_s: float) -> Array:
+    """What joints do whose compliance is another in each pull, rows of mean square one, (d, 3, j).
+
+    Every compliance varies by a like part of itself, alike within some time: K of a pose is
+    sum_j b_j b_j' rho, with b_j what joint j adds to a row under its pull. A wander moves all
+    targets by as much under any pull; this follows the torques.
+
+    Args:
+        data: The measurements.
+        moves: Columns of the springs in their typical sizes, shape (M, n).
+        time_s: Correlation time [s].
+    """
+    pose = np.unique(data.pulls.pose, return_inverse=True)[1]
+    alike = np.zeros((len(pose), int(np.bincount(pose).max())))
+    for p in range(pose.max() + 1):
+        rows = np.flatnonzero(pose == p)
+        t = data.pulls.time[rows]
+        if not np.isfinite(t).all():
+            continue
+        alike[rows, : len(rows)] = linear.factor(np.exp(-np.abs(t[:, None] - t) / time_s))
+    of_row = np.repeat(alike[data.pull], 3, axis=0)
+    out = (moves[:, :, None] * of_row[:, None, :]).reshape(len(data.pull), 3, -1)
+    mean = max(float(np.mean(np.sum(out**2, axis=2))), _TINY)
+    return np.asarray(out / np.sqrt(mean))
+
+
+def wander(data: Measured, beyond: Beyond, told: bool = True, moves: Array | None = None) -> Wander:
     """How much of it the rows show, by restricted likelihood over `SIZES` and `TIMES_S`.
 
     With W = L^-1 K L^-T of each pose, rotated to diag(w), and a the size:
@@ -113,12 +139,15 @@ def wander(data: Measured, beyond: Beyond, told: bool = True) -> Wander:
     N = X' D X + prior, g = X' D y, D = diag(1 / (1 + a^2 w)). p is that of the likelihood ratio
     with two degrees of freedom, half of it as the size is at its bound under the null.
 
-    What wanders along one axis only is no instrument, and none is found.
+    What wanders along one axis only is no instrument, and none is found; nor is it where joints
+    that are `restless` are likelier, all sizes and times together.
 
     Args:
         data: The measurements.
         beyond: Their rows beside a model.
         told: Whether there are enough of them; else nothing is looked for.
+        moves: Columns of the springs in their typical sizes, shape (M, n); nothing competes when
+            not given.
     """
     unit = _unit(data)
     kernels = [kernel(data, time_s) for time_s in TIMES_S]
@@ -136,6 +165,12 @@ def wander(data: Measured, beyond: Beyond, told: bool = True) -> Wander:
     best = int(np.argmax(weight[:, 1:].max(axis=1)))
     if p < alarms.COMPONENT and _along_one_axis(beyond, by_row[best], a[weight[best].argmax()]):
         return nothing
+    probability = float(weight[:, 1:].sum())
+    if moves is not None and probability > _NONE:
+        others = [unit * restless(data, moves, time_s) for time_s in TIMES_S]
+        theirs = np.array([_losses(beyond, one, a[1:]) for one in others])
+        if special.logsumexp(-0.5 * theirs) > special.logsumexp(-0.5 * losses[:, 1:]):
+            return nothing
     of_time = weight @ a**2
     mean = float((weight * a).sum())
     return Wander(
@@ -147,7 +182,7 @@ def wander(data: Measured, beyond: Beyond, told: bool = True) -> Wander:
         std=unit * float(np.sqrt(max((weight * a**2).sum() - mean**2, 0.0))),
         time_s=TIMES_S[best],
         p_value=p,
-        probability=float(weight[:, 1:].sum()),
+        probability=probability,
         process=unit**2 * of_time / np.array([size for _, size in kernels]),
         unit=unit,
     )
