@@ -37,7 +37,8 @@ from pipeline.faults.screen import Screened, acquit, screen, screen_again
 from pipeline.machine.effects import catalogue
 from pipeline.machine.effects.tracker_drift import by_order
 from pipeline.machine.robot import Robot
-from pipeline.prediction import model as handover
+from pipeline.prediction import handover
+from pipeline.prediction.model import Model
 from pipeline.prediction.validate import none as no_validation
 from pipeline.prediction.validate import validate
 from pipeline.prediction.workspace import none as no_workspace
@@ -166,7 +167,7 @@ class Answered:
 
     answer: Answer
     shown: dict[str, pd.DataFrame]
-    model: handover.Model
+    model: Model
 
 
 @at(_LAST_RESORT)
@@ -228,7 +229,7 @@ def _righted(screened: Screened, given: Fitted, step: Step) -> Fitted:
     return step(fit)(screened.case, bring(screened.case)) if screened.findings else given
 
 
-def _told(model: handover.Model, values: Values, where: Where, step: Step) -> Told:
+def _told(model: Model, values: Values, where: Where, step: Step) -> Told:
     """One model's values with what they predict."""
     checked = None
     if values.found.identifiable.any():
