@@ -50,6 +50,7 @@ from pipeline.reduction.ingest import ingest
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.pose_of_interest import Where, place_of_interest
 from pipeline.reduction.register import timed
+from pipeline.report import workbook
 from pipeline.report.render import render
 from pipeline.store.campaign import Campaign, Raw, dump
 from pipeline.system import alarms
@@ -143,15 +144,19 @@ def _compute(campaign: Campaign, raw: Raw, step: Step) -> Answer:
     found = answered(campaign.name, raw, campaign.keep, step)
     run_time_s = time.perf_counter() - began
     before = archive.earlier(campaign, found.answer)
-    pages = step(render)(found.answer, found.shown, run_time_s, before)
-    answers = {"result.json": dump(found.answer.as_json()), **handover.files(found.model), **pages}
+    answers = {
+        "result.json": dump(found.answer.as_json()),
+        **handover.files(found.model),
+        **workbook.files(found.answer, found.shown),
+    }
+    pages = step(render)(found.answer, found.shown, run_time_s, before, list(answers))
     told = {
         "run_time_s": run_time_s,
         "previous": archive.mark(before),
         "verdict": str(found.answer.diagnosis.verdict),
         **archive.about(found.answer),
     }
-    campaign.finish(raw.key, answers, told)
+    campaign.finish(raw.key, answers | pages, told)
     return found.answer
 
 

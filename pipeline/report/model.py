@@ -5,10 +5,13 @@ Page and PDF both walk through the same record, so neither can say what the othe
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from pipeline.answer.contract import Answer
 from pipeline.report import words
 from pipeline.report.record import Report, present
 from pipeline.report.sections.diagnosis import diagnosis
+from pipeline.report.sections.files import files
 from pipeline.report.sections.method import method
 from pipeline.report.sections.prediction import test_pose, validation
 from pipeline.report.sections.readings import (
@@ -27,6 +30,7 @@ def compose(
     tables: Tables,
     run_time_s: float | None = None,
     previous: Answer | None = None,
+    beside: Collection[str] = (),
 ) -> Report:
     """Everything the report says about a campaign.
 
@@ -36,6 +40,7 @@ def compose(
             by the lower-case name of their promise, SI; what is missing is left out.
         run_time_s: How long the run took [s].
         previous: The answer to the robot's previous campaign, to say what has changed.
+        beside: Names of the files that lie in the page's folder, to lead there.
     """
     title, tone = words.VERDICTS[answer.diagnosis.verdict]
     sections = [
@@ -48,6 +53,7 @@ def compose(
         registration(answer, tables),
         reliability(tables),
         rejected(answer),
+        files(beside, previous),
         method(answer),
     ]
     return Report(
