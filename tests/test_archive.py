@@ -31,7 +31,8 @@ def raw(root, name, day, campaign):
     folder.mkdir(parents=True)
     for file, content in campaign.files.items():
         if file == "campaign.toml":
-            content = content.replace(b"[tracker]", f"date = {day}\n\n[tracker]".encode(), 1)
+            said = f'date = {day}\n\n[robot_unit]\nserial = "4711"\n\n[tracker]'
+            content = content.replace(b"[tracker]", said.encode(), 1)
         (folder / file).write_bytes(content)
 
 
@@ -69,6 +70,8 @@ def test_every_run_brings_the_page_over_all_campaigns_up_to_date(project):
         assert f'href="{name}/index.html"' in page
         assert (project / "reports" / name / "index.html").is_file()
         assert day in page
+    assert ">kr500_rail, serial number 4711</h2>" in page
+    assert read(find(project, "spring")).robot_unit.serial == "4711"
 
 
 @pytest.mark.xdist_group("archive")

@@ -20,6 +20,7 @@ from pipeline.answer.inputs import (
     registration_findings,
     rejected_entries,
     treated_findings,
+    unit_entry,
 )
 from pipeline.answer.overload import overload_entry, overloaded
 from pipeline.answer.recommended import Values
@@ -88,6 +89,7 @@ def answer(found: Findings) -> Answer:
         influence=carried,
         payloads=payloads,
         instrument=instrument_entry(given.case.settings),
+        robot_unit=unit_entry(given.case.settings),
         overload=overload,
         model=contract.Forward(
             equilibrium=contract.Equilibrium(found.told.values.first.cell.equilibrium)

@@ -281,6 +281,20 @@ class Instrument(Strict):
         return self
 
 
+class Unit(Strict):
+    """One machine among those of its type; kept and shown, and campaigns of others are no history.
+
+    Attributes:
+        serial: Its serial number.
+        certificate: Of its last calibration.
+        calibrated: The day of that.
+    """
+
+    serial: Name | None = None
+    certificate: Name | None = None
+    calibrated: datetime.date | None = None
+
+
 class Model(Strict):
     """What the forward model takes into account."""
 
@@ -304,6 +318,7 @@ class Settings(Strict):
     joints: JointLog = JointLog()
     displacements: Displacements | None = None
     instrument: Instrument = Instrument()
+    robot_unit: Unit = Unit()
     tool: dict[Name, Point]
     tool_uncertainty: ToolUncertainty = ToolUncertainty()
     test_pose: TestPose | None = None

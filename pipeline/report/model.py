@@ -57,7 +57,7 @@ def compose(
         method(answer),
     ]
     return Report(
-        kicker=f"Joint stiffness · {answer.robot}",
+        kicker=f"Joint stiffness · {answer.machine}",
         heading=answer.campaign,
         title=f"Joint stiffness of {answer.robot}: {answer.campaign}",
         verdict=title,

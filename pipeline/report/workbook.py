@@ -102,7 +102,7 @@ def _summary(answer: Answer) -> Iterator[_Fact]:
     """What a reader wants to know first."""
     fit, verdict = answer.fit, answer.diagnosis.verdict
     yield _Fact("campaign", answer.campaign)
-    yield _Fact("robot", answer.robot)
+    yield _Fact("robot", answer.machine)
     yield _Fact("measured", answer.measured)
     yield _Fact("verdict", words.VERDICTS[verdict][0])
     for sentence in answer.verdict_sentence:
