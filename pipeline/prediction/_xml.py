@@ -19,8 +19,8 @@ BASE, FLANGE = "F_b", "F_flange"
 """What base and flange frame are called in every file."""
 
 _SWING_HZ = 30.0
-"""How fast each spring swings alone by the inertia put in place of the unknown one [Hz]: no robot
-moves so fast, and a simulator takes 33 steps of 1 ms for a period."""
+"""How fast each spring swings alone by the inertia put in place of the unknown one [Hz]: as an arm
+does in its first modes, and slowly enough for steps of 1 ms, 33 to a period."""
 _STAND_IN = 1.0
 """In place of a mass [kg] or rotational inertia [kg m^2] that nobody knows and nothing rests on."""
 

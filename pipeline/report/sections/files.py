@@ -13,7 +13,7 @@ _HOLDS = {
     "report.pdf": "this report on paper",
     "results.xlsx": "its tables for a spreadsheet; the same as text in csv/",
     "result.json": "every number, for programs",
-    "model.toml": "the identified model, whole: docs/hand-over.md",
+    "model.toml": "the identified model with its causes and their covariance",
     "model.urdf": "the robot, for programs that read URDF",
     "model.xml": "the robot with its springs, for MuJoCo",
     "model.sdf": "the robot with its springs, for Drake and Gazebo",
