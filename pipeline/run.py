@@ -38,7 +38,8 @@ from pipeline.faults.screen import Screened, acquit, screen, screen_again
 from pipeline.machine.effects import catalogue
 from pipeline.machine.effects.tracker_drift import by_order
 from pipeline.machine.robot import Robot
-from pipeline.prediction import model as handover
+from pipeline.prediction import handover
+from pipeline.prediction.model import Model
 from pipeline.prediction.validate import none as no_validation
 from pipeline.prediction.validate import validate
 from pipeline.prediction.workspace import none as no_workspace
@@ -50,6 +51,7 @@ from pipeline.reduction.ingest import ingest
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.pose_of_interest import Where, place_of_interest
 from pipeline.reduction.register import timed
+from pipeline.report import workbook
 from pipeline.report.render import render
 from pipeline.store.campaign import Campaign, Raw, dump
 from pipeline.system import alarms
@@ -143,16 +145,20 @@ def _compute(campaign: Campaign, raw: Raw, step: Step) -> Answer:
     found = answered(campaign.name, raw, campaign.keep, step)
     run_time_s = time.perf_counter() - began
     before = archive.earlier(campaign, found.answer)
-    pages = step(render)(found.answer, found.shown, run_time_s, before)
-    answers = {"result.json": dump(found.answer.as_json()), **handover.files(found.model), **pages}
-    answers |= found.files
+    answers = {
+        "result.json": dump(found.answer.as_json()),
+        **handover.files(found.model),
+        **found.files,
+        **workbook.files(found.answer, found.shown),
+    }
+    pages = step(render)(found.answer, found.shown, run_time_s, before, list(answers))
     told = {
         "run_time_s": run_time_s,
         "previous": archive.mark(before),
         "verdict": str(found.answer.diagnosis.verdict),
         **archive.about(found.answer),
     }
-    campaign.finish(raw.key, answers, told)
+    campaign.finish(raw.key, answers | pages, told)
     return found.answer
 
 
@@ -169,7 +175,7 @@ class Answered:
 
     answer: Answer
     shown: dict[str, pd.DataFrame]
-    model: handover.Model
+    model: Model
     files: dict[str, bytes] = field(default_factory=dict)
 
 
@@ -235,7 +241,7 @@ def _righted(screened: Screened, given: Fitted, step: Step) -> Fitted:
     return step(fit)(screened.case, bring(screened.case)) if screened.findings else given
 
 
-def _told(model: handover.Model, values: Values, where: Where, step: Step) -> Told:
+def _told(model: Model, values: Values, where: Where, step: Step) -> Told:
     """One model's values with what they predict."""
     checked = None
     if values.found.identifiable.any():

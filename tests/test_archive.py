@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
+from urllib.parse import unquote
 
 import pytest
 import report_sample
@@ -29,7 +31,8 @@ def raw(root, name, day, campaign):
     folder.mkdir(parents=True)
     for file, content in campaign.files.items():
         if file == "campaign.toml":
-            content = content.replace(b"[tracker]", f"date = {day}\n\n[tracker]".encode(), 1)
+            said = f'date = {day}\n\n[robot_unit]\nserial = "4711"\n\n[tracker]'
+            content = content.replace(b"[tracker]", said.encode(), 1)
         (folder / file).write_bytes(content)
 
 
@@ -67,6 +70,8 @@ def test_every_run_brings_the_page_over_all_campaigns_up_to_date(project):
         assert f'href="{name}/index.html"' in page
         assert (project / "reports" / name / "index.html").is_file()
         assert day in page
+    assert ">kr500_rail, serial number 4711</h2>" in page
+    assert read(find(project, "spring")).robot_unit.serial == "4711"
 
 
 @pytest.mark.xdist_group("archive")
@@ -76,6 +81,46 @@ def test_the_later_report_says_what_changed_since_the_earlier_one(project):
 
     assert "Change since spring [%]" in pages["autumn"]
     assert "Change since" not in pages["spring"]
+
+
+def leads(page):
+    """Where the links of a page lead, itself left out."""
+    found = re.findall(r'href="([^"#][^"]*)"', page.read_text("utf-8"))
+    return {unquote(link) for link in found if not link.startswith("data:")}
+
+
+@pytest.mark.xdist_group("archive")
+def test_every_link_leads_to_a_file(project):
+    """To PDF, tables and models beside a page, to all campaigns and to the one before."""
+    own = {"report.pdf", "result.json", "results.xlsx", "../index.html"}
+    own |= {f"model.{ending}" for ending in ("toml", "urdf", "xml", "sdf")}
+    reports = project / "reports"
+
+    assert leads(reports / "spring" / "index.html") == own
+    assert leads(reports / "autumn" / "index.html") == own | {"../spring/index.html"}
+    for page in reports.rglob("index.html"):
+        for link in leads(page):
+            assert (page.parent / link).is_file(), (page, link)
+
+
+@pytest.mark.xdist_group("archive")
+def test_no_link_leads_to_what_is_gone_or_was_never_written(project, tmp_path):
+    """The campaign before is deleted, and this one's run was by a version without a workbook."""
+    shutil.copytree(project, tmp_path / "copy")
+    found = find(tmp_path / "copy", "autumn")
+    manifest = found.manifest()
+    for name in ("results.xlsx", "model.sdf"):
+        (found.reports / name).unlink()
+        del manifest["outputs"][f"reports/autumn/{name}"]
+    (found.processed / "manifest.json").write_text(json.dumps(manifest), "utf-8")
+    shutil.rmtree(tmp_path / "copy" / "reports" / "spring")
+
+    pages.refresh(tmp_path / "copy")
+
+    page = found.reports / "index.html"
+    there = {path.relative_to(found.reports).as_posix() for path in found.reports.glob("*.*")}
+    assert leads(page) == (there - {"index.html"}) | {"../index.html"}
+    assert "results.xlsx" not in leads(page)
 
 
 @pytest.mark.xdist_group("archive")

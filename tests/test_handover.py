@@ -23,6 +23,7 @@ from pipeline.machine.robot.model import model as pin_model
 from pipeline.prediction import compensate
 from pipeline.prediction import model as handover
 from pipeline.prediction.model import Model
+from pipeline.prediction.urdf import urdf
 from pipeline.run import run, tool
 from pipeline.simulate import parse, simulate
 from pipeline.store.campaign import find, in_memory
@@ -234,10 +235,10 @@ def test_a_joint_that_the_answer_does_not_state_has_no_stiffness(demo):
     model = Model.load(demo / "reports" / "kr500_demo" / "model.toml")
     unstated = replace(model, stated=np.arange(7) != 5)
     content = tomllib.loads(handover.dumps(unstated))
-    urdf = ElementTree.fromstring(handover.urdf(unstated).partition("\n")[2])
+    read = ElementTree.fromstring(urdf(unstated))
 
     assert ["stiffness" in entry for entry in content["parameter"]] == [j != 5 for j in range(7)]
-    assert len(list(urdf.iter("elasticity"))) == 6
+    assert len(list(read.iter("elasticity"))) == 6
     read = handover.parse(handover.dumps(unstated))
     assert [read.stiffness(j) is not None for j in range(7)] == [j != 5 for j in range(7)]
 
@@ -260,7 +261,7 @@ def test_other_programs_read_the_urdf(demo):
     for robot in (ROBOT, turned):
         (one,) = model.hypotheses
         there = replace(one, cell=replace(one.cell, robot=robot))
-        written = handover.urdf(replace(model, hypotheses=(there,)))
+        written = urdf(replace(model, hypotheses=(there,))).decode()
         theirs = pin.buildModelFromXML(written)
         q = rng.uniform(theirs.lowerPositionLimit, theirs.upperPositionLimit)
 

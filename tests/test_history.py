@@ -5,7 +5,8 @@ import pytest
 import report_sample
 from scipy import stats
 
-from pipeline.answer.history import changes, ordered, previous, together, trends
+from pipeline.answer.contract import Reason, Unit
+from pipeline.answer.history import changes, ordered, previous, robots, together, trends
 from pipeline.report.model import compose
 from pipeline.report.overview import comparison, overview
 from pipeline.report.record import Figure, Table
@@ -155,6 +156,60 @@ def test_the_previous_campaign_is_the_last_earlier_one_of_the_robot():
     assert previous(campaign("undated", [2e-7]), others) is None
     assert ordered(others)[0].campaign == "old"
     assert ordered(others)[-1].campaign == "undated"
+
+
+def unit(serial):
+    """A machine with a serial number."""
+    return Unit(serial=serial, certificate=None, calibrated=None)
+
+
+def not_explained(answer):
+    """The same, its readings explained by no model."""
+    said = answer.recommended.model_copy(update={"reason": Reason.UNEXPLAINED})
+    return answer.model_copy(update={"recommended": said})
+
+
+def test_two_machines_of_one_type_have_a_history_each():
+    """Their stiffnesses differ by tens of per cent, which is no change of either."""
+    first = [
+        campaign(f"a{k}", [2e-7], measured=f"2026-0{k}-01").model_copy(
+            update={"robot_unit": unit("17")}
+        )
+        for k in (1, 3)
+    ]
+    second = [
+        campaign(f"b{k}", [3e-7], measured=f"2026-0{k}-01").model_copy(
+            update={"robot_unit": unit("18")}
+        )
+        for k in (2, 4)
+    ]
+    report = overview([*first, *second])
+
+    assert previous(second[1], [*first, *second]).campaign == "b2"
+    assert previous(second[0], [*first, *second]) is None
+    assert list(robots([*first, *second])) == [
+        "kr500_rail, serial number 17",
+        "kr500_rail, serial number 18",
+    ]
+    assert report.verdict == "No stiffness has changed"
+    nameless = [one.model_copy(update={"robot_unit": None}) for one in (*first, *second)]
+    assert overview(nameless).verdict == "A stiffness has changed"
+
+
+def test_what_no_model_explains_neither_raises_nor_hides_an_alarm():
+    """A value far off is drawn hollow and left out; the change between the others is still seen."""
+    steady = [campaign(f"c{k}", [2e-7], measured=f"2026-0{k}-01") for k in (1, 3, 5)]
+    odd = not_explained(campaign("odd", [4e-7], measured="2026-04-01"))
+    softer = campaign("softer", [2.1e-7], measured="2026-06-01")
+
+    (held,) = trends([*steady, odd])
+    (found,) = trends([*steady, odd, softer])
+    page = render_overview([*steady, odd]).decode()
+
+    assert (held.sure, held.campaigns) == (False, 3)
+    assert (found.sure, found.campaigns) == (True, 4)
+    assert previous(softer, [*steady, odd]).campaign == "c5"
+    assert "Hollow and not compared: odd." in page
 
 
 # --- pages ---------------------------------------------------------------------------------

@@ -18,7 +18,8 @@ from pipeline.base.shown import in_json, in_toml, in_xml, printable
 from pipeline.machine.poses import default_anchors
 from pipeline.machine.robot import load
 from pipeline.machine.robot import mdh as robots
-from pipeline.prediction import model as handover
+from pipeline.prediction import handover
+from pipeline.prediction import model as own
 from pipeline.reduction.settings import parse
 from pipeline.run import answered
 from pipeline.simulate import Plan, simulate
@@ -94,7 +95,7 @@ def test_every_message_is_one_line_of_a_bearable_length():
 
 
 def test_a_model_of_any_names_can_be_read_elsewhere():
-    """Names beyond ASCII and odd ones: model.toml stays TOML, the URDF stays XML."""
+    """Names beyond ASCII and odd ones: model.toml stays TOML, the others stay XML."""
     made = simulate(Plan(name="c", poses={"count": 8}, pulls={"steps_n": [2000.0]}))
     text = made.files["campaign.toml"].decode().replace("P1", "P😀").replace("\nP😀", '\n"P😀"')
     tracker = made.files["tracker.csv"].replace(b",P1,", ",P😀,".encode())
@@ -104,8 +105,9 @@ def test_a_model_of_any_names_can_be_read_elsewhere():
     written = handover.files(found.model)
 
     assert "P😀" in tomllib.loads(written["model.toml"].decode())["tool"]
-    assert ET.fromstring(written["model.urdf"].decode()).tag == "robot"
-    assert handover.parse(written["model.toml"].decode()).campaign == "c--\x1b"
+    for file, tag in (("urdf", "robot"), ("xml", "mujoco"), ("sdf", "sdf")):
+        assert ET.fromstring(written[f"model.{file}"].decode()).tag == tag
+    assert own.parse(written["model.toml"].decode()).campaign == "c--\x1b"
 
 
 def test_files_get_the_rights_that_the_user_gives(tmp_path):

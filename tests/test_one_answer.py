@@ -169,6 +169,22 @@ def test_trend_and_comparison_take_it(campaign):
             assert over_time[change["name"]].first_to_last == pytest.approx(100 * (ratio - 1))
 
 
+def test_only_what_the_answer_stands_for_is_tested(campaign):
+    """Joint springs beside an identified cause, or of data with a mistake, may look worn."""
+    found, answer, root = campaign
+    said = answer["recommended"]
+    plain = said["model"] == "joint_springs" and said["data"] == "as_given"
+    report, content = compared(root, f"{found.name}:joints", f"{OTHER}:joints")
+
+    if plain and found.name != "unexplained":
+        assert content["p_value"] is not None
+    else:
+        assert content["p_value"] is None
+        assert {change["sigmas"] for change in content["stiffness"]} == {None}
+        assert report.verdict == "Not tested"
+        assert any(found.name in sentence for sentence in report.sentences)
+
+
 def test_what_explains_nothing_is_no_earlier_campaign_to_compare_with(told):
     """The previous campaign is the last one whose values hold."""
     root, _ = told

@@ -21,7 +21,7 @@ import pyarrow as pa
 from bench.fuzz.mutation import Files
 from pipeline.base.errors import InputError, PipelineError
 from pipeline.machine.robot import Robot
-from pipeline.prediction import model as handover
+from pipeline.prediction import handover
 from pipeline.reduction.bring import conformed
 from pipeline.report.render import render
 from pipeline.run import Answered, answered
@@ -251,10 +251,11 @@ def _unreadable(products: dict[str, bytes]) -> Sequence[str]:
         tomllib.loads(products["model.toml"].decode())
     except ValueError as problem:
         bad.append(f"model.toml: {problem}"[:200])
-    try:
-        ElementTree.fromstring(products["model.urdf"])
-    except (ElementTree.ParseError, ValueError) as problem:
-        bad.append(f"model.urdf: {problem}"[:200])
+    for name in ("model.urdf", "model.xml", "model.sdf"):
+        try:
+            ElementTree.fromstring(products[name])
+        except (ElementTree.ParseError, ValueError) as problem:
+            bad.append(f"{name}: {problem}"[:200])
     return bad
 
 

@@ -21,6 +21,7 @@ from pipeline.answer.inputs import (
     registration_findings,
     rejected_entries,
     treated_findings,
+    unit_entry,
 )
 from pipeline.answer.overload import overload_entry, overloaded
 from pipeline.answer.recommended import Values
@@ -90,6 +91,7 @@ def answer(found: Findings) -> Answer:
         influence=carried,
         payloads=payloads,
         instrument=instrument_entry(given.case.settings),
+        robot_unit=unit_entry(given.case.settings),
         overload=overload,
         common_factor=factor,
         model=contract.Forward(

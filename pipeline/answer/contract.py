@@ -684,6 +684,14 @@ class PositionStep(Fact):
     series_mm: Number = Field(description="one series left out; null where there is one only")
 
 
+class Unit(Fact):
+    """The machine as campaign.toml has it."""
+
+    serial: str | None
+    certificate: str | None
+    calibrated: str | None
+
+
 class Forward(Fact):
     """What the forward model takes into account."""
 
@@ -738,6 +746,11 @@ class Answer(Values, Heading):
     instrument: Measuring | None = Field(
         default=None, exclude_if=_nothing, description="what measured; absent where nobody says"
     )
+    robot_unit: Unit | None = Field(
+        default=None,
+        exclude_if=_nothing,
+        description="which machine of its type; absent where nobody says",
+    )
     overload: Overload | None = Field(
         default=None,
         exclude_if=_nothing,
@@ -760,6 +773,12 @@ class Answer(Values, Heading):
     assumptions: tuple[str, ...]
     inputs: tuple[Input, ...]
     versions: dict[str, str]
+
+    @property
+    def machine(self) -> str:
+        """The machine, to find its other campaigns: its type, with its serial number if said."""
+        serial = self.robot_unit and self.robot_unit.serial
+        return f"{self.robot}, serial number {serial}" if serial else self.robot
 
     def as_json(self) -> dict[str, Any]:
         """The same as plain data, in the order in which result.json has it."""

@@ -73,10 +73,10 @@ def ordered(answers: Iterable[Answer]) -> list[Answer]:
 
 
 def robots(answers: Sequence[Answer]) -> dict[str, list[Answer]]:
-    """Campaigns in order, by robot."""
+    """Campaigns in order, by machine: two of one type have stiffnesses of their own."""
     out: dict[str, list[Answer]] = {}
     for one in ordered(answers):
-        out.setdefault(one.robot, []).append(one)
+        out.setdefault(one.machine, []).append(one)
     return dict(sorted(out.items()))
 
 
@@ -86,7 +86,7 @@ def trusted(answer: Answer) -> bool:
 
 
 def previous(answer: Answer, answers: Iterable[Answer]) -> Answer | None:
-    """The last campaign of the same robot that was measured earlier; None if nothing tells.
+    """The last campaign of the same machine that was measured earlier; None if nothing tells.
 
     A campaign whose model does not explain its readings does not count.
     """
@@ -94,7 +94,7 @@ def previous(answer: Answer, answers: Iterable[Answer]) -> Answer | None:
     earlier = [
         other
         for other in answers
-        if other.robot == answer.robot and precedes(other.measured, now) and trusted(other)
+        if other.machine == answer.machine and precedes(other.measured, now) and trusted(other)
     ]
     return ordered(earlier)[-1] if earlier else None
 

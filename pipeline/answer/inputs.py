@@ -22,7 +22,7 @@ from pipeline.reduction.growth import REFERENCE_C, STEEL, Growth
 from pipeline.reduction.limits import beyond
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.reduction.register import Registration
-from pipeline.reduction.settings import Instrument, Settings
+from pipeline.reduction.settings import Instrument, Settings, Unit
 from pipeline.reduction.torques import Weighed, weighed
 from pipeline.store.campaign import Raw
 from pipeline.system.estimate import MISFIT_P
@@ -164,6 +164,15 @@ def instrument_entry(settings: Settings) -> contract.Measuring | None:
         serial=said.serial,
         calibrated=day,
     )
+
+
+def unit_entry(settings: Settings) -> contract.Unit | None:
+    """Which machine of its type was measured; None where nothing is said."""
+    said = settings.robot_unit
+    if said == Unit():
+        return None
+    day = None if said.calibrated is None else said.calibrated.isoformat()
+    return contract.Unit(serial=said.serial, certificate=said.certificate, calibrated=day)
 
 
 def payload_entries(case: Case) -> tuple[contract.Payload, ...]:

@@ -11,14 +11,14 @@ import numpy as np
 import pandas as pd
 
 from pipeline.answer.archive import Finished, finished, read
-from pipeline.answer.contract import Answer, Stiffness
+from pipeline.answer.contract import Answer, Data, Stiffness, Which
 from pipeline.answer.history import chance, changes, together, trusted
 from pipeline.app.outcome import Outcome
 from pipeline.base import files
 from pipeline.base.arrays import Array
 from pipeline.base.errors import CannotWrite, UsageError
 from pipeline.report import words
-from pipeline.report.overview import NOT_EXPLAINED, SAME_READINGS, comparison
+from pipeline.report.overview import NOT_EXPLAINED, NOT_STOOD_FOR, SAME_READINGS, comparison
 from pipeline.report.record import Report
 from pipeline.report.render import page as as_page
 from pipeline.report.text import as_text
@@ -52,6 +52,7 @@ class _Side:
     Attributes:
         asked: What was asked for, a campaign or `campaign:model`.
         campaign: The campaign's name.
+        of: `recommended`, `joints` or `extended`.
         answer: Its answer.
         stiffness: The stiffnesses of the model.
         cov: Covariance of their compliances [SI], shape (n, n).
@@ -59,6 +60,7 @@ class _Side:
 
     asked: str
     campaign: str
+    of: str
     answer: Answer
     stiffness: Sequence[Stiffness]
     cov: Array
@@ -67,6 +69,13 @@ class _Side:
     def whole(self) -> bool:
         """Whether a campaign was asked for, not one of its models."""
         return self.asked == self.campaign
+
+    @property
+    def stood_for(self) -> bool:
+        """Whether the answer stands for these very values."""
+        said = self.answer.recommended
+        as_given = said.model is Which.JOINT_SPRINGS and said.data is Data.AS_GIVEN
+        return {"joints": as_given, "extended": said.model is Which.EXTENDED}.get(self.of, True)
 
     @property
     def model(self) -> str:
@@ -90,15 +99,16 @@ def compared(root: Path, first: str, second: str) -> tuple[Report, dict[str, Any
     if first == second:
         raise UsageError(f"{first} is compared with itself: name another campaign or model")
     a, b = _side(root, first), _side(root, second)
-    loose = [one.campaign for one in (a, b) if one.whole and not trusted(one.answer)]
-    independent = a.campaign != b.campaign and not loose
+    why = _not_tested(a, b)
+    independent = why is None
     report = comparison(
         (first, second),
         a.stiffness,
         b.stiffness,
         (a.cov, b.cov) if independent else None,
-        NOT_EXPLAINED.format(" and ".join(loose)) if loose else SAME_READINGS,
+        why or "",
         (a.model, b.model),
+        (a.answer.machine, b.answer.machine),
     )
     found = changes(a.stiffness, b.stiffness, independent)
     content = {
@@ -108,6 +118,17 @@ def compared(root: Path, first: str, second: str) -> tuple[Report, dict[str, Any
         **_all_together(a, b, independent),
     }
     return report, content
+
+
+def _not_tested(a: _Side, b: _Side) -> str | None:
+    """Why what two differ by is no matter of chance; None where it is."""
+    if a.campaign == b.campaign:
+        return SAME_READINGS
+    loose = [one.campaign for one in (a, b) if not trusted(one.answer)]
+    if loose:
+        return NOT_EXPLAINED.format(" and ".join(loose))
+    other = [one.asked for one in (a, b) if not one.stood_for]
+    return NOT_STOOD_FOR.format(" and ".join(other)) if other else None
 
 
 def _all_together(a: _Side, b: _Side, independent: bool) -> dict[str, float | int | None]:
@@ -128,7 +149,7 @@ def _side(root: Path, asked: str) -> _Side:
     if values is None:
         raise UsageError(f"{name} has no richer model than its joint springs")
     cov = _covariance(one.campaign, model, values.stiffness)
-    return _Side(asked, name, answer, values.stiffness, cov)
+    return _Side(asked, name, model, answer, values.stiffness, cov)
 
 
 def _covariance(campaign: Campaign, model: str, stiffness: Sequence[Stiffness]) -> Array:

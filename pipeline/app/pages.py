@@ -48,7 +48,8 @@ def _tell(campaign: Campaign) -> None:
         before = earlier(campaign, answer)  # of what is there now that nobody else writes here
         if manifest is None or manifest.get("previous") == mark(before):
             return  # another run has been faster
-        pages = render(answer, shown(campaign), manifest.get("run_time_s"), before)
+        took, beside = manifest.get("run_time_s"), campaign.answers(manifest)
+        pages = render(answer, shown(campaign), took, before, beside)
         campaign.publish(manifest | {"previous": mark(before)}, pages)
 
 

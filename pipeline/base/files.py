@@ -54,7 +54,7 @@ def _way_out(path: Path, problem: OSError) -> str:
     if problem.errno in FULL:
         return "free some space and run it again"
     if problem.errno in CLOSED:
-        return "get the permission to write there, or work in a copy with --root"
+        return "get the permission, close what has it open, or work in a copy with --root"
     return "check what is there, then run it again"
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -16,7 +15,6 @@ from pipeline.base import linear, toml
 from pipeline.base.arrays import Array, Bools, Locked, Parameter
 from pipeline.base.errors import InputError, first_wrong
 from pipeline.base.files import words
-from pipeline.base.shown import in_xml
 from pipeline.diagnosis.average import average
 from pipeline.machine.cell import Cell, Prediction, Tool, jacobian, paper_cell
 from pipeline.machine.cell import predict as forward
@@ -74,6 +72,11 @@ class Hypothesis(Locked):
     def std(self) -> Array:
         """Standard uncertainty of `value`, shape (k,)."""
         return np.sqrt(np.diag(self.cov))
+
+    @property
+    def beside_springs(self) -> tuple[Effect, ...]:
+        """The causes that it holds beside the joint springs."""
+        return self.cell.effects[len(paper_cell(self.cell.robot, self.cell.tool).effects) :]
 
     def at(self, points: Array | None = None) -> Cell:
         """Its cell with points (t, 3) as tool, the force at the first; its load point if None."""
@@ -300,11 +303,6 @@ def _measurement(effect: Effect) -> bool:
     return any(isinstance(facet, Wrench | Observation | Noise) for facet in effect.facets)
 
 
-def files(handed: Model) -> dict[str, bytes]:
-    """The files of a hand-over by name."""
-    return {"model.toml": dumps(handed).encode(), "model.urdf": urdf(handed).encode()}
-
-
 def dumps(handed: Model) -> str:
     """model.toml: values, uncertainty, covariance, tool and robot, SI throughout."""
     robot, tool = handed.robot, handed.tool
@@ -333,7 +331,7 @@ def _hypothesis(one: Hypothesis) -> dict[str, Any]:
     return told | {
         "weight": one.weight,
         "equilibrium": one.cell.equilibrium,
-        "effects": [[e.label, e.form] for e in _beside_springs(one.cell)],
+        "effects": [[e.label, e.form] for e in one.beside_springs],
         "parameter": _parameters(one.cell.parameters, one),
         "covariance": one.cov.tolist(),
     }
@@ -347,10 +345,6 @@ def _parameters(names: Sequence[Parameter], found: Model | Hypothesis) -> list[d
         {"name": p.name, "unit": p.unit, "value": x, "std": s}
         for p, x, s in zip(names, found.value.tolist(), found.std.tolist(), strict=True)
     ]
-
-
-def _beside_springs(cell: Cell) -> tuple[Effect, ...]:
-    return cell.effects[len(paper_cell(cell.robot, cell.tool).effects) :]
 
 
 HEAD = """\
@@ -450,58 +444,3 @@ def _named(robot: Robot, label: str, form: str, file: str) -> Effect:
         "load it with the version of the pipeline that wrote it",
         file=file,
     )
-
-
-def urdf(handed: Model) -> str:
-    """The robot as URDF; every joint carries its stiffness in an <elasticity> of its own.
-
-    URDF has no word for the stiffness of a joint and its readers pass over words they do not know.
-    """
-    robot = handed.robot
-    root = ET.Element("robot", name=robot.name)
-    causes = dict.fromkeys(e.label for h in handed.hypotheses for e in _beside_springs(h.cell))
-    more = f" and {', '.join(causes)}" if causes else ""
-    comment = f" campaign {handed.campaign}; covariance{more} in model.toml "
-    root.append(ET.Comment(in_xml(comment).replace("--", "- ")))
-    ET.SubElement(root, "link", name="F_b")
-    parent = "F_b"
-    for j, joint in enumerate(robot.joints):
-        element = _joint(root, joint.name, parent, f"link_{joint.name}", robot.placement[j])
-        element.set("type", "prismatic" if joint.prismatic else "revolute")
-        ET.SubElement(element, "axis", xyz="0 0 1")
-        # URDF wants finite limits, of velocity too, which a robot file does not have
-        ends = {"lower": max(joint.lower, -_FAR), "upper": min(joint.upper, _FAR)}
-        ends |= {"effort": joint.effort or _FAR, "velocity": _FAR}
-        ET.SubElement(element, "limit", {name: repr(float(end)) for name, end in ends.items()})
-        if stated := handed.stiffness(j):
-            stiffness, std, unit = stated
-            said = {"stiffness": repr(stiffness), "std": repr(std), "unit": unit}
-            ET.SubElement(element, "elasticity", said)
-        parent = f"link_{joint.name}"
-    _joint(root, "flange", parent, "F_flange", robot.flange)
-    for name, at in handed.tool.named.items():
-        shift = np.eye(4)
-        shift[:3, 3] = at
-        _joint(root, f"to_{in_xml(name)}", "F_flange", in_xml(name), shift)
-    ET.indent(root)
-    return '<?xml version="1.0" encoding="utf-8"?>\n' + ET.tostring(root, "unicode") + "\n"
-
-
-def _joint(root: ET.Element, name: str, parent: str, child: str, at: Array) -> ET.Element:
-    ET.SubElement(root, "link", name=child)
-    element = ET.SubElement(root, "joint", name=name, type="fixed")
-    ET.SubElement(element, "parent", link=parent)
-    ET.SubElement(element, "child", link=child)
-    roll = np.arctan2(at[2, 1], at[2, 2])
-    pitch = np.arctan2(-at[2, 0], np.hypot(at[2, 1], at[2, 2]))
-    yaw = np.arctan2(at[1, 0], at[0, 0])
-    ET.SubElement(element, "origin", xyz=_row(at[:3, 3]), rpy=_row([roll, pitch, yaw]))
-    return element
-
-
-_FAR = 1e6
-"""Stands for infinity in a URDF [m], [rad], [N], [N m], [m/s] or [rad/s]."""
-
-
-def _row(values: Any) -> str:
-    return " ".join(repr(float(value)) for value in values)

@@ -303,6 +303,20 @@ class Instrument(Strict):
         return self
 
 
+class Unit(Strict):
+    """One machine among those of its type; kept and shown, and campaigns of others are no history.
+
+    Attributes:
+        serial: Its serial number.
+        certificate: Of its last calibration.
+        calibrated: The day of that.
+    """
+
+    serial: Name | None = None
+    certificate: Name | None = None
+    calibrated: datetime.date | None = None
+
+
 class Model(Strict):
     """What the forward model takes into account."""
 
@@ -327,6 +341,7 @@ class Settings(Strict):
     displacements: Displacements | None = None
     positions: Positions | None = None
     instrument: Instrument = Instrument()
+    robot_unit: Unit = Unit()
     tool: dict[Name, Point] = Field(default_factory=dict)
     tool_uncertainty: ToolUncertainty = ToolUncertainty()
     test_pose: TestPose | None = None

@@ -5,10 +5,13 @@ Page and PDF both walk through the same record, so neither can say what the othe
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from pipeline.answer.contract import Answer
 from pipeline.report import words
 from pipeline.report.record import Report, Section, present
 from pipeline.report.sections.diagnosis import diagnosis
+from pipeline.report.sections.files import files
 from pipeline.report.sections.geometry import geometry, laws, letters
 from pipeline.report.sections.method import method
 from pipeline.report.sections.prediction import test_pose, validation
@@ -28,6 +31,7 @@ def compose(
     tables: Tables,
     run_time_s: float | None = None,
     previous: Answer | None = None,
+    beside: Collection[str] = (),
 ) -> Report:
     """Everything the report says about a campaign.
 
@@ -37,6 +41,7 @@ def compose(
             by the lower-case name of their promise, SI; what is missing is left out.
         run_time_s: How long the run took [s].
         previous: The answer to the robot's previous campaign, to say what has changed.
+        beside: Names of the files that lie in the page's folder, to lead there.
     """
     title, tone = words.VERDICTS[answer.diagnosis.verdict]
     sections = (
@@ -52,11 +57,11 @@ def compose(
             registration(answer, tables),
             reliability(tables),
             rejected(answer),
-            method(answer),
         ]
     )
+    sections += [files(beside, previous), method(answer)]
     return Report(
-        kicker=f"Joint stiffness · {answer.robot}",
+        kicker=f"Joint stiffness · {answer.machine}",
         heading=answer.campaign,
         title=f"Joint stiffness of {answer.robot}: {answer.campaign}",
         verdict=title,
@@ -76,5 +81,4 @@ def _of_positions(answer: Answer, tables: Tables) -> list[Section | None]:
         stiffness(answer, None),
         letters(answer),
         rejected(answer),
-        method(answer),
     ]

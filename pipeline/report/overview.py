@@ -110,7 +110,7 @@ def _not_compared(by_robot: Mapping[str, Sequence[Answer]]) -> list[str]:
 def _campaigns(answers: Sequence[Answer]) -> Table | None:
     columns: list[Cells[Answer]] = [
         (Column("Campaign"), _linked),
-        said("Robot", lambda one: one.robot),
+        said("Robot", lambda one: one.machine),
         said("Measured", lambda one: one.measured and one.measured[:10]),
         said("Verdict", lambda one: words.VERDICTS[one.diagnosis.verdict][0]),
         said("Identified causes", lambda one: ", ".join(map(_who, one.diagnosis.causes))),
@@ -179,6 +179,9 @@ def _history_figure(
     told = f"{len(answers)} campaigns of {name}. " + (
         f"Changed: {', '.join(changed)} in another colour." if changed else "No joint stands out."
     )
+    hollow = [one.campaign for one in answers if not trusted(one)]
+    if hollow:
+        told += f" Hollow and not compared: {', '.join(hollow)}."
     return Figure(
         f"history-{place}",
         "Each stiffness over the campaigns",
@@ -195,7 +198,12 @@ NOT_EXPLAINED = (
     "No model explains the readings of {}, so its uncertainties cannot tell whether a stiffness "
     "has changed."
 )
+NOT_STOOD_FOR = (
+    "The answer does not stand for {}, so its uncertainties cannot tell whether a stiffness has "
+    "changed: what its model leaves out may look like a change."
+)
 """Why two lists of stiffnesses are shown beside each other and not tested."""
+OTHER_ROBOTS = "They are of different robots, {} and {}: what differs is no change of one."
 
 
 # --- two beside each other -----------------------------------------------------------------
@@ -208,6 +216,7 @@ def comparison(
     covariances: tuple[Array, Array] | None,
     not_tested: str = SAME_READINGS,
     models: tuple[str, str] = ("", ""),
+    robots: tuple[str, str] = ("", ""),
 ) -> Report:
     """Two campaigns, or two models of one, joint by joint.
 
@@ -219,6 +228,7 @@ def comparison(
             models of one campaign, nothing is tested.
         not_tested: Why nothing is tested, where nothing is.
         models: Which model's the values of each are, in words.
+        robots: Whose they are, where that is not the same.
     """
     found = changes(before, after, independent=covariances is not None)
     surely = [c.name for c in found if c.sure]
@@ -231,7 +241,8 @@ def comparison(
     else:
         verdict, tone = "They agree", "good"
         told = "No stiffness differs by more than chance explains."
-    sentences = (told, *_together(before, after, covariances))
+    apart = [OTHER_ROBOTS.format(*robots)] if robots[0] != robots[1] else []
+    sentences = (told, *apart, *_together(before, after, covariances))
     title = f"{names[0]} beside {names[1]}"
     each = zip(names, models, strict=True)
     titles = [f"{name}: {model}" if model else name for name, model in each]

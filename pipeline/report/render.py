@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict
 from importlib.resources import files
 
@@ -27,6 +27,7 @@ def render(
     tables: Mapping[str, pd.DataFrame],
     run_time_s: float | None = None,
     previous: Answer | None = None,
+    beside: Collection[str] = (),
 ) -> dict[str, bytes]:
     """Every file of a campaign's report.
 
@@ -35,13 +36,15 @@ def render(
         tables: Tables by the lower-case name of their promise, SI; what is missing is left out.
         run_time_s: How long the run took [s]; the only thing here that may differ between two runs.
         previous: The answer to the robot's previous campaign, to say what has changed.
+        beside: Names of further files that lie in its folder, for the page to lead there.
 
     Returns:
         Content by path below the report's folder: index.html, report.pdf, figures/*.svg.
     """
     from pipeline.report.figures.catalogue import draw  # matplotlib takes half a second to import
 
-    report = compose(answer, tables, run_time_s, previous)
+    there = {*beside, "report.pdf"} if beside else ()
+    report = compose(answer, tables, run_time_s, previous, there)
     drawings = {figure.name: draw(figure.name, answer, tables) for figure in report.figures}
     return {
         "index.html": page(report, {n: d.inline for n, d in drawings.items()}).encode(),

@@ -40,7 +40,7 @@ from pipeline.reduction.settings import parse as parse_settings
 
 _LIBRARIES = (
     *("numpy", "scipy", "pandas", "pyarrow", "python-calamine", "pin"),
-    *("prefect", "matplotlib", "typst"),
+    *("prefect", "matplotlib", "typst", "xlsxwriter"),
 )
 MANIFEST = "manifest.json"
 _REJECTION = "rejection.json"
@@ -336,6 +336,13 @@ class Campaign:
             files.write(self.reports / name, data)
             manifest["outputs"][self._output(self.reports / name)] = files.sha256(data)
         files.write(self.processed / MANIFEST, dump(manifest))
+
+    def answers(self, manifest: Mapping[str, Any]) -> list[str]:
+        """Names of the answers that a manifest knows, relative to the folder of its reports."""
+        folder = f"{self._output(self.reports)}/"
+        return [
+            name.removeprefix(folder) for name in manifest["outputs"] if name.startswith(folder)
+        ]
 
     def _output(self, path: Path) -> str:
         return path.relative_to(self.root).as_posix()

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator
 
 from pipeline.answer.contract import Answer, Stiffness
-from pipeline.answer.history import trends
+from pipeline.answer.history import trends, trusted
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import common_prefix, percent, plain, prefixed
 from pipeline.report import words
@@ -161,7 +161,8 @@ def _draw_course(view: Axes, name: str, points: _Points, colour: str, key: str) 
     top = np.concatenate([value, high[~endless]]).max(initial=0.0)
     view.vlines(at, low, np.where(endless, top, high), color=colour, linewidth=1.6)
     view.scatter(at[endless], np.full(endless.sum(), top), color=colour, marker="^", s=20)
-    view.scatter(at, value, color=colour, s=16, zorder=3, gid=key)
+    filled = [colour if trusted(one) else "none" for _, one, _ in points]
+    view.scatter(at, value, facecolors=filled, edgecolors=colour, s=16, zorder=3, gid=key)
     unit = prefixed(joints[0].unit, letter) if joints else ""
     view.set_ylabel(f"{name}\n[{unit}]", fontsize=7.5)
     view.yaxis.set_major_locator(MaxNLocator(3))

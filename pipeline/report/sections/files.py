@@ -1,0 +1,52 @@
+"""Where else the answer lies: the files beside the page, and the pages over and before it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from urllib.parse import quote
+
+from pipeline.answer.contract import Answer
+from pipeline.report.columns import Cells, said, table_of
+from pipeline.report.record import Column, Entry, Section, section_of
+
+_HOLDS = {
+    "report.pdf": "this report on paper",
+    "results.xlsx": "its tables for a spreadsheet; the same as text in csv/",
+    "result.json": "every number, for programs",
+    "model.toml": "the identified model with its causes and their covariance",
+    "model.urdf": "the robot, for programs that read URDF",
+    "model.xml": "the robot with its springs, for MuJoCo",
+    "model.sdf": "the robot with its springs, for Drake and Gazebo",
+}
+"""What a run writes, and what for."""
+
+
+def files(beside: Collection[str], previous: Answer | None) -> Section | None:
+    """What lies beside the page and where the other campaigns are; None of a page by itself.
+
+    Args:
+        beside: Names of the files in the page's folder.
+        previous: The answer to the robot's previous campaign.
+    """
+    columns: list[Cells[tuple[Entry, str]]] = [
+        (Column("File"), lambda row: row[0]),
+        said("Holds", lambda row: row[1]),
+    ]
+    rows = list(_rows(beside, previous)) if beside else []
+    table = table_of("files", "This campaign elsewhere", columns, rows)
+    return section_of("files", "Files and other campaigns", [table])
+
+
+def _rows(beside: Collection[str], previous: Answer | None) -> Iterator[tuple[Entry, str]]:
+    for name, holds in _HOLDS.items():
+        if name in beside:
+            yield Entry(name, name, name), holds
+    yield _page("All campaigns", ""), "each stiffness of every robot over time"
+    if previous is not None:
+        name = previous.campaign
+        yield _page(name, f"{quote(name, safe='')}/"), "the robot's previous campaign"
+
+
+def _page(text: str, folder: str) -> Entry:
+    """A page of another folder in reports/."""
+    return Entry(text, text, f"../{folder}index.html")

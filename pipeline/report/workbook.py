@@ -1,0 +1,318 @@
+"""results.xlsx and csv/: the answer as tables for a spreadsheet, made once from the records.
+
+Units stand in the headings, or in a column of their own where they differ by row. Nothing is
+rounded but to the sixteen digits of a workbook; an empty cell is what nobody knows.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from pipeline.answer.contract import Answer, Cause, Deflection
+from pipeline.base.shown import printable
+from pipeline.report import words
+from pipeline.tables import F64, STR, as_csv
+
+
+@dataclass(frozen=True)
+class _Column:
+    """What stands below a heading.
+
+    Attributes:
+        title: The heading, with its unit.
+        of: The cell of one thing; None where it is empty.
+        kind: Words, unless a number.
+    """
+
+    title: str
+    of: Callable[[Any], object]
+    kind: pa.DataType = STR
+
+
+def _number(title: str, of: Callable[[Any], float | None]) -> _Column:
+    return _Column(title, of, F64)
+
+
+def files(answer: Answer, tables: Mapping[str, pd.DataFrame]) -> dict[str, bytes]:
+    """results.xlsx, and each of its sheets as CSV.
+
+    Args:
+        answer: The answer to the campaign.
+        tables: RESIDUALS by the lower-case name of its promise, SI; a table that is missing gives
+            an empty sheet.
+    """
+    found = sheets(answer, tables)
+    each = {f"csv/{name}.csv": as_csv(table) for name, table in found.items()}
+    return {"results.xlsx": workbook(found), **each}
+
+
+def sheets(answer: Answer, tables: Mapping[str, pd.DataFrame]) -> dict[str, pa.Table]:
+    """The sheets by name, in the order of the report."""
+    return {
+        "summary": _sheet(_SUMMARY, _summary(answer)),
+        "stiffness": _sheet(_STIFFNESS, _beside_springs(answer)),
+        "combinations": _sheet(_COMBINATIONS, answer.combinations),
+        "causes": _sheet(_CAUSES, _parameters(answer.diagnosis.causes)),
+        "predictions": _sheet(_PREDICTIONS, answer.test_pose_deflection),
+        "validation": _sheet(_VALIDATION, _targets(answer)),
+        "residuals": _residuals(tables.get("residuals")),
+        "reliability": _sheet(_RELIABILITY, answer.reliability),
+        "rejected": _sheet(_REJECTED, answer.rejected),
+    }
+
+
+def _sheet(columns: Iterable[_Column], things: Iterable[object]) -> pa.Table:
+    rows = list(things)
+    cells = {c.title: pa.array([_cell(c, one) for one in rows], c.kind) for c in columns}
+    return pa.table(cells)
+
+
+def _cell(column: _Column, one: object) -> object:
+    value = column.of(one)
+    return printable(str(value)) if column.kind == STR and value is not None else value
+
+
+@dataclass(frozen=True)
+class _Fact:
+    """A line of the summary: words, or a number with its unit."""
+
+    what: str
+    said: object = None
+    value: float | None = None
+    unit: str = ""
+
+
+_SUMMARY = (
+    _Column("what", lambda fact: fact.what),
+    _Column("said", lambda fact: fact.said),
+    _number("value", lambda fact: fact.value),
+    _Column("unit", lambda fact: fact.unit or None),
+)
+
+
+def _summary(answer: Answer) -> Iterator[_Fact]:
+    """What a reader wants to know first."""
+    fit, verdict = answer.fit, answer.diagnosis.verdict
+    yield _Fact("campaign", answer.campaign)
+    yield _Fact("robot", answer.machine)
+    yield _Fact("measured", answer.measured)
+    yield _Fact("verdict", words.VERDICTS[verdict][0])
+    for sentence in answer.verdict_sentence:
+        yield _Fact("in words", sentence)
+    yield _Fact("values of", words.values_of(answer))
+    yield _Fact("because", answer.recommended.why)
+    yield _Fact("residuals, root mean square", None, fit.rms_mm, "mm")
+    yield _Fact("chi square", None, fit.chi2, "1")
+    yield _Fact("degrees of freedom", None, fit.dof, "1")
+    yield _Fact("probability of a fit no better", None, fit.p_value, "1")
+    yield _Fact("noise known from", fit.noise_from)
+    if answer.validation:
+        error = answer.validation.held_out_rms_mm
+        yield _Fact("error at poses left out, root mean square", None, error, "mm")
+    yield from (_Fact("finding", finding) for finding in answer.findings)
+
+
+@dataclass(frozen=True)
+class _Row:
+    """Something beside what belongs to it."""
+
+    of: Any
+    beside: Any
+
+
+def _of(name: str) -> Callable[[Any], Any]:
+    return lambda row: getattr(row.of, name)
+
+
+_STIFFNESS = (
+    _Column("joint", _of("joint_name")),
+    _Column("stiffness", _of("name")),
+    _number("value", _of("value")),
+    _number("standard uncertainty", _of("std")),
+    _number("95 % from", lambda row: row.of.ci95[0]),
+    _number("95 % to", lambda row: row.of.ci95[1]),
+    _Column("unit", _of("unit")),
+    _number("relative uncertainty [%]", lambda row: _percent(row.of.relative_std)),
+    _number("nominal", _of("nominal")),
+    _number("joint springs alone", lambda row: row.beside.value),
+    _number("their standard uncertainty", lambda row: row.beside.std),
+    _Column("determined", lambda row: "yes" if row.of.identifiable else "no"),
+    _number("compliance", _of("compliance")),
+    _number("standard uncertainty of the compliance", _of("compliance_std")),
+    _Column("unit of the compliance", _of("compliance_unit")),
+    _Column("finding", _of("finding")),
+)
+
+
+def _percent(share: float | None) -> float | None:
+    return None if share is None else 100 * share
+
+
+def _beside_springs(answer: Answer) -> list[_Row]:
+    """Each stiffness with that of the paper's model."""
+    springs = answer.joint_springs.stiffness
+    return [_Row(*pair) for pair in zip(answer.stiffness, springs, strict=True)]
+
+
+_COMBINATIONS = (
+    _Column("compliances", lambda one: one.formula),
+    _number("value", lambda one: one.value),
+    _number("standard uncertainty", lambda one: one.std),
+    _number("95 % from", lambda one: one.ci95[0]),
+    _number("95 % to", lambda one: one.ci95[1]),
+    _Column("unit", lambda one: one.unit),
+    _Column("told apart by", lambda one: one.needs),
+)
+
+_CAUSES = (
+    _Column("cause", lambda row: words.placed(row.of)),
+    _Column("name", _of("name")),
+    _Column("where", _of("where")),
+    _number("probability [1]", _of("probability")),
+    _number("p-value [1]", _of("p_value")),
+    _Column("parameter", lambda row: row.beside and row.beside.name),
+    _number("value", lambda row: row.beside and row.beside.value),
+    _number("standard uncertainty", lambda row: row.beside and row.beside.std),
+    _Column("unit", lambda row: row.beside and row.beside.unit),
+    _Column("rivals", lambda row: _rivals(row.of)),
+    _Column("evidence", lambda row: row.of.evidence and row.of.evidence.sentence),
+    _Column("settled by", _of("needs")),
+)
+
+
+def _parameters(causes: Iterable[Cause]) -> Iterator[_Row]:
+    """Each cause as often as it has parameters, and once where it has none."""
+    for cause in causes:
+        yield from (_Row(cause, one) for one in cause.parameters or (None,))
+
+
+def _rivals(cause: Cause) -> str | None:
+    said = [f"{words.placed(one)} ({one.probability:.2g})" for one in cause.rivals]
+    return ", ".join(said) or None
+
+
+def _std_mm(axis: int) -> Callable[[Deflection], float | None]:
+    return lambda one: one.std_mm[axis]
+
+
+_PREDICTIONS = (
+    _Column("target", lambda one: one.target),
+    _number("dx [mm]", lambda one: one.dx_mm),
+    _number("dy [mm]", lambda one: one.dy_mm),
+    _number("dz [mm]", lambda one: one.dz_mm),
+    _number("deflection [mm]", lambda one: one.size_mm),
+    *(_number(f"standard uncertainty {name} [mm]", _std_mm(k)) for k, name in enumerate("xyz")),
+)
+"""Deflection at the test pose."""
+
+
+def _mean(of: str, draw: str) -> Callable[[Any], float | None]:
+    """Mean of Eq. (22) for the target of a row, if it is there."""
+    return lambda row: getattr(getattr(row.beside, draw, row.beside), of).get(row.of)
+
+
+_VALIDATION = (
+    _Column("target", lambda row: row.of),
+    _number("relative error around the test pose [1]", _mean("test_pose", "")),
+    _number("relative error in the workspace [1]", _mean("global_", "")),
+    _number("around the test pose, Eq. (23) [1]", _mean("test_pose", "independent")),
+    _number("in the workspace, Eq. (23) [1]", _mean("global_", "independent")),
+)
+
+
+def _targets(answer: Answer) -> list[_Row]:
+    found = answer.validation
+    return [_Row(target, found) for target in found.test_pose] if found else []
+
+
+_RELIABILITY = (
+    _Column("source", lambda one: words.source(one.source)),
+    _Column("reading", lambda one: one.reading),
+    _Column("file", lambda one: one.file),
+    _number("line", lambda one: one.line),
+    _Column("axis", lambda one: one.axis),
+    _number("redundancy [1]", lambda one: one.r),
+    _number("standardised residual [1]", lambda one: one.w),
+    _number("smallest visible", lambda one: one.smallest_visible),
+    _Column("unit", lambda one: one.unit),
+    _number("moves [standard uncertainties]", lambda one: one.moves_sigmas),
+    _Column("of", lambda one: one.moves_most),
+)
+
+
+_REJECTED = (
+    _Column("file", lambda one: one.file),
+    _number("line", lambda one: one.line),
+    _Column("reason", lambda one: one.reason),
+)
+
+_RESIDUALS = {
+    "pose": ("pose", 1.0),
+    "repeat": ("repeat", 1.0),
+    "target": ("target", None),
+    "axis": ("axis", None),
+    "residual_m": ("residual [mm]", 1e3),
+    "whitened": ("residual [standard deviations]", 1.0),
+    "left_out_m": ("residual with the pose left out [mm]", 1e3),
+}
+"""Columns of RESIDUALS: heading, and the factor of a number."""
+
+
+def _residuals(table: pd.DataFrame | None) -> pa.Table:
+    """Every reading's residual, coordinate by coordinate; NaN is nothing."""
+    found = pd.DataFrame(columns=list(_RESIDUALS)) if table is None else table
+    return pa.table(
+        {
+            title: pa.array([printable(str(word)) for word in found[name]], STR)
+            if factor is None
+            else pa.array(found[name].to_numpy(float) * factor, F64, from_pandas=True)
+            for name, (title, factor) in _RESIDUALS.items()
+        }
+    )
+
+
+# --- the workbook --------------------------------------------------------------------------
+
+_ALWAYS = datetime(1980, 1, 1)
+"""When every workbook was made, so that the same answer gives the same bytes."""
+_MOST_ROWS = 2**20 - 1
+"""Below the heading of a sheet of Excel; the CSV has them all."""
+_WIDEST = 60
+"""Of a column, in characters."""
+
+
+def workbook(found: Mapping[str, pa.Table]) -> bytes:
+    """Sheets as one .xlsx: headings bold and always in sight, no cell is a formula or a link."""
+    import xlsxwriter
+
+    sink = io.BytesIO()
+    written = xlsxwriter.Workbook(sink, {"in_memory": True})
+    written.set_properties({"created": _ALWAYS})
+    heading = written.add_format({"bold": True, "text_wrap": True, "valign": "top"})
+    for name, table in found.items():
+        sheet = written.add_worksheet(name)
+        sheet.freeze_panes(1, 0)
+        for at, title in enumerate(table.column_names):
+            cells = table.column(at).slice(0, _MOST_ROWS).to_pylist()
+            sheet.set_column(at, at, _width(title, cells))
+            sheet.write_string(0, at, title, heading)
+            write = sheet.write_string if table.schema.types[at] == STR else sheet.write_number
+            for row, cell in enumerate(cells, 1):
+                if cell is not None:
+                    write(row, at, cell)
+    written.close()
+    return sink.getvalue()
+
+
+def _width(title: str, cells: Iterable[object]) -> float:
+    """Of a column, so that its words can be read; a number needs twelve places."""
+    longest = max((len(cell) for cell in cells if isinstance(cell, str)), default=12)
+    return float(np.clip(max(longest, *map(len, title.split())), 8, _WIDEST) + 1)
