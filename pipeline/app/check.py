@@ -17,6 +17,7 @@ from pipeline.answer.inputs import (
     treated_findings,
 )
 from pipeline.answer.overload import overload_entry, overloaded
+from pipeline.app.check_positions import of_positions
 from pipeline.app.outcome import Outcome, sentences
 from pipeline.app.wrong_lines import TOML, Wrong, mistaken, text_of, wrong_lines
 from pipeline.base.errors import InputError, at, listed
@@ -47,6 +48,8 @@ def check(campaign: Campaign) -> Outcome:
         InputError: It cannot be used, and no line of campaign.toml explains why.
     """
     raw = campaign.read()
+    if raw.settings.positions is not None:
+        return of_positions(campaign.name, raw)
     wrong = wrong_lines(raw)
     try:
         with at(TOML):

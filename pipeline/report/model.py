@@ -61,7 +61,7 @@ def compose(
     )
     sections += [files(beside, previous), method(answer)]
     return Report(
-        kicker=f"Joint stiffness · {answer.machine}",
+        kicker=f"{_ABOUT[bool(answer.geometry)]} · {answer.machine}",
         heading=answer.campaign,
         title=f"Joint stiffness of {answer.robot}: {answer.campaign}",
         verdict=title,
@@ -71,6 +71,10 @@ def compose(
         elsewhere="The same stands in index.html and report.pdf, the numbers in result.json.",
         run_time=None if run_time_s is None else f"{run_time_s:.1f} s",
     )
+
+
+_ABOUT = {False: "Joint stiffness", True: "Where the robot stands"}
+"""What a page is about, without and with absolute positions."""
 
 
 def _of_positions(answer: Answer, tables: Tables) -> list[Section | None]:

@@ -1,0 +1,58 @@
+"""`check` of a campaign of absolute positions."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.answer.inputs import rejected_entries
+from pipeline.app.outcome import Outcome
+from pipeline.base.errors import at, listed
+from pipeline.geometry.begin import begin
+from pipeline.geometry.leftout import distances
+from pipeline.geometry.mechanism import linearised
+from pipeline.geometry.positioned import positioned
+from pipeline.store.campaign import Raw
+
+_FAR_M = 0.02
+"""Median distance of the targets from the nominal robot [m] from which a unit, a sense or a
+convention is wrong: tables are off by millimetres."""
+
+
+def of_positions(name: str, raw: Raw) -> Outcome:
+    """What a campaign of positions holds, and how far it is from the robot's table."""
+    with at("campaign.toml"):
+        read = positioned(raw.settings, raw.robot, raw.files)
+    readings = read.readings
+    points = {target: np.array(point) for target, point in raw.settings.tool.items()}
+    rows = linearised(readings, begin(raw.robot, readings, points), read.weights)
+    off_m = float(np.nanmedian(distances(rows.y, rows.read)))
+    rejected = rejected_entries(read.rejected)
+    series = listed(str(one) or "one" for one in readings.names)
+    notes = [f"{one.file}:{one.line}: {one.reason}" for one in rejected]
+    if off_m > _FAR_M:
+        notes.append(
+            f"the targets stand {1e3 * off_m:.3g} mm from the robot's table, as no robot does: "
+            "check the units and signs of the joint values and the robot file"
+        )
+    used = {"poses": len(readings), "targets": len(readings.targets), "rejected": len(rejected)}
+    count = ", ".join(f"{number} {what}" for what, number in used.items())
+    return Outcome(
+        campaign=name,
+        content={
+            "campaign": name,
+            **used,
+            "series": [str(one) for one in readings.names],
+            "off_mm": 1e3 * off_m,
+            "notes": notes,
+            "next": f"pipeline run {name}",
+        },
+        text="\n".join(
+            [
+                f"{name}: {count}",
+                f"  series       {series}",
+                f"  stands       {1e3 * off_m:.2g} mm from the table, median, tool and frames fitted",
+                f"  next         pipeline run {name}",
+            ]
+        ),
+        complaints=[f"{name}: {note}" for note in notes],
+    )

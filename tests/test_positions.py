@@ -1,0 +1,125 @@
+"""A campaign of positions from its files to `pipeline predict`."""
+
+import io
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.spatial.transform import Rotation
+from test_geometry import made, stands
+
+from pipeline.app.commands.predict import Of, predicted
+from pipeline.base.errors import InputError, UsageError
+from pipeline.run import run
+from pipeline.store.campaign import find
+
+TOML = """\
+format = 1
+name = "a hall"
+robot = "ur10"
+[positions]
+files = { monday = "monday.csv", tuesday = "tuesday.csv" }
+[positions.columns]
+"X [mm]" = "x_mm"
+"Y [mm]" = "y_mm"
+"Z [mm]" = "z_mm"
+[payload.gripper]
+mass_kg = 1.2
+center_m = [0.0, 0.0, 0.05]
+"""
+JOINTS = [f"theta{k}_deg" for k in range(1, 7)]
+
+
+def table(readings, decimal):
+    """A German table: semicolons, decimal commas, orientation in degrees."""
+    rows = pd.DataFrame(np.rad2deg(readings.q), columns=JOINTS)
+    for k, axis in enumerate("XYZ"):
+        rows[f"{axis} [mm]"] = 1e3 * readings.at[:, 0, k]
+    turned = Rotation.from_matrix(readings.turn[:, 0]).as_euler("XYZ", degrees=True)
+    for k, axis in enumerate("xyz"):
+        rows[f"r{axis}_deg"] = turned[:, k]
+    return rows.to_csv(index=False, sep=";", decimal=decimal, float_format="%.7f")
+
+
+@pytest.fixture(scope="module")
+def hall(tmp_path_factory):
+    root = tmp_path_factory.mktemp("hall")
+    folder = root / "data" / "raw" / "hall"
+    folder.mkdir(parents=True)
+    (folder / "campaign.toml").write_text(TOML)
+    for seed, day in enumerate(("monday", "tuesday")):
+        readings = made(60, np.random.default_rng(seed), joint=2e-5)
+        (folder / f"{day}.csv").write_text(table(readings, ","))
+    with (folder / "tuesday.csv").open("a") as file:
+        file.write("10;20;30;40;fifty;60;1;2;3;4;5;6\n")
+    return root, run(find(root, "hall"))
+
+
+def test_the_answer_has_table_steps_and_what_was_left_out(hall):
+    _, answer = hall
+
+    held = answer.validation.held_out_position_mm
+    assert held is not None
+    assert held.mean < 0.1
+    lengths = {(one.name, one.where): one for one in answer.geometry}
+    upper = lengths["link_length", 3]
+    assert upper.value - upper.nominal == pytest.approx(0.8e-3, abs=5 * upper.std)
+    assert upper.identifiable
+    assert not lengths["joint_offset", 6].identifiable
+    assert answer.position_steps[0].model == "nominal table"
+    assert answer.rejected[0].file == "tuesday.csv"
+    assert answer.rejected[0].line == 62
+
+
+def test_positions_are_predicted_from_a_table_of_joint_values(hall, tmp_path):
+    root, _ = hall
+    q = np.random.default_rng(5).uniform(-1, 1, (30, 6))
+    pd.DataFrame(np.rad2deg(q), columns=JOINTS).to_csv(tmp_path / "asked.csv", index=False)
+
+    told = pd.read_csv(io.StringIO(predicted(root, "hall", tmp_path / "asked.csv")))
+    by_table = pd.read_csv(io.StringIO(predicted(root, "hall", tmp_path / "asked.csv", Of.NOMINAL)))
+
+    assert list(told.columns[:8]) == [
+        "row", "target", "x_m", "y_m", "z_m", "std_x_m", "std_y_m", "std_z_m"
+    ]  # fmt: skip
+    assert {"rx_rad", "std_rz_rad"} <= set(told.columns)
+    assert told["row"].tolist() == list(range(1, 31))
+    truth, _ = stands(q, 0.0)
+    for found, limit in ((told, 2e-4), (by_table, 1.0)):
+        a = found[["x_m", "y_m", "z_m"]].to_numpy()
+        U, _, Vt = np.linalg.svd((a - a.mean(0)).T @ (truth - truth.mean(0)))
+        R = Vt.T @ np.diag([1, 1, np.sign(np.linalg.det(Vt.T @ U.T))]) @ U.T
+        off = np.linalg.norm((a - a.mean(0)) @ R.T - (truth - truth.mean(0)), axis=1)
+        assert off.max() < limit
+    assert off.max() > 5e-4
+
+
+def test_a_payload_nobody_knows_and_a_hole_are_refused_with_their_line(hall, tmp_path):
+    root, _ = hall
+    head = ",".join(JOINTS)
+    (tmp_path / "a.csv").write_text(f"{head},payload\n1,2,3,4,5,6,gripper\n1,2,3,4,5,6,anvil\n")
+    (tmp_path / "b.csv").write_text(f"{head}\n1,2,3,4,5,6\n1,2,,4,5,6\n")
+
+    with pytest.raises(InputError, match=r'a\.csv:3.*payload "anvil" is not known.*gripper'):
+        predicted(root, "hall", tmp_path / "a.csv")
+    with pytest.raises(InputError, match=r"b\.csv:3"):
+        predicted(root, "hall", tmp_path / "b.csv")
+
+
+def test_only_a_finished_campaign_of_positions_predicts(hall, tmp_path):
+    root, _ = hall
+    folder = root / "data" / "raw" / "other"
+    folder.mkdir()
+    (folder / "campaign.toml").write_text(TOML)
+
+    with pytest.raises(UsageError, match="pipeline run other"):
+        predicted(root, "other", tmp_path / "a.csv")
+
+
+def test_positions_beside_a_tracker_are_two_ways_in(tmp_path):
+    folder = tmp_path / "data" / "raw" / "two"
+    folder.mkdir(parents=True)
+    (folder / "campaign.toml").write_text(TOML + '[tracker]\nfiles = ["a.csv"]\n')
+
+    with pytest.raises(InputError, match="keep one way in"):
+        find(tmp_path, "two").settings()
