@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.answer.inputs import rejected_entries
 from pipeline.app.outcome import Outcome
-from pipeline.base.errors import at, listed
+from pipeline.base.errors import InputError, at, listed
 from pipeline.geometry.begin import begin
 from pipeline.geometry.leftout import distances
 from pipeline.geometry.mechanism import linearised
@@ -35,6 +35,7 @@ def of_positions(name: str, raw: Raw) -> Outcome:
             "check the units and signs of the joint values and the robot file"
         )
     used = {"poses": len(readings), "targets": len(readings.targets), "rejected": len(rejected)}
+    off = f"{1e3 * off_m:.2g}"
     count = ", ".join(f"{number} {what}" for what, number in used.items())
     return Outcome(
         campaign=name,
@@ -50,9 +51,10 @@ def of_positions(name: str, raw: Raw) -> Outcome:
             [
                 f"{name}: {count}",
                 f"  series       {series}",
-                f"  stands       {1e3 * off_m:.2g} mm from the table, median, tool and frames fitted",
+                f"  stands       {off} mm from the table, median, tool and frames fitted",
                 f"  next         pipeline run {name}",
             ]
         ),
+        exit_code=InputError.exit_code if rejected else 0,
         complaints=[f"{name}: {note}" for note in notes],
     )
