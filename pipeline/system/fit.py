@@ -104,6 +104,6 @@ def _shaped(
         alike = assemble(case.cell, replace(plain, wander=data.wander), estimate.value)
         left = goodness(alike, of, np.random.default_rng(_SEED))
         estimate = replace(estimate, goodness=left)
-    if found.used:
+    if found.used and not estimate.goodness.tails:  # F is that of normal noise
         estimate = resting_on(estimate, found)
     return Fitted(case, reduced, plain, data, system, estimate, found, of)
