@@ -43,6 +43,8 @@ def begin(robot: Robot, readings: Readings, tool: dict[str, Array]) -> Mechanism
     frames = np.tile(np.eye(4), (series, 1, 1))
     for s in range(series):
         mine = np.flatnonzero(readings.series == s)
+        if not len(mine):  # all of its poses were left out
+            continue
         R, t, _ = _placed(readings, here, mine, points)
         frames[s, :3, :3], frames[s, :3, 3] = R, t
     targets = np.tile(np.eye(4), (len(points), 1, 1))

@@ -6,7 +6,7 @@ listed: each step with what it is worth at poses that were left out.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -115,13 +115,19 @@ def study(
         nominal, table, springs = (data.again(one) for one in (nominal, table, springs))
     parts = partings(data.readings, rng)
     whole = with_laws(data, springs, parts, rng)
+    data, last = _without_blunders(data, whole.found)  # curves show what springs leave hidden
+    if last:
+        nominal, table, springs, all_of_it = (
+            data.again(one) for one in (nominal, table, springs, whole.found)
+        )
+        whole, parts = replace(whole, found=all_of_it), partings(data.readings, rng)
     steps = ((Step.TABLE, nominal), (Step.LETTERS, table), (Step.SPRINGS, springs),
              (Step.LAWS, whole.found))  # fmt: skip
     stages = tuple(
         Stage(step, found, {k: distances(found, part) for k, part in parts.items()})
         for step, found in steps
     )
-    return Study(stages, whole.laws, tuple(sorted([*bad, *late])))
+    return Study(stages, whole.laws, tuple(sorted([*bad, *late, *last])))
 
 
 # --- blunders -------------------------------------------------------------------------------------
