@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pipeline.app.commands.compensate import write
+from pipeline.app.corrected import write
 from pipeline.base.errors import InputError
 from pipeline.machine.cell import paper_cell
 from pipeline.machine.effects import catalogue
@@ -164,6 +164,23 @@ def test_the_file_holds_all_of_the_model(demo):
         assert (entry["stiffness"], entry["stiffness_std"]) == (said["value"], said["std"])
     assert model.std == pytest.approx([e["compliance_std"] for e in answer["stiffness"]])
     assert content["robot"]["joint"][1]["r_m"] == 1.048
+
+
+def test_what_left_out_poses_showed_travels_and_is_counted_on(demo, path):
+    """Their error, as in result.json, is what the sentence about a path counts on at least."""
+    model = Model.load(demo / "reports" / "kr500_demo" / "model.toml")
+    said = find(demo, "kr500_demo").result()["validation"]["held_out_rms_mm"]
+    found = compensate.compensate(model, path)
+    own = 2e3 * found.std.max()
+
+    assert 1e3 * model.held_out_m == pytest.approx(said, rel=1e-12)
+    assert f"missed by {said:.3f} mm rms" in found.summary
+    assert own < 2 * said
+    assert f"±{own:.3f} mm per axis (95 %) by its own word" in found.summary
+    assert f"count on ±{2 * said:.3f} mm" in found.summary
+    alone = replace(found, held_out=None)
+    assert "by its own word alone" in alone.summary
+    assert "count on" not in alone.summary
 
 
 def test_named_effects_travel_and_those_of_the_measurement_stay(demo):

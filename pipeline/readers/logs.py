@@ -39,7 +39,7 @@ LENGTH = {"m": 1.0, "mm": 1e-3, "in": 0.0254}
 """Units of length [m]."""
 _FORCE_OF = {True: FORCE, False: {"nm": 1.0, "knm": 1e3}}
 """Units of what drives a sliding joint [N], and of what turns another [N m]."""
-_ANGLE = {"deg": np.pi / 180.0, "rad": 1.0}
+ANGLE = {"deg": np.pi / 180.0, "rad": 1.0}
 """Units of angles [rad]."""
 BEYOND = 2**31
 """Poses and pulls are numbered below it: tables hold them in 32 bits."""
@@ -349,7 +349,7 @@ def understood_joints(name: str, data: bytes, robot: Robot) -> LogForm | None:
     """What [joints] may say of a joint log with the titles of others; None where it is none."""
     axes = _controller(robot) or _own(robot)
     slides = [q.units is LENGTH for q in axes]
-    names, units = [q.stem for q in axes], ([*LENGTH], [*_ANGLE])
+    names, units = [q.stem for q in axes], ([*LENGTH], [*ANGLE])
     return understood(
         name, data, "joints", lambda titles: _log_words.of_joints(titles, names, slides, units)
     )
@@ -412,14 +412,14 @@ def joint_values(log: Log, robot: Robot) -> Array:
 
 def _own(robot: Robot) -> list[Quantity]:
     """The robot's joints."""
-    return [Quantity(j.name, LENGTH if j.prismatic else _ANGLE) for j in robot.joints]
+    return [Quantity(j.name, LENGTH if j.prismatic else ANGLE) for j in robot.joints]
 
 
 def _controller(robot: Robot) -> list[Quantity]:
     """The controller's axes; those that move a sliding joint are lengths."""
     slides = robot.prismatic.astype(float) @ np.abs(robot.controller_matrix) > 0
     axes = zip(robot.controller, slides, strict=True)
-    return [Quantity(axis, LENGTH if slide else _ANGLE) for axis, slide in axes]
+    return [Quantity(axis, LENGTH if slide else ANGLE) for axis, slide in axes]
 
 
 def _has(header: Sequence[str], wanted: Sequence[Quantity]) -> bool:
