@@ -13,8 +13,11 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 import pytest
+from bending_robot import BendingRobot
+from made_programs import Kuka
+from test_programs import off
 
-from pipeline.app.corrected import write
+from pipeline.app.corrected import Given, program, write
 from pipeline.base.errors import InputError
 from pipeline.machine.cell import paper_cell
 from pipeline.machine.effects import catalogue
@@ -117,6 +120,27 @@ def test_the_offsets_correct_the_path_to_the_stated_uncertainty(path, models, tr
     assert np.sqrt(np.mean(np.square(raw))) > 5e-4
     assert np.sqrt(np.mean(np.square(left))) < 2e-5
     assert np.mean(squares) == pytest.approx(1.0, abs=0.3)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_corrected_program_is_where_it_was_taught_on_the_bending_robot(demo, true, seed):
+    """By noisy readings alone: of the error that the force makes, four fifths go at every point."""
+    bending, force = BendingRobot(ROBOT, true), np.array([-600.0, -900.0, -700.0])
+    made = Kuka(seed, ROBOT, bending).make()
+    for name in made.files:
+        (demo / name).write_bytes(made.data(name))
+    given = Given(force=",".join(map(str, force)), **made.options)
+    before, after = [], []
+    for name in made.files:
+        data, _ = program(demo, "kr500_demo", demo / name, given)
+        for k, texts in made.numbers(name, data).items():
+            point, numbers = made.points[k], [float(text) for text in texts]
+            before.append(off(bending, made, "abc", point, point.numbers, force)[0])
+            after.append(off(bending, made, "abc", point, numbers, force)[0])
+
+    assert len(after) == len(made.points)
+    assert min(before) > 4e-4
+    assert (np.array(after) < 0.2 * np.array(before)).all()
 
 
 def path_rows(path, rows):

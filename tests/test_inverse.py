@@ -70,7 +70,7 @@ def test_several_configurations_are_not_chosen_from():
 
 
 def test_what_cannot_be_reached_is_said_with_its_distance():
-    """A metre beyond the arm's reach is a metre away; where only a limit is in the way it says so."""
+    """Beyond the arm's reach it says how far; where a limit is in the way, of which joint."""
     robot = load("kr210_r2700_2")
     arm = Arm(robot, axes.of(robot))
     q = np.deg2rad([0, -60, 40, 0, 20, 0])
@@ -83,3 +83,14 @@ def test_what_cannot_be_reached_is_said_with_its_distance():
     assert "mm and" in arm.reach(far, q, True).why_not[0]
     assert behind.why_not is None
     assert "beyond its limit" in arm.reach(pose(robot, low), q, True).why_not[0]
+
+
+def test_a_start_that_is_half_a_turn_away_is_no_solution():
+    """The wrist exactly upside down: it turns, by its own last axis."""
+    robot = load("kr210_r2700_2")
+    q = np.deg2rad([0, -60, 40, 10, 30, 0.0])
+    half = q + np.array([0, 0, 0, 0, 0, np.pi])
+    found = Arm(robot, axes.of(robot)).reach(pose(robot, half), q, True)
+
+    assert found.why_not is None
+    assert pose(robot, found.q) == pytest.approx(pose(robot, half), abs=1e-6)

@@ -153,13 +153,7 @@ class _Aiming:
             ("frame", "--base", target.base, base),
         ):
             if frame is None:
-                which = f"{word} {name}" if name else f"the {word} of {target.name}"
-                equals = f"{name}=" if name and " " not in name else ""
-                raise wrong(
-                    target,
-                    f"nothing says where {which} is",
-                    f"give it as {option} {equals}{_letters(self.notation)}",
-                )
+                raise self._unknown(word, option, target, name)
         assert tool is not None
         assert base is not None
         return given.world @ base, tool

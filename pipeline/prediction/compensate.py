@@ -19,8 +19,13 @@ from pipeline.readers import logs
 _ARM_M = 0.3
 """Turning the tool by an angle counts as moving a point this far from its tip."""
 
-_SINGULAR = 1e-5
-"""Directions in which the joints move the tool this much less than in the best one are left."""
+_FURTHEST = 1e-2
+"""[rad]: no spring of a joint gives way by more; gears twist by 1 to 10 mrad under the largest
+torque of their drives. A motion of the tool for which joints would have to turn further is left:
+the arm is at a singularity."""
+
+_ROUNDING = 1e-9
+"""Motion of the tool in a direction, over that in the best one, that is rounding [1]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,8 +228,16 @@ def _least(robot: Robot, q: Array, points: Array, missed: Array, soft: Array) ->
     configuration = configure(robot, q)
     J = velocity(configuration.twists, configuration.points(points))
     J = np.swapaxes(J, 2, 3).reshape(len(q), -1, robot.n)
-    inverse = linear.shortest(J * soft, _SINGULAR)
-    return np.asarray(soft * np.einsum("mjk,mk->mj", inverse, missed.reshape(len(q), -1)))
+    U, s, Vt = linear.principal(J * soft)
+    part = np.einsum("mki,mk->mi", U[..., : s.shape[1]], missed.reshape(len(q), -1))
+    each = (
+        soft[:, None] * np.swapaxes(Vt, 1, 2)[..., : s.shape[1]]
+    )  # motion of each joint, (m, n, i)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        each = each * (part / s)[:, None, :]
+    turned = np.abs(np.where(robot.prismatic[:, None], 0.0, each)).max(axis=1)
+    good = (s > _ROUNDING * s[:, :1]) & (turned <= _FURTHEST)
+    return np.asarray(np.where(good[:, None, :], each, 0.0).sum(axis=2))
 
 
 def _turned(points: Array, moved: Array) -> Array:

@@ -33,12 +33,23 @@ def read(file: str, data: bytes, other: tuple[str, bytes] | None = None) -> Prog
         other: Name and content of the file that belongs to it.
 
     Raises:
-        InputError: It is no text, or has no target that could be corrected.
+        InputError: It is no text, or has no target that can be corrected.
     """
     one = next(one for one in _DIALECTS if file.lower().endswith(one.SUFFIXES))
     beside = None if other is None else (other[0], letters(*other))
     program = one.read(file, letters(file, data), beside)
-    if not program.targets:
-        thing = "has no motion to a point with coordinates"
-        raise InputError(thing, "give the file in which they stand", file=file)
+    if not program.own:
+        raise _nothing(program, None if other is None else other[0])
     return program
+
+
+def _nothing(program: Program, other: str | None) -> InputError:
+    """Why there is nothing to correct in a file."""
+    elsewhere = f"correct {other}, which has targets" if program.targets and other else None
+    if not program.left:
+        thing = "has no motion to a point with coordinates"
+        return InputError(thing, elsewhere or "give a file that has some", file=program.file)
+    first = program.left[0]
+    thing = f"no target of it can be corrected: {first.why}"
+    way_out = elsewhere or "write coordinates in its place"
+    return InputError(thing, way_out, file=program.file, line=first.line)

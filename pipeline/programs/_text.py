@@ -89,14 +89,18 @@ class Entry:
 
 
 _OPENING, _CLOSING = "([{", ")]}"
+_BRACKET = re.compile(r"[\[\](){}]")
 
 
 def closing(plain: str, start: int) -> int | None:
-    """The bracket that closes the one at `start`; None where there is none."""
-    depth = 0
-    for found in re.compile(r"[\[\](){}]").finditer(plain, start):
-        depth += 1 if found[0] in _OPENING else -1
-        if depth == 0:
+    """The bracket that closes the one at `start`; None where there is none, or another one."""
+    awaited = []
+    for found in _BRACKET.finditer(plain, start):
+        if found[0] in _OPENING:
+            awaited.append(_CLOSING[_OPENING.index(found[0])])
+        elif awaited.pop() != found[0]:
+            return None
+        if not awaited:
             return found.start()
     return None
 

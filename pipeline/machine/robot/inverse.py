@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Locked
@@ -35,6 +34,8 @@ _SAME = 1e-3
 _SLACK = 1e-3
 """[rad]: how far an axis may seem beyond its range: coordinates have three decimals, which an arm
 near a singularity magnifies."""
+_LEVEL = 1e-9
+"""Sine of an angle that is rounding [1]."""
 _TURNS = 2 * np.pi * np.arange(-2.0, 3.0)
 """[rad]: what may be added to an angle; wrists turn no more than twice."""
 
@@ -207,7 +208,19 @@ def _off(at: Configuration, flange: Array) -> Array:
     """How far flanges are from a pose: place, and turn times `_ARM_M` [m], F_b, shape (m, 6)."""
     turn = flange[:3, :3] @ np.swapaxes(at.flange_axes, 1, 2)
     away = flange[:3, 3] - at.flange_origin
-    return np.hstack([away, _ARM_M * Rotation.from_matrix(turn).as_rotvec()])
+    return np.hstack([away, _ARM_M * _vector(turn)])
+
+
+def _vector(turn: Array) -> Array:
+    """Rotation vectors [rad], (m, 3), of turns (m, 3, 3); half turns count as turns about x."""
+    twice = turn[:, [2, 0, 1], [1, 2, 0]] - turn[:, [1, 2, 0], [2, 0, 1]]
+    sine = np.sqrt(np.einsum("mi,mi->m", twice, twice)) / 2
+    angle = np.arctan2(sine, (np.einsum("mii->m", turn) - 1) / 2)
+    level = sine < _LEVEL
+    vector = twice * (np.where(level, 1.0, angle) / np.where(level, 2.0, 2 * sine))[:, None]
+    half = level & (angle > 1.0)
+    vector[half] = [np.pi, 0.0, 0.0]
+    return np.asarray(vector)
 
 
 def _jacobian(at: Configuration) -> Array:
