@@ -489,6 +489,47 @@ def test_a_program_of_another_arm_is_refused(tmp_path):
         program(tmp_path, "seven", tmp_path / "p.script", Given(force="0,0,1"))
 
 
+def test_a_target_at_its_limit_is_refused_where_it_would_leave_it(kuka):
+    """Axis 2 stands at +20 deg: pushed one way it has to go beyond, pushed the other way not."""
+    text = "PTP {A1 10.0,A2 20.0,A3 60.0,A4 20.0,A5 40.0,A6 -30.0,E1 3000}\n"
+    up, down = "0,0,20000", "0,0,-20000"
+    refused = []
+    for force in (up, down):
+        try:
+            kuka(text, force=force, start=START, **NO_TOOL)
+        except Refused as wrong:
+            refused.append(str(wrong))
+
+    (said,) = refused
+    assert "p.src:1: the point of line 1: corrected, joint theta3 is 0." in said
+
+
+def test_joints_near_a_pose_say_which_arm_is_meant(tmp_path):
+    """get_inverse_kin with qnear needs no start, and each elbow has its own correction."""
+    robot = load("ur10e")
+    bending = identified(tmp_path, robot)
+    up = np.array([0.3, -1.2, 1.4, -1.8, -1.5, 0.2])
+    flange = bending.flange(up)
+    down = bending.commanded(flange, np.array([0.3, 0.1, -1.4, -0.2, -1.5, 0.2]))
+    pose = ", ".join(f"{v:.9f}" for v in (*flange.translation, *pin.log3(flange.rotation)))
+    moved = []
+    for q in (up, down):
+        near = ", ".join(f"{v:.2f}" for v in q)
+        text = f"movej(get_inverse_kin(p[{pose}], qnear=[{near}]))\n"
+        (tmp_path / "p.script").write_text(text)
+        given = Given(force="30,-20,-40", tool=["0,0,0,0,0,0"])
+        data, _ = program(tmp_path, robot.name, tmp_path / "p.script", given)
+        numbers = [float(v) for v in data.decode().partition("p[")[2].partition("]")[0].split(",")]
+        commanded = pin.SE3(pin.exp3(np.array(numbers[3:])), np.array(numbers[:3]))
+        there = bending.loaded(bending.commanded(commanded, q), np.array([30.0, -20, -40]), 0 * TIP)
+        moved.append(np.array(numbers[:3]) - flange.translation)
+        assert there.translation == pytest.approx(flange.translation, abs=3e-6)
+        assert data.decode().endswith(f"], qnear=[{near}]))\n")
+
+    assert np.linalg.norm(down - up) > 1.0
+    assert np.linalg.norm(moved[0] - moved[1]) > 1e-5
+
+
 def test_the_arm_alone_corrects(kuka):
     """The rail's value stands as it stood, and the loaded tool stands where it was taught."""
     joints = (
