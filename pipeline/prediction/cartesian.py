@@ -85,24 +85,58 @@ def read(
         InputError: Any row or column is not as it should be: a path with a hole is no path.
     """
     titles = logs.columns(name, data)
-    of = axes.of(robot)
-    kinds = (of, axes.joints(robot))
-    known = next((one for one in kinds if all(_title(titles, q) for q in _quantities(one))), None)
-    said = known or next((one for one in kinds if _has_rail(titles, one)), of)
+    said, known = _axes(titles, robot)
     beside = [
         q for q, slides in zip(_quantities(said), said.slides, strict=True) if known or slides
     ]
     coordinates = [*_XYZ, *_TURNS[letters]]
     log = whole(logs.table(name, data, [logs.POSE, *coordinates, *beside]))
-    values = np.column_stack([log.number[q.stem] for q in coordinates])
-    given = np.zeros((len(values), len(said.names)))
-    for k, q in enumerate(_quantities(said)):
-        given[:, k] = log.number.get(q.stem, np.zeros(len(values)))
+    found = [_title(titles, q) or q.stem for q in coordinates]
+    units = [_unit(q, title) for q, title in zip(coordinates, found, strict=True)]
+    return Poses(
+        log.number["pose"].astype(np.int64),
+        _targets(log, coordinates, said, axes.of(robot), known),
+        Notation(letters, 1.0, 1.0),
+        forces(name, data, len(log.line), constant),
+        tuple(found),
+        np.array(units),
+    )
+
+
+def _axes(titles: Sequence[str], robot: Robot) -> tuple[axes.Axes, bool]:
+    """The axes that have columns, and whether all of them have; else those whose rail has one."""
+    kinds = axes.of(robot), axes.joints(robot)
+    for one in kinds:
+        if all(_title(titles, q) for q in _quantities(one)):
+            return one, True
+    return next((one for one in kinds if _has_rail(titles, one)), kinds[0]), False
+
+
+def _unit(q: Quantity, title: str) -> float:
+    """The unit in a title [SI]."""
+    return q.units[title.rpartition("_")[2]] if q.units else 1.0
+
+
+def _targets(
+    log: logs.Log, coordinates: Sequence[Quantity], said: axes.Axes, of: axes.Axes, known: bool
+) -> tuple[Target, ...]:
+    """The rows as targets.
+
+    Args:
+        log: The table.
+        coordinates: Its columns that make a pose.
+        said: Axes that may have columns in it.
+        of: Axes of the controller.
+        known: All of them have.
+    """
+    none = np.zeros(len(log.line))
+    given = np.column_stack([log.number.get(q.stem, none) for q in _quantities(said)])
     near = of.values(said.joints(given))
-    targets = tuple(
+    values = np.column_stack([log.number[q.stem] for q in coordinates])
+    return tuple(
         Target(
             f"pose {int(log.number['pose'][k])}",
-            name,
+            log.file,
             int(log.line[k]),
             "cartesian",
             tuple(Number(0, 0, float(value)) for value in values[k]),
@@ -110,17 +144,6 @@ def read(
             near=tuple(near[k, ~of.slides]) if known else (),
         )
         for k in range(len(values))
-    )
-    found = [_title(titles, q) or q.stem for q in coordinates]
-    units = [q.units[t.rpartition("_")[2]] if q.units else 1.0
-             for q, t in zip(coordinates, found, strict=True)]  # fmt: skip
-    return Poses(
-        log.number["pose"].astype(np.int64),
-        targets,
-        Notation(letters, 1.0, 1.0),
-        forces(name, data, len(values), constant),
-        tuple(found),
-        np.array(units),
     )
 
 

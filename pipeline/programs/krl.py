@@ -19,7 +19,7 @@ from pipeline.base.arrays import Array
 from pipeline.machine.robot.inverse import Range
 from pipeline.programs._text import Source, closing, entries
 from pipeline.programs.notation import KUKA
-from pipeline.programs.program import NUMBER, Left, Number, Program, Target, Use, gathered
+from pipeline.programs.program import NUMBER, Left, Number, Program, Target, Use, changed, gathered
 
 SUFFIXES = (".src", ".dat")
 
@@ -99,7 +99,7 @@ class _Reading:
     """What was read so far."""
 
     points: dict[str, list[_Aggregate]] = field(default_factory=dict)
-    computed: dict[str, tuple[str, int]] = field(default_factory=dict)
+    computed: dict[str, int] = field(default_factory=dict)
     lines: dict[str, dict[str, str]] = field(default_factory=dict)
     uses: list[Use] = field(default_factory=list)
     left: list[Left] = field(default_factory=list)
@@ -129,15 +129,13 @@ def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
     for source in sources:
         for start, line in source.lines:
             _follow(found, source, start, line)
-    if all(source.file.lower().endswith(".dat") for source in sources):
-        found.uses = [Use(target, "", "") for target in _all(found)]
-    places = {
-        point.target(name).place: line  # type: ignore[union-attr]  # words have no place
-        for name, (_, line) in found.computed.items()
-        for point in found.points.get(name, [])
-        if isinstance(point.target(name), Target)
+    points = {
+        name: [one.target(name.upper()) for one in several]
+        for name, several in found.points.items()
     }
-    targets, left = gathered(found.uses, places)
+    if all(source.file.lower().endswith(".dat") for source in sources):
+        found.uses = [Use(target, "", "") for target in _all(found, points)]
+    targets, left = gathered(found.uses, changed(points, found.computed))
     return Program(
         file,
         text,
@@ -149,10 +147,10 @@ def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
     )
 
 
-def _all(found: _Reading) -> Iterator[Target]:
-    for name, points in found.points.items():
-        for point in points:
-            target = point.target(name.upper())
+def _all(found: _Reading, points: Mapping[str, Sequence[Target | str]]) -> Iterator[Target]:
+    """Every point but frames."""
+    for name, several in found.points.items():
+        for point, target in zip(several, points[name], strict=True):
             if isinstance(target, Target) and point.kind != "frame":
                 yield target
 
@@ -161,23 +159,24 @@ def _define(found: _Reading, source: Source) -> None:
     """Points, frames and the data of inline forms, wherever they are declared."""
     for start, line in source.lines:
         if part := _PART.match(line):
-            found.computed[_key(part[1])] = source.file, source.line(start)
-        elif assigned := _ASSIGNED.match(line):
-            kind, name, value = assigned.groups()
-            key = _key(name)
-            aggregate = _aggregate(source, start + assigned.start(3), value)
-            if key.startswith("$") or _MOTION.match(line):
-                continue
-            if (kind or "").lower() == "fdat":
-                found.lines[key] = {k.lower(): n for k, n in _LINE_SAID.findall(value)}
-                found.lines[key] |= {"outside": "#"} if _OUTSIDE.search(value) else {}
-            elif aggregate is None:
-                found.computed[key] = source.file, source.line(start)
-            elif number := _NUMBERED.fullmatch(key.upper()):
-                _keep(found.tools if key.startswith("tool") else found.bases, number[1], aggregate)
-            elif {"x", "a1"} & set(aggregate.numbers) or not aggregate.complete:
-                typed = replace(aggregate, kind=(kind or "").lower())
-                found.points.setdefault(key, []).append(typed)
+            found.computed[_key(part[1])] = source.line(start)
+        elif (assigned := _ASSIGNED.match(line)) and not assigned[2].startswith("$"):
+            _declare(found, source, start, assigned)
+
+
+def _declare(found: _Reading, source: Source, start: int, assigned: re.Match[str]) -> None:
+    """What a name that is no variable of the system is set to."""
+    kind, key, value = (assigned[1] or "").lower(), _key(assigned[2]), assigned[3]
+    aggregate = _aggregate(source, start + assigned.start(3), value)
+    if kind == "fdat":
+        found.lines[key] = {k.lower(): n for k, n in _LINE_SAID.findall(value)}
+        found.lines[key] |= {"outside": "#"} if _OUTSIDE.search(value) else {}
+    elif aggregate is None:
+        found.computed[key] = source.line(start)
+    elif number := _NUMBERED.fullmatch(key.upper()):
+        _keep(found.tools if key.startswith("tool") else found.bases, number[1], aggregate)
+    else:
+        found.points.setdefault(key, []).append(replace(aggregate, kind=kind))
 
 
 def _keep(frames: dict[str, Array], name: str, aggregate: _Aggregate) -> None:
@@ -273,13 +272,16 @@ def _move(found: _Reading, source: Source, start: int, motion: re.Match[str]) ->
         elif found.outside:
             why = f"{point[1]} moves the workpiece at a fixed tool"
         else:
-            why = _use(found, source, entry.start, point[1])
+            why = _use(found, source, entry.start, point[1], "PTP" in kind)
         if why:
             found.left.append(Left(source.file, line, why))
 
 
-def _use(found: _Reading, source: Source, start: int, word: str) -> str | None:
-    """Note a motion to a point; why not, where it cannot be corrected."""
+def _use(found: _Reading, source: Source, start: int, word: str, by_axes: bool) -> str | None:
+    """Note a motion to a point; why not, where it cannot be corrected.
+
+    S and T of a point hold for PTP; other motions keep the configuration that they come from.
+    """
     if word.startswith("{"):
         inline = _aggregate(source, start, word)
         points: Sequence[_Aggregate] = [] if inline is None else [inline]
@@ -292,7 +294,8 @@ def _use(found: _Reading, source: Source, start: int, word: str) -> str | None:
         target = point.target(name)
         if isinstance(target, str):
             return target
-        found.uses.append(Use(target, found.tool, found.base))
+        stated = target if by_axes or not found.uses else replace(target, ranges=())
+        found.uses.append(Use(stated, found.tool, found.base))
     return None
 
 

@@ -163,18 +163,17 @@ def _rewritten(old: str, value: float, worth: float) -> str:
     if Decimal(new) == Decimal(old):
         return old
     if letter:
-        mantissa, _, exponent = new.partition("e")
-        size = exponent.lstrip("+-").zfill(len(digits))
-        new = f"{mantissa}{letter}{_sign_of(exponent, found[5])}{size}"
+        new = _with_exponent(new, letter, found[5], len(digits))
     elif not whole and abs(value) < 1:
         new = new.replace("0.", ".", 1)
     return f"+{new}" if sign == "+" and not new.startswith("-") else new
 
 
-def _sign_of(exponent: str, before: str) -> str:
-    if exponent.startswith("-"):
-        return "-"
-    return "+" if before else ""
+def _with_exponent(new: str, letter: str, sign: str, digits: int) -> str:
+    """A number with its exponent in the manner of another one: letter, sign and leading zeros."""
+    mantissa, _, exponent = new.partition("e")
+    own = "-" if exponent.startswith("-") else "+" if sign else ""
+    return f"{mantissa}{letter}{own}{exponent.lstrip('+-').zfill(digits)}"
 
 
 class Use(NamedTuple):
@@ -183,6 +182,23 @@ class Use(NamedTuple):
     target: Target
     tool: str
     base: str
+
+
+def changed(
+    points: Mapping[str, Iterable[Target | str]], computed: Mapping[str, int]
+) -> dict[tuple[str, int], int]:
+    """Places of points that a program changes itself, and the line where it does.
+
+    Args:
+        points: Points by name; words for one that cannot be corrected.
+        computed: Names, and the line where they get another value.
+    """
+    return {
+        one.place: line
+        for name, line in computed.items()
+        for one in points.get(name, ())
+        if isinstance(one, Target)
+    }
 
 
 def gathered(

@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import reduce
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from pipeline.base.arrays import Array
 from pipeline.machine.robot.inverse import Range
 from pipeline.programs._text import Entry, Source, entries, inner, numbers
 from pipeline.programs.notation import ABB
-from pipeline.programs.program import Left, Number, Program, Target, Use, gathered
+from pipeline.programs.program import Left, Number, Program, Target, Use, changed, gathered
 
 SUFFIXES = (".mod", ".modx", ".prg")
 
@@ -93,13 +94,7 @@ def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
     if not (found.uses or found.left):  # a module of data alone
         points = (one for all_ in found.points.values() for one in all_)
         found.uses = [Use(one, "", "") for one in points if isinstance(one, Target)]
-    places = {
-        one.place: line
-        for name, line in found.computed.items()
-        for one in found.points.get(name, [])
-        if isinstance(one, Target)
-    }
-    targets, left = gathered(found.uses, places)
+    targets, left = gathered(found.uses, changed(found.points, found.computed))
     told = tuple(sorted({*found.left, *left}))
     return Program(file, text, ABB, tuple(targets), told, found.tools, found.bases)
 
@@ -158,20 +153,17 @@ def _points(found: _Reading, name: str, value: Sequence[Entry]) -> Iterator[Targ
 
 def _point(found: _Reading, name: str, entry: Entry, parts: Sequence[Entry]) -> Target | str:
     """A robtarget of four lists, or a jointtarget of two."""
-    lists = [numbers(inner(found.source.plain, part)) for part in parts]
-    read = [one for one in lists if one is not None]
-    if len(read) < len(lists) or [len(one) for one in read] not in ([6, 6], [3, 4, 4, 6]):
-        return f"{name} is computed at run time"
-    own = read[0] if len(read) == 2 else (*read[0], *read[1])
-    return Target(
-        name,
-        found.source.file,
-        found.source.line(entry.start),
-        "joint" if len(read) == 2 else "cartesian",
-        own,
-        tuple(n.value for n in read[-1] if abs(n.value) < _UNUSED),
-        ranges=_ranges(read[2]) if len(read) == 4 else (),
-    )
+    read = [numbers(inner(found.source.plain, part)) or () for part in parts]
+    place = name, found.source.file, found.source.line(entry.start)
+    external = tuple(n.value for n in read[-1] if abs(n.value) < _UNUSED)
+    match [len(one) for one in read]:
+        case [6, 6]:
+            return Target(*place, "joint", read[0], external)
+        case [3, 4, 4, 6]:
+            pose = (*read[0], *read[1])
+            return Target(*place, "cartesian", pose, external, ranges=_ranges(read[2]))
+        case _:
+            return f"{name} is computed at run time"
 
 
 def _ranges(configuration: Sequence[Number]) -> tuple[Range, ...]:
@@ -185,16 +177,16 @@ def _ranges(configuration: Sequence[Number]) -> tuple[Range, ...]:
 
 def _frame(plain: str, kind: str, value: Sequence[Entry]) -> Array | None:
     """The frame of tooldata or wobjdata; None where it moves with something else."""
-    parts = inner(plain, value[0]) if value else None
-    if parts is None:
-        return None
-    words = [part.text.upper() for part in parts]
-    if kind == "tooldata":
-        return _pose(plain, parts[1]) if len(parts) == 3 and words[0] == "TRUE" else None
-    if len(parts) != 5 or words[:2] != ["FALSE", "TRUE"]:
-        return None
-    user, object_ = (_pose(plain, part) for part in parts[3:])
-    return None if user is None or object_ is None else user @ object_
+    parts = inner(plain, value[0]) or [] if value else []
+    match kind, [part.text.upper() for part in parts]:
+        case "tooldata", ["TRUE", _, _]:
+            poses = [_pose(plain, parts[1])]
+        case "wobjdata", ["FALSE", "TRUE", _, _, _]:
+            poses = [_pose(plain, part) for part in parts[3:]]
+        case _:
+            return None
+    known = [pose for pose in poses if pose is not None]
+    return reduce(np.matmul, known) if len(known) == len(poses) else None
 
 
 def _pose(plain: str, entry: Entry) -> Array | None:

@@ -16,7 +16,7 @@ The frames are numbers; what they are, only the controller knows.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -42,6 +42,7 @@ _NAMED = re.compile(r"(?<!\w)P\s*\[\s*(\d+)", re.IGNORECASE)
 _INDIRECT = re.compile(r"(?<!\w)PR?\s*\[(?:[^\[\]]|\[[^\]]*\])*\]", re.IGNORECASE)
 _COMPUTED = re.compile(r"\b(Tool_Offset|Offset|VOFFSET|PTH_OFFSET|INC)\b", re.IGNORECASE)
 _POSE, _AXES = ("x", "y", "z", "w", "p", "r"), tuple(f"j{k}" for k in range(1, 7))
+_EXTERNAL = tuple(f"e{k}" for k in range(1, 10))
 
 
 def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
@@ -78,25 +79,32 @@ def _motions(source: Source, end: int) -> tuple[list[int], list[Left], dict[int,
     left: list[Left] = []
     moved: dict[int, Left] = {}
     for found in _STATEMENT.finditer(source.plain, first.end() if first else 0, end):
-        words, line = found[1], source.line(found.start(1))
-        if not _MOTION.match(words):
-            continue
-        named = [int(number) for number in _NAMED.findall(words)]
-        computed = _COMPUTED.search(words)
-        if computed and computed[1].upper() == "INC":
-            why = f"P[{named[0]}] is a distance" if named else "it moves by a distance"
-            moved |= {number: Left(source.file, line, why) for number in named}
-            left.append(Left(source.file, line, why))
-        elif computed:
-            why = f"{computed[1]} moves the point at run time"
-            left.append(Left(source.file, line, why))
-        elif not named:
-            word = _INDIRECT.search(words)
-            said = word[0] if word else "its point"
-            left.append(Left(source.file, line, f"{said} is known at run time only"))
-        else:
-            order += named
+        if _MOTION.match(found[1]):
+            named = [int(number) for number in _NAMED.findall(found[1])]
+            why = _computed(found[1], named)
+            if why is None:
+                order += named
+                continue
+            left.append(Left(source.file, source.line(found.start(1)), why))
+            if why.endswith(_DISTANCE):
+                moved |= dict.fromkeys(named, left[-1])
     return order, left, moved
+
+
+def _computed(words: str, named: Sequence[int]) -> str | None:
+    """Why the point of a motion is known at run time only; None where it is taught."""
+    computed = _COMPUTED.search(words)
+    if computed and computed[1].upper() == "INC":
+        return f"P[{named[0]}] {_DISTANCE}" if named else f"its point {_DISTANCE}"
+    if computed:
+        return f"{computed[1]} moves the point at run time"
+    if named:
+        return None
+    word = _INDIRECT.search(words)
+    return f"{word[0] if word else 'its point'} is known at run time only"
+
+
+_DISTANCE = "is a distance"
 
 
 def _point(source: Source, found: re.Match[str]) -> Target | Left:
@@ -108,16 +116,17 @@ def _point(source: Source, found: re.Match[str]) -> Target | Left:
         one[1].lower(): Number(one.start(2), one.end(2), float(one[2]))
         for one in _VALUE.finditer(source.plain, start, end)
     }
-    wanted = _AXES if "j1" in values else _POSE
+    joint = "j1" in values
+    wanted = _AXES if joint else _POSE
     if missing := [word.upper() for word in wanted if word not in values]:
         return Left(source.file, line, f"{name} has no {', '.join(missing)}")
     return Target(
         name,
         source.file,
         line,
-        "joint" if wanted is _AXES else "cartesian",
+        "joint" if joint else "cartesian",
         tuple(values[word] for word in wanted),
-        tuple(values[f"e{k}"].value for k in range(1, 10) if f"e{k}" in values),
+        tuple(values[word].value for word in _EXTERNAL if word in values),
         **_frames(source.plain[start:end]),
     )
 

@@ -18,7 +18,7 @@ import numpy as np
 from pipeline.base.arrays import Array
 from pipeline.programs._text import Entry, Source, closing, entries, inner, numbers
 from pipeline.programs.notation import UR
-from pipeline.programs.program import Left, Program, Target, Use, gathered
+from pipeline.programs.program import Left, Program, Target, Use, changed, gathered
 
 SUFFIXES = (".script", ".urscript")
 
@@ -64,13 +64,7 @@ def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
         _define(found, assigned)
     for call in _CALL.finditer(found.source.plain):
         _follow(found, call)
-    places = {
-        one.place: line
-        for name, line in found.computed.items()
-        for one in found.points.get(name, [])
-        if isinstance(one, Target)
-    }
-    targets, left = gathered(found.uses, places)
+    targets, left = gathered(found.uses, changed(found.points, found.computed))
     told = tuple(sorted({*found.left, *left}))
     return Program(file, text, UR, tuple(targets), told, found.tools, {"": np.eye(4)})
 

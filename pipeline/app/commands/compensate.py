@@ -13,7 +13,7 @@ from pipeline.app.commands._shared import Named, Root, app, fitted
 from pipeline.app.corrected import Frame, Given, listed_lines, program, write
 from pipeline.base import files
 
-_NAMED = "numbers as the program writes poses, [NAME=]X,Y,Z,..."
+_NAMED = "[NAME=]X,Y,Z,A,B,C, as the program writes poses"
 
 
 @app.command(short_help="Correct a path or a robot program for the deflection under load.")
@@ -22,6 +22,7 @@ def compensate(
     path: Annotated[
         Path,
         Argument(
+            metavar="PATH",
             help="A robot program: .src or .dat (KUKA), .mod (ABB), .ls (FANUC), .script (UR). "
             "Or a CSV: pose, and joint values or x_mm,y_mm,z_mm with qw,qx,qy,qz, "
             "A_deg,B_deg,C_deg or W_deg,P_deg,R_deg per row, and fx_n,fy_n,fz_n.",

@@ -83,22 +83,33 @@ class Arm(Locked):
             ranges: What is said of each axis, in the order of those that turn.
         """
         within = self._within(ranges)
-        if known:
-            found, left = self._solved(flange, start[None])
-            near = self._turned(found[0], start, within)
-            if left[0] < _REACHED_M and near is not None and self._close(near, start, ranges):
-                return Reached(near)
+        if known and (near := self._near(flange, start, within, ranges)) is not None:
+            return Reached(near)
         found, left = self._solved(flange, np.vstack([start[None], self._starts(start)]))
         good = found[left < _REACHED_M]
         if not len(good):
-            return Reached(found[np.argmin(left)], self._unreachable(flange, found[left.argmin()]))
+            return Reached(found[left.argmin()], self._unreachable(flange, found[left.argmin()]))
         turned = (self._turned(q, start, within) for q in good)
-        fits = self._distinct([q for q in turned if q is not None])
+        fits = _distinct([q for q in turned if q is not None])
         if not fits:
             return Reached(good[0], self._outside(good, start, ranges))
         if len(fits) > 1 and not known:
             return Reached(fits[0], _several(len(fits)))
         return Reached(min(fits, key=lambda q: float(np.abs(q - start).max())))
+
+    def _near(
+        self, flange: Array, start: Array, within: Sequence[Range], ranges: Sequence[Range]
+    ) -> Array | None:
+        """The solution that Newton's steps find from `start`, where nothing else can be meant.
+
+        That is, where all axes are stated, or the robot hardly moves.
+        """
+        found, left = self._solved(flange, start[None])
+        near = self._turned(found[0], start, within)
+        if left[0] > _REACHED_M or near is None:
+            return None
+        stated = len(ranges) > 0 and all(one is not None for one in ranges)
+        return near if stated or np.abs(near - start).max() < _LONGEST else None
 
     def _within(self, ranges: Sequence[Range]) -> list[Range]:
         """What is said of each joint that one axis alone turns."""
@@ -111,11 +122,6 @@ class Arm(Locked):
             ends = [own[1] * end + float(self.axes.offset[j]) for end in both or ()] if own else []
             out.append((min(ends), max(ends)) if ends else None)
         return out
-
-    def _close(self, q: Array, start: Array, ranges: Sequence[Range]) -> bool:
-        """Whether nothing else can be meant: all axes are stated, or the robot hardly moves."""
-        stated = len(ranges) > 0 and all(one is not None for one in ranges)
-        return stated or bool(np.abs(q - start).max() < _LONGEST)
 
     def _starts(self, start: Array) -> Array:
         """Places all over the workspace, always the same, shape (`_STARTS`, n)."""
@@ -154,14 +160,6 @@ class Arm(Locked):
             out[j] = fits[np.abs(fits - near[j]).argmin()]
         return out
 
-    def _distinct(self, found: Sequence[Array]) -> list[Array]:
-        """Without repetitions."""
-        out: list[Array] = []
-        for q in found:
-            if all(np.abs(q - other).max() > _SAME for other in out):
-                out.append(q)
-        return out
-
     def _unreachable(self, flange: Array, q: Array) -> tuple[str, str]:
         """What is said of a pose that no configuration reaches."""
         at = configure(self.robot, q[None])
@@ -195,6 +193,15 @@ class Arm(Locked):
         over = np.maximum(self.robot.lower[:, None] - turns, turns - self.robot.upper[:, None])
         least = np.where(self.robot.prismatic, 0.0, over.min(axis=1))
         return int(least.argmax()), float(least.max())
+
+
+def _distinct(found: Sequence[Array]) -> list[Array]:
+    """Solutions without repetitions."""
+    out: list[Array] = []
+    for q in found:
+        if all(np.abs(q - other).max() > _SAME for other in out):
+            out.append(q)
+    return out
 
 
 def _several(count: int) -> tuple[str, str]:
