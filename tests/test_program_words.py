@@ -1,5 +1,7 @@
 """What is read of robot programs, what is left alone, and what is said where nothing is done."""
 
+import time
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -481,6 +483,38 @@ def test_what_is_no_program_is_refused(file, data, wrong):
     """One sentence with the file, whatever stands in it."""
     with pytest.raises(InputError, match=f"{file}{wrong}"):
         read(file, data)
+
+
+@pytest.mark.parametrize(
+    ("file", "data"),
+    [
+        ("p.mod", "CONST robtarget p:=" + 3000 * "[" + 3000 * "]" + ";\nMoveL p,v,z,t;"),
+        ("p.mod", 2000 * "MoveL ["),
+        ("p.mod", f"MoveL {POINT.replace('1200', '1e999')},v1,z1,tool0;"),
+        ("p.script", "movel(" + 3000 * "[" + 3000 * "]" + ")"),
+        ("p.script", "movel(p[1e999,0,0,0,0,0])"),
+        ("p.src", "LIN " + 3000 * "{" + 3000 * "}"),
+        ("p.src", f"LIN {{{POSE.replace('2000.0', '1E999')}}}"),
+        ("p.ls", "/MN\n 1:L P[1] 5mm/sec FINE ;\n/POS\n" + 3000 * "P[1]{"),
+    ],
+)
+def test_what_nobody_would_write_is_refused_soon(file, data):
+    """Brackets without end and numbers without limit: one sentence, in a second."""
+    began = time.process_time()
+    with pytest.raises(InputError):
+        read(file, data.encode())
+
+    assert time.process_time() - began < 5.0
+
+
+def test_a_tool_without_a_direction_is_none(kuka):
+    """Four zeros are no quaternion, in a program or in an option."""
+    text = "PERS tooldata t:=[TRUE,[[0,0,1],[0,0,0,0]],[1,[0,0,0],[1,0,0,0],0,0,0]];\n"
+    text += f"MoveL {POINT},v1,z1,t;"
+
+    assert "t" not in read("p.mod", text.encode()).tools
+    with pytest.raises(UsageError, match='--tool "0,0,0,0,0,0,0": the quaternion has no length'):
+        kuka(text, file="p.mod", tool=["t=0,0,0,0,0,0,0"])
 
 
 def test_a_program_of_another_arm_is_refused(tmp_path):

@@ -143,10 +143,11 @@ def _model(root: Path, name: str) -> Model:
 
 
 def _content(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except OSError as problem:
-        raise UsageError(f"{path} cannot be read ({problem.strerror}): check the path") from problem
+    from pipeline.programs import LARGEST
+
+    if not path.exists():
+        raise UsageError(f"{path} cannot be read (no such file): check the path")
+    return files.read(path, path.name, LARGEST)
 
 
 def _beside(path: Path) -> Path | None:
@@ -239,7 +240,7 @@ def _setting(given: Given, notation: Notation, model: Model, path: bool = False)
         own[:3, 3] = model.tool.load_point if tip is None else tip
         tools, bases = {"": own} | tools, {"": np.eye(4)} | bases
     world, flange = (
-        np.eye(4) if one is None else notation.frame(_numbers(option, one, notation.count))
+        np.eye(4) if one is None else _pose(option, one, notation)
         for option, one in (("--world", given.world), ("--flange", given.flange))
     )
     in_tool = given.frame == Frame.TOOL
@@ -254,8 +255,20 @@ def _frames(option: str, given: Sequence[str], notation: Notation) -> dict[str, 
     out = {}
     for one in given:
         name, _, numbers = one.rpartition("=")
-        out[name.strip().lower()] = notation.frame(_numbers(option, numbers, notation.count))
+        out[name.strip().lower()] = _pose(option, numbers, notation)
     return out
+
+
+def _pose(option: str, text: str, notation: Notation) -> Array:
+    """A frame from its numbers.
+
+    Raises:
+        UsageError: They are none, not as many, or a quaternion of no length.
+    """
+    try:
+        return notation.frame(_numbers(option, text, notation.count))
+    except ValueError as problem:
+        raise UsageError(f'{option} "{text}": the quaternion has no length') from problem
 
 
 def _numbers(option: str, text: str, count: int | None) -> list[float]:

@@ -7,9 +7,10 @@ from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 from pipeline.base.errors import InputError
-from pipeline.programs.program import NUMBER, Number
+from pipeline.programs.program import NUMBER, Number, number
 
 LARGEST = 2**26
 """Bytes of a program; milling programs of 100 000 points have a tenth of it."""
@@ -83,12 +84,11 @@ class Entry:
     def number(self) -> Number | None:
         """The number that it is, if it is one."""
         found = _PLAIN.fullmatch(self.text)
-        if found is None:
-            return None
-        return Number(self.start, self.start + len(self.text), float(found[1]))
+        return None if found is None else number(self.start, found[1])
 
 
 _OPENING, _CLOSING = "([{", ")]}"
+_SIGN = re.compile(r"[\[\](){},]")
 _BRACKET = re.compile(r"[\[\](){}]")
 
 
@@ -107,15 +107,15 @@ def closing(plain: str, start: int) -> int | None:
 
 def entries(plain: str, start: int, end: int) -> list[Entry]:
     """What stands between the commas of a stretch of text, brackets unopened."""
-    out, depth, first = [], 0, start
-    for k in range(start, end + 1):
-        sign = plain[k] if k < end else ","
-        depth += (sign in _OPENING) - (sign in _CLOSING)
-        if k == end or (sign == "," and depth == 0):
-            text = plain[first:k]
-            at = first + len(text) - len(text.lstrip())
-            out.append(Entry(at, k, text.strip()))
-            first = k + 1
+    commas, depth = [], 0
+    for found in _SIGN.finditer(plain, start, end):
+        depth += (found[0] in _OPENING) - (found[0] in _CLOSING)
+        if found[0] == "," and depth == 0:
+            commas.append(found.start())
+    out = []
+    for first, last in pairwise([start - 1, *commas, end]):
+        text = plain[first + 1 : last]
+        out.append(Entry(last - len(text.lstrip()), last, text.strip()))
     return out
 
 

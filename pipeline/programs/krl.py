@@ -17,9 +17,19 @@ import numpy as np
 
 from pipeline.base.arrays import Array
 from pipeline.machine.robot.inverse import Range
-from pipeline.programs._text import Source, closing, entries
+from pipeline.programs._text import Entry, Source, closing, entries
 from pipeline.programs.notation import KUKA
-from pipeline.programs.program import NUMBER, Left, Number, Program, Target, Use, changed, gathered
+from pipeline.programs.program import (
+    NUMBER,
+    Left,
+    Number,
+    Program,
+    Target,
+    Use,
+    changed,
+    gathered,
+    number,
+)
 
 SUFFIXES = (".src", ".dat")
 
@@ -36,7 +46,7 @@ _MOTION = re.compile(
 _POINT = re.compile(
     r"(\{[^{}]*\}|\w+(?:\s*\[\s*\w+\s*\])?)\s*(?:C_\w+.*|WITH\b.*)?", re.IGNORECASE | re.DOTALL
 )
-_COMPONENT = re.compile(rf"([A-Za-z]\w*)\s+(?:({NUMBER})|'([BH])([0-9A-F]+)')", re.IGNORECASE)
+_COMPONENT = re.compile(rf"([A-Za-z]\w*)\s+(?:({NUMBER})|'B([01]+)'|'H([0-9A-F]+)')", re.IGNORECASE)
 _BAS = re.compile(r"\s*BAS\s*\(\s*#(BASE|TOOL)\s*,\s*(\d+)\s*\)", re.IGNORECASE)
 _NUMBERED = re.compile(r"(?:TOOL|BASE)_DATA\[(\d+)\]")
 _LINE_SAID = re.compile(r"(TOOL_NO|BASE_NO)\s+(\d+)", re.IGNORECASE)
@@ -123,12 +133,7 @@ def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
     both = [(file, text), *([other] if other else [])]
     both.sort(key=lambda one: not one[0].lower().endswith(".dat"))
     sources = [Source(name, one, _SILENT) for name, one in both]
-    found = _Reading()
-    for source in sources:
-        _define(found, source)
-    for source in sources:
-        for start, line in source.lines:
-            _follow(found, source, start, line)
+    found = _followed(sources)
     points = {
         name: [one.target(name.upper()) for one in several]
         for name, several in found.points.items()
@@ -145,6 +150,17 @@ def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
         found.tools,
         found.bases,
     )
+
+
+def _followed(sources: Sequence[Source]) -> _Reading:
+    """What is declared anywhere, then what the motions do with it."""
+    found = _Reading()
+    for source in sources:
+        _define(found, source)
+    for source in sources:
+        for start, line in source.lines:
+            _follow(found, source, start, line)
+    return found
 
 
 def _all(found: _Reading, points: Mapping[str, Sequence[Target | str]]) -> Iterator[Target]:
@@ -173,8 +189,9 @@ def _declare(found: _Reading, source: Source, start: int, assigned: re.Match[str
         found.lines[key] |= {"outside": "#"} if _OUTSIDE.search(value) else {}
     elif aggregate is None:
         found.computed[key] = source.line(start)
-    elif number := _NUMBERED.fullmatch(key.upper()):
-        _keep(found.tools if key.startswith("tool") else found.bases, number[1], aggregate)
+    elif numbered := _NUMBERED.fullmatch(key.upper()):
+        frames = found.tools if key.startswith("tool") else found.bases
+        _keep(frames, numbered[1], aggregate)
     else:
         found.points.setdefault(key, []).append(replace(aggregate, kind=kind))
 
@@ -198,18 +215,23 @@ def _aggregate(source: Source, start: int, value: str) -> _Aggregate | None:
     first = start + 1
     if named := re.compile(r"\s*\w+\s*:").match(source.plain, first, last):
         first = named.end()
-    numbers, complete = {}, True
-    for entry in entries(source.plain, first, last):
-        part = _COMPONENT.fullmatch(entry.text)
-        if part is None:
-            complete = False
-        elif part[2]:
-            at = entry.start + part.start(2)
-            numbers[part[1].lower()] = Number(at, at + len(part[2]), float(part[2]))
-        else:
-            bits = float(int(part[4], 2 if part[3] in "bB" else 16))
-            numbers[part[1].lower()] = Number(entry.start, entry.end, bits)
-    return _Aggregate(source, start, numbers, complete)
+    parts = [_component(entry) for entry in entries(source.plain, first, last)]
+    known = [part for part in parts if part is not None]
+    return _Aggregate(source, start, dict(known), len(known) == len(parts))
+
+
+def _component(entry: Entry) -> tuple[str, Number] | None:
+    """A component by its name in small letters; None where its value is no number."""
+    part = _COMPONENT.fullmatch(entry.text)
+    if part is None:
+        return None
+    name, decimal, binary, hexadecimal = part.groups()
+    if decimal:
+        read = number(entry.start + part.start(2), decimal)
+    else:
+        bits = int(binary, 2) if binary else int(hexadecimal, 16)
+        read = Number(entry.start, entry.end, float(bits))
+    return None if read is None else (name.lower(), read)
 
 
 def _follow(found: _Reading, source: Source, start: int, line: str) -> None:
@@ -245,8 +267,8 @@ def _frame(found: _Reading, source: Source, start: int, name: str, value: str) -
     key = _key(value)
     if key in _NULL:
         return "0"
-    if number := _NUMBERED.fullmatch(key.upper()):
-        return number[1]
+    if numbered := _NUMBERED.fullmatch(key.upper()):
+        return numbered[1]
     frames = found.tools if name == "$tool" else found.bases
     aggregate = _aggregate(source, start, value)
     if aggregate is not None:

@@ -17,6 +17,8 @@ Kind = Literal["joint", "cartesian"]
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _PARTS = re.compile(r"([-+]?)(\d*)(?:\.(\d*))?(?:([eE])([-+]?)(\d+))?")
+_LARGEST = 1e10
+"""Of all numbers of a target, whatever their unit; ABB writes 9E9 for an axis that there is not."""
 _FINE_M = 1e-6
 """[m]: a last digit that is worth more gets another one behind it. No tracker resolves less."""
 
@@ -33,6 +35,12 @@ class Number(NamedTuple):
     start: int
     end: int
     value: float
+
+
+def number(start: int, text: str) -> Number | None:
+    """A number of a robot, written from `start` on; None for one that no robot has."""
+    value = float(text)
+    return Number(start, start + len(text), value) if abs(value) < _LARGEST else None
 
 
 class Left(NamedTuple):
@@ -159,7 +167,7 @@ def _rewritten(old: str, value: float, worth: float) -> str:
     decimals = len(fraction)
     power = Decimal(repr(value)).adjusted() if letter and value else 0
     decimals += worth * 10.0 ** (power - decimals) > _FINE_M
-    new = format(Decimal(repr(value)), f"z.{decimals}{'e' if letter else 'f'}")
+    new = format(Decimal(repr(value)), f"z.{decimals}{letter.lower() or 'f'}")
     if Decimal(new) == Decimal(old):
         return old
     if letter:

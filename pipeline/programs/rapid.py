@@ -11,7 +11,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import reduce
 
 import numpy as np
 
@@ -116,9 +115,9 @@ def _define(found: _Reading) -> None:
 
 
 def _end(plain: str, start: int) -> int:
-    """Where the statement ends."""
+    """Where the statement ends; one without an end says nothing."""
     end = plain.find(";", start)
-    return len(plain) if end < 0 else end
+    return start if end < 0 else end
 
 
 def _assign(found: _Reading, one: re.Match[str]) -> None:
@@ -135,7 +134,9 @@ def _assign(found: _Reading, one: re.Match[str]) -> None:
             frames.pop(name, None)
 
 
-def _points(found: _Reading, name: str, value: Sequence[Entry]) -> Iterator[Target | str]:
+def _points(
+    found: _Reading, name: str, value: Sequence[Entry], dimensions: int = 3
+) -> Iterator[Target | str]:
     """The points of a value, several in an array; why not, where one cannot be corrected."""
     plain = found.source.plain
     for entry in value:
@@ -144,9 +145,9 @@ def _points(found: _Reading, name: str, value: Sequence[Entry]) -> Iterator[Targ
             yield f"{name} is computed at run time"
             continue
         deeper = inner(plain, parts[0])
-        if deeper and inner(plain, deeper[0]) is not None:  # an array
+        if dimensions and deeper and inner(plain, deeper[0]) is not None:  # an array
             for k, one in enumerate(parts, 1):
-                yield from _points(found, f"{name}{{{k}}}", [one])
+                yield from _points(found, f"{name}{{{k}}}", [one], dimensions - 1)
         else:
             yield _point(found, name, entry, parts)
 
@@ -180,13 +181,12 @@ def _frame(plain: str, kind: str, value: Sequence[Entry]) -> Array | None:
     parts = inner(plain, value[0]) or [] if value else []
     match kind, [part.text.upper() for part in parts]:
         case "tooldata", ["TRUE", _, _]:
-            poses = [_pose(plain, parts[1])]
+            return _pose(plain, parts[1])
         case "wobjdata", ["FALSE", "TRUE", _, _, _]:
-            poses = [_pose(plain, part) for part in parts[3:]]
+            user, object_ = _pose(plain, parts[3]), _pose(plain, parts[4])
+            return None if user is None or object_ is None else user @ object_
         case _:
             return None
-    known = [pose for pose in poses if pose is not None]
-    return reduce(np.matmul, known) if len(known) == len(poses) else None
 
 
 def _pose(plain: str, entry: Entry) -> Array | None:
@@ -194,7 +194,8 @@ def _pose(plain: str, entry: Entry) -> Array | None:
     lists = [numbers(inner(plain, part)) for part in parts or ()]
     if [len(one or ()) for one in lists] != [3, 4]:
         return None
-    return ABB.frame([number.value for one in lists for number in one or ()])
+    values = [number.value for one in lists for number in one or ()]
+    return ABB.frame(values) if any(values[3:]) else None
 
 
 def _follow(found: _Reading, motion: re.Match[str]) -> None:

@@ -24,7 +24,7 @@ import numpy as np
 from pipeline.machine.robot.inverse import Range
 from pipeline.programs._text import Source
 from pipeline.programs.notation import FANUC
-from pipeline.programs.program import NUMBER, Left, Number, Program, Target
+from pipeline.programs.program import NUMBER, Left, Number, Program, Target, number
 
 SUFFIXES = (".ls",)
 
@@ -60,10 +60,10 @@ def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
     order, left, moved = _motions(source, end)
     order = order or ([] if left else list(points))  # without motions all are meant
     targets = []
-    for number in dict.fromkeys(order):
-        point = points.get(number)
-        if number in moved:
-            left.append(moved[number])
+    for label in dict.fromkeys(order):
+        point = points.get(label)
+        if label in moved:
+            left.append(moved[label])
         elif isinstance(point, Target):
             targets.append(point)
         elif point is not None:
@@ -110,12 +110,8 @@ _DISTANCE = "is a distance"
 def _point(source: Source, found: re.Match[str]) -> Target | Left:
     """A point of /POS; why not, where it cannot be corrected."""
     name, line = f"P[{found[1]}]", source.line(found.start(1))
-    group = _GROUP.search(source.plain, found.start(2), found.end(2))
-    start, end = group.span(1) if group else found.span(2)
-    values = {
-        one[1].lower(): Number(one.start(2), one.end(2), float(one[2]))
-        for one in _VALUE.finditer(source.plain, start, end)
-    }
+    start, end = _first_group(source.plain, *found.span(2))
+    values = _values(source.plain, start, end)
     joint = "j1" in values
     wanted = _AXES if joint else _POSE
     if missing := [word.upper() for word in wanted if word not in values]:
@@ -129,6 +125,21 @@ def _point(source: Source, found: re.Match[str]) -> Target | Left:
         tuple(values[word].value for word in _EXTERNAL if word in values),
         **_frames(source.plain[start:end]),
     )
+
+
+def _first_group(plain: str, start: int, end: int) -> tuple[int, int]:
+    """Where the arm's part of a point begins and ends; the others are of positioners."""
+    group = _GROUP.search(plain, start, end)
+    return group.span(1) if group else (start, end)
+
+
+def _values(plain: str, start: int, end: int) -> dict[str, Number]:
+    """Axes and coordinates by their names in small letters."""
+    values = {}
+    for one in _VALUE.finditer(plain, start, end):
+        if read := number(one.start(2), one[2]):
+            values[one[1].lower()] = read
+    return values
 
 
 def _frames(words: str) -> Mapping[str, Any]:

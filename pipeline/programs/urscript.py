@@ -89,7 +89,9 @@ def _value(plain: str, start: int) -> Entry:
     return Entry(start, start + len(text), text.rstrip())
 
 
-def _points(found: _Reading, name: str, value: Entry) -> Iterator[Target | str]:
+def _points(
+    found: _Reading, name: str, value: Entry, several: bool = True
+) -> Iterator[Target | str]:
     """The points of a value, several in a list of them; why not, where one cannot be corrected."""
     plain, pose = found.source.plain, value.text.startswith("p")
     shift = len(value.text) - len(value.text[1:].lstrip()) if pose else 0
@@ -100,9 +102,9 @@ def _points(found: _Reading, name: str, value: Entry) -> Iterator[Target | str]:
         kind = "cartesian" if pose else "joint"
         line = found.source.line(value.start)
         yield Target(name, found.source.file, line, kind, own)  # type: ignore[arg-type]
-    elif parts and not pose and parts[0].text.startswith(("p", "[")):
+    elif several and parts and not pose and parts[0].text.startswith(("p", "[")):
         for k, part in enumerate(parts):
-            yield from _points(found, f"{name}[{k}]", part)
+            yield from _points(found, f"{name}[{k}]", part, several=False)
     else:
         yield f"{name} is computed at run time"
 
