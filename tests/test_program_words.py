@@ -126,6 +126,7 @@ MoveL {POINT},v1,z1,tA;
 MovePnP p1,v1,z1,tA;
 MoveL pGone,v1,z1,tA;
 TriggIO gun,0\\DOp:=do1,1;
+moved:=TRUE; IF moved THEN displ:=1; ENDIF
 MoveHome(3);
 MoveL CRobT(),v1,z1,tA;
 p2.trans.z:=3;
@@ -134,12 +135,12 @@ ENDPROC
     found = read("m.mod", text.encode())
 
     assert said("m.mod", text) == [
-        (3, "p2 is changed at run time on line 19"),
+        (3, "p2 is changed at run time on line 20"),
         (7, "Offs(p1,0,0,1) is computed at run time"),
         (11, f"{POINT} is displaced by the program"),
         (14, "MovePnP is no motion known here"),
         (15, "pGone is not in this program"),
-        (18, "CRobT() is computed at run time"),
+        (19, "CRobT() is computed at run time"),
     ]
     assert [one.line for one in found.targets] == [2, 13]
     assert set(found.tools) == {"tool0", "ta"}

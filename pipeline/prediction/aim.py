@@ -162,7 +162,7 @@ class _Aiming:
         """What is said of a tool or frame that nobody gives."""
         which = f"{word} {name}" if name else f"its {word}"
         equals = f"{name}=" if name and " " not in name else ""
-        way_out = f"give it as {option} {equals}{_letters(self.notation)}"
+        way_out = f"give it as {option} {equals}{self.notation.letters}"
         return wrong(target, f"nothing says where {which} is", way_out)
 
     def _rail(self, target: Target) -> None:
@@ -223,13 +223,6 @@ class _Aiming:
 def _frame(name: str, given: Mapping[str, Array], own: Mapping[str, Array]) -> Array | None:
     """A frame by its name: as given, as the program defines it, or the one for all others."""
     return given.get(name.lower(), own.get(name, given.get("")))
-
-
-def _letters(notation: Notation) -> str:
-    """The numbers of a frame, as an option has them."""
-    return {"abc": "X,Y,Z,A,B,C", "wpr": "X,Y,Z,W,P,R", "vector": "X,Y,Z,RX,RY,RZ"}.get(
-        notation.form, "X,Y,Z,Q1,Q2,Q3,Q4"
-    )
 
 
 def wrong(target: Target, thing: str, way_out: str) -> InputError:

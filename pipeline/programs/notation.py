@@ -43,9 +43,9 @@ class Notation:
         return 7 if self.form == "quaternion" else 6
 
     @property
-    def said(self) -> str:
-        """The numbers of a pose in words."""
-        return _SAID[self.form]
+    def letters(self) -> str:
+        """What the numbers of a pose are called."""
+        return f"X,Y,Z,{_LETTERS[self.form]}"
 
     def frame(self, values: Sequence[float]) -> Array:
         """A pose [m] as matrix, shape (4, 4), from its numbers.
@@ -93,12 +93,7 @@ class Notation:
         return self.angle * _REACH_M
 
 
-_SAID = {
-    "abc": "x, y, z [mm] and A, B, C [deg]",
-    "wpr": "x, y, z [mm] and W, P, R [deg]",
-    "quaternion": "x, y, z [mm] and the quaternion w, x, y, z",
-    "vector": "x, y, z [m] and the rotation vector [rad]",
-}
+_LETTERS = {"abc": "A,B,C", "wpr": "W,P,R", "quaternion": "Q1,Q2,Q3,Q4", "vector": "RX,RY,RZ"}
 
 KUKA = Notation("abc")
 FANUC = Notation("wpr")

@@ -28,8 +28,9 @@ _DECLARED = re.compile(
 )
 _ASSIGNED = re.compile(r"(?<![\\\w.])(?<!\\\s)(\w+)\s*(\{[^}]*\})?\s*(\.\s*[\w.\s]+)?:=\s*")
 _MOTION = re.compile(
-    r"(?<![\\\w.:])((?:Move|Trigg|Search|(?:Arc|Spot|Disp|Paint)[LJC]|PDisp|EOffs)\w*)(?!\s*\(|\w)",
-    re.IGNORECASE,
+    r"(?:^|;|:(?!=)|\b(?:THEN|DO|ELSE)\b)[ \t]*"
+    r"((?:Move|Trigg|Search|(?:Arc|Spot|Disp|Paint)[LJC]|PDisp|EOffs)\w*)(?!\s*(?:\(|:=)|\w)",
+    re.IGNORECASE | re.MULTILINE,
 )
 _WORD = re.compile(r"\w*")
 _POINT = re.compile(r"(\w+)\s*(?:\{\s*(\w+)\s*\})?$")
@@ -209,7 +210,7 @@ def _follow(found: _Reading, motion: re.Match[str]) -> None:
             given = given[1:]
         _move(found, name, given)
     elif not name.startswith(_NO_MOTION):
-        line = found.source.line(motion.start())
+        line = found.source.line(motion.start(1))
         found.left.append(Left(found.source.file, line, f"{motion[1]} is no motion known here"))
 
 

@@ -33,7 +33,6 @@ _ARGUMENT = re.compile(r"(?:pose|q|pose_via|pose_to|p)\s*=\s*(?!=)")
 _INVERSE = re.compile(r"get_inverse_kin\s*(?=\()")
 _NEAR = re.compile(r"(?:qnear\s*=\s*)?")
 _NAMED = re.compile(r"(\w+)\s*(?:\[\s*(\w+)\s*\])?$")
-_WORD = re.compile(r"\w+$")
 _POINTS = {"movec": 2, "servoc": 1}
 _SPEEDS = ("speedl", "speedj")
 
