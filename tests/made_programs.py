@@ -352,7 +352,7 @@ class Abb(Maker):
         head += [f"{self.word('LOCAL ', '')}CONST jointtarget jStart{self.gap()}:={self.gap()}["]
         head += [*self.list_(point, values), f",{self.externals(point)}];{end}"]
         body += [
-            f"PROC main(){end}  ConfL\\Off;{end}  MoveAbsJ jStart\\NoEOffs, v9, fine, tool0;{end}"
+            f"PROC main(){end}  ConfL\\{self.word('Off', 'On')};{end}  MoveAbsJ jStart\\NoEOffs, v9, fine, tool0;{end}"
         ]
         for number in range(int(self.rng.integers(3, 6))):
             tool, base = self.word(*self.tool_names), self.word(*self.base_names)

@@ -147,6 +147,17 @@ ENDPROC
     assert found.tools["ta"][2, 3] == 0.2
 
 
+def test_configurations_of_rapid_hold_unless_they_are_switched_off():
+    """ConfL frees linear motions and ConfJ the others; On takes it back."""
+    move = f"{{}} {POINT},v1,z1,tool0;\n"
+    text = move.format("MoveL") + "ConfL\\Off;\n" + move.format("MoveL") + move.format("MoveJ")
+    text += "ConfJ \\Off;\n" + move.format("MoveJ") + "CONFL \\On;\n" + move.format("movel")
+    found = read("m.mod", text.encode())
+
+    assert [len(one.ranges) for one in found.targets] == [6, 0, 6, 0, 6]
+    assert not found.left
+
+
 def test_a_point_with_two_tools_has_no_one_correction():
     """A robtarget that two motions use with different frames is left, and both are named."""
     text = f"CONST robtarget p1:={POINT};\nMoveL p1,v1,z1,tA;\nMoveL p1,v1,z1,tB\\WObj:=w;\n"

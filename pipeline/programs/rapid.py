@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -29,7 +29,7 @@ _DECLARED = re.compile(
 _ASSIGNED = re.compile(r"(?<![\\\w.])(?<!\\\s)(\w+)\s*(\{[^}]*\})?\s*(\.\s*[\w.\s]+)?:=\s*")
 _MOTION = re.compile(
     r"(?:^|;|:(?!=)|\b(?:THEN|DO|ELSE)\b)[ \t]*"
-    r"((?:Move|Trigg|Search|(?:Arc|Spot|Disp|Paint)[LJC]|PDisp|EOffs)\w*)(?!\s*(?:\(|:=)|\w)",
+    r"((?:Move|Trigg|Search|(?:Arc|Spot|Disp|Paint)[LJC]|PDisp|EOffs|Conf[LJ])\w*)(?!\s*(?:\(|:=)|\w)",
     re.IGNORECASE | re.MULTILINE,
 )
 _WORD = re.compile(r"\w*")
@@ -63,6 +63,9 @@ _NO_MOTION = ("trigg",)
 _FRAMES = ("tooldata", "wobjdata")
 _DISPLACED = ("pdispset", "pdispon", "eoffsset", "eoffson")
 _BACK = ("pdispoff", "eoffsoff")
+_CHECKED = ("confl", "confj")
+"""What says whether the configurations of points hold, in linear motions and in others."""
+_BY_AXES = ("movej", "triggj")
 
 
 @dataclass
@@ -77,6 +80,7 @@ class _Reading:
     tools: dict[str, Array] = field(default_factory=lambda: {"tool0": np.eye(4)})
     bases: dict[str, Array] = field(default_factory=lambda: {"wobj0": np.eye(4)})
     displaced: bool = False
+    unchecked: set[str] = field(default_factory=set)
 
 
 def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
@@ -204,6 +208,9 @@ def _follow(found: _Reading, motion: re.Match[str]) -> None:
     plain, name = found.source.plain, motion[1].lower()
     if name in _DISPLACED or name in _BACK:
         found.displaced = name in _DISPLACED
+    elif name in _CHECKED:
+        said = plain[motion.end() : _end(plain, motion.end())].lower()
+        found.unchecked = found.unchecked - {name} | ({name} if "off" in said else set())
     elif name in _MOTIONS:
         given = entries(plain, motion.end(), _end(plain, motion.end()))
         while given and given[0].text.startswith("\\"):
@@ -223,18 +230,26 @@ def _move(found: _Reading, name: str, given: Sequence[Entry]) -> None:
     tool = (_WORD.match(said) or [""])[0].strip().lower()
     wobj = _WOBJ.search(said)
     base = wobj[1].lower() if wobj else "wobj0"
+    checked = ("confj" if name.startswith(_BY_AXES) else "confl") not in found.unchecked
     for k in which:
         entry = given[k]
         line = found.source.line(entry.start)
         why: str | None = f"{entry.text} is displaced by the program"
         if not found.displaced:
-            why = _use(found, entry, tool, base)
+            why = _use(found, entry, (tool, base), checked)
         if why:
             found.left.append(Left(found.source.file, line, why))
 
 
-def _use(found: _Reading, entry: Entry, tool: str, base: str) -> str | None:
-    """Note a motion to a point; why not, where it cannot be corrected."""
+def _use(found: _Reading, entry: Entry, frames: tuple[str, str], checked: bool) -> str | None:
+    """Note a motion to a point; why not, where it cannot be corrected.
+
+    Args:
+        found: What was read so far.
+        entry: The point.
+        frames: Tool and work object.
+        checked: The configuration that it states holds.
+    """
     text = _SWITCHES.sub("", entry.text)
     if text.startswith("["):
         inline = Entry(entry.start, entry.start + len(text), text)
@@ -249,7 +264,7 @@ def _use(found: _Reading, entry: Entry, tool: str, base: str) -> str | None:
     for point in points:
         if isinstance(point, str):
             return point
-        found.uses.append(Use(point, tool, base))
+        found.uses.append(Use(point if checked else replace(point, ranges=()), *frames))
     return None
 
 
