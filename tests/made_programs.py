@@ -351,9 +351,9 @@ class Abb(Maker):
         point, values = self.next("joint", "tool0")
         head += [f"{self.word('LOCAL ', '')}CONST jointtarget jStart{self.gap()}:={self.gap()}["]
         head += [*self.list_(point, values), f",{self.externals(point)}];{end}"]
-        body += [
-            f"PROC main(){end}  ConfL\\{self.word('Off', 'On')};{end}  MoveAbsJ jStart\\NoEOffs, v9, fine, tool0;{end}"
-        ]
+        checked = self.word("Off", "On")
+        body += [f"PROC main(){end}  ConfL\\{checked};{end}"]
+        body += [f"  MoveAbsJ jStart\\NoEOffs, v1000, fine, tool0;{end}"]
         for number in range(int(self.rng.integers(3, 6))):
             tool, base = self.word(*self.tool_names), self.word(*self.base_names)
             body += self.motions(f"p{10 * (number + 1)}", tool, base, head)
