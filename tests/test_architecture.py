@@ -11,6 +11,7 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "pipeline"
 CORE = (
     "machine",
+    "programs",
     "readers",
     "reduction",
     "system",
@@ -100,6 +101,7 @@ def test_no_two_files_import_each_other():
 ORDER = (
     "base",
     "machine",
+    "programs",
     "tables",
     "readers",
     "reduction",

@@ -13,8 +13,11 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 import pytest
+from bending_robot import BendingRobot
+from made_programs import Kuka
+from test_programs import off
 
-from pipeline.app.commands.compensate import write
+from pipeline.app.corrected import Given, program, write
 from pipeline.base.errors import InputError
 from pipeline.machine.cell import paper_cell
 from pipeline.machine.effects import catalogue
@@ -120,6 +123,27 @@ def test_the_offsets_correct_the_path_to_the_stated_uncertainty(path, models, tr
     assert np.mean(squares) == pytest.approx(1.0, abs=0.3)
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_a_corrected_program_is_where_it_was_taught_on_the_bending_robot(demo, true, seed):
+    """By noisy readings alone: of the error that the force makes, four fifths go at every point."""
+    bending, force = BendingRobot(ROBOT, true), np.array([-600.0, -900.0, -700.0])
+    made = Kuka(seed, ROBOT, bending).make()
+    for name in made.files:
+        (demo / name).write_bytes(made.data(name))
+    given = Given(force=",".join(map(str, force)), **made.options)
+    before, after = [], []
+    for name in made.files:
+        data, _ = program(demo, "kr500_demo", demo / name, given)
+        for k, texts in made.numbers(name, data).items():
+            point, numbers = made.points[k], [float(text) for text in texts]
+            before.append(off(bending, made, "abc", point, point.numbers, force)[0])
+            after.append(off(bending, made, "abc", point, numbers, force)[0])
+
+    assert len(after) == len(made.points)
+    assert min(before) > 4e-4
+    assert (np.array(after) < 0.2 * np.array(before)).all()
+
+
 def path_rows(path, rows):
     return compensate.Path(path.pose[rows], path.q[rows], path.force[rows], path.controller)
 
@@ -165,6 +189,23 @@ def test_the_file_holds_all_of_the_model(demo):
         assert (entry["stiffness"], entry["stiffness_std"]) == (said["value"], said["std"])
     assert model.std == pytest.approx([e["compliance_std"] for e in answer["stiffness"]])
     assert content["robot"]["joint"][1]["r_m"] == 1.048
+
+
+def test_what_left_out_poses_showed_travels_and_is_counted_on(demo, path):
+    """Their error, as in result.json, is what the sentence about a path counts on at least."""
+    model = Model.load(demo / "reports" / "kr500_demo" / "model.toml")
+    said = find(demo, "kr500_demo").result()["validation"]["held_out_rms_mm"]
+    found = compensate.compensate(model, path)
+    own = 2e3 * found.std.max()
+
+    assert 1e3 * model.held_out_m == pytest.approx(said, rel=1e-12)
+    assert f"missed by {said:.3f} mm rms" in found.summary
+    assert own < 2 * said
+    assert f"±{own:.3f} mm per axis (95 %) by its own word" in found.summary
+    assert f"count on ±{2 * said:.3f} mm" in found.summary
+    alone = replace(found, held_out=None)
+    assert "by its own word alone" in alone.summary
+    assert "count on" not in alone.summary
 
 
 def test_named_effects_travel_and_those_of_the_measurement_stay(demo):

@@ -13,7 +13,13 @@ def rms_mm(values: Array) -> float:
     return 1e3 * linear.rms(values)
 
 
-def left_out_mm(left_out_m: Array) -> float | None:
-    """The same of cross-validation residuals [m] that other poses determine; None without any."""
-    known = left_out_m[np.isfinite(left_out_m)]
-    return rms_mm(known) if len(known) else None
+def left_out_m(residuals: Array) -> float | None:
+    """The same [m] of cross-validation residuals that other poses determine; None without any."""
+    known = residuals[np.isfinite(residuals)]
+    return linear.rms(known) if len(known) else None
+
+
+def left_out_mm(residuals: Array) -> float | None:
+    """The same in mm."""
+    rms = left_out_m(residuals)
+    return None if rms is None else 1e3 * rms

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from pipeline.answer.contract import Data, Reason, Which
+from pipeline.answer.numbers import left_out_m
 from pipeline.base.arrays import Array, Parameter
 from pipeline.diagnosis.average import Hypothesis, Springs, springs
 from pipeline.diagnosis.facts import Diagnosis, Facts
@@ -162,6 +163,7 @@ class Values:
                 for h in self.hypotheses
             ),
             self.found.identifiable[: self.fitted.case.robot.n],
+            left_out_m(self.left_out_m),
         )
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 import pandas as pd
@@ -10,7 +11,7 @@ import pandas as pd
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.errors import InputError
-from pipeline.machine.robot import Robot, configure
+from pipeline.machine.robot import Robot, axes, configure
 from pipeline.machine.robot.configuration import velocity
 from pipeline.prediction.model import Model
 from pipeline.readers import logs
@@ -18,8 +19,13 @@ from pipeline.readers import logs
 _ARM_M = 0.3
 """Turning the tool by an angle counts as moving a point this far from its tip."""
 
-_SINGULAR = 1e-5
-"""Directions in which the joints move the tool this much less than in the best one are left."""
+_FURTHEST = 1e-2
+"""[rad]: no spring of a joint gives way by more; gears twist by 1 to 10 mrad under the largest
+torque of their drives. A motion of the tool for which joints would have to turn further is left:
+the arm is at a singularity."""
+
+_ROUNDING = 1e-9
+"""Motion of the tool in a direction, over that in the best one, that is rounding [1]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +56,8 @@ class Compensation(Locked):
         deflection: How far the load moves the tip without offsets [m], shape (m,).
         left: What the joint offsets leave of it by the model itself [m], shape (m,).
         std: Standard uncertainty of the predicted deflection per axis [m], F_b, shape (m, 3).
+        held_out: By how much the model missed poses that were left out, rms per axis [m]; None
+            where the campaign does not say.
     """
 
     joints: Array
@@ -58,47 +66,107 @@ class Compensation(Locked):
     deflection: Array
     left: Array
     std: Array
+    held_out: float | None = None
+
+    def part(self, rows: Sequence[int] | Ints) -> Compensation:
+        """That of some of the points, in this order."""
+        of_each = {one.name: getattr(self, one.name) for one in fields(self)}
+        picked = {k: v[rows] for k, v in of_each.items() if isinstance(v, np.ndarray)}
+        return Compensation(**of_each | picked)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Compensation]) -> Compensation:
+        """Several paths of one model, one behind the other."""
+        of_each = {one.name: [getattr(part, one.name) for part in parts] for one in fields(cls)}
+        joined = {k: np.concatenate(v) for k, v in of_each.items() if isinstance(v[0], np.ndarray)}
+        return cls(**{k: v[0] for k, v in of_each.items()} | joined)
 
     @property
     def summary(self) -> str:
         """How far the tip is off before and after, in one sentence."""
-        lost = int(np.sum(~np.isfinite(self.std).all(axis=1)))
-        known = f"known to ±{2e3 * self.std.max():.3f} mm (95 %)"
-        if lost:
-            known = f"but at {lost} of them a stiffness acts that the campaign did not determine"
         return (
             f"{len(self.left)} points: the load moves the tip by up to "
             f"{1e3 * self.deflection.max():.3f} mm; with the offsets the model leaves "
-            f"{1e3 * self.left.max():.4f} mm, {known}."
+            f"{1e3 * self.left.max():.4f} mm, {self._known}."
+        )
+
+    @property
+    def _known(self) -> str:
+        """How well that is known: by the model's own word, and by what left-out poses showed."""
+        lost = int(np.sum(~np.isfinite(self.std).all(axis=1)))
+        if lost:
+            return f"but at {lost} of them a stiffness acts that the campaign did not determine"
+        known = f"known to ±{2e3 * self.std.max():.3f} mm per axis (95 %)"
+        if self.held_out is None:
+            return f"{known} by its own word alone: no pose was left out to test it"
+        count_on = 2e3 * max(self.std.max(), self.held_out)
+        return (
+            f"{known} by its own word; poses that were left out of its estimate were missed by "
+            f"{1e3 * self.held_out:.3f} mm rms per axis, noise of the readings included: count on "
+            f"±{count_on:.3f} mm"
         )
 
 
-def read(name: str, data: bytes, robot: Robot) -> Path:
+def read(name: str, data: bytes, robot: Robot, constant: Array | None = None) -> Path:
     """A path: pose, the columns of joints.csv, and fx_n, fy_n, fz_n in F_b.
+
+    Args:
+        name: Name of the file.
+        data: Its content.
+        robot: Whose path it is.
+        constant: The force of every point [N], shape (3,); columns of the file where not given.
 
     Raises:
         InputError: Any row or column is not as it should be: a path with a hole is no path.
     """
-    log = logs.joints(name, data, robot)
-    force = logs.table(name, data, [logs.POSE, *(logs.Quantity(a, logs.FORCE) for a in _FORCES)])
-    for _, line, reason in (*log.rejected, *force.rejected):
-        thing, _, way_out = reason.partition("; ")
-        raise InputError(thing, way_out or "correct the row", file=name, line=line)
-    if not len(log.line):
-        raise InputError("has no points", "write one row per point of the path", file=name)
+    log = whole(logs.joints(name, data, robot))
     own = {f"{joint.name}_{unit}" for joint in robot.joints for unit in ("m", "mm", "deg", "rad")}
     return Path(
         pose=log.number["pose"].astype(np.int64),
         q=logs.joint_values(log, robot),
-        force=np.column_stack([force.number[axis] for axis in _FORCES]),
+        force=forces(name, data, len(log.line), constant),
         controller=not own & set(logs.columns(name, data)),
     )
 
 
-_FORCES = ("fx", "fy", "fz")
+def whole(log: logs.Log) -> logs.Log:
+    """A log without a hole.
+
+    Raises:
+        InputError: A row cannot be read, or there is none.
+    """
+    for file, line, reason in log.rejected:
+        thing, _, way_out = reason.partition("; ")
+        raise InputError(thing, way_out or "correct the row", file=file, line=line)
+    if not len(log.line):
+        raise InputError("has no points", "write one row per point of the path", file=log.file)
+    return log
 
 
-def compensate(model: Model, path: Path, tip: Array | None = None, rounds: int = 4) -> Compensation:
+FORCES = tuple(logs.Quantity(axis, logs.FORCE) for axis in ("fx", "fy", "fz"))
+
+
+def forces(name: str, data: bytes, count: int, constant: Array | None) -> Array:
+    """Forces of the points of a path [N], shape (m, 3): its columns, or one for all.
+
+    Raises:
+        InputError: It has none, or both are given.
+    """
+    if constant is None:
+        force = whole(logs.table(name, data, [logs.POSE, *FORCES]))
+        return np.column_stack([force.number[axis.stem] for axis in FORCES])
+    if any(title.startswith(("fx_", "fy_", "fz_")) for title in logs.columns(name, data)):
+        raise InputError("has forces of its own", "leave --force away", file=name)
+    return np.tile(constant, (count, 1))
+
+
+def compensate(
+    model: Model,
+    path: Path,
+    tip: Array | None = None,
+    held: Bools | None = None,
+    rounds: int = 4,
+) -> Compensation:
     """Offsets that cancel the deflection of the tip, in joint values and in the base frame.
 
     Among all joint offsets that do it, the ones taken cost the least energy in the joints'
@@ -109,15 +177,18 @@ def compensate(model: Model, path: Path, tip: Array | None = None, rounds: int =
         path: Where and under which force.
         tip: The point that matters, where the force acts, in the flange frame [m]; the
             campaign's load point when not given.
+        held: Joints that stay where they are, shape (n,); none where not given.
         rounds: Newton steps; each gains about three digits.
     """
     tip = model.tool.load_point if tip is None else np.asarray(tip, float)
     points = tip + _ARM_M * np.vstack([np.zeros(3), np.eye(3)])
     before = model.positions(path.q, path.force, points)
     offset = np.zeros_like(path.q)
+    soft = np.sqrt(model.robot.nominal_compliance)
+    soft = soft if held is None else np.where(held, 0.0, soft)
     for _ in range(rounds):
         missed = model.positions(path.q + offset, path.force, points).loaded - before.unloaded
-        offset = offset - _least(model.robot, path.q + offset, points, missed)
+        offset = offset - _least(model.robot, path.q + offset, points, missed, soft)
     left = model.positions(path.q + offset, path.force, points).loaded - before.unloaded
     moved = before.displacement
     return Compensation(
@@ -127,17 +198,46 @@ def compensate(model: Model, path: Path, tip: Array | None = None, rounds: int =
         deflection=np.linalg.norm(moved[:, 0], axis=1),
         left=np.linalg.norm(left[:, 0], axis=1),
         std=model.predict(path.q, path.force, tip).std,
+        held_out=model.held_out_m,
     )
 
 
-def _least(robot: Robot, q: Array, points: Array, missed: Array) -> Array:
-    """Joint motion (m, n) that moves the points by `missed`, least energy first."""
+def in_base(robot: Robot, q: Array, tool: Array, force: Array) -> Array:
+    """Forces [N], (m, 3), in F_b, from those in the frames of tools.
+
+    Args:
+        robot: The robot.
+        q: Joint values [m] or [rad], shape (m, n).
+        tool: Tools in the flange frame, shape (m, 4, 4) or (4, 4).
+        force: [N], shape (m, 3).
+    """
+    turned = configure(robot, q).flange_axes @ tool[..., :3, :3]
+    return np.asarray(np.einsum("mij,mj->mi", turned, force))
+
+
+def _least(robot: Robot, q: Array, points: Array, missed: Array, soft: Array) -> Array:
+    """Joint motion (m, n) that moves the points by `missed`, least energy first.
+
+    Args:
+        robot: Whose joints they are.
+        q: Where they are [m] or [rad], shape (m, n).
+        points: In the flange frame [m], shape (t, 3).
+        missed: Motion of the points [m], F_b, shape (m, t, 3).
+        soft: Roots of the compliances, 0 for a joint that stays, shape (n,).
+    """
     configuration = configure(robot, q)
     J = velocity(configuration.twists, configuration.points(points))
     J = np.swapaxes(J, 2, 3).reshape(len(q), -1, robot.n)
-    soft = np.sqrt(robot.nominal_compliance)
-    inverse = linear.shortest(J * soft, _SINGULAR)
-    return np.asarray(soft * np.einsum("mjk,mk->mj", inverse, missed.reshape(len(q), -1)))
+    U, s, Vt = linear.principal(J * soft)
+    part = np.einsum("mki,mk->mi", U[..., : s.shape[1]], missed.reshape(len(q), -1))
+    each = (
+        soft[:, None] * np.swapaxes(Vt, 1, 2)[..., : s.shape[1]]
+    )  # motion of each joint, (m, n, i)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        each = each * (part / s)[:, None, :]
+    turned = np.abs(np.where(robot.prismatic[:, None], 0.0, each)).max(axis=1)
+    good = (s > _ROUNDING * s[:, :1]) & (turned <= _FURTHEST)
+    return np.asarray(np.where(good[:, None, :], each, 0.0).sum(axis=2))
 
 
 def _turned(points: Array, moved: Array) -> Array:
@@ -148,27 +248,23 @@ def _turned(points: Array, moved: Array) -> Array:
 
 def table(robot: Robot, path: Path, found: Compensation) -> bytes:
     """The offsets as CSV: joint offsets in the units of joints.csv, the rest in mm and degrees."""
-    names, slides, joints = _axes(robot, path, found.joints)
-    head = [f"d_{name}_{'m' if s else 'deg'}" for name, s in zip(names, slides, strict=True)]
-    head += [*(f"d{a}_mm" for a in "xyz"), *(f"r{a}_deg" for a in "xyz")]
-    head += ["deflection_mm", "left_mm", *(f"std_{a}_mm" for a in "xyz")]
-    body = np.column_stack(
-        [
-            np.where(slides, joints, np.rad2deg(joints)),
-            1e3 * found.shift,
-            np.rad2deg(found.turn),
-            1e3 * found.deflection,
-            1e3 * found.left,
-            1e3 * found.std,
-        ]
-    )
+    head, body = columns(axes.of(robot) if path.controller else axes.joints(robot), found)
     rows = pd.DataFrame(body, pd.Index(path.pose, name="pose"), head)
     return rows.to_csv(float_format="%.7f", na_rep="nan", lineterminator="\n").encode()
 
 
-def _axes(robot: Robot, path: Path, joints: Array) -> tuple[list[str], Bools, Array]:
-    """Names, which slide, and offsets, of the joints or of the axes the path was written in."""
-    if not path.controller:
-        return [joint.name for joint in robot.joints], robot.prismatic, joints
-    slides = robot.prismatic.astype(float) @ np.abs(robot.controller_matrix) > 0
-    return list(robot.controller), slides, joints @ linear.shortest(robot.controller_matrix).T
+def columns(of: axes.Axes, found: Compensation) -> tuple[list[str], Array]:
+    """Titles and columns of offsets: of these axes in m and degrees, the rest in mm and degrees."""
+    joints = of.moved(found.joints)
+    head = [f"d_{name}_{'m' if s else 'deg'}" for name, s in zip(of.names, of.slides, strict=True)]
+    head += [*(f"d{a}_mm" for a in "xyz"), *(f"r{a}_deg" for a in "xyz")]
+    head += ["deflection_mm", "left_mm", *(f"std_{a}_mm" for a in "xyz")]
+    body = [
+        np.where(of.slides, joints, np.rad2deg(joints)),
+        1e3 * found.shift,
+        np.rad2deg(found.turn),
+        1e3 * found.deflection,
+        1e3 * found.left,
+        1e3 * found.std,
+    ]
+    return head, np.column_stack(body)

@@ -128,6 +128,8 @@ class Model(Locked):
         recommended: Why these values: model, data and reason, as in result.json.
         hypotheses: What may be true, weights sum to one; one only where nothing is open.
         stated: Joints whose stiffness result.json states, shape (n,); all where not given.
+        held_out_m: By how much poses that were left out with all their pulls were missed, rms per
+            coordinate [m], noise of the readings included; None where nothing predicts them.
     """
 
     campaign: str
@@ -135,6 +137,7 @@ class Model(Locked):
     recommended: Mapping[str, str]
     hypotheses: tuple[Hypothesis, ...]
     stated: Bools | None = None
+    held_out_m: float | None = None
 
     @staticmethod
     def load(path: Path | str) -> Model:
@@ -312,6 +315,7 @@ def dumps(handed: Model) -> str:
         "campaign": handed.campaign,
         "robot_name": robot.name,
         "verdict": handed.verdict,
+        **({} if handed.held_out_m is None else {"held_out_rms_m": handed.held_out_m}),
         "covariance": handed.cov.tolist(),
         "recommended": dict(handed.recommended),
         "parameter": [
@@ -377,6 +381,7 @@ class _File(BaseModel):
     campaign: str
     verdict: str
     recommended: dict[str, str]
+    held_out_rms_m: float | None = None
     parameter: list[_Parameter]
     hypothesis: Annotated[list[_Hypothesis], Field(min_length=1)]
     tool: dict[str, tuple[float, float, float]]
@@ -402,6 +407,7 @@ def parse(text: str, file: str = "model.toml") -> Model:
         content.recommended,
         tuple(_read(one, springs, file) for one in content.hypothesis),
         np.array([entry.stiffness is not None for entry in content.parameter]),
+        content.held_out_rms_m,
     )
 
 

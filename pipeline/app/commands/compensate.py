@@ -1,4 +1,4 @@
-"""`pipeline compensate`: a campaign's model and a path in, offsets out."""
+"""`pipeline compensate`: a campaign's model and a path or a robot program in, corrected out."""
 
 from __future__ import annotations
 
@@ -10,68 +10,91 @@ import typer
 from typer import Argument, Option
 
 from pipeline.app.commands._shared import Named, Root, app, fitted
+from pipeline.app.corrected import Frame, Given, listed_lines, program, write
 from pipeline.base import files
-from pipeline.base.errors import UsageError
+
+_NAMED = "[NAME=]X,Y,Z,A,B,C, as the program writes poses"
 
 
-@app.command(short_help="Write offsets that cancel the deflection along a path.")
+@app.command(short_help="Correct a path or a robot program for the deflection under load.")
 def compensate(
     campaign: Named,
     path: Annotated[
         Path,
-        Argument(metavar="PATH", help="CSV: pose, joint values, fx_n, fy_n, fz_n per row."),
+        Argument(
+            metavar="PATH",
+            help="A robot program: .src or .dat (KUKA), .mod (ABB), .ls (FANUC), .script (UR). "
+            "Or a CSV: pose, and joint values or x_mm,y_mm,z_mm with qw,qx,qy,qz, "
+            "A_deg,B_deg,C_deg or W_deg,P_deg,R_deg per row, and fx_n,fy_n,fz_n.",
+        ),
     ],
+    force: Annotated[
+        str | None,
+        Option(metavar="FX,FY,FZ", help="Force on the robot at the tip [N], for every point."),
+    ] = None,
+    force_frame: Annotated[
+        Frame, Option(help="The frame of all forces: F_b (base) or that of the tool.")
+    ] = Frame.BASE,
+    tool: Annotated[
+        list[str] | None, Option(metavar="FRAME", help=f"Tool in the flange frame: {_NAMED}.")
+    ] = None,
+    base: Annotated[
+        list[str] | None,
+        Option(metavar="FRAME", help=f"Frame that the coordinates stand in: {_NAMED}."),
+    ] = None,
+    world: Annotated[
+        str | None, Option(metavar="FRAME", help="World of the controller in F_b; F_b itself.")
+    ] = None,
+    flange: Annotated[
+        str | None,
+        Option(metavar="FRAME", help="Flange of the controller in that of the robot file."),
+    ] = None,
+    start: Annotated[
+        str | None,
+        Option(metavar="AXES", help="Axes before the first motion [deg], [mm], with commas."),
+    ] = None,
     tip: Annotated[
         tuple[float, float, float] | None,
-        Option(help="Tool tip in the flange frame [m]; else the campaign's load point."),
+        Option(
+            help="Where the force acts in the flange frame [m]; else the tool's origin, and "
+            "without a tool the campaign's load point."
+        ),
     ] = None,
     output: Annotated[
-        Path | None, Option(help="Where to; PATH-compensation.csv beside the path.")
+        Path | None,
+        Option(help="Where to; else PATH-compensation.csv beside a path, stdout for a program."),
     ] = None,
     root: Root = Path(),
 ) -> None:
-    """Write offsets that cancel the deflection along a path."""
-    written, remarks = write(root, campaign, path, tip, output)
-    typer.echo(written)
+    """Correct a path or a robot program for the deflection under load.
+
+    Of a program only the coordinates change. Frames are written as the program writes poses:
+    X,Y,Z,A,B,C (KUKA), X,Y,Z,W,P,R (FANUC), x,y,z,q1,q2,q3,q4 (ABB), all in mm and degrees, or
+    x,y,z,rx,ry,rz in m and rad (UR).
+    """
+    from pipeline.prediction.aim import Refused
+    from pipeline.programs import dialect
+
+    given = Given(tip, force, force_frame, tool or (), base or (), world, flange, start)
+    try:
+        if not dialect(path.name):
+            written, remarks = write(root, campaign, path, output=output, given=given)
+            typer.echo(written)
+        else:
+            data, remarks = program(root, campaign, path, given)
+            _put(data, output)
+    except Refused as wrong:
+        for one in listed_lines([str(one) for one in wrong.others]):
+            typer.secho(fitted(one, sys.stderr), err=True, fg="red")
+        raise
     for line in remarks:
         typer.secho(fitted(line, sys.stderr), err=True)
 
 
-def write(
-    root: Path,
-    name: str,
-    path: Path,
-    tip: tuple[float, float, float] | None = None,
-    output: Path | None = None,
-) -> tuple[Path, list[str]]:
-    """Offsets for a path of poses and forces: the file, and what to know about it.
-
-    Raises:
-        UsageError: The campaign has no model yet, or the path is not there.
-        InputError: The path cannot be read.
-    """
-    import numpy as np
-
-    from pipeline.answer.contract import Reason
-    from pipeline.prediction import compensate as offsets
-    from pipeline.prediction.model import Model
-    from pipeline.store import campaign as campaigns
-
-    kept = campaigns.find(root, name).reports / "model.toml"
-    if not kept.is_file():
-        raise UsageError(f"{name} has no model yet: run `pipeline run {name}` first")
-    model = Model.load(kept)
-    try:
-        data = path.read_bytes()
-    except OSError as problem:
-        raise UsageError(f"{path} cannot be read ({problem.strerror}): check the path") from problem
-    wanted = offsets.read(path.name, data, model.robot)
-    found = offsets.compensate(model, wanted, None if tip is None else np.array(tip))
-    written = output or path.with_name(f"{path.stem}-compensation.csv")
-    files.write(written, offsets.table(model.robot, wanted, found))
-    remarks = [found.summary]
-    if not Reason(model.recommended["reason"]).holds_for_its_readings:
-        remarks.append(
-            f"The model of {name} does not fit its own measurements: expect more than is stated."
-        )
-    return written, remarks
+def _put(data: bytes, output: Path | None) -> None:
+    """A program to its file, whole or not at all, or to stdout as it is."""
+    if output is None:
+        typer.echo(data, nl=False)
+    else:
+        files.write(output, data)
+        typer.echo(output)

@@ -1,0 +1,61 @@
+"""The axes that a program or a log speaks of: the controller's, or the robot's own joints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Bools, Locked
+from pipeline.machine.robot.mdh import Robot
+
+
+@dataclass(frozen=True, eq=False)
+class Axes(Locked):
+    """Axes by name, q = matrix @ axes + offset.
+
+    Attributes:
+        names: Their names, k of them.
+        slides: Which of them are lengths, shape (k,); the others are angles.
+        matrix: Joints per axis, shape (n, k).
+        offset: Joints where all axes are 0 [m] or [rad], shape (n,).
+    """
+
+    names: tuple[str, ...]
+    slides: Bools
+    matrix: Array
+    offset: Array
+
+    def joints(self, values: Array) -> Array:
+        """Joint values (m, n) of axes (m, k), both [m] or [rad]."""
+        return np.asarray(values @ self.matrix.T + self.offset)
+
+    def values(self, q: Array) -> Array:
+        """Axes (m, k) at joint values (m, n), both [m] or [rad]."""
+        return self.moved(q - self.offset)
+
+    def moved(self, offsets: Array) -> Array:
+        """What joint offsets (m, n) are in the axes, (m, k), both [m] or [rad]."""
+        return np.asarray(offsets @ linear.shortest(self.matrix).T)
+
+    def alone(self, joint: int) -> tuple[int, float] | None:
+        """The axis that turns this joint and nothing else, with its ratio; None without one."""
+        mine = np.flatnonzero(self.matrix[joint])
+        if len(mine) != 1 or np.count_nonzero(self.matrix[:, mine[0]]) != 1:
+            return None
+        return int(mine[0]), float(self.matrix[joint, mine[0]])
+
+
+def of(robot: Robot) -> Axes:
+    """The controller's axes; the joints themselves where the robot file does not map them."""
+    if not robot.controller:
+        return joints(robot)
+    slides = robot.prismatic.astype(float) @ np.abs(robot.controller_matrix) > 0
+    return Axes(robot.controller, slides, robot.controller_matrix, robot.controller_offset)
+
+
+def joints(robot: Robot) -> Axes:
+    """The joints of the robot as axes."""
+    names = tuple(joint.name for joint in robot.joints)
+    return Axes(names, robot.prismatic, np.eye(robot.n), np.zeros(robot.n))

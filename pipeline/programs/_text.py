@@ -1,0 +1,137 @@
+"""Text of programs: lines, what is said in comments, lists within lists, words between commas."""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+from pipeline.base.errors import InputError
+from pipeline.programs.program import NUMBER, Number, number
+
+LARGEST = 2**26
+"""Bytes of a program; milling programs of 100 000 points have a tenth of it."""
+
+_PLAIN = re.compile(rf"\s*({NUMBER})\s*")
+
+
+@dataclass(frozen=True)
+class Source:
+    """A file of a program.
+
+    Attributes:
+        file: Its name.
+        text: Its letters, one for each byte.
+        silent: What comments and strings look like.
+    """
+
+    file: str
+    text: str
+    silent: re.Pattern[str]
+
+    @cached_property
+    def plain(self) -> str:
+        """The text with blanks for comments and strings; every letter stands where it stood."""
+        return self.silent.sub(lambda found: re.sub(r"[^\r\n]", " ", found[0]), self.text)
+
+    @cached_property
+    def _ends(self) -> list[int]:
+        return [found.end() for found in re.finditer(r"\r\n|\r|\n", self.text)]
+
+    def line(self, at: int) -> int:
+        """Line of a letter, from 1."""
+        return bisect_right(self._ends, at) + 1
+
+    @property
+    def lines(self) -> Iterator[tuple[int, str]]:
+        """Where each line begins, and what it says apart from comments and strings."""
+        starts = [0, *self._ends]
+        for start, end in zip(starts, [*self._ends, len(self.plain)], strict=True):
+            yield start, self.plain[start:end].rstrip("\r\n")
+
+
+def letters(file: str, data: bytes) -> str:
+    """The bytes of a program as letters, one for each, whatever its encoding.
+
+    All words of the languages are ASCII, which every encoding of them has in common.
+
+    Raises:
+        InputError: It is UTF-16 or no text.
+    """
+    if b"\0" in data:
+        raise InputError("is UTF-16 or no text", "save it as plain text", file=file)
+    return data.decode("latin-1")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What stands between two commas.
+
+    Attributes:
+        start: Its first letter, blanks included.
+        end: Behind its last letter.
+        text: Without the blanks around it.
+    """
+
+    start: int
+    end: int
+    text: str
+
+    @property
+    def number(self) -> Number | None:
+        """The number that it is, if it is one."""
+        found = _PLAIN.fullmatch(self.text)
+        return None if found is None else number(self.start, found[1])
+
+
+_OPENING, _CLOSING = "([{", ")]}"
+_SIGN = re.compile(r"[\[\](){},]")
+_BRACKET = re.compile(r"[\[\](){}]")
+
+
+def closing(plain: str, start: int) -> int | None:
+    """The bracket that closes the one at `start`; None where there is none, or another one."""
+    awaited = []
+    for found in _BRACKET.finditer(plain, start):
+        if found[0] in _OPENING:
+            awaited.append(_CLOSING[_OPENING.index(found[0])])
+        elif awaited.pop() != found[0]:
+            return None
+        if not awaited:
+            return found.start()
+    return None
+
+
+def entries(plain: str, start: int, end: int) -> list[Entry]:
+    """What stands between the commas of a stretch of text, brackets unopened."""
+    commas, depth = [], 0
+    for found in _SIGN.finditer(plain, start, end):
+        depth += (found[0] in _OPENING) - (found[0] in _CLOSING)
+        if found[0] == "," and depth == 0:
+            commas.append(found.start())
+    out = []
+    for first, last in pairwise([start - 1, *commas, end]):
+        text = plain[first + 1 : last]
+        out.append(Entry(last - len(text.lstrip()), last, text.strip()))
+    return out
+
+
+def inner(plain: str, entry: Entry, opening: str = "[") -> list[Entry] | None:
+    """The entries of a list; None where it is none."""
+    if not entry.text.startswith(opening):
+        return None
+    last = closing(plain, entry.start)
+    if last is None or last != entry.start + len(entry.text) - 1:
+        return None
+    return entries(plain, entry.start + len(opening), last)
+
+
+def numbers(found: Sequence[Entry] | None) -> tuple[Number, ...] | None:
+    """The numbers that all entries are; None where one of them is none."""
+    if found is None:
+        return None
+    read = [entry.number for entry in found]
+    return None if None in read else tuple(number for number in read if number is not None)
