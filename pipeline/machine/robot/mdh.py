@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from pipeline.base import files, toml
 from pipeline.base.arrays import Array, Bools, Locked
@@ -29,6 +29,8 @@ from pipeline.base.strict import (
     Prose,
     Stiffness,
 )
+from pipeline.machine.robot.capsules import BASE, Capsule, Capsules, capsules
+from pipeline.machine.robot.steps import Fixed, screw_x, screw_z, turn_y
 
 SHIPPED = (
     "kr500_rail",
@@ -168,23 +170,6 @@ _TURNING = (
 """What only a sliding and only a turning joint has."""
 
 
-class Fixed(BaseModel):
-    """A constant step between two frames: a shift [m], then Rz(yaw) Ry(pitch) Rx(roll) [deg]."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    xyz_m: tuple[Length, Length, Length] = (0.0, 0.0, 0.0)
-    rpy_deg: tuple[Degrees, Degrees, Degrees] = (0.0, 0.0, 0.0)
-
-    @property
-    def step(self) -> Array:
-        """The second frame in the first, shape (4, 4)."""
-        roll, pitch, yaw = np.deg2rad(self.rpy_deg)
-        step = _screw_z(yaw, 0.0) @ _turn_y(pitch) @ _screw_x(roll, 0.0)
-        step[:3, 3] = self.xyz_m
-        return step
-
-
 class Controller(BaseModel):
     """How the controller's axes become the model's joint variables: q = matrix @ axes + offset."""
 
@@ -210,6 +195,10 @@ class RobotFile(BaseModel):
     base: Fixed | None = None
     flange: Fixed | None = None
     joint: list[Joint] = Field(min_length=1)
+    capsules: list[Capsule] = Field(
+        default=[], validation_alias=AliasChoices("capsules", "capsule")
+    )
+    capsules_source: Prose = ""
     controller: Controller | None = None
 
 
@@ -228,6 +217,7 @@ class Robot(Locked):
         controller_offset: [rad] or [m], shape (n,).
         assumptions: What the file assumes, for the report.
         payload_kg: What its manufacturer lets it carry, None when the file does not say.
+        capsules: Its bodies; none where the file has none.
         text: The file itself, for hashing and the report.
     """
 
@@ -241,6 +231,7 @@ class Robot(Locked):
     controller_offset: Array
     assumptions: tuple[str, ...]
     payload_kg: float | None
+    capsules: Capsules
     text: str
 
     @property
@@ -269,16 +260,6 @@ class Robot(Locked):
         return np.array([1.0 / joint.typical_stiffness for joint in self.joints])
 
 
-def _screw_x(alpha: float, a: float) -> Array:
-    c, s = np.cos(alpha), np.sin(alpha)
-    return np.array([[1, 0, 0, a], [0, c, -s, 0], [0, s, c, 0], [0, 0, 0, 1.0]])
-
-
-def _screw_z(theta: float, r: float) -> Array:
-    c, s = np.cos(theta), np.sin(theta)
-    return np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, r], [0, 0, 0, 1.0]])
-
-
 def _letters(row: Joint, convention: str) -> tuple[float, float]:
     """The row's shift along x and along z [m], whatever letters its convention uses."""
     if convention == "khalil":
@@ -288,11 +269,6 @@ def _letters(row: Joint, convention: str) -> tuple[float, float]:
     if row.r_m is not None:
         raise ValueError(f"joint {row.name}: convention {convention} has a_m and d_m, not r_m")
     return row.a_m or 0.0, row.d_m
-
-
-def _turn_y(beta: float) -> Array:
-    c, s = np.cos(beta), np.sin(beta)
-    return np.array([[c, 0, s, 0], [0, 1, 0, 0], [-s, 0, c, 0], [0, 0, 0, 1.0]])
 
 
 def placements(file: RobotFile) -> tuple[Array, Array]:
@@ -308,17 +284,34 @@ def placements(file: RobotFile) -> tuple[Array, Array]:
     before = Fixed() if file.base is None else file.base
     behind = before.step  # what a distal table puts between a joint and the next one, and the base
     for row in file.joint:
-        x, z = _letters(row, file.convention)
-        along_x = _screw_x(np.deg2rad(row.alpha_deg), x) @ _turn_y(np.deg2rad(row.beta_deg))
-        along_z = _screw_z(np.deg2rad(row.theta_deg), z)
         if file.convention == "standard":
             placement.append(behind)
-            behind = along_z @ along_x
-        else:
-            placement.append(behind @ along_x @ along_z)
-            behind = np.eye(4)
+            behind = _distal(row)
+            continue
+        x, z = _letters(row, file.convention)
+        placement.append(behind @ _along_x(row, x) @ screw_z(np.deg2rad(row.theta_deg), z))
+        behind = np.eye(4)
     after = Fixed() if file.flange is None else file.flange
     return np.array(placement), behind @ after.step
+
+
+def _links(file: RobotFile) -> dict[str, tuple[int, Array]]:
+    """Number of each link and the frame of its row in that of its joint, (4, 4)."""
+    behind = [np.eye(4)] * len(file.joint)
+    if file.convention == "standard":
+        behind = [_distal(row) for row in file.joint]
+    rows = {row.name: (k, T) for k, (row, T) in enumerate(zip(file.joint, behind, strict=True), 1)}
+    return {BASE: (0, np.eye(4)), **rows}
+
+
+def _distal(row: Joint) -> Array:
+    """What a distal row puts behind its joint, (4, 4)."""
+    x, z = _letters(row, "standard")
+    return screw_z(np.deg2rad(row.theta_deg), z) @ _along_x(row, x)
+
+
+def _along_x(row: Joint, x: float) -> Array:
+    return screw_x(np.deg2rad(row.alpha_deg), x) @ turn_y(np.deg2rad(row.beta_deg))
 
 
 def parse(text: str, file: str) -> Robot:
@@ -352,6 +345,7 @@ def parse(text: str, file: str) -> Robot:
         controller_offset=offset,
         assumptions=tuple(content.assumptions),
         payload_kg=content.payload_kg,
+        capsules=capsules(content.capsules, _links(content), content.capsules_source, file),
         text=text,
     )
 
