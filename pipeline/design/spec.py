@@ -24,6 +24,7 @@ from pipeline.base.strict import (
 )
 from pipeline.base.toml import loads, merged
 from pipeline.machine.instrument import InstrumentNoise
+from pipeline.machine.surroundings import Surrounded
 from pipeline.reduction.settings import Point, TestPose
 
 SHIPPED = ("paper_reference", "diagnosis_reference")
@@ -153,7 +154,7 @@ class DiagnosisSpec(Strict):
         return value
 
 
-class ProblemFile(Strict):
+class ProblemFile(Surrounded):
     """A whole problem file."""
 
     format: Literal[1]
@@ -175,6 +176,7 @@ class ProblemFile(Strict):
         """Load point, reflectors, and the points of the criterion among them."""
         if "load_point" not in self.tool or len(self.tool) < 2:
             raise ValueError("[tool] needs load_point and at least one reflector")
+        self.accepts_only(self.targets)
         unknown = set(self.criterion.points or []) - set(self.targets)
         if unknown:
             raise ValueError(f"criterion.points: {listed(sorted(unknown))} not in [tool]")
