@@ -7,7 +7,7 @@ W = (p x g, g) that acts beyond joint j, Eq. (5). The poses are the last axis of
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -144,14 +144,12 @@ def _grounded(room: Room, places: Array, ends: Array, near: float) -> Gaps:
 def _touching(room: Room, places: Array, far: Array, ends: Array, near: float) -> Gaps:
     """Distance of capsules from each other, and of beams and chain from capsules.
 
-    A line is a capsule without thickness that ends where nothing moves. Computed only where the
-    balls around the capsules are near enough.
+    A line is a capsule without thickness that ends where nothing moves. Computed only where one
+    and the ball around the other are near enough.
     """
     radius, carrier = room.bodies.radius, room.bodies.carrier
-    middle, half = (ends[0] + ends[1]) / 2, length(ends[1, ..., 0] - ends[0, ..., 0]) / 2
-    ball = half + radius
-    i, j, pose = _near_pairs(room.pairs, middle, ball, near)
-    point, body, when = _near_lines(room.lines, places, far, middle, ball + near)
+    i, j, pose = _near_pairs(room, ends, near)
+    point, body, when = _near_lines(room, places, far, ends, near)
     body, pose = np.concatenate([j, body]), np.concatenate([pose, when])
     start = np.concatenate([ends[0][:, i, pose[: len(i)]], places[:, point, when]], axis=1)
     end = np.concatenate([ends[1][:, i, pose[: len(i)]], far[:, point, when]], axis=1)
@@ -171,25 +169,45 @@ def _touching(room: Room, places: Array, far: Array, ends: Array, near: float) -
     return Gaps(pose[some], (distance - thick)[some], points, chain * s * normal)
 
 
-def _near_pairs(pairs: Ints, middle: Array, ball: Array, near: float) -> tuple[Ints, Ints, Ints]:
-    """Pairs of capsules whose balls are near each other, and in which pose, (k,) each."""
-    i, j = pairs
-    between = middle[:, i] - middle[:, j]
-    which, pose = np.nonzero(dot(between, between) < (ball[i] + ball[j] + near)[:, None] ** 2)
+def _near_pairs(room: Room, ends: Array, near: float) -> tuple[Ints, Ints, Ints]:
+    """Pairs of capsules, one near the ball around the other, and in which pose, (k,) each."""
+    half, radius = _half(ends), room.bodies.radius
+    i, j = room.pairs  # the second is the longer one
+    middle = (ends[0][:, i] + ends[1][:, i]) / 2
+    reach = half[i] + radius[i] + radius[j] + near
+    off = _from_line(ends[0][:, j], ends[1][:, j], middle)
+    which, pose = np.nonzero(off < reach[:, None] ** 2)
     return i[which], j[which], pose
 
 
 def _near_lines(
-    lines: Mapping[int, Ints], places: Array, far: Array, middle: Array, ball: Array
+    room: Room, places: Array, far: Array, ends: Array, near: float
 ) -> tuple[Ints, Ints, Ints]:
-    """Lines and capsules whose balls they cross, and in which pose, (k,) each."""
-    found = [np.zeros((3, 0), dtype=np.int64)]
-    for point, bodies in lines.items():
-        line, w = far[:, point] - places[:, point], middle[:, bodies] - places[:, [point]]
-        along, whole = dot(w, line[:, None]), dot(line, line)
-        share = np.clip(along / whole, 0, 1)
-        off = dot(w, w) - share * (2 * along - share * whole)
-        which, pose = np.nonzero(off < ball[bodies, None] ** 2)
-        found.append(np.array([np.full(len(pose), point), bodies[which], pose]))
-    point, body, pose = np.concatenate(found, axis=1)
+    """Lines of points and capsules, one near the ball around the other, by pose, (k,) each.
+
+    The ball around a rail is a hall: the box around what stands still is asked in its place.
+    """
+    start, end = places[:, :, None], far[:, :, None]
+    reach = room.bodies.radius[:, None] + near
+    off = _from_line(start, end, (ends[0] + ends[1])[:, None] / 2)
+    found = (off < (_half(ends)[:, None] + reach) ** 2) & room.crossed[..., None]
+    still = room.bodies.carrier == 0
+    box = ends[:, :, None, still]
+    above = np.minimum(start, end) < np.maximum(*box) + reach[still]
+    below = np.maximum(start, end) > np.minimum(*box) - reach[still]
+    found[:, still] &= (above & below).all(axis=0)
+    point, body, pose = np.nonzero(found)
     return point, body, pose
+
+
+def _half(ends: Array) -> Array:
+    """Half the length of the line of each capsule [m], shape (c,)."""
+    return length(ends[1, ..., 0] - ends[0, ..., 0]) / 2
+
+
+def _from_line(a: Array, b: Array, p: Array) -> Array:
+    """Squared distance of points p from segments ab [m^2], (3, ...) each."""
+    u, w = b - a, p - a
+    along, whole = dot(w, u), dot(u, u).clip(1e-12)
+    share = np.clip(along / whole, 0, 1)
+    return np.asarray(dot(w, w) - share * (2 * along - share * whole))

@@ -52,8 +52,9 @@ class Room(Locked):
         floor: Height of the floor in F_b [m], None where nobody says.
         cones: From where reflectors and load point can be reached.
         bodies: Capsules of robot and effector.
-        pairs: Capsules that may not touch each other, shape (2, p).
-        lines: By point of the effector, as of `Cone`, the capsules that its line may not cross.
+        pairs: Capsules that may not touch each other, the shorter one first, shape (2, p).
+        crossed: Which capsules the line of each point may not cross, points as of `Cone`,
+            shape (1 + t, c).
         lifted: Capsules that some joint lifts, shape (c,): the others stand on the floor.
     """
 
@@ -68,7 +69,7 @@ class Room(Locked):
     cones: tuple[Cone, ...]
     bodies: Capsules
     pairs: Ints
-    lines: Mapping[int, Ints]
+    crossed: Bools
     lifted: Bools
 
     def after(self, turned_rad: float) -> Room:
@@ -93,7 +94,7 @@ class Room(Locked):
             cones=tuple(one for one in self.cones if one.rule == rule),
             floor=self.floor if rule == self.FLOOR else None,
             pairs=self.pairs if rule == self.ITSELF else none,
-            lines={k: bodies for k, bodies in self.lines.items() if _line(k) == rule},
+            crossed=self.crossed & ([[_line(k) == rule] for k in range(len(self.crossed))]),
         )
 
     @property
@@ -101,7 +102,12 @@ class Room(Locked):
         """What is kept, in words."""
         ground = [self.FLOOR] * (self.floor is not None)
         itself = [self.ITSELF] * bool(self.pairs.size)
-        every = [*(one.rule for one in self.cones), *map(_line, self.lines), *itself, *ground]
+        every = [
+            *(one.rule for one in self.cones),
+            *map(_line, np.flatnonzero(self.crossed.any(axis=1)).tolist()),
+            *itself,
+            *ground,
+        ]
         return tuple(dict.fromkeys(every))
 
 
@@ -141,7 +147,7 @@ def room_of(robot: Robot, points: Mapping[str, Sequence[float]], said: Surrounde
         for name, one in said.tool_acceptance.items()
         if seen
     ]
-    outward, lines = _reached(robot.n, robot.flange, tool, bodies, seen)
+    outward, crossed = _reached(robot.n, robot.flange, tool, bodies, seen)
     return Room(
         joints=robot.n,
         tracker=None if tracker is None else np.array(tracker),
@@ -149,7 +155,7 @@ def room_of(robot: Robot, points: Mapping[str, Sequence[float]], said: Surrounde
         cones=(*cones, *outward),
         bodies=bodies,
         pairs=_pairs(robot, bodies)[0],
-        lines=lines,
+        crossed=crossed,
         lifted=_lifted(robot, bodies),
     )
 
@@ -239,13 +245,13 @@ def _effector(robot: Robot, said: Surrounded) -> Capsules:
 
 def _reached(
     n: int, flange: Array, tool: Array, bodies: Capsules, seen: bool
-) -> tuple[list[Cone], dict[int, Ints]]:
+) -> tuple[list[Cone], Bools]:
     """What the line from each point of the effector may not cross.
 
     The capsules of its own link hold a point that sits in or on them. Its line leaves these
     outwards, into the half space beyond the point: further along it is only farther away.
     """
-    cones, lines = list[Cone](), dict[int, list[int]]()
+    cones, crossed = list[Cone](), np.zeros((len(tool), len(bodies)), dtype=bool)
     at = tool @ flange[:3, :3].T + flange[:3, 3]
     for point in range(len(tool) if seen else 1):
         for body, carrier in enumerate(bodies.carrier):
@@ -254,10 +260,10 @@ def _reached(
             off = (p - a - nearest(a, b, p) * (b - a))[:, 0]
             far = float(np.linalg.norm(off))
             if carrier != n or far > bodies.radius[body] + _SEAT_M:
-                lines.setdefault(point, []).append(body)
+                crossed[point, body] = True
             elif far > _AXIS_M:
                 cones.append(Cone(_line(point), point, flange[:3, :3].T @ off / far, np.pi / 2))
-    return cones, {point: np.array(which) for point, which in lines.items()}
+    return cones, crossed
 
 
 def _pairs(robot: Robot, bodies: Capsules) -> tuple[Ints, list[tuple[str, str]]]:
@@ -278,7 +284,10 @@ def _pairs(robot: Robot, bodies: Capsules) -> tuple[Ints, list[tuple[str, str]]]
     names = ["base", *(joint.name for joint in robot.joints)]
     carrier = bodies.carrier.tolist()
     left = {(names[carrier[k]], names[carrier[m]]) for k, m in zip(i[touch], j[touch], strict=True)}
-    return np.array([i[~touch], j[~touch]]), sorted(left)
+    size = np.linalg.norm(bodies.ends[1] - bodies.ends[0], axis=1)
+    i, j = i[~touch], j[~touch]
+    longer = size[i] > size[j]
+    return np.array([np.where(longer, j, i), np.where(longer, i, j)]), sorted(left)
 
 
 def _lifted(robot: Robot, bodies: Capsules, seed: int = 0) -> Bools:
