@@ -37,6 +37,7 @@ from pipeline.faults.screen import Screened, acquit, screen, screen_again
 from pipeline.machine.effects import catalogue
 from pipeline.machine.effects.tracker_drift import by_order
 from pipeline.machine.robot import Robot
+from pipeline.machine.room import room_of
 from pipeline.prediction import model as handover
 from pipeline.prediction.validate import none as no_validation
 from pipeline.prediction.validate import validate
@@ -282,8 +283,10 @@ def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosis:
         effects = by_order(effects)
     wander = right.shape.wander
     moved = drift(right.reduced.registration, scale, data.unloaded, effects, wander)
+    hardest_n = float(np.linalg.norm(data.pulls.force, axis=1).max())
+    room = room_of(cell.robot, cell.tool.named, right.case.settings, hardest_n)
     return step(diagnose)(
-        cell, data, right.estimate, where, rng, effects, drift=moved, noise=right.noise
+        cell, data, right.estimate, where, rng, effects, drift=moved, noise=right.noise, room=room
     )
 
 

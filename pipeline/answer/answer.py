@@ -19,6 +19,7 @@ from pipeline.answer.inputs import (
     registration_entry,
     registration_findings,
     rejected_entries,
+    shot_findings,
     treated_findings,
 )
 from pipeline.answer.overload import overload_entry, overloaded
@@ -76,6 +77,7 @@ def answer(found: Findings) -> Answer:
             *registration_findings(base, fits, _tracker_drifts(found)),
             *growth_findings(fits),
             *limit_findings(given.case),
+            *shot_findings(given.case, given.data.pulls),
             *treated_findings(given.case),
             *pose_findings(found.one_pose),
             *contradicted(payloads),

@@ -11,7 +11,7 @@ from pipeline.base.covariance import symmetric
 from pipeline.base.errors import InputError, listed
 from pipeline.design import criteria
 from pipeline.design.criteria import Criterion
-from pipeline.design.information import Experiment, station
+from pipeline.design.information import Experiment
 from pipeline.design.scatter import Beam, Scatter
 from pipeline.design.spec import Limits, NoiseSpec, ProblemFile, revised
 from pipeline.machine.cell import Tool, jacobian, paper_cell
@@ -20,7 +20,7 @@ from pipeline.machine.instrument import PAPER_SHARE, PAPER_SIGMA_M
 from pipeline.machine.poses import from_log_units, rounded
 from pipeline.machine.robot import Joint, Robot, configure, rating
 from pipeline.machine.robot.configuration import velocity
-from pipeline.machine.room import Room, room_of, turned_by, turns
+from pipeline.machine.room import Room, room_of, turns
 
 _G_N_PER_KG = 9.81
 """Weight of a kilogram [N], in as many digits as a payload has."""
@@ -93,9 +93,6 @@ def build(spec: ProblemFile, robot: Robot) -> Problem:
     ends = np.array([np.broadcast_to(at, 2) for at in (anchor.x_m, anchor.y_m, anchor.z_m)])
     _check_payload(spec, robot)
     _check_every_joint_turns(robot, tool, lower, upper)
-    room = room_of(robot, spec.tool, spec)
-    if room is not None and room.tracker is not None:
-        room = room.after(_turned(spec, experiment, room.tracker, lower, upper, ends.mean(axis=1)))
     return Problem(
         spec=spec,
         robot=robot,
@@ -103,7 +100,7 @@ def build(spec: ProblemFile, robot: Robot) -> Problem:
         experiment=experiment,
         criterion=_criterion(spec, robot, tool, scale, *wide),
         limits=spec.limits,
-        room=room,
+        room=room_of(robot, tool.named, spec, _hardest(spec)),
         poses=spec.plan.poses,
         repeats=repeats,
         lower=lower,
@@ -140,21 +137,6 @@ def _one_tracker(spec: ProblemFile) -> ProblemFile:
         )
     noise = spec.noise.model_copy(update={"tracker_position_m": at})
     return spec.model_copy(update={"noise": noise})
-
-
-def _turned(
-    spec: ProblemFile,
-    experiment: Experiment,
-    tracker: Array,
-    lower: Array,
-    upper: Array,
-    anchor: Array,
-) -> float:
-    """How far the hardest pull turns a beam against the flange in a thousand poses [rad]."""
-    q = np.random.default_rng(0).uniform(lower, upper, (1000, len(lower)))
-    pull = station(experiment, q, anchor).direction.T
-    tool = np.vstack([experiment.load_point, experiment.points])
-    return turned_by(experiment.robot, tool, q, _hardest(spec) * pull, tracker)
 
 
 def _hardest(spec: ProblemFile) -> float:

@@ -13,6 +13,7 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.diagnosis.facts import ROUGH
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import Effect
+from pipeline.machine.room import Room
 from pipeline.reduction.measured import Measured
 from pipeline.system.detect import Lack, Threshold, lack_of_fit, threshold
 from pipeline.system.elimination import coefficients, eliminate
@@ -54,6 +55,7 @@ class Case:
         nameless: What competes with the suspects and is never named.
         refuted: Multiples of the typical size from which the unloaded reflectors would show a
             cause and do not, by label.
+        room: What a proposed pose must leave free; None where nobody says.
     """
 
     cell: Cell
@@ -64,6 +66,7 @@ class Case:
     force_noise: float = 1.0
     nameless: tuple[Effect, ...] = ()
     refuted: Mapping[str, float] = field(default_factory=dict)
+    room: Room | None = None
 
     def linearised(self, model: Model, near: Linearised | None = None) -> Linearised:
         """The campaign linearised at a model, with the errors of a near one where it is given."""

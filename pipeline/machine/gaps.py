@@ -12,10 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.base.arrays import Array, Ints
+from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.machine.robot import Configuration
 from pipeline.machine.room import Room
 from pipeline.machine.segments import closest, dot, length
+
+_ROUNDED = 1e-3
+"""Poses that are drawn keep every gap wider [m] or [1]: they are printed in whole 1e-4 deg."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +74,21 @@ def gaps(room: Room, at: Configuration, points: Array, anchor: Array, near: floa
     if room.floor is not None:
         found.append(_grounded(room, places, ends, near))
     return found
+
+
+def free(room: Room, at: Configuration, tool: Array, anchor: Array) -> Bools:
+    """Poses that leave everything free and keep the joints within what cables allow, shape (m,).
+
+    Args:
+        room: What a pose must leave free.
+        at: The poses.
+        tool: Load point, then reflectors, flange frame [m], shape (1 + t, 3).
+        anchor: Where the chain of each pose is attached, F_b [m], shape (m, 3).
+    """
+    out: Bools = np.all((at.q >= room.lower) & (at.q <= room.upper), axis=1)
+    for found in gaps(room, at, np.moveaxis(at.points(tool), 0, -1), anchor.T, _ROUNDED):
+        out[found.pose] = False
+    return out
 
 
 def pushed(at: Configuration, every: Sequence[tuple[Gaps, Array]]) -> tuple[Array, Array]:

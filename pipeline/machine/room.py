@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.errors import InputError, listed
-from pipeline.machine.robot import Robot, configure
+from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.capsules import Capsules
 from pipeline.machine.robot.configuration import torque, velocity
 from pipeline.machine.segments import closest, length, nearest
@@ -48,6 +48,8 @@ class Room(Locked):
 
     Attributes:
         joints: Number of joints; what the last one carries are flange and effector.
+        lower: Joint limits [m] or [rad] within what cables and hoses allow, shape (n,).
+        upper: The same, shape (n,).
         tracker: Where beams come from in F_b [m], shape (3,), None where nobody says.
         floor: Height of the floor in F_b [m], None where nobody says.
         cones: From where reflectors and load point can be reached.
@@ -64,6 +66,8 @@ class Room(Locked):
     FLOOR: ClassVar[str] = "arm and effector above the floor"
 
     joints: int
+    lower: Array
+    upper: Array
     tracker: Array | None
     floor: float | None
     cones: tuple[Cone, ...]
@@ -71,20 +75,6 @@ class Room(Locked):
     pairs: Ints
     crossed: Bools
     lifted: Bools
-
-    def after(self, turned_rad: float) -> Room:
-        """The same for every state of a pose, where a load turns beams so far against the flange.
-
-        Args:
-            turned_rad: Largest angle between a beam before and under the load, flange frame [rad].
-        """
-        cones = (
-            replace(one, half_angle=max(one.half_angle - turned_rad, 0.0))
-            if one.rule.startswith(_ACCEPTED)
-            else one
-            for one in self.cones
-        )
-        return replace(self, cones=tuple(cones))
 
     def only(self, rule: str) -> Room:
         """The room that asks for one rule alone."""
@@ -110,47 +100,51 @@ class Room(Locked):
         ]
         return tuple(dict.fromkeys(every))
 
+    def kept(self, robot: Robot) -> tuple[str, ...]:
+        """All that poses of this room keep, in words, cables included."""
+        turned = [
+            f"{joint.name} within {np.rad2deg(low):g} to {np.rad2deg(high):g} deg"
+            for joint, low, high in zip(robot.joints, self.lower, self.upper, strict=True)
+            if low > joint.lower or high < joint.upper
+        ]
+        return (*self.rules, *turned)
+
 
 def _line(point: int) -> str:
     """The rule that keeps a line free: the chain, or a beam."""
     return Room.BEAM if point else Room.CHAIN
 
 
-_ACCEPTED = "the beam within the acceptance of "
-
-
-def room_of(robot: Robot, points: Mapping[str, Sequence[float]], said: Surrounded) -> Room | None:
+def room_of(
+    robot: Robot, points: Mapping[str, Array], said: Surrounded, hardest_n: float
+) -> Room | None:
     """What the cell of a file leaves free; None where the file has no `[cell]`.
 
     Args:
         robot: The robot.
         points: load_point, then the reflectors, flange frame [m].
         said: What the file says of cell and effector.
+        hardest_n: The hardest pull [N]: a reflector is to be shot unloaded and loaded, and its
+            acceptance is narrower by what that pull turns the beam against the flange.
 
     Raises:
         InputError: `[cell]` has a turn of a joint that the robot has not.
     """
     if said.cell is None:
         return None
-    turns(robot, said)
-    tool, names = np.array(list(points.values()), dtype=float), list(points)
-    tracker = said.cell.tracker_m
+    lower, upper = turns(robot, said)
+    tool, at = np.array(list(points.values()), dtype=float), said.cell.tracker_m
+    tracker = None if at is None else np.array(at)
     bodies = robot.capsules.beside(_effector(robot, said))
-    seen = tracker is not None
-    cones = [
-        Cone(
-            f"{_ACCEPTED}{name}",
-            names.index(name),
-            np.array(one.direction) / np.linalg.norm(one.direction),
-            float(np.deg2rad(one.half_angle_deg)),
-        )
-        for name, one in said.tool_acceptance.items()
-        if seen
-    ]
-    outward, crossed = _reached(robot.n, robot.flange, tool, bodies, seen)
+    outward, crossed = _reached(robot, tool, bodies, tracker is not None)
+    turned = 0.0 if tracker is None else turned_by(robot, tool, lower, upper, hardest_n, tracker)
+    shot = [] if tracker is None else accepted(points, said)
+    cones = [replace(one, half_angle=max(one.half_angle - turned, 0.0)) for one in shot]
     return Room(
         joints=robot.n,
-        tracker=None if tracker is None else np.array(tracker),
+        lower=lower,
+        upper=upper,
+        tracker=tracker,
         floor=said.cell.floor_z_m,
         cones=(*cones, *outward),
         bodies=bodies,
@@ -210,26 +204,54 @@ def unchecked(robot: Robot, targets: Sequence[str], said: Surrounded) -> tuple[s
     return tuple(out)
 
 
-def turned_by(robot: Robot, tool: Array, q: Array, force: Array, tracker: Array) -> float:
+def accepted(points: Mapping[str, Array], said: Surrounded) -> list[Cone]:
+    """From where each reflector can be shot, as stated; `points` as of `room_of`."""
+    names = list(points)
+    return [
+        Cone(
+            f"the beam within the acceptance of {name}",
+            names.index(name),
+            np.array(one.direction) / np.linalg.norm(one.direction),
+            float(np.deg2rad(one.half_angle_deg)),
+        )
+        for name, one in said.tool_acceptance.items()
+    ]
+
+
+def turned_by(
+    robot: Robot, tool: Array, lower: Array, upper: Array, force_n: float, tracker: Array
+) -> float:
     """Largest turn of a beam against the flange between unloaded and loaded [rad].
 
     By the nominal stiffnesses, |sum_j c_j tau_j omega_j| + |sum_j c_j tau_j J_j| / L, Eqs. (4) to
-    (7): the flange turns, and the reflector moves across its beam of length L.
+    (7): the flange turns, and the reflector moves across its beam of length L. In a thousand poses,
+    each pulled some way.
 
     Args:
         robot: The robot.
         tool: Load point, then reflectors, flange frame [m], shape (1 + t, 3).
-        q: Joint values [m] or [rad], shape (m, n).
-        force: On the load point, F_b [N], shape (m, 3).
+        lower: Joint limits [m] or [rad], shape (n,).
+        upper: The same.
+        force_n: On the load point [N].
         tracker: F_b [m], shape (3,).
     """
-    at = configure(robot, q)
+    rng, at = np.random.default_rng(0), _anywhere(robot, lower, upper, 1000)
+    pull = rng.normal(size=(1000, 3))
+    pull *= force_n / np.linalg.norm(pull, axis=1, keepdims=True)
     points = at.points(tool)
-    amount = robot.nominal_compliance * torque(at.twists, points[:, 0], force)
+    amount = robot.nominal_compliance * torque(at.twists, points[:, 0], pull)
     tilt = np.linalg.norm(np.einsum("mn,mni->mi", amount, at.twists[..., :3]), axis=-1)
     moved = np.einsum("mn,mtni->mti", amount, velocity(at.twists, points[:, 1:]))
     reach = np.linalg.norm(points[:, 1:] - tracker, axis=-1)
     return float((tilt[:, None] + np.linalg.norm(moved, axis=-1) / reach).max(initial=0.0))
+
+
+def _anywhere(robot: Robot, lower: Array, upper: Array, count: int) -> Configuration:
+    """Random poses, of a joint without limits within one turn or a metre of its zero."""
+    rng = np.random.default_rng(0)
+    lower = np.where(np.isfinite(lower), lower, np.where(robot.prismatic, -1.0, -np.pi))
+    upper = np.where(np.isfinite(upper), upper, np.where(robot.prismatic, 1.0, np.pi))
+    return configure(robot, rng.uniform(lower, upper, (count, robot.n)))
 
 
 def _effector(robot: Robot, said: Surrounded) -> Capsules:
@@ -243,15 +265,14 @@ def _effector(robot: Robot, said: Surrounded) -> Capsules:
     )
 
 
-def _reached(
-    n: int, flange: Array, tool: Array, bodies: Capsules, seen: bool
-) -> tuple[list[Cone], Bools]:
+def _reached(robot: Robot, tool: Array, bodies: Capsules, seen: bool) -> tuple[list[Cone], Bools]:
     """What the line from each point of the effector may not cross.
 
     The capsules of its own link hold a point that sits in or on them. Its line leaves these
     outwards, into the half space beyond the point: further along it is only farther away.
     """
     cones, crossed = list[Cone](), np.zeros((len(tool), len(bodies)), dtype=bool)
+    flange = robot.flange
     at = tool @ flange[:3, :3].T + flange[:3, 3]
     for point in range(len(tool) if seen else 1):
         for body, carrier in enumerate(bodies.carrier):
@@ -259,7 +280,7 @@ def _reached(
             p = at[point][:, None]
             off = (p - a - nearest(a, b, p) * (b - a))[:, 0]
             far = float(np.linalg.norm(off))
-            if carrier != n or far > bodies.radius[body] + _SEAT_M:
+            if carrier != robot.n or far > bodies.radius[body] + _SEAT_M:
                 crossed[point, body] = True
             elif far > _AXIS_M:
                 cones.append(Cone(_line(point), point, flange[:3, :3].T @ off / far, np.pi / 2))
@@ -290,11 +311,9 @@ def _pairs(robot: Robot, bodies: Capsules) -> tuple[Ints, list[tuple[str, str]]]
     return np.array([np.where(longer, j, i), np.where(longer, i, j)]), sorted(left)
 
 
-def _lifted(robot: Robot, bodies: Capsules, seed: int = 0) -> Bools:
+def _lifted(robot: Robot, bodies: Capsules) -> Bools:
     """Capsules whose height some joint changes, looked at in 64 poses, shape (c,)."""
-    rng = np.random.default_rng(seed)
-    lower, upper = np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)
-    at = configure(robot, rng.uniform(lower, upper, (64, robot.n)))
+    at = _anywhere(robot, robot.lower, robot.upper, 64)
     ends = np.moveaxis(at.placed(bodies), (0, 1, 2, 3), (1, 3, 2, 0))  # pose, end, capsule, xyz
     lift = np.abs(velocity(at.twists, ends.reshape(64, -1, 3))[..., 2])
     carried = np.arange(robot.n) < np.tile(bodies.carrier, 2)[:, None]

@@ -57,6 +57,11 @@ class EffectorCapsule(Strict):
     radius: Positive = Field(validation_alias=AliasChoices("radius", "radius_m"))
 
 
+def _nothing(value: object) -> bool:
+    """Said by nobody."""
+    return not value
+
+
 class Surrounded(Strict):
     """A file with a tool in a cell.
 
@@ -68,9 +73,13 @@ class Surrounded(Strict):
 
     model_config = ConfigDict(serialize_by_alias=True)
 
-    cell: Surroundings | None = None
-    tool_acceptance: dict[Name, Acceptance] = Field(default_factory=dict, alias="tool.acceptance")
-    tool_capsules: list[EffectorCapsule] = Field(default=[], alias="tool.capsules")
+    cell: Surroundings | None = Field(default=None, exclude_if=_nothing)
+    tool_acceptance: dict[Name, Acceptance] = Field(
+        default_factory=dict, alias="tool.acceptance", exclude_if=_nothing
+    )
+    tool_capsules: list[EffectorCapsule] = Field(
+        default=[], alias="tool.capsules", exclude_if=_nothing
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -83,6 +92,16 @@ class Surrounded(Strict):
         points = {key: value for key, value in tool.items() if f"tool.{key}" not in inner}
         return {**content, **inner, "tool": points}
 
+    @property
+    def around(self) -> dict[str, Any]:
+        """`[cell]` and the tables of `[tool]` that are no points, as another file takes them."""
+        said = self.model_dump(
+            include={"cell", "tool_acceptance", "tool_capsules"}, exclude_none=True
+        )
+        if said.get("cell", {}).get("max_turn_deg") == {}:
+            del said["cell"]["max_turn_deg"]
+        return said
+
     def accepts_only(self, targets: list[str]) -> None:
         """Only reflectors have an acceptance.
 
@@ -93,3 +112,10 @@ class Surrounded(Strict):
             raise ValueError(
                 f"tool.acceptance has {listed(unknown)}, the reflectors are {listed(targets)}"
             )
+
+
+def tooled(points: Mapping[str, Any], said: Surrounded) -> dict[str, Any]:
+    """`[tool]` with its points and what else it holds, and `[cell]`, as a file has them."""
+    around = said.around
+    inner = {key.removeprefix("tool."): around.pop(key) for key in list(around) if key != "cell"}
+    return {"tool": {**points, **inner}, **around}
