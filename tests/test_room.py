@@ -3,6 +3,7 @@
 import coal
 import numpy as np
 import pytest
+from cell_check import CELL, TOOL, Checked, hit
 
 from pipeline.app.commands.design import problem_of
 from pipeline.base.errors import InputError
@@ -14,7 +15,6 @@ from pipeline.machine.robot import configure, load
 from pipeline.machine.robot.mdh import parse
 from pipeline.machine.room import _pairs, unchecked
 from pipeline.machine.segments import closest, length
-from tests.cell_check import CELL, TOOL, Checked, hit
 
 BODIED = ("kr500_rail", "kr500_rail_kuka", "ur10", "kr210_r2700_2", "fanuc_r2000ic")
 QUICK = Effort(first=0, rounds=1, poses=96, settled=8, exchanged=2)

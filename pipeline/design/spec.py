@@ -27,7 +27,7 @@ from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.surroundings import Surrounded
 from pipeline.reduction.settings import Point, TestPose
 
-SHIPPED = ("paper_reference", "diagnosis_reference")
+SHIPPED = ("paper_reference", "paper_cell", "diagnosis_reference")
 
 
 Range = tuple[Length, Length]

@@ -117,7 +117,8 @@ def try_poses(
         candidates = rounded(robot, _candidates(robot, lower, upper, anchor, rng))
         good = feasible(robot, candidates, tool, anchor)
         if room is not None:
-            good &= free(room, configure(robot, candidates), tool, anchor)
+            some = np.flatnonzero(good)
+            good[some] = free(room, configure(robot, candidates[some]), tool, anchor[some])
         found[pose[good][::-1]] = candidates[good][::-1]
     return found
 

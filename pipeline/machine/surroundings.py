@@ -50,6 +50,8 @@ class Surroundings(Strict):
 class EffectorCapsule(Strict):
     """One `[[tool.capsules]]`: a body of the effector, flange frame [m]."""
 
+    model_config = ConfigDict(serialize_by_alias=True)
+
     start: _Point = Field(
         validation_alias=AliasChoices("from", "from_m"), serialization_alias="from"
     )
