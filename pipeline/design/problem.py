@@ -173,12 +173,11 @@ def _scatter(noise: NoiseSpec, force: Array, repeats: int) -> Scatter:
         tracker = PAPER_SIGMA_M**2 * symmetric(PAPER_SHARE[None])[0]
     elif noise.tracker is not None:
         tracker = Beam(noise.tracker, noise.tracker_position_m)
-    zeros = 1.0 if noise.zero == "before" else 0.5
     return Scatter(
         force=force,
         repeats=np.full(len(force), float(repeats)),
         force_std=np.hypot(noise.scale_sigma_n, noise.scale_sigma_rel * force),
-        zero=0.0 if noise.displacement_sigma_m is not None else zeros,
+        zero=noise.zero_share,
         tracker=tracker,
     )
 
