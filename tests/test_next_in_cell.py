@@ -71,12 +71,12 @@ def complaints(case, proposal):
     return Checked(robot, CELL, TOOL).complaints(q, proposal.anchor.round(3), proposal.force_n)
 
 
-@pytest.mark.parametrize("draws", [2, pytest.param(40, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("draws", [1, pytest.param(24, marks=pytest.mark.slow)])
 def test_every_next_pose_can_be_shot(asked, draws):
     """Nothing touches, every beam arrives within the acceptance; a hundred of them in all."""
     found = [one for seed in range(draws) for one in proposals(asked, seed)]
 
-    assert len(found) >= 2.5 * draws
+    assert len(found) >= 5 * draws
     assert [complaints(asked[0], one) for one in found] == [[]] * len(found)
 
 

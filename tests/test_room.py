@@ -11,6 +11,7 @@ from pipeline.design.feasible import check_reachable
 from pipeline.design.limits import kept, narrow, penalty
 from pipeline.design.search import Effort, rounded, search
 from pipeline.design.space import Box
+from pipeline.machine.gaps import free
 from pipeline.machine.robot import configure, load
 from pipeline.machine.robot.mdh import parse
 from pipeline.machine.room import _pairs, unchecked
@@ -187,6 +188,14 @@ def test_a_pose_is_kept_where_coal_and_a_ray_find_nothing(problem):
     assert 10 < ours.sum() < 240
 
 
+def test_of_no_poses_none_is_free(problem):
+    """Where a first look has left none over."""
+    tool = np.array(list(problem.tool.named.values()))
+    at = configure(problem.robot, np.empty((0, problem.robot.n)))
+
+    assert free(problem.room, at, tool, np.empty((0, 3))).shape == (0,)
+
+
 def complaints(problem, plan, tool=TOOL, cell=CELL):
     """What the poses of a plan break, by the independent check."""
     checked = Checked(problem.robot, cell, tool)
@@ -245,24 +254,24 @@ def test_every_pose_of_a_design_can_be_shot(robot, seed):
 
 def test_the_free_design_would_not_be_shot():
     """The check does find fault: with poses that were chosen without a cell."""
-    free = problem_of("paper_reference", {})
-    *_, last = search(free, np.random.default_rng(1), QUICK)
+    roomless = problem_of("paper_reference", {})
+    *_, last = search(roomless, np.random.default_rng(1), QUICK)
 
-    assert sum(map(bool, complaints(free, last.best))) >= 1
+    assert sum(map(bool, complaints(roomless, last.best))) >= 1
 
 
 def test_what_is_not_given_is_said(problem):
     """One sentence each; all of it without a cell."""
     targets, robot = ["P1", "P2", "P3"], problem.robot
     bare = load("irb6640")
-    free = problem_of("paper_reference", {})
+    without = problem_of("paper_reference", {})
     no_tracker = in_cell({"floor_z_m": 0.0}, {})
     half = in_cell({"tracker_m": [5, 7, 1]}, {"acceptance": {"P1": TOOL["acceptance"]["P1"]}})
 
     assert unchecked(robot, targets, problem.spec) == (
         "theta5 against theta7: at the zero of all joints they touch",
     )
-    assert unchecked(robot, targets, free.spec) == (
+    assert unchecked(robot, targets, without.spec) == (
         "beams, collisions, floor and cables: there is no [cell]",
     )
     assert any("tracker_m" in one for one in unchecked(robot, targets, no_tracker.spec))
@@ -307,8 +316,8 @@ def test_a_cell_in_which_no_pose_can_be_shot_is_refused():
 
 def test_cables_narrow_the_joints_and_nothing_else(problem):
     """Limits of the joints that cables are led along, in the middle of the robot's own."""
-    free = problem_of("paper_reference", {})
-    changed = np.flatnonzero(problem.upper != free.upper)
+    without = problem_of("paper_reference", {})
+    changed = np.flatnonzero(problem.upper != without.upper)
 
     assert [problem.robot.joints[k].name for k in changed] == ["theta5", "theta7"]
     assert np.rad2deg(problem.upper[changed]) == pytest.approx([200.0, 270.0])

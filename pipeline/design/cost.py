@@ -8,9 +8,10 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Bools
 from pipeline.design.bound import certify
+from pipeline.design.descent import descend
 from pipeline.design.limits import narrow, slacks
 from pipeline.design.problem import Problem, build
-from pipeline.design.search import Effort, Plan, rounded, search
+from pipeline.design.search import HARD, Effort, Plan, evaluate, objective, search
 from pipeline.design.space import Box
 
 _QUICK = Effort(first=0, rounds=1, poses=192, settled=16, exchanged=4, bounds=6, directions=64)
@@ -25,7 +26,8 @@ class Cost:
     """What a cell costs.
 
     Attributes:
-        figure: The criterion of the best plan found without the cell's limits, in its unit.
+        figure: The criterion of the best plan found without the cell's limits, in its unit: by a
+            short search of its own, and downhill from the plan that keeps them.
         bound: What no plan without them can be below.
         excluded: Share of random poses, within the robot's own joint limits, that break each
             limit, whatever else they break; in words, the hardest first.
@@ -50,7 +52,7 @@ def cost(problem: Problem, plan: Plan, rng: np.random.Generator) -> Cost | None:
         return None
     free = without(problem)
     *_, last = search(free, rng, _QUICK)
-    best = evaluated(free, last.best, plan)
+    best = min(one.figure for one in (plan, last.best, relaxed(free, plan)) if one is not None)
     *_, certificate = certify(free, last.pool, rng, _QUICK.bounds, _QUICK.directions)
     excluded, left = shares(problem, rng)
     return Cost(best, certificate.figure, excluded, left)
@@ -62,10 +64,13 @@ def without(problem: Problem) -> Problem:
     return replace(build(spec, problem.robot), known=problem.known)
 
 
-def evaluated(free: Problem, found: Plan | None, plan: Plan) -> float:
-    """The lesser figure of a plan that was found and one that is there."""
-    figures = [plan.figure] if found is None else [plan.figure, rounded(free, found).figure]
-    return float(min(figures))
+def relaxed(free: Problem, plan: Plan) -> Plan | None:
+    """What becomes of a plan that is let go downhill without the limits of the cell."""
+    box = Box(free, free.poses)
+    start = np.clip(box.closed(plan.q[None], plan.anchor[None]), 0, 1)
+    found = descend(objective(free, HARD), start)
+    (best,) = evaluate(free, *box.opened(found.x))
+    return best if best.kept else None
 
 
 def shares(

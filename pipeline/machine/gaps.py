@@ -189,7 +189,7 @@ def _touching(room: Room, places: Array, far: Array, ends: Array, near: float) -
 
 def _near_pairs(room: Room, ends: Array, near: float) -> tuple[Ints, Ints, Ints]:
     """Pairs of capsules, one near the ball around the other, and in which pose, (k,) each."""
-    half, radius = _half(ends), room.bodies.radius
+    half, radius = room.bodies.half, room.bodies.radius
     i, j = room.pairs  # the second is the longer one
     middle = (ends[0][:, i] + ends[1][:, i]) / 2
     reach = half[i] + radius[i] + radius[j] + near
@@ -208,7 +208,7 @@ def _near_lines(
     start, end = places[:, :, None], far[:, :, None]
     reach = room.bodies.radius[:, None] + near
     off = _from_line(start, end, (ends[0] + ends[1])[:, None] / 2)
-    found = (off < (_half(ends)[:, None] + reach) ** 2) & room.crossed[..., None]
+    found = (off < (room.bodies.half[:, None] + reach) ** 2) & room.crossed[..., None]
     still = room.bodies.carrier == 0
     box = ends[:, :, None, still]
     above = np.minimum(start, end) < np.maximum(*box) + reach[still]
@@ -216,11 +216,6 @@ def _near_lines(
     found[:, still] &= (above & below).all(axis=0)
     point, body, pose = np.nonzero(found)
     return point, body, pose
-
-
-def _half(ends: Array) -> Array:
-    """Half the length of the line of each capsule [m], shape (c,)."""
-    return length(ends[1, ..., 0] - ends[0, ..., 0]) / 2
 
 
 def _from_line(a: Array, b: Array, p: Array) -> Array:

@@ -305,9 +305,8 @@ def _pairs(robot: Robot, bodies: Capsules) -> tuple[Ints, list[tuple[str, str]]]
     names = ["base", *(joint.name for joint in robot.joints)]
     carrier = bodies.carrier.tolist()
     left = {(names[carrier[k]], names[carrier[m]]) for k, m in zip(i[touch], j[touch], strict=True)}
-    size = np.linalg.norm(bodies.ends[1] - bodies.ends[0], axis=1)
     i, j = i[~touch], j[~touch]
-    longer = size[i] > size[j]
+    longer = bodies.half[i] > bodies.half[j]
     return np.array([np.where(longer, j, i), np.where(longer, i, j)]), sorted(left)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -57,6 +58,11 @@ class Capsules(Locked):
 
     def __len__(self) -> int:
         return len(self.carrier)
+
+    @cached_property
+    def half(self) -> Array:
+        """Half the length of the line of each [m], shape (c,)."""
+        return np.asarray(np.linalg.norm(self.ends[1] - self.ends[0], axis=-1) / 2)
 
     def beside(self, other: Capsules) -> Capsules:
         """These and others."""
