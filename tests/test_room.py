@@ -203,6 +203,33 @@ def complaints(problem, plan, tool=TOOL, cell=CELL):
     return [checked.complaints(q, plan.anchor, hardest) for q in plan.q]
 
 
+def test_an_acceptance_is_narrower_by_what_a_pull_turns_the_beam(problem):
+    """By no less than Pinocchio's bent robot shows in other poses, and not by much more."""
+    checked, rng = Checked(problem.robot, CELL, TOOL), np.random.default_rng(6)
+    q = rng.uniform(problem.lower, problem.upper, (1500, problem.robot.n))
+    stated = np.deg2rad([TOOL["acceptance"][name]["half_angle_deg"] for name in ("P1", "P2", "P3")])
+    given = [cone.half_angle for cone in problem.room.cones if "acceptance" in cone.rule]
+    tracker = np.array(CELL["tracker_m"])
+
+    def beams(q):
+        checked.set(q)
+        frame = checked.frame("flange")
+        lines = [frame.rotation.T @ (tracker - checked.point(n)) for n in ("P1", "P2", "P3")]
+        return np.array([line / np.linalg.norm(line) for line in lines])
+
+    turned = []
+    for one in q:
+        checked.set(one)
+        pull = rng.normal(size=3)
+        bent = checked.loaded(one, 950.0 * pull / np.linalg.norm(pull))
+        turned.append(np.linalg.norm(beams(bent) - beams(one), axis=1).max())
+
+    narrower = stated - given
+    assert np.ptp(narrower) < 1e-12
+    assert np.mean(np.array(turned) <= narrower[0]) > 0.998
+    assert narrower[0] < 2 * max(turned)
+
+
 FLOORED = {"tracker_m": [3.0, 1.5, 1.0], "floor_z_m": 0.0}
 SMALL = {
     "load_point": [0.05, 0.0, 0.08],
