@@ -27,9 +27,12 @@ TOOL = {
         "P2": {"direction": [0.0, 0.0, 1.0], "half_angle_deg": 50.0},
         "P3": {"direction": [0.0, 0.0, 3.0], "half_angle_deg": 50.0},
     },
-    "capsules": [{"from": [0.0, 0.0, 0.03], "to": [0.0, 0.0, 0.2], "radius": 0.08}],
+    "capsules": [{"from": [0.05, 0.0, 0.03], "to": [0.05, 0.0, 0.21], "radius": 0.09}],
 }
-"""A cell beside the rail, and an effector whose reflectors face away from the flange."""
+"""A cell beside the rail, and an effector whose reflectors face away from the flange.
+
+P1 and the load point sit on its body, P2 and P3 stand free.
+"""
 
 
 class Checked:
@@ -167,15 +170,16 @@ class Checked:
 
 
 def off_segment(p, a, b):
-    """Distance of a point from a segment, by a fine walk and its parabola."""
-    share = np.linspace(0, 1, 501)[:, None]
-    return float(np.linalg.norm(a + share * (b - a) - p, axis=1).min())
+    """Distance of a point from a segment."""
+    long = (b - a) @ (b - a)
+    share = np.clip((p - a) @ (b - a) / long, 0, 1) if long else 0.0
+    return float(np.linalg.norm(a + share * (b - a) - p))
 
 
 def digs_in(p, e, a, b):
-    """Whether the first centimetre of a line gets nearer to a segment."""
-    ahead = p + 0.01 * (e - p) / np.linalg.norm(e - p)
-    return off_segment(ahead, a, b) < off_segment(p, a, b) - 1e-5
+    """Whether a line gets nearer to a segment in its first tenth of a millimetre."""
+    ahead = p + 1e-4 * (e - p) / np.linalg.norm(e - p)
+    return off_segment(ahead, a, b) < off_segment(p, a, b) - 1e-9
 
 
 def hit(p, e, a, b, r):

@@ -100,7 +100,7 @@ def test_a_plan_hands_its_cell_to_the_campaign():
         "P2": 50.0,
         "P3": 50.0,
     }
-    assert settings.tool_capsules[0].radius == 0.08
+    assert settings.tool_capsules[0].radius == 0.09
     assert set(settings.tool) == {"load_point", "P1", "P2", "P3"}
 
 
