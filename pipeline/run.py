@@ -38,6 +38,7 @@ from pipeline.faults.screen import Screened, acquit, screen, screen_again
 from pipeline.machine.effects import catalogue
 from pipeline.machine.effects.tracker_drift import by_order
 from pipeline.machine.robot import Robot
+from pipeline.machine.room import room_of
 from pipeline.prediction import handover
 from pipeline.prediction.model import Model
 from pipeline.prediction.validate import none as no_validation
@@ -295,7 +296,9 @@ def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosis:
         effects = by_order(effects)
     wander = right.shape.wander
     moved = drift(right.reduced.registration, scale, data.unloaded, effects, wander)
-    told = right.noise, right.shape
+    hardest_n = float(np.linalg.norm(data.pulls.force, axis=1).max())
+    room = room_of(cell.robot, cell.tool.named, right.case.settings, hardest_n)
+    told = right.noise, right.shape, room
     return step(diagnose)(cell, data, right.estimate, where, rng, effects, moved, *told)
 
 

@@ -12,6 +12,7 @@ from scipy import linalg, optimize
 from pipeline.app import cli
 from pipeline.app.commands.design import problem_of
 from pipeline.base.errors import InputError
+from pipeline.base.toml import loads
 from pipeline.design import criteria, search, spec
 from pipeline.design.bound import Worst, bounds, certify
 from pipeline.design.curves import by_anchor, by_size
@@ -21,6 +22,7 @@ from pipeline.design.limits import kept, penalty, slacks
 from pipeline.design.made import make
 from pipeline.design.propose import propose
 from pipeline.design.scatter import Beam, Scatter
+from pipeline.design.schedule import starts
 from pipeline.design.search import Effort, evaluate, objective
 from pipeline.machine.cell import Tool, jacobian, paper_cell
 from pipeline.machine.effect import Pulls
@@ -607,3 +609,54 @@ def test_the_certificate_gets_better_and_stays_below_the_continuous_design(refer
     assert (np.diff(bound) >= 0).all()
     assert (np.diff(continuous) <= 0).all()
     assert bound[-1] < continuous[-1]
+
+
+def timed(minutes, **plan):
+    """The problem for the diagnosis in so many minutes."""
+    content = loads(spec.shipped("diagnosis_reference"), "x.toml") | {
+        "design": {"minutes": minutes}
+    }
+    content.pop("diagnosis")
+    return spec.validated(content | {"plan": plan})
+
+
+@pytest.mark.parametrize("plan", [{}, {"poses": 6}, {"poses": 20}])
+def test_minutes_hold_as_many_readings_as_the_schedule_lets_in(plan):
+    """One more pull at every pose would not be over in time."""
+    found = timed(480, **plan).plan
+    pulls = found.readings // found.poses
+
+    def lasts(pulls):
+        return starts(np.full(found.poses + 1, pulls))[-1] / 60
+
+    assert found.readings == pulls * found.poses
+    assert lasts(pulls) <= 480 < lasts(pulls + 1)
+
+
+def test_minutes_are_spent_where_they_tell_most():
+    """No other share between poses and pulls gives as much per hour, zeros before and after."""
+
+    def told(poses):
+        found = timed(480, poses=poses).plan
+        return found.poses / (0.5 + found.poses / found.readings)
+
+    best = max(told(poses) for poses in range(3, 85))
+    found = timed(480).plan
+
+    assert found.poses / (0.5 + found.poses / found.readings) >= 0.98 * best
+
+
+def test_a_time_that_holds_no_pull_is_refused():
+    """With what it would take; and two words for one number."""
+    with pytest.raises(InputError, match="too short for 6 poses with 1 pulls each, which take 33"):
+        timed(20, poses=6)
+    both = spec.shipped("paper_reference") + "\n[design]\nminutes = 480\n"
+    with pytest.raises(InputError, match=r"design\.minutes and plan\.readings"):
+        spec.parse(both)
+
+
+def test_readings_of_the_command_line_go_before_minutes():
+    """An option overrides the file."""
+    found = spec.revised(timed(480), {"plan": {"poses": 4, "readings": 8}})
+
+    assert (found.plan.poses, found.plan.readings, found.design) == (4, 8, None)

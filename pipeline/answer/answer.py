@@ -20,6 +20,7 @@ from pipeline.answer.inputs import (
     registration_entry,
     registration_findings,
     rejected_entries,
+    shot_findings,
     treated_findings,
     unit_entry,
 )
@@ -79,6 +80,7 @@ def answer(found: Findings) -> Answer:
             *registration_findings(base, fits, _tracker_drifts(found)),
             *growth_findings(fits),
             *limit_findings(given.case),
+            *shot_findings(given.case, given.data.pulls),
             *treated_findings(given.case),
             *pose_findings(found.one_pose),
             *contradicted(payloads),

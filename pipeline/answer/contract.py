@@ -453,6 +453,14 @@ class NextPose(Fact):
     pose: int = Field(description="its number")
 
 
+class Cell(Fact):
+    """What a proposed pose was checked for."""
+
+    kept: tuple[str, ...]
+    not_checked: tuple[str, ...]
+    capsules: str | None = Field(description="where the robot's come from; null: it has none")
+
+
 class MisfitPlace(Fact):
     """Where what is left sits."""
 
@@ -517,6 +525,11 @@ class Diagnosis(Fact):
     )
     blind_spots: tuple[BlindSpot, ...]
     next_poses: tuple[NextPose, ...]
+    next_poses_in: Cell | None = Field(
+        default=None,
+        exclude_if=_nothing,
+        description="what the cell lets a next pose do; absent without [cell]",
+    )
     refused: tuple[str, ...] = Field(description="labels that fit only at an impossible size")
     misfit_sits_at: tuple[MisfitPlace, ...]
     detection: Detection

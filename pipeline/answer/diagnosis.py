@@ -26,6 +26,7 @@ from pipeline.diagnosis.verdict import findings, verdict
 from pipeline.faults.mistake import Mistake
 from pipeline.machine.effect import Effect
 from pipeline.machine.robot import Robot
+from pipeline.machine.room import room_of, unchecked
 from pipeline.system import alarms
 from pipeline.system.estimate import left_out
 from pipeline.system.shape import Shape
@@ -44,7 +45,22 @@ def diagnosis_entry(found: Findings) -> contract.Diagnosis:
     larger = np.flatnonzero(noise.larger).tolist()
     noisy = [_noisy(noise, i) for i in larger if NAMES[noise.name[i]] not in named]
     noisy += _shaped(found.right.shape)
-    return said.model_copy(update={"causes": (*_data_causes(found), *said.causes, *noisy)})
+    causes = (*_data_causes(found), *said.causes, *noisy)
+    return said.model_copy(update={"causes": causes, "next_poses_in": _cell(found)})
+
+
+def _cell(found: Findings) -> contract.Cell | None:
+    """What the next poses were checked for; None where nobody says what stands around them."""
+    case = found.right.case
+    points, robot, said = case.tool.named, case.robot, case.settings
+    room = room_of(robot, points, said, 0.0)
+    if room is None:
+        return None
+    return contract.Cell(
+        kept=room.kept(robot),
+        not_checked=unchecked(robot, case.tool.targets.tolist(), said),
+        capsules=robot.capsules.source or None,
+    )
 
 
 def entry(said: Diagnosis, robot: Robot, whole: Facts | None = None) -> contract.Diagnosis:

@@ -16,7 +16,10 @@ from pipeline.base.arrays import Array
 from pipeline.base.errors import listed
 from pipeline.base.linear import rms
 from pipeline.base.quantities import with_std
+from pipeline.machine.effect import Pulls
 from pipeline.machine.effects.tracker_drift import GROUP_S
+from pipeline.machine.robot import configure
+from pipeline.machine.room import accepted
 from pipeline.reduction.case import Case
 from pipeline.reduction.growth import REFERENCE_C, STEEL, Growth
 from pipeline.reduction.limits import beyond
@@ -218,6 +221,32 @@ def limit_findings(case: Case) -> list[str]:
         f"farthest is {worst.file}:{worst.line}: {worst.said}. They are used: check the limits in "
         "the robot file."
     ]
+
+
+def shot_findings(case: Case, pulls: Pulls) -> list[str]:
+    """Sentences for reflectors that were shot from beyond what [tool.acceptance] states."""
+    said, tool = case.settings, case.tool
+    if said.cell is None or said.cell.tracker_m is None:
+        return []
+    poses, first = np.unique(pulls.pose, return_index=True)
+    at = configure(case.robot, pulls.q[first])
+    points = at.points(np.array(list(tool.named.values())))
+    out = []
+    for cone in accepted(tool.named, said):
+        beam = np.array(said.cell.tracker_m) - points[:, cone.point]
+        faced = np.einsum("mij,j->mi", at.flange_axes, cone.axis)
+        angle = np.arccos((beam * faced).sum(axis=1) / np.linalg.norm(beam, axis=1))
+        over = angle > cone.half_angle
+        if not over.any():
+            continue
+        name = list(tool.named)[cone.point]
+        out.append(
+            f"{name} was shot from up to {np.rad2deg(angle.max()):.1f} deg off the direction in "
+            f"[tool.acceptance], which allows {np.rad2deg(cone.half_angle):g} deg, in pose "
+            f"{listed(map(str, poses[over]))}: its readings are used; correct the direction or "
+            "tracker_m if that cannot be."
+        )
+    return out
 
 
 def treated_findings(case: Case) -> list[str]:

@@ -14,6 +14,7 @@ from pipeline.answer.inputs import (
     limit_findings,
     registration_entry,
     rejected_entries,
+    shot_findings,
     treated_findings,
 )
 from pipeline.answer.overload import overload_entry, overloaded
@@ -113,7 +114,12 @@ def _told(
     grown = growth_findings(registration_entry(reduced.registration))
     others = [] if wrong else [one.evidence for one in (conventions(case) or placement(case))]
     overload = overload_entry(raw.robot, reduced.data.pulls)
-    said = [*limit_findings(case), *treated_findings(case), *grown]
+    said = [
+        *limit_findings(case),
+        *shot_findings(case, data.pulls),
+        *treated_findings(case),
+        *grown,
+    ]
     notes = [*others, *_unplaced(raw.settings), *said, *found.doubts(), *overloaded(overload)]
     todo, next_step = _next(name, wrong)
     text = [f"{name}: {line}", *found.lines(raw), f"  next         {todo}"]

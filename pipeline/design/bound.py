@@ -186,7 +186,9 @@ class _Directions:
         """Broken limits less trace(Z I), (k,), and its slope (k, d), at poses (k, d)."""
         at = self.box.stations(x)
         gain, by_q, by_anchor = value_and_slope(self.problem.experiment, at, Z)
-        broken, q_slope, anchor_slope = penalty(self.problem.limits, at, margin=0.0)
+        broken, q_slope, anchor_slope = penalty(
+            self.problem.limits, at, self.problem.room, margin=0.0
+        )
         slopes = self.box.slopes(_WALL * q_slope - by_q, _WALL * anchor_slope - by_anchor)
         return _WALL * broken - gain, slopes
 

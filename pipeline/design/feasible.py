@@ -8,10 +8,11 @@ from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError
 from pipeline.design.descent import descend
 from pipeline.design.information import station
-from pipeline.design.limits import penalty, slacks
+from pipeline.design.limits import narrow, penalty, slacks
 from pipeline.design.problem import Problem
 from pipeline.design.space import Box
 from pipeline.design.spec import Limits
+from pipeline.machine.room import Room
 
 _TRIED, _FOLLOWED = 2000, 64
 """Random poses, and how many of them, the nearest to the limits, are led inside."""
@@ -31,33 +32,42 @@ def check_reachable(problem: Problem, rng: np.random.Generator) -> None:
         InputError: Names the limit that excludes every pose and by how much.
     """
     start = rng.uniform(size=(_TRIED, Box(problem, 1).size))
-    if _shortfall(problem, problem.limits, start) <= 0:
+    room = problem.room
+    if _shortfall(problem, problem.limits, room, start) <= 0:
         return
     for alone in _one_by_one(problem.limits):
-        short = _shortfall(problem, alone, start)
+        short = _shortfall(problem, alone, None, start)
         if short > 0:
             raise _refusal(problem, alone, short)
+    for rule in room.rules if room else ():
+        short = _shortfall(problem, Limits(chain_m=_ANY_M), room and room.only(rule), start)
+        if short > 0:
+            raise _misses(rule, short, "correct [cell], [tool] or the capsules of the robot file")
     raise InputError(
         "no pose keeps all limits at once, though each alone can be kept",
         "relax one of them, or let the anchor move",
     )
 
 
-def _shortfall(problem: Problem, limits: Limits, start: Array) -> float:
+def _shortfall(problem: Problem, limits: Limits, room: Room | None, start: Array) -> float:
     """By how much the best pose breaks the limits [m] or [1]; 0 when one keeps them."""
     box = Box(problem, 1)
 
     def worst(x: Array) -> Array:
-        return np.min([slack.value for slack in slacks(limits, box.stations(x))], axis=0)
+        at = box.stations(x)
+        least: Array = np.min([slack.value for slack in slacks(limits, at)], axis=0)
+        for gap in narrow(room, at):
+            np.minimum.at(least, gap.pose, gap.value)
+        return least
 
     def function(x: Array) -> tuple[Array, Array]:
-        broken, by_q, by_anchor = penalty(limits, box.stations(x))
+        broken, by_q, by_anchor = penalty(limits, box.stations(x), room)
         return broken, box.slopes(by_q, by_anchor)
 
-    room = worst(start)
-    if room.max() >= 0:
+    left = worst(start)
+    if left.max() >= 0:
         return 0.0
-    near = start[np.argsort(-room)[:_FOLLOWED]]
+    near = start[np.argsort(-left)[:_FOLLOWED]]
     return max(0.0, -float(worst(descend(function, near, rounds=200).x).max()))
 
 
@@ -82,7 +92,11 @@ def _refusal(problem: Problem, limits: Limits, short: float) -> InputError:
         )
     q = np.zeros((1, problem.robot.n))
     rule = [slack.rule for slack in slacks(limits, station(problem.experiment, q, np.ones(3)))][-1]
+    return _misses(rule, short, "relax that limit or limits.joints, or let the anchor move")
+
+
+def _misses(rule: str, short: float, way_out: str) -> InputError:
     return InputError(
         f"no pose within the joint limits keeps {rule}: the best one misses it by {short:.2g}",
-        "relax that limit or limits.joints, or let the anchor move",
+        way_out,
     )

@@ -45,6 +45,7 @@ def continued(spec: ProblemFile, settings: Settings, name: str) -> ProblemFile:
     content |= {"name": name, "robot": settings.robot, "diagnosis": None}
     names = ["load_point", *settings.measured]
     content["tool"] = {point: settings.tool[point] for point in names}
+    content |= settings.around
     points = [p for p in spec.criterion.points or [] if p in settings.measured]
     content["criterion"] = content.get("criterion", {}) | {"points": points or None}
     if settings.test_pose is not None:

@@ -14,7 +14,9 @@ import numpy as np
 from pipeline.base.arrays import Array, Bools
 from pipeline.design.information import Station
 from pipeline.design.spec import Limits
+from pipeline.machine.gaps import Gaps, gaps, pushed
 from pipeline.machine.robot.configuration import velocity
+from pipeline.machine.room import Room
 
 _MARGIN_M = 1e-3
 """The search stays this far inside, so that its penalty cannot end on the wrong side."""
@@ -53,13 +55,33 @@ def slacks(limits: Limits, at: Station) -> Iterator[Slack]:
         yield _fold(limits.pull_within_rad, at)
 
 
-def kept(limits: Limits, at: Station) -> Bools:
+def narrow(room: Room | None, at: Station, near: float = 0.0) -> list[Gaps]:
+    """Every gap that the cell leaves and that is narrower than `near`, at every pose."""
+    if room is None:
+        return []
+    points = np.concatenate([at.load_point[None], at.points])
+    return gaps(room, at.configuration, points, at.load_point + at.chain_m * at.direction, near)
+
+
+def kept(limits: Limits, at: Station, room: Room | None = None) -> Bools:
     """Poses that break no limit, shape (m,)."""
-    return np.all([slack.value >= 0 for slack in slacks(limits, at)], axis=0)
+    out: Bools = np.all([slack.value >= 0 for slack in slacks(limits, at)], axis=0)
+    for found in narrow(room, at):
+        out[found.pose] = False
+    return out
 
 
-def penalty(limits: Limits, at: Station, margin: float = _MARGIN_M) -> tuple[Array, Array, Array]:
-    """Sum of squared violations with a margin, (m,); its slopes by joints (m, n), anchor (m, 3)."""
+def penalty(
+    limits: Limits, at: Station, room: Room | None = None, margin: float = _MARGIN_M
+) -> tuple[Array, Array, Array]:
+    """Sum of squared violations with a margin, (m,); its slopes by joints (m, n), anchor (m, 3).
+
+    Args:
+        limits: Of the problem.
+        at: The poses.
+        room: What the cell leaves free.
+        margin: Slacks stay above it [m] or [1].
+    """
     total, by_q, by_anchor = np.zeros_like(at.chain_m), np.zeros_like(at.tau), np.zeros((3, 1))
     for slack in slacks(limits, at):
         over = np.maximum(margin - slack.value, 0.0)
@@ -67,7 +89,13 @@ def penalty(limits: Limits, at: Station, margin: float = _MARGIN_M) -> tuple[Arr
             total = total + over**2
             by_q = by_q - 2 * over * slack.by_q
             by_anchor = by_anchor - 2 * over * slack.by_anchor
-    return total, by_q.T, np.broadcast_to(by_anchor, (3, len(total))).T
+    if room is None:
+        return total, by_q.T, np.broadcast_to(by_anchor, (3, len(total))).T
+    broken = [(found, 2 * (found.value - margin)) for found in narrow(room, at, margin)]
+    for found, weight in broken:
+        total = total + np.bincount(found.pose, weight**2 / 4, len(total))
+    more, more_anchor = pushed(at.configuration, broken)
+    return total, by_q.T + more, by_anchor.T + more_anchor
 
 
 def _motion(at: Station, point: Array, carrier: int | None = None) -> Array:

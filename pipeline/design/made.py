@@ -15,6 +15,7 @@ from pipeline.design.problem import Problem
 from pipeline.design.propose import Proposal, propose
 from pipeline.design.search import Effort
 from pipeline.machine.poses import in_log_units
+from pipeline.machine.room import unchecked
 
 _MM = 1e3
 """Millimetres in a metre."""
@@ -52,6 +53,7 @@ class Made:
             "efficiency": proposal.efficiency,
             "seconds": round(self.seconds, 3),
         }
+        content |= _cell(proposal, factor, unit)
         if proposal.mixed is not None:
             content[f"pure_epsilon{unit}"] = factor * proposal.plan.figure
             content["named"] = proposal.mixed.named
@@ -66,9 +68,14 @@ class Made:
 
     def as_text(self) -> str:
         """For people: figure, bound, poses and what they determine."""
-        parts = [_summary(self), _poses(self.proposal), _joints(self.proposal)]
+        parts = [
+            _summary(self),
+            cell_lines(self.proposal),
+            _poses(self.proposal),
+            _joints(self.proposal),
+        ]
         parts += [[str(path) for path in self.written]] if self.written else []
-        return "\n\n".join("\n".join(part) for part in parts)
+        return "\n\n".join("\n".join(part) for part in parts if part)
 
 
 def make(problem: Problem, seed: int, effort: Effort, say: Callable[[str], None]) -> Made:
@@ -132,6 +139,46 @@ def _summary(made: Made) -> list[str]:
             f"starts, {percent(found.agreeing)} of them ended at its highest peak"
         )
     return lines
+
+
+def _cell(proposal: Proposal, factor: float, unit: str) -> dict[str, Any]:
+    """What the limits of the cell cost; nothing for a problem without a cell."""
+    problem, found = proposal.problem, proposal.cost
+    if problem.room is None:
+        return {}
+    told: dict[str, Any] = {"not_checked": list(_unchecked(problem))}
+    if found is not None:
+        told |= {
+            f"free_epsilon{unit}": factor * found.figure,
+            f"free_bound{unit}": factor * found.bound,
+            "excluded": dict(found.excluded),
+            "left": found.left,
+        }
+    return {"cell": told}
+
+
+def _unchecked(problem: Problem) -> tuple[str, ...]:
+    return unchecked(problem.robot, problem.spec.targets, problem.spec)
+
+
+def cell_lines(proposal: Proposal) -> list[str]:
+    """What the limits of the cell cost and exclude, and what nobody gives, in sentences."""
+    problem, found = proposal.problem, proposal.cost
+    not_checked = f"not checked: {'; '.join(_unchecked(problem))}"
+    if found is None:
+        return [not_checked]
+    factor, unit = (_MM, " mm") if problem.criterion.unit == "m" else (1.0, "")
+    free, bound = (f"{plain(factor * one, 4)}{unit}" for one in (found.figure, found.bound))
+    more = percent(proposal.plan.figure / found.figure - 1, 2)
+    rules = ", ".join(f"{rule} {percent(share, 2)}" for rule, share in found.excluded)
+    hulls = [f"the capsules of the robot: {problem.robot.capsules.source}"]
+    return [
+        f"the limits of the cell cost {more}: without them {free} was found, and no plan can be "
+        f"below {bound}",
+        f"of random poses {percent(found.left, 2)} keep every limit; excluded by each: {rules}",
+        *(hulls if problem.robot.capsules.source else []),
+        not_checked,
+    ]
 
 
 def _poses(proposal: Proposal) -> list[str]:

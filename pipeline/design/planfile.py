@@ -9,6 +9,7 @@ import numpy as np
 from pipeline.base import toml
 from pipeline.design.made import figures, printed
 from pipeline.design.propose import Proposal
+from pipeline.machine.surroundings import tooled
 
 MADE_BY = "# Made by `pipeline design"
 """How a plan begins that a new design may replace."""
@@ -42,7 +43,7 @@ def plan_content(proposal: Proposal) -> dict[str, Any]:
         "seed": 1,
         "poses": {"q": q.tolist(), "approach": measurement.approach.astype(int).tolist()},
         "pulls": _pulls(proposal),
-        "tool": {name: list(at) for name, at in spec.tool.items()},
+        **tooled({name: list(at) for name, at in spec.tool.items()}, spec),
         "tracker": _tracker(proposal),
         "scale": {
             "sigma_n": spec.noise.scale_sigma_n,

@@ -20,6 +20,7 @@ from pipeline.machine.instrument import PAPER_SHARE, PAPER_SIGMA_M
 from pipeline.machine.poses import from_log_units, rounded
 from pipeline.machine.robot import Joint, Robot, configure, rating
 from pipeline.machine.robot.configuration import velocity
+from pipeline.machine.room import Room, room_of, turns
 
 _G_N_PER_KG = 9.81
 """Weight of a kilogram [N], in as many digits as a payload has."""
@@ -36,6 +37,7 @@ class Problem(Locked):
         experiment: What is done at every pose.
         criterion: What is to be small.
         limits: What a pose may not do.
+        room: What the cell leaves free; None where nobody says.
         poses: m_0.
         repeats: How often the load steps are gone through at each pose.
         lower: Lower joint limits [m] or [rad], shape (n,).
@@ -51,6 +53,7 @@ class Problem(Locked):
     experiment: Experiment
     criterion: Criterion
     limits: Limits
+    room: Room | None
     poses: int
     repeats: int
     lower: Array
@@ -80,12 +83,12 @@ def build(spec: ProblemFile, robot: Robot) -> Problem:
         InputError: The request cannot be met; says why and what to change.
     """
     tool = Tool.of(spec.tool)
-    spec = _pulled(spec, robot, tool)
+    spec = _one_tracker(_pulled(spec, robot, tool))
     repeats = _shared_repeats(spec, robot)
     scale = robot.nominal_compliance
     scatter = _scatter(spec.noise, np.array(spec.pull.steps_n), repeats)
     experiment = Experiment(robot, tool.load_point, tool.points, scale, scatter)
-    lower, upper = _joint_limits(spec, robot)
+    wide, (lower, upper) = (_joint_limits(spec, robot, *ends) for ends in _turning(spec, robot))
     anchor = spec.anchor
     ends = np.array([np.broadcast_to(at, 2) for at in (anchor.x_m, anchor.y_m, anchor.z_m)])
     _check_payload(spec, robot)
@@ -95,8 +98,9 @@ def build(spec: ProblemFile, robot: Robot) -> Problem:
         robot=robot,
         tool=tool,
         experiment=experiment,
-        criterion=_criterion(spec, robot, tool, scale, lower, upper),
+        criterion=_criterion(spec, robot, tool, scale, *wide),
         limits=spec.limits,
+        room=room_of(robot, tool.named, spec, _hardest(spec)),
         poses=spec.plan.poses,
         repeats=repeats,
         lower=lower,
@@ -113,6 +117,32 @@ def _pulled(spec: ProblemFile, robot: Robot, tool: Tool) -> ProblemFile:
         return spec
     pull = rating.round_pull(rating.REFERENCE_PULL_N * rating.share(robot, tool.load_point))
     return revised(spec, {"pull": {"steps_n": [pull]}})
+
+
+def _one_tracker(spec: ProblemFile) -> ProblemFile:
+    """The problem whose readings are taken from where the cell's tracker stands.
+
+    Raises:
+        InputError: The noise is that of a tracker elsewhere.
+    """
+    at = spec.cell.tracker_m if spec.cell else None
+    if at is None:
+        return spec
+    said = spec.noise.tracker_position_m
+    if "tracker_position_m" in spec.noise.model_fields_set and said != at:
+        raise InputError(
+            f"the tracker stands at {list(at)} m by [cell] tracker_m and at {list(said)} m by "
+            "[noise] tracker_position_m",
+            "leave out one of them",
+        )
+    noise = spec.noise.model_copy(update={"tracker_position_m": at})
+    return spec.model_copy(update={"noise": noise})
+
+
+def _hardest(spec: ProblemFile) -> float:
+    """The hardest pull of the problem, programmes included [N]."""
+    programmes = spec.diagnosis.programmes if spec.diagnosis else []
+    return max(*spec.pull.steps_n, 0.0, *(abs(step) for steps in programmes for step in steps))
 
 
 def _shared_repeats(spec: ProblemFile, robot: Robot) -> int:
@@ -143,12 +173,11 @@ def _scatter(noise: NoiseSpec, force: Array, repeats: int) -> Scatter:
         tracker = PAPER_SIGMA_M**2 * symmetric(PAPER_SHARE[None])[0]
     elif noise.tracker is not None:
         tracker = Beam(noise.tracker, noise.tracker_position_m)
-    zeros = 1.0 if noise.zero == "before" else 0.5
     return Scatter(
         force=force,
         repeats=np.full(len(force), float(repeats)),
         force_std=np.hypot(noise.scale_sigma_n, noise.scale_sigma_rel * force),
-        zero=0.0 if noise.displacement_sigma_m is not None else zeros,
+        zero=noise.zero_share,
         tracker=tracker,
     )
 
@@ -158,10 +187,17 @@ def with_steps(problem: Problem, steps: Array) -> Experiment:
     return replace(problem.experiment, scatter=_scatter(problem.spec.noise, np.abs(steps), 1))
 
 
-def _joint_limits(spec: ProblemFile, robot: Robot) -> tuple[Array, Array]:
-    """The robot's limits, narrowed by the problem's; a joint without limits turns once."""
-    lower = np.where(np.isfinite(robot.lower), robot.lower, -np.pi)
-    upper = np.where(np.isfinite(robot.upper), robot.upper, np.pi)
+def _turning(spec: ProblemFile, robot: Robot) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """Joint limits of the robot alone, and within what cables and hoses allow."""
+    return (robot.lower, robot.upper), turns(robot, spec)
+
+
+def _joint_limits(
+    spec: ProblemFile, robot: Robot, lower: Array, upper: Array
+) -> tuple[Array, Array]:
+    """These limits, narrowed by the problem's; a joint without limits turns once."""
+    lower = np.where(np.isfinite(lower), lower, -np.pi)
+    upper = np.where(np.isfinite(upper), upper, np.pi)
     names = [joint.name for joint in robot.joints]
     for name, bounds in spec.limits.joints.items():
         if name not in names:
@@ -185,9 +221,7 @@ def _span(joint: Joint) -> str:
 
 
 def _check_payload(spec: ProblemFile, robot: Robot) -> None:
-    payload, pull = spec.limits.payload_kg, max(spec.pull.steps_n)
-    if spec.diagnosis is not None:
-        pull = max(pull, *(abs(step) for steps in spec.diagnosis.programmes for step in steps))
+    payload, pull = spec.limits.payload_kg, _hardest(spec)
     if payload is not None and pull > payload * _G_N_PER_KG:
         raise InputError(
             f"a pull of {pull:g} N is more than the payload of {payload:g} kg carries "

@@ -9,6 +9,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array
 from pipeline.design.bound import Certificate, certify
+from pipeline.design.cost import Cost, cost
 from pipeline.design.discriminate import Sight, lens
 from pipeline.design.measurement import Measurement, of_mixed, of_plan, seen_by
 from pipeline.design.problem import Problem
@@ -26,6 +27,7 @@ class Proposal:
         certificate: Lower bound of the figure; None while it is not yet computed.
         done: What has been done, for a line of progress.
         mixed: The plan with power to diagnose, where the problem asks for one.
+        cost: What the limits of the cell cost; None without a cell, or while not yet computed.
     """
 
     problem: Problem
@@ -33,6 +35,7 @@ class Proposal:
     certificate: Certificate | None
     done: str
     mixed: Mixed | None = None
+    cost: Cost | None = None
 
     @property
     def figure(self) -> float:
@@ -73,7 +76,7 @@ def propose(problem: Problem, seed: int, effort: Effort | None = None) -> Iterat
         InputError: No plan meets the request; says why and what to change.
     """
     effort = effort or Effort()
-    for_search, for_bound, for_trade = np.random.default_rng(seed).spawn(3)
+    for_search, for_bound, for_trade, for_cost = np.random.default_rng(seed).spawn(4)
     plan: Plan | None = None
     for progress in search(problem, for_search, effort):
         if progress.best is not None:
@@ -86,6 +89,9 @@ def propose(problem: Problem, seed: int, effort: Effort | None = None) -> Iterat
     for certificate in certify(problem, progress.pool, for_bound, rounds, starts):
         done = f"bound, search {certificate.rounds}"
         proposal = replace(proposal, certificate=certificate, done=done)
+        yield proposal
+    if problem.room is not None:
+        proposal = replace(proposal, cost=cost(problem, plan, for_cost), done="without the cell")
         yield proposal
     if (asked := problem.spec.diagnosis) is not None:
         for mixed in trade(lens(problem), plan, asked, for_trade):

@@ -10,6 +10,8 @@ from pipeline.machine.effect import Pulls, branches
 
 READING_S, TIGHTEN_S, POSE_S = 8.0, 60.0, 120.0
 """One reading, tightening or slackening the chain, driving to the next pose."""
+_FEWEST = 3
+"""Poses of a plan at least, as in the paper."""
 
 
 def starts(pulls: Array, targets: int = 3) -> Array:
@@ -17,6 +19,31 @@ def starts(pulls: Array, targets: int = 3) -> Array:
     zero, pull = _lasting(targets)
     spent = POSE_S + 2 * zero + TIGHTEN_S + pull * np.asarray(pulls, dtype=float)
     return np.concatenate([[0.0], np.cumsum(spent)[:-1]])
+
+
+def counts(
+    spent_s: float, pose_s: float, pull_s: float, steps: int, zero: float, poses: int | None
+) -> tuple[int, int]:
+    """Poses, and how often each goes through its load steps, in a given time; 0 for no pull.
+
+    Pulls of a pose share the error of its zero. With the variance zero of it over that of a pull's
+    own reading, k = sqrt(pose_s / (zero pull_s)) pulls at a pose tell most per hour (Cochran,
+    Sampling Techniques, 1977, 10.6); where they share nothing, as many as few poses leave time for.
+
+    Args:
+        spent_s: Time for everything [s].
+        pose_s: What a pose takes without its pulls [s].
+        pull_s: What a pull takes [s].
+        steps: Load steps.
+        zero: Variance of the zero over that of a pull's reading.
+        poses: How many poses, where somebody says.
+    """
+    if poses is None:
+        best = np.sqrt(pose_s / (zero * pull_s)) if zero else np.inf
+        most = (spent_s / _FEWEST - pose_s) / pull_s
+        pulls = steps * max(1, round(min(best, max(most, 0.0)) / steps))
+        poses = max(_FEWEST, int(spent_s // (pose_s + pulls * pull_s)))
+    return poses, max(0, int((spent_s / poses - pose_s) // (steps * pull_s)))
 
 
 def _lasting(targets: int) -> tuple[float, float]:

@@ -152,7 +152,7 @@ def objective(problem: Problem, weight: float) -> Function:
         unseen, slope = _unseen(problem, M)
         W = np.repeat(slope - S / 2, poses, axis=0)
         _, by_q, by_anchor = value_and_slope(experiment, at, W)
-        broken, q_slope, anchor_slope = penalty(problem.limits, at)
+        broken, q_slope, anchor_slope = penalty(problem.limits, at, problem.room)
         value = unseen - log_g / 2 + weight * broken.reshape(len(x), poses).sum(axis=1)
         return value, box.slopes(by_q + weight * q_slope, by_anchor + weight * anchor_slope)
 
@@ -185,12 +185,12 @@ def _exchange(box: Box, x: Array, most: int = 600) -> Array:
 
 
 def _swapped(problem: Problem, q: Array, anchor: Array, pool: Array, rounds: int = 4) -> Array:
-    experiment, limits = problem.experiment, problem.limits
+    experiment, limits, room = problem.experiment, problem.limits, problem.room
     at = station(experiment, pool, anchor)
-    there, cost = information(experiment, at), SOFT * penalty(limits, at)[0]
+    there, cost = information(experiment, at), SOFT * penalty(limits, at, room)[0]
     for _ in range(rounds):
         at = station(experiment, q, anchor)
-        here, own = information(experiment, at), SOFT * penalty(limits, at)[0]
+        here, own = information(experiment, at), SOFT * penalty(limits, at, room)[0]
         total = here.sum(axis=0) + problem.known
         M = total - here[:, None] + there
         tried = _loss(problem, M.reshape(-1, *total.shape)).reshape(M.shape[:2])
@@ -220,7 +220,7 @@ def evaluate(problem: Problem, q: Array, anchor: Array) -> list[Plan]:
     M = information(problem.experiment, at).reshape(k, poses, n, n).sum(axis=1) + problem.known
     figure, std = problem.criterion.figure(M), criteria.relative_std(M)
     inside = ((q >= problem.lower) & (q <= problem.upper)).all(axis=(1, 2))
-    good = kept(problem.limits, at).reshape(k, poses).all(axis=1) & inside
+    good = kept(problem.limits, at, problem.room).reshape(k, poses).all(axis=1) & inside
     good &= (std <= problem.limits.max_relative_std).all(axis=1) & np.isfinite(figure)
     return [Plan(q[i], anchor[i], M[i], float(figure[i]), std[i], bool(good[i])) for i in range(k)]
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from pipeline.base.errors import listed
+from pipeline.base.errors import InputError, listed
 from pipeline.base.strict import (
     Force,
     ForceUncertainty,
@@ -18,15 +18,18 @@ from pipeline.base.strict import (
     Prose,
     Pull,
     Scatter,
+    Seconds,
     Strict,
     Uncertainty,
     checked,
 )
 from pipeline.base.toml import loads, merged
+from pipeline.design.schedule import POSE_S, READING_S, TIGHTEN_S, counts
 from pipeline.machine.instrument import InstrumentNoise
+from pipeline.machine.surroundings import Surrounded
 from pipeline.reduction.settings import Point, TestPose
 
-SHIPPED = ("paper_reference", "diagnosis_reference")
+SHIPPED = ("paper_reference", "paper_cell", "diagnosis_reference")
 
 
 Range = tuple[Length, Length]
@@ -38,6 +41,19 @@ class PlanSize(Strict):
 
     poses: int = Field(ge=1, le=200)
     readings: int = Field(ge=1, le=10_000)
+
+
+class DesignSpec(Strict):
+    """How long the pulls may take in all, and what takes how long [s].
+
+    A pose takes `pose_s`, two readings of every reflector and one slackening; a pull one
+    tightening, and a reading of every reflector and both ends of the chain.
+    """
+
+    minutes: Positive
+    pose_s: Seconds = POSE_S
+    tighten_s: Seconds = TIGHTEN_S
+    reading_s: Annotated[Seconds, Field(gt=0)] = READING_S
 
 
 class PullSpec(Strict):
@@ -90,6 +106,13 @@ class NoiseSpec(Strict):
     zero: Literal["before", "before_after"] = "before_after"
     scale_sigma_n: ForceUncertainty = 0.0
     scale_sigma_rel: Uncertainty = 0.0
+
+    @property
+    def zero_share(self) -> float:
+        """Variance of a pose's zero over that of a reading; 0 where displacements share none."""
+        if self.displacement_sigma_m is not None:
+            return 0.0
+        return 1.0 if self.zero == "before" else 0.5
 
     @model_validator(mode="after")
     def one_tracker(self) -> NoiseSpec:
@@ -153,7 +176,7 @@ class DiagnosisSpec(Strict):
         return value
 
 
-class ProblemFile(Strict):
+class ProblemFile(Surrounded):
     """A whole problem file."""
 
     format: Literal[1]
@@ -162,6 +185,7 @@ class ProblemFile(Strict):
     assumptions: list[Prose] = Field(default_factory=list)
     tool: dict[Name, Point]
     plan: PlanSize
+    design: DesignSpec | None = None
     pull: PullSpec = PullSpec()
     anchor: AnchorSpec
     criterion: CriterionSpec = CriterionSpec()
@@ -175,6 +199,7 @@ class ProblemFile(Strict):
         """Load point, reflectors, and the points of the criterion among them."""
         if "load_point" not in self.tool or len(self.tool) < 2:
             raise ValueError("[tool] needs load_point and at least one reflector")
+        self.accepts_only(self.targets)
         unknown = set(self.criterion.points or []) - set(self.targets)
         if unknown:
             raise ValueError(f"criterion.points: {listed(sorted(unknown))} not in [tool]")
@@ -197,9 +222,19 @@ def parse(text: str, file: str = "problem.toml") -> ProblemFile:
     """A problem file from its TOML text.
 
     Raises:
-        InputError: Not TOML, an unknown word, or a value of the wrong kind.
+        InputError: Not TOML, an unknown word, a value of the wrong kind, or two counts of readings.
     """
-    return validated(loads(text, file), file)
+    content = loads(text, file)
+    if "design" in content and "readings" in content.get("plan", {}):
+        raise InputError(
+            "design.minutes and plan.readings both say how many readings there are",
+            "leave out one of them",
+            file=file,
+        )
+    return validated(content, file)
+
+
+_WAY_OUT = "correct it as docs/design.md describes"
 
 
 def validated(content: dict[str, Any], file: str = "problem.toml") -> ProblemFile:
@@ -208,10 +243,44 @@ def validated(content: dict[str, Any], file: str = "problem.toml") -> ProblemFil
     Raises:
         InputError: An unknown word, a missing table or a value of the wrong kind.
     """
-    way_out = "correct it as docs/design.md describes"
-    return checked(ProblemFile, content, file, "the problem", way_out)
+    if "design" in content:
+        content = _in_time(content, file)
+    return checked(ProblemFile, content, file, "the problem", _WAY_OUT)
+
+
+def _in_time(content: dict[str, Any], file: str) -> dict[str, Any]:
+    """The content with as many poses and readings as `[design] minutes` hold.
+
+    Raises:
+        InputError: They hold none.
+    """
+    asked = checked(DesignSpec, content["design"], file, "design", _WAY_OUT)
+    plan = dict(content.get("plan", {}))
+    one = {"poses": 1, "readings": 1}
+    spec = checked(ProblemFile, content | {"plan": one | plan}, file, "the problem", _WAY_OUT)
+    targets, steps = len(spec.targets), max(1, len(spec.pull.steps_n))
+    pose_s = asked.pose_s + 2 * targets * asked.reading_s + asked.tighten_s
+    pull_s = asked.tighten_s + (targets + 2) * asked.reading_s
+    poses, sets = counts(
+        60 * asked.minutes, pose_s, pull_s, steps, spec.noise.zero_share, plan.get("poses")
+    )
+    if not sets:
+        need = poses * (pose_s + steps * pull_s) / 60
+        raise InputError(
+            f"design.minutes = {asked.minutes:g} is too short for {poses} poses with {steps} pulls "
+            f"each, which take {need:.0f} min",
+            "give more time, or plan fewer poses",
+            file=file,
+        )
+    return content | {"plan": plan | {"poses": poses, "readings": poses * sets * steps}}
 
 
 def revised(spec: ProblemFile, changes: dict[str, Any]) -> ProblemFile:
-    """The problem with some entries changed; tables inside `changes` are merged."""
-    return validated(merged(spec.model_dump(exclude_unset=True), changes), "the options")
+    """The problem with some entries changed; tables inside `changes` are merged.
+
+    Readings that are asked for go before those that a time holds.
+    """
+    content = merged(spec.model_dump(exclude_unset=True), changes)
+    if "readings" in changes.get("plan", {}):
+        content.pop("design", None)
+    return validated(content, "the options")

@@ -196,7 +196,7 @@ def _near(
     reach = 10.0 ** rng.uniform(-2.5, -0.7, (count, 1))
     q = visit.q + reach * span * rng.standard_normal((count, len(span)))
     q = np.clip(q, problem.lower, problem.upper)
-    q = q[kept(problem.limits, station(problem.experiment, q, anchor))]
+    q = q[kept(problem.limits, station(problem.experiment, q, anchor), problem.room)]
     return _visits(view, q, anchor, np.full(len(q), visit.approach), visit.steps)
 
 
@@ -245,7 +245,7 @@ def feasible_poses(problem: Problem, anchor: Array, rng: np.random.Generator, co
     found = np.empty((0, problem.robot.n))
     for _ in range(40):
         q = box.opened(rng.uniform(size=(2000, box.size)))[0][:, 0]
-        good = kept(problem.limits, station(problem.experiment, q, anchor))
+        good = kept(problem.limits, station(problem.experiment, q, anchor), problem.room)
         found = np.vstack([found, q[good]])[:count]
         if len(found) == count:
             break

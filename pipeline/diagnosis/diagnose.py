@@ -24,6 +24,7 @@ from pipeline.machine.cell import Cell
 from pipeline.machine.effect import Effect, Noise
 from pipeline.machine.effects import catalogue
 from pipeline.machine.effects.nameless import nameless
+from pipeline.machine.room import Room
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.system import alarms
@@ -56,6 +57,7 @@ def diagnose(
     drift: Drift | None = None,
     noise: Components | None = None,
     shape: Shape | None = None,
+    room: Room | None = None,
 ) -> Diagnosis:
     """Find what the paper's model misses in one campaign.
 
@@ -69,6 +71,7 @@ def diagnose(
         drift: What the base reflectors show of the tracker, where they show anything.
         noise: Noise found in the campaign; found in its pulls when not given.
         shape: Tails and wander that the measurements carry; none when not given.
+        room: What a proposed pose must leave free.
     """
     whole = catalogue(cell.robot, data.pulls) if effects is None else effects
     known = twins(cell.robot)
@@ -78,7 +81,7 @@ def diagnose(
     if stood.believed:
         data = corrected(hung, data, stood)
         case, spread = case_of(cell, data, estimate, whole, known, noise)
-    case = replace(case, refuted=stood.visible, shape=shape)
+    case = replace(case, refuted=stood.visible, shape=shape, room=room)
     case, spread, found = _searched(case, spread, estimate.value, rng)
     worth = _gain(case, found, rng)
     facts = replace(_facts(case, found, spread), gain=worth)

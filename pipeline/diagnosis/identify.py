@@ -13,6 +13,7 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.diagnosis.facts import ROUGH
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import Effect
+from pipeline.machine.room import Room
 from pipeline.reduction.measured import Measured
 from pipeline.system.detect import Lack, Threshold, lack_of_fit, threshold
 from pipeline.system.elimination import coefficients, eliminate
@@ -57,6 +58,7 @@ class Case:
             cause and do not, by label.
         shape: Tails and wander of the noise as the data carry them; None where all readings are
             alike.
+        room: What a proposed pose must leave free; None where nobody says.
     """
 
     cell: Cell
@@ -68,6 +70,7 @@ class Case:
     nameless: tuple[Effect, ...] = ()
     refuted: Mapping[str, float] = field(default_factory=dict)
     shape: Shape | None = None
+    room: Room | None = None
 
     def linearised(self, model: Model, near: Linearised | None = None) -> Linearised:
         """The campaign linearised at a model, with the errors of a near one where it is given."""

@@ -22,7 +22,7 @@ from pipeline.diagnosis.facts import APART, Proposal
 from pipeline.diagnosis.identify import Case
 from pipeline.machine.cell import sensitivity
 from pipeline.machine.effect import Effect, Pulls
-from pipeline.machine.poses import default_anchors, draw_poses
+from pipeline.machine.poses import default_anchors, draw_poses, try_poses
 from pipeline.machine.robot import configure
 from pipeline.system.elimination import eliminate
 from pipeline.system.evidence import WIDTHS
@@ -74,12 +74,20 @@ def candidates(case: Case, rng: np.random.Generator) -> Candidates:
     Args:
         case: The case.
         rng: Draws the poses.
+
+    Returns:
+        The candidates; fewer, or none, where the cell leaves little room.
     """
     robot, tool, done = case.cell.robot, case.cell.tool, case.data.pulls
     anchors = default_anchors(robot)
     which = np.arange(_CANDIDATES) % len(anchors)
     points = np.vstack([tool.load_point, tool.points])
-    q = draw_poses(robot, points, anchors, which, rng)
+    if case.room is None:
+        q = draw_poses(robot, points, anchors, which, rng)
+    else:
+        q = try_poses(robot, points, anchors, which, rng, case.room)
+        found = ~np.isnan(q[:, 0])
+        q, which = q[found], which[found]
     at = configure(robot, q).points(points)[:, 0]
     chain = anchors[which] - at
     unit = chain / np.linalg.norm(chain, axis=1, keepdims=True)

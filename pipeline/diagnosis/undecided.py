@@ -36,6 +36,8 @@ def next_poses(
         among: Candidates = candidates(case, rng)
     except InputError:
         return ()
+    if not len(among.anchor):
+        return ()
     return tuple(propose(found.wide, questions, among))
 
 

@@ -6,7 +6,9 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.errors import InputError
+from pipeline.machine.gaps import free
 from pipeline.machine.robot import Configuration, Robot, configure
+from pipeline.machine.room import Room
 
 _CHAIN_M = (1.2, 4.5)
 """Shortest and longest sensible chain, scale and turnbuckle included."""
@@ -83,16 +85,11 @@ def draw_poses(
     Raises:
         InputError: An anchor is out of reach.
     """
-    found = np.full((len(which), robot.n), np.nan)
-    for _ in range(200):
-        open_poses = np.flatnonzero(np.isnan(found[:, 0]))
-        if not len(open_poses):
-            return found
-        pose = np.repeat(open_poses, 16)
-        candidates = rounded(robot, _candidates(robot, anchors[which[pose]], rng))
-        good = feasible(robot, candidates, tool, anchors[which[pose]])
-        found[pose[good][::-1]] = candidates[good][::-1]
-    at = anchors[which[open_poses[0]]].tolist()
+    found = try_poses(robot, tool, anchors, which, rng)
+    missing = np.flatnonzero(np.isnan(found[:, 0]))
+    if not len(missing):
+        return found
+    at = anchors[which[missing[0]]].tolist()
     raise InputError(
         f"no feasible pose found for the anchor at {at} m",
         "give an anchor within reach of the arm, or the joint values of the poses",
@@ -100,9 +97,37 @@ def draw_poses(
     )
 
 
-def _candidates(robot: Robot, anchor: Array, rng: np.random.Generator) -> Array:
+def try_poses(
+    robot: Robot,
+    tool: Array,
+    anchors: Array,
+    which: Ints,
+    rng: np.random.Generator,
+    room: Room | None = None,
+) -> Array:
+    """As `draw_poses`, NaN for the poses that were not found; in a room only those that fit it."""
+    found = np.full((len(which), robot.n), np.nan)
+    lower, upper = (robot.lower, robot.upper) if room is None else (room.lower, room.upper)
+    for _ in range(200):
+        open_poses = np.flatnonzero(np.isnan(found[:, 0]))
+        if not len(open_poses):
+            break
+        pose = np.repeat(open_poses, 16)
+        anchor = anchors[which[pose]]
+        candidates = rounded(robot, _candidates(robot, lower, upper, anchor, rng))
+        good = feasible(robot, candidates, tool, anchor)
+        if room is not None:
+            some = np.flatnonzero(good)
+            good[some] = free(room, configure(robot, candidates[some]), tool, anchor[some])
+        found[pose[good][::-1]] = candidates[good][::-1]
+    return found
+
+
+def _candidates(
+    robot: Robot, lower: Array, upper: Array, anchor: Array, rng: np.random.Generator
+) -> Array:
     full_turn = np.where(robot.prismatic, _FAR_M, np.pi)
-    lower, upper = np.maximum(robot.lower, -full_turn), np.minimum(robot.upper, full_turn)
+    lower, upper = np.maximum(lower, -full_turn), np.minimum(upper, full_turn)
     lower = np.broadcast_to(lower, (len(anchor), robot.n)).copy()
     upper = np.broadcast_to(upper, (len(anchor), robot.n)).copy()
     if robot.joints[0].prismatic:

@@ -23,6 +23,7 @@ from pipeline.base.threads import MUCH, both
 from pipeline.machine import instrument
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import Robot
+from pipeline.machine.room import turns
 from pipeline.readers import Export, logs
 from pipeline.readers.assignment import assigned
 from pipeline.readers.known import Body, settled
@@ -91,6 +92,7 @@ def ingest(
     """
     if settings.test_pose is not None:
         settings.test_pose.within_limits(robot)
+    turns(robot, settings)
     log = settings.joints.file
     logged = logs.joints(log, _file(raw, log, "[joints]"), robot, settings.joints)
     joints = logs.of_poses(logged)

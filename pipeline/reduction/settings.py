@@ -36,6 +36,7 @@ from pipeline.base.strict import (
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.poses import from_log_units
 from pipeline.machine.robot import Robot
+from pipeline.machine.surroundings import Surrounded
 from pipeline.readers import Hints
 from pipeline.readers._log_form import LogForm
 from pipeline.readers.known import Body
@@ -323,7 +324,7 @@ class Model(Strict):
     equilibrium: Literal["undeformed", "deformed"] = "undeformed"
 
 
-class Settings(Strict):
+class Settings(Surrounded):
     """A whole campaign.toml."""
 
     format: Literal[1]
@@ -369,6 +370,7 @@ class Settings(Strict):
         lacking = [name for name in ("load_point", *self.measured) if name not in self.tool]
         if lacking and self.positions is None:
             raise ValueError(f"[tool] lacks {', '.join(lacking)}")
+        self.accepts_only(self.measured)
         return self
 
     @model_validator(mode="after")

@@ -16,6 +16,7 @@ from pipeline.design.control import Control
 from pipeline.design.curves import ByAnchor, BySize
 from pipeline.design.discriminate import Sight
 from pipeline.design.information import station
+from pipeline.design.made import cell_lines
 from pipeline.design.measurement import Measurement
 from pipeline.design.problem import Problem, with_steps
 from pipeline.design.propose import Proposal
@@ -292,7 +293,9 @@ def _telling(proposal: Proposal, extras: Extras) -> Section | None:
         zip(proposal.problem.robot.joints, proposal.relative_std, strict=True),
         "At nominal stiffness and the stated noise; below 50 % the report calls it identifiable.",
     )
-    blocks = [Text(worth(proposal)), _search_note(proposal), table, *_curves(proposal, extras)]
+    cell = [Text(f"{capital(one)}.") for one in cell_lines(proposal)]
+    curves = _curves(proposal, extras)
+    blocks = [Text(worth(proposal)), _search_note(proposal), *cell, table, *curves]
     return section_of("worth", "What it will tell", blocks)
 
 

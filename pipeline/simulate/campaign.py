@@ -17,6 +17,7 @@ from pipeline.base.strict import STANDARD_GRAVITY
 from pipeline.machine.poses import in_log_units
 from pipeline.machine.robot import SHIPPED, Robot
 from pipeline.machine.robot import load as load_robot
+from pipeline.machine.surroundings import tooled
 from pipeline.readers import READERS, WRITERS, Readings, text_of
 from pipeline.simulate.blunders import Notebook, controller_axes
 from pipeline.simulate.hidden import Planted, blunders
@@ -248,7 +249,7 @@ def _campaign_toml(plan: Plan, robot: str) -> bytes:
         "base_frame": plan.base_frame,
         **_loaded_by(plan),
         "joints": {"file": "joints.csv"},
-        "tool": plan.tool,
+        **tooled(plan.tool, plan),
         "test_pose": plan.test_pose and plan.test_pose.model_dump(),
     }
     return toml.dumps(toml.given(content)).encode()

@@ -31,6 +31,7 @@ from pipeline.base.strict import Pull as PullForce
 from pipeline.base.toml import loads, merged
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import Robot, rating
+from pipeline.machine.surroundings import Surrounded
 from pipeline.readers._coordinates import Usual
 from pipeline.reduction.settings import Payload, Point, Scale, TestPose
 from pipeline.store.campaign import unfit
@@ -217,7 +218,7 @@ class Hidden(Strict):
     effects: list[Name] = Field(default=[])
 
 
-class Plan(Strict):
+class Plan(Surrounded):
     """A whole virtual campaign; with the seed it determines every byte that is written."""
 
     name: str = Field(default="kr500_demo", pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$")
@@ -247,6 +248,7 @@ class Plan(Strict):
         """A load point and at least one target; three base reflectors, or none."""
         if "load_point" not in self.tool or len(self.tool) < 2:
             raise ValueError("tool needs load_point and at least one target")
+        self.accepts_only(self.targets)
         if 0 < len(self.base_frame) < 3:
             raise ValueError("base_frame needs at least three reflectors, or none")
         return self

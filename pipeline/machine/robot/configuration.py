@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.base.arrays import Array, Locked
+from pipeline.machine.robot.capsules import Capsules
 from pipeline.machine.robot.mdh import Robot
 
 
@@ -44,6 +45,18 @@ class Configuration(Locked):
     def frame(self, joint: int) -> tuple[Array, Array]:
         """Rotation (m, 3, 3) and origin (m, 3) of the frame of joint 1..n."""
         return self.axes[:, joint - 1], self.origin[:, joint - 1]
+
+    def placed(self, bodies: Capsules) -> Array:
+        """Both ends of capsules in F_b [m], shape (2, 3, c, m), the m poses side by side."""
+        out = np.empty((2, 3, len(bodies), len(self.q)))
+        out[:] = bodies.ends.transpose(0, 2, 1)[..., None]
+        moving = np.flatnonzero(bodies.carrier)
+        joint = bodies.carrier[moving] - 1
+        axes = self.axes.transpose(3, 2, 1, 0)[:, :, joint]  # which axis, xyz, capsule, pose
+        origin = self.origin.transpose(2, 1, 0)[:, joint]
+        for end, x in zip(out, bodies.ends[:, moving, :, None], strict=True):
+            end[:, moving] = origin + x[:, 0] * axes[0] + x[:, 1] * axes[1] + x[:, 2] * axes[2]
+        return out
 
 
 def configure(robot: Robot, q: Array) -> Configuration:

@@ -21,7 +21,8 @@ from pipeline.machine.robot.configuration import (
     rotation_about,
     translation_along,
 )
-from pipeline.machine.robot.mdh import Fixed, Joint, Robot, RobotFile, along_x, along_z, parse
+from pipeline.machine.robot.mdh import Joint, Robot, RobotFile, along_x, along_z, parse
+from pipeline.machine.robot.steps import Fixed
 
 _PARALLEL = 0.2
 """Sine of the angle between axes below which they count as parallel [1]."""

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from pipeline.base import files, toml
 from pipeline.base.arrays import Array, Bools, Locked
@@ -29,6 +29,8 @@ from pipeline.base.strict import (
     Prose,
     Stiffness,
 )
+from pipeline.machine.robot.capsules import BASE, Capsule, Capsules, capsules
+from pipeline.machine.robot.steps import Fixed, screw_x, screw_z, turn_y
 
 SHIPPED = (
     "kr500_rail",
@@ -168,23 +170,6 @@ _TURNING = (
 """What only a sliding and only a turning joint has."""
 
 
-class Fixed(BaseModel):
-    """A constant step between two frames: a shift [m], then Rz(yaw) Ry(pitch) Rx(roll) [deg]."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    xyz_m: tuple[Length, Length, Length] = (0.0, 0.0, 0.0)
-    rpy_deg: tuple[Degrees, Degrees, Degrees] = (0.0, 0.0, 0.0)
-
-    @property
-    def step(self) -> Array:
-        """The second frame in the first, shape (4, 4)."""
-        roll, pitch, yaw = np.deg2rad(self.rpy_deg)
-        step = _screw_z(yaw, 0.0) @ _turn_y(pitch) @ _screw_x(roll, 0.0)
-        step[:3, 3] = self.xyz_m
-        return step
-
-
 class Controller(BaseModel):
     """How the controller's axes become the model's joint variables: q = matrix @ axes + offset."""
 
@@ -210,6 +195,10 @@ class RobotFile(BaseModel):
     base: Fixed | None = None
     flange: Fixed | None = None
     joint: list[Joint] = Field(min_length=1)
+    capsules: list[Capsule] = Field(
+        default=[], validation_alias=AliasChoices("capsules", "capsule")
+    )
+    capsules_source: Prose = ""
     controller: Controller | None = None
     length_sigma_m: Positive | None = None
     angle_sigma_deg: Positive | None = None
@@ -230,6 +219,7 @@ class Robot(Locked):
         controller_offset: [rad] or [m], shape (n,).
         assumptions: What the file assumes, for the report.
         payload_kg: What its manufacturer lets it carry, None when the file does not say.
+        capsules: Its bodies; none where the file has none.
         text: The file itself, for hashing and the report.
         roughness: How far its lengths [m] and angles [rad] are off as delivered, one standard
             deviation; NaN where the file does not say.
@@ -245,6 +235,7 @@ class Robot(Locked):
     controller_offset: Array
     assumptions: tuple[str, ...]
     payload_kg: float | None
+    capsules: Capsules
     text: str
     roughness: tuple[float, float] = (math.nan, math.nan)
 
@@ -274,16 +265,6 @@ class Robot(Locked):
         return np.array([1.0 / joint.typical_stiffness for joint in self.joints])
 
 
-def _screw_x(alpha: float, a: float) -> Array:
-    c, s = np.cos(alpha), np.sin(alpha)
-    return np.array([[1, 0, 0, a], [0, c, -s, 0], [0, s, c, 0], [0, 0, 0, 1.0]])
-
-
-def _screw_z(theta: float, r: float) -> Array:
-    c, s = np.cos(theta), np.sin(theta)
-    return np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, r], [0, 0, 0, 1.0]])
-
-
 def _letters(row: Joint, convention: str) -> tuple[float, float]:
     """The row's shift along x and along z [m], whatever letters its convention uses."""
     if convention == "khalil":
@@ -295,21 +276,16 @@ def _letters(row: Joint, convention: str) -> tuple[float, float]:
     return row.a_m or 0.0, row.d_m
 
 
-def _turn_y(beta: float) -> Array:
-    c, s = np.cos(beta), np.sin(beta)
-    return np.array([[c, 0, s, 0], [0, 1, 0, 0], [-s, 0, c, 0], [0, 0, 0, 1.0]])
-
-
 def along_x(row: Joint, convention: str) -> Array:
     """The part of a row along and about x, and its turn about y behind it, shape (4, 4)."""
     shift, _ = _letters(row, convention)
-    return _screw_x(np.deg2rad(row.alpha_deg), shift) @ _turn_y(np.deg2rad(row.beta_deg))
+    return screw_x(np.deg2rad(row.alpha_deg), shift) @ turn_y(np.deg2rad(row.beta_deg))
 
 
 def along_z(row: Joint, convention: str) -> Array:
     """The part of a row along and about z, without the joint's own motion, shape (4, 4)."""
     _, shift = _letters(row, convention)
-    return _screw_z(np.deg2rad(row.theta_deg), shift)
+    return screw_z(np.deg2rad(row.theta_deg), shift)
 
 
 def placements(file: RobotFile) -> tuple[Array, Array]:
@@ -334,6 +310,20 @@ def placements(file: RobotFile) -> tuple[Array, Array]:
             behind = np.eye(4)
     after = Fixed() if file.flange is None else file.flange
     return np.array(placement), behind @ after.step
+
+
+def _links(file: RobotFile) -> dict[str, tuple[int, Array]]:
+    """Number of each link and the frame of its row in that of its joint, (4, 4)."""
+    behind = [np.eye(4)] * len(file.joint)
+    if file.convention == "standard":
+        behind = [_distal(row) for row in file.joint]
+    rows = {row.name: (k, T) for k, (row, T) in enumerate(zip(file.joint, behind, strict=True), 1)}
+    return {BASE: (0, np.eye(4)), **rows}
+
+
+def _distal(row: Joint) -> Array:
+    """What a distal row puts behind its joint, (4, 4)."""
+    return along_z(row, "standard") @ along_x(row, "standard")
 
 
 def parse(text: str, file: str) -> Robot:
@@ -367,6 +357,7 @@ def parse(text: str, file: str) -> Robot:
         controller_offset=offset,
         assumptions=tuple(content.assumptions),
         payload_kg=content.payload_kg,
+        capsules=capsules(content.capsules, _links(content), content.capsules_source, file),
         text=text,
         roughness=(
             content.length_sigma_m or math.nan,

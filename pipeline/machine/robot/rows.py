@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array
-from pipeline.machine.robot.mdh import Fixed
+from pipeline.machine.robot.steps import Fixed
 
 _ROUNDING = 1e-9
 """[m], [rad]: what a distance or an angle below this is in numbers of about ten digits."""

@@ -18,7 +18,7 @@ from pydantic import ValidationError
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Locked
 from pipeline.base.errors import InputError, listed
-from pipeline.machine.robot.mdh import Fixed
+from pipeline.machine.robot.steps import Fixed
 
 TYPES = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 """Joints of a URDF that a robot file has."""

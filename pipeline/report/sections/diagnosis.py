@@ -43,7 +43,7 @@ def diagnosis(answer: Answer, tables: Tables) -> Section | None:
         _alone(found.alone),
         Text(shared) if shared else None,
         *figures(("gain", "evidence", "separability"), answer, tables),
-        next_poses(found.next_poses),
+        next_poses(found.next_poses, found.next_poses_in),
         next_joint_values(found.next_poses, answer.stiffness),
         blind_spots(found.blind_spots),
     ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pipeline.answer.contract import BlindSpot, JointType, NextPose, Stiffness
+from pipeline.answer.contract import BlindSpot, Cell, JointType, NextPose, Stiffness
 from pipeline.base.quantities import common_prefix, plain, prefixed
 from pipeline.report import words
 from pipeline.report.columns import Cells, number, roughly, said, table_of
@@ -18,7 +18,7 @@ _WIDE = 300.0
 _Numbered = tuple[int, NextPose]
 
 
-def next_poses(poses: Sequence[NextPose]) -> Table | None:
+def next_poses(poses: Sequence[NextPose], cell: Cell | None) -> Table | None:
     """The proposed poses and what each of them would tell apart; None without any."""
     columns: list[Cells[_Numbered]] = [
         number("Pose", lambda one: one[0], str),
@@ -30,9 +30,20 @@ def next_poses(poses: Sequence[NextPose]) -> Table | None:
     ]
     note = (
         "To be pulled in the usual load steps. The two causes are those that stay closest with "
-        "this pose and those above it; below 4.6 σ two are not told apart reliably."
+        f"this pose and those above it; below 4.6 σ two are not told apart reliably. {_fits(cell)}"
     )
     return table_of("next-poses", "What to measure next", columns, enumerate(poses, 1), note)
+
+
+def _fits(cell: Cell | None) -> str:
+    """What the poses were checked for, and what they were not."""
+    if cell is None:
+        return (
+            "Whether beams arrive and nothing touches is not checked: campaign.toml has no [cell]."
+        )
+    kept = f"They keep {', '.join(cell.kept)}." if cell.kept else ""
+    left = f"Not checked: {'; '.join(cell.not_checked)}." if cell.not_checked else ""
+    return f"{kept} {left}".strip()
 
 
 def _how(pose: NextPose) -> str:

@@ -1,0 +1,226 @@
+"""How near poses come to what a cell does not leave free, and how that changes with the joints.
+
+A gap changes by sum_k g_k . dp_k of the points p_k of the arm that make it. Seen from the joints
+these g_k are forces: the slope of any sum of gaps is the torque tau_j = twist_j . W of the wrench
+W = (p x g, g) that acts beyond joint j, Eq. (5). The poses are the last axis of arrays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.base.arrays import Array, Bools, Ints
+from pipeline.machine.robot import Configuration
+from pipeline.machine.room import Room
+from pipeline.machine.segments import closest, dot, length
+
+_ROUNDED = 1e-3
+"""Poses that are drawn keep every gap wider [m] or [1]: they are printed in whole 1e-4 deg."""
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """Points of the arm that gaps depend on.
+
+    Attributes:
+        at: In F_b [m], shape (3, k).
+        carrier: Number of the joint that carries each, 0 for what stands still, shape (k,).
+        slope: Derivative of the gap by the point, shape (3, k).
+    """
+
+    at: Array
+    carrier: Ints
+    slope: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Gaps:
+    """Narrow gaps, k of them in all poses together.
+
+    Attributes:
+        pose: Which pose each is of, from 0, shape (k,).
+        value: Positive where kept [m], [1] for cosines, shape (k,).
+        points: The points of the arm that each depends on.
+        by_anchor: Derivative by the anchor of the chain, shape (3, k); None where it has no part.
+    """
+
+    pose: Ints
+    value: Array
+    points: tuple[Point, ...]
+    by_anchor: Array | None = None
+
+
+def gaps(room: Room, at: Configuration, points: Array, anchor: Array, near: float) -> list[Gaps]:
+    """Everything that a room wants free and that is narrow, at every pose.
+
+    Args:
+        room: What a pose must leave free.
+        at: The poses.
+        points: Load point, then reflectors, in F_b [m], shape (1 + t, 3, m).
+        anchor: Where the chain is attached, F_b [m], shape (3, m).
+        near: Gaps that are as wide [m] or [1] are left out.
+    """
+    places = points.transpose(1, 0, 2)
+    far = np.empty_like(places)
+    far[:] = (anchor if room.tracker is None else room.tracker[:, None])[:, None]
+    far[:, 0] = anchor
+    ends = at.placed(room.bodies)
+    found = [_touching(room, places, far, ends, near)]
+    if room.cones:
+        found.append(_shot(room, at, places, far, near))
+    if room.floor is not None:
+        found.append(_grounded(room, places, ends, near))
+    return found
+
+
+def free(room: Room, at: Configuration, tool: Array, anchor: Array) -> Bools:
+    """Poses that leave everything free and keep the joints within what cables allow, shape (m,).
+
+    Args:
+        room: What a pose must leave free.
+        at: The poses.
+        tool: Load point, then reflectors, flange frame [m], shape (1 + t, 3).
+        anchor: Where the chain of each pose is attached, F_b [m], shape (m, 3).
+    """
+    out: Bools = np.all((at.q >= room.lower) & (at.q <= room.upper), axis=1)
+    for found in gaps(room, at, np.moveaxis(at.points(tool), 0, -1), anchor.T, _ROUNDED):
+        out[found.pose] = False
+    return out
+
+
+def pushed(at: Configuration, every: Sequence[tuple[Gaps, Array]]) -> tuple[Array, Array]:
+    """Slope of a weighted sum of gaps in each pose, by joints (m, n) and by the anchor (m, 3).
+
+    Args:
+        at: The poses.
+        every: Gaps, each with its weights, shape (k,).
+    """
+    m, n = at.q.shape
+    wrench, by_anchor = np.zeros((6, n + 1, m)), np.zeros((3, m))
+    acting = [(p, f.pose, weight) for f, weight in every for p in f.points if len(f.pose)]
+    if acting:
+        place = np.concatenate([p.carrier * m + pose for p, pose, _ in acting])
+        force = np.concatenate([weight * p.slope for p, _, weight in acting], axis=1)
+        x, y, z = np.concatenate([p.at for p, _, _ in acting], axis=1)
+        u, v, w = force
+        for part, values in zip(
+            wrench, (y * w - z * v, z * u - x * w, x * v - y * u, u, v, w), strict=True
+        ):
+            part += np.bincount(place, values, (n + 1) * m).reshape(n + 1, m)
+    for found, weight in every:
+        if found.by_anchor is not None:
+            for part, values in zip(by_anchor, weight * found.by_anchor, strict=True):
+                part += np.bincount(found.pose, values, m)
+    by_q, beyond = np.empty((n, m)), np.zeros((6, m))
+    twists = at.twists.transpose(1, 2, 0)
+    for joint in range(n, 0, -1):
+        beyond += wrench[:, joint]
+        by_q[joint - 1] = (twists[joint - 1] * beyond).sum(axis=0)
+    return by_q.T, by_anchor.T
+
+
+def _shot(room: Room, at: Configuration, places: Array, far: Array, near: float) -> Gaps:
+    """Cosine between the line that leaves a point and the axis of its cone, less its limit.
+
+    value = b . d - cos(limit) with b = (end - p) / L; d, carried by the flange, is the difference
+    of the points p + d and p.
+    """
+    point = np.array([cone.point for cone in room.cones])
+    axis = np.stack([cone.axis for cone in room.cones], axis=1)[:, None, :, None]
+    limit = np.cos([cone.half_angle for cone in room.cones])
+    d = (axis * at.flange_axes.transpose(2, 1, 0)[:, :, None]).sum(axis=0)  # xyz, cone, pose
+    line = (far - places)[:, point]
+    reach = length(line)
+    value = dot(line, d) / reach - limit[:, None]
+    which, pose = np.nonzero(value < near)
+    value, reach, d = value[which, pose], reach[which, pose], d[:, which, pose]
+    b, p = line[:, which, pose] / reach, places[:, point[which], pose]
+    along = (d - (value + limit[which]) * b) / reach
+    carrier = np.full(len(pose), room.joints)
+    points = Point(p + d, carrier, b), Point(p, carrier, -b - along)
+    return Gaps(pose, value, points, along * (point[which] == 0))
+
+
+def _grounded(room: Room, places: Array, ends: Array, near: float) -> Gaps:
+    """Height over the floor of points of the effector, and of what capsules reach down to."""
+    lifted = np.flatnonzero(room.lifted)
+    ends = ends[:, :, lifted]
+    low = np.where(ends[0, 2] < ends[1, 2], ends[0], ends[1])
+    every = np.concatenate([places, low], axis=1)
+    none = np.zeros(places.shape[1])
+    value = every[2] - np.concatenate([none, room.bodies.radius[lifted]])[:, None] - room.floor
+    which, pose = np.nonzero(value < near)
+    effector = np.full(places.shape[1], room.joints)
+    carrier = np.concatenate([effector, room.bodies.carrier[lifted]])[which]
+    up = np.repeat([[0.0], [0.0], [1.0]], len(pose), axis=1)
+    return Gaps(pose, value[which, pose], (Point(every[:, which, pose], carrier, up),))
+
+
+def _touching(room: Room, places: Array, far: Array, ends: Array, near: float) -> Gaps:
+    """Distance of capsules from each other, and of beams and chain from capsules.
+
+    A line is a capsule without thickness that ends where nothing moves. Computed only where one
+    and the ball around the other are near enough.
+    """
+    radius, carrier = room.bodies.radius, room.bodies.carrier
+    i, j, pose = _near_pairs(room, ends, near)
+    point, body, when = _near_lines(room, places, far, ends, near)
+    body, pose = np.concatenate([j, body]), np.concatenate([pose, when])
+    start = np.concatenate([ends[0][:, i, pose[: len(i)]], places[:, point, when]], axis=1)
+    end = np.concatenate([ends[1][:, i, pose[: len(i)]], far[:, point, when]], axis=1)
+    c, d = ends[0][:, body, pose], ends[1][:, body, pose]
+    s, t = closest(start, end, c, d)
+    q, between = c + t * (d - c), start + s * (end - start) - c - t * (d - c)
+    distance = length(between)
+    thick = np.concatenate([radius[i], np.zeros(len(point))]) + radius[body]
+    some = np.flatnonzero(distance - thick < near)
+    normal = between[:, some] / distance[some].clip(1e-12)
+    line, s = (some >= len(i)), s[some]
+    moving = np.concatenate([carrier[i], np.full(len(point), room.joints)])[some]
+    from_start = np.where(line, 0.0, s) * (end - start)[:, some]  # a beam pulls at its beginning
+    p = Point(start[:, some] + from_start, moving, np.where(line, 1 - s, 1.0) * normal)
+    points = p, Point(q[:, some], carrier[body[some]], -normal)
+    chain = np.concatenate([np.zeros(len(i), bool), point == 0])[some]
+    return Gaps(pose[some], (distance - thick)[some], points, chain * s * normal)
+
+
+def _near_pairs(room: Room, ends: Array, near: float) -> tuple[Ints, Ints, Ints]:
+    """Pairs of capsules, one near the ball around the other, and in which pose, (k,) each."""
+    half, radius = room.bodies.half, room.bodies.radius
+    i, j = room.pairs  # the second is the longer one
+    middle = (ends[0][:, i] + ends[1][:, i]) / 2
+    reach = half[i] + radius[i] + radius[j] + near
+    off = _from_line(ends[0][:, j], ends[1][:, j], middle)
+    which, pose = np.nonzero(off < reach[:, None] ** 2)
+    return i[which], j[which], pose
+
+
+def _near_lines(
+    room: Room, places: Array, far: Array, ends: Array, near: float
+) -> tuple[Ints, Ints, Ints]:
+    """Lines of points and capsules, one near the ball around the other, by pose, (k,) each.
+
+    The ball around a rail is a hall: the box around what stands still is asked in its place.
+    """
+    start, end = places[:, :, None], far[:, :, None]
+    reach = room.bodies.radius[:, None] + near
+    off = _from_line(start, end, (ends[0] + ends[1])[:, None] / 2)
+    found = (off < (room.bodies.half[:, None] + reach) ** 2) & room.crossed[..., None]
+    still = room.bodies.carrier == 0
+    box = ends[:, :, None, still]
+    above = np.minimum(start, end) < np.maximum(*box) + reach[still]
+    below = np.maximum(start, end) > np.minimum(*box) - reach[still]
+    found[:, still] &= (above & below).all(axis=0)
+    point, body, pose = np.nonzero(found)
+    return point, body, pose
+
+
+def _from_line(a: Array, b: Array, p: Array) -> Array:
+    """Squared distance of points p from segments ab [m^2], (3, ...) each."""
+    u, w = b - a, p - a
+    along, whole = dot(w, u), dot(u, u).clip(1e-12)
+    share = np.clip(along / whole, 0, 1)
+    return np.asarray(dot(w, w) - share * (2 * along - share * whole))

@@ -1,0 +1,319 @@
+"""What a pose must leave free: beams, chain, the arm itself and the floor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.base.errors import InputError, listed
+from pipeline.machine.robot import Configuration, Robot, configure
+from pipeline.machine.robot.capsules import Capsules
+from pipeline.machine.robot.configuration import torque, velocity
+from pipeline.machine.segments import closest, length, nearest
+from pipeline.machine.surroundings import Surrounded
+
+_SEAT_M = 0.01905
+"""The centre of a reflector of 1.5 inch is so far [m] from what it is mounted on: nearer to a hull
+of the flange it sits on it."""
+_STILL = 1e-9
+"""What a joint lifts by less, per metre or radian [m], it does not lift."""
+_AXIS_M = 1e-6
+"""A point nearer to the line of a capsule [m] has no side that is outward."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cone(Locked):
+    """From where a point of the effector can be reached.
+
+    Attributes:
+        rule: What is kept, in words.
+        point: 0 for the load point, whose line is the chain; k for the k-th reflector.
+        axis: Unit vector, flange frame, shape (3,).
+        half_angle: [rad].
+    """
+
+    rule: str
+    point: int
+    axis: Array
+    half_angle: float
+
+
+@dataclass(frozen=True, eq=False)
+class Room(Locked):
+    """What a pose must leave free.
+
+    Attributes:
+        joints: Number of joints; what the last one carries are flange and effector.
+        lower: Joint limits [m] or [rad] within what cables and hoses allow, shape (n,).
+        upper: The same, shape (n,).
+        tracker: Where beams come from in F_b [m], shape (3,), None where nobody says.
+        floor: Height of the floor in F_b [m], None where nobody says.
+        cones: From where reflectors and load point can be reached.
+        bodies: Capsules of robot and effector.
+        pairs: Capsules that may not touch each other, the shorter one first, shape (2, p).
+        crossed: Which capsules the line of each point may not cross, points as of `Cone`,
+            shape (1 + t, c).
+        lifted: Capsules that some joint lifts, shape (c,): the others stand on the floor.
+    """
+
+    ITSELF: ClassVar[str] = "the arm clear of itself"
+    BEAM: ClassVar[str] = "the beams clear of the arm"
+    CHAIN: ClassVar[str] = "the chain clear of the arm"
+    FLOOR: ClassVar[str] = "arm and effector above the floor"
+
+    joints: int
+    lower: Array
+    upper: Array
+    tracker: Array | None
+    floor: float | None
+    cones: tuple[Cone, ...]
+    bodies: Capsules
+    pairs: Ints
+    crossed: Bools
+    lifted: Bools
+
+    def only(self, rule: str) -> Room:
+        """The room that asks for one rule alone."""
+        none = np.zeros((2, 0), dtype=np.int64)
+        return replace(
+            self,
+            cones=tuple(one for one in self.cones if one.rule == rule),
+            floor=self.floor if rule == self.FLOOR else None,
+            pairs=self.pairs if rule == self.ITSELF else none,
+            crossed=self.crossed & ([[_line(k) == rule] for k in range(len(self.crossed))]),
+        )
+
+    @property
+    def rules(self) -> tuple[str, ...]:
+        """What is kept, in words."""
+        ground = [self.FLOOR] * (self.floor is not None)
+        itself = [self.ITSELF] * bool(self.pairs.size)
+        every = [
+            *(one.rule for one in self.cones),
+            *map(_line, np.flatnonzero(self.crossed.any(axis=1)).tolist()),
+            *itself,
+            *ground,
+        ]
+        return tuple(dict.fromkeys(every))
+
+    def kept(self, robot: Robot) -> tuple[str, ...]:
+        """All that poses of this room keep, in words, cables included."""
+        turned = [
+            f"{joint.name} within {np.rad2deg(low):g} to {np.rad2deg(high):g} deg"
+            for joint, low, high in zip(robot.joints, self.lower, self.upper, strict=True)
+            if low > joint.lower or high < joint.upper
+        ]
+        return (*self.rules, *turned)
+
+
+def _line(point: int) -> str:
+    """The rule that keeps a line free: the chain, or a beam."""
+    return Room.BEAM if point else Room.CHAIN
+
+
+def room_of(
+    robot: Robot, points: Mapping[str, Array], said: Surrounded, hardest_n: float
+) -> Room | None:
+    """What the cell of a file leaves free; None where the file has no `[cell]`.
+
+    Args:
+        robot: The robot.
+        points: load_point, then the reflectors, flange frame [m].
+        said: What the file says of cell and effector.
+        hardest_n: The hardest pull [N]: a reflector is to be shot unloaded and loaded, and its
+            acceptance is narrower by what that pull turns the beam against the flange.
+
+    Raises:
+        InputError: `[cell]` has a turn of a joint that the robot has not.
+    """
+    if said.cell is None:
+        return None
+    lower, upper = turns(robot, said)
+    tool, at = np.array(list(points.values()), dtype=float), said.cell.tracker_m
+    tracker = None if at is None else np.array(at)
+    bodies = robot.capsules.beside(_effector(robot, said))
+    outward, crossed = _reached(robot, tool, bodies, tracker is not None)
+    turned = 0.0 if tracker is None else turned_by(robot, tool, lower, upper, hardest_n, tracker)
+    shot = [] if tracker is None else accepted(points, said)
+    cones = [replace(one, half_angle=max(one.half_angle - turned, 0.0)) for one in shot]
+    return Room(
+        joints=robot.n,
+        lower=lower,
+        upper=upper,
+        tracker=tracker,
+        floor=said.cell.floor_z_m,
+        cones=(*cones, *outward),
+        bodies=bodies,
+        pairs=_pairs(robot, bodies)[0],
+        crossed=crossed,
+        lifted=_lifted(robot, bodies),
+    )
+
+
+def turns(robot: Robot, said: Surrounded) -> tuple[Array, Array]:
+    """Joint limits [m] or [rad], shape (n,) each, within what cables and hoses allow.
+
+    Raises:
+        InputError: `[cell] max_turn_deg` has a joint that does not turn, or that is none.
+    """
+    lower, upper = robot.lower.copy(), robot.upper.copy()
+    names = [joint.name for joint in robot.joints if not joint.prismatic]
+    for name, most in (said.cell.max_turn_deg if said.cell else {}).items():
+        if name not in names:
+            raise InputError(
+                f'[cell] max_turn_deg has "{name}", and {robot.name} has no such joint that turns',
+                f"its joints that turn are {listed(names)}",
+            )
+        k = [joint.name for joint in robot.joints].index(name)
+        most_rad = float(np.deg2rad(most))
+        if lower[k] >= most_rad or upper[k] <= -most_rad:
+            raise InputError(
+                f"[cell] max_turn_deg.{name} = {most:g} leaves nothing of the limits "
+                f"{np.rad2deg(lower[k]):g} to {np.rad2deg(upper[k]):g} deg of that joint",
+                "allow a larger turn, or correct the robot file",
+            )
+        lower[k], upper[k] = max(lower[k], -most_rad), min(upper[k], most_rad)
+    return lower, upper
+
+
+def unchecked(robot: Robot, targets: Sequence[str], said: Surrounded) -> tuple[str, ...]:
+    """What nobody gives, and a pose is therefore not checked for, in words."""
+    if said.cell is None:
+        return ("beams, collisions, floor and cables: there is no [cell]",)
+    cell, out = said.cell, list[str]()
+    if cell.tracker_m is None:
+        out.append("beams: [cell] has no tracker_m")
+    elif lacking := [name for name in targets if name not in said.tool_acceptance]:
+        out.append(f"from where {listed(lacking)} can be shot: not in [tool.acceptance]")
+    if not len(robot.capsules):
+        out.append("collisions of the arm, its beams and its chain: the robot has no [[capsules]]")
+    if not said.tool_capsules:
+        out.append("the body of the effector: there are no [[tool.capsules]]")
+    if cell.floor_z_m is None:
+        out.append("the floor: [cell] has no floor_z_m")
+    if not cell.max_turn_deg:
+        out.append("cables and hoses: [cell] has no max_turn_deg")
+    touching = _pairs(robot, robot.capsules.beside(_effector(robot, said)))[1]
+    out += [
+        f"{one} against {other}: at the zero of all joints they touch" for one, other in touching
+    ]
+    return tuple(out)
+
+
+def accepted(points: Mapping[str, Array], said: Surrounded) -> list[Cone]:
+    """From where each reflector can be shot, as stated; `points` as of `room_of`."""
+    names = list(points)
+    return [
+        Cone(
+            f"the beam within the acceptance of {name}",
+            names.index(name),
+            np.array(one.direction) / np.linalg.norm(one.direction),
+            float(np.deg2rad(one.half_angle_deg)),
+        )
+        for name, one in said.tool_acceptance.items()
+    ]
+
+
+def turned_by(
+    robot: Robot, tool: Array, lower: Array, upper: Array, force_n: float, tracker: Array
+) -> float:
+    """Largest turn of a beam against the flange between unloaded and loaded [rad].
+
+    By the nominal stiffnesses, |sum_j c_j tau_j omega_j| + |sum_j c_j tau_j J_j| / L, Eqs. (4) to
+    (7): the flange turns, and the reflector moves across its beam of length L. In a thousand poses,
+    each pulled some way.
+
+    Args:
+        robot: The robot.
+        tool: Load point, then reflectors, flange frame [m], shape (1 + t, 3).
+        lower: Joint limits [m] or [rad], shape (n,).
+        upper: The same.
+        force_n: On the load point [N].
+        tracker: F_b [m], shape (3,).
+    """
+    rng, at = np.random.default_rng(0), _anywhere(robot, lower, upper, 1000)
+    pull = rng.normal(size=(1000, 3))
+    pull *= force_n / np.linalg.norm(pull, axis=1, keepdims=True)
+    points = at.points(tool)
+    amount = robot.nominal_compliance * torque(at.twists, points[:, 0], pull)
+    tilt = np.linalg.norm(np.einsum("mn,mni->mi", amount, at.twists[..., :3]), axis=-1)
+    moved = np.einsum("mn,mtni->mti", amount, velocity(at.twists, points[:, 1:]))
+    reach = np.linalg.norm(points[:, 1:] - tracker, axis=-1)
+    return float((tilt[:, None] + np.linalg.norm(moved, axis=-1) / reach).max(initial=0.0))
+
+
+def _anywhere(robot: Robot, lower: Array, upper: Array, count: int) -> Configuration:
+    """Random poses, of a joint without limits within one turn or a metre of its zero."""
+    rng = np.random.default_rng(0)
+    lower = np.where(np.isfinite(lower), lower, np.where(robot.prismatic, -1.0, -np.pi))
+    upper = np.where(np.isfinite(upper), upper, np.where(robot.prismatic, 1.0, np.pi))
+    return configure(robot, rng.uniform(lower, upper, (count, robot.n)))
+
+
+def _effector(robot: Robot, said: Surrounded) -> Capsules:
+    """Bodies of the effector, in the frame of the last joint."""
+    ends = [[(one.start, one.end)[k] for one in said.tool_capsules] for k in range(2)]
+    at = np.array(ends, dtype=float).reshape(2, -1, 3)
+    return Capsules(
+        np.full(at.shape[1], robot.n),
+        at @ robot.flange[:3, :3].T + robot.flange[:3, 3],
+        np.array([one.radius for one in said.tool_capsules], dtype=float),
+    )
+
+
+def _reached(robot: Robot, tool: Array, bodies: Capsules, seen: bool) -> tuple[list[Cone], Bools]:
+    """What the line from each point of the effector may not cross.
+
+    The capsules of its own link hold a point that sits in or on them. Its line leaves these
+    outwards, into the half space beyond the point: further along it is only farther away.
+    """
+    cones, crossed = list[Cone](), np.zeros((len(tool), len(bodies)), dtype=bool)
+    flange = robot.flange
+    at = tool @ flange[:3, :3].T + flange[:3, 3]
+    for point in range(len(tool) if seen else 1):
+        for body, carrier in enumerate(bodies.carrier):
+            a, b = bodies.ends[:, body, :, None]
+            p = at[point][:, None]
+            off = (p - a - nearest(a, b, p) * (b - a))[:, 0]
+            far = float(np.linalg.norm(off))
+            if carrier != robot.n or far > bodies.radius[body] + _SEAT_M:
+                crossed[point, body] = True
+            elif far > _AXIS_M:
+                cones.append(Cone(_line(point), point, flange[:3, :3].T @ off / far, np.pi / 2))
+    return cones, crossed
+
+
+def _pairs(robot: Robot, bodies: Capsules) -> tuple[Ints, list[tuple[str, str]]]:
+    """Capsules that may not touch, (2, p), and links whose capsules cannot be told to.
+
+    Left out are capsules of one link, those of links that follow each other among the links that
+    have any, and those that touch with every joint at zero, or at the limit next to it.
+    """
+    at = configure(robot, np.clip(np.zeros(robot.n), robot.lower, robot.upper)[None])
+    order = np.unique(bodies.carrier, return_inverse=True)[1]
+    i, j = np.triu_indices(len(bodies), 1)
+    i, j = (one[np.abs(order[i] - order[j]) > 1] for one in (i, j))
+    ends = at.placed(bodies)[..., 0]
+    a, b, c, d = ends[0][:, i], ends[1][:, i], ends[0][:, j], ends[1][:, j]
+    s, t = closest(a, b, c, d)
+    distance = length(a + s * (b - a) - c - t * (d - c))
+    touch = distance <= bodies.radius[i] + bodies.radius[j]
+    names = ["base", *(joint.name for joint in robot.joints)]
+    carrier = bodies.carrier.tolist()
+    left = {(names[carrier[k]], names[carrier[m]]) for k, m in zip(i[touch], j[touch], strict=True)}
+    i, j = i[~touch], j[~touch]
+    longer = bodies.half[i] > bodies.half[j]
+    return np.array([np.where(longer, j, i), np.where(longer, i, j)]), sorted(left)
+
+
+def _lifted(robot: Robot, bodies: Capsules) -> Bools:
+    """Capsules whose height some joint changes, looked at in 64 poses, shape (c,)."""
+    at = _anywhere(robot, robot.lower, robot.upper, 64)
+    ends = np.moveaxis(at.placed(bodies), (0, 1, 2, 3), (1, 3, 2, 0))  # pose, end, capsule, xyz
+    lift = np.abs(velocity(at.twists, ends.reshape(64, -1, 3))[..., 2])
+    carried = np.arange(robot.n) < np.tile(bodies.carrier, 2)[:, None]
+    return (lift.max(axis=0) * carried).max(axis=1).reshape(2, -1).max(axis=0) > _STILL

@@ -1,0 +1,123 @@
+"""What campaign.toml, a plan and a design problem say of the cell that a pose must fit into."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import AliasChoices, ConfigDict, Field, field_validator, model_validator
+
+from pipeline.base.errors import listed
+from pipeline.base.strict import Length, Name, Positive, Strict
+
+_Point = tuple[Length, Length, Length]
+
+_NO_DIRECTION = 1e-9
+"""A direction is longer; its length does not count."""
+
+
+class Acceptance(Strict):
+    """From where a reflector can be shot: a cone about a direction, flange frame."""
+
+    direction: _Point
+    half_angle_deg: Annotated[float, Field(gt=0, le=180)]
+
+    @field_validator("direction")
+    @classmethod
+    def points_somewhere(cls, direction: _Point) -> _Point:
+        """Its length does not count, but it has one."""
+        if np.linalg.norm(direction) < _NO_DIRECTION:
+            raise ValueError("the direction is zero; give the one that the reflector faces")
+        return direction
+
+
+class Surroundings(Strict):
+    """`[cell]`: what stands around the robot, F_b; what is not given is not checked.
+
+    Attributes:
+        tracker_m: Where the tracker's beam comes from [m].
+        floor_z_m: Height of the floor [m]: arm, effector and reflectors stay above it.
+        max_turn_deg: How far a joint may stand from its zero either way, for cables and hoses
+            that are led along it: never more than the joint's own limits [deg].
+    """
+
+    tracker_m: _Point | None = None
+    floor_z_m: Length | None = None
+    max_turn_deg: dict[Name, Annotated[float, Field(gt=0, le=1e5)]] = Field(default_factory=dict)
+
+
+class EffectorCapsule(Strict):
+    """One `[[tool.capsules]]`: a body of the effector, flange frame [m]."""
+
+    model_config = ConfigDict(serialize_by_alias=True)
+
+    start: _Point = Field(
+        validation_alias=AliasChoices("from", "from_m"), serialization_alias="from"
+    )
+    end: _Point = Field(validation_alias=AliasChoices("to", "to_m"), serialization_alias="to")
+    radius: Positive = Field(validation_alias=AliasChoices("radius", "radius_m"))
+
+
+def _nothing(value: object) -> bool:
+    """Said by nobody."""
+    return not value
+
+
+class Surrounded(Strict):
+    """A file with a tool in a cell.
+
+    Attributes:
+        cell: The cell; None where the file has none, and then nothing of it is checked.
+        tool_acceptance: From where each reflector can be shot.
+        tool_capsules: Bodies of the effector.
+    """
+
+    model_config = ConfigDict(serialize_by_alias=True)
+
+    cell: Surroundings | None = Field(default=None, exclude_if=_nothing)
+    tool_acceptance: dict[Name, Acceptance] = Field(
+        default_factory=dict, alias="tool.acceptance", exclude_if=_nothing
+    )
+    tool_capsules: list[EffectorCapsule] = Field(
+        default=[], alias="tool.capsules", exclude_if=_nothing
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def points_and_bodies_apart(cls, content: Any) -> Any:
+        """`[tool]` holds points by name; its tables of other kinds stand beside it from here on."""
+        tool = content.get("tool") if isinstance(content, Mapping) else None
+        if not isinstance(tool, Mapping):
+            return content
+        inner = {f"tool.{key}": tool[key] for key in ("acceptance", "capsules") if key in tool}
+        points = {key: value for key, value in tool.items() if f"tool.{key}" not in inner}
+        return {**content, **inner, "tool": points}
+
+    @property
+    def around(self) -> dict[str, Any]:
+        """`[cell]` and the tables of `[tool]` that are no points, as another file takes them."""
+        said = self.model_dump(
+            include={"cell", "tool_acceptance", "tool_capsules"}, exclude_none=True
+        )
+        if said.get("cell", {}).get("max_turn_deg") == {}:
+            del said["cell"]["max_turn_deg"]
+        return said
+
+    def accepts_only(self, targets: list[str]) -> None:
+        """Only reflectors have an acceptance.
+
+        Raises:
+            ValueError: Another name has one.
+        """
+        if unknown := sorted(set(self.tool_acceptance) - set(targets)):
+            raise ValueError(
+                f"tool.acceptance has {listed(unknown)}, the reflectors are {listed(targets)}"
+            )
+
+
+def tooled(points: Mapping[str, Any], said: Surrounded) -> dict[str, Any]:
+    """`[tool]` with its points and what else it holds, and `[cell]`, as a file has them."""
+    around = said.around
+    inner = {key.removeprefix("tool."): around.pop(key) for key in list(around) if key != "cell"}
+    return {"tool": {**points, **inner}, **around}

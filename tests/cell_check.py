@@ -1,0 +1,202 @@
+"""Is a pose free? By Pinocchio, coal and a ray, from the robot file's own words.
+
+Nothing here is taken from the package but the robot's file and its model for Pinocchio.
+"""
+
+import itertools
+import tomllib
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from pipeline.machine.robot.model import model
+
+CELL = {
+    "tracker_m": [5.0, 7.5, 1.2],
+    "floor_z_m": -0.891,
+    "max_turn_deg": {"theta5": 200.0, "theta7": 270.0},
+}
+TOOL = {
+    "load_point": [0.15, 0.0, 0.25],
+    "P1": [0.15, 0.0, 0.1],
+    "P2": [-0.075, 0.1299, 0.1],
+    "P3": [-0.075, -0.1299, 0.1],
+    "acceptance": {
+        "P1": {"direction": [0.2, 0.0, 1.0], "half_angle_deg": 40.0},
+        "P2": {"direction": [0.0, 0.0, 1.0], "half_angle_deg": 50.0},
+        "P3": {"direction": [0.0, 0.0, 3.0], "half_angle_deg": 50.0},
+    },
+    "capsules": [{"from": [0.05, 0.0, 0.03], "to": [0.05, 0.0, 0.21], "radius": 0.09}],
+}
+"""A cell beside the rail, and an effector whose reflectors face away from the flange.
+
+P1 and the load point sit on its body, P2 and P3 stand free.
+"""
+
+
+class Checked:
+    """A robot in a cell, for one pose at a time."""
+
+    def __init__(self, robot, cell, tool):
+        self.robot, self.cell, self.tool = robot, cell, tool
+        self.built = model(robot)
+        self.data = self.built.createData()
+        rows = tomllib.loads(robot.text).get("capsules", [])
+        rows = [(row["link"], row["from"], row["to"], row["radius"]) for row in rows]
+        inside = [("flange", c["from"], c["to"], c["radius"]) for c in tool.get("capsules", [])]
+        self.rows = rows + inside
+        self.order = {"base": 0, **{j.name: k for k, j in enumerate(robot.joints, 1)}}
+        self.order["flange"] = robot.n
+        zero = np.clip(np.zeros(robot.n), robot.lower, robot.upper)
+        self.pairs = []
+        ranks = sorted({self.order[row[0]] for row in self.rows})
+        for i, j in itertools.combinations(range(len(self.rows)), 2):
+            one, other = (ranks.index(self.order[self.rows[k][0]]) for k in (i, j))
+            if abs(one - other) > 1:
+                self.pairs.append((i, j))
+        self.touching_at_zero = {p for p in self.pairs if self.apart(zero, p) <= 0}
+
+    def frame(self, link):
+        """Where a link is, once the pose is set."""
+        if link == "base":
+            return pin.SE3.Identity()
+        if link == "flange":
+            return self.data.oMf[self.built.getFrameId("flange")]
+        return self.data.oMi[self.built.getJointId(link)]
+
+    def set(self, q):
+        """Stand in a pose."""
+        pin.framesForwardKinematics(self.built, self.data, np.asarray(q, float))
+
+    def ends(self, k):
+        """Both ends of a capsule in F_b."""
+        link, start, end, _ = self.rows[k]
+        return [self.frame(link).act(np.array(p, float)) for p in (start, end)]
+
+    def shape(self, k):
+        """A coal capsule with its transform."""
+        a, b = self.ends(k)
+        length = np.linalg.norm(b - a)
+        z = (b - a) / length if length > 0 else np.array([0.0, 0.0, 1.0])
+        x = np.cross(z, [1.0, 0, 0] if abs(z[0]) < 0.9 else [0, 1.0, 0])
+        x /= np.linalg.norm(x)
+        R = np.stack([x, np.cross(z, x), z], axis=1)
+        return coal.Capsule(self.rows[k][3], length), coal.Transform3s(R, (a + b) / 2)
+
+    def apart(self, q, pair):
+        """Distance of two capsules by coal, negative where they overlap."""
+        self.set(q)
+        found = coal.DistanceResult()
+        shapes = [one for k in pair for one in self.shape(k)]
+        return coal.distance(*shapes, coal.DistanceRequest(), found)
+
+    def point(self, name):
+        """A point of the effector in F_b."""
+        return self.frame("flange").act(np.array(self.tool[name], float))
+
+    def loaded(self, q, force):
+        """Joint values under the pull: each gives way by its compliance times its torque."""
+        pin.computeJointJacobians(self.built, self.data, q)
+        self.set(q)
+        at = self.point("load_point")
+        J = pin.getFrameJacobian(
+            self.built, self.data, self.built.getFrameId("flange"), pin.LOCAL_WORLD_ALIGNED
+        )
+        lever = at - self.frame("flange").translation
+        torque = J[:3].T @ force + J[3:].T @ np.cross(lever, force)
+        return q + self.robot.nominal_compliance * torque
+
+    def complaints(self, q, anchor, force_n):
+        """Everything that a pose breaks, unloaded and loaded, in words."""
+        q = np.asarray(q, float)
+        out = [
+            f"{name} turns too far"
+            for name, most in self.cell.get("max_turn_deg", {}).items()
+            if abs(q[self.order[name] - 1]) > np.deg2rad(most) + 1e-9
+        ]
+        self.set(q)
+        pull = np.asarray(anchor, float) - self.point("load_point")
+        bent = self.loaded(q, force_n * pull / np.linalg.norm(pull))
+        out += [f"unloaded: {one}" for one in self._shots(q)]
+        out += [f"loaded: {one}" for one in self._shots(bent)]
+        out += [
+            f"{self.rows[i][0]} in {self.rows[j][0]}"
+            for i, j in self.pairs
+            if (i, j) not in self.touching_at_zero and self.apart(q, (i, j)) < -1e-6
+        ]
+        self.set(q)
+        out += self._lines(anchor)
+        return out + self._low()
+
+    def _shots(self, q):
+        """Reflectors that the tracker shoots from beyond their acceptance."""
+        self.set(q)
+        R = self.frame("flange").rotation
+        for name, one in self.tool.get("acceptance", {}).items():
+            beam = np.array(self.cell["tracker_m"]) - self.point(name)
+            faced = R @ np.array(one["direction"])
+            sine = np.linalg.norm(np.cross(beam, faced))
+            if np.rad2deg(np.arctan2(sine, beam @ faced)) > one["half_angle_deg"]:
+                yield f"{name} beyond its acceptance"
+
+    def _lines(self, anchor):
+        """Capsules that beams or chain cross, where the line begins outside of them."""
+        out = []
+        for name in (n for n in self.tool if n not in ("acceptance", "capsules")):
+            end = anchor if name == "load_point" else self.cell["tracker_m"]
+            for k, (link, *_, radius) in enumerate(self.rows):
+                p, e = self.point(name), np.array(end, float)
+                own = self.order[link] == self.robot.n
+                if own and off_segment(p, *self.ends(k)) <= radius + 0.01905:
+                    if digs_in(p, e, *self.ends(k)):
+                        out.append(f"line from {name} into {link}")
+                elif hit(p, e, *self.ends(k), radius - 1e-6):
+                    out.append(f"line from {name} through {link}")
+        return out
+
+    def _low(self):
+        floor = self.cell.get("floor_z_m")
+        if floor is None:
+            return []
+        low = [
+            f"{self.rows[k][0]} in the floor"
+            for k in range(len(self.rows))
+            if self.order[self.rows[k][0]] > 2  # base, carriage and carousel stand on it
+            and min(p[2] for p in self.ends(k)) - self.rows[k][3] < floor - 1e-6
+        ]
+        names = [n for n in self.tool if n not in ("acceptance", "capsules")]
+        return low + [f"{n} in the floor" for n in names if self.point(n)[2] < floor]
+
+
+def off_segment(p, a, b):
+    """Distance of a point from a segment."""
+    long = (b - a) @ (b - a)
+    share = np.clip((p - a) @ (b - a) / long, 0, 1) if long else 0.0
+    return float(np.linalg.norm(a + share * (b - a) - p))
+
+
+def digs_in(p, e, a, b):
+    """Whether a line gets nearer to a segment in its first tenth of a millimetre."""
+    ahead = p + 1e-4 * (e - p) / np.linalg.norm(e - p)
+    return off_segment(ahead, a, b) < off_segment(p, a, b) - 1e-9
+
+
+def hit(p, e, a, b, r):
+    """Whether the ray from p to e enters a capsule: roots of cylinder and of both spheres."""
+    reach = np.linalg.norm(e - p)
+    d, ba, oa = (e - p) / reach, b - a, p - a
+    long, bd, bo, do = ba @ ba, ba @ d, ba @ oa, d @ oa
+    A, B, C = long - bd**2, long * do - bo * bd, long * (oa @ oa) - bo**2 - r**2 * long
+    disc = B * B - A * C
+    if A > 1e-12 and disc >= 0:
+        for t in ((-B - np.sqrt(disc)) / A, (-B + np.sqrt(disc)) / A):
+            if 0 < t < reach and 0 < bo + t * bd < long:
+                return True
+    for c in (a, b):
+        half, rest = d @ (p - c), (p - c) @ (p - c) - r**2
+        if half**2 >= rest:
+            roots = -half - np.sqrt(half**2 - rest), -half + np.sqrt(half**2 - rest)
+            if any(0 < t < reach for t in roots):
+                return True
+    return False
