@@ -9,7 +9,7 @@ import logging
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from pipeline.base.errors import Unfinished, UsageError
 from pipeline.base.executor import SEE, Done, Sent, tried
@@ -36,6 +36,7 @@ class Cluster:
     """
 
     address: str
+    near: ClassVar[bool] = False
 
     def results(self, work: Callable[[S], T], items: Iterable[S]) -> Iterator[Done[S, T]]:
         """As they end.

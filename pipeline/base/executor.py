@@ -19,7 +19,7 @@ from functools import partial
 from multiprocessing import connection, get_context, parent_process
 from multiprocessing.context import SpawnProcess
 from multiprocessing.process import BaseProcess
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 from pipeline.base.errors import PipelineError, Unfinished
 
@@ -69,7 +69,13 @@ class Done(Generic[S, T]):
 
 
 class Executor(Protocol):
-    """Carries out work on many items."""
+    """Carries out work on many items.
+
+    Attributes:
+        near: Whether the work sees the folders of this machine.
+    """
+
+    near: ClassVar[bool]
 
     def results(self, work: Callable[[S], T], items: Iterable[S]) -> Iterator[Done[S, T]]:
         """What becomes of each item, as it ends; items are taken when there is room for them.
@@ -118,6 +124,8 @@ def _portable(problem: Exception) -> Exception:
 class Here:
     """In this process, one after another."""
 
+    near: ClassVar[bool] = True
+
     def results(self, work: Callable[[S], T], items: Iterable[S]) -> Iterator[Done[S, T]]:
         """In the order of the items."""
         for item in items:
@@ -137,6 +145,7 @@ class Processes:
     """
 
     number: int = field(default_factory=lambda: os.cpu_count() or 1)
+    near: ClassVar[bool] = True
 
     def results(self, work: Callable[[S], T], items: Iterable[S]) -> Iterator[Done[S, T]]:
         """As they end; an item whose process is lost is begun again in another, at most twice."""
