@@ -62,7 +62,7 @@ class Cluster:
     def _ended(self, client: Any, futures: list[Any]) -> list[Any]:
         """Those that have ended, one at least."""
         while True:
-            with contextlib.suppress(TimeoutError):
+            with contextlib.suppress(TimeoutError), client.as_current():
                 return [*_dask().wait(futures, _DESERTED_S, "FIRST_COMPLETED").done]
             if not self._threads(client):
                 thing = f"the cluster at {self.address} has no worker any more"
