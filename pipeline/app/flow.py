@@ -116,8 +116,31 @@ def _scanned(root: Path, hand_out: bool) -> Iterator[Outcome]:
     except InputError as problem:  # somebody has edited it meanwhile
         yield from watch.told_once(root, [failed(watch.SERVICE, problem)])
         return
+    if hand_out:
+        _take_up(root)
     with Guard(root, "prefect", preferences.service) as guard:
         yield from watch.scan(root, preferences, _Pool(guard) if hand_out else guard)
+
+
+def _take_up(root: Path) -> None:
+    """Begin those runs of campaigns again that a worker which is gone has left."""
+    begun = FlowRunFilter.model_validate(
+        {"state": {"type": {"any_": [StateType.PENDING, StateType.RUNNING]}}}
+    )
+    own = FlowFilter.model_validate({"name": {"any_": [attend.name]}})
+    known = {one.name: one for one in every(root)}
+    with get_client(sync_client=True) as client:
+        for run in client.read_flow_runs(flow_filter=own, flow_run_filter=begun, limit=200):
+            campaign = known.get(run.parameters["campaign"])
+            if run.state and _left(run.state, campaign):
+                client.set_flow_run_state(run.id, Scheduled(name="Again"), force=True)
+
+
+def _left(state: State[Any], campaign: Campaign | None) -> bool:
+    """Whether nobody is at a run that has begun; the campaign is None where it is gone."""
+    patience_s = _SETTLES_S if state.type == StateType.RUNNING else service.PATIENCE_S
+    age_s = (datetime.now(UTC) - state.timestamp).total_seconds()
+    return age_s > patience_s and (campaign is None or not watch.attended(campaign))
 
 
 @dataclass(frozen=True)
@@ -125,8 +148,8 @@ class _Pool:
     """Has campaigns brought up to date by the workers of a pool, one flow run for each.
 
     A run is known by what it was handed out for: the files of its campaign, the code, and how often
-    these have failed. So nothing is handed out twice, and what a worker that is gone has left
-    begins again as the same run.
+    these have failed. So nothing is handed out twice; where a run has ended and there is something
+    to do still, such as a report that somebody has removed, it begins once more.
     """
 
     guard: Guard
@@ -145,22 +168,13 @@ class _Pool:
             timeout=0,
             as_subflow=False,
         )
-        if _left(run.state, campaign):
+        if run.state.is_final() and run.state.type != StateType.CANCELLED:  # which somebody wants
             with get_client(sync_client=True) as client:
                 client.set_flow_run_state(run.id, Scheduled(name="Again"), force=True)
 
     def pages(self) -> Outcome | None:
         """The page over all campaigns, which this worker draws."""
         return self.guard.pages()
-
-
-def _left(state: State[Any], campaign: Campaign) -> bool:
-    """Whether a run of a campaign that is still to be done has ended, or nobody is at it."""
-    if state.type in (StateType.SCHEDULED, StateType.CANCELLED, StateType.CANCELLING):
-        return False  # it will begin, or somebody does not want it
-    patience_s = {StateType.PENDING: service.PATIENCE_S, StateType.RUNNING: _SETTLES_S}
-    age_s = (datetime.now(UTC) - state.timestamp).total_seconds()
-    return age_s > patience_s.get(state.type, 0.0) and not watch.attended(campaign)
 
 
 @flow(name="run-campaign", flow_run_name=_named, persist_result=False)
