@@ -116,7 +116,7 @@ def _scanned(root: Path, hand_out: bool) -> Iterator[Outcome]:
     except InputError as problem:  # somebody has edited it meanwhile
         yield from watch.told_once(root, [failed(watch.SERVICE, problem)])
         return
-    if hand_out:
+    if hand_out := hand_out and preferences.storage.raw is None:  # copies are this worker's alone
         _take_up(root)
     with Guard(root, "prefect", preferences.service) as guard:
         yield from watch.scan(root, preferences, _Pool(guard) if hand_out else guard)
