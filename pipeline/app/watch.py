@@ -318,7 +318,7 @@ def _tell(campaign: Campaign, whom: Notify) -> None:
     if seen.verdict == seen.told or not seen.settled:
         return
     if whom.webhook is None or notify.posted(whom.webhook, message(campaign, seen)):
-        _remember(campaign, seen.model_copy(update={"told": seen.verdict}))
+        _remember(campaign, recall(campaign).model_copy(update={"told": seen.verdict}))
 
 
 def message(campaign: Campaign, seen: Seen) -> dict[str, str | None]:
