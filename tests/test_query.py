@@ -1,6 +1,7 @@
 """Questions across campaigns: rows as the answers have them; nothing else is read or written."""
 
 import csv
+import errno
 import io
 import json
 import re
@@ -125,6 +126,30 @@ def test_a_run_writes_its_rows(tmp_path):
     table = pq.read_table(fleet.folder(tmp_path) / "campaigns")
     assert table.column("campaign").to_pylist() == ["a"]
     assert table.column("robot").to_pylist() == ["fanuc_r2000ic"]
+
+
+def test_tables_that_cannot_be_written_stop_no_run(project, capsys):
+    """A file is in their place: `run` is done as ever, a query says what is in the way."""
+    shutil.rmtree(fleet.folder(project), ignore_errors=True)
+    fleet.folder(project).write_bytes(b"")
+
+    code = cli._exit_code(["run", "first", "--engine", "local", "--root", str(project)])
+    assert code == 0
+    assert cli._exit_code(["query", "FROM campaigns", "--root", str(project)]) == 3
+    assert "move it out of the way" in capsys.readouterr().err
+
+
+def test_a_project_that_is_read_only_is_asked_all_the_same(project, monkeypatch):
+    """Where nothing has changed nothing is locked; where it has, rows are those of the last run."""
+    before = told(project)
+
+    def refuse(*_, **__):
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr(fleet, "FileLock", refuse)
+    assert told(project) == before
+    rewritten(project, "b", verdict_sentence=["Measured anew."])
+    assert told(project) == before
 
 
 @pytest.mark.parametrize("query", queries(), ids=range(len(queries())))

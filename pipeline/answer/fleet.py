@@ -156,7 +156,7 @@ def refresh(root: Path) -> None:
         CannotWrite: The disk refuses.
     """
     place, there = folder(root), _marks(root)
-    if not there and not place.is_dir():
+    if not _stale(_known(place), there):  # before any lock: a finished project may be read-only
         return
     with files.writing(place):
         place.mkdir(parents=True, exist_ok=True)
@@ -180,15 +180,12 @@ def _bring_up_to_date(place: Path, there: Mapping[str, tuple[Campaign, str]]) ->
     known = _known(place)
     if not known:
         _clear(place)
-    changed = {n for n, (_, mark) in there.items() if n not in known or known[n].mark != mark}
-    stale = changed | (known.keys() - there.keys())
-    if not stale:
-        return
+    stale = _stale(known, there)
     entries = {name: entry for name, entry in known.items() if name not in stale}
     new: dict[tuple[str, str], list[dict[str, pa.Table]]] = {}
     for name in stale & known.keys():
         new.setdefault((known[name].robot, _part(name)), [])
-    for name in sorted(changed):
+    for name in sorted(stale & there.keys()):
         campaign, mark = there[name]
         try:
             answer = archive.read(campaign)
@@ -200,6 +197,12 @@ def _bring_up_to_date(place: Path, there: Mapping[str, tuple[Campaign, str]]) ->
         _write(place, robot, part, rows, stale)
     content = {name: [entry.mark, entry.robot] for name, entry in sorted(entries.items())}
     files.write(place / _INDEX, dump({"code": code_version(), "campaigns": content}))
+
+
+def _stale(known: Mapping[str, _Entry], there: Mapping[str, tuple[Campaign, str]]) -> set[str]:
+    """Campaigns whose rows are not those of their present answer."""
+    changed = {n for n, (_, mark) in there.items() if n not in known or known[n].mark != mark}
+    return changed | (known.keys() - there.keys())
 
 
 def _known(place: Path) -> dict[str, _Entry]:

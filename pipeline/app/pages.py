@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from filelock import FileLock
@@ -12,6 +13,7 @@ from pipeline.answer import fleet
 from pipeline.answer.archive import Finished, earlier, finished, mark, read, shown
 from pipeline.answer.history import previous
 from pipeline.base import files
+from pipeline.base.errors import CannotWrite
 from pipeline.store.campaign import Campaign, code_version, dump, recalled, versions
 
 INDEX_MANIFEST = "index.json"
@@ -33,7 +35,8 @@ def refresh(root: Path) -> Path | None:
         before = previous(one.answer, answers)
         if (one.campaign.manifest() or {}).get("previous") != mark(before):
             _tell(one.campaign)
-    fleet.refresh(root)
+    with suppress(CannotWrite):  # the next query makes what is missing, or says why not
+        fleet.refresh(root)
     return _index(root, everyone) if everyone else None
 
 
