@@ -199,6 +199,7 @@ def test_two_workers_share_campaigns_and_one_is_killed(tmp_path, team, postgres)
     assert max(map(int, runs(postgres, "run_count"))) == 2, "nobody was killed at work"
 
 
+@pytest.mark.timeout(1800)
 def test_a_worker_runs_campaigns_for_a_server_on_postgresql(tmp_path, team, postgres):
     """`pipeline deploy`, one worker elsewhere: each campaign a run, and another when it changes."""
     root, settings = team
