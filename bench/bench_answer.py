@@ -20,10 +20,8 @@ import os
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +37,7 @@ from pipeline.answer.contract import Stiffness
 from pipeline.answer.history import Change, changes
 from pipeline.base import files
 from pipeline.base.arrays import Array
+from pipeline.base.executor import Processes
 from pipeline.machine.robot import Robot, load
 from pipeline.simulate.blunders import INCH_M, KGF_N
 from pipeline.store.campaign import code_version
@@ -90,13 +89,11 @@ class Job:
 
 def run() -> Iterable[Row]:
     """Coverage by verdict, of both lists of stiffnesses; then false alarms and wear found."""
-    os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # one core for each process
     path = Path(os.environ.get("ANSWER_LOG", "data/processed/bench-answer.jsonl"))
     kept = _kept(path)
-    with ProcessPoolExecutor(min(2, os.cpu_count() or 1), get_context("spawn")) as pool:
-        some = partial(_played, pool=pool, kept=kept, path=path)
-        yield from coverage_rows(_enough(some))
-        yield from alarm_rows(some([Job("robot", number) for number in range(ROBOTS)]))
+    some = partial(_played, kept=kept, path=path)
+    yield from coverage_rows(_enough(some))
+    yield from alarm_rows(some([Job("robot", number) for number in range(ROBOTS)]))
 
 
 # --- games on disk --------------------------------------------------------------------------------
@@ -117,25 +114,19 @@ def _kept(path: Path) -> dict[str, Json]:
     return {game["key"]: game for game in games}
 
 
-def _played(
-    jobs: Sequence[Job], pool: ProcessPoolExecutor, kept: dict[str, Json], path: Path
-) -> list[Json]:
+def _played(jobs: Sequence[Job], kept: dict[str, Json], path: Path) -> list[Json]:
     """Games in the order of the jobs; those that are not kept are played."""
-    waiting = [pool.submit(game_of, job) for job in jobs if job.key not in kept]
+    left = [job for job in jobs if job.key not in kept]
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("a", encoding="utf-8") as out:
-        try:
-            for future in as_completed(waiting):
-                game = future.result()
-                if game["code"] != code_version():
-                    sys.exit("the code changed while games were played; start again")
-                line = json.dumps(game, allow_nan=False)
-                out.write(f"{line}\n")
-                out.flush()
-                kept[game["key"]] = json.loads(line)
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+        for done in Processes().results(game_of, left):
+            game = done.result
+            if game["code"] != code_version():
+                sys.exit("the code changed while games were played; start again")
+            line = json.dumps(game, allow_nan=False)
+            out.write(f"{line}\n")
+            out.flush()
+            kept[game["key"]] = json.loads(line)
     return [kept[job.key] for job in jobs]
 
 

@@ -4,12 +4,10 @@ One scene, many draws: tracker, registration, shared zeros, force and gain error
 each time and go through raw files and every stage, as a real campaign does.
 """
 
-import os
-from concurrent.futures import ProcessPoolExecutor
-
 import numpy as np
 from scipy import stats
 
+from pipeline.base.executor import Processes, in_order
 from pipeline.machine.cell import paper_cell
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import conformed
@@ -26,8 +24,7 @@ def run() -> list[tuple[str, float, str]]:
     """Coverage per joint and noise model; unweighted least squares beside it."""
     out = []
     for noise in NOISES:
-        with ProcessPoolExecutor(os.cpu_count()) as pool:
-            parts = list(pool.map(_hits, [(noise, start) for start in range(0, CAMPAIGNS, 100)]))
+        parts = in_order(Processes(), _hits, [(noise, start) for start in range(0, CAMPAIGNS, 100)])
         ours, plain, p = (np.concatenate([part[i] for part in parts]) for i in range(3))
         for joint, (a, b) in enumerate(zip(ours.mean(axis=0), plain.mean(axis=0), strict=True), 1):
             out.append(

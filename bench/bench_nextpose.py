@@ -10,10 +10,8 @@ four times.
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,6 +24,7 @@ from bench.league.play import TOOLS, Plan
 from bench.league.run import ABLE, MOST, Asked, League, followed, largest, shown_by, yardstick
 from bench.league.table import rivalled, share, wrong
 from pipeline.base.arrays import Array
+from pipeline.base.executor import Processes, in_order
 from pipeline.diagnosis.facts import APART
 from pipeline.diagnosis.finding import Finding
 from pipeline.diagnosis.isolability import twins
@@ -81,9 +80,8 @@ class Game:
 
 def run() -> Iterable[tuple[str, float, str]]:
     """What one pose and up to four make of `ambiguous`; what they promised; what went wrong."""
-    with ProcessPoolExecutor(min(2, os.cpu_count() or 1)) as pool:
-        jobs = [(SEED, number) for number in range(PLANS)]
-        games = [game for some in pool.map(games_of, jobs) for game in some]
+    jobs = [(SEED, number) for number in range(PLANS)]
+    games = [game for some in in_order(Processes(), games_of, jobs) for game in some]
     yield from counted(games)
 
 

@@ -7,15 +7,14 @@ chance names any of the campaign's readings in one of 200 clean campaigns, the m
 """
 
 import itertools
-import os
 import re
 from collections.abc import Iterable
-from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 from scipy import stats
 
 from bench.bench_screening import INSTRUMENT, plan
+from pipeline.base.executor import Processes, in_order
 from pipeline.faults.reading import Readings, shifted_readings
 from pipeline.faults.screen import screen
 from pipeline.reduction.bring import Reduced, bring, conformed, plain
@@ -44,20 +43,19 @@ CLASSES = (0, 4, 5, 6, 7, 8, np.inf)
 def run() -> Iterable[tuple[str, float, str]]:
     """Share named with its place per noise and size; then by size in standard uncertainties."""
     gauss: list[np.ndarray] = []
-    with ProcessPoolExecutor(os.cpu_count()) as pool:
-        for noise in NOISES:
-            for size in SIZES_MM:
-                jobs = [(noise, size, seed) for seed in range(EACH)]
-                found = np.array(list(pool.map(_found, jobs, chunksize=20)))
-                named, best, sigmas, _ = found.mean(axis=0)
-                bound = "no normal noise" if noise == "Eq. (18)" else f"best possible {best:.3f}"
-                gauss += [found] if noise != "Eq. (18)" else []
-                said = f"{bound}; on average {sigmas:.1f} standard uncertainties, of {EACH}"
-                yield (f"{noise}: one reading off by {size} mm named", named, said)
-                near = found[found[:, 3] < NEAR_M]
-                if "near" in noise:
-                    said = f"best possible {near[:, 1].mean():.3f}, of {len(near)}"
-                    yield (f"  of these within {NEAR_M} m", near[:, 0].mean(), said)
+    for noise in NOISES:
+        for size in SIZES_MM:
+            jobs = [(noise, size, seed) for seed in range(EACH)]
+            found = np.array(in_order(Processes(), _found, jobs))
+            named, best, sigmas, _ = found.mean(axis=0)
+            bound = "no normal noise" if noise == "Eq. (18)" else f"best possible {best:.3f}"
+            gauss += [found] if noise != "Eq. (18)" else []
+            said = f"{bound}; on average {sigmas:.1f} standard uncertainties, of {EACH}"
+            yield (f"{noise}: one reading off by {size} mm named", named, said)
+            near = found[found[:, 3] < NEAR_M]
+            if "near" in noise:
+                said = f"best possible {near[:, 1].mean():.3f}, of {len(near)}"
+                yield (f"  of these within {NEAR_M} m", near[:, 0].mean(), said)
     every = np.concatenate(gauss)
     for low, high in itertools.pairwise(CLASSES):
         here = every[(every[:, 2] >= low) & (every[:, 2] < high)]

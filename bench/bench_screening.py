@@ -5,12 +5,11 @@ what is wrong with it is planted in its raw files, which go through ingest and s
 ones do. Right is: the first finding has the name and the place of what was planted.
 """
 
-import os
 from collections.abc import Iterable
-from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 
+from pipeline.base.executor import Processes, in_order
 from pipeline.faults.screen import screen
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
@@ -33,20 +32,19 @@ BLUNDERS = ("outlier", "outlier=5e-4", "label_swap", "unit_mixup", "sign_or_conv
 
 def run() -> Iterable[tuple[str, float, str]]:
     """Share named rightly per blunder, share of good campaigns with any finding."""
-    with ProcessPoolExecutor(os.cpu_count()) as pool:
-        said = list(pool.map(_found, [("", seed) for seed in range(CLEAN)], chunksize=20))
-        yield ("clean campaigns called bad", _share(said), f"aim <= 0.005 of {CLEAN}")
-        said = list(pool.map(_found, [("any", seed) for seed in range(PHYSICAL)], chunksize=20))
-        yield (
-            "campaigns with one effect of the catalogue called bad",
-            _share(said),
-            f"of {PHYSICAL}; physics is no bad data",
-        )
-        for blunder in BLUNDERS:
-            jobs = [(blunder, 10_000 + seed) for seed in range(EACH)]
-            named = [found == wanted for wanted, found, _ in pool.map(_found, jobs, chunksize=20)]
-            size = "" if "=" in blunder or blunder != "outlier" else " (0.3 mm)"
-            yield (f"{blunder}{size}: named with its place", np.mean(named), f"of {EACH}")
+    said = in_order(Processes(), _found, [("", seed) for seed in range(CLEAN)])
+    yield ("clean campaigns called bad", _share(said), f"aim <= 0.005 of {CLEAN}")
+    said = in_order(Processes(), _found, [("any", seed) for seed in range(PHYSICAL)])
+    yield (
+        "campaigns with one effect of the catalogue called bad",
+        _share(said),
+        f"of {PHYSICAL}; physics is no bad data",
+    )
+    for blunder in BLUNDERS:
+        jobs = [(blunder, 10_000 + seed) for seed in range(EACH)]
+        named = [found == wanted for wanted, found, _ in in_order(Processes(), _found, jobs)]
+        size = "" if "=" in blunder or blunder != "outlier" else " (0.3 mm)"
+        yield (f"{blunder}{size}: named with its place", np.mean(named), f"of {EACH}")
 
 
 def _share(said: list[tuple[str, str, str]]) -> float:

@@ -7,13 +7,12 @@ the hall, another yaw and tilt, other poses and other stiffnesses, read by an in
 grows along and across the beam.
 """
 
-import os
 from collections.abc import Iterable
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
 
+from pipeline.base.executor import Processes, in_order
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
@@ -36,10 +35,9 @@ INSTRUMENT = {
 def run() -> Iterable[tuple[str, float, str]]:
     """Budget, scatter over claim and coverage per stiffness; noise named falsely and rightly."""
     yield from _budget()
-    with ProcessPoolExecutor(os.cpu_count()) as pool:
-        yield from _supplement_one(pool)
-        yield from _coverage(pool)
-        yield from _noise(pool)
+    yield from _supplement_one()
+    yield from _coverage()
+    yield from _noise()
 
 
 def _budget() -> Iterable[tuple[str, float, str]]:
@@ -54,8 +52,8 @@ def _budget() -> Iterable[tuple[str, float, str]]:
         yield (f"demo: relative standard uncertainty of stiffness {joint + 1}", std, said)
 
 
-def _supplement_one(pool: ProcessPoolExecutor) -> Iterable[tuple[str, float, str]]:
-    parts = list(pool.map(_redrawn, range(DRAWS // BATCH)))
+def _supplement_one() -> Iterable[tuple[str, float, str]]:
+    parts = in_order(Processes(), _redrawn, range(DRAWS // BATCH))
     x, std = (np.concatenate([part[i] for part in parts]) for i in range(2))
     ratio = x.std(axis=0, ddof=1) / std.mean(axis=0)
     for joint, value in enumerate(ratio, 1):
@@ -107,8 +105,8 @@ def _hall(seed: int, noise_scale: float = 1.0) -> dict[str, object]:
     }
 
 
-def _coverage(pool: ProcessPoolExecutor) -> Iterable[tuple[str, float, str]]:
-    hits, z = zip(*pool.map(_covered, range(CAMPAIGNS), chunksize=10), strict=True)
+def _coverage() -> Iterable[tuple[str, float, str]]:
+    hits, z = zip(*in_order(Processes(), _covered, range(CAMPAIGNS)), strict=True)
     for joint, share in enumerate(np.mean(hits, axis=0), 1):
         yield (
             f"tracker anywhere: 95 % interval of joint {joint} holds the truth",
@@ -130,10 +128,10 @@ def _covered(seed: int) -> tuple[np.ndarray, np.ndarray]:
     return np.abs(off) < estimate.quantile, off
 
 
-def _noise(pool: ProcessPoolExecutor) -> Iterable[tuple[str, float, str]]:
+def _noise() -> Iterable[tuple[str, float, str]]:
     for scale, aim in ((1.0, "aim <= 0.01 of"), (1.3, "aim 1, 1.3 planted, of")):
         jobs = [(seed, scale) for seed in range(CAMPAIGNS)]
-        named, found = zip(*pool.map(_named, jobs, chunksize=10), strict=True)
+        named, found = zip(*in_order(Processes(), _named, jobs), strict=True)
         said = f"{aim} {CAMPAIGNS}; scale found {np.mean(found):.3f} +- {np.std(found):.3f}"
         yield (f"tracker noise times {scale}: named tracker_noise", float(np.mean(named)), said)
 

@@ -25,7 +25,7 @@ import sys
 import tarfile
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from fnmatch import fnmatch
 from functools import cache
@@ -39,6 +39,7 @@ from bench.bench_screening import plan as plan_of
 from bench.league.hidden import SECRETS
 from bench.league.play import drawn, play
 from bench.league.run import Fixture, League, _sizes, fixtures, largest
+from pipeline.base.executor import Processes
 from pipeline.machine.robot import load
 from pipeline.run import answered
 from pipeline.simulate import revised, simulate
@@ -504,11 +505,11 @@ def compared(
 
 
 def _write(raw: Path, asked: Sequence[str], jobs: int) -> None:
-    with ProcessPoolExecutor(jobs) as pool:
-        for key, files in pool.map(made, asked):
-            (raw / key).mkdir(parents=True)
-            for name, content in files.items():
-                (raw / key / name).write_bytes(content)
+    for done in Processes(jobs).results(made, asked):
+        key, files = done.result
+        (raw / key).mkdir(parents=True)
+        for name, content in files.items():
+            (raw / key / name).write_bytes(content)
 
 
 def _known(sames: Sequence[Same], *sides: Mapping[str, Any]) -> None:

@@ -27,6 +27,7 @@ from bench.league.play import Rules, drawn, play
 from bench.league.run import KINDS, League, Played, answer_of, fixtures, played
 from bench.league.table import ece, interval, rows
 from pipeline.base.errors import InputError
+from pipeline.base.executor import Here, Processes
 from pipeline.diagnosis.isolability import Twins, twins
 from pipeline.machine.robot import configure, load
 
@@ -277,21 +278,21 @@ def test_no_two_games_share_a_seed():
 def test_an_interrupted_league_goes_on_and_ends_the_same(tmp_path):
     """Whatever the number of processes; a line that was cut off is played again."""
     league, log = League(clean=2, single=0, pairs=0, strange=0, power=0, doubtful=0), tmp_path / "l"
-    whole = contest.contest(league, log, 2)
+    whole = contest.contest(league, log, Processes(2))
     log.write_text(log.read_text()[:-40])
 
-    again = contest.contest(league, log, 1, minutes=1e-9)
+    again = contest.contest(league, log, Here(), minutes=1e-9)
 
     timeless = [replace(game, seconds=0, diagnosing=0, cost=0) for game in whole]
     assert [replace(game, seconds=0, diagnosing=0, cost=0) for game in again] == timeless
     assert sum(new == old for new, old in zip(again, whole, strict=True)) == 1
     with pytest.raises(InputError, match="another seed"):
-        contest.contest(replace(league, seed=1), log, 1)
+        contest.contest(replace(league, seed=1), log, Here())
     log.write_text(log.read_text().replace('"code": "', '"code": "0'))
-    assert contest.contest(league, log, 1) == again
+    assert contest.contest(league, log, Here()) == again
     with pytest.raises(InputError, match="1 are left"):
-        contest.contest(replace(league, clean=3), log, 1)
-    assert contest.contest(replace(league, clean=3), log, 1, minutes=0) == again
+        contest.contest(replace(league, clean=3), log, Here())
+    assert contest.contest(replace(league, clean=3), log, Here(), minutes=0) == again
 
 
 @contextmanager

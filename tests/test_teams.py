@@ -18,6 +18,8 @@ HERE = Path(__file__).parents[1]
 KEPT = HERE / "data" / "raw" / "fanuc_r2000ic"
 PORT, BASE_PORT = 24400, 24402
 API = f"http://127.0.0.1:{PORT}/api"
+CAMPAIGNS = int(os.environ.get("TEAM_CAMPAIGNS", "20"))
+"""How many two workers share; another number for a longer look."""
 PREFECT = [sys.executable, "-m", "prefect"]
 
 pytestmark = [pytest.mark.slow, pytest.mark.prefect, pytest.mark.xdist_group("prefect")]
@@ -104,10 +106,15 @@ def answers():
     return False
 
 
-def test_a_worker_runs_campaigns_for_a_server_on_postgresql(tmp_path, postgres):
-    """`pipeline deploy`, one worker elsewhere: the campaign has its report, PostgreSQL its run."""
+SERVER = [*PREFECT, "server", "start", "--host", "127.0.0.1", "--port", str(PORT)]
+WORKER = [*PREFECT, "worker", "start", "--pool", "robots", "--install-policy", "never"]
+
+
+@pytest.fixture
+def team(tmp_path, postgres):
+    """A Prefect server on PostgreSQL, and the project that is deployed on it: its environment."""
     root = tmp_path / "project"
-    shutil.copytree(KEPT, root / "data" / "raw" / "a")
+    (root / "data" / "raw").mkdir(parents=True)
     (root / "pipeline.toml").write_text("[service]\nquiet_s = 1\n")
     base = f"postgresql+asyncpg://prefect@127.0.0.1:{BASE_PORT}/postgres"
     settings = {
@@ -117,10 +124,8 @@ def test_a_worker_runs_campaigns_for_a_server_on_postgresql(tmp_path, postgres):
         "PREFECT_SERVER_API_AUTH_STRING": "stiffness:secret",
         "PREFECT_API_AUTH_STRING": "stiffness:secret",
     }
-    server = [*PREFECT, "server", "start", "--host", "127.0.0.1", "--port", str(PORT)]
-    worker = [*PREFECT, "worker", "start", "--pool", "robots", "--install-policy", "never"]
     log = tmp_path / "server.log"
-    with process(*server, log=log, PREFECT_SERVER_DATABASE_CONNECTION_URL=base, **settings):
+    with process(*SERVER, log=log, PREFECT_SERVER_DATABASE_CONNECTION_URL=base, **settings):
         until(answers, 120, log)
         settings["PREFECT_API_URL"] = API
         done = subprocess.run(
@@ -132,10 +137,82 @@ def test_a_worker_runs_campaigns_for_a_server_on_postgresql(tmp_path, postgres):
             check=False,
         )
         assert (done.returncode, done.stderr) == (0, "")
-        assert done.stdout == f"PIPELINE_ROOT={root} prefect worker start --pool robots\n"
-        settings["PIPELINE_ROOT"] = str(root)
-        with process(*worker, log=tmp_path / "worker.log", **settings):
-            report = root / "reports" / "a" / "index.html"
-            until(report.is_file, 120, tmp_path / "worker.log")
-            finished = "select name from flow_run where name = 'a' and state_type = 'COMPLETED'"
-            until(lambda: postgres(finished) == ["a"], 30)
+        command = "prefect worker start --pool robots --limit 2"
+        assert done.stdout == f"PIPELINE_ROOT={root} {command}\n"
+        yield root, settings | {"PIPELINE_ROOT": str(root)}
+
+
+def family(process):
+    """A process and all that it has started, and that these have."""
+    out, waiting = [], [process]
+    while waiting:
+        out.append(waiting.pop())
+        for task in Path(f"/proc/{out[-1]}/task").glob("*"):
+            with contextlib.suppress(OSError):
+                waiting += map(int, (task / "children").read_text().split())
+    return out
+
+
+def at_work(process):
+    """Whether one of a worker's processes holds a campaign."""
+    for one in family(process):
+        with contextlib.suppress(OSError):
+            opened = [os.path.realpath(fd) for fd in Path(f"/proc/{one}/fd").iterdir()]
+            if any(name.endswith("/.attended") for name in opened):
+                return True
+    return False
+
+
+def runs(ask, columns="name, state_type", order="1"):
+    """What PostgreSQL holds of the runs of campaigns."""
+    tagged = "tags @> '[\"campaign\"]'"
+    return ask(f"select {columns} from flow_run where {tagged} order by {order}")
+
+
+@pytest.mark.timeout(5400)
+def test_two_workers_share_campaigns_and_one_is_killed(tmp_path, team, postgres):
+    """Its machine goes down in the middle: each campaign has one run that ends, and a report."""
+    root, settings = team
+    names = [f"c{k:03d}" for k in range(CAMPAIGNS)]
+    for name in names:
+        shutil.copytree(KEPT, root / "data" / "raw" / name)
+    logs = [tmp_path / f"worker{k}.log" for k in range(2)]
+    with contextlib.ExitStack() as stack:
+        both = [
+            stack.enter_context(process(*WORKER, "--limit", "2", log=log, **settings))
+            for log in logs
+        ]
+        results = root / "reports"
+        until(lambda: list(results.glob("*/result.json")) and at_work(both[0].pid), 600, logs[0])
+        for one in reversed(family(both[0].pid)):
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(one, signal.SIGKILL)
+
+        def ended():
+            return runs(postgres) == [f"{name}|COMPLETED" for name in names]
+
+        until(ended, 60 + 60 * CAMPAIGNS, logs[1])
+        until((results / "index.html").is_file, 120, logs[1])
+    said = [(results / name / "result.json").read_bytes() for name in names]
+    alike = zip(said, names, strict=True)
+    assert len({one.replace(name.encode(), b"c") for one, name in alike}) == 1
+    assert max(map(int, runs(postgres, "run_count"))) == 2, "nobody was killed at work"
+
+
+@pytest.mark.timeout(1800)
+def test_a_worker_runs_campaigns_for_a_server_on_postgresql(tmp_path, team, postgres):
+    """`pipeline deploy`, one worker elsewhere: each campaign a run, and another when it changes."""
+    root, settings = team
+    raw = root / "data" / "raw"
+    shutil.copytree(KEPT, raw / "a")
+    shutil.copytree(KEPT, raw / "broken")
+    (raw / "broken" / "joints.csv").write_bytes(b"no table at all")
+    with process(*WORKER, "--limit", "2", log=tmp_path / "worker.log", **settings):
+        report = root / "reports" / "a" / "index.html"
+        until(report.is_file, 240, tmp_path / "worker.log")
+        until(lambda: runs(postgres) == ["a|COMPLETED", "broken|FAILED"], 120)
+        until((root / "reports" / "index.html").is_file, 120)
+        text = (raw / "a" / "campaign.toml").read_text("utf-8")
+        (raw / "a" / "campaign.toml").write_text(text + "\n# another look\n", "utf-8")
+        again = ["a|COMPLETED", "a|COMPLETED", "broken|FAILED"]
+        until(lambda: runs(postgres) == again, 240, tmp_path / "worker.log")

@@ -348,3 +348,66 @@ def test_no_campaign_keeps_a_service_from_starting(tmp_path):
         one.processed.mkdir(parents=True)
     with supervisor.alone(tmp_path, Service()):
         assert Running.of(tmp_path).process == os.getpid()
+
+
+class HandsOut:
+    """Leaves campaigns to others; counts what it was asked for."""
+
+    def __init__(self):
+        self.of, self.drawn = [], 0
+
+    def campaign(self, campaign):
+        """Somebody else is at it."""
+        self.of.append(campaign.name)
+
+    def pages(self):
+        """Draw."""
+        self.drawn += 1
+
+
+def attend(root, name, runs, seen=None):
+    """A campaign that was handed out, as a worker takes it up."""
+    campaign = campaigns.find(root, name)
+    return watch.attend(campaign, seen or watch.fingerprint(campaign.folder), runs)
+
+
+def test_what_is_handed_out_is_done_by_who_attends_to_it(tmp_path, runs):
+    """Until then every look hands it out again; then none does, and once more the page is drawn."""
+    arrive(tmp_path, "a", "b")
+    out = HandsOut()
+    assert look(tmp_path, out) == []
+    assert attend(tmp_path, "a", runs).verdict == "adequate"
+    assert attend(tmp_path, "a", runs) is None
+    look(tmp_path, out)
+    attend(tmp_path, "b", runs)
+    look(tmp_path, out)
+    look(tmp_path, out)
+
+    assert out.of == ["a", "b", "b"]
+    assert runs.of == ["a", "b"]
+    assert out.drawn == 3
+
+
+def test_a_campaign_that_has_changed_since_waits_for_the_next_look(tmp_path, runs):
+    """Who was handed the old one does nothing."""
+    arrive(tmp_path, "a")
+    seen = watch.fingerprint(tmp_path / "data" / "raw" / "a")
+    (tmp_path / "data/raw/a/forces.csv").write_bytes(b"changed")
+
+    assert attend(tmp_path, "a", runs, seen) is None
+    assert runs.of == []
+
+
+def test_everybody_sees_whether_somebody_attends_to_a_campaign(tmp_path):
+    """While it is worked at, and no longer."""
+    arrive(tmp_path, "a")
+    campaign, during = campaigns.find(tmp_path, "a"), []
+
+    def made(one):
+        during.append(watch.attended(one))
+        raise InputError("is empty", "export it again")
+
+    attend(tmp_path, "a", Runs(compute=made))
+
+    assert during == [True]
+    assert not watch.attended(campaign)

@@ -22,6 +22,7 @@ from bench.worlds.table import lines, spoken
 from bench.worlds.visible import Adjustment, from_table
 from bench.worlds.worlds import EXAMS, WORLDS
 from pipeline.base.errors import InputError, UsageError
+from pipeline.base.executor import Here
 from pipeline.machine.robot import load
 
 KR500 = load("kr500_rail")
@@ -360,21 +361,21 @@ def test_games_that_are_kept_are_not_played_again(tmp_path, monkeypatch):
     """A line that was cut off is; lines of other code stay and do not count."""
     done, made_by = [], ""
 
-    def inline(left, jobs, log):
+    def inline(left, executor, log):
         done.append(len(left))
         by, judged = made_by or run.code(), Judged("answered")
         return [Played(one.kind, one.seed, by, judged, moved=(np.inf, 0.0)) for one in left]
 
     monkeypatch.setattr(run, "_all", inline)
     log, wanted = tmp_path / "kept.jsonl", fixtures(["normal", "stale"], 2, 3, False, SEEDS)
-    first = contest(wanted, log, 1)
+    first = contest(wanted, log, Here())
     log.write_text(log.read_text()[:-20])
-    again = contest(wanted, log, 1)
+    again = contest(wanted, log, Here())
     monkeypatch.setattr(run, "code", lambda: "other")
-    contest(wanted[:1], log, 1)
+    contest(wanted[:1], log, Here())
     made_by = "older"
     with pytest.raises(InputError, match="changed on the way"):
-        contest(wanted[1:2], log, 1)
+        contest(wanted[1:2], log, Here())
 
     assert done == [4, 1, 1, 1]
     assert again == first

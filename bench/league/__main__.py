@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from pipeline.app import cli
-from pipeline.app.commands._shared import Root
+from pipeline.app.commands._shared import Jobs, On, Root, executor
+from pipeline.base.executor import Processes
 
 command = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -24,9 +25,8 @@ def league(
         int, typer.Option(min=0, help="Games per secret and size that follow proposed poses.")
     ] = 1,
     seed: Annotated[int, typer.Option(help="Determines every game.")] = 2026,
-    jobs: Annotated[
-        int | None, typer.Option(min=1, help="Processes; all cores by default.")
-    ] = None,
+    jobs: Jobs = None,
+    on: On = None,
     minutes: Annotated[
         float | None,
         typer.Option(min=0, help="Begin no game after so long; 0: count those there are."),
@@ -38,8 +38,6 @@ def league(
     root: Root = Path(),
 ) -> None:
     """Hide effects in machines that share nothing with the catalogue, and see what is named."""
-    import os
-
     from bench.league import contest
     from bench.league.run import League, fixtures
     from bench.league.table import rows
@@ -47,7 +45,7 @@ def league(
     rules = League(clean, single, pairs, strange, power, doubtful, seed=seed)
     kept = log or root / "reports" / "league.jsonl"
     end = float("inf") if minutes is None else minutes
-    games = contest.contest(rules, kept, jobs or os.cpu_count() or 1, end)
+    games = contest.contest(rules, kept, executor(jobs, on) or Processes(), end)
     for what, value, aim in rows(games):
         typer.echo(f"{what}: {value}" + (f"  (aim {aim})" if aim else ""))
     if page is not None:

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
 import subprocess
 import sys
-import threading
 import time
-from collections.abc import Iterable
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict
-from multiprocessing import get_context, parent_process
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,19 +22,20 @@ from bench.league.run import Fixture, League, Played, fixtures, played
 from pipeline.app.progress import Progress
 from pipeline.base import files
 from pipeline.base.errors import InputError, Interrupted
+from pipeline.base.executor import Executor
 from pipeline.machine.robot import load
 from pipeline.store.campaign import code_version
 
 LINE = TypeAdapter(Played)
 
 
-def contest(league: League, log: Path, jobs: int, minutes: float = np.inf) -> list[Played]:
-    """Play the league, or what is left of it; the same games in any number of processes.
+def contest(league: League, log: Path, executor: Executor, minutes: float = np.inf) -> list[Played]:
+    """Play the league, or what is left of it; the same games wherever they are played.
 
     Args:
         league: Whom it plays and how often.
         log: One line per finished game; games that stand there are not played again.
-        jobs: Processes.
+        executor: Where games are played.
         minutes: No further game is begun after so long; 0 counts what is there.
 
     Returns:
@@ -62,7 +59,7 @@ def contest(league: League, log: Path, jobs: int, minutes: float = np.inf) -> li
         files.writing(log),
         log.open("a", encoding="utf-8") as out,
     ):
-        for game in _all(left, league, jobs, minutes, len(wanted), log):
+        for game in _all(left, league, executor, minutes, len(wanted), log):
             progress.now(f"{game.kind}: {' + '.join(game.secrets) or 'nothing'}")
             out.write(LINE.dump_json(game).decode() + "\n")
             out.flush()
@@ -72,46 +69,32 @@ def contest(league: League, log: Path, jobs: int, minutes: float = np.inf) -> li
 
 
 def _all(
-    left: list[Fixture], league: League, jobs: int, minutes: float, total: int, log: Path
+    left: list[Fixture],
+    league: League,
+    executor: Executor,
+    minutes: float,
+    total: int,
+    log: Path,
 ) -> Iterable[Played]:
     """Games in the order in which they end."""
-    if not left:
-        return
-    os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # one core for each process
     done, end = total - len(left), time.monotonic() + 60 * minutes
-    with ProcessPoolExecutor(jobs, get_context("spawn"), bound) as pool:
-        waiting: list[Future[Played]] = [pool.submit(played, each, league) for each in left]
-        try:
-            for future in as_completed(waiting):
-                if future.cancelled():
-                    continue
-                yield future.result()
-                done += 1
-                if time.monotonic() > end:
-                    for other in waiting:
-                        other.cancel()
-        except KeyboardInterrupt:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise Interrupted(
-                f"Interrupted; {done} of {total} games are kept in {log}, and the same command "
-                f"goes on from there."
-            ) from None
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+    try:
+        for game in executor.results(partial(played, league=league), _begun(left, end)):
+            yield game.result
+            done += 1
+    except KeyboardInterrupt:
+        raise Interrupted(
+            f"Interrupted; {done} of {total} games are kept in {log}, and the same command "
+            f"goes on from there."
+        ) from None
 
 
-def bound() -> None:
-    """End this process at a Ctrl-C, and with the one that hands out the games, however it ends."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-    parent = parent_process()
-    assert parent is not None
-
-    def follow() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=follow, daemon=True).start()
+def _begun(left: Iterable[Fixture], end: float) -> Iterator[Fixture]:
+    """The next game, and further ones until a moment of `time.monotonic`."""
+    for number, fixture in enumerate(left):
+        if number and time.monotonic() > end:
+            return
+        yield fixture
 
 
 def _kept(log: Path, league: League) -> tuple[dict[str, Played], str]:

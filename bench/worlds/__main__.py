@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from pipeline.app import cli
-from pipeline.app.commands._shared import Root
+from pipeline.app.commands._shared import Jobs, On, Root, executor
+from pipeline.base.executor import Processes
 
 command = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -27,9 +27,8 @@ def worlds(
     cause: Annotated[
         bool, typer.Option("--cause", help="Hide a cause of the league in each.")
     ] = False,
-    jobs: Annotated[
-        int | None, typer.Option(min=1, help="Processes; all cores by default.")
-    ] = None,
+    jobs: Jobs = None,
+    on: On = None,
     show: Annotated[bool, typer.Option("--list", help="Say which worlds there are.")] = False,
     seeds: Annotated[Path | None, typer.Option(help="Whole numbers, one per game.")] = None,
     log: Annotated[
@@ -52,7 +51,7 @@ def worlds(
     names = chosen(",".join(world or []))
     wanted = fixtures(names, games, first, cause, seeds or SEEDS)
     kept = log or root / "reports" / "worlds.jsonl"
-    played = contest(wanted, kept, jobs or os.cpu_count() or 1)
+    played = contest(wanted, kept, executor(jobs, on) or Processes())
     for line in [*spoken(played), "", *failures(played)]:
         typer.echo(line)
     if page is not None:

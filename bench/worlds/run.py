@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from functools import cache
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, ClassVar
 from zlib import crc32
@@ -20,7 +17,6 @@ from pydantic import ConfigDict, TypeAdapter
 
 import pipeline
 from bench.league import judge as league
-from bench.league.contest import bound
 from bench.league.hidden import SECRETS
 from bench.league.hidden_effect import Secret
 from bench.league.run import ABLE, largest, shown_in
@@ -34,6 +30,7 @@ from pipeline.app.progress import Progress
 from pipeline.base import files
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError, Interrupted, PipelineError
+from pipeline.base.executor import Executor
 from pipeline.diagnosis.isolability import twins
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import conformed
@@ -321,13 +318,13 @@ def _sized(cell: Cell, world: World, seed: int) -> tuple[Secret, float]:
     return SECRETS[name], sizes[name]
 
 
-def contest(wanted: Sequence[Fixture], log: Path, jobs: int) -> list[Played]:
-    """Play what is left of these games; the same games in any number of processes.
+def contest(wanted: Sequence[Fixture], log: Path, executor: Executor) -> list[Played]:
+    """Play what is left of these games; the same games wherever they are played.
 
     Args:
         wanted: The games.
         log: One JSON line per finished game, of any code; none of this code is played again.
-        jobs: Processes.
+        executor: Where games are played.
 
     Raises:
         Interrupted: With the number of games that are kept.
@@ -340,7 +337,7 @@ def contest(wanted: Sequence[Fixture], log: Path, jobs: int) -> list[Played]:
         files.writing(log),
         log.open("a", encoding="utf-8") as out,
     ):
-        for game in _all(left, jobs, log):
+        for game in _all(left, executor, log):
             progress.now(game.world)
             out.write(LINE.dump_json(game).decode() + "\n")
             out.flush()
@@ -363,24 +360,15 @@ def games(log: Path) -> list[Played]:
     return [LINE.validate_json(text) for text in mine]
 
 
-def _all(left: Sequence[Fixture], jobs: int, log: Path) -> Iterable[Played]:
+def _all(left: Sequence[Fixture], executor: Executor, log: Path) -> Iterable[Played]:
     """Games in the order in which they end."""
-    if not left:
-        return
-    os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # one core for each process
     done = 0
-    with ProcessPoolExecutor(jobs, get_context("spawn"), bound) as pool:
-        waiting: list[Future[Played]] = [pool.submit(played, each) for each in left]
-        try:
-            for future in as_completed(waiting):
-                yield future.result()
-                done += 1
-        except KeyboardInterrupt:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise Interrupted(
-                f"Interrupted; {done} games more are kept in {log}, and the same command goes on "
-                f"from there."
-            ) from None
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+    try:
+        for game in executor.results(played, left):
+            yield game.result
+            done += 1
+    except KeyboardInterrupt:
+        raise Interrupted(
+            f"Interrupted; {done} games more are kept in {log}, and the same command goes on "
+            f"from there."
+        ) from None

@@ -12,34 +12,46 @@ import os
 import warnings
 from collections.abc import Callable, Iterator
 from contextvars import ContextVar
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
 import httpx
-from prefect import artifacts, flow, runtime, task
+from prefect import artifacts, flow, runtime, tags, task
 from prefect.cache_policies import NO_CACHE
 from prefect.client.orchestration import get_client
 from prefect.client.schemas.actions import WorkPoolCreate
 from prefect.client.schemas.filters import FlowFilter, FlowRunFilter
 from prefect.client.schemas.objects import State, StateType
+from prefect.deployments import run_deployment
 from prefect.exceptions import ObjectAlreadyExists, ObjectNotFound, PrefectException
-from prefect.states import Crashed, Failed
+from prefect.states import Completed, Crashed, Failed, Scheduled
 from prefect.types.entrypoint import EntrypointType
 
 from pipeline.answer.archive import read
 from pipeline.answer.contract import Answer
-from pipeline.app import watch
+from pipeline.app import service, watch
 from pipeline.app.guard import Guard
 from pipeline.app.outcome import Outcome, failed, shown
 from pipeline.app.preferences import Service, load
 from pipeline.app.processes import PARENT, REPORTS_URL, ROOT, follow, say
 from pipeline.app.progress import Tell, told
+from pipeline.base import files
 from pipeline.base.errors import CannotWrite, InputError, PipelineError, Unfinished, UsageError
 from pipeline.base.shown import printable
 from pipeline.run import run
-from pipeline.store.campaign import Campaign, find
+from pipeline.store.campaign import Campaign, every, find
+
+TAG = "campaign"
+"""Of the task that computes: a limit of Prefect's for `tag:campaign` is one for the whole team."""
+
+_DEPLOYED = "data-raw"
+_ATTEND = f"run-campaign/{_DEPLOYED}"
+
+_SETTLES_S = 30.0
+"""A flow that runs for so long holds its campaign, or has left it [s]; clocks may differ a bit."""
 
 
 def _named() -> str:
@@ -64,22 +76,21 @@ def _refused(problem: PipelineError) -> State[Any]:
 
 
 @flow(name="scan-campaigns", flow_run_name="scan", persist_result=False)
-def scan() -> None:
+def scan(hand_out: bool = False) -> None:
     """Run every campaign under data/raw that is new or changed and complete, each as a flow.
 
-    Where the project is says this process's environment alone: whoever can reach Prefect's API can
-    choose the parameters of a flow.
+    Args:
+        hand_out: Leave them to the workers of the pool, instead of one after another here.
 
     Raises:
         UsageError: PIPELINE_ROOT does not say where the project is.
     """
     if PARENT in os.environ:
         follow(int(os.environ[PARENT]))
-    if not os.environ.get(ROOT):
-        raise UsageError(f"{ROOT} is not set: start the worker with {ROOT}=/path/to/the/project")
+    root = _root()
     _drop_late()
     outcomes = []
-    for made in _scanned(Path(os.environ[ROOT])):
+    for made in _scanned(root, hand_out):
         if made.exit_code == Unfinished.exit_code:
             _crashed(made)
         say(made.event)
@@ -89,14 +100,122 @@ def scan() -> None:
         artifacts.create_markdown_artifact(key="scan", markdown=_summary(outcomes))
 
 
-def _scanned(root: Path) -> Iterator[Outcome]:
+def _root() -> Path:
+    """Where the project is, which this process's environment alone says.
+
+    Whoever can reach Prefect's API can choose the parameters of a flow.
+    """
+    if not os.environ.get(ROOT):
+        raise UsageError(f"{ROOT} is not set: start the worker with {ROOT}=/path/to/the/project")
+    return Path(os.environ[ROOT])
+
+
+def _scanned(root: Path, hand_out: bool) -> Iterator[Outcome]:
     try:
         preferences = load(root)
     except InputError as problem:  # somebody has edited it meanwhile
         yield from watch.told_once(root, [failed(watch.SERVICE, problem)])
         return
+    if hand_out := hand_out and preferences.storage.raw is None:  # copies are this worker's alone
+        _take_up(root)
     with Guard(root, "prefect", preferences.service) as guard:
-        yield from watch.scan(root, preferences, guard)
+        yield from watch.scan(root, preferences, _Pool(guard) if hand_out else guard)
+
+
+def _take_up(root: Path) -> None:
+    """Begin those runs of campaigns again that a worker which is gone has left."""
+    begun = FlowRunFilter.model_validate(
+        {"state": {"type": {"any_": [StateType.PENDING, StateType.RUNNING]}}}
+    )
+    own = FlowFilter.model_validate({"name": {"any_": [attend.name]}})
+    known = {one.name: one for one in every(root)}
+    with get_client(sync_client=True) as client:
+        for run in client.read_flow_runs(flow_filter=own, flow_run_filter=begun, limit=200):
+            campaign = known.get(run.parameters["campaign"])
+            if run.state and _left(run.state, campaign):
+                client.set_flow_run_state(run.id, Scheduled(name="Again"), force=True)
+
+
+def _left(state: State[Any], campaign: Campaign | None) -> bool:
+    """Whether nobody is at a run that has begun; the campaign is None where it is gone."""
+    patience_s = _SETTLES_S if state.type == StateType.RUNNING else service.PATIENCE_S
+    age_s = (datetime.now(UTC) - state.timestamp).total_seconds()
+    return age_s > patience_s and (campaign is None or not watch.attended(campaign))
+
+
+@dataclass(frozen=True)
+class _Pool:
+    """Has campaigns brought up to date by the workers of a pool, one flow run for each.
+
+    A run is known by what it was handed out for: the files of its campaign, the code, and how often
+    these have failed. So nothing is handed out twice; where a run has ended and there is something
+    to do still, such as a report that somebody has removed, it begins once more.
+    """
+
+    guard: Guard
+
+    def campaign(self, campaign: Campaign) -> None:
+        """Hand one out, unless it is."""
+        seen, before = watch.fingerprint(campaign.folder), watch.recall(campaign)
+        failures = before.attempts if before.print == seen else 0
+        known = files.sha256(f"{campaign.name}\n{seen}\n{failures}".encode())
+        run: Any = run_deployment(
+            _ATTEND,
+            parameters={"campaign": campaign.name, "seen": seen},
+            idempotency_key=known,
+            flow_run_name=campaign.name,
+            tags=[TAG],
+            timeout=0,
+            as_subflow=False,
+        )
+        if run.state.is_final() and run.state.type != StateType.CANCELLED:  # which somebody wants
+            with get_client(sync_client=True) as client:
+                client.set_flow_run_state(run.id, Scheduled(name="Again"), force=True)
+
+    def pages(self) -> Outcome | None:
+        """The page over all campaigns, which this worker draws."""
+        return self.guard.pages()
+
+
+@flow(name="run-campaign", flow_run_name=_named, persist_result=False)
+def attend(campaign: str, seen: str) -> Any:
+    """Bring a campaign of this project up to date that was handed out, within the limits.
+
+    Args:
+        campaign: Its name under data/raw.
+        seen: The fingerprint that it was handed out with.
+    """
+    root = _root()
+    found = {one.name: one for one in every(root)}.get(campaign)
+    if found is None:
+        return Failed(message=f"There is no campaign {printable(campaign, 80)} any more.")
+    with tags(TAG), Guard(root, "local", load(root).service) as guard:
+        made = watch.attend(found, seen, _Slot(guard))
+    if made is None:
+        return Completed(message="It has changed since, or is done; the next scan sees to it.")
+    say(made.event)
+    if made.verdict is None:
+        return (Crashed if made.exit_code == Unfinished.exit_code else Failed)(message=made.event)
+    _publish(found, read(found))
+    return Completed(message=made.event)
+
+
+@dataclass(frozen=True)
+class _Slot:
+    """Works at a campaign while it holds one of the slots of `TAG`, where these are limited."""
+
+    guard: Guard
+
+    def campaign(self, campaign: Campaign) -> Outcome:
+        """One campaign, as a task."""
+        carried_out = task(name="compute", cache_policy=NO_CACHE, persist_result=False)(
+            self.guard.campaign
+        )
+        made: Outcome = carried_out(campaign)
+        return made
+
+    def pages(self) -> None:
+        """Left to the scan."""
 
 
 def within(campaign: Campaign) -> Answer:
@@ -190,19 +309,19 @@ def deploy(pool: str, wanted: Service) -> None:
     """Put the scan on the server of PREFECT_API_URL, for the workers of a pool to carry out."""
     with get_client(sync_client=True) as client, contextlib.suppress(ObjectAlreadyExists):
         client.create_work_pool(WorkPoolCreate(name=pool, type="process"))
-    deployment: Any = scan.to_deployment(
-        entrypoint_type=EntrypointType.MODULE_PATH,
-        work_pool_name=pool,
-        concurrency_limit=1,
-        **_planned(wanted),
+    place: Any = {"entrypoint_type": EntrypointType.MODULE_PATH, "work_pool_name": pool}
+    looks: Any = scan.to_deployment(
+        concurrency_limit=1, parameters={"hand_out": True}, **place, **_planned(wanted)
     )
-    deployment.apply()
+    campaigns: Any = attend.to_deployment(_DEPLOYED, **place)
+    for deployment in (campaigns, looks):
+        deployment.apply()
 
 
 def _planned(wanted: Service) -> dict[str, Any]:
     """What the scan is called, and when it runs."""
     when = {"cron": wanted.cron} if wanted.cron else {"interval": wanted.interval_s}
-    return {"name": "data-raw", **when}
+    return {"name": _DEPLOYED, **when}
 
 
 def clear() -> None:

@@ -23,6 +23,7 @@ from pipeline.app.outcome import Outcome, failed
 from pipeline.app.preferences import Service
 from pipeline.app.processes import PYTHON
 from pipeline.base.errors import Unfinished
+from pipeline.base.executor import gone
 from pipeline.store.campaign import Campaign
 
 _TAKES = 8
@@ -117,15 +118,9 @@ class Guard:
         )
 
     def _gone(self) -> Unfinished:
-        code = self._end(at_once=True)
-        if code == -signal.SIGKILL:
-            thing = "its process was killed, by the system when memory was short or by somebody"
-        elif code is not None and code < 0:
-            thing = f"its process crashed ({signal.Signals(-code).name})"
-        else:
-            thing = f"its process ended (exit code {code})"
         return Unfinished(
-            thing, "see whether `pipeline run` computes it, and how much memory it needs"
+            gone(self._end(at_once=True)),
+            "see whether `pipeline run` computes it, and how much memory it needs",
         )
 
     def _end(self, at_once: bool = False) -> int | None:

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from filelock import FileLock
 
+from pipeline.answer import fleet
 from pipeline.answer.archive import Finished, earlier, finished, mark, read, shown
 from pipeline.answer.history import previous
 from pipeline.base import files
+from pipeline.base.errors import CannotWrite
 from pipeline.store.campaign import Campaign, code_version, dump, recalled, versions
 
 INDEX_MANIFEST = "index.json"
 
 
 def refresh(root: Path) -> Path | None:
-    """Bring the page over all campaigns up to date, and every report's change since the last.
+    """Bring page and tables over all campaigns up to date, and each report's change since the last.
 
     Nothing is drawn again whose content is still true; what a killed run left half-written goes,
     and a campaign whose result no longer counts is left out, which is said.
@@ -32,6 +35,8 @@ def refresh(root: Path) -> Path | None:
         before = previous(one.answer, answers)
         if (one.campaign.manifest() or {}).get("previous") != mark(before):
             _tell(one.campaign)
+    with suppress(CannotWrite):  # the next query makes what is missing, or says why not
+        fleet.refresh(root)
     return _index(root, everyone) if everyone else None
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import signal
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.app import preferences, service, sync
+from pipeline.app.many import Meant, outcomes
 from pipeline.app.outcome import EARLIER, Outcome, dated, failed, named, outcome, sentences
 from pipeline.app.processes import sheltered
 from pipeline.app.progress import Progress, Tell, told
@@ -21,28 +22,52 @@ from pipeline.store.campaign import Campaign
 
 if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second
     from pipeline.answer.contract import Answer
+    from pipeline.base.executor import Executor
 
 
-def run_all(root: Path, names: list[str], engine: str, force: bool) -> Iterator[Outcome]:
-    """Bring campaigns up to date; one that fails stops none of the others."""
+def run_all(
+    root: Path, names: list[str], engine: str, force: bool, executor: Executor | None = None
+) -> Iterator[Outcome]:
+    """Bring campaigns up to date; one that fails stops none of the others.
+
+    Args:
+        root: The project's root.
+        names: Which, by name or path; all when none is named.
+        engine: `local` or `prefect`.
+        force: Compute even if nothing has changed.
+        executor: Who computes several at a time; None: here, one after another.
+    """
     storage = preferences.load(root).storage
     refused = sync.fetch(root, storage)
     yield from refused
     everyone = names or campaigns.every(root)
     if not everyone and not refused:
         raise no_campaign(root)
-    compute = plainly if engine == "local" else _through_prefect
     with Progress(len(everyone)) as bar:
-        work = partial(outcome, compute=partial(compute, force=force, tell=bar.at))
-        for one in everyone:
-            bar.now(one.name if isinstance(one, Campaign) else campaigns.label(one))
-            done = named(root, one, work)
-            bar.done()
-            yield done
+        if executor is None:
+            yield from _one_by_one(root, everyone, engine, force, bar)
+        else:
+            bar.now("several at a time")
+            for done in outcomes(root, everyone, executor, force):
+                bar.done()
+                yield done
+                bar.now("several at a time")
     from pipeline.app import pages
 
     pages.refresh(root)
     yield from sync.publish(root, storage)
+
+
+def _one_by_one(
+    root: Path, everyone: Iterable[Meant], engine: str, force: bool, bar: Progress
+) -> Iterator[Outcome]:
+    compute = plainly if engine == "local" else _through_prefect
+    work = partial(outcome, compute=partial(compute, force=force, tell=bar.at))
+    for one in everyone:
+        bar.now(one.name if isinstance(one, Campaign) else campaigns.label(one))
+        done = named(root, one, work)
+        bar.done()
+        yield done
 
 
 def no_campaign(root: Path) -> InputError:

@@ -10,11 +10,13 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Protocol
 
+from filelock import FileLock, Timeout
 from pydantic import ValidationError
 
 from pipeline.app import notify, service, sync
@@ -86,16 +88,16 @@ class Clock:
 
 
 class Work(Protocol):
-    """Who brings campaigns up to date; guard.Guard."""
+    """Who brings campaigns up to date: guard.Guard, or a pool of Prefect's workers."""
 
-    def campaign(self, campaign: Campaign) -> Outcome:
-        """One campaign."""
+    def campaign(self, campaign: Campaign) -> Outcome | None:
+        """One campaign; None where somebody else is at it."""
 
     def pages(self) -> Outcome | None:
         """The page over all of them; what went wrong, if anything did."""
 
 
-def _fingerprint(folder: Path) -> str:
+def fingerprint(folder: Path) -> str:
     """Names, sizes and times of everything in a folder, and the code; cheap, reads no content."""
     found = [campaigns.code_version().encode()]
     found += [
@@ -140,14 +142,14 @@ def _remember(campaign: Campaign, seen: Seen) -> None:
 
 def _waiting(root: Path, now: float) -> dict[Campaign, str]:
     """Campaigns that changed since they were last looked at, with their fingerprints."""
-    prints = {campaign: _fingerprint(campaign.folder) for campaign in campaigns.every(root)}
+    prints = {campaign: fingerprint(campaign.folder) for campaign in campaigns.every(root)}
     return {campaign: seen for campaign, seen in prints.items() if _due(campaign, seen, now)}
 
 
-def _due(campaign: Campaign, fingerprint: str, now: float) -> bool:
+def _due(campaign: Campaign, seen: str, now: float) -> bool:
     """Whether there is something to do: new files, a lost report, a pause that is over."""
     before = recall(campaign)
-    if before.print != fingerprint:
+    if before.print != seen:
         return True
     answered = before.verdict not in (None, "rejected", "failed")
     if answered and not (campaign.reports / "result.json").is_file():
@@ -175,14 +177,18 @@ def scan(
     trouble = _noted(root, look)
     drawn = last is not None and last.drawn  # else it was killed, or could not
     try:
+        elsewhere = False
         for made in _scan(root, preferences, work, clock, trouble):
             look = look.model_copy(update={"alive": clock.now()})
             trouble += _noted(root, look)
             drawn = False
-            yield made
+            if made is None:
+                elsewhere = True
+            else:
+                yield made
         if not drawn:
             wrong = work.pages()
-            drawn = wrong is None
+            drawn = wrong is None and not elsewhere  # what ends there is drawn after the next look
             trouble += [wrong] if wrong else []
         trouble += sync.publish(root, preferences.storage)
     except Exception as problem:  # the next look comes, whatever this one has met
@@ -206,7 +212,7 @@ def _scan(
     work: Work,
     clock: Clock,
     trouble: list[Outcome],
-) -> Iterator[Outcome]:
+) -> Iterator[Outcome | None]:
     """As `scan`; what went wrong beside the campaigns themselves is left in `trouble`."""
     storage = preferences.storage
     refused = sync.fetch(root, storage)
@@ -216,11 +222,51 @@ def _scan(
         refused = sync.fetch(root, storage)  # what still grows there grows here, too
     trouble += refused
     for campaign, seen in before.items():
-        if _fingerprint(campaign.folder) != seen:  # still being copied: the next look will take it
+        if fingerprint(campaign.folder) != seen:  # still being copied: the next look will take it
             continue
         made = work.campaign(campaign)
-        trouble += _wrong(campaign.name, partial(_learn, campaign, seen, made, clock.now()))
+        if made is not None:
+            trouble += _wrong(campaign.name, partial(_learn, campaign, seen, made, clock.now()))
         yield made
+
+
+def attend(campaign: Campaign, seen: str, work: Work) -> Outcome | None:
+    """Bring one campaign up to date that a look has handed out, with the fingerprint it had then.
+
+    Returns:
+        None where it has changed since, which the next look sees, or somebody has been faster.
+    """
+    with _attending(campaign):
+        if fingerprint(campaign.folder) != seen or not _due(campaign, seen, time.time()):
+            return None
+        made = work.campaign(campaign)
+        if made is not None:
+            _learn(campaign, seen, made, time.time())
+        return made
+
+
+@contextmanager
+def _attending(campaign: Campaign, patience_s: float = -1.0) -> Iterator[None]:
+    """Hold a campaign that was handed out, from the first moment of its run to the last.
+
+    Raises:
+        Timeout: Somebody else holds it.
+        CannotWrite: The disk refuses.
+    """
+    lock = FileLock(campaign.processed / ".attended")
+    with files.writing(campaign.processed):
+        campaign.processed.mkdir(parents=True, exist_ok=True)
+    with lock.acquire(timeout=patience_s):
+        yield
+
+
+def attended(campaign: Campaign) -> bool:
+    """Whether somebody works at a campaign that was handed out."""
+    try:
+        with _attending(campaign, 0.0):
+            return False
+    except Timeout:
+        return True
 
 
 def _wrong(name: str, work: Callable[[], object]) -> list[Outcome]:
@@ -240,13 +286,13 @@ def told_once(root: Path, trouble: list[Outcome]) -> list[Outcome]:
         return [*trouble, failed(SERVICE, problem)]
 
 
-def _learn(campaign: Campaign, fingerprint: str, made: Outcome, now: float) -> None:
+def _learn(campaign: Campaign, seen: str, made: Outcome, now: float) -> None:
     before = recall(campaign)
     new = {
-        "print": fingerprint,
+        "print": seen,
         "verdict": verdict_of(made),
         "said": said_of(made),
-        "attempts": before.attempts + 1 if before.print == fingerprint else 1,
+        "attempts": before.attempts + 1 if before.print == seen else 1,
         "tried": now,
     }
     _remember(campaign, before.model_copy(update=new))
@@ -272,7 +318,7 @@ def _tell(campaign: Campaign, whom: Notify) -> None:
     if seen.verdict == seen.told or not seen.settled:
         return
     if whom.webhook is None or notify.posted(whom.webhook, message(campaign, seen)):
-        _remember(campaign, seen.model_copy(update={"told": seen.verdict}))
+        _remember(campaign, recall(campaign).model_copy(update={"told": seen.verdict}))
 
 
 def message(campaign: Campaign, seen: Seen) -> dict[str, str | None]:

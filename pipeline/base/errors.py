@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from pipeline.base.shown import printable
@@ -70,6 +71,10 @@ class InputError(PipelineError):
         self.line, self.passing = line, passing
         super().__init__(f"{place(self.file, line)}{self.thing}; {self.way_out}.")
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Between processes it travels as its parts."""
+        return partial(InputError, **self.parts), ()
+
     @property
     def parts(self) -> dict[str, Any]:
         """All that it was made of, by name; enough to make it again."""
@@ -101,7 +106,12 @@ class Unfinished(PipelineError):
 
     def __init__(self, thing: str, way_out: str) -> None:
         """Compose the one sentence from its parts."""
+        self.thing, self.way_out = thing, way_out
         super().__init__(f"{thing}; {way_out}.")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Likewise."""
+        return Unfinished, (self.thing, self.way_out)
 
 
 class Interrupted(PipelineError):

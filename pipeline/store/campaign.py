@@ -43,6 +43,8 @@ _LIBRARIES = (
     *("prefect", "matplotlib", "typst", "xlsxwriter"),
 )
 MANIFEST = "manifest.json"
+FLEET = "fleet"
+"""The folder of tables across campaigns, beside those of each."""
 _REJECTION = "rejection.json"
 
 
@@ -432,7 +434,7 @@ def _has_settings(folder: Path) -> bool:
     return True
 
 
-_OURS = re.compile(r"plans|.*\.(html|json)", re.IGNORECASE | re.DOTALL)
+_OURS = re.compile(rf"plans|{FLEET}|.*\.(html|json)", re.IGNORECASE | re.DOTALL)
 """What we call files and folders of our own, beside those of the campaigns."""
 _LONGEST = 120
 """Bytes of a name: file systems allow 255, and what we put behind it needs some."""

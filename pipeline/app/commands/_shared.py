@@ -17,6 +17,7 @@ from pipeline.base.shown import lines
 
 if TYPE_CHECKING:
     from pipeline.app.outcome import Outcome
+    from pipeline.base.executor import Executor
 
 app = typer.Typer(
     pretty_exceptions_enable=False,
@@ -43,6 +44,22 @@ def everything(
 Root = Annotated[Path, Option(help="Project root with data/ and reports/.")]
 Named = Annotated[str, Argument(metavar="CAMPAIGN", help="Name under data/raw, or a path.")]
 AsJson = Annotated[bool, Option("--json", help="Print JSON on stdout, one line each.")]
+
+Jobs = Annotated[int | None, Option(min=1, help="Processes of this machine, so many at a time.")]
+On = Annotated[
+    str | None, Option(metavar="ADDRESS", help="Scheduler of a Dask cluster, tcp://host:port.")
+]
+
+
+def executor(jobs: int | None, on: str | None) -> Executor | None:
+    """Where many things are worked on, as these options say; None where they say nothing."""
+    from pipeline.base.cluster import Cluster
+    from pipeline.base.executor import Processes
+
+    if jobs and on:
+        raise UsageError("--jobs is for this machine and --on for a cluster: give one of them")
+    return Cluster(on) if on else Processes(jobs) if jobs else None
+
 
 Steps = Annotated[
     list[float] | None, Option(help="Load step [N]; repeat it for more, up and down.")

@@ -14,7 +14,18 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer import Argument, Option
 
-from pipeline.app.commands._shared import AsJson, Named, Root, app, fitted, open_it, show
+from pipeline.app.commands._shared import (
+    AsJson,
+    Jobs,
+    Named,
+    On,
+    Root,
+    app,
+    executor,
+    fitted,
+    open_it,
+    show,
+)
 from pipeline.base.errors import MISFIT, UsageError, listed, worst
 from pipeline.base.shown import lines
 
@@ -348,7 +359,11 @@ def run(
         ),
     ] = None,
     as_json: AsJson = False,
-    engine: Annotated[str, Option(help="prefect or local.")] = "prefect",
+    engine: Annotated[
+        str | None, Option(help="prefect or local; local with --jobs and --on.")
+    ] = None,
+    jobs: Jobs = None,
+    on: On = None,
     force: Annotated[bool, Option("--force", help="Compute even if nothing changed.")] = False,
     strict: Annotated[
         bool, Option("--strict", help="Exit 4 when the model does not fit or a joint is open.")
@@ -358,10 +373,16 @@ def run(
     """Compute what is new or changed, write the reports and say where they are."""
     from pipeline.app import shell
 
-    if engine not in ("prefect", "local"):
+    if engine not in (None, "prefect", "local"):
         raise UsageError(f'there is no engine "{engine}": use prefect or local')
+    several = executor(jobs, on)
+    if several and engine == "prefect":
+        raise UsageError(
+            "--jobs and --on do without Prefect: leave out --engine, or see docs/teams.md for "
+            "several of Prefect's workers"
+        )
     codes = []
-    for outcome in shell.run_all(root, campaigns or [], engine, force):
+    for outcome in shell.run_all(root, campaigns or [], engine or "prefect", force, several):
         codes += [outcome.exit_code, MISFIT if strict and outcome.misfit else 0]
         show(outcome, as_json)
     raise typer.Exit(worst(codes))

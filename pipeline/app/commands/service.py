@@ -72,7 +72,7 @@ def deploy(
     from pipeline.app import flow  # after Prefect's settings are made
 
     flow.deploy(pool, wanted.service)
-    typer.echo(f"{processes.ROOT}={root.resolve()} prefect worker start --pool {pool}")
+    typer.echo(f"{processes.ROOT}={root.resolve()} prefect worker start --pool {pool} --limit 2")
 
 
 @app.command(short_help="Say what is missing on this machine, and how to get it.")

@@ -1,0 +1,54 @@
+"""Questions across all campaigns."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from typer import Argument, Option
+
+from pipeline.app.commands._shared import Root, app
+from pipeline.base.errors import UsageError
+
+
+@app.command(short_help="Ask all finished campaigns a question in SQL.")
+def query(
+    sql: Annotated[
+        str | None,
+        Argument(metavar="SQL", help='"SELECT ..."; without it the tables and their columns.'),
+    ] = None,
+    form: Annotated[
+        str | None, Option("--format", help="table, csv, json or xlsx; csv for programs.")
+    ] = None,
+    output: Annotated[
+        Path | None, Option(metavar="FILE", help="Write a file, whose end says its format.")
+    ] = None,
+    root: Root = Path(),
+) -> None:
+    """Ask all finished campaigns a question in SQL: docs/query.md has tables and examples."""
+    from pipeline.app import query as asking
+
+    wanted = _format(form, output, asking.FORMATS)
+    found = asking.described() if sql is None else asking.ask(root, sql)
+    if output is not None:
+        asking.save(found, wanted, output)
+        typer.echo(output)
+    elif wanted == "table":
+        asking.show(found)
+    else:
+        typer.echo(asking.written(found, wanted), nl=False)
+
+
+def _format(form: str | None, output: Path | None, known: tuple[str, ...]) -> str:
+    """As asked, or by the end of the file's name; else what suits a person or a program."""
+    usual = "table" if sys.stdout.isatty() else "csv"
+    wanted = form or (usual if output is None else output.suffix[1:].lower())
+    if wanted not in known:
+        raise UsageError(f'there is no format "{wanted}": use {", ".join(known)}')
+    if wanted == "table" and output is not None:
+        raise UsageError("a table is for the terminal: write FILE.csv, FILE.json or FILE.xlsx")
+    if wanted == "xlsx" and output is None:
+        raise UsageError("a workbook needs a file: add --output FILE.xlsx")
+    return wanted
