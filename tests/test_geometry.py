@@ -14,8 +14,7 @@ from pipeline.geometry.readings import Readings
 from pipeline.geometry.study import Step, study
 from pipeline.geometry.worth import Parting
 from pipeline.machine.robot import load
-from pipeline.prediction.standing import dumps, predict, standing
-from pipeline.prediction.standing import load as load_standing
+from pipeline.prediction.standing import dumps, loads, predict, standing
 
 # a UR10 as its maker's table has it (distal DH), and what its links weigh
 D = [0.1273, 0.0, 0.0, 0.163941, 0.1157, 0.0922]
@@ -147,11 +146,10 @@ def test_a_reading_metres_off_is_left_out_and_moves_nothing():
     assert found.stages[-1].mean(Parting.BETWEEN) < 0.04e-3
 
 
-def test_a_model_comes_back_from_its_file(rippled, tmp_path):
+def test_a_model_comes_back_from_its_file(rippled):
     _, found, _ = rippled
     model = standing("made", found.final, [("tool", 2.5, np.array([0.0, 0.0, 0.03]))])
-    (tmp_path / "positions.npz").write_bytes(dumps(model))
-    again = load_standing(tmp_path / "positions.npz")
+    again = loads(dumps(model), "positions.npz")
     q = np.random.default_rng(1).uniform(-1, 1, (50, 6))
     asked = (q, np.zeros((50, 3)), np.ones(50, dtype=np.int64), np.full(50, np.nan))
 

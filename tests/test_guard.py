@@ -33,10 +33,20 @@ def limits(**wanted):
     return Service.model_construct(**Service().model_dump() | wanted)
 
 
+EARLIER: set[int] = set()
+"""Processes that other tests of this worker have left, such as the tracker of multiprocessing."""
+
+
+@pytest.fixture(autouse=True)
+def only_own_children():
+    EARLIER.clear()
+    EARLIER.update(children())
+
+
 def children():
-    """Processes that this one has started and that still run."""
+    """Processes that this test has started and that still run."""
     text = Path(f"/proc/{os.getpid()}/task/{threading.get_native_id()}/children").read_text()
-    return {int(number) for number in text.split()}
+    return {int(number) for number in text.split()} - EARLIER
 
 
 def test_a_guarded_run_is_a_run(root):

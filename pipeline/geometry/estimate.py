@@ -14,8 +14,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy import linalg, sparse
+from scipy import sparse
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.geometry.curves import Curve
 from pipeline.geometry.mechanism import Linear, Mechanism, layout
@@ -144,12 +145,12 @@ class Rows(Locked):
         return np.asarray(out)
 
 
-def rows(linear: Linear, mechanism: Mechanism, scatter: Scatter) -> Rows:
+def rows(about: Linear, mechanism: Mechanism, scatter: Scatter) -> Rows:
     """Whitened rows about a mechanism."""
-    W = scatter.whitening(linear)
-    K, at = between_knots(mechanism.curves, linear.inputs.q, W @ linear.Z)
+    W = scatter.whitening(about)
+    K, at = between_knots(mechanism.curves, about.inputs.q, W @ about.Z)
     knots = sum(curve.count for curve in mechanism.curves)
-    here = Rows(W @ linear.D, K, at, knots, np.einsum("mij,mj->mi", W, linear.y), W)
+    here = Rows(W @ about.D, K, at, knots, np.einsum("mij,mj->mi", W, about.y), W)
     return replace(here, y=here.y + here.along(mechanism.at(layout(mechanism))))
 
 
@@ -203,9 +204,9 @@ def precision(mechanism: Mechanism, known: Prior) -> tuple[Array, float]:
 
 def _inverse(curve: Curve) -> tuple[Array, float]:
     """Inverse covariance of a curve's knots, and the log of its determinant."""
-    factor = linalg.cho_factor(curve.shape())
-    log = -2 * float(np.log(np.diag(factor[0])).sum()) - 2 * curve.count * float(np.log(curve.size))
-    return linalg.cho_solve(factor, np.eye(curve.count)) / curve.size**2, log
+    own = linear.cholesky(curve.shape())
+    log = -own.log_det - 2 * curve.count * float(np.log(curve.size))
+    return own.solve(np.eye(curve.count)) / curve.size**2, log
 
 
 def solve(
@@ -221,23 +222,15 @@ def solve(
         mean: Of the parameters before any data.
     """
     P, log = prior_of
-    factor, scale, x = _factored(N + P, b + P @ mean)
-    cov = scale[:, None] * linalg.cho_solve(factor, np.eye(len(b))) * scale
-    det = 2 * float(np.log(np.diag(factor[0])).sum()) - 2 * float(np.log(scale).sum())
-    chi2 = square + mean @ P @ mean - x @ (b + P @ mean)
-    return Solution(x, np.asarray(cov), float(-0.5 * (chi2 + det - log)))
+    whole, right = linear.cholesky(N + P), b + P @ mean
+    x = whole.solve(right)
+    chi2 = square + mean @ P @ mean - x @ right
+    return Solution(x, whole.solve(np.eye(len(b))), float(-0.5 * (chi2 + whole.log_det - log)))
 
 
 def values(N: Array, b: Array, P: Array, mean: Array) -> Array:
     """The parameters alone."""
-    return _factored(N + P, b + P @ mean)[2]
-
-
-def _factored(whole: Array, right: Array) -> tuple[tuple[Array, bool], Array, Array]:
-    """Cholesky factor of scaled products, the scale, and the solution."""
-    scale = 1 / np.sqrt(np.diag(whole))
-    factor = linalg.cho_factor(whole * scale * scale[:, None], check_finite=False)
-    return factor, scale, scale * linalg.cho_solve(factor, scale * right, check_finite=False)
+    return linear.cholesky(N + P).solve(b + P @ mean)
 
 
 def solved(rows: Rows, mechanism: Mechanism, known: Prior) -> Solution:
@@ -299,9 +292,9 @@ _SMALLEST = 1e-7
 """No curve is smaller [m] or [rad]: there is none."""
 
 
-def again(rows: Rows, linear: Linear, found: Solution, scatter: Scatter) -> Scatter:
+def again(rows: Rows, about: Linear, found: Solution, scatter: Scatter) -> Scatter:
     """The scatter that the residuals show."""
     left = rows.y - rows.along(found.x)
     products = left[:, :, None] * left[:, None, :] + rows.variance(found.cov)
-    back = np.linalg.inv(rows.W)
-    return scatter.better(linear, back @ products @ np.swapaxes(back, 1, 2))
+    back = linear.regular_inverse(rows.W)
+    return scatter.better(about, back @ products @ np.swapaxes(back, 1, 2))

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Locked
 from pipeline.geometry import curves as curve
 from pipeline.geometry.estimate import (
@@ -83,7 +84,7 @@ class Identified(Locked):
     def left(self) -> Array:
         """Readings minus mechanism [m], [rad], shape (m, 6 t), F_b."""
         e = self.rows.y - self.rows.along(self.solution.x)
-        return np.asarray(np.linalg.solve(self.rows.W, e[..., None])[..., 0])
+        return linear.solve(self.rows.W, e)
 
 
 def identify(
@@ -109,19 +110,19 @@ def identify(
     mechanism = _equipped(begun, readings, wanted)
     known = _only(known_of(mechanism, stated, known), mechanism, wanted)
     for _ in range(_ROUNDS):
-        linear = linearised(readings, mechanism, weights)
+        here = linearised(readings, mechanism, weights)
         for _ in range(_STEPS):
-            whitened = rows(linear, mechanism, scatter)
+            whitened = rows(here, mechanism, scatter)
             found = solved(whitened, mechanism, known)
-            scatter = again(whitened, linear, found, scatter)
+            scatter = again(whitened, here, found, scatter)
             known = _only(rougher(known, found), mechanism, wanted)
             mechanism = larger(mechanism, found)
         mechanism = mechanism.moved(found.x, layout(mechanism))
-    linear = linearised(readings, mechanism, weights)
-    whitened = rows(linear, mechanism, scatter)
+    here = linearised(readings, mechanism, weights)
+    whitened = rows(here, mechanism, scatter)
     found = solved(whitened, mechanism, known)
     mechanism = mechanism.moved(found.x, layout(mechanism))
-    return Identified(mechanism, readings, weights, known, scatter, linear, whitened, found, wanted)
+    return Identified(mechanism, readings, weights, known, scatter, here, whitened, found, wanted)
 
 
 def known_of(mechanism: Mechanism, stated: tuple[float, float], earlier: Prior | None) -> Prior:
@@ -188,7 +189,7 @@ def likeliest_length(found: Identified, joints: Sequence[int], lengths: Sequence
             mechanism = larger(mechanism, solution)
         whitened = rows(found.linear, mechanism, scatter)
         solution = solved(whitened, mechanism, known)
-        evidence = solution.evidence + float(np.log(np.linalg.det(whitened.W)).sum())
+        evidence = solution.evidence + float(linear.log_det(whitened.W).sum())
         if evidence < best:
             break
         best, length_of = evidence, length

@@ -70,7 +70,7 @@ def errors(found: Identified, part: Ints, without: Sequence[slice] = ()) -> Arra
         for series in alone:
             e = _aligned(own.D[:, :, _frame(found, series)], e,
                          found.readings.series[mine] == series)  # fmt: skip
-        out[mine] = np.linalg.solve(own.W, e[..., None])[..., 0]
+        out[mine] = linear.solve(own.W, e)
     return out
 
 

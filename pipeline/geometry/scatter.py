@@ -104,7 +104,7 @@ class _Likelihood:
         s = np.exp(logs / 2)
         one = Scatter(s[: self.n], float(s[self.n]), float(s[self.n + 1]))
         V = one.cov(self.rows.Z, self.rows.read)
-        inverse = np.linalg.inv(V)
+        inverse = linear.regular_inverse(V)
         inner = inverse @ self.products
         f = 0.5 * (linear.log_det(V).sum() + np.trace(inner, axis1=1, axis2=2).sum())
         Q = inverse - inner @ inverse

@@ -6,14 +6,12 @@ import io
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
 from pipeline.base.errors import InputError
-from pipeline.base.files import read as bytes_of
 from pipeline.geometry.curves import Curve
 from pipeline.geometry.estimate import between_knots
 from pipeline.geometry.identify import Identified
@@ -24,7 +22,7 @@ from pipeline.machine.robot.configuration import torque
 from pipeline.machine.robot.letters import twists
 from pipeline.machine.robot.mdh import parse
 
-_LARGEST = 2**28
+LARGEST = 2**28
 """Bytes of a model: the covariance of two thousand knots has 2^25."""
 
 _ROWS = 2048
@@ -254,20 +252,18 @@ def dumps(model: Standing) -> bytes:
 _ARRAYS = ("values", "tool", "frames", "compliance", "amplitudes", "knots")
 
 
-def load(path: Path) -> Standing:
-    """The model in a positions.npz.
+def loads(data: bytes, name: str) -> Standing:
+    """The model in the content of a positions.npz, called by a name.
 
     Raises:
-        InputError: There is no such file, or it is no model.
+        InputError: It is no model.
     """
-    missing = InputError("there is no such file", "run the campaign first", file=str(path))
-    data = bytes_of(path, str(path), _LARGEST, missing)
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as kept:
             return _loaded({name: kept[name] for name in kept.files})
     except (ValueError, KeyError, OSError, TypeError) as problem:
         raise InputError(
-            "is no model of positions", "run the campaign again", file=str(path)
+            "is no model of positions", "run the campaign again", file=name
         ) from problem
 
 

@@ -11,7 +11,7 @@ from typer import Argument, Option
 
 from pipeline.app.commands._shared import Named, Root, app
 from pipeline.base import files
-from pipeline.base.errors import UsageError
+from pipeline.base.errors import InputError, UsageError
 
 
 class Of(StrEnum):
@@ -59,7 +59,8 @@ def predicted(root: Path, name: str, file: Path, model: Of = Of.RECOMMENDED) -> 
             f"{name} has no model of positions: only campaigns with [positions] have one, once "
             f"`pipeline run {name}` is done"
         )
-    one = standing.load(kept)
+    missing = InputError("there is no such file", "run the campaign again", file=str(kept))
+    one = standing.loads(files.read(kept, str(kept), standing.LARGEST, missing), str(kept))
     chosen = {Of.NOMINAL: one.nominal, Of.JOINT_SPRINGS: one.springs}.get(model, lambda: one)()
     try:
         data = file.read_bytes()
