@@ -23,7 +23,7 @@ def answer_to(name, seed):
 
 
 @pytest.mark.parametrize("world", ["normal", "student3", "wander10", "memory", "poses_as_points"])
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_p_value_is_that_of_the_chi_square_beside_it(world, seed):
     """In each of the three fits of an answer, whatever the machine hides and the noise does."""
     answer = answer_to(world, seed)

@@ -123,7 +123,9 @@ def test_the_offsets_correct_the_path_to_the_stated_uncertainty(path, models, tr
     assert np.mean(squares) == pytest.approx(1.0, abs=0.3)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize(
+    "seed", [0, 1, *(pytest.param(k, marks=pytest.mark.slow) for k in range(2, 6))]
+)
 def test_a_corrected_program_is_where_it_was_taught_on_the_bending_robot(demo, true, seed):
     """By noisy readings alone: of the error that the force makes, four fifths go at every point."""
     bending, force = BendingRobot(ROBOT, true), np.array([-600.0, -900.0, -700.0])

@@ -67,7 +67,13 @@ def plain(tmp_path_factory, small_campaign):
     return told(run_all(root, [], "local", force=False)), made(root)
 
 
-@pytest.mark.parametrize("executor", [Processes(2), Afar(2)], ids=["jobs", "afar"])
+@pytest.mark.parametrize(
+    "executor",
+    [
+        pytest.param(Processes(2), id="jobs"),
+        pytest.param(Afar(2), id="afar", marks=pytest.mark.slow),
+    ],
+)
 def test_several_at_a_time_answer_as_one_after_another(executor, tmp_path, plain, small_campaign):
     """Byte by byte, tables, answers and complaints; a second run has nothing to do."""
     root = project(tmp_path, small_campaign)
@@ -85,7 +91,11 @@ def test_several_at_a_time_answer_as_one_after_another(executor, tmp_path, plain
     [
         (["--jobs", "2", "--on", "tcp://127.0.0.1:1"], "give one of them"),
         (["--jobs", "2", "--engine", "prefect"], "do without Prefect"),
-        (["--on", "tcp://127.0.0.1:1"], "no Dask scheduler answers at tcp://127.0.0.1:1"),
+        pytest.param(
+            ["--on", "tcp://127.0.0.1:1"],
+            "no Dask scheduler answers at tcp://127.0.0.1:1",
+            marks=pytest.mark.slow,  # it is waited for
+        ),
         (["--on", "nonsense://"], "no Dask scheduler answers at nonsense://"),
     ],
 )
