@@ -70,7 +70,7 @@ def plain(tmp_path_factory, small_campaign):
 @pytest.mark.parametrize(
     "executor",
     [
-        pytest.param(Processes(2), id="jobs"),
+        pytest.param(Processes(2), id="jobs", marks=pytest.mark.slow),
         pytest.param(Afar(2), id="afar", marks=pytest.mark.slow),
     ],
 )
