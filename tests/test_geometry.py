@@ -142,7 +142,7 @@ def test_a_reading_metres_off_is_left_out_and_moves_nothing():
 
     found = studied(replace(readings, at=at))
 
-    assert [line for line, _ in found.bad] == [19]
+    assert [(one.series, one.line) for one in found.bad] == [("", 19)]
     assert found.stages[-1].mean(Parting.BETWEEN) < 0.04e-3
 
 

@@ -78,11 +78,13 @@ def stood(name: str, raw: Raw, keep: Keep, step: Step) -> Stood:
 
 def _rejected(read: Positioned, found: Study) -> pd.DataFrame:
     """What was left out when it was read, and the blunders."""
-    file = dict(zip(read.readings.line.tolist(), read.files, strict=True))
+    readings = read.readings
+    series = readings.names[readings.series].tolist()
+    file = dict(zip(zip(series, readings.line.tolist(), strict=True), read.files, strict=True))
     bad = pd.DataFrame(
         [
-            (file[line], line, f"stands {1e3 * off:.3g} mm from where all others put it")
-            for line, off in found.bad
+            (file[name, line], line, f"stands {1e3 * off:.3g} mm from where all others put it")
+            for name, line, off in found.bad
         ],
         columns=["file", "line", "reason"],
     )

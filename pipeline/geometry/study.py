@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -32,6 +33,14 @@ _GROSS = 20.0
 
 _BLUNDER = 1e-3
 """Chance that the largest of all residuals is called a blunder where there is none."""
+
+
+class Bad(NamedTuple):
+    """A pose that was left out."""
+
+    series: str
+    line: int
+    off_m: float
 
 
 class Step(StrEnum):
@@ -74,7 +83,7 @@ class Study(Locked):
 
     stages: tuple[Stage, ...]
     laws: tuple[NamedLaw, ...]
-    bad: tuple[tuple[int, float], ...]
+    bad: tuple[Bad, ...]
 
     @property
     def final(self) -> Identified:
@@ -133,17 +142,16 @@ def study(
 # --- blunders -------------------------------------------------------------------------------------
 
 
-def _without_gross(data: Data, begun: Mechanism) -> tuple[Data, list[tuple[int, float]]]:
+def _without_gross(data: Data, begun: Mechanism) -> tuple[Data, list[Bad]]:
     """The poses but those that stand metres from a nominal robot whose others stand millimetres."""
     rows = linearised(data.readings, begun, data.weights)
     off = leftout.distances(rows.y, rows.read)
     worst = np.nanmax(off, axis=1)
     bad = worst > _GROSS * np.nanmedian(off)
-    lines = data.readings.line[bad]
-    return data.without(bad), list(zip(lines.tolist(), worst[bad].tolist(), strict=True))
+    return data.without(bad), _listed(data.readings, bad, worst)
 
 
-def _without_blunders(data: Data, found: Identified) -> tuple[Data, list[tuple[int, float]]]:
+def _without_blunders(data: Data, found: Identified) -> tuple[Data, list[Bad]]:
     """The poses but those that stand farther from the model than chance takes any.
 
     |W e|^2 of a pose is chi-square with as many degrees as it has readings; what is not `_TAILS`
@@ -154,5 +162,11 @@ def _without_blunders(data: Data, found: Identified) -> tuple[Data, list[tuple[i
     limit = _TAILS * stats.chi2.isf(_BLUNDER / len(e), k)
     bad = square > limit
     off = np.nanmax(leftout.distances(found.left, found.readings.read), axis=1)
-    lines = data.readings.line[bad]
-    return data.without(bad), list(zip(lines.tolist(), off[bad].tolist(), strict=True))
+    return data.without(bad), _listed(data.readings, bad, off)
+
+
+def _listed(readings: Readings, bad: Bools, off: Array) -> list[Bad]:
+    """Poses that are left out, with their distance from the model [m]."""
+    named = readings.names[readings.series[bad]]
+    rows = zip(named.tolist(), readings.line[bad].tolist(), off[bad].tolist(), strict=True)
+    return [Bad(*row) for row in rows]
