@@ -47,7 +47,7 @@ class Step(StrEnum):
     """What a model holds beside tool and frames."""
 
     TABLE = "nominal table"
-    LETTERS = "letters of the table"
+    LETTERS = "geometric parameters"
     SPRINGS = "springs under the arm's weight"
     LAWS = "laws"
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure as Canvas
 
 from pipeline.answer.contract import Answer
 from pipeline.base.quantities import plain
-from pipeline.report.figures.marks import Tips, dots, legend_above, title
+from pipeline.report.figures.marks import Tips, cumulative, cumulative_axes, title
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure
 from pipeline.report.summaries import MM, Tables
@@ -18,8 +18,6 @@ from pipeline.report.svg import GRID, SERIES
 
 _BETWEEN = "every tenth pose"
 """What is left out in the picture of the steps."""
-
-_STEPS = np.linspace(0.0, 1.0, 41)
 
 
 def _models(tables: Tables) -> list[str]:
@@ -38,20 +36,15 @@ def _draw_steps(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     axes = canvas.subplots()
     tips: Tips = {}
     for k, (model, colour) in enumerate(zip(_models(tables), SERIES, strict=False)):
-        at = np.quantile(_distances(tables, model), _STEPS)
-        axes.plot(at, 100 * _STEPS, color=colour, linewidth=1.6, label=model)
-        shown, shares = at[4:-1:4], 100 * _STEPS[4:-1:4]
-        said = [
-            f"{model}: {plain(share)} % of the targets within {plain(v, 2)} mm"
-            for share, v in zip(shares, shown, strict=True)
-        ]
-        tips |= dots(axes, f"step-{k}", shown, shares, said, s=9, color=colour, linewidths=0)
-    axes.set_xscale("log")
-    axes.minorticks_off()
-    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
-    axes.set(xlabel="Distance from the prediction [mm]", ylabel="Left-out targets within [%]")
-    axes.grid(color=GRID, linewidth=0.6)
-    legend_above(axes, 2)
+        tips |= cumulative(
+            axes,
+            f"step-{k}",
+            _distances(tables, model),
+            model,
+            lambda share, mm: f"{plain(share)} % of the targets within {plain(mm, 2)} mm",
+            color=colour,
+        )
+    cumulative_axes(axes, "Distance from the prediction [mm]", "Left-out targets within [%]")
     return tips
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure as Canvas
+
+from pipeline.report.svg import GRID
 
 Tips = dict[str, list[str]]
 """By id of an artist, the words of each of its marks in drawing order."""
@@ -27,6 +29,34 @@ def dots(axes: Axes, key: str, x: Any, y: Any, said: Iterable[str], **style: Any
     """Marks in a plot, and what each of them says."""
     axes.scatter(x, y, gid=key, **style)
     return {key: list(said)}
+
+
+_SHARES = np.linspace(0.0, 1.0, 41)
+"""Steps of a cumulative curve; every fourth has a mark."""
+
+
+def cumulative(
+    axes: Axes, key: str, values: Any, label: str, said: Callable[[float, float], str], **style: Any
+) -> Tips:
+    """Share of the values below each value [%], with what marks of share and value say."""
+    at, shares = np.quantile(values, _SHARES), 100 * _SHARES
+    axes.plot(at, shares, linewidth=1.6, label=label, **style)
+    shown = slice(4, -1, 4)
+    words = [
+        f"{label}: {said(share, value)}"
+        for share, value in zip(shares[shown], at[shown], strict=True)
+    ]
+    return dots(axes, key, at[shown], shares[shown], words, s=9, color=style["color"], linewidths=0)
+
+
+def cumulative_axes(axes: Axes, below: str, share: str) -> None:
+    """Axes of cumulative curves: values from small to large in decades."""
+    axes.set_xscale("log")
+    axes.minorticks_off()
+    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.set(xlabel=below, ylabel=share)
+    axes.grid(color=GRID, linewidth=0.6)
+    legend_above(axes, 2)
 
 
 def integer_ticks(axes: Axes, at: np.ndarray, names: Sequence[int]) -> None:

@@ -9,11 +9,18 @@ from matplotlib.figure import Figure as Canvas
 from pipeline.answer.contract import Answer
 from pipeline.base.linear import rms
 from pipeline.base.quantities import percent, plain
-from pipeline.report.figures.marks import Tips, dots, each_row, legend_above
+from pipeline.report.figures.marks import (
+    Tips,
+    cumulative,
+    cumulative_axes,
+    dots,
+    each_row,
+    legend_above,
+)
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure
 from pipeline.report.summaries import MM, Tables, finite, prediction_error, thinned
-from pipeline.report.svg import GRID, MUTED, SERIES
+from pipeline.report.svg import MUTED, SERIES
 
 _KEY = ["pose", "repeat", "target"]
 
@@ -81,27 +88,20 @@ def _draw_prediction(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     errors = prediction_error(tables["validation"])
     axes = canvas.subplots()
     tips: Tips = {}
-    steps = np.linspace(0, 1, 41)
     for index, ((where, draw_from), mu) in enumerate(errors.items()):
-        at = 100 * np.quantile(mu, steps)
-        if at[4] <= 0:  # no stiffness had a value to draw about, and zero has no logarithm
+        if np.quantile(mu, 0.1) <= 0:  # no stiffness had a value to draw about, and zero no log
             continue
         name = f"{_SETS.get(where, where)}, {_DRAWS.get(draw_from, draw_from)}"
-        style = "-" if draw_from == "covariance" else "--"
-        colour = SERIES[list(_SETS).index(where) if where in _SETS else 2]
-        axes.plot(at, 100 * steps, style, color=colour, linewidth=1.6, label=name)
-        shown, shares = at[4:-1:4], 100 * steps[4:-1:4]
-        said = [
-            f"{name}: {plain(share)} % of the poses below {percent(v / 100)}"
-            for share, v in zip(shares, shown, strict=True)
-        ]
-        tips |= dots(axes, f"mu-{index}", shown, shares, said, s=9, color=colour, linewidths=0)
-    axes.set_xscale("log")
-    axes.minorticks_off()
-    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
-    axes.set(xlabel="Relative error of the predicted deflection [%]", ylabel="Poses below [%]")
-    axes.grid(color=GRID, linewidth=0.6)
-    legend_above(axes, 2)
+        tips |= cumulative(
+            axes,
+            f"mu-{index}",
+            100 * mu,
+            name,
+            lambda share, at: f"{plain(share)} % of the poses below {percent(at / 100)}",
+            linestyle="-" if draw_from == "covariance" else "--",
+            color=SERIES[list(_SETS).index(where) if where in _SETS else 2],
+        )
+    cumulative_axes(axes, "Relative error of the predicted deflection [%]", "Poses below [%]")
     return tips
 
 

@@ -47,7 +47,7 @@ def laws(answer: Answer, tables: Tables) -> Section | None:
 
 def letters(answer: Answer) -> Section | None:
     """The robot's table as delivered and as found."""
-    return section_of("table", "The robot's table", [_letters(answer)])
+    return section_of("table", "Geometric parameters of the robot", [_letters(answer)])
 
 
 def _steps(answer: Answer) -> Table | None:
@@ -95,7 +95,7 @@ def _gain(one: Cause) -> str:
 def _letters(answer: Answer) -> Table | None:
     columns: list[Cells[Letter]] = [
         said("Joint", lambda one: one.where),
-        said("Entry", lambda one: _NAMES.get(one.name, one.name)),
+        said("Parameter", lambda one: _NAMES.get(one.name, one.name)),
         number("As delivered [mm or deg]", lambda one: _scaled(one, one.nominal), plain),
         measured(
             "Found minus delivered [mm or mrad]",
@@ -105,11 +105,11 @@ def _letters(answer: Answer) -> Table | None:
     ]
     return table_of(
         "letters",
-        "Lengths in mm, angles in degrees; what is found of angles in mrad",
+        "Geometric parameters as delivered and as identified",
         columns,
         answer.geometry,
-        "An entry that is not determined moves the targets as others do, or hardly at all: it is "
-        "carried with the uncertainty of a table as delivered.",
+        "A parameter that is not determined moves the targets as others do, or hardly at all; it "
+        "keeps the uncertainty of a table as delivered.",
     )
 
 
