@@ -196,7 +196,7 @@ def played(fixture: Fixture) -> Played:
     world, seed = WORLDS[fixture.world], fixture.seed
     robot = load(world.robot)
     plan = world.plan(robot, seed)
-    hidden = world.secrets
+    hidden = world.hides(robot, seed)
     if fixture.cause:
         innocent = build(robot, plan, world.rules, seed)
         hidden = (_sized(innocent, world, seed),)

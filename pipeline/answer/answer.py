@@ -8,6 +8,7 @@ from pipeline.answer.common_factor import common_factor, told_factor
 from pipeline.answer.contract import Answer
 from pipeline.answer.diagnosis import diagnosis_entry, noise_entry, placed
 from pipeline.answer.findings import Findings
+from pipeline.answer.geometry import estimated_table, with_positions
 from pipeline.answer.inputs import (
     assumptions,
     growth_findings,
@@ -42,6 +43,8 @@ def answer(found: Findings) -> Answer:
     """The answer to a campaign."""
     given, raw, where = found.given, found.raw, found.where
     values, springs = values_entry(found.told, where), values_entry(found.springs, where)
+    stood = found.diagnosis.facts.unloaded
+    values = with_positions(values, stood)
     base = found.right.reduced.registration
     fits = registration_entry(base)
     overload = overload_entry(raw.robot, found.right.reduced.data.pulls)
@@ -95,6 +98,7 @@ def answer(found: Findings) -> Answer:
         instrument=instrument_entry(given.case.settings),
         robot_unit=unit_entry(given.case.settings),
         overload=overload,
+        geometry=estimated_table(stood),
         common_factor=factor,
         model=contract.Forward(
             equilibrium=contract.Equilibrium(found.told.values.first.cell.equilibrium)

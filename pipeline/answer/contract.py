@@ -253,7 +253,8 @@ class Validation(Drawn):
     held_out_position_mm: HeldOutPosition | None = Field(
         default=None,
         exclude_if=_nothing,
-        description="of absolute positions, every tenth pose left out; absent without positions",
+        description="of absolute positions: every tenth pose left out, or of unloaded reflectors "
+        "each pose in turn; absent without positions",
     )
 
 
@@ -770,7 +771,10 @@ class Answer(Values, Heading):
         description="a force that the robot would hardly hold; absent without one",
     )
     geometry: tuple[Letter, ...] = Field(
-        default=(), exclude_if=_nothing, description="the robot's table; absent without positions"
+        default=(),
+        exclude_if=_nothing,
+        description="the robot's table as absolute positions or unloaded reflectors show it; "
+        "absent without them",
     )
     position_steps: tuple[PositionStep, ...] = Field(
         default=(),

@@ -79,7 +79,7 @@ def diagnose(
     hung = as_stiff(cell, estimate)
     stood = standing(hung, data, spread.tracker, whole, rng)
     if stood.believed:
-        data = corrected(hung, data, stood)
+        cell, data = corrected(cell, data, stood)
         case, spread = case_of(cell, data, estimate, whole, known, noise)
     case = replace(case, refuted=stood.visible, shape=shape, room=room)
     case, spread, found = _searched(case, spread, estimate.value, rng)

@@ -46,7 +46,7 @@ def compose(
     title, tone = words.VERDICTS[answer.diagnosis.verdict]
     sections = (
         _of_positions(answer, tables)
-        if answer.geometry
+        if answer.position_steps
         else [
             stiffness(answer, previous),
             diagnosis(answer, tables),
@@ -56,12 +56,13 @@ def compose(
             budget(answer),
             registration(answer, tables),
             reliability(tables),
+            letters(answer),
             rejected(answer),
         ]
     )
     sections += [files(beside, previous), method(answer)]
     return Report(
-        kicker=f"{_ABOUT[bool(answer.geometry)]} · {answer.machine}",
+        kicker=f"{_ABOUT[bool(answer.position_steps)]} · {answer.machine}",
         heading=answer.campaign,
         title=f"Joint stiffness of {answer.robot}: {answer.campaign}",
         verdict=title,

@@ -51,7 +51,7 @@ def method(answer: Answer) -> Section | None:
 
 
 def _told(answer: Answer) -> str:
-    if answer.geometry:
+    if answer.position_steps:
         return OF_POSITIONS
     deformed = answer.model.equilibrium is Equilibrium.DEFORMED
     told = [
