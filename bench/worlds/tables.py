@@ -81,6 +81,8 @@ class Table:
         every = tuple(self._every(rng))
         wrong = self._wrong(robot, rng)
         label = f"{wrong[0]}:{wrong[1]}" if wrong else ""
+        if np.isnan(self.size):  # a sign is what somebody mistyped, and is called that
+            label = f"sign_or_convention:d_{label[-1]}"
 
         def plant(one: Setup, size: float, course: Course) -> None:
             stands = Placed.of(robot)

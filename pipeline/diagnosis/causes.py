@@ -99,15 +99,18 @@ def of_unloaded(stood: Standing) -> tuple[Cause, ...]:
     """Causes that the unloaded positions call for."""
     if stood.useless:
         return ()
-    out = []
-    for one in stood.causes:
-        sizes = _sizes(one.effect, one.value, one.std)
-        odds = {rival.effect.label: rival.probability for rival in one.rivals}
-        others = tuple(rival for rival in one.rivals if rival.effect.label != one.effect.label)
-        p = one.p_value
-        mine = odds.get(one.effect.label, 0.0)
-        out.append(Cause(one.effect, mine, sizes, p, others, gain=stood.gain))
-    return tuple(out)
+    return tuple(
+        Cause(
+            effect=one.effect,
+            probability=one.probability,
+            amplitudes=_sizes(one.effect, one.value, one.std),
+            p_value=one.p_value,
+            rivals=one.rivals,
+            twins=one.twins,
+            gain=stood.gain,
+        )
+        for one in stood.causes
+    )
 
 
 def _sizes(

@@ -224,14 +224,18 @@ class Off(Locked):
         value: Its parameters, SI, shape (k,).
         std: Their standard uncertainties, shape (k,).
         p_value: Chance of so much in a robot without, as many causes being looked for as are.
-        rivals: What could stand in its place, itself included, likeliest first.
+        probability: Of it, or of a twin, against all that could stand in its place.
+        rivals: What else could, likeliest first.
+        twins: Labels of what makes the same robot: offsets along parallel axes.
     """
 
     effect: Effect
     value: Array
     std: Array
     p_value: float
+    probability: float
     rivals: tuple[Named, ...]
+    twins: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)

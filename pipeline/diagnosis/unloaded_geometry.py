@@ -17,7 +17,7 @@ from pipeline.base.arrays import Array
 from pipeline.base.bootstrap import interval
 from pipeline.base.linear import rms
 from pipeline.diagnosis.facts import NOTHING, Gain, Named, Off, Standing
-from pipeline.geometry.roughness import Cells, Suspect, cells, left_out, products, straight
+from pipeline.geometry.roughness import Cells, Suspect, cells, left_out, products, same, straight
 from pipeline.geometry.unloaded import USUAL, Rows, Unloaded, off, unloaded
 from pipeline.machine.cell import Cell, load
 from pipeline.machine.effect import Effect, Geometry, Observation
@@ -243,22 +243,34 @@ def _off(search: _Search, number: int) -> Off:
     """One cause with its size and what else could stand in its place."""
     zeros, one = search.zeros, search.free[number]
     rest = tuple(other for other in search.free if other is not one)
-    beside = cells(zeros, products(search.rows), rest)
+    sums = products(search.rows)
+    beside = cells(zeros, sums, rest)
     others = [other for other in search.asked if other not in rest]
     odds = special.softmax([_evidence(beside, other) for other in others])
+    twins = [other for other in others if other is not one and same(zeros, sums, one, other)]
     order = np.argsort(-np.round(odds, 9), kind="stable")
-    at = list(one.columns)
-    units = np.ones(len(at))
-    if one.label == "gravity_sag":
-        units = np.array([parameter.typical for parameter in one.effect.parameters])
+    at, units = list(one.columns), _units(one)
     cov = search.found.covariance[np.ix_(at, at)] * units[:, None] * units
     return Off(
         effect=one.effect,
         value=search.found.mean[at] * units,
         std=np.sqrt(np.diag(cov)),
         p_value=search.p_value(one),
-        rivals=tuple(Named(others[i].effect, float(odds[i])) for i in order if odds[i] > _RARE),
+        probability=float(sum(odds[i] for i, o in enumerate(others) if o is one or o in twins)),
+        rivals=tuple(
+            Named(others[i].effect, float(odds[i]))
+            for i in order
+            if odds[i] > _RARE and others[i] is not one and others[i] not in twins
+        ),
+        twins=tuple(other.label for other in twins),
     )
+
+
+def _units(one: _Suspect) -> Array:
+    """SI of each of its unknowns: masses are in units of their usual sizes."""
+    if one.label != "gravity_sag":
+        return np.ones(len(one.columns))
+    return np.array([parameter.typical for parameter in one.effect.parameters])
 
 
 def _gain(

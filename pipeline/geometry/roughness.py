@@ -234,3 +234,19 @@ def left_out(found: Cells, rows: Rows) -> Array:
     rest = np.eye(X.shape[1]) - X @ found.cov[cell] @ np.swapaxes(X, 1, 2)
     missed = linear.solve(W, linear.solve(rest, e))
     return np.asarray(missed[rows.place])
+
+
+def same(zeros: Unloaded, sums: Products, one: Suspect, other: Suspect) -> bool:
+    """Whether no pose tells two parameters apart: place and tool estimated, they move alike."""
+    if len(one.columns) > 1 or len(other.columns) > 1:
+        return False
+    where = zeros.columns
+    at = np.r_[where.shift, where.tool, one.columns[0], other.columns[0]]
+    N = linear.unit(sums.A[0][np.ix_(at, at)])[0]
+    k = len(at) - 2
+    S = N[k:, k:] - N[k:, :k] @ linear.inverse(N[:k, :k]) @ N[:k, k:]
+    return bool(S[0, 1] ** 2 > (1 - _ALIKE) * S[0, 0] * S[1, 1])
+
+
+_ALIKE = 1e-6
+"""Two columns whose squared cosine is nearer to one than this are one."""

@@ -13,7 +13,7 @@ repeatability).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -51,7 +51,7 @@ class Columns:
     """Where the unknowns stand in their vector.
 
     Attributes:
-        shift: Place of F_b [m].
+        shift: Place of F_b [m], from where the table fits best.
         turn: Its turn within what is stated of the registration, in units of that.
         tool: Three of each target [m].
         table: Geometric parameters.
@@ -89,6 +89,8 @@ class Unloaded(Locked):
         rotation: Factor of the covariance of the registration's rotation [rad], shape (3, 3).
         joint_std: Standard uncertainty of the joints' zeros as stated [m] or [rad], shape (n,).
         tool_std: The same of points of the tool [m], 0 where nothing is stated.
+        place: Where F_b stands if the table is right [m], shape (3,): metres of it would cost the
+            likelihoods, which are differences of squares, their digits.
     """
 
     robot: Robot
@@ -102,6 +104,7 @@ class Unloaded(Locked):
     rotation: Array
     joint_std: Array
     tool_std: float = 0.0
+    place: Array = field(default_factory=lambda: np.zeros(3))
 
     @cached_property
     def letters(self) -> tuple[Letter, ...]:
@@ -177,7 +180,7 @@ class Unloaded(Locked):
         points = (self.tool.points + x[where.tool].reshape(-1, 3))[self.target]
         p = here.flange_origin + np.einsum("zij,zj->zi", here.flange_axes, points)
         R = Rotation.from_rotvec(self.turned(x)).as_matrix()
-        stands = p @ R.T + x[where.shift]
+        stands = p @ R.T + self.place + x[where.shift]
         D = np.zeros((len(z), 3, where.count))
         D[:, :, where.shift] = np.eye(3)
         cross = np.stack([np.cross(axis, p @ R.T) for axis in np.eye(3)], axis=2)
@@ -270,7 +273,7 @@ def unloaded(
     poses, pose = np.unique(data.pulls.pose[data.pull[first]], return_inverse=True)
     if len(poses) < _FEWEST or not np.isfinite(scale):
         return None
-    return Unloaded(
+    found = Unloaded(
         robot=robot,
         tool=tool,
         sag=sag,
@@ -283,6 +286,7 @@ def unloaded(
         joint_std=data.joint_std,
         tool_std=data.tool_std,
     )
+    return replace(found, place=found.seen(np.zeros(found.columns.count)).mean(axis=0))
 
 
 _FEWEST = 4
