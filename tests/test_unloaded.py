@@ -256,6 +256,9 @@ def test_offsets_along_parallel_axes_are_one():
     assert same(zeros, sums, at["link_offset:3"], at["link_offset:4"])
     assert not same(zeros, sums, at["link_offset:3"], at["link_offset:5"])
     assert not same(zeros, sums, at["link_length:3"], at["link_length:4"])
+    # what only says where F_b or the tool is, is no twin of anything
+    assert not same(zeros, sums, at["link_length:4"], at["link_offset:2"])
+    assert not same(zeros, sums, at["link_offset:2"], at["joint_offset:7"])
 
 
 def test_estimates_scatter_as_stated():

@@ -521,8 +521,8 @@ class Diagnosis(Fact):
         description="what the likeliest causes do each as the only one"
     )
     unloaded_off_mm: tuple[Number, Number] = Field(
-        description="how far the unloaded reflectors stand from the robot's table, without and "
-        "with the causes"
+        description="how far the unloaded reflectors stand from the robot's table, and from the "
+        "table as estimated from them"
     )
     blind_spots: tuple[BlindSpot, ...]
     next_poses: tuple[NextPose, ...]

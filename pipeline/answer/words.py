@@ -288,8 +288,8 @@ BECAUSE: Mapping[Reason, str] = {
     ),
     Reason.MISTAKE: "All values are from the corrected data.",
     Reason.WEIGHED_ANEW: (
-        "The model is that of the joint springs; the values include what was identified of where "
-        "the robot stands or how much the scale scatters."
+        "Joint springs explain the deflections; the values rest on the robot's geometry, or on the "
+        "scatter of the scale, as it was identified."
     ),
     Reason.CAUSE_AND_RIVALS: (
         "Joint springs alone do not explain the readings; the values below include the "

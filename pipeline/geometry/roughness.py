@@ -245,7 +245,8 @@ def same(zeros: Unloaded, sums: Products, one: Suspect, other: Suspect) -> bool:
     N = linear.unit(sums.A[0][np.ix_(at, at)])[0]
     k = len(at) - 2
     S = N[k:, k:] - N[k:, :k] @ linear.inverse(N[:k, :k]) @ N[:k, k:]
-    return bool(S[0, 1] ** 2 > (1 - _ALIKE) * S[0, 0] * S[1, 1])
+    there = S[0, 0] > _ALIKE and S[1, 1] > _ALIKE  # else it only says where F_b or the tool is
+    return bool(there and S[0, 1] ** 2 > (1 - _ALIKE) * S[0, 0] * S[1, 1])
 
 
 _ALIKE = 1e-6

@@ -13,6 +13,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Ints, Locked, Parameter, Strings
 from pipeline.machine.robot import Configuration, Robot
+from pipeline.machine.robot.letters import Letter, changed
 
 PULLED, HUNG, MOUNTED = 0, 1, 2
 """What loads the robot: a chain with a scale, a weight at the load point, a payload on the flange;
@@ -301,6 +302,21 @@ class Geometry(Effect):
     """
 
     geometry: Callable[[Robot, Pulls, Array], Array]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table(Effect):
+    """An entry of the robot's table is not that of the robot.
+
+    Attributes:
+        letter: Which.
+    """
+
+    letter: Letter
+
+    def true(self, robot: Robot, values: Array) -> Robot:
+        """The robot as it is, one value (1,) [m] or [rad] beside its table."""
+        return changed(robot, (self.letter,), values)
 
 
 @dataclass(frozen=True, kw_only=True)

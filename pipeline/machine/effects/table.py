@@ -5,10 +5,8 @@ It moves the unloaded reflectors by millimetres, and changes the displacements t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from pipeline.base.arrays import Parameter
-from pipeline.machine.effect import Effect
+from pipeline.machine.effect import Table
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.letters import Letter, letters
 
@@ -25,17 +23,6 @@ _TYPICAL = 1e-3
 
 _MOST = 0.5
 """Beyond half a metre, half a radian it is another robot."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Table(Effect):
-    """An entry of the robot's table is not that of the robot.
-
-    Attributes:
-        letter: Which.
-    """
-
-    letter: Letter
 
 
 def effects(robot: Robot) -> tuple[Table, ...]:
