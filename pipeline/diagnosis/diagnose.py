@@ -77,7 +77,7 @@ def diagnose(
     known = twins(cell.robot)
     case, spread = case_of(cell, data, estimate, whole, known, noise)
     hung = as_stiff(cell, estimate)
-    stood = standing(hung, data, spread.tracker, whole, rng)
+    stood = standing(hung, data, spread.tracker, whole)
     if stood.believed:
         cell, data = corrected(cell, data, stood)
         case, spread = case_of(cell, data, estimate, whole, known, noise)

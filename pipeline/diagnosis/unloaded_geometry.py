@@ -37,6 +37,8 @@ _MISFIT = 1e-6
 
 _MOST = 4
 
+_SEED = 20261123
+
 _WIDE = 0.1
 """Standard deviation of what is off, [m] and [rad]; masses, ten times their usual size."""
 
@@ -55,9 +57,7 @@ class _Suspect(Suspect):
     effect: Effect
 
 
-def standing(
-    cell: Cell, data: Measured, scale: float, effects: Sequence[Effect], rng: np.random.Generator
-) -> Standing:
+def standing(cell: Cell, data: Measured, scale: float, effects: Sequence[Effect]) -> Standing:
     """Estimate the table from the unloaded positions, and find what is far off in it.
 
     Args:
@@ -65,7 +65,6 @@ def standing(
         data: The measurements; `unloaded` may be NaN, then nothing is found.
         scale: Scatter of the tracker over its stated standard uncertainty.
         effects: The catalogue.
-        rng: Draws the bootstrap of the gain.
     """
     zeros = unloaded(cell.robot, cell.tool, _sag(effects), data, scale)
     if zeros is None:
@@ -83,10 +82,10 @@ def standing(
     return Standing(
         miss_m=rms((rows.y - rows.D @ table_only.mean)[rows.place]),
         left_m=off(zeros, found.mean),
-        visible=_visible(found, asked),
+        visible=dict.fromkeys(_unseen(effects, asked), np.inf) | _visible(found, asked),
         cells=found,
         causes=tuple(_off(search, k) for k in range(len(found.free))),
-        gain=_gain(missed, zeros, found, rng),
+        gain=_gain(missed, zeros, found),
     )
 
 
@@ -108,6 +107,11 @@ def _suspects(zeros: Unloaded, effects: Sequence[Effect]) -> Iterator[_Suspect]:
     ):
         if label in known and at.stop > at.start:
             yield _Suspect(label, tuple(range(at.start, at.stop)), wide, known[label])
+
+
+def _unseen(effects: Sequence[Effect], asked: Sequence[_Suspect]) -> set[str]:
+    """What would move unloaded reflectors as F_b or the tool do: the zero of the rail."""
+    return {one.label for one in effects if one.shows_unloaded} - {one.label for one in asked}
 
 
 def _fits(zeros: Unloaded, rows: Rows, plain: Cells) -> bool:
@@ -273,11 +277,10 @@ def _units(one: _Suspect) -> Array:
     return np.array([parameter.typical for parameter in one.effect.parameters])
 
 
-def _gain(
-    missed: tuple[Array, Array], zeros: Unloaded, found: Cells, rng: np.random.Generator
-) -> Gain:
+def _gain(missed: tuple[Array, Array], zeros: Unloaded, found: Cells) -> Gain:
     """What the corrected table is worth at poses that were left out, against the table as it is."""
     before, after = (part.ravel() for part in missed)
+    rng = np.random.default_rng(_SEED)
     reduction, ci95 = interval(before, after, np.repeat(zeros.pose, 3), rng)
     chosen = (tuple(one.label for one in found.free),) * zeros.poses
     return Gain(before, after, reduction, ci95, chosen, "unloaded positions")
