@@ -26,7 +26,7 @@ from pipeline.machine.robot import SHIPPED, Robot, configure, load
 from pipeline.machine.robot.variants import alike, differing, variants
 from pipeline.readers.known import BETTER, GROSS_M
 from pipeline.reduction.case import Case
-from pipeline.reduction.register import XYZ
+from pipeline.reduction.register import XYZ, agreeing
 
 GROSS_ANCHORED_M = 0.3
 """Nor this far from it in a base frame, however poor its reflectors."""
@@ -174,7 +174,9 @@ def anchored(case: Case) -> tuple[Array, Array] | None:
     if base["target"].nunique() < _BASE:
         return None
     points = np.array([nominal[name] for name in base["target"]])
-    return rigid(base[XYZ].to_numpy(float), points)
+    seen = base[XYZ].to_numpy(float)
+    agree = agreeing(seen, points)  # one reading metres off would turn the frame by degrees
+    return rigid(seen[agree], points[agree])
 
 
 def unloaded(case: Case) -> pd.DataFrame:
