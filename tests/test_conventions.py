@@ -230,7 +230,7 @@ def test_a_base_reading_metres_off_turns_no_base_frame():
     rows = case.readings
     base = rows.index[rows["pose"].isna()]
     off = rows.copy()
-    off.loc[base[1], XYZ] = rows.loc[base[1], XYZ].to_numpy(float) + [3.0, -2.0, 2.0]
+    off.loc[base[1], XYZ] = rows.loc[base[1], XYZ].to_numpy(float) + np.array([3.0, -2, 2])
     bad = replace(case, readings=off)
 
     assert anchored_miss(bad) == pytest.approx(anchored_miss(case), abs=1e-4)
