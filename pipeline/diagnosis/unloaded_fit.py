@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
@@ -240,4 +240,4 @@ def _on_line(zeros: Unloaded, effects: Sequence[Effect], line: Line) -> Fit:
 
 def student(fit: Fit) -> float:
     """Quantile of 95 % intervals."""
-    return float(stats.t.ppf(0.975, max(fit.dof, 1)))
+    return float(special.stdtrit(max(fit.dof, 1), 0.975))

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy import special, stats
+from scipy import special
 
 from pipeline.base.bootstrap import interval
 from pipeline.diagnosis.facts import NOTHING, Fit, Gain, Standing
@@ -140,7 +140,7 @@ def _visible(zeros: Unloaded, suspects: tuple[Effect, ...]) -> dict[str, float]:
         if not np.any(moved.at != here) or size < 1e-9 or fit.dof < 1:
             out[suspect.label] = np.inf
             continue
-        beyond = stats.chi2.isf(_NEEDED, fit.dof) - fit.dof
+        beyond = special.chdtri(fit.dof, _NEEDED) - fit.dof
         out[suspect.label] = max(_LEAST_M / size, float(np.sqrt(beyond / fit.chi2)))
     return out
 
