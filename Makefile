@@ -29,13 +29,18 @@ run: .venv/.ready
 	@.venv/bin/pipeline run $(ARGS) || test $$? -eq 5    # 5: done, and rows were left out, told above
 
 # One BLAS thread per worker: two workers with all cores each are slower than either alone.
-# loadgroup, because tests that share a server carry an xdist_group and must meet in one worker.
+# loadgroup, because tests that share a server carry an xdist_group and must meet in one worker;
+# in the order of tests/conftest.py, which begins with the groups.
+# Compiled modules are kept, also where the environment says otherwise: some tests start the command.
+TESTS := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= \
+	$(PY) -m pytest -q -n 2 --dist loadgroup --no-loadscope-reorder
+
 test: .venv/.ready
 	@$(PY) tests/get_browser.py
-	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PY) -m pytest -q -n 2 --dist loadgroup $(ARGS)
+	@$(TESTS) $(ARGS)
 
 slow: .venv/.ready
-	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PY) -m pytest -q -n 2 --dist loadgroup -m slow $(ARGS)
+	@$(TESTS) -m slow $(ARGS)
 
 check: .venv/.ready
 	@$(PY) -m ruff format --check .

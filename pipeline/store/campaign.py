@@ -117,8 +117,10 @@ class Campaign:
                 its folder has a name that none can have.
         """
         self.fit()
-        names = ["campaign.toml", *self._named(self.settings())]
-        return in_memory({name: self.content(name) for name in names})
+        said = self.content("campaign.toml")
+        settings = _settings(said)
+        others = {name: self.content(name) for name in self._named(settings)}
+        return _raw(settings, {"campaign.toml": said, **others})
 
     def fit(self) -> None:
         """Its folder is one that something can be made of.
@@ -316,11 +318,19 @@ class Campaign:
 
     def result(self) -> dict[str, Any]:
         """Its result.json."""
+        found: dict[str, Any] = json.loads(self.result_text())
+        return found
+
+    def result_text(self) -> bytes:
+        """Its result.json, byte for byte.
+
+        Raises:
+            UsageError: It has none.
+        """
         path = self.reports / "result.json"
         if not path.is_file():
             raise UsageError(f"{self.name} has no result: run `pipeline run {self.name}` first")
-        found: dict[str, Any] = json.loads(path.read_bytes())
-        return found
+        return path.read_bytes()
 
     def finish(self, key: str, answers: Mapping[str, bytes], about: Mapping[str, Any]) -> None:
         """Write the answers, then the manifest that makes them count, with `about` in it."""
@@ -365,7 +375,10 @@ def recalled(path: Path) -> Any:
 
 def in_memory(content: Mapping[str, bytes]) -> Raw:
     """A campaign from the bytes of its files, its own robot's among them."""
-    settings = _settings(content["campaign.toml"])
+    return _raw(_settings(content["campaign.toml"]), content)
+
+
+def _raw(settings: Settings, content: Mapping[str, bytes]) -> Raw:
     if settings.robot in content:
         robot = parse_robot(files.text(content[settings.robot], settings.robot), settings.robot)
     else:
