@@ -11,7 +11,8 @@ from scipy import stats
 from bench.open_league import entries, sealed, table, truth
 from bench.open_league.draw import SEEDS, fixtures
 from bench.open_league.entries import Entry, play
-from bench.open_league.score import score
+from bench.open_league.reply import read
+from bench.open_league.score import score as scored
 from bench.open_league.solvers import least_squares, stepwise
 from bench.open_league.solvers.problem import Problem, Suspect
 from bench.open_league.truth import Cause, Prediction, Stiffness, Truth
@@ -57,6 +58,11 @@ def answer(*causes, verdict="explained", value=2.1e6, ci95=(1.9e6, 2.3e6), dx=1.
         ],
         "diagnosis": {"verdict": verdict, "causes": list(causes)},
     }
+
+
+def score(truth, said):
+    """The score of an answer as it is printed."""
+    return scored(truth, read(said)[0])
 
 
 @pytest.fixture
@@ -267,6 +273,23 @@ def test_numbers_are_compared_with_their_intervals():
     assert (y.covered, z.covered) == (True, True)
     assert open_.springs[0].error is None
     assert (open_.springs[0].covered, open_.springs[0].width) == (True, None)
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"stiffness": [{"value": 1.0}]}, "stiffness.0.name"),
+        ({"diagnosis": {}}, "diagnosis.verdict"),
+        ({"stiffness": [{"name": "k_theta2", "value": float("nan")}]}, "stiffness.0.value"),
+        ({"diagnosis": {"verdict": "explained", "causes": [{"name": "a", "probability": 2}]}}, "2"),
+    ],
+)
+def test_an_answer_that_cannot_be_scored_is_none(change, word):
+    """And the player is told which word of it is wrong."""
+    reply, problem = read(answer() | change)
+
+    assert reply is None
+    assert word in problem
 
 
 def test_no_answer_is_nothing_right_and_nothing_wrong():

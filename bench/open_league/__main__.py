@@ -54,10 +54,11 @@ def play(
     """Let entries play sealed games; what is played already is kept."""
     from bench.open_league.entries import Entry
     from bench.open_league.entries import play as played
+    from bench.open_league.reply import read
 
     for one in played(games, [Entry.of(text) for text in entry]):
-        said = "answered" if one.answer else f"no answer, exit code {one.exit_code}"
-        typer.echo(f"{one.game} {one.entry}: {said}, {one.cpu_s} s", err=True)
+        said = read(one.answer)[1] or "answered"
+        typer.echo(f"{one.game} {one.entry}: {said}", err=True)
 
 
 @command.command()

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from bench.open_league.reply import Cause as Stated
+from bench.open_league.reply import Reply, Spring
 from bench.open_league.truth import Cause, Prediction, Truth
-
-Json = Mapping[str, Any]
 
 NEUTRAL = ("tracker_noise", "force_noise", "heavy_tails", "tracker_wander")
 """They say how readings scatter, not what moves them: naming one is neither right nor wrong."""
@@ -35,6 +34,10 @@ class Value:
     error: float | None
     covered: bool | None
     width: float | None
+
+
+NOTHING = Value(None, None, None)
+"""Where nothing was estimated."""
 
 
 @dataclass(frozen=True)
@@ -67,90 +70,81 @@ class Score:
     scale_m: float
 
 
-def score(truth: Truth, answer: Json | None) -> Score:
+def score(truth: Truth, reply: Reply | None) -> Score:
     """Compare an answer with the truth; whoever gives none has named and estimated nothing."""
-    said = answer or {}
-    diagnosis: Json = said.get("diagnosis") or {}
-    causes = [c for c in diagnosis.get("causes") or () if c.get("name") not in NEUTRAL]
-    named = [label(cause) for cause in causes]
+    causes = [one for one in reply.diagnosis.causes if one.name not in NEUTRAL] if reply else []
+    named = [one.label for one in causes]
     listed = [cause for cause in truth.causes if cause.listed]
     right = sum(any(name in cause.labels for name in named) for cause in listed)
     wrong = sum(not any(name in cause.labels for cause in truth.causes) for name in named)
     true = [v for p in truth.predictions for three in p.deflection_m.values() for v in three]
     return Score(
-        answered=answer is not None,
+        answered=reply is not None,
         right=right,
         missed=len(listed) - right,
         wrong=wrong,
-        noticed=answer is not None and (bool(named) or diagnosis.get("verdict") != "adequate"),
-        exact=answer is not None and right == len(listed) and not wrong,
+        noticed=reply is not None and (bool(named) or reply.diagnosis.verdict != "adequate"),
+        exact=reply is not None and right == len(listed) and not wrong,
         log_score=_log_score(truth.causes, causes),
-        springs=_springs(truth, said),
-        deflections=tuple(v for p in truth.predictions for v in _deflections(p, said)),
+        springs=_springs(truth, reply),
+        deflections=tuple(v for p in truth.predictions for v in _deflections(p, reply)),
         scale_m=float(np.sqrt(np.mean(np.square(true)))) if true else 0.0,
     )
 
 
-def label(cause: Json) -> str:
-    """`joint_tilt:3`, or `rail_roll` where it has no place."""
-    where = cause.get("where")
-    return str(cause["name"]) if where is None else f"{cause['name']}:{where}"
-
-
-def _log_score(true: Iterable[Cause], causes: list[Json]) -> float | None:
+def _log_score(true: Iterable[Cause], causes: Sequence[Stated]) -> float | None:
     """Good's logarithmic score over every label that is stated or true.
 
     A label is stated with its probability as cause or rival, what is not stated with `FLOOR`.
-    None where a named cause has no probability.
+    None where a cause has no probability.
     """
-    if any(cause.get("probability") is None for cause in causes):
-        return None
+    stated = [(one.label, one.probability) for c in causes for one in (c, *c.rivals)]
     odds: dict[frozenset[str], float] = {one.labels: 0.0 for one in true if one.labels}
     wrong: dict[str, float] = {}
-    for one in (o for cause in causes for o in (cause, *cause.get("rivals", ()))):
-        mine = next((labels for labels in odds if label(one) in labels), None)
+    for label, probability in stated:
+        if probability is None:
+            return None
+        mine = next((labels for labels in odds if label in labels), None)
         if mine is not None:
-            odds[mine] += one["probability"]
+            odds[mine] += probability
         else:
-            wrong[label(one)] = wrong.get(label(one), 0.0) + one["probability"]
+            wrong[label] = wrong.get(label, 0.0) + probability
     happened = [*odds.values(), *(1 - p for p in wrong.values())]
     return float(-np.sum(np.log(np.clip(happened, FLOOR, 1 - FLOOR)))) if happened else 0.0
 
 
-def _springs(truth: Truth, said: Json) -> tuple[Value, ...]:
+def _springs(truth: Truth, reply: Reply | None) -> tuple[Value, ...]:
     """By name; a joint of which the answer says nothing counts as not estimated."""
-    given = {one["name"]: one for one in said.get("stiffness") or ()}
-    return tuple(_spring(one.value, given.get(one.name) or {}) for one in truth.stiffness)
+    given = {one.name: one for one in reply.stiffness} if reply else {}
+    return tuple(_spring(one.value, given.get(one.name)) for one in truth.stiffness)
 
 
-def _spring(true: float, said: Json) -> Value:
-    value = said.get("value")
-    error = None if value is None else value / true - 1
-    ends = said.get("ci95")
-    if not ends or (ends[0] is None and ends[1] is None):
+def _spring(true: float, said: Spring | None) -> Value:
+    if said is None:
+        return NOTHING
+    error = None if said.value is None else said.value / true - 1
+    if said.ci95 == (None, None):
         return Value(error, None, None)
-    low, high = (
-        np.inf * sign if end is None else end for end, sign in zip(ends, (-1, 1), strict=True)
-    )
+    low = -np.inf if said.ci95[0] is None else said.ci95[0]
+    high = np.inf if said.ci95[1] is None else said.ci95[1]
     width = (high - low) / true if np.isfinite(high - low) else None
     return Value(error, bool(low <= true <= high), width)
 
 
-def _deflections(true: Prediction, said: Json) -> Iterable[Value]:
-    """Of the test pose from `test_pose_deflection`, of others from `predictions` by name."""
-    key = "test_pose_deflection"
-    rows = said.get(key) if true.name == "test_pose" else said.get("predictions", {}).get(true.name)
-    given = {row["target"]: row for row in rows or ()}
+def _deflections(true: Prediction, reply: Reply | None) -> Iterator[Value]:
+    given = reply.deflections(true.name) if reply else {}
     for target, three in true.deflection_m.items():
-        row = given.get(target) or {}
-        std = row.get("std_mm") or (None,) * 3
-        for axis, at, u in zip("xyz", three, std, strict=True):
-            yield _deflection(at, row.get(f"d{axis}_mm"), u)
+        row = given.get(target)
+        if row is None:
+            yield from [NOTHING] * 3
+        else:
+            said = (row.dx_mm, row.dy_mm, row.dz_mm)
+            yield from (_deflection(*one) for one in zip(three, said, row.std_mm, strict=True))
 
 
 def _deflection(true: float, said_mm: float | None, std_mm: float | None) -> Value:
     if said_mm is None:
-        return Value(None, None, None)
+        return NOTHING
     error = 1e-3 * said_mm - true
     if std_mm is None:
         return Value(error, None, None)

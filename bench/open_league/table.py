@@ -11,6 +11,7 @@ import numpy as np
 from scipy import stats
 
 from bench.open_league import entries, sealed
+from bench.open_league.reply import read
 from bench.open_league.score import Score, Value, score
 from bench.open_league.truth import Truth
 from pipeline.base.arrays import Array
@@ -44,7 +45,7 @@ def scored(games: Path) -> dict[str, list[Scored]]:
         for game, truth in truths.items():
             path = entries.place(games, entry, game)
             said = json.loads(path.read_bytes()) if _counts(games, path) else None
-            one = score(truth, said["answer"] if said else None)
+            one = score(truth, read(said["answer"] if said else None)[0])
             spent = said["cpu_s"] if said else None
             out.setdefault(entry, []).append(Scored(game, truth, one, spent))
     return out
@@ -71,20 +72,20 @@ def rows(entry: Sequence[Scored]) -> list[tuple[str, str]]:
         ("... a cause of the catalogue is named", _games(strange, lambda s: s.wrong > 0)),
         ("wrong names per game", mean(entry, lambda s: float(s.wrong), "{:.2f}")),
         ("log score per game, in nats", mean(entry, lambda s: s.log_score, "{:.2f}")),
-        ("stiffness: median error", median(entry, lambda s: s.springs, _off, "{:.2f} %", 100)),
+        ("stiffness: median error", median(entry, lambda s: s.springs, _off, "{:.2f}", 100)),
         (
             "... 95 % intervals that hold the truth",
-            median(entry, _springs, _held, "{:.1f} %", 100, True),
+            median(entry, _springs, _held, "{:.1f}", 100, True),
         ),
-        ("... the same, clean", median(clean, _springs, _held, "{:.1f} %", 100, True)),
+        ("... the same, clean", median(clean, _springs, _held, "{:.1f}", 100, True)),
         (
             "... median width of an interval",
-            median(entry, _springs, lambda v: v.width, "{:.2f} %", 100),
+            median(entry, _springs, lambda v: v.width, "{:.2f}", 100),
         ),
         ("test pose: rms error over rms deflection, median game", predictions(entry)),
         (
             "... 95 % intervals that hold the truth",
-            median(entry, _moves, _held, "{:.1f} %", 100, True),
+            median(entry, _moves, _held, "{:.1f}", 100, True),
         ),
         ("processor seconds per game, median", _seconds(entry)),
     ]
@@ -144,7 +145,7 @@ def median(
 ) -> str:
     """Median, or mean, over all values of all games, whole games drawn for the interval."""
     own = [[unit * v for one in of(g.score) if (v := number(one)) is not None] for g in some]
-    return _with_ends(own, np.mean if averaged else np.median, form)
+    return _with_ends(own, np.mean if averaged else np.median, form, " %" if unit == 100 else "")
 
 
 def predictions(some: Sequence[Scored]) -> str:
@@ -153,18 +154,21 @@ def predictions(some: Sequence[Scored]) -> str:
     for g in some:
         off = [v.error for v in g.score.deflections if v.error is not None]
         own.append([100 * float(np.sqrt(np.mean(np.square(off)))) / g.score.scale_m] if off else [])
-    return _with_ends(own, np.median, "{:.2f} %")
+    return _with_ends(own, np.median, "{:.2f}", " %")
 
 
 def _with_ends(
-    own: Sequence[Sequence[float]], statistic: Callable[[Array], float], form: str
+    own: Sequence[Sequence[float]],
+    statistic: Callable[[Array], float],
+    form: str,
+    unit: str = "",
 ) -> str:
     """A statistic and the 2.5 % and 97.5 % quantiles of it over games drawn with replacement.
 
     Efron's percentile interval (Ann. Statist. 7, 1979), games and not values drawn, as those of
     one game hang together.
     """
-    every = np.array([v for one in own for v in one])
+    every = np.array([v for one in own for v in one], dtype=float)
     if not len(every):
         return "-"
     rng = np.random.default_rng(SEED)
@@ -173,7 +177,7 @@ def _with_ends(
         for _ in range(DRAWS)
     ]
     low, high = np.quantile([statistic(one) for one in again if len(one)], [0.025, 0.975])
-    return f"{form.format(statistic(every))} ({form.format(low)} to {form.format(high)})"
+    return f"{form.format(statistic(every))}{unit} ({form.format(low)} to {form.format(high)})"
 
 
 def lines(all_: Mapping[str, Sequence[Scored]]) -> list[str]:
