@@ -6,6 +6,8 @@
 #   make check    format, lint, types
 #   make bench    how good and how fast, side by side with the alternatives
 #   make league   every hidden cause against the diagnosis
+#   make open-league   games from any hand, played by any program      make open-league ARGS='seal games --truth truths'
+#   make reference     our answers against twelve certified ones
 #   make worlds   campaigns with other noise, blunders, loads, payloads and instruments
 #   make paper    the paper's tables and figures, computed again
 #   make compare  every number that differs from an earlier commit      make compare BASE=HEAD~1
@@ -16,7 +18,7 @@
 #   make clean    remove .venv and the caches; data and reports stay
 
 .DELETE_ON_ERROR:
-.PHONY: run test slow check bench league worlds paper compare example picture schema lock clean
+.PHONY: run test slow check bench league open-league reference worlds paper compare example picture schema lock clean
 
 PYTHON ?=
 ARGS ?=
@@ -55,6 +57,12 @@ paper: .venv/.ready
 
 league: .venv/.ready
 	@$(PY) -m bench.league --page docs/league.md $(ARGS)
+
+open-league: .venv/.ready
+	@$(PY) -m bench.open_league $(ARGS)
+
+reference: .venv/.ready
+	@$(PY) -m bench.reference $(ARGS)
 
 worlds: .venv/.ready
 	@$(PY) -m bench.worlds --page docs/worlds.md $(ARGS)
