@@ -92,6 +92,10 @@ def wanted(worn: int, others: int) -> list[tuple[str, int]]:
 def code() -> str:
     """Version of what watches and of what is watched."""
     here = Path(__file__)
-    paths = [*here.parent.glob("[!_]*.py"), *(here.parents[2] / "pipeline" / "wear").glob("*.py")]
-    made = [p for p in sorted(paths) if p.name not in ("table.py", "hierarchy.py")]
-    return files.sha256(b"".join(p.read_bytes() for p in made))[:12]
+    wear = [here.parents[2] / "pipeline" / "wear" / f"{name}.py" for name in _WATCHES]
+    mine = [here.with_name(f"{name}.py") for name in ("world", "detectors", "run")]
+    return files.sha256(b"".join(path.read_bytes() for path in (*mine, *wear)))[:12]
+
+
+_WATCHES = ("machine", "scatter", "trend", "alarm")
+"""Files of pipeline/wear that raise alarms."""

@@ -16,11 +16,11 @@ look before (Lan and DeMets, Biometrika 70 (1983) 659), so that looks more often
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import lru_cache
 from itertools import combinations
-from math import comb
 
 import numpy as np
 from scipy import special
@@ -104,9 +104,9 @@ def looks(machine: Machine, scatter: Scatter) -> tuple[Look, ...]:
     for k in range(max(FEWEST, begin + 1), len(t) + 1):
         if k < len(t) and t[k] == t[k - 1]:
             continue  # one look at all campaigns of a day
-        allowed = A_YEAR * min(t[k - 1] - before, 1.0)
+        allowed = A_YEAR * min(float(t[k - 1]) - before, 1.0)
         out.append(_look(machine, scatter, W, k, allowed))
-        before = t[k - 1]
+        before = float(t[k - 1])
     return tuple(out)
 
 
@@ -169,7 +169,9 @@ def _groups(told: tuple[bool, ...], trend: bool) -> tuple[Bools, Array]:
     sizes = list(range(2, m)) if trend and m <= _MANY else [2] if trend and m > 2 else []
     part = {1: _ONE, m: _ALL if m > 1 else 1.0} if m else {}
     part |= {size: (1 - _ONE - _ALL) / len(sizes) for size in sizes}
-    found = [(one, part[size] / comb(m, size)) for size in part for one in combinations(use, size)]
+    found = [
+        (one, part[size] / math.comb(m, size)) for size in part for one in combinations(use, size)
+    ]
     joints = np.array([np.isin(np.arange(n), one) for one, _ in found], bool).reshape(-1, n)
     return joints, np.array([weight for _, weight in found])
 
@@ -192,4 +194,4 @@ def _together(odds: float, count: int) -> float:
 
     Its tail beyond x is 1 / (x - ln count - 1), to first order.
     """
-    return 1 / max(odds - np.log(count) - 1, 1.0)
+    return 1 / max(odds - math.log(count) - 1, 1.0)
