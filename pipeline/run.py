@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline import tables
-from pipeline.answer import archive
+from pipeline.answer import archive, fleet
 from pipeline.answer.answer import answer as answer_of
 from pipeline.answer.contract import Answer, Which
 from pipeline.answer.findings import Findings, Told
@@ -54,6 +54,7 @@ from pipeline.reduction.pose_of_interest import Where, place_of_interest
 from pipeline.reduction.register import timed
 from pipeline.report import workbook
 from pipeline.report.render import render
+from pipeline.report.wear import told
 from pipeline.store.campaign import Campaign, Raw, dump
 from pipeline.system import alarms
 from pipeline.system.fit import Fitted, fit
@@ -152,14 +153,16 @@ def _compute(campaign: Campaign, raw: Raw, step: Step) -> Answer:
         **found.files,
         **workbook.files(found.answer, found.shown),
     }
-    pages = step(render)(found.answer, found.shown, run_time_s, before, list(answers))
-    told = {
+    wear = told(found.answer, fleet.wear(campaign.root))  # as known before this campaign
+    pages = step(render)(found.answer, found.shown, run_time_s, before, list(answers), wear)
+    about = {
         "run_time_s": run_time_s,
         "previous": archive.mark(before),
+        "wear": wear,
         "verdict": str(found.answer.diagnosis.verdict),
         **archive.about(found.answer),
     }
-    campaign.finish(raw.key, answers | pages, told)
+    campaign.finish(raw.key, answers | pages, about)
     return found.answer
 
 

@@ -175,7 +175,13 @@ def unit_entry(settings: Settings) -> contract.Unit | None:
     if said == Unit():
         return None
     day = None if said.calibrated is None else said.calibrated.isoformat()
-    return contract.Unit(serial=said.serial, certificate=said.certificate, calibrated=day)
+    history = tuple(
+        contract.Repaired(date=one.date.isoformat(), joints=one.joints, what=one.what)
+        for one in said.history
+    )
+    return contract.Unit(
+        serial=said.serial, certificate=said.certificate, calibrated=day, history=history
+    )
 
 
 def payload_entries(case: Case) -> tuple[contract.Payload, ...]:

@@ -14,7 +14,6 @@ from pipeline.wear.machine import FEWEST, Machine
 from pipeline.wear.scatter import STATED, Scatter, scatter
 from pipeline.wear.trend import Trends, trends
 
-
 CONFIRMS = 0.05
 """An alarm is confirmed as long as the newest look has a smaller p."""
 
