@@ -97,5 +97,5 @@ def code() -> str:
     return files.sha256(b"".join(path.read_bytes() for path in (*mine, *wear)))[:12]
 
 
-_WATCHES = ("machine", "scatter", "trend", "alarm")
+_WATCHES = ("machine", "beside", "scatter", "alarm")
 """Files of pipeline/wear that raise alarms."""

@@ -293,16 +293,16 @@ def _of_robot(
     """Rows of one robot."""
     days = {row["campaign"]: row["measured"].date() for row in own}
     serial = next(row["robot_serial"] for row in own)
-    n, look, raised = machine.joints, found.look, found.raised
+    n, look, raised, tells = machine.joints, found.look, found.raised, found.tells
     shared = {
         "campaign": found.campaigns[-1],
         "robot_serial": serial,
         "campaigns": len(found.campaigns),
         "first": days[found.campaigns[0]],
         "last": days[found.campaigns[-1]],
-        "alarm": raised and str(raised.kind),
+        "alarm": tells and str(tells.kind),
         "raised": raised and raised.campaign,
-        "after": raised and raised.after,
+        "after": tells and tells.after,
         "confirmed": found.confirmed if raised else None,
         "p_value": look and look.p_value,
         "allowed": look and look.allowed,

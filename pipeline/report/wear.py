@@ -117,18 +117,19 @@ def _of_type(
     columns: list[Cells[Robot]] = [
         (Column("Robot"), lambda one: _section(one, places)),
         (Column("To do"), lambda one: Entry(_to_do(one), float(_urgency(one)))),
+        said("Alarm since", lambda one: one.alarm and one.alarm.raised),
         (Column("Last campaign"), lambda one: _page(one.campaign)),
         said("Measured", lambda one: one.last.isoformat()),
-        said("Verdict of the newest", lambda one: _verdict(last.get(one.machine))),
-        number("Campaigns", lambda one: one.campaigns, str),
-        number("Chance of such change", lambda one: one.p_value, _chance),
         *(_a_joint(k, joint.name) for k, joint in enumerate(own[0].joints)),
+        number("Chance of such change", lambda one: one.p_value, _chance),
+        number("Campaigns", lambda one: one.campaigns, str),
+        said("Verdict of the newest", lambda one: _verdict(last.get(one.machine))),
     ]
     ranked = sorted(own, key=lambda one: (_urgency(one), one.p_value or 1.0, one.machine))
     note = (
-        "k: change of the stiffness in percent a year ± standard uncertainty, the joint's own "
-        "campaigns alone; negative is softer. All joints are tested together at each campaign, "
-        "with a false alarm in a hundred years of a robot at most."
+        "k: change of the stiffness in percent a year ± standard uncertainty; negative is softer, "
+        "* what the alarm is about; intervals stand with each robot below. All joints are tested "
+        "together at each campaign, with a false alarm in a hundred years of a robot at most."
     )
     return table_of(f"robots-{robot}", f"Robots of type {robot}", columns, ranked, note)
 

@@ -7,8 +7,8 @@ between two campaigns. Each alternative d is tested by its own score, other join
 
 which uses what the campaigns' covariances say of d: errors that joints share cancel. The p-values
 of softening and stiffening are put together by their weighted harmonic mean (Wilson, PNAS 116
-(2019) 1195), which needs no independence in the tail, and the share of an alternative in it says
-which joints.
+(2019) 1195), which needs no independence in the tail. Which joints, and whether a trend or a step:
+what the likelihoods exp(z_d^2 / 2) say together, each with the weight of its alternative.
 
 A look at a campaign may raise a false alarm with the part of `A_YEAR` that has passed since the
 look before (Lan and DeMets, Biometrika 70 (1983) 659), so that looks more often find no more.
@@ -26,9 +26,9 @@ import numpy as np
 from scipy import special
 
 from pipeline.base.arrays import Array, Bools, Ints
+from pipeline.wear.beside import Beside, beside, gaps, steps
 from pipeline.wear.machine import FEWEST, Machine
 from pipeline.wear.scatter import Scatter
-from pipeline.wear.trend import Beside, beside
 
 A_YEAR = 0.01
 """Probability of a false alarm a year, of each robot."""
@@ -112,41 +112,35 @@ def looks(machine: Machine, scatter: Scatter) -> tuple[Look, ...]:
 
 def _look(machine: Machine, scatter: Scatter, W: Array, k: int, allowed: float) -> Look:
     """At the first k campaigns."""
-    steps = _gaps(machine, k)
-    columns = [machine.trend, *(machine.present[:, :, None] * np.eye(machine.joints) *
-               (machine.t > machine.t[g])[:, None, None] for g in steps)]  # fmt: skip
-    found = beside(machine, W, np.concatenate(columns, axis=-1), k)
-    tried = _tried(found.told.reshape(-1, machine.joints), steps)
+    after = gaps(machine, k)
+    Z = np.concatenate([machine.trend, steps(machine, after)], axis=-1)
+    found = beside(machine, W, Z, k)
+    tried = _tried(found.told.reshape(-1, machine.joints), after)
     name = machine.visits[k - 1].campaign
     if not tried.weight.size:
         return Look(name, 1.0, allowed, Kind.TREND, ())
-    p = _p_values(found, tried, scatter)
+    z, p = _p_values(found, tried, scatter)
     odds = np.array([_SOFTENS, 1 - _SOFTENS])[:, None] * tried.weight / p
-    share = odds.sum(axis=0) / odds.sum()
+    share = special.softmax(z**2 / 2 + np.log(tried.weight))
     blamed = np.flatnonzero(share @ tried.joints > 0.5)
-    by_gap = {g: float(share[tried.gap == g].sum()) for g in (-1, *steps)}
+    by_gap = {g: float(share[tried.gap == g].sum()) for g in (-1, *after)}
     stepped = by_gap[-1] < 0.5
-    after = max(steps, key=lambda g: by_gap[g]) if stepped else -1
+    last = max(after, key=lambda g: by_gap[g]) if stepped else -1
     return Look(
         name,
         _together(float(odds.sum()), odds.size),
         allowed,
         Kind.STEP if stepped else Kind.TREND,
         tuple(blamed.tolist()),
-        machine.visits[after].campaign if stepped else None,
+        machine.visits[last].campaign if stepped else None,
     )
 
 
-def _gaps(machine: Machine, k: int) -> list[int]:
-    """Campaigns that another day follows within the first k."""
-    return [g for g in range(k - 1) if machine.t[g + 1] > machine.t[g]]
-
-
-def _tried(told: Bools, steps: list[int]) -> _Tried:
+def _tried(told: Bools, after: list[int]) -> _Tried:
     """All alternatives; `told` says which columns tell something, trends first, (1 + steps, n)."""
-    rows = (-1, *steps)
+    rows = (-1, *after)
     blocks = [_groups(tuple(mine.tolist()), at < 0) for mine, at in zip(told, rows, strict=True)]
-    share = [_TREND, *[(1 - _TREND) / max(len(steps), 1)] * len(steps)]
+    share = [_TREND, *[(1 - _TREND) / max(len(after), 1)] * len(after)]
     weight = np.concatenate([part * one for (_, part), one in zip(blocks, share, strict=True)])
     joints = np.concatenate([moved for moved, _ in blocks])
     counts = [len(part) for _, part in blocks]
@@ -176,17 +170,17 @@ def _groups(told: tuple[bool, ...], trend: bool) -> tuple[Bools, Array]:
     return joints, np.array([weight for _, weight in found])
 
 
-def _p_values(found: Beside, tried: _Tried, scatter: Scatter) -> Array:
-    """Of softening and of stiffening along each alternative, shape (2, D).
+def _p_values(found: Beside, tried: _Tried, scatter: Scatter) -> tuple[Array, Array]:
+    """Scores z, (D,), and p of softening and of stiffening along each alternative, (2, D).
 
     Student's t, for the scatter from day to day is itself estimated.
     """
     along = tried.along
     size = np.sum(along * (found.N @ along), axis=0)
     z = (found.g @ along) / np.sqrt(size)
-    dof = 2 * size**2 / found.variance_of_variance(along, scatter)
+    dof = 2 * size**2 / found.variance_of_variance(along, scatter.uncertainty)
     p = np.stack([special.stdtr(dof, -z), special.stdtr(dof, z)])
-    return np.asarray(np.maximum(p, 1e-300))
+    return z, np.asarray(np.maximum(p, 1e-300))
 
 
 def _together(odds: float, count: int) -> float:

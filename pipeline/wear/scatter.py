@@ -5,18 +5,20 @@ y_i = A_i a + e_i + d_i,  e_i ~ N(0, C_i) as the campaign states,  d_i ~ N(0, di
 v_j, of each joint, and v_c, which all joints have in common (temperature, the scale), are where the
 restricted likelihood (Patterson and Thompson, Biometrika 58 (1971) 545) times their priors is
 largest, all robots of a type together, levels and trends of every robot estimated along. Each v_j
-varies about a value of the type, and that about the stated one.
+varies about a value of the type, and that about the stated one. Joints that have changed at once
+are left out the second time.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Locked
+from pipeline.wear.beside import beside, gaps, steps
 from pipeline.wear.machine import FEWEST, Machine, products
 
 STATED = 0.01
@@ -29,6 +31,9 @@ _WORTH, _WORTH_COMMON = 10.0, 4.0
 """Degrees of freedom that the prior values count for."""
 
 _ROUNDS, _SETTLED = 60, 1e-3
+
+_STEPPED = 3.5
+"""A joint that changes so many standard deviations between two campaigns tells no scatter [1]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,20 +67,41 @@ def scatter(machines: Sequence[Machine], stated: float = STATED) -> Scatter:
         machines: At least one, all of as many joints.
         stated: Expected day-to-day scatter of a joint [1].
     """
-    n = machines[0].joints
     telling = [one for one in machines if len(one.t) >= FEWEST]
-    v = np.append(np.full(n, stated**2), _COMMON**2)
-    worth = np.append(np.full(n, _WORTH), _WORTH_COMMON)
+    n = machines[0].joints
+    v = _settled(telling, np.append(np.full(n, stated**2), _COMMON**2), stated)
+    steady = [_without_steps(one, v) for one in telling]
+    v = _settled(steady, v, stated)
+    information = (_sums(steady, v)[2] + _worth(n) / v**2) / 2
+    free = sum(len(one.t) - 2 for one in telling)
+    return Scatter(v, 1 / information, free)
+
+
+def _worth(n: int) -> Array:
+    return np.append(np.full(n, _WORTH), _WORTH_COMMON)
+
+
+def _settled(machines: Sequence[Machine], v: Array, stated: float) -> Array:
+    """The variances where the objective is largest, from a guess."""
+    n = len(v) - 1
+    worth = _worth(n)
     for _ in range(_ROUNDS):
         centre = np.append(np.full(n, _centre(v[:n], stated**2)), _COMMON**2)
-        square, size, _ = _sums(telling, v)
+        square, size, _ = _sums(machines, v)
         new = v * np.sqrt((square + worth * centre / v**2) / (size + worth / v))
         moved, v = np.abs(np.log(new / v)).max(), new
         if moved < _SETTLED:
             break
-    information = (_sums(telling, v)[2] + worth / v**2) / 2
-    free = sum(len(one.t) - 2 for one in telling)
-    return Scatter(v, 1 / information, free)
+    return v
+
+
+def _without_steps(machine: Machine, v: Array) -> Machine:
+    """A robot without the joints that have rather changed at once: that is no scatter of days."""
+    after = gaps(machine, len(machine.t))
+    found = beside(machine, machine.weights(v), steps(machine, after))
+    z = np.where(found.told, found.g / np.sqrt(np.where(found.told, np.diag(found.N), 1.0)), 0.0)
+    stepped = np.abs(z.reshape(len(after), machine.joints)).max(axis=0, initial=0.0) > _STEPPED
+    return replace(machine, seen=machine.seen & ~stepped) if stepped.any() else machine
 
 
 def _centre(v: Array, stated: float) -> float:

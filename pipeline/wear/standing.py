@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.base.arrays import Array
+from pipeline.base.arrays import Array, Bools
 from pipeline.wear.alarm import Kind, Look, looks
 from pipeline.wear.hierarchy import Type, hierarchy
 from pipeline.wear.machine import FEWEST, Machine
@@ -16,6 +16,10 @@ from pipeline.wear.trend import Trends, trends
 
 CONFIRMS = 0.05
 """An alarm is confirmed as long as the newest look has a smaller p."""
+
+
+_CERTAIN = 3.0
+"""Standard uncertainties from zero at which a mean compliance is one [1]."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +68,16 @@ class Standing:
         """The newest campaigns still speak for the alarm."""
         return bool(self.raised and self.look and self.look.p_value < CONFIRMS)
 
+    @property
+    def tells(self) -> Look | None:
+        """The look that says what the alarm is about; None without one.
+
+        The newest has seen most; where it sees nothing any more the first keeps its word.
+        """
+        if self.raised is None or self.look is None:
+            return None
+        return self.look if self.look.p_value < self.raised.allowed else self.raised
+
 
 @dataclass(frozen=True, eq=False)
 class Fleet:
@@ -96,25 +110,30 @@ def fleet(machines: Sequence[Machine], stated: float = STATED) -> Fleet:
 def _standing(machine: Machine, found: Scatter, value: Array, cov: Array) -> Standing:
     seen = looks(machine, found)
     raised = next((one for one in seen if one.alarm), None)
-    own = trends(machine, found)
-    blamed = () if raised is None else _blamed(raised, seen[-1], own)
+    own, sized = trends(machine, found), _sized(machine)
+    names = tuple(visit.campaign for visit in machine.visits)
+    bare = Standing(machine.name, names, (), seen[-1] if seen else None, raised)
+    blamed = _blamed(bare.tells, own)
     enough = len(machine.t) >= FEWEST
     joints = tuple(
-        _joint(own, value, cov, j, enough, changed=j in blamed) for j in range(machine.joints)
+        _joint(own, value, cov, j, enough and bool(sized[j]), changed=j in blamed)
+        for j in range(machine.joints)
     )
-    names = tuple(visit.campaign for visit in machine.visits)
-    return Standing(machine.name, names, joints, seen[-1] if seen else None, raised)
+    return replace(bare, joints=joints)
 
 
-def _blamed(raised: Look, newest: Look, own: Trends) -> tuple[int, ...]:
-    """Which joints the alarm is about.
+def _sized(machine: Machine) -> Bools:
+    """Joints whose mean compliance is certain enough to be a hundred per cent, shape (n,)."""
+    variance = np.array([np.diag(visit.cov) for visit in machine.visits])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        weight = np.where(machine.seen, 1 / variance, 0.0).sum(axis=0)
+        return np.asarray(machine.reference * np.sqrt(weight) > _CERTAIN)
 
-    The newest look has seen most; one that sees nothing any more leaves the first its word. Of a
-    group those whose own trend is not certain are left out, as long as any stays.
-    """
-    look = newest if newest.p_value < raised.allowed else raised
-    if look.kind is Kind.STEP:
-        return look.joints
+
+def _blamed(look: Look | None, own: Trends) -> tuple[int, ...]:
+    """Which joints an alarm is about: of a group those whose own trend is certain, if any is."""
+    if look is None or look.kind is Kind.STEP:
+        return look.joints if look else ()
     sure = tuple(j for j in look.joints if abs(own.value[j]) > own.half[j])
     return sure or look.joints
 

@@ -1,11 +1,7 @@
 """Trends of the present lives of a robot's joints, by generalised least squares.
 
 y = A a + B w + e: levels a, trends w of the relative compliances per year, e with the covariance
-of campaigns and days. Of any columns Z beside A
-
-    I = Z' P Z,   s = Z' P y,   P = V^-1 - V^-1 A (A' V^-1 A)^-1 A' V^-1,
-
-so that w = I^-1 s with covariance I^-1.
+of campaigns and days; w = I^-1 s with covariance I^-1, I and s of `beside`.
 """
 
 from __future__ import annotations
@@ -16,66 +12,10 @@ import numpy as np
 from scipy import special
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.wear.machine import Machine, products
+from pipeline.base.arrays import Array, Ints, Locked
+from pipeline.wear.beside import Beside, beside
+from pipeline.wear.machine import Machine
 from pipeline.wear.scatter import Scatter
-
-_NOTHING = 1e-6
-"""Part of the information on a column that is none, once the levels are estimated along [1]."""
-
-
-@dataclass(frozen=True, eq=False)
-class Beside(Locked):
-    """Columns Z beside the levels, after the first k campaigns.
-
-    Attributes:
-        N: I, shape (m, m).
-        g: s, shape (m,).
-        PZ: P Z, shape (k, n, m).
-        told: Columns of which something is left beside the levels, shape (m,).
-    """
-
-    N: Array
-    g: Array
-    PZ: Array
-    told: Bools
-
-    def variance_of_variance(self, along: Array, scatter: Scatter) -> Array:
-        """How well the information along directions is known, that of the scatter being found.
-
-        dI/dv_j = -sum_i (P Z d)_ij^2, and for what all joints have in common the square of the
-        sum over joints; errors of the v_j are taken as independent.
-
-        Args:
-            along: Directions d in columns, shape (m, D).
-            scatter: With the uncertainty of its variances.
-
-        Returns:
-            Variance of d' I d, shape (D,).
-        """
-        moved = self.PZ @ along
-        by_joint = np.sum(moved**2, axis=0) ** 2
-        common = np.sum(moved.sum(axis=1) ** 2, axis=0) ** 2
-        return np.asarray(scatter.uncertainty[:-1] @ by_joint + scatter.uncertainty[-1] * common)
-
-
-def beside(machine: Machine, W: Array, Z: Array, first: int | None = None) -> Beside:
-    """Columns Z (K, n, m) beside the levels, in the first campaigns or all.
-
-    Args:
-        machine: The robot.
-        W: Its `weights`.
-        Z: Columns.
-        first: How many campaigns.
-    """
-    A, W, Z, y = machine.nuisance[:first], W[:first], Z[:first], machine.y[:first]
-    WA, WZ = W @ A, W @ Z
-    taken = linear.regular_inverse(products(A, WA)[None])[0] @ np.einsum("kip,kim->pm", A, WZ)
-    PZ = WZ - WA @ taken
-    whole = np.einsum("kim,kim->m", Z, WZ)
-    N = np.einsum("kim,kiq->mq", Z, PZ)
-    told = np.diag(N) > _NOTHING * np.maximum(whole, _NOTHING)
-    return Beside(N, np.einsum("kim,ki->m", PZ, y), PZ, told)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,4 +63,6 @@ def _dof(found: Beside, use: Ints, cov: Array, scatter: Scatter) -> Array:
     """
     along = np.zeros((len(found.g), len(use)))
     along[use] = cov
-    return np.asarray(2 * np.diag(cov) ** 2 / found.variance_of_variance(along, scatter))
+    return np.asarray(
+        2 * np.diag(cov) ** 2 / found.variance_of_variance(along, scatter.uncertainty)
+    )
