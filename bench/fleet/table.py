@@ -24,7 +24,7 @@ def lines(watched: Sequence[Watched]) -> list[str]:
     fleets = {(one.kind, one.number) for one in watched}
     worn = sum(kind in WORN for kind, _ in fleets)
     return [
-        f"{worn} fleets of 8 robots with wear in the first of them, {len(fleets) - worn} others.",
+        f"{worn} fleets of 6 robots with wear in the first of them, {len(fleets) - worn} others.",
         "",
         "| campaigns until found: median; mean (95 %); not found | " + " | ".join(NAMES.values())
         + " |",

@@ -41,7 +41,7 @@ class Kind:
     name: str
     says: str
     joints: int = 0
-    robots: int = 8
+    robots: int = 6
     own: float = 0.01
     common: float = 0.0
     repairs: bool = False
@@ -65,7 +65,7 @@ KINDS = {
 WEAR = 0.05
 """Stiffness lost in a year [1]."""
 
-CAMPAIGNS = 16
+CAMPAIGNS = 12
 APART = YEAR / 2
 EARLY_OR_LATE = 20
 """Of each robot; days between two, and by how many days one is early or late at most."""

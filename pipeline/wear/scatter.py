@@ -117,7 +117,7 @@ def _sums(machines: Sequence[Machine], v: Array) -> tuple[Array, Array, Array]:
         X = np.concatenate([one.nuisance, one.trend], axis=-1)
         W = one.weights(v)
         WX = W @ X
-        cov = linear.inverse(products(X, WX))
+        cov = linear.regular_inverse(products(X, WX)[None])[0]
         Wy = np.einsum("kij,kj->ki", W, one.y)
         Py = Wy - WX @ (cov @ np.einsum("kip,ki->p", X, Wy))
         P = W - WX @ cov @ np.swapaxes(WX, 1, 2)
