@@ -27,7 +27,7 @@ from pipeline.answer.tables import (
     residuals_table,
     system_table,
 )
-from pipeline.base.errors import InputError, at
+from pipeline.base.errors import InputError, at, listed
 from pipeline.diagnosis.diagnose import diagnose
 from pipeline.diagnosis.drift import drift
 from pipeline.diagnosis.facts import Diagnosis
@@ -35,6 +35,7 @@ from pipeline.diagnosis.tables import apart_table, clues_table, examined_table
 from pipeline.diagnosis.verdict import verdict
 from pipeline.faults.conventions import conventions
 from pipeline.faults.screen import Screened, acquit, screen, screen_again
+from pipeline.machine.effect import Effect
 from pipeline.machine.effects import catalogue
 from pipeline.machine.effects.tracker_drift import by_order
 from pipeline.machine.robot import Robot
@@ -294,7 +295,7 @@ def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosis:
     """What the model gets wrong; every diagnosis draws alike."""
     rng = np.random.default_rng(_SEED)
     cell, data = right.case.cell, right.data
-    scale, effects = float(right.noise.scale[0]), catalogue(cell.robot, data.pulls)
+    scale, effects = float(right.noise.scale[0]), _expected(right.case, data)
     if not timed(right.case.readings):
         effects = by_order(effects)
     wander = right.shape.wander
@@ -303,6 +304,28 @@ def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosis:
     room = room_of(cell.robot, cell.tool.named, right.case.settings, hardest_n)
     told = right.noise, right.shape, room
     return step(diagnose)(cell, data, right.estimate, where, rng, effects, moved, *told)
+
+
+def _expected(case: Case, data: Measured) -> tuple[Effect, ...]:
+    """The catalogue, with the odds and sizes that campaign.toml takes from other campaigns.
+
+    Raises:
+        InputError: It names a cause that this robot and these loads cannot have.
+    """
+    effects, priors = catalogue(case.robot, data.pulls), case.settings.priors
+    known = sorted({effect.name for effect in effects})
+    if strange := sorted(set(priors) - set(known)):
+        raise InputError(
+            f"[priors] has {listed(strange)}, which no cause here is called",
+            f"remove it, or use one of {listed(known, len(known))}",
+            file=_LAST_RESORT,
+        )
+    return tuple(
+        replace(one, odds=priors[one.name].odds, size=priors[one.name].size)
+        if one.name in priors
+        else one
+        for one in effects
+    )
 
 
 def _settled(right: Fitted, said: Diagnosis, where: Where, step: Step) -> tuple[Fitted, Diagnosis]:

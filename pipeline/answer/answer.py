@@ -97,7 +97,8 @@ def answer(found: Findings) -> Answer:
         overload=overload,
         common_factor=factor,
         model=contract.Forward(
-            equilibrium=contract.Equilibrium(found.told.values.first.cell.equilibrium)
+            equilibrium=contract.Equilibrium(found.told.values.first.cell.equilibrium),
+            priors=tuple(sorted(raw.settings.priors)),
         ),
         assumptions=tuple(assumptions(raw, where, timed(given.case.readings))),
         inputs=input_entries(raw),

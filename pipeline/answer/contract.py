@@ -720,6 +720,12 @@ class Forward(Fact):
     """What the forward model takes into account."""
 
     equilibrium: Equilibrium
+    priors: tuple[str, ...] = Field(
+        default=(),
+        exclude_if=_nothing,
+        description="causes whose prior odds and sizes campaign.toml takes from other campaigns; "
+        "absent where all are guessed",
+    )
 
 
 class Input(Fact):

@@ -334,6 +334,20 @@ class Unit(Strict):
     history: tuple[Repaired, ...] = ()
 
 
+class Prior(Strict):
+    """What other campaigns let expect of a cause; `pipeline priors` writes it.
+
+    The odds are bounded: of two causes that no pose tells apart none is ever certain.
+
+    Attributes:
+        odds: How likely it is before the data, over any other cause.
+        size: Its expected size over the typical one.
+    """
+
+    odds: Annotated[float, Field(ge=0.25, le=4.0)] = 1.0
+    size: Annotated[float, Field(ge=1 / 3, le=3.0)] = 1.0
+
+
 class Model(Strict):
     """What the forward model takes into account."""
 
@@ -363,6 +377,7 @@ class Settings(Surrounded):
     tool_uncertainty: ToolUncertainty = ToolUncertainty()
     test_pose: TestPose | None = None
     model: Model = Model()
+    priors: dict[Name, Prior] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def raw_or_reduced(self) -> Settings:
