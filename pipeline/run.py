@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline import tables
-from pipeline.answer import archive
+from pipeline.answer import archive, fleet
 from pipeline.answer.answer import answer as answer_of
 from pipeline.answer.contract import Answer, Which
 from pipeline.answer.findings import Findings, Told
@@ -27,7 +27,7 @@ from pipeline.answer.tables import (
     residuals_table,
     system_table,
 )
-from pipeline.base.errors import InputError, at
+from pipeline.base.errors import InputError, at, listed
 from pipeline.diagnosis.diagnose import diagnose
 from pipeline.diagnosis.drift import drift
 from pipeline.diagnosis.facts import Diagnosis
@@ -35,6 +35,7 @@ from pipeline.diagnosis.tables import apart_table, clues_table, examined_table
 from pipeline.diagnosis.verdict import verdict
 from pipeline.faults.conventions import conventions
 from pipeline.faults.screen import Screened, acquit, screen, screen_again
+from pipeline.machine.effect import Effect
 from pipeline.machine.effects import catalogue
 from pipeline.machine.effects.tracker_drift import by_order
 from pipeline.machine.robot import Robot
@@ -54,6 +55,7 @@ from pipeline.reduction.pose_of_interest import Where, place_of_interest
 from pipeline.reduction.register import timed
 from pipeline.report import workbook
 from pipeline.report.render import render
+from pipeline.report.wear import told
 from pipeline.store.campaign import Campaign, Raw, dump
 from pipeline.system import alarms
 from pipeline.system.fit import Fitted, fit
@@ -152,14 +154,16 @@ def _compute(campaign: Campaign, raw: Raw, step: Step) -> Answer:
         **found.files,
         **workbook.files(found.answer, found.shown),
     }
-    pages = step(render)(found.answer, found.shown, run_time_s, before, list(answers))
-    told = {
+    wear = told(found.answer, fleet.wear(campaign.root))  # as known before this campaign
+    pages = step(render)(found.answer, found.shown, run_time_s, before, list(answers), wear)
+    about = {
         "run_time_s": run_time_s,
         "previous": archive.mark(before),
+        "wear": wear,
         "verdict": str(found.answer.diagnosis.verdict),
         **archive.about(found.answer),
     }
-    campaign.finish(raw.key, answers | pages, told)
+    campaign.finish(raw.key, answers | pages, about)
     return found.answer
 
 
@@ -291,7 +295,7 @@ def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosis:
     """What the model gets wrong; every diagnosis draws alike."""
     rng = np.random.default_rng(_SEED)
     cell, data = right.case.cell, right.data
-    scale, effects = float(right.noise.scale[0]), catalogue(cell.robot, data.pulls)
+    scale, effects = float(right.noise.scale[0]), _expected(right.case, data)
     if not timed(right.case.readings):
         effects = by_order(effects)
     wander = right.shape.wander
@@ -300,6 +304,28 @@ def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosis:
     room = room_of(cell.robot, cell.tool.named, right.case.settings, hardest_n)
     told = right.noise, right.shape, room
     return step(diagnose)(cell, data, right.estimate, where, rng, effects, moved, *told)
+
+
+def _expected(case: Case, data: Measured) -> tuple[Effect, ...]:
+    """The catalogue, with the odds and sizes that campaign.toml takes from other campaigns.
+
+    Raises:
+        InputError: It names a cause that this robot and these loads cannot have.
+    """
+    effects, priors = catalogue(case.robot, data.pulls), case.settings.priors
+    known = sorted({effect.name for effect in effects})
+    if strange := sorted(set(priors) - set(known)):
+        raise InputError(
+            f"[priors] has {listed(strange)}, which no cause here is called",
+            f"remove it, or use one of {listed(known, len(known))}",
+            file=_LAST_RESORT,
+        )
+    return tuple(
+        replace(one, odds=priors[one.name].odds, size=priors[one.name].size)
+        if one.name in priors
+        else one
+        for one in effects
+    )
 
 
 def _settled(right: Fitted, said: Diagnosis, where: Where, step: Step) -> tuple[Fitted, Diagnosis]:

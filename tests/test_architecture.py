@@ -24,6 +24,7 @@ CORE = (
     "design",
     "simulate",
     "geometry",
+    "wear",
 )
 OUTSIDE = {"prefect", "typer", "matplotlib", "filelock", "jinja2", "typst"}
 LATE = ("pinocchio", "prefect", "matplotlib", "scipy", "pandas", "pyarrow", "numpy")
@@ -116,6 +117,7 @@ ORDER = (
     "reduction",
     "store",
     "system",
+    "wear",
     "geometry",
     "faults",
     "diagnosis",

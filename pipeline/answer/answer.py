@@ -101,7 +101,8 @@ def answer(found: Findings) -> Answer:
         geometry=estimated_table(stood),
         common_factor=factor,
         model=contract.Forward(
-            equilibrium=contract.Equilibrium(found.told.values.first.cell.equilibrium)
+            equilibrium=contract.Equilibrium(found.told.values.first.cell.equilibrium),
+            priors=tuple(sorted(raw.settings.priors)),
         ),
         assumptions=tuple(assumptions(raw, where, timed(given.case.readings))),
         inputs=input_entries(raw),

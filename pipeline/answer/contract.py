@@ -698,18 +698,35 @@ class PositionStep(Fact):
     series_mm: Number = Field(description="one series left out; null where there is one only")
 
 
+class Repaired(Fact):
+    """Work after which some joints are no longer what they were."""
+
+    date: Day
+    joints: tuple[int, ...] = Field(description="their numbers, from 1; empty: all")
+    what: str | None
+
+
 class Unit(Fact):
     """The machine as campaign.toml has it."""
 
     serial: str | None
     certificate: str | None
     calibrated: str | None
+    history: tuple[Repaired, ...] = Field(
+        default=(), exclude_if=_nothing, description="its repairs; absent where none is named"
+    )
 
 
 class Forward(Fact):
     """What the forward model takes into account."""
 
     equilibrium: Equilibrium
+    priors: tuple[str, ...] = Field(
+        default=(),
+        exclude_if=_nothing,
+        description="causes whose prior odds and sizes campaign.toml takes from other campaigns; "
+        "absent where all are guessed",
+    )
 
 
 class Input(Fact):

@@ -175,7 +175,13 @@ def unit_entry(settings: Settings) -> contract.Unit | None:
     if said == Unit():
         return None
     day = None if said.calibrated is None else said.calibrated.isoformat()
-    return contract.Unit(serial=said.serial, certificate=said.certificate, calibrated=day)
+    history = tuple(
+        contract.Repaired(date=one.date.isoformat(), joints=one.joints, what=one.what)
+        for one in said.history
+    )
+    return contract.Unit(
+        serial=said.serial, certificate=said.certificate, calibrated=day, history=history
+    )
 
 
 def payload_entries(case: Case) -> tuple[contract.Payload, ...]:
@@ -289,6 +295,9 @@ def assumptions(raw: Raw, where: Where, has_times: bool = True) -> list[str]:
             "the readings have no times: the order of their rows is the clock, "
             f"and a table's seconds are {GROUP_S:.0f} to a group of them"
         )
+    if raw.settings.priors:
+        names = listed(sorted(raw.settings.priors), len(raw.settings.priors))
+        out.append(f"prior odds and sizes of {names} are learnt from other campaigns: [priors]")
     if not where.stated:
         out.append("campaign.toml has no [test_pose]: the strongest pull of the campaign stands in")
     out.append(

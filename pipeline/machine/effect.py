@@ -182,6 +182,8 @@ class Effect:
             one thing. Empty where it is alone.
         shows_unloaded: It moves the unloaded reflectors by far more than it changes displacements.
         of: Kinds of load that it takes part in; with no load of these it can act on nothing.
+        odds: How likely it is before the data speak, over any other cause [1].
+        size: Its expected size over the typical one of its parameters [1].
     """
 
     name: str
@@ -197,6 +199,8 @@ class Effect:
     element: str = ""
     shows_unloaded: bool = False
     of: tuple[int, ...] = (PULLED, HUNG, MOUNTED)
+    odds: float = 1.0
+    size: float = 1.0
 
     def everywhere(self, robot: Robot) -> tuple[Effect, ...]:
         """An entry of the catalogue: the effect, the same on any robot."""

@@ -304,6 +304,20 @@ class Instrument(Strict):
         return self
 
 
+class Repaired(Strict):
+    """Work on a machine after which some of its joints are no longer what they were.
+
+    Attributes:
+        date: The day; campaigns of that day and later ones come after it.
+        joints: Numbers of the joints, from 1; all where none is named.
+        what: In words.
+    """
+
+    date: datetime.date
+    joints: tuple[Annotated[int, Field(ge=1, le=50)], ...] = ()
+    what: Name | None = None
+
+
 class Unit(Strict):
     """One machine among those of its type; kept and shown, and campaigns of others are no history.
 
@@ -311,11 +325,27 @@ class Unit(Strict):
         serial: Its serial number.
         certificate: Of its last calibration.
         calibrated: The day of that.
+        history: Repairs, which are no wear; one campaign of the machine that names them is enough.
     """
 
     serial: Name | None = None
     certificate: Name | None = None
     calibrated: datetime.date | None = None
+    history: tuple[Repaired, ...] = ()
+
+
+class Prior(Strict):
+    """What other campaigns let expect of a cause; `pipeline priors` writes it.
+
+    The odds are bounded: of two causes that no pose tells apart none is ever certain.
+
+    Attributes:
+        odds: How likely it is before the data, over any other cause.
+        size: Its expected size over the typical one.
+    """
+
+    odds: Annotated[float, Field(ge=0.25, le=4.0)] = 1.0
+    size: Annotated[float, Field(ge=1 / 3, le=3.0)] = 1.0
 
 
 class Model(Strict):
@@ -347,6 +377,7 @@ class Settings(Surrounded):
     tool_uncertainty: ToolUncertainty = ToolUncertainty()
     test_pose: TestPose | None = None
     model: Model = Model()
+    priors: dict[Name, Prior] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def raw_or_reduced(self) -> Settings:

@@ -32,6 +32,7 @@ def compose(
     run_time_s: float | None = None,
     previous: Answer | None = None,
     beside: Collection[str] = (),
+    wear: str | None = None,
 ) -> Report:
     """Everything the report says about a campaign.
 
@@ -42,13 +43,14 @@ def compose(
         run_time_s: How long the run took [s].
         previous: The answer to the robot's previous campaign, to say what has changed.
         beside: Names of the files that lie in the page's folder, to lead there.
+        wear: What all campaigns of the robot say together; None where they are too few to.
     """
     title, tone = words.VERDICTS[answer.diagnosis.verdict]
     sections = (
         _of_positions(answer, tables)
         if answer.position_steps
         else [
-            stiffness(answer, previous),
+            stiffness(answer, previous, wear),
             diagnosis(answer, tables),
             test_pose(answer, tables),
             validation(answer, tables),
@@ -67,7 +69,7 @@ def compose(
         title=f"Joint stiffness of {answer.robot}: {answer.campaign}",
         verdict=title,
         tone=tone,
-        sentences=answer.verdict_sentence,
+        sentences=(*answer.verdict_sentence, *([wear] if wear else [])),
         sections=present(sections),
         elsewhere="The same stands in index.html and report.pdf, the numbers in result.json.",
         run_time=None if run_time_s is None else f"{run_time_s:.1f} s",

@@ -15,6 +15,7 @@ from markupsafe import Markup
 
 from pipeline import __version__
 from pipeline.answer.contract import Answer
+from pipeline.answer.worn import Robot
 from pipeline.report.model import compose
 from pipeline.report.overview import overview
 from pipeline.report.record import Report
@@ -28,6 +29,7 @@ def render(
     run_time_s: float | None = None,
     previous: Answer | None = None,
     beside: Collection[str] = (),
+    wear: str | None = None,
 ) -> dict[str, bytes]:
     """Every file of a campaign's report.
 
@@ -37,6 +39,7 @@ def render(
         run_time_s: How long the run took [s]; the only thing here that may differ between two runs.
         previous: The answer to the robot's previous campaign, to say what has changed.
         beside: Names of further files that lie in its folder, for the page to lead there.
+        wear: What all campaigns of the robot say together, of `report.wear.told`.
 
     Returns:
         Content by path below the report's folder: index.html, report.pdf, figures/*.svg.
@@ -44,7 +47,7 @@ def render(
     from pipeline.report.figures.catalogue import draw  # matplotlib takes half a second to import
 
     there = {*beside, "report.pdf"} if beside else ()
-    report = compose(answer, tables, run_time_s, previous, there)
+    report = compose(answer, tables, run_time_s, previous, there, wear)
     drawings = {figure.name: draw(figure.name, answer, tables) for figure in report.figures}
     return {
         "index.html": page(report, {n: d.inline for n, d in drawings.items()}).encode(),
@@ -53,12 +56,12 @@ def render(
     }
 
 
-def render_overview(answers: Sequence[Answer]) -> bytes:
-    """The page over all campaigns, from their answers."""
+def render_overview(answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> bytes:
+    """The page over all campaigns, from their answers and from what robots' campaigns say."""
     from pipeline.report.figures.catalogue import draw_robot
 
-    report = overview(answers)
-    drawings = {figure.name: draw_robot(figure.name, answers) for figure in report.figures}
+    report = overview(answers, wear)
+    drawings = {figure.name: draw_robot(figure.name, answers, wear) for figure in report.figures}
     return page(report, {name: drawing.inline for name, drawing in drawings.items()}).encode()
 
 

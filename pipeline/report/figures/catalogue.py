@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from pipeline.answer.contract import Answer
 from pipeline.answer.history import robots
+from pipeline.answer.worn import Robot
 from pipeline.report.figures import (
     causes,
     geometry,
@@ -20,6 +21,7 @@ from pipeline.report.figures.stiffness import draw_history
 from pipeline.report.record import Figure, present
 from pipeline.report.summaries import Tables, has
 from pipeline.report.svg import Drawing, drawn
+from pipeline.report.wear import changed_of, of
 
 CATALOGUE: tuple[Plot, ...] = (
     stiffness.STIFFNESS,
@@ -53,7 +55,8 @@ def draw(name: str, answer: Answer, tables: Tables) -> Drawing:
     return drawn(name, lambda canvas: _PLOTS[name].draw(canvas, answer, tables))
 
 
-def draw_robot(name: str, answers: Sequence[Answer]) -> Drawing:
+def draw_robot(name: str, answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> Drawing:
     """Draw the history of one robot: `history-0` is that of the first of `robots`."""
-    own = list(robots(answers).values())[int(name.rpartition("-")[2])]
-    return drawn(name, lambda canvas: draw_history(canvas, own))
+    machine, own = list(robots(answers).items())[int(name.rpartition("-")[2])]
+    changed = changed_of(own, of(machine, wear))
+    return drawn(name, lambda canvas: draw_history(canvas, own, changed))

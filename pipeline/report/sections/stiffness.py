@@ -35,15 +35,19 @@ from pipeline.report.record import (
 )
 
 
-def stiffness(answer: Answer, previous: Answer | None) -> Section | None:
-    """The table of stiffnesses with what is odd about them."""
+def stiffness(answer: Answer, previous: Answer | None, wear: str | None = None) -> Section | None:
+    """The table of stiffnesses with what is odd about them.
+
+    A change since the campaign before is no finding where all campaigns together say what has
+    changed (`wear`): days differ by more than a campaign's own uncertainty.
+    """
     since, before = _since(answer, previous), previous.campaign if previous else ""
     return section_of(
         "stiffness",
         "Joint stiffnesses",
         [
             *(Text(finding, "finding") for finding in _findings(answer)),
-            *(_changed(change, before) for change in since if change.sure),
+            *(_changed(change, before) for change in since if change.sure and wear is None),
             _stiffness_table(answer, since, before),
             _combinations_table(answer.combinations),
             _hypotheses_table(answer.recommended.hypotheses),
