@@ -12,11 +12,12 @@
 #   make example  the report and the picture that the README shows, from the demo campaign
 #   make picture  the picture of the code in docs/code.md
 #   make schema   the keys of result.json in docs/, from their types
+#   make docs     the documentation site, build/site, from docs/ and the docstrings
 #   make lock     write requirements.lock anew from pyproject.toml      make lock UPGRADE=--upgrade
 #   make clean    remove .venv and the caches; data and reports stay
 
 .DELETE_ON_ERROR:
-.PHONY: run test slow check bench league worlds paper compare example picture schema lock clean
+.PHONY: run test slow check bench league worlds paper compare example picture schema docs lock clean
 
 PYTHON ?=
 ARGS ?=
@@ -34,7 +35,7 @@ test: .venv/.ready
 	@$(PY) tests/get_browser.py
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PY) -m pytest -q -n 2 --dist loadgroup $(ARGS)
 
-slow: .venv/.ready
+slow: .venv/.ready .venv/.docs
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PY) -m pytest -q -n 2 --dist loadgroup -m slow $(ARGS)
 
 check: .venv/.ready
@@ -68,11 +69,18 @@ schema: .venv/.ready
 picture: .venv/.ready
 	@$(PY) -m bench.picture docs/figures/packages.svg
 
-# No address goes into the file: whoever installs decides where packages come from, the hashes decide which.
+docs: .venv/.ready .venv/.docs
+	@$(PY) -m sphinx -q -W --keep-going -b html -d build/doctrees docs build/site
+	@echo build/site/index.html
+
+# No address goes into the files: whoever installs decides where packages come from, the hashes decide which.
 lock: .venv/.ready
 	@.venv/bin/uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 \
 		--generate-hashes --no-header --no-config --no-emit-index-url --no-emit-find-links \
 		--quiet $(UPGRADE) --output-file requirements.lock
+	@.venv/bin/uv pip compile pyproject.toml --extra docs --constraint requirements.lock --universal \
+		--python-version 3.11 --generate-hashes --no-header --no-config --no-emit-index-url \
+		--no-emit-find-links --quiet $(UPGRADE) --output-file docs/requirements.lock
 
 clean:
 	@rm -rf .venv build dist *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis .prefect
@@ -82,6 +90,11 @@ clean:
 # .installed costs a minute and follows the lock; .ready costs seconds and follows pyproject.toml.
 .venv/.ready: .venv/.installed pyproject.toml
 	@$(PIP) install --no-deps --no-build-isolation --no-index --editable .
+	@touch $@
+
+# What only the site needs comes on top: its lock is constrained by the other one.
+.venv/.docs: .venv/.installed docs/requirements.lock
+	@$(PIP) install --no-deps --require-hashes --only-binary :all: -r docs/requirements.lock
 	@touch $@
 
 # pip compiles one file at a time and some settings forbid Python to do it later: compile here, on all cores.

@@ -299,6 +299,11 @@ def test_a_virtual_campaign_is_that_of_the_command(tmp_path):
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == made.campaign.files
     sealed = (tmp_path / "data" / "processed" / "twin.truth.json").read_bytes()
     assert dump(made.truth) == sealed
+    with pytest.raises(pipeline.UsageError, match="is there already"):
+        made.campaign.save(tmp_path)
+    kept = pipeline.load_campaign(made.campaign.save(tmp_path / "other"))
+    assert kept.files == made.campaign.files
+    assert kept.name == "twin"
 
 
 def test_a_campaign_in_memory_says_what_is_missing():

@@ -11,7 +11,8 @@ import pandas as pd
 from pipeline import run as stages
 from pipeline.answer import archive
 from pipeline.answer.contract import Answer, Stiffness
-from pipeline.base.errors import InputError
+from pipeline.base import files
+from pipeline.base.errors import InputError, UsageError
 from pipeline.library.model import (
     Model,
     PositionModel,
@@ -46,6 +47,19 @@ class Campaign:
     def files(self) -> Mapping[str, bytes]:
         """Content of its files by name."""
         return self.raw.files
+
+    def save(self, root: Path | str = ".") -> Path:
+        """Write its files to data/raw/NAME of a project, where `pipeline run` finds them.
+
+        Raises:
+            UsageError: A folder of that name is there already.
+            CannotWrite: The disk refuses.
+        """
+        folder = Path(root) / "data" / "raw" / self.name
+        if folder.exists():
+            raise UsageError(f"{folder} is there already: load the files under another name")
+        files.place(folder, self.files)
+        return folder
 
 
 @dataclass(frozen=True, eq=False)
