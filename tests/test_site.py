@@ -23,6 +23,7 @@ class Page(HTMLParser):
         self.feed(path.read_text("utf-8"))
 
     def handle_starttag(self, tag, attrs):
+        """Keep what this tag tells."""
         told = dict(attrs)
         self.ids |= {told[key] for key in ("id", "name") if told.get(key)}
         if tag == "a" and told.get("href"):

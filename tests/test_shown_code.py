@@ -1,0 +1,123 @@
+"""What README and docs show runs: their blocks, in a folder of their own, on real data."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from collections import Counter
+
+import pytest
+from shown_code import PAGES, ROOT, blocks
+
+from pipeline.app.cli import everything
+
+ALL = [block for page in PAGES for block in blocks(page)]
+RUN = sorted({block.page for block in ALL if block.runs})
+
+
+def test_every_block_is_found():
+    """As many fences as the pages have, and no mark that speaks of no block."""
+    text = "\n".join((ROOT / page).read_text("utf-8") for page in PAGES)
+    marks = re.findall(r"(?m)^<!-- (?:given|file|exit|tested|not run): .*-->$", text)
+
+    assert len(re.findall(r"(?m)^```(?!$)", text)) <= len(ALL)
+    assert len(marks) == sum(len(block.marks) for block in ALL)
+    assert {block.kind for block in ALL} == {"python", "sh", "toml", "sql", ""}
+
+
+def test_what_does_not_run_has_a_reason_and_is_rare():
+    """Most of the code runs; of the rest it is said why, or which test has it."""
+    code = [block for block in ALL if block.kind in ("python", "sh")]
+    idle = [block for block in code if "not run" in block.marks]
+    count = Counter(block.page for block in idle)
+
+    assert all(len(block.marks["not run"].split()) >= 3 for block in idle)
+    assert len(idle) <= 0.25 * len(code), count
+    for block in code:
+        if test := block.marks.get("tested"):
+            assert block.page in (ROOT / test).read_text("utf-8"), block.at
+
+
+@pytest.mark.parametrize("block", ALL, ids=lambda block: block.at)
+def test_a_block_can_be_read(block):
+    """Python compiles, TOML parses, and a shell's commands of ours are there."""
+    if block.kind == "python":
+        compile(block.code, block.at, "exec")
+    elif block.kind == "toml" and not re.search(r"(?m)\?$|\.\.\.", block.code):
+        tomllib.loads(block.code)
+    known = {one.name or one.callback.__name__ for one in everything.registered_commands}
+    for word in re.findall(r"(?m)^(?:\$ )?pipeline ([a-z]+)", block.code):
+        assert word in known, block.at
+
+
+@pytest.fixture
+def project(tmp_path, monkeypatch):
+    """A folder with the data of the project, in which `pipeline` and `python` are ours."""
+    shutil.copytree(ROOT / "data", tmp_path / "data")
+    (tmp_path / "docs" / "tutorials").mkdir(parents=True)
+    own = tmp_path / ".bin"
+    own.mkdir()
+    for name, words in (("pipeline", f'"{sys.executable}" -m pipeline'),
+                        ("python", f'"{sys.executable}"'), ("xdg-open", "true")):  # fmt: skip
+        (own / name).write_text(f'#!/bin/sh\nexec {words} "$@"\n')
+        (own / name).chmod(0o755)
+    monkeypatch.setenv("PATH", f"{own}{os.pathsep}{os.environ['PATH']}")
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    monkeypatch.setenv("BROWSER", "true")
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    return tmp_path
+
+
+def shell(block):
+    """The script of a block: what is about the clone itself is asked there, and costs nothing."""
+    lines = [f"set -e\n{block.marks.get('given', '')}"]
+    for line in block.code.split("\n"):
+        if line.startswith("make "):
+            line = f"make -n -C '{ROOT}' {line.removeprefix('make ')} > /dev/null"
+        elif line.startswith("python -m pytest "):
+            words = line.removeprefix("python -m pytest ")
+            line = (
+                f"(cd '{ROOT}' && python -m pytest --collect-only -q -p no:cacheprovider {words})"
+            )
+        lines.append(line)
+    return "\n".join(lines)
+
+
+def run_all(page, folder):
+    """Run the blocks of a page in their order; its Python shares one namespace.
+
+    Returns:
+        How many ran.
+    """
+    known, here = [], folder / "docs/tutorials" if "tutorials" in page else folder
+    for block in blocks(page):
+        if name := block.marks.get("file"):
+            (here / name).write_text(block.code, "utf-8")
+        if not block.runs:
+            continue
+        words = ["bash", "-c", shell(block)]
+        if block.kind == "python":
+            given = block.marks.get("given")
+            if given:
+                subprocess.run(["bash", "-ec", given], cwd=here, check=True, capture_output=True)
+            known.append(block.code)
+            continue
+        done = subprocess.run(words, cwd=here, capture_output=True, text=True)
+        wanted = int(block.marks.get("exit", 0))
+        assert done.returncode == wanted, (
+            f"{block.at}\n{done.stdout[-1500:]}\n{done.stderr[-3000:]}"
+        )
+    if known:
+        done = subprocess.run(
+            [sys.executable, "-c", "\n".join(known)], cwd=here, capture_output=True, text=True
+        )
+        assert done.returncode == 0, f"{page}\n{done.stderr[-3000:]}"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", RUN)
+def test_the_blocks_of_a_page_run(page, project):
+    """One behind the other, as somebody would type them who reads from top to bottom."""
+    run_all(page, project)
