@@ -12,12 +12,13 @@
 #   make example  the report and the picture that the README shows, from the demo campaign
 #   make picture  the picture of the code in docs/code.md
 #   make schema   the keys of result.json in docs/, from their types
+#   make wheel    the package as a wheel, in dist/
 #   make docs     the documentation site, build/site, from docs/ and the docstrings
 #   make lock     write requirements.lock anew from pyproject.toml      make lock UPGRADE=--upgrade
 #   make clean    remove .venv and the caches; data and reports stay
 
 .DELETE_ON_ERROR:
-.PHONY: run test slow check bench league worlds paper compare example picture schema docs lock clean
+.PHONY: run test slow check bench league worlds paper compare example picture schema docs wheel lock clean
 
 PYTHON ?=
 ARGS ?=
@@ -72,6 +73,11 @@ picture: .venv/.ready
 docs: .venv/.ready .venv/.docs
 	@$(PY) -m sphinx -q -W --keep-going -b html -d build/doctrees docs build/site
 	@echo build/site/index.html
+
+wheel: .venv/.ready
+	@rm -rf build/lib
+	@$(PIP) wheel --no-deps --no-build-isolation --no-index --wheel-dir dist .
+	@ls -t dist/*.whl | head -1
 
 # No address goes into the files: whoever installs decides where packages come from, the hashes decide which.
 lock: .venv/.ready

@@ -72,52 +72,38 @@ def project(tmp_path, monkeypatch):
 
 def shell(block):
     """The script of a block: what is about the clone itself is asked there, and costs nothing."""
-    lines = [f"set -e\n{block.marks.get('given', '')}"]
-    for line in block.code.split("\n"):
-        if line.startswith("make "):
-            line = f"make -n -C '{ROOT}' {line.removeprefix('make ')} > /dev/null"
-        elif line.startswith("python -m pytest "):
-            words = line.removeprefix("python -m pytest ")
-            line = (
-                f"(cd '{ROOT}' && python -m pytest --collect-only -q -p no:cacheprovider {words})"
-            )
-        lines.append(line)
+    lines = ["set -e", block.marks.get("given", ""), *map(_in_the_clone, block.code.split("\n"))]
     return "\n".join(lines)
 
 
-def run_all(page, folder):
-    """Run the blocks of a page in their order; its Python shares one namespace.
+def _in_the_clone(line):
+    """A line as it is, but make and pytest only say what they would do, where they work."""
+    if line.startswith("make "):
+        return f"make -n -C '{ROOT}' {line.removeprefix('make ')} > /dev/null"
+    tests = line.removeprefix("python -m pytest ")
+    if tests != line:
+        return f"(cd '{ROOT}' && python -m pytest -q -p no:cacheprovider --collect-only {tests})"
+    return line
 
-    Returns:
-        How many ran.
-    """
-    known, here = [], folder / "docs/tutorials" if "tutorials" in page else folder
-    for block in blocks(page):
-        if name := block.marks.get("file"):
-            (here / name).write_text(block.code, "utf-8")
-        if not block.runs:
-            continue
-        words = ["bash", "-c", shell(block)]
-        if block.kind == "python":
-            given = block.marks.get("given")
-            if given:
-                subprocess.run(["bash", "-ec", given], cwd=here, check=True, capture_output=True)
-            known.append(block.code)
-            continue
-        done = subprocess.run(words, cwd=here, capture_output=True, text=True)
-        wanted = int(block.marks.get("exit", 0))
-        assert done.returncode == wanted, (
-            f"{block.at}\n{done.stdout[-1500:]}\n{done.stderr[-3000:]}"
-        )
-    if known:
-        done = subprocess.run(
-            [sys.executable, "-c", "\n".join(known)], cwd=here, capture_output=True, text=True
-        )
-        assert done.returncode == 0, f"{page}\n{done.stderr[-3000:]}"
+
+def run(words, folder, at, wanted=0):
+    """Run a command there; it returns what is said of it."""
+    done = subprocess.run(words, cwd=folder, capture_output=True, text=True)
+    said = f"{at}\n{done.stdout[-1500:]}\n{done.stderr[-3000:]}"
+    assert done.returncode == wanted, said
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", RUN)
 def test_the_blocks_of_a_page_run(page, project):
     """One behind the other, as somebody would type them who reads from top to bottom."""
-    run_all(page, project)
+    here, python = project / "docs/tutorials" if "tutorials" in page else project, []
+    for block in blocks(page):
+        if name := block.marks.get("file"):
+            (here / name).write_text(block.code, "utf-8")
+        elif block.runs and block.kind == "sh":
+            run(["bash", "-c", shell(block)], here, block.at, int(block.marks.get("exit", 0)))
+        elif block.runs:  # the Python of a page is one program
+            run(["bash", "-ec", block.marks.get("given", "")], here, block.at)
+            python.append(block.code)
+    run([sys.executable, "-c", "\n".join(python)], here, page)
