@@ -14,11 +14,13 @@
 #   make example  the report and the picture that the README shows, from the demo campaign
 #   make picture  the picture of the code in docs/code.md
 #   make schema   the keys of result.json in docs/, from their types
+#   make wheel    the package as a wheel, in dist/
+#   make docs     the documentation site, build/site, from docs/ and the docstrings
 #   make lock     write requirements.lock anew from pyproject.toml      make lock UPGRADE=--upgrade
 #   make clean    remove .venv and the caches; data and reports stay
 
 .DELETE_ON_ERROR:
-.PHONY: run test slow check bench league open-league reference worlds paper compare example picture schema lock clean
+.PHONY: run test slow check bench league open-league reference worlds paper compare example picture schema docs wheel lock clean
 
 PYTHON ?=
 ARGS ?=
@@ -41,7 +43,7 @@ test: .venv/.ready
 	@$(PY) tests/get_browser.py
 	@$(TESTS) $(ARGS)
 
-slow: .venv/.ready
+slow: .venv/.ready .venv/.docs
 	@$(TESTS) -m slow $(ARGS)
 
 check: .venv/.ready
@@ -81,11 +83,23 @@ schema: .venv/.ready
 picture: .venv/.ready
 	@$(PY) -m bench.picture docs/figures/packages.svg
 
-# No address goes into the file: whoever installs decides where packages come from, the hashes decide which.
+docs: .venv/.ready .venv/.docs
+	@$(PY) -m sphinx -q -W --keep-going -b html -d build/doctrees docs build/site
+	@echo build/site/index.html
+
+wheel: .venv/.ready
+	@rm -rf build/lib
+	@$(PIP) wheel --no-deps --no-build-isolation --no-index --wheel-dir dist .
+	@ls -t dist/*.whl | head -1
+
+# No address goes into the files: whoever installs decides where packages come from, the hashes decide which.
 lock: .venv/.ready
 	@.venv/bin/uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 \
 		--generate-hashes --no-header --no-config --no-emit-index-url --no-emit-find-links \
 		--quiet $(UPGRADE) --output-file requirements.lock
+	@.venv/bin/uv pip compile pyproject.toml --extra docs --constraint requirements.lock --universal \
+		--python-version 3.11 --generate-hashes --no-header --no-config --no-emit-index-url \
+		--no-emit-find-links --quiet $(UPGRADE) --output-file docs/requirements.lock
 
 clean:
 	@rm -rf .venv build dist *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis .prefect
@@ -95,6 +109,11 @@ clean:
 # .installed costs a minute and follows the lock; .ready costs seconds and follows pyproject.toml.
 .venv/.ready: .venv/.installed pyproject.toml
 	@$(PIP) install --no-deps --no-build-isolation --no-index --editable .
+	@touch $@
+
+# What only the site needs comes on top: its lock is constrained by the other one.
+.venv/.docs: .venv/.installed docs/requirements.lock
+	@$(PIP) install --no-deps --require-hashes --only-binary :all: -r docs/requirements.lock
 	@touch $@
 
 # pip compiles one file at a time and some settings forbid Python to do it later: compile here, on all cores.

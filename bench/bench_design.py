@@ -22,7 +22,6 @@ from pymoo.optimize import minimize
 from pymoo.termination import get_termination
 
 from bench.timing import seconds
-from pipeline.app.commands.design import problem_of
 from pipeline.base.arrays import Array
 from pipeline.design import search
 from pipeline.design.criteria import relative_std
@@ -30,6 +29,7 @@ from pipeline.design.information import Experiment, information, station, value_
 from pipeline.design.limits import slacks
 from pipeline.design.problem import Problem
 from pipeline.design.space import Box
+from pipeline.library.poses import problem_of
 from pipeline.machine.robot.model import model
 from pipeline.report.svg import BLUE, MUTED, PURPLE, RED, STYLE
 

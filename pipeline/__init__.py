@@ -1,3 +1,100 @@
-"""Stiffness of every joint of a rail-mounted robot, from pulls that a laser tracker watched."""
+"""Stiffness of every joint of a rail-mounted robot, from pulls that a laser tracker watched.
+
+    import pipeline
+
+    campaign = pipeline.load_campaign("data/raw/kr500_demo")
+    result = pipeline.identify(campaign)
+    result.model.predict(q, force_n)  # q [m] or [rad], force [N] in F_b
+
+Numpy and the rest are imported when the first of these names is asked for.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from pipeline.base.errors import CannotWrite, InputError, PipelineError, UsageError
+    from pipeline.library.campaign import (
+        Campaign,
+        Result,
+        identify,
+        load_campaign,
+        run_campaign,
+    )
+    from pipeline.library.model import (
+        Deflection,
+        Model,
+        PositionModel,
+        Positions,
+        load_model,
+        load_position_model,
+    )
+    from pipeline.library.poses import Design, design_poses
+    from pipeline.library.virtual import Simulated, simulate_campaign
+    from pipeline.machine.robot import Robot
+    from pipeline.machine.robot import load as load_robot
+    from pipeline.prediction.compensate import Compensation
+    from pipeline.prediction.compliance import CartesianStiffness
+
+__all__ = [
+    "Campaign",
+    "CannotWrite",
+    "CartesianStiffness",
+    "Compensation",
+    "Deflection",
+    "Design",
+    "InputError",
+    "Model",
+    "PipelineError",
+    "PositionModel",
+    "Positions",
+    "Result",
+    "Robot",
+    "Simulated",
+    "UsageError",
+    "design_poses",
+    "identify",
+    "load_campaign",
+    "load_model",
+    "load_position_model",
+    "load_robot",
+    "run_campaign",
+    "simulate_campaign",
+]
+
+_FROM = {
+    "base.errors": ("CannotWrite", "InputError", "PipelineError", "UsageError"),
+    "library.campaign": ("Campaign", "Result", "identify", "load_campaign", "run_campaign"),
+    "library.model": (
+        "Deflection",
+        "Model",
+        "PositionModel",
+        "Positions",
+        "load_model",
+        "load_position_model",
+    ),
+    "library.poses": ("Design", "design_poses"),
+    "library.virtual": ("Simulated", "simulate_campaign"),
+    "machine.robot": ("Robot", "load_robot"),
+    "prediction.compensate": ("Compensation",),
+    "prediction.compliance": ("CartesianStiffness",),
+}
+_RENAMED = {"load_robot": "load"}
+
+
+def __getattr__(name: str) -> Any:
+    """One of `__all__`, imported when it is first asked for."""
+    for module, names in _FROM.items():
+        if name in names:
+            found = getattr(import_module(f"pipeline.{module}"), _RENAMED.get(name, name))
+            globals()[name] = found
+            return found
+    raise AttributeError(f"module 'pipeline' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

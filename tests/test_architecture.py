@@ -127,6 +127,7 @@ ORDER = (
     "answer",
     "report",
     "run",
+    "library",
     "app",
 )
 """Packages and files at the top, each importing only what stands before it."""

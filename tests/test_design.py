@@ -10,7 +10,6 @@ import pytest
 from scipy import linalg, optimize
 
 from pipeline.app import cli
-from pipeline.app.commands.design import problem_of
 from pipeline.base.errors import InputError
 from pipeline.base.toml import loads
 from pipeline.design import criteria, search, spec
@@ -24,6 +23,7 @@ from pipeline.design.propose import propose
 from pipeline.design.scatter import Beam, Scatter
 from pipeline.design.schedule import starts
 from pipeline.design.search import Effort, evaluate, objective
+from pipeline.library.poses import problem_of
 from pipeline.machine.cell import Tool, jacobian, paper_cell
 from pipeline.machine.effect import Pulls
 from pipeline.machine.instrument import InstrumentNoise

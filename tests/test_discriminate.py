@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy import optimize, stats
 
-from pipeline.app.commands.design import problem_of
 from pipeline.design.discriminate import (
     Lens,
     _classes,
@@ -21,6 +20,7 @@ from pipeline.design.discriminate import (
 from pipeline.design.problem import with_steps
 from pipeline.design.schedule import pulls_at
 from pipeline.diagnosis.isolability import Twins, twins
+from pipeline.library.poses import problem_of
 from pipeline.machine.cell import predict
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load

@@ -10,7 +10,7 @@ import scipy.linalg
 
 from pipeline import simulate as simulated
 from pipeline.app import cli
-from pipeline.app.commands.design import added_to, write
+from pipeline.app.commands.design import write
 from pipeline.base.errors import InputError, UsageError
 from pipeline.design import problem
 from pipeline.design import spec as specs
@@ -26,6 +26,8 @@ from pipeline.design.propose import Proposal
 from pipeline.design.schedule import crossed, pulls_at, starts
 from pipeline.design.search import Plan, evaluate
 from pipeline.design.trade import feasible_poses, products, trade
+from pipeline.library.campaign import load_campaign
+from pipeline.library.poses import added_to
 from pipeline.machine.cell import jacobian, paper_cell
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import load
@@ -433,7 +435,7 @@ def test_further_poses_build_on_what_is_known(written, realistic):
         limits={"max_relative_std": 9.0},
         diagnosis=None,
     )
-    further = added_to(base, find(root, "old"))
+    further = added_to(base, load_campaign("old", root=root))
     known = further.known
     from pipeline.design.propose import propose
     from pipeline.design.search import Effort
@@ -467,7 +469,7 @@ def test_a_campaign_noisier_than_stated_is_known_less_of(tmp_path):
         folder.mkdir(parents=True)
         for file, content in simulate(plan).files.items():
             (folder / file).write_bytes(content)
-        known = added_to(base, find(tmp_path, plan.name)).known
+        known = added_to(base, load_campaign(plan.name, root=tmp_path)).known
         traces.append(np.trace(known[1:, 1:]))
 
     assert 4 < traces[0] / traces[1] < 10

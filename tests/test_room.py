@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from cell_check import CELL, TOOL, Checked, hit
 
-from pipeline.app.commands.design import problem_of
 from pipeline.base.errors import InputError
 from pipeline.design.feasible import check_reachable
 from pipeline.design.limits import kept, narrow, penalty
 from pipeline.design.search import Effort, rounded, search
 from pipeline.design.space import Box
+from pipeline.library.poses import problem_of
 from pipeline.machine.gaps import free
 from pipeline.machine.robot import configure, load
 from pipeline.machine.robot.mdh import parse

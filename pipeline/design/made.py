@@ -78,7 +78,7 @@ class Made:
         return "\n\n".join("\n".join(part) for part in parts if part)
 
 
-def make(problem: Problem, seed: int, effort: Effort, say: Callable[[str], None]) -> Made:
+def make(problem: Problem, seed: int, effort: Effort, say: Callable[[str], object]) -> Made:
     """Search a plan; stopped by Ctrl-C, give the best so far.
 
     Args:

@@ -355,8 +355,8 @@ HEAD = """\
 # The identified elastic model of a robot, SI: the compliances of its joints ([[parameter]], with
 # their covariance) over all that may be true, and each hypothesis with its weight and causes.
 # displacement = sum over hypotheses of weight B(q, force) x. In Python:
-#   from pipeline.prediction.model import Model
-#   Model.load("model.toml").predict(q, force)      # q [m, rad], force [N] in F_b
+#   import pipeline
+#   pipeline.load_model("model.toml").predict(q, force_n)    # q [m] or [rad], force [N] in F_b
 """
 
 

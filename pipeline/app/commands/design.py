@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from typer import Argument, Option
 
 from pipeline.app.commands._shared import AsJson, Root, Steps, app, at_work
 from pipeline.base import files
-from pipeline.base.errors import InputError, Interrupted, UsageError, listed
+from pipeline.base.errors import Interrupted, UsageError
 from pipeline.base.shown import lines
 
 if TYPE_CHECKING:
     from pipeline.design.made import Made
-    from pipeline.design.problem import Problem
-    from pipeline.store.campaign import Campaign
 
 
 @app.command(short_help="Choose the poses to measure.")
@@ -48,7 +46,8 @@ def design(
     """Choose the poses to measure, and say how near they are to the best that could be."""
     from pipeline.design.made import make
     from pipeline.design.search import Effort
-    from pipeline.store import campaign as campaigns
+    from pipeline.library.campaign import load_campaign
+    from pipeline.library.poses import added_to, problem_of
 
     changes = {
         "name": name,
@@ -58,7 +57,7 @@ def design(
         "anchor": dict(zip(("x_m", "y_m", "z_m"), anchor, strict=True)) if anchor else None,
         "criterion": {"kind": criterion},
     }
-    campaign = campaigns.find(root, add_to) if add_to else None
+    campaign = load_campaign(add_to, root=root) if add_to else None
     asked = problem_of(problem, changes)
     if campaign is not None:
         asked = added_to(asked, campaign)
@@ -68,52 +67,6 @@ def design(
     typer.echo(made.as_json() if as_json else lines(made.as_text()))
     if made.interrupted:
         raise Interrupted("Interrupted; this is the best plan so far.")
-
-
-def problem_of(name: str, changes: dict[str, Any]) -> Problem:
-    """A problem that ships, or from a file, with what the command line says otherwise.
-
-    Raises:
-        InputError: There is no such problem, it is wrong, or no plan can meet it.
-    """
-    from pipeline.base.toml import LARGEST, given
-    from pipeline.design import spec as specs
-    from pipeline.design.problem import build
-    from pipeline.machine.robot import load
-
-    if name in specs.SHIPPED:
-        text, folder = specs.shipped(name), None
-    else:
-        path = Path(name)
-        missing = InputError(
-            f'there is no design problem "{name}"',
-            f"use {listed(specs.SHIPPED)}, or the path of a problem file ending in .toml",
-        )
-        if path.suffix != ".toml":
-            raise missing
-        text, folder = files.words(path, path.name, LARGEST, missing), path.parent
-    spec = specs.revised(specs.parse(text, Path(name).name), given(changes))
-    return build(spec, load(spec.robot, folder))
-
-
-def added_to(problem: Problem, campaign: Campaign) -> Problem:
-    """The problem for further readings of a campaign, with the information of those it has.
-
-    Raises:
-        InputError: The campaign cannot be read, or problem and campaign do not fit together.
-    """
-    from pipeline.design.known import continued, information_of
-    from pipeline.design.problem import build
-    from pipeline.reduction.bring import bring, conformed, plain
-    from pipeline.run import ingested
-    from pipeline.system.fit import fit
-
-    raw = campaign.read()
-    further = build(continued(problem.spec, raw.settings, f"{campaign.name}_next"), raw.robot)
-    case = ingested(raw, conformed, plain)
-    found = fit(case, bring(case))
-    known = information_of(found.system, found.estimate, further.experiment.scale)
-    return replace(further, known=known)
 
 
 def write(root: Path, made: Made, seed: int) -> Made:

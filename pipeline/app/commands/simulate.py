@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 from typer import Argument, Option
 
 from pipeline.app.commands._shared import AsJson, Root, Steps, app, at_work
 from pipeline.base import files
-from pipeline.base.errors import InputError, UsageError
-
-if TYPE_CHECKING:
-    from pipeline.simulate import Plan
+from pipeline.base.errors import UsageError
 
 
 @app.command(short_help="Write a raw campaign of a virtual cell.")
@@ -96,14 +93,10 @@ def write(
         UsageError: The campaign is there already, or the truth would lie in a raw folder.
         InputError: The plan cannot be carried out.
     """
-    from pipeline.base.toml import given
-    from pipeline.machine.robot import load
-    from pipeline.simulate import revised, simulate, with_noise
+    from pipeline.library.virtual import carried_out, plan_for
     from pipeline.store.campaign import dump
 
-    wanted = revised(_read(plan), given(changes))
-    wanted = with_noise(wanted, noise) if noise else wanted
-    wanted = wanted.without_noise() if exact else wanted
+    wanted = plan_for(plan, changes, noise, exact)
     raw = (root / "data" / "raw").resolve()
     sealed = (truth or root / "data" / "processed" / f"{wanted.name}.truth.json").resolve()
     if sealed.is_relative_to(raw):
@@ -111,7 +104,7 @@ def write(
     folder = raw / wanted.name
     if folder.exists() and not force:
         raise UsageError(f"{folder} is there already: choose another --name, or use --force")
-    made = simulate(wanted, robot=load(wanted.robot, plan.parent if plan else None))
+    made = carried_out(wanted, plan)
     files.write(sealed, dump(made.truth))
     files.place(folder, made.files)
     return root / "data" / "raw" / wanted.name, sealed
@@ -123,22 +116,13 @@ def prepare(folder: Path, plan: Path) -> None:
     Raises:
         InputError: The plan cannot be carried out, or the name cannot name a campaign.
     """
+    from pipeline.library.virtual import plan_for
     from pipeline.machine.robot import load
-    from pipeline.simulate import prepared, revised
+    from pipeline.simulate import prepared
 
-    wanted = revised(_read(plan), {"name": folder.name})
+    wanted = plan_for(plan, {"name": folder.name})
     for inner, data in prepared(wanted, load(wanted.robot, plan.parent)).items():
         files.write(folder / inner, data)
-
-
-def _read(path: Path | None) -> Plan:
-    from pipeline.base.toml import LARGEST
-    from pipeline.simulate import Plan, parse
-
-    if path is None:
-        return Plan()
-    missing = InputError("there is no such plan", "check the path", file=str(path))
-    return parse(files.words(path, str(path), LARGEST, missing), path.name)
 
 
 @app.command(short_help="List the causes that a diagnosis knows.")

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from pipeline.base import files, toml
@@ -258,6 +259,15 @@ class Robot(Locked):
     def upper(self) -> Array:
         """Upper joint limits [m] or [rad], shape (n,)."""
         return np.array([joint.upper for joint in self.joints])
+
+    def from_degrees(self, q: ArrayLike) -> Array:
+        """Joint values [m] or [rad] of values as people write them, (n,) or (m, n).
+
+        Args:
+            q: Prismatic joints in m, revolute joints in degrees.
+        """
+        values = np.asarray(q, dtype=float)
+        return np.where(self.prismatic, values, np.deg2rad(values))
 
     @cached_property
     def nominal_compliance(self) -> Array:

@@ -1,0 +1,148 @@
+"""A campaign from Python: loaded, identified in memory, or run as `pipeline run` does."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from pipeline import run as stages
+from pipeline.answer import archive
+from pipeline.answer.contract import Answer, Stiffness
+from pipeline.base import files
+from pipeline.base.errors import InputError, UsageError
+from pipeline.library.model import (
+    Model,
+    PositionModel,
+    load_model,
+    load_position_model,
+    position_model,
+)
+from pipeline.machine.robot import Robot
+from pipeline.store.campaign import Raw, find, in_memory, unfit
+
+_POSITIONS = "positions.npz"
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """The files of a campaign, read and with campaign.toml checked; nothing is computed yet.
+
+    Attributes:
+        name: Of its folder.
+        raw: Settings, robot and the bytes of every file that campaign.toml names.
+    """
+
+    name: str
+    raw: Raw
+
+    @property
+    def robot(self) -> Robot:
+        """The robot that campaign.toml names."""
+        return self.raw.robot
+
+    @property
+    def files(self) -> Mapping[str, bytes]:
+        """Content of its files by name."""
+        return self.raw.files
+
+    def save(self, root: Path | str = ".") -> Path:
+        """Write its files to data/raw/NAME of a project, where `pipeline run` finds them.
+
+        Raises:
+            UsageError: A folder of that name is there already.
+            CannotWrite: The disk refuses.
+        """
+        folder = Path(root) / "data" / "raw" / self.name
+        if folder.exists():
+            raise UsageError(f"{folder} is there already: load the files under another name")
+        files.place(folder, self.files)
+        return folder
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """The answer to a campaign.
+
+    Attributes:
+        answer: result.json as frozen records; `answer.as_json()` is the plain data.
+        model: The identified model, which predicts.
+        tables: The tables that a report shows, by name; columns wear their units.
+        positions: Where the robot stands, for a campaign of absolute positions; else None.
+    """
+
+    answer: Answer
+    model: Model
+    tables: Mapping[str, pd.DataFrame]
+    positions: PositionModel | None = None
+
+    @property
+    def verdict(self) -> str:
+        """adequate, explained, ambiguous, unexplained or bad_data."""
+        return str(self.answer.diagnosis.verdict)
+
+    @property
+    def stiffness(self) -> tuple[Stiffness, ...]:
+        """Each joint's stiffness with its standard uncertainty and unit."""
+        return self.answer.stiffness
+
+
+def load_campaign(
+    source: Path | str | Mapping[str, bytes], *, root: Path | str = ".", name: str = "in_memory"
+) -> Campaign:
+    """A campaign from its folder, or from the content of its files.
+
+    Args:
+        source: The folder's path, its name under data/raw of `root`, or file contents by name,
+            campaign.toml among them.
+        root: The project's folder.
+        name: What a campaign in memory is called.
+
+    Raises:
+        InputError: A file is missing or cannot be read, or campaign.toml is wrong; says which line.
+    """
+    if not isinstance(source, Mapping):
+        found = find(Path(root), str(source))
+        return Campaign(found.name, found.read())
+    if why := unfit(name):
+        raise InputError(why, "choose another name")
+    if "campaign.toml" not in source:
+        raise InputError("there is no campaign.toml among the files", "add it by this name")
+    return Campaign(name, in_memory(dict(source)))
+
+
+def identify(campaign: Campaign) -> Result:
+    """Stiffnesses, diagnosis and model of a campaign, in memory: no file is written.
+
+    The numbers are those of `pipeline run`; with another number of threads of the linear algebra
+    the last digits differ, by some 1e-10 of themselves.
+
+    Raises:
+        InputError: The data cannot be trusted; says file, line and way out.
+    """
+    made = stages.answered(campaign.name, campaign.raw)
+    kept = made.files.get(_POSITIONS)
+    places = None if kept is None else position_model(kept)
+    return Result(made.answer, Model(made.model), made.shown, places)
+
+
+def run_campaign(campaign: Path | str, *, root: Path | str = ".", force: bool = False) -> Result:
+    """What `pipeline run` does: tables, result.json and report on disk; computed only if new.
+
+    Args:
+        campaign: Name under data/raw of `root`, or the path of a folder.
+        root: The project's folder, for data/processed and reports.
+        force: Compute even if nothing changed.
+
+    Raises:
+        InputError: The data cannot be trusted; says file, line and way out.
+        CannotWrite: The disk refuses.
+    """
+    found = find(Path(root), str(campaign))
+    answer = stages.run(found, force=force)
+    model = load_model(found.reports / "model.toml")
+    kept = found.reports / _POSITIONS
+    places = load_position_model(kept) if kept.is_file() else None
+    return Result(answer, model, archive.shown(found), places)

@@ -1,0 +1,156 @@
+"""Poses to measure, from a problem that ships, a problem file, or a campaign to go on with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.base import files
+from pipeline.base.arrays import Array, Locked
+from pipeline.base.errors import InputError, listed
+from pipeline.base.toml import LARGEST, given
+from pipeline.design import spec as specs
+from pipeline.design.known import continued, information_of
+from pipeline.design.made import Made, make
+from pipeline.design.planfile import plan_text
+from pipeline.design.problem import Problem, build
+from pipeline.design.search import Effort
+from pipeline.library.campaign import Campaign
+from pipeline.machine.robot import Robot, load
+from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.run import ingested
+from pipeline.system.fit import fit
+
+
+@dataclass(frozen=True, eq=False)
+class Design(Locked):
+    """Poses to measure, and how near they are to the best that could be.
+
+    Attributes:
+        q: Joint values of each pose [m] or [rad], shape (p, n).
+        anchor_m: Where the chain is fixed [m], F_b, shape (3,).
+        steps_n: Load steps of each pose [N]; negative where the turnbuckle is slackened to it.
+        figure: The criterion, in its unit ([m] for a test pose).
+        bound: What no plan can be below, same unit; None where it was not reached.
+        relative_std: Standard uncertainty of each compliance over its nominal size, shape (n,).
+        made: All of it, for the measurement sheet.
+    """
+
+    q: Array
+    anchor_m: Array
+    steps_n: tuple[Array, ...]
+    figure: float
+    bound: float | None
+    relative_std: Array
+    made: Made
+
+    @property
+    def robot(self) -> Robot:
+        """The robot that is planned for."""
+        return self.made.proposal.problem.robot
+
+    @property
+    def plan(self) -> str:
+        """The plan file, for `pipeline simulate --plan` and `pipeline init --plan`."""
+        name = self.made.proposal.problem.spec.name
+        return plan_text(self.made.proposal, f"data/plans/{name}.toml")
+
+
+def design_poses(
+    problem: str = "paper_reference",
+    *,
+    poses: int | None = None,
+    readings: int | None = None,
+    steps_n: Sequence[float] | None = None,
+    anchor_m: Sequence[float] | None = None,
+    robot: str | None = None,
+    criterion: str | None = None,
+    add_to: Campaign | None = None,
+    seed: int = 1,
+    rounds: int = 2,
+    tell: Callable[[str], object] = str,
+) -> Design:
+    """Choose the poses to measure, as `pipeline design` does.
+
+    Args:
+        problem: One that ships, or the path of a problem file ending in .toml.
+        poses: Number of poses, m_0.
+        readings: Pulls in all, n.
+        steps_n: Load steps [N], in the order of tightening.
+        anchor_m: Anchor in F_b [m], fixed there.
+        robot: A robot that ships, or a robot file.
+        criterion: test_pose, workspace, D, A or E.
+        add_to: Propose further poses for this campaign.
+        seed: Determines the plan.
+        rounds: Rounds of new starts.
+        tell: Hears a line of progress for each better plan.
+
+    Raises:
+        InputError: There is no such problem, it is wrong, or no plan can meet it.
+    """
+    anchor = None if anchor_m is None else dict(zip(("x_m", "y_m", "z_m"), anchor_m, strict=True))
+    changes = {
+        "robot": robot,
+        "plan": {"poses": poses, "readings": readings},
+        "pull": {"steps_n": None if steps_n is None else list(steps_n)},
+        "anchor": anchor,
+        "criterion": {"kind": criterion},
+    }
+    asked = problem_of(problem, changes)
+    if add_to is not None:
+        asked = added_to(asked, add_to)
+    return designed(make(asked, seed, Effort(rounds=rounds), tell))
+
+
+def designed(made: Made) -> Design:
+    """The numbers of a finished design."""
+    proposal = made.proposal
+    measurement, certificate = proposal.measurement, proposal.certificate
+    return Design(
+        measurement.q,
+        np.asarray(measurement.anchor, float),
+        measurement.steps,
+        proposal.figure,
+        None if certificate is None else certificate.figure,
+        proposal.relative_std,
+        made,
+    )
+
+
+def problem_of(name: str, changes: dict[str, Any]) -> Problem:
+    """A problem that ships, or from a file, with what is said otherwise.
+
+    Raises:
+        InputError: There is no such problem, it is wrong, or no plan can meet it.
+    """
+    if name in specs.SHIPPED:
+        text, folder = specs.shipped(name), None
+    else:
+        path = Path(name)
+        missing = InputError(
+            f'there is no design problem "{name}"',
+            f"use {listed(specs.SHIPPED)}, or the path of a problem file ending in .toml",
+        )
+        if path.suffix != ".toml":
+            raise missing
+        text, folder = files.words(path, path.name, LARGEST, missing), path.parent
+    spec = specs.revised(specs.parse(text, Path(name).name), given(changes))
+    return build(spec, load(spec.robot, folder))
+
+
+def added_to(problem: Problem, campaign: Campaign) -> Problem:
+    """The problem for further readings of a campaign, with the information of those it has.
+
+    Raises:
+        InputError: The campaign cannot be read, or problem and campaign do not fit together.
+    """
+    raw = campaign.raw
+    further = build(continued(problem.spec, raw.settings, f"{campaign.name}_next"), raw.robot)
+    case = ingested(raw, conformed, plain)
+    found = fit(case, bring(case))
+    known = information_of(found.system, found.estimate, further.experiment.scale)
+    return replace(further, known=known)
