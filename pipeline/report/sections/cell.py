@@ -1,0 +1,44 @@
+"""What stood where: the cell in three dimensions, and its poses one by one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pipeline.answer.contract import Answer
+from pipeline.base.quantities import plain
+from pipeline.report.columns import Cells, number, said, table_of
+from pipeline.report.figures.catalogue import figures
+from pipeline.report.figures.marks import each_row
+from pipeline.report.figures.scene import largest, source
+from pipeline.report.record import Section, Table, section_of
+from pipeline.report.summaries import Tables, has
+
+
+def cell(answer: Answer, tables: Tables) -> Section | None:
+    """The scene and the same in a table, for who cannot see it."""
+    drawn = figures(("scene",), answer, tables)
+    return section_of("cell", "The cell", [*drawn, _poses(answer, tables) if drawn else None])
+
+
+def _poses(answer: Answer, tables: Tables) -> Table | None:
+    if not has(tables, "poses"):
+        return None
+    did = {one.pose: largest(tables, one.pose) for one in each_row(tables["poses"])}
+    loads: list[Cells[Any]] = [
+        number("Pulls", lambda one: one.pulls, str),
+        number("Largest force [N]", lambda one: one.force_n),
+    ]
+    names = ("Off the nominal robot", "Off the identified one") if answer.geometry else (
+        "Largest deflection", "Largest residual"
+    )  # fmt: skip
+    columns: list[Cells[Any]] = [
+        said("Pose", lambda one: one.label.removeprefix("Pose ")),
+        said("Where it stands", source),
+        *(() if answer.geometry else loads),
+        *(_millimetres(name, k, did) for k, name in enumerate(names)),
+    ]
+    return table_of("poses", "The poses of the picture", columns, each_row(tables["poses"]))
+
+
+def _millimetres(name: str, k: int, did: dict[int, tuple[float, float]]) -> Cells[Any]:
+    return number(f"{name} [mm]", lambda one: did[one.pose][k], plain)
