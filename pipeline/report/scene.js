@@ -44,6 +44,7 @@
       words.append(one, label);
       return { one, label, kind, at: at.slice(0, 3) };
     });
+    const trackers = marks.filter((mark) => mark.kind === "tracker");
     const arrows = poses.flatMap((pose, k) => pose.points.flatMap(([name, ...at]) =>
       ["moved", "left"].map((kind, which) => {
         const one = make("path", { class: `vector ${kind}` });
@@ -57,7 +58,6 @@
       return { one, label };
     });
     const title = make("text"), names = [], balls = [], beams = [];
-    words.append(title);
 
     // Right and up in pixels, depth away from the eye in metres, and how much larger for being near.
     const project = (p, from = eye) => {
@@ -163,7 +163,6 @@
         put(label, { x: o.x + 1.35 * dx, y: o.y + 1.35 * dy + 4 });
       });
       const last = shapes.find((shape) => shape.pose === chosen && shape.kind === "tool");
-      title.style.display = chosen < 0 ? "none" : "";
       if (chosen >= 0 && last) put(title, project(last.from), 14, -30);
     };
     const soon = () => { asked ||= requestAnimationFrame(draw); };
@@ -214,12 +213,14 @@
       fields.pose.value = k < 0 ? "" : String(k);
       says.textContent = k < 0 ? "No pose is picked." : poses[k].says;
       title.textContent = k < 0 ? "" : poses[k].label;
+      if (k < 0) title.remove();
+      else words.append(title);
       for (const one of [...names.splice(0), ...balls.splice(0), ...beams.splice(0).flatMap((each) => each.map(([line]) => line))]) one?.remove();
       for (const [name, ...at] of k < 0 ? [] : poses[k].points) {
         const told = at.slice(9, 15).every((value) => value !== null);
         names.push(make("text", {}, name));
         balls.push(told ? make("ellipse") : null);
-        beams.push(marks.filter((mark) => mark.kind === "tracker").map((mark) => [make("path", { class: "sight" }), mark.at]));
+        beams.push((trackers.length === 1 ? trackers : []).map((mark) => [make("path", { class: "sight" }), mark.at]));
         sights.append(...beams.at(-1).map(([line]) => line));
         if (told) vectors.append(balls.at(-1));
         words.append(names.at(-1));

@@ -116,7 +116,7 @@ def _inline(svg: str, tips: Mapping[str, Sequence[str]]) -> str:
     _, _, width, _ = root.attrib["viewBox"].split()
     for key in ("width", "height", "version"):
         root.attrib.pop(key, None)
-    root.set("style", f"min-width: {float(width):.0f}px")  # a point is a pixel at least
+    root.set("style", f"min-width: {1.06 * float(width):.0f}px")  # a point is a pixel at least
     text = ET.tostring(root, encoding="unicode")
     used = {a or b for a, b in re.findall(r'href="#([^"]*)"|url\(#([^)]*)\)', text)}
     text = re.sub(r' id="([^"]*)"', lambda m: m[0] if m[1] in used else "", text)

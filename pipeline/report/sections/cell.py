@@ -33,7 +33,7 @@ def _poses(answer: Answer, tables: Tables) -> Table | None:
     )  # fmt: skip
     columns: list[Cells[Any]] = [
         said("Pose", lambda one: one.label.removeprefix("Pose ")),
-        said("Where it stands", source),
+        said("File and line", source),
         *(() if answer.geometry else loads),
         *(_millimetres(name, k, did) for k, name in enumerate(names)),
     ]
