@@ -306,7 +306,7 @@ POSES = _promise(
     "pose",
     _count("pose", "number in the picture; that of the pose where these are unique"),
     _text("label", "what the pose is called"),
-    _text("file", "export that holds its readings, empty when only displacements are known"),
+    _text("file", "export that holds its readings, or table of displacements"),
     _col("first_line", I64, "1", "its first line there, null when unknown", nullable=True),
     _col("last_line", I64, "1", "its last line there, null when unknown", nullable=True),
     _text("joints_file", "log that holds its joint values"),

@@ -163,7 +163,9 @@ def test_keys_turn_zoom_pick_and_return(opened):
     assert np.abs(turned - first).max() > 10
     assert spread(larger) == pytest.approx(1.25 * spread(turned), rel=0.01)
     assert np.abs(again - first).max() < 0.2
-    assert picked.startswith("Pose 2: tracker.csv lines 27 to 47, joints.csv line 3; 3 pulls up")
+    assert picked.startswith(
+        "Pose 2: tracker.csv lines 27\N{EN DASH}47, joints.csv line 3; 3 pulls up"
+    )
     assert spread(closer) > 1.3 * spread(first)
     assert none == "No pose is picked."
     assert page.evaluate("document.activeElement.name") == "pose"
@@ -186,7 +188,7 @@ def test_a_click_on_an_arm_picks_its_pose(opened):
     moved = np.linalg.norm(vectors[[f"moved_{a}_m" for a in "xyz"]], axis=1).max()
 
     assert says(page).startswith("Pose 5: tracker.csv")
-    told = re.search(r"Largest deflection ([\d.]+) mm at P\d, largest residual", says(page))
+    told = re.search(r"Largest deflection ([\d.]+)\s?mm at P\d, largest residual", says(page))
     assert float(told[1]) == pytest.approx(1e3 * moved, rel=5e-3)
     assert page.locator("select[name=pose]").input_value() == "4"
     assert page.locator(".live ellipse").count() == len(vectors)

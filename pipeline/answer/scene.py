@@ -143,11 +143,13 @@ def _poses_pulled(values: Values, shown: Ints) -> pd.DataFrame:
     size = np.linalg.norm(pulls.force, axis=1)
     read = _lines(case.readings)
     logged = case.joints.set_index("pose")
+    given = case.settings.displacements
+    reduced: dict[str, Any] = {"file": given.file if given else "", **_NO_LINES}
     rows = [
         {
             "pose": pose,
             "label": f"Pose {pose}",
-            **read.get(pose, _UNREAD),
+            **read.get(pose, reduced),
             "joints_file": str(logged.loc[pose, "file"]),
             "joints_line": logged.loc[pose, "line"],
             "pulls": int(np.sum(pulls.pose == pose)),
@@ -158,13 +160,11 @@ def _poses_pulled(values: Values, shown: Ints) -> pd.DataFrame:
     return _typed(rows)
 
 
-_UNREAD: dict[str, Any] = {"file": "", "first_line": None, "last_line": None}
+_NO_LINES: dict[str, Any] = {"first_line": None, "last_line": None}
 
 
 def _lines(readings: pd.DataFrame) -> dict[int, dict[str, Any]]:
     """File and lines of the readings of each pose; of several files, the first."""
-    if readings is None or not len(readings):
-        return {}
     mine = readings.dropna(subset=["pose"]).astype({"pose": "int64"})
     return {
         int(str(pose)): {

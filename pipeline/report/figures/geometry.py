@@ -108,6 +108,7 @@ def _readings(axes: Axes, joint: int, tables: Tables, shown: float) -> Tips:
 
 def _grid(canvas: Canvas, count: int) -> list[Axes]:
     """Plots, two in a row."""
+    canvas.set_size_inches(5.6, 0.3 + 1.3 * ((count + 1) // 2))
     every = list(canvas.subplots((count + 1) // 2, 2, squeeze=False).flat)
     for spare in every[count:]:
         spare.set_axis_off()

@@ -10,7 +10,7 @@ from pipeline.answer.contract import Answer
 from pipeline.answer.words import capital
 from pipeline.base.quantities import common_prefix, percent, plain, prefixed
 from pipeline.report import words
-from pipeline.report.figures.marks import Tips, dots, each_row, legend_above, title
+from pipeline.report.figures.marks import Tips, dots, each_row, legend_below, title
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure
 from pipeline.report.summaries import MOST, Tables, thinned
@@ -39,7 +39,7 @@ def _explained(rows: pd.DataFrame) -> float:
 def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """One plot for each law: what pulls say with its uncertainty, and the law itself."""
     told = _laws(tables)
-    canvas.set_size_inches(5.6, 0.5 + 2.4 * len(told))
+    canvas.set_size_inches(5.6, 0.5 + 2.2 * len(told))
     views = canvas.subplots(len(told), 1, squeeze=False)[:, 0]
     tips: Tips = {}
     for k, (view, rows) in enumerate(zip(views, told, strict=True)):
@@ -79,12 +79,11 @@ def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
         reach = 1.3 * float(np.max(np.abs([*np.quantile(y, (0.02, 0.98)), *law]))) / factor
         low = -reach if (np.minimum(y, law) < 0).any() else -0.05 * reach
         view.set_ylim(low, reach)
-        name = _NAMES.get(first["is"], first["is"])
+        name = capital(_NAMES[first["is"]]) if first["is"] in _NAMES else first["is"]
         view.set(xlabel=f"{capital(_NAMES[first['of']])} [{first['x_unit']}]")
-        view.set_ylabel(f"{capital(name)} [{unit}]" if unit else name)
-        if k:
-            title(view, words.from_label(str(first["cause"])))
-    legend_above(views[0], 2)
+        view.set_ylabel(f"{name} [{unit}]" if unit else name)
+        title(view, words.from_label(str(first["cause"])))
+    legend_below(canvas)
     return tips
 
 

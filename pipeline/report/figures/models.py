@@ -61,12 +61,12 @@ def _write(answer: Answer, tables: Tables) -> Figure | None:
         return None
     parts = [f"{name} {plain(_miss(models, column))} mm" for column, name in names.items()]
     said = f"Measured minus predicted, rms per coordinate: {', '.join(parts)}."
+    of = "Nominal are the stiffnesses of the robot file. " if "nominal_m" in names else ""
     return Figure(
         "models",
         "Before and after identification",
-        f"{said} Nominal are the stiffnesses of the robot file. A cloud that is tilted is a "
-        "wrong stiffness; one that stays wider than the noise is an effect that the model does not "
-        "have.",
+        f"{said} {of}A cloud that is tilted is a wrong stiffness; one that stays wider than the "
+        "noise is an effect that the model does not have.",
         f"Measured minus predicted over measured displacements, a plot per model. {said}",
     )
 

@@ -18,7 +18,7 @@ from matplotlib.lines import Line2D
 from pipeline.answer.contract import Answer
 from pipeline.answer.scene import MOST
 from pipeline.base.arrays import Array
-from pipeline.base.quantities import known, plain
+from pipeline.base.quantities import known, plain, typeset
 from pipeline.report.figures.marks import Tips, each_row
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure
@@ -33,6 +33,9 @@ _FAR = 3.0
 
 _REACH = 0.12
 """How long the usual deflection vector is drawn, over the height of the arm's space."""
+
+_WIDE_IN = 5.6
+"""Width of the still."""
 
 _SLIM = 0.55
 """Links are drawn thinner than they are, so that poses beside each other can be told apart."""
@@ -108,7 +111,6 @@ def _size(vectors: pd.DataFrame, columns: Sequence[str]) -> Array:
 def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """The cell in perspective, what is nearer over what is behind."""
     view, rows = _view(tables), tables["scene"]
-    canvas.set_size_inches(7.2, 3.7)
     axes = canvas.subplots()
     axes.set_axis_off()
     axes.set_aspect("equal")
@@ -125,10 +127,17 @@ def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     for columns, scale, colour in ((_MOVED, moved, BLUE), (_LEFT, left, RED)):
         _arrows(axes, view, tables["vectors"], columns, scale, colour)
     axes.autoscale_view()
+    canvas.set_size_inches(_WIDE_IN, _height(axes))
     said = _legend(answer, moved, left)
     handles = [Line2D([], [], color=colour, lw=1.6) for colour in (BLUE, RED)]
     axes.legend(handles, said, loc="lower left", bbox_to_anchor=(0, 1), ncols=1, borderaxespad=0)
     return {}
+
+
+def _height(axes: Any) -> float:
+    """Height of the still without empty margins [in], its legend included."""
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    return float(np.clip(0.45 + _WIDE_IN * (high - low) / (right - left), 1.8, 4.2))
 
 
 def _legend(answer: Answer, moved: float, left: float) -> tuple[str, str]:
@@ -243,22 +252,30 @@ def _numbers(values: Array) -> list[float | None]:
 def told(pose: Any, vectors: pd.DataFrame, answer: Answer) -> str:
     """A pose in a line: its files, its pulls, what its reflectors did."""
     known_of_it = "; ".join(part for part in (source(pose), _pulls(pose)) if part)
-    return f"{pose.label}: {known_of_it}. {_did(vectors, answer)}"
+    return typeset(f"{pose.label}: {known_of_it}. {_did(vectors, answer)}")
 
 
 def source(pose: Any) -> str:
     """Where a pose's readings and joint values stand."""
-    read = f"{pose.file} {_lines(pose.first_line, pose.last_line)}".strip() if pose.file else ""
-    same = pose.joints_file == pose.file and pose.joints_line == pose.first_line
-    log = "" if same else f"{pose.joints_file} {_lines(pose.joints_line, None)}".strip()
-    return ", ".join(part for part in (read, log) if part)
+    places = dict.fromkeys((readings_of(pose), joints_of(pose)))
+    return ", ".join(place for place in places if place)
+
+
+def readings_of(pose: Any) -> str:
+    """File and lines of the readings; nothing where only displacements are known."""
+    return f"{pose.file} {_lines(pose.first_line, pose.last_line)}".strip() if pose.file else ""
+
+
+def joints_of(pose: Any) -> str:
+    """File and line of the joint values."""
+    return f"{pose.joints_file} {_lines(pose.joints_line, None)}".strip()
 
 
 def _lines(first: object, last: object) -> str:
     if not known(first):
         return ""
     several = known(last) and last != first
-    return f"lines {int(first)} to {int(str(last))}" if several else f"line {int(first)}"
+    return f"lines {int(first)}–{int(str(last))}" if several else f"line {int(first)}"
 
 
 def _pulls(pose: Any) -> str:

@@ -9,7 +9,7 @@ from pipeline.base.quantities import plain
 from pipeline.report.columns import Cells, number, said, table_of
 from pipeline.report.figures.catalogue import figures
 from pipeline.report.figures.marks import each_row
-from pipeline.report.figures.scene import largest, source
+from pipeline.report.figures.scene import joints_of, largest, readings_of
 from pipeline.report.record import Section, Table, section_of
 from pipeline.report.summaries import Tables, has
 
@@ -25,19 +25,22 @@ def _poses(answer: Answer, tables: Tables) -> Table | None:
         return None
     did = {one.pose: largest(tables, one.pose) for one in each_row(tables["poses"])}
     loads: list[Cells[Any]] = [
+        said("Joint values", joints_of),
         number("Pulls", lambda one: one.pulls, str),
-        number("Largest force [N]", lambda one: one.force_n),
+        number("Force [N]", lambda one: one.force_n),
     ]
     names = ("Off the nominal robot", "Off the identified one") if answer.geometry else (
-        "Largest deflection", "Largest residual"
+        "Deflection", "Residual"
     )  # fmt: skip
     columns: list[Cells[Any]] = [
         said("Pose", lambda one: one.label.removeprefix("Pose ")),
-        said("File and line", source),
+        said("Readings", readings_of),
         *(() if answer.geometry else loads),
         *(_millimetres(name, k, did) for k, name in enumerate(names)),
     ]
-    return table_of("poses", "The poses of the picture", columns, each_row(tables["poses"]))
+    note = "Of each pose the largest force, and the reflector with the largest value."
+    rows = each_row(tables["poses"])
+    return table_of("poses", "The poses of the picture", columns, rows, note)
 
 
 def _millimetres(name: str, k: int, did: dict[int, tuple[float, float]]) -> Cells[Any]:
