@@ -17,6 +17,7 @@ from pipeline.answer import archive, fleet
 from pipeline.answer.answer import answer as answer_of
 from pipeline.answer.contract import Answer, Which
 from pipeline.answer.findings import Findings, Told
+from pipeline.answer.pictures import pictured
 from pipeline.answer.recommended import Basis, Values, decide, identified, joint_springs, recommend
 from pipeline.answer.reliability import control
 from pipeline.answer.standing import stood
@@ -279,7 +280,7 @@ def _kept(found: Findings, keep: Keep, step: Step) -> dict[str, pd.DataFrame]:
     soft = step(workspace)(mine, where)
     other = no_workspace() if found.mistakes or alone is mine else workspace(alone, where)
     checked = no_validation() if found.told.checked is None else found.told.checked
-    return {
+    return pictured(found, keep, step) | {
         "residuals": keep("42_residuals", residuals, tables.RESIDUALS),
         "reliability": keep("43_reliability", found.control, tables.RELIABILITY),
         "examined": keep("50_examined", examined, tables.examined(found.raw.robot)),

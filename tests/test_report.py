@@ -57,8 +57,10 @@ ORDER = [
     "diagnosis",
     "test-pose",
     "validation",
+    "cell",
     "residuals",
     "budget",
+    "enough",
     "registration",
     "rejected",
     "method",
@@ -78,6 +80,11 @@ AXIS = {
     "separability": "roll of the carriage about the rail",
     "workspace": "Reach from the shoulder axis [m]",
     "registration": "Reading of a base reflector, in order",
+    "models": "Measured minus predicted [mm]",
+    "laws": "Torque about its axis [N m]",
+    "enough": "Poses, in the order of measuring",
+    "correlation": "c_theta3",
+    "scene": "measured deflection, ",
 }
 
 

@@ -10,7 +10,9 @@ from collections.abc import Collection
 from pipeline.answer.contract import Answer
 from pipeline.report import words
 from pipeline.report.record import Report, Section, present
+from pipeline.report.sections.cell import cell
 from pipeline.report.sections.diagnosis import diagnosis
+from pipeline.report.sections.enough import enough
 from pipeline.report.sections.files import files
 from pipeline.report.sections.geometry import geometry, laws, letters
 from pipeline.report.sections.method import method
@@ -54,8 +56,10 @@ def compose(
             diagnosis(answer, tables),
             test_pose(answer, tables),
             validation(answer, tables),
+            cell(answer, tables),
             residuals(answer, tables),
             budget(answer),
+            enough(answer, tables),
             registration(answer, tables),
             reliability(tables),
             letters(answer),
@@ -85,6 +89,7 @@ def _of_positions(answer: Answer, tables: Tables) -> list[Section | None]:
     return [
         geometry(answer, tables),
         laws(answer, tables),
+        cell(answer, tables),
         stiffness(answer, None),
         letters(answer),
         rejected(answer),

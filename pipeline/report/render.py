@@ -8,6 +8,8 @@ import json
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict
 from importlib.resources import files
+from types import MappingProxyType
+from typing import Any
 
 import jinja2
 import pandas as pd
@@ -44,13 +46,17 @@ def render(
     Returns:
         Content by path below the report's folder: index.html, report.pdf, figures/*.svg.
     """
-    from pipeline.report.figures.catalogue import draw  # matplotlib takes half a second to import
+    from pipeline.report.figures.catalogue import (
+        draw,
+        live,
+    )  # matplotlib takes half a second to import
 
     there = {*beside, "report.pdf"} if beside else ()
     report = compose(answer, tables, run_time_s, previous, there, wear)
     drawings = {figure.name: draw(figure.name, answer, tables) for figure in report.figures}
+    turned = {name: live(name, answer, tables) for name in drawings}
     return {
-        "index.html": page(report, {n: d.inline for n, d in drawings.items()}).encode(),
+        "index.html": page(report, {n: d.inline for n, d in drawings.items()}, turned).encode(),
         "report.pdf": pdf(report, {n: d.svg for n, d in drawings.items()}),
         **{f"figures/{n}.svg": d.svg.encode() for n, d in drawings.items()},
     }
@@ -65,13 +71,20 @@ def render_overview(answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> by
     return page(report, {name: drawing.inline for name, drawing in drawings.items()}).encode()
 
 
-def page(report: Report, drawings: Mapping[str, str]) -> str:
+def page(
+    report: Report, drawings: Mapping[str, str], turned: Mapping[str, Any] = MappingProxyType({})
+) -> str:
     """The report as one HTML page that needs no other file.
+
+    Args:
+        report: What it says.
+        drawings: Its figures by name.
+        turned: Numbers of those that the page draws anew as its reader turns them, by name.
 
     The page forbids every script but its own by hash, so a name that got through the escaping
     still could not run.
     """
-    script = _text("page.js")
+    script = _text("page.js") + (_text("scene.js") if any(turned.values()) else "")
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
@@ -80,6 +93,7 @@ def page(report: Report, drawings: Mapping[str, str]) -> str:
     return environment.from_string(_text("page.html.jinja")).render(
         report=report,
         drawings=safe,
+        turned=turned,
         style=Markup(_text("page.css")),
         script=Markup(script),
         script_hash=digest,

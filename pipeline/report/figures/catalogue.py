@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from pipeline.answer.contract import Answer
 from pipeline.answer.history import robots
 from pipeline.answer.worn import Robot
 from pipeline.report.figures import (
     causes,
+    enough,
     geometry,
+    laws,
+    models,
     places,
     prediction,
     residuals,
+    scene,
     stiffness,
     workspace,
 )
@@ -27,14 +32,19 @@ CATALOGUE: tuple[Plot, ...] = (
     stiffness.STIFFNESS,
     prediction.PREDICTION,
     prediction.MEASURED,
+    models.MODELS,
     causes.GAIN,
     causes.EVIDENCE,
     causes.SEPARABILITY,
+    laws.LAWS,
+    enough.ENOUGH,
+    enough.CORRELATION,
     residuals.POSE_RMS,
     residuals.RESIDUAL_FORCE,
     residuals.RESIDUAL_COURSE,
     residuals.WHITENED,
     places.ARROWS,
+    scene.SCENE,
     workspace.WORKSPACE,
     workspace.WORKSPACE_JOINT_SPRINGS,
     places.REGISTRATION,
@@ -53,6 +63,12 @@ def figures(names: Sequence[str], answer: Answer, tables: Tables) -> list[Figure
 def draw(name: str, answer: Answer, tables: Tables) -> Drawing:
     """Draw one of the figures of the report."""
     return drawn(name, lambda canvas: _PLOTS[name].draw(canvas, answer, tables))
+
+
+def live(name: str, answer: Answer, tables: Tables) -> dict[str, Any] | None:
+    """The numbers of a figure that the page itself draws; None for a still."""
+    of = _PLOTS[name].live
+    return of and of(answer, tables)
 
 
 def draw_robot(name: str, answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> Drawing:

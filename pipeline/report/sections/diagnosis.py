@@ -42,7 +42,7 @@ def diagnosis(answer: Answer, tables: Tables) -> Section | None:
     blocks += [
         _alone(found.alone),
         Text(shared) if shared else None,
-        *figures(("gain", "evidence", "separability"), answer, tables),
+        *figures(("laws", "gain", "evidence", "separability"), answer, tables),
         next_poses(found.next_poses, found.next_poses_in),
         next_joint_values(found.next_poses, answer.stiffness),
         blind_spots(found.blind_spots),

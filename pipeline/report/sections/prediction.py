@@ -59,7 +59,11 @@ def validation(answer: Answer, tables: Tables) -> Section | None:
     return section_of(
         "validation",
         "How far predictions can be trusted",
-        [_held_out(given), _mu_table(given), *figures(("measured", "prediction"), answer, tables)],
+        [
+            _held_out(given),
+            _mu_table(given),
+            *figures(("models", "measured", "prediction"), answer, tables),
+        ],
     )
 
 
