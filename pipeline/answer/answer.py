@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from pipeline.answer import contract
 from pipeline.answer.combinations import combination_entries, told
 from pipeline.answer.common_factor import common_factor, told_factor
@@ -11,6 +13,7 @@ from pipeline.answer.findings import Findings
 from pipeline.answer.inputs import (
     assumptions,
     growth_findings,
+    identity_entry,
     input_entries,
     instrument_entry,
     limit_findings,
@@ -24,11 +27,12 @@ from pipeline.answer.inputs import (
     treated_findings,
     unit_entry,
 )
+from pipeline.answer.judged import pose_entry, tolerance_entry
 from pipeline.answer.overload import overload_entry, overloaded
 from pipeline.answer.recommended import Values
 from pipeline.answer.reliability import carried_entries, controlled_entries
 from pipeline.answer.remarks import contradicted
-from pipeline.answer.sentences import sentences
+from pipeline.answer.sentences import Stated, first_screen
 from pipeline.answer.stiffness import budget_entries
 from pipeline.answer.values import stated, values_entry
 from pipeline.answer.words import BECAUSE, enormous, hangs_on
@@ -50,6 +54,11 @@ def answer(found: Findings) -> Answer:
     said += [*told_factor(factor), *filter(None, map(enormous, found.diagnosis.causes))]
     payloads = payload_entries(given.case)
     together = combination_entries(found.told.values)
+    diagnosis = diagnosis_entry(found)
+    pose = pose_entry(raw.robot, where, found.judged)
+    tolerance = tolerance_entry(raw.settings.tolerance, where, found.judged)
+    told_first = Stated(values, springs, together, diagnosis, pose, tolerance)
+    lines = (*first_screen(found, told_first), *_wrong(told_factor(factor)))
     carried = carried_entries(found.carried, found.told.values)
     of = {(effect.name, effect.where): effect for effect in found.told.values.first.effects}
     causes = [one for one in carried if one.name is not None]
@@ -60,7 +69,8 @@ def answer(found: Findings) -> Answer:
         name=raw.settings.name,
         robot=raw.robot.name,
         measured=measured_on(raw.settings, given.reduced.shown["readings"]),
-        verdict_sentence=(*sentences(found, values, springs, together), *told_factor(factor)),
+        verdict_sentence=tuple(line.text for line in lines),
+        first_screen=lines,
         recommended=contract.Recommended(
             model=found.row.model,
             data=found.row.data,
@@ -70,7 +80,10 @@ def answer(found: Findings) -> Answer:
         ),
         **dict(values),
         combinations=together,
-        diagnosis=diagnosis_entry(found),
+        test_pose=pose,
+        tolerance=tolerance,
+        identity=_identity(found),
+        diagnosis=diagnosis,
         joint_springs=springs,
         extended=_extended_entry(found),
         budget=budget_entries(values.stiffness),
@@ -103,6 +116,17 @@ def answer(found: Findings) -> Answer:
         inputs=input_entries(raw),
         versions=versions(),
     )
+
+
+def _wrong(sentences: Sequence[str]) -> tuple[contract.Line, ...]:
+    """Further lines of the first screen on what is wrong."""
+    return tuple(contract.Line(about=contract.About.WRONG, text=one) for one in sentences)
+
+
+def _identity(found: Findings) -> contract.Identity:
+    """What the report is filed by."""
+    readings, data = found.given.reduced.shown["readings"], found.right.data.pulls
+    return identity_entry(found.raw.settings, readings["time"], data.pose, data.force)
 
 
 def _tracker_drifts(found: Findings) -> bool:

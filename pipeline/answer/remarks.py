@@ -75,7 +75,7 @@ _SENTENCES = {
     "not exclude; its interval holds for each.",
 }
 
-_WORK = {
+WORK = {
     JointType.PRISMATIC: "pulls along the rail",
     JointType.REVOLUTE: "pulls with a lever about its axis",
 }
@@ -96,7 +96,7 @@ def _sentence(remark: Remark, joints: Sequence[Stiffness]) -> str:
     return _SENTENCES[remark.odd].format(
         those=each + listed([joint.name for joint in joints]),
         joint=first.joint_name,
-        work=_WORK[first.joint_type],
+        work=WORK[first.joint_type],
         idle=_IDLE[first.joint_type],
         compliance=f"{with_std(first.compliance, first.compliance_std)} {first.compliance_unit}",
         cause=remark.cause,

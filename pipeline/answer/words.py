@@ -9,8 +9,15 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from pipeline.answer.contract import Carried, Reason
-from pipeline.base.quantities import common_prefix, percent, plain, prefixed, with_std
+from pipeline.answer.contract import About, Carried, Combination, Reason
+from pipeline.base.quantities import (
+    common_prefix,
+    percent,
+    plain,
+    prefixed,
+    probability,
+    with_std,
+)
 from pipeline.diagnosis.average import LIKELY
 from pipeline.diagnosis.facts import ROUGH, Cause, Drift, Facts
 from pipeline.diagnosis.finding import Finding
@@ -32,10 +39,8 @@ _RIVALS = 3
 
 def why(facts: Facts) -> str:
     """What the verdict rests on: every finding in a sentence, but for "nothing" beside others."""
-    found: list[Finding] = [row.finding for row in findings(facts)]
-    others: list[Finding] = [one for one in found if one not in (Finding.NOTHING, Finding.MISTAKE)]
-    told = " ".join(capital(_FINDINGS[one](facts)) for one in others or [Finding.NOTHING])
-    return f"{_mistake(facts)} With that corrected: {told}" if facts.mistakes else told
+    told = _told(facts) or _FINDINGS[Finding.NOTHING](facts)
+    return f"{mistaken(facts)} With that corrected: {told}" if facts.mistakes else told
 
 
 def capital(text: str) -> str:
@@ -49,21 +54,59 @@ def listed(words: Sequence[str]) -> str:
     return f"{', '.join(first)} and {last}" if first else last
 
 
-def _mistake(facts: Facts) -> str:
+def counted(combinations: Sequence[Combination]) -> str:
+    """`1 combination`, `2 combinations`."""
+    return f"{len(combinations)} combination{'s' * (len(combinations) > 1)}"
+
+
+def mistaken(facts: Facts) -> str:
+    """The first mistake in the data, and how many more there are."""
     first, *more = facts.mistakes
     were = "1 more mistake was" if len(more) == 1 else f"{len(more)} more mistakes were"
     others = f", and {were} found" if more else ""
     return f"The data hold a mistake: {first.evidence}{others}. Your files are unchanged."
 
 
+def wrong(facts: Facts, unseen: int) -> str:
+    """What is wrong, in a sentence, mistakes in the data apart, which the verdict tells.
+
+    Args:
+        facts: What was found.
+        unseen: How many causes would not have shown at their usual size.
+    """
+    others = _told(facts)
+    if others:
+        return f"With the data corrected: {others}" if facts.mistakes else others
+    also = (
+        f" {unseen} causes would not have shown at their usual size: see what these readings "
+        "cannot see."
+        if unseen
+        else ""
+    )
+    clear = "Nothing else." if facts.mistakes else "Nothing that these readings show."
+    return f"{clear}{also}"
+
+
+def _told(facts: Facts) -> str:
+    """Every finding but mistakes and "nothing", in sentences."""
+    found: list[Finding] = [row.finding for row in findings(facts)]
+    others = [one for one in found if one not in (Finding.NOTHING, Finding.MISTAKE)]
+    return " ".join(capital(_FINDINGS[one](facts)) for one in others)
+
+
 def _identified(facts: Facts) -> str:
     names, left = _names(facts.causes), facts.remainder
+    first = f"Beside the joint springs there {_is(facts)} {_likely(facts.causes)}"
     if left is None or left < _NOTICED:
-        return f"The model with {names} fits the readings to within their scatter."
+        return f"{first}; the model then fits the readings to within their scatter."
     return (
-        f"With {names} in the model, {left:.1f} times the scatter of the readings is left, no more "
-        "than the laws of the causes may be in error."
+        f"{first}. With {names} in the model, {left:.1f} times the scatter of the readings is "
+        "left, no more than the laws of the causes may be in error."
     )
+
+
+def _is(facts: Facts) -> str:
+    return "is" if len(facts.causes) == 1 else "are"
 
 
 def _predicts_worse(facts: Facts) -> str:
@@ -212,6 +255,13 @@ def _names(causes: Sequence[Cause]) -> str:
     return listed([cause.effect.called for cause in causes])
 
 
+def _likely(causes: Sequence[Cause]) -> str:
+    """The same with their probabilities."""
+    return listed(
+        [f"{one.effect.called} (probability {probability(one.probability)})" for one in causes]
+    )
+
+
 def _ending(facts: Facts) -> str:
     """Of the verb whose subject the causes are."""
     return "s" if len(facts.causes) == 1 else ""
@@ -316,3 +366,82 @@ BECAUSE: Mapping[Reason, str] = {
     ),
     Reason.ADEQUATE: "Joint springs explain the readings.",
 }
+
+HOLDS: Mapping[Reason, str] = {
+    Reason.WEIGHED_ANEW: (
+        "Joint springs explain the readings, with what was identified of where the robot stands "
+        "or how much the scale scatters."
+    ),
+    Reason.CAUSE_AND_RIVALS: (
+        "Joint springs alone do not explain the readings; with the identified cause the model does."
+    ),
+    Reason.CAUSE_IDENTIFIED: (
+        "Joint springs alone do not explain the readings; with the identified cause the model does."
+    ),
+    Reason.RIVALS: (
+        "Joint springs alone do not explain the readings, and more than one cause may be true."
+    ),
+    Reason.CAUSE_DOUBTFUL: (
+        "Joint springs alone do not explain the readings; with the likeliest cause the model does."
+    ),
+    Reason.SPRINGS_UNTOUCHED: (
+        "Joint springs explain the readings; what else was identified does not change them."
+    ),
+    Reason.UNEXPLAINED: (
+        "Joint springs do not explain the readings, and nothing known does: do not rely on the "
+        "stated uncertainties."
+    ),
+}
+"""Whether the model holds, where the data hold no mistake and there is something to say."""
+
+_CORRECT = (
+    "Look that reading up in the record of the measurement and correct the file, or measure it "
+    "again; then run the campaign once more. Until then"
+)
+
+DO: Mapping[Reason, str] = {
+    Reason.ADEQUATE: "Use these stiffnesses.",
+    Reason.SPRINGS_UNTOUCHED: "Use these stiffnesses.",
+    Reason.WEIGHED_ANEW: "Use these stiffnesses.",
+    Reason.CAUSE_IDENTIFIED: (
+        "Use the values that include the identified cause, not those of joint springs alone."
+    ),
+    Reason.CAUSE_AND_RIVALS: (
+        "Use the values that include the identified cause, not those of joint springs alone."
+    ),
+    Reason.RIVALS: (
+        "Use the averaged values with their intervals, which cover every cause with a probability "
+        f"above {100 * LIKELY:.0f} %, or find out first which cause it is."
+    ),
+    Reason.CAUSE_DOUBTFUL: (
+        "Use the values that include the likeliest cause, or find out first whether it is the one."
+    ),
+    Reason.UNEXPLAINED: (
+        "Enter none of these stiffnesses into a controller; find out first what the model misses."
+    ),
+    Reason.MISTAKE: f"{_CORRECT} use the values from the corrected data.",
+    Reason.MISTAKE_SPRINGS_UNTOUCHED: f"{_CORRECT} use the values from the corrected data.",
+    Reason.MISTAKE_AND_CAUSE: (
+        f"{_CORRECT} use the values from the corrected data, which include the identified cause."
+    ),
+    Reason.MISTAKE_AND_RIVALS: (
+        f"{_CORRECT} use the averaged values from the corrected data with their intervals."
+    ),
+    Reason.MISTAKE_AND_UNEXPLAINED: (
+        f"{_CORRECT} enter none of these stiffnesses into a controller: what the model misses is "
+        "not known."
+    ),
+}
+"""What to do with the values."""
+
+ABOUT: Mapping[About, str] = {
+    About.VERDICT: "Verdict",
+    About.TO_DO: "What to do",
+    About.MODEL: "Model to use",
+    About.NUMBERS: "For the controller",
+    About.TOLERANCE: "Tolerance",
+    About.TEST_POSE: "Test pose",
+    About.WRONG: "What is wrong",
+    About.NEXT: "What to measure next",
+}
+"""What a line of the first screen is about."""

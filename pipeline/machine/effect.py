@@ -148,12 +148,12 @@ _OWNED = ("payload_mass", "payload_center")
 """Causes of a thing and not at a place."""
 
 
-def in_place(where: int | str | None, name: str = "") -> str:
-    """` in joint 3`, ` in the forearm`, ` at P2`, ` of ballast`, or nothing."""
+def in_place(where: int | str | None, name: str = "", axis: str | None = None) -> str:
+    """` in joint 3 (A2)`, ` in the forearm`, ` at P2`, ` of ballast`, or nothing."""
     if where is None:
         return ""
     if isinstance(where, int):
-        return f" in joint {where}"
+        return f" in joint {where}{f' ({axis})' if axis else ''}"
     parts = {"upper_arm": " in the upper arm", "forearm": " in the forearm"}
     return parts.get(where, f" {'of' if name in _OWNED else 'at'} {where}")
 
@@ -181,6 +181,7 @@ class Effect:
             one thing. Empty where it is alone.
         shows_unloaded: It moves the unloaded reflectors by far more than it changes displacements.
         of: Kinds of load that it takes part in; with no load of these it can act on nothing.
+        axis: Axis of the controller that moves the joint of `where`, if one does.
     """
 
     name: str
@@ -196,6 +197,7 @@ class Effect:
     element: str = ""
     shows_unloaded: bool = False
     of: tuple[int, ...] = (PULLED, HUNG, MOUNTED)
+    axis: str | None = field(default=None, compare=False)
 
     def everywhere(self, robot: Robot) -> tuple[Effect, ...]:
         """An entry of the catalogue: the effect, the same on any robot."""
@@ -213,8 +215,8 @@ class Effect:
 
     @property
     def called(self) -> str:
-        """`tilt of the bearing in joint 2`: in words, as it stands in any sentence."""
-        return self.noun + in_place(self.where, self.name)
+        """`tilt of the bearing in joint 2 (A1)`: in words, as it stands in any sentence."""
+        return self.noun + in_place(self.where, self.name, self.axis)
 
     @property
     def location(self) -> str:

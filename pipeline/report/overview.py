@@ -39,6 +39,7 @@ from pipeline.report.record import (
     Text,
     present,
     section_of,
+    unlabelled,
 )
 
 # --- all campaigns -------------------------------------------------------------------------
@@ -67,7 +68,7 @@ def overview(answers: Sequence[Answer]) -> Report:
         title="Joint stiffness: all campaigns",
         verdict="A stiffness has changed" if moved else held,
         tone="attention" if moved else "good" if several else "neutral",
-        sentences=(
+        first=unlabelled(
             f"{_counted(len(answers), 'campaign')} on {_counted(len(by_robot), 'robot')}.",
             *_change_sentences(changed, several),
             *_not_compared(by_robot),
@@ -253,7 +254,7 @@ def comparison(
         title=f"Joint stiffness: {title}",
         verdict=verdict,
         tone=tone,
-        sentences=sentences if found else ("They have no joint in common.",),
+        first=unlabelled(*(sentences if found else ("They have no joint in common.",))),
         sections=present([section_of("joints", "Joint by joint", [table])]),
     )
 

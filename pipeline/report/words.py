@@ -55,14 +55,14 @@ MODELS = {
 """Whose values the answer gives."""
 
 
-def cause(name: str, where: int | str | None) -> str:
+def cause(name: str, where: int | str | None, axis: str | None = None) -> str:
     """A cause in plain words with its place."""
-    return nouns().get(name, name.replace("_", " ")) + in_place(where, name)
+    return nouns().get(name, name.replace("_", " ")) + in_place(where, name, axis)
 
 
 def placed(one: Placed) -> str:
     """The same of a cause of the answer."""
-    return cause(one.name, one.where)
+    return cause(one.name, one.where, one.axis)
 
 
 def label(one: Placed) -> str:

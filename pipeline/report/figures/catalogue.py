@@ -13,6 +13,7 @@ from pipeline.report.figures import (
     prediction,
     residuals,
     stiffness,
+    tolerance,
     workspace,
 )
 from pipeline.report.figures.plot import Plot
@@ -33,6 +34,7 @@ CATALOGUE: tuple[Plot, ...] = (
     residuals.RESIDUAL_COURSE,
     residuals.WHITENED,
     places.ARROWS,
+    tolerance.PATH,
     workspace.WORKSPACE,
     workspace.WORKSPACE_JOINT_SPRINGS,
     places.REGISTRATION,
