@@ -38,6 +38,7 @@ from pipeline.answer.values import stated, values_entry
 from pipeline.answer.words import BECAUSE, enormous, hangs_on
 from pipeline.machine.effect import Observation
 from pipeline.machine.effects import catalogue
+from pipeline.reduction.days import days
 from pipeline.reduction.register import timed
 from pipeline.store.campaign import versions
 
@@ -83,6 +84,7 @@ def answer(found: Findings) -> Answer:
         test_pose=pose,
         tolerance=tolerance,
         identity=_identity(found),
+        day_to_day=_day_to_day(found),
         diagnosis=diagnosis,
         joint_springs=springs,
         extended=_extended_entry(found),
@@ -127,6 +129,14 @@ def _identity(found: Findings) -> contract.Identity:
     """What the report is filed by."""
     readings, data = found.given.reduced.shown["readings"], found.right.data.pulls
     return identity_entry(found.raw.settings, readings["time"], data.pose, data.force)
+
+
+def _day_to_day(found: Findings) -> contract.DayToDay | None:
+    """None where no pose was repeated on another day."""
+    seen = days(found.right.plain)
+    if seen is None:
+        return None
+    return contract.DayToDay(poses=seen.poses, relative_std=seen.relative, p_value=seen.p_value)
 
 
 def _tracker_drifts(found: Findings) -> bool:

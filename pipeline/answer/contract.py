@@ -523,7 +523,7 @@ class Scatter(Fact):
 
 
 class Diagnosis(Fact):
-    """What the simulation gets wrong."""
+    """What the model misses."""
 
     verdict: Verdict
     why: str
@@ -735,6 +735,14 @@ class Identity(Fact):
     force_n: tuple[float, float] | None = Field(description="smallest and largest load")
 
 
+class DayToDay(Fact):
+    """What poses that were repeated on another day show."""
+
+    poses: int = Field(description="pairs of the same pose on two days")
+    relative_std: float = Field(description="scatter of the displacements of a day, relative")
+    p_value: float = Field(description="of so much difference by the noise of the readings alone")
+
+
 class AxisValue(Fact):
     """Where an axis of the controller stands; a joint where the robot file maps none."""
 
@@ -857,6 +865,11 @@ class Answer(Values, Heading):
     )
     identity: Identity | None = Field(
         default=None, exclude_if=_nothing, description="what the report is filed by"
+    )
+    day_to_day: DayToDay | None = Field(
+        default=None,
+        exclude_if=_nothing,
+        description="absent where no pose was repeated on another day",
     )
     combinations: tuple[Combination, ...] = Field(
         default=(), description="what only several joints together are known by"

@@ -62,7 +62,7 @@ def _rows(data: Measured) -> Rows:
 
 
 def errors(cell: Cell, data: Measured, values: Array) -> Errors:
-    """G of c = B x + G e: tracker, shared zero, wander, force, weights, frame, geometry.
+    """G of c = B x + G e: tracker, shared zero, wander, force, weights, scale, frame, geometry.
 
     Column j is (dc/dv_j) u(v_j) for an independent input v_j, or (dc/dv) L with L L' = cov(v), so
     that G G' is the law of propagation J cov(v) J' (GUM, JCGM 100:2008, and JCGM 102:2011). A force
@@ -88,7 +88,14 @@ def errors(cell: Cell, data: Measured, values: Array) -> Errors:
         pose = np.unique(data.pulls.pose, return_inverse=True)[1][data.pull]
         feels = by_axis(data.wander[data.pull] * data.shifts[:, None])
         blocks.append(_Block("wander", False, feels, pose, int(pose.max()) + 1))
-    once = {"registration": _turned(cell, data, values, turn)} | pulled
+    moved_m = (data.delta * data.shifts[:, None])[..., None]
+    if data.day_rel:
+        day = data.day[data.pull]
+        blocks.append(_Block("day", True, data.day_rel * moved_m, day, int(day.max()) + 1))
+    once = {
+        "tracker_scale": data.length_rel * moved_m,
+        "registration": _turned(cell, data, values, turn),
+    } | pulled
     once["payload_center"] = _centers(cell, data, values)
     once["geometry"] = _geometry(cell, data, values)
     if data.bends and cell.equilibrium == "undeformed":

@@ -111,14 +111,14 @@ def _held_out(given: Validation) -> Text | None:
     if given.held_out_rms_mm is None:
         return None
     return Text(
-        f"At poses that were left out of the estimate, the model misses the readings by "
-        f"{plain(given.held_out_rms_mm)} mm rms per coordinate."
+        f"Cross-validation error: {plain(given.held_out_rms_mm)} mm rms per coordinate, each pose "
+        "predicted from all the others; the noise of its readings is in it."
     )
 
 
 def _mu_table(given: Validation) -> Table | None:
     near, far = "around the test pose", "over the workspace"
-    full, alone = "full covariance", "independent, Eq. (23)"
+    full, alone = "full covariance", "each stiffness by itself"
     kinds = [
         (near, full, given.test_pose),
         (far, full, given.global_),
@@ -131,10 +131,11 @@ def _mu_table(given: Validation) -> Table | None:
         *(_of_target(target) for target in given.test_pose),
     ]
     note = (
-        f"Mean over {given.poses} poses each. The paper draws the stiffnesses independently; the "
-        "estimate has correlations, so the rows with the full covariance are the ones to rely on."
+        f"Mean over {given.poses} poses each of |predicted - true| / |true|, the stiffnesses drawn "
+        "from their uncertainty. The estimate has correlations, so the rows with the full "
+        "covariance are the ones to rely on; Guérin et al. draw each stiffness by itself."
     )
-    title = "Error of the predicted deflection from the uncertain stiffnesses, Eq. (22)"
+    title = "Relative error of the predicted deflection from the uncertain stiffnesses"
     return table_of("prediction-error", title, columns, kinds, note)
 
 

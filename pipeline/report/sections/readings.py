@@ -16,7 +16,7 @@ from pipeline.answer.contract import (
     Rejected,
     Stiffness,
 )
-from pipeline.base.quantities import known, p_value, plain, with_std
+from pipeline.base.quantities import known, p_value, percent, plain, with_std
 from pipeline.report import words
 from pipeline.report.columns import Cells, measured, number, roughly, said, table_of
 from pipeline.report.figures.catalogue import figures
@@ -42,7 +42,11 @@ def budget(answer: Answer) -> Section | None:
     return section_of(
         "budget",
         "Uncertainty budget",
-        [_budget_table(answer.stiffness), _noise_table(answer.noise.components)],
+        [
+            _budget_table(answer.stiffness),
+            _calibrations(answer),
+            _noise_table(answer.noise.components),
+        ],
     )
 
 
@@ -52,7 +56,10 @@ def _budget_table(joints: Sequence[Stiffness]) -> Table | None:
         *(_shares_of(joint) for joint in joints if joint.budget),
     ]
     sources = dict.fromkeys(part.source for joint in joints for part in joint.budget)
-    note = "Shares of the variance of each stiffness; the largest is where better measuring pays."
+    note = (
+        "Shares of the variance of each stiffness. A calibration of which campaign.toml states no "
+        "uncertainty has no line."
+    )
     return table_of("budget", "Where the uncertainty comes from", columns, sources, note)
 
 
@@ -65,11 +72,43 @@ def _percent(share: float | None) -> str:
     return "below 0.1" if share is not None and share < 0.1 else roughly(share)
 
 
+def _calibrations(answer: Answer) -> Text:
+    """What the budget holds of calibrations and of days."""
+    sources = {part.source for joint in answer.stiffness for part in joint.budget}
+    said = [
+        f"{name}: {'in the budget' if source in sources else missing}."
+        for source, name, missing in _CALIBRATED
+    ]
+    seen = answer.day_to_day
+    days = (
+        "Day-to-day scatter: not known, no pose was repeated on another day."
+        if seen is None
+        else f"Day-to-day scatter: {percent(seen.relative_std)} of the displacements, from "
+        f"{seen.poses} poses repeated on another day ({p_value(seen.p_value)})."
+    )
+    return Text(" ".join((*said, days)))
+
+
+_CALIBRATED = (
+    (
+        "force_gain",
+        "Calibration of the scale (ISO 376)",
+        "not stated; give gain_sigma in [scale] of campaign.toml",
+    ),
+    (
+        "tracker_scale",
+        "Calibration of the tracker (ISO 10360-10)",
+        "not stated; give length_sigma_rel in [instrument] of campaign.toml",
+    ),
+)
+"""Sources of error that a certificate states, and what to do where none does."""
+
+
 def _noise_table(found: Sequence[NoiseComponent]) -> Table | None:
     columns: list[Cells[NoiseComponent]] = [
         said("Noise of", lambda one: words.source(one.name)),
         measured("Found over stated", lambda one: (one.found_over_stated, one.std)),
-        number("Chance of as much or more", lambda one: one.p_value, p_value),
+        number("p-value", lambda one: one.p_value, p_value),
     ]
     note = "Found from repeats, zeros read again and the effector's own triangle; 1 is as stated."
     title = "Noise in the readings beside the stated noise"

@@ -82,6 +82,7 @@ def _changed(change: Change, campaign: str) -> Text:
 def _stiffness_table(answer: Answer, since: Sequence[Change], before: str) -> Table | None:
     factor, letter = common_prefix(joint.value for joint in answer.stiffness)
     columns = [
+        *_axis_columns(answer.stiffness),
         *_value_columns(factor, letter),
         *_nominal_columns(answer.stiffness, factor),
         *_beside_columns(answer, factor),
@@ -96,6 +97,13 @@ def _stiffness_table(answer: Answer, since: Sequence[Change], before: str) -> Ta
 
 
 _JOINT: Cells[Stiffness] = (Column("Joint"), lambda j: text_entry(j.name, sort=j.joint))
+
+
+def _axis_columns(joints: Sequence[Stiffness]) -> list[Cells[Stiffness]]:
+    """The controller's axes; nothing where the robot file has none."""
+    if all(joint.axis is None for joint in joints):
+        return []
+    return [said("Axis", lambda joint: joint.axis)]
 
 
 def _value_columns(factor: float, letter: str) -> list[Cells[Stiffness]]:
