@@ -87,7 +87,7 @@ def _outcome(campaign: Campaign, compute: Compute) -> Outcome:
     lines = [
         f"{name}: {first}",
         *(f"  {line}" for line in more),
-        *(f"  {joint.called:<15} {shown(joint)}" for joint in answer.stiffness),
+        *map(_stiffness, answer.stiffness),
         *(f"  {mixed(one)}" for one in answer.combinations),
         f"  {campaign.reports / 'index.html'}",
     ]
@@ -100,6 +100,12 @@ def _outcome(campaign: Campaign, compute: Compute) -> Outcome:
         complaints=[f"{name}: {line}" for line in sentences(answer.rejected)],
         verdict=str(answer.diagnosis.verdict),
     )
+
+
+def _stiffness(joint: Stiffness) -> str:
+    """`  A1   k_theta2   3.800 ± 0.012 MN·m/rad`."""
+    axis = "" if joint.axis is None else f"{joint.axis:<4} "
+    return f"  {axis}{joint.name:<10} {shown(joint)}"
 
 
 def _first_screen(answer: Answer) -> list[str]:

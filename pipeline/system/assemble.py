@@ -96,6 +96,7 @@ def errors(cell: Cell, data: Measured, values: Array) -> Errors:
         "tracker_scale": data.length_rel * moved_m,
         "registration": _turned(cell, data, values, turn),
     } | pulled
+    once["registration"] = _turned(cell, data, values, turn)
     once["payload_center"] = _centers(cell, data, values)
     once["geometry"] = _geometry(cell, data, values)
     if data.bends and cell.equilibrium == "undeformed":

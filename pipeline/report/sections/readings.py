@@ -72,9 +72,11 @@ def _percent(share: float | None) -> str:
     return "below 0.1" if share is not None and share < 0.1 else roughly(share)
 
 
-def _calibrations(answer: Answer) -> Text:
-    """What the budget holds of calibrations and of days."""
+def _calibrations(answer: Answer) -> Text | None:
+    """What the budget holds of calibrations and of days; None without a budget."""
     sources = {part.source for joint in answer.stiffness for part in joint.budget}
+    if not sources:
+        return None
     said = [
         f"{name}: {'in the budget' if source in sources else missing}."
         for source, name, missing in _CALIBRATED
