@@ -88,12 +88,12 @@ def errors(cell: Cell, data: Measured, values: Array) -> Errors:
         pose = np.unique(data.pulls.pose, return_inverse=True)[1][data.pull]
         feels = by_axis(data.wander[data.pull] * data.shifts[:, None])
         blocks.append(_Block("wander", False, feels, pose, int(pose.max()) + 1))
-    moved_m = (data.delta * data.shifts[:, None])[..., None]
+    scaled = _scaled(cell, data, values)
     if data.day_rel:
         day = data.day[data.pull]
-        blocks.append(_Block("day", True, data.day_rel * moved_m, day, int(day.max()) + 1))
+        blocks.append(_Block("day", True, data.day_rel * scaled, day, int(day.max()) + 1))
     once = {
-        "tracker_scale": data.length_rel * moved_m,
+        "tracker_scale": data.length_rel * scaled,
         "registration": _turned(cell, data, values, turn),
     } | pulled
     once["registration"] = _turned(cell, data, values, turn)
@@ -103,6 +103,18 @@ def errors(cell: Cell, data: Measured, values: Array) -> Errors:
         once["second_order"] = second_order(cell, data, values)[..., None]
     blocks += [_Block(source, True, part, np.zeros(d, int), 1) for source, part in once.items()]
     return _together(blocks)
+
+
+def _scaled(cell: Cell, data: Measured, values: Array) -> Array:
+    """What a relative error of all displacements moves, per unit, shape (d, 3, 1) [m].
+
+    Of the model's displacements: with those that were read, small ones would count as more certain
+    and the estimate be too stiff (Peelle's pertinent puzzle).
+    """
+    if not (data.day_rel or data.length_rel):
+        return np.zeros((len(data.pull), 3, 1))
+    moved = predict(cell, data.pulls, values).displacement[data.pull, data.target]
+    return np.asarray((moved * data.shifts[:, None])[..., None])
 
 
 def by_axis(factor: Array) -> Array:
