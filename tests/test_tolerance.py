@@ -220,6 +220,6 @@ def test_the_first_screen_says_it(found):
     assert "Test pose: undecided." in said
     assert "pose 14 fail" in said
     assert "A1 10.00°" in pose
-    assert re.search(r"deflect by \d\.\d{3} mm, U = 0\.\d{3} mm \(k = 2\)", pose)
+    assert re.search(r"deflects by \d\.\d{3} mm, U = 0\.\d{3} mm \(k = 2\)", pose)
     assert f"U = {u:.3f} mm" in pose
     json.dumps(found[0].answer.as_json(), allow_nan=False)

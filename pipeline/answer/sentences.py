@@ -147,6 +147,8 @@ def _to_do(found: Findings, stiffness: Sequence[Stiffness]) -> str:
     if not any(joint.value is not None for joint in stiffness):
         return "Measure more before any stiffness is used: none is determined."
     beside = [one.called for one in found.told.model.hypotheses[0].beside_springs]
+    if beside and found.row.model == Which.AVERAGED and len(found.told.model.hypotheses) > 1:
+        beside = ["any of the possible causes"]
     said = DO[found.row.reason]
     if not beside or not found.row.reason.holds_for_its_readings:
         return said
@@ -161,7 +163,7 @@ def _model(found: Findings, stated: Stated) -> Iterator[str]:
     effects = [one.called for one in found.told.values.first.effects]
     count = len(found.told.values.hypotheses)
     whose = {
-        Which.JOINT_SPRINGS: "Joint springs, one for each joint",
+        Which.JOINT_SPRINGS: "Joint springs alone, one linear spring for each joint",
         Which.EXTENDED: f"Joint springs and {listed(effects or ['what was identified'])}",
         Which.AVERAGED: f"The average over {count} models by their probability",
     }[found.row.model]
@@ -235,10 +237,10 @@ def _test_pose(found: Findings, stated: Stated) -> Iterator[str]:
     pose = stated.pose
     x, y, z = (plain(part, 4) for part in pose.force_n)
     axes = ", ".join(f"{one.name} {_at(one.value, one.unit)}" for one in pose.axes)
-    none = "" if pose.stated else "campaign.toml has no [test_pose]; where the pull was strongest: "
+    none = "" if pose.stated else " campaign.toml has no [test_pose]: the strongest pull stands in."
     yield (
-        f"{none}{axes}; force ({x}, {y}, {z}) N in F_b, {plain(math.hypot(*pose.force_n))} N. "
-        f"There the load point is predicted to deflect by {expanded(pose)}."
+        f"The load point deflects by {expanded(pose)}, at {axes} under ({x}, {y}, {z}) N in F_b "
+        f"({plain(math.hypot(*pose.force_n))} N).{none}"
     )
     yield from _changed(
         stated.mine.test_pose_deflection, stated.springs.test_pose_deflection, found

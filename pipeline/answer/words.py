@@ -78,8 +78,8 @@ def wrong(facts: Facts, unseen: int) -> str:
     if others:
         return f"With the data corrected: {others}" if facts.mistakes else others
     also = (
-        f" {unseen} causes would not have shown at their usual size: see what these readings "
-        "cannot see."
+        f" {unseen} possible causes would have gone unnoticed at their usual size; they are listed "
+        "below."
         if unseen
         else ""
     )

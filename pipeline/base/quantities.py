@@ -20,6 +20,7 @@ _DIGITS = r"\d⁰¹²³⁴⁵⁶⁷⁸⁹"
 _UNIT = r"%|°C|deg|σ|×|±|[pnµmkMG]?(?:N|m|rad|kg|g|s)(?:[·/][\w()·/]*)?"
 _BINDS = re.compile(
     rf"(?<=[{_DIGITS})]) (?=(?:{_UNIT})(?:\W|$))|(?<=[×±=<]) (?=[\d(])|(?<=\b[pkU]) (?=[=<])"
+    r"|(?<=\b[AEJS]\d) (?=-?\d)|(?<=\d,) (?=-?[\d.]+[,)])"
 )
 """Spaces that belong inside a quantity or a relation."""
 
