@@ -448,7 +448,7 @@ class BlindSpot(Placed):
     """An effect that may be there unseen."""
 
     why: str
-    smallest_visible: Number = Field(description="null: never visible")
+    smallest_visible: Number = Field(description="null: never detectable")
     parameter: str
     unit: str
     typical: float

@@ -107,7 +107,7 @@ def growth_findings(told: contract.Registration | None) -> list[str]:
     if grown.expected is None:
         sure = "> 99.9" if grown.probability > 0.999 else f"{100 * grown.probability:.3g}"
         return [
-            "The base reflectors stand elsewhere than in [base_frame] by a common scale, longer by "
+            "The base reflectors differ from [base_frame] by a common scale factor, longer by "
             f"{seen}, as steel at {REFERENCE_C + grown.seen / STEEL:.1f} °C "
             f"(probability {sure} %): this is taken out; state temperature_c, or measure "
             "[base_frame] again."
@@ -246,7 +246,7 @@ def limit_findings(case: Case) -> list[str]:
     worst = max(found, key=lambda one: one.over)
     poses = listed(str(pose) for pose in sorted({one.pose for one in found}))
     return [
-        f"The joint log has joints beyond the limits of the robot file, in pose {poses}; the "
+        f"The joint log exceeds the joint limits of the robot file in pose {poses}; the "
         f"farthest is {worst.file}:{worst.line}: {worst.said}. They are used: check the limits in "
         "the robot file."
     ]

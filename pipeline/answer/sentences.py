@@ -56,7 +56,7 @@ class Stated:
     Attributes:
         mine: The values that the answer stands for.
         springs: Those of the joint springs on the data as given.
-        together: What is determined of several joints together.
+        together: Combinations of compliances that are determined.
         diagnosis: What is wrong, and what to measure next.
         pose: The test pose.
         tolerance: What is decided by a tolerance; None without one.

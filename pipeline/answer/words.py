@@ -124,10 +124,10 @@ def _unconfirmed(facts: Facts) -> str:
     assert facts.gain is not None
     low, high = facts.gain.ci95
     return (
-        f"{_names(facts.causes)} come{_ending(facts)} nearest, but nobody knows how the readings "
-        "scatter, and left-out poses do not confirm it: their error falls by "
+        f"{_names(facts.causes)} come{_ending(facts)} nearest, but the scatter of the readings "
+        "is not known, and left-out poses do not confirm it: their error falls by "
         f"{percent(facts.gain.reduction)}, 95 % interval {percent(low)} to {percent(high)}, which "
-        "may be chance. Nothing is named."
+        "may be chance. No cause is identified."
     )
 
 
@@ -140,16 +140,16 @@ def _remainder(facts: Facts) -> str:
     if outside_likelier(facts):
         return f"{names} come{s} nearest, but {rest}, and {_looks_like(facts)}"
     if facts.gain is None or facts.gain.ci95[0] <= 0:
-        return f"{names} come{s} nearest, but {rest}: neither place nor law is certain."
+        return f"{names} come{s} nearest, but {rest}: neither location nor law is certain."
     if left > ROUGH:
-        return f"{names} explain{s} most, but {rest}: the place is likely, the law is another."
+        return f"{names} explain{s} most, but {rest}: the location is likely, its law is another."
     return f"Beside {names} something remains that no known cause explains."
 
 
 def _looks_like(facts: Facts) -> str:
     assert facts.outside is not None
     return (
-        "something that the catalogue has no name for explains more: it looks like "
+        "something that the catalogue has no name for explains more: it resembles "
         f"{facts.outside.effect.signature}."
     )
 
@@ -158,7 +158,7 @@ def _outside_possible(facts: Facts) -> str:
     assert facts.outside is not None
     return (
         f"The data cannot tell {_names(facts.causes)} from something that the catalogue has no "
-        f"name for, which looks like {facts.outside.effect.signature}."
+        f"name for, which resembles {facts.outside.effect.signature}."
     )
 
 
@@ -166,7 +166,7 @@ def _rivals(facts: Facts) -> str:
     sure = [cause for cause in facts.causes if certain(cause)]
     first = f"{_names(sure)} {'is' if len(sure) == 1 else 'are'} certain. " if sure else ""
     open_ = "; ".join(_or(cause) for cause in facts.causes if not certain(cause))
-    return f"{first}The data do not decide between {open_}."
+    return f"{first}The data cannot distinguish between {open_}."
 
 
 def enormous(cause: Cause) -> str | None:
@@ -204,25 +204,25 @@ def hangs_on(cause: Effect, most: Carried) -> str | None:
 
 def _or(cause: Cause) -> str:
     """A cause and what it could be instead, with their probabilities."""
-    mine = f"{cause.effect.called} ({100 * cause.probability:.0f} %)"
-    others = [f"{r.effect.called} ({100 * r.probability:.0f} %)" for r in cause.rivals[:_RIVALS]]
+    mine = f"{cause.effect.called}, {100 * cause.probability:.0f} %"
+    others = [f"{r.effect.called}, {100 * r.probability:.0f} %" for r in cause.rivals[:_RIVALS]]
     twin = "its twin, which no pull tells from it" if cause.twins else "what is like it"
-    return " and ".join([mine, *(others or [twin])])
+    return ", and ".join([mine, *(others or [twin])])
 
 
 def _off_the_table(facts: Facts) -> str:
     names = " and ".join(effect.called for effect in facts.unloaded.effects)
     return (
-        f"The unloaded reflectors stand {1e3 * facts.unloaded.miss_m:.2g} mm off where the robot's "
-        f"table puts them, and adding {names}, nearest to it, would make the prediction of other "
+        f"The unloaded reflectors stand {1e3 * facts.unloaded.miss_m:.2g} mm from where the "
+        f"robot's table places them, and adding {names}, nearest to it, would make the prediction of other "
         "poses worse."
     )
 
 
 def _stands_elsewhere(facts: Facts) -> str:
     return (
-        f"The unloaded reflectors stand {1e3 * facts.unloaded.miss_m:.2g} mm off where the robot's "
-        f"table puts them (base and tool fitted), and {1e3 * facts.unloaded.left_m:.2g} mm with "
+        f"The unloaded reflectors stand {1e3 * facts.unloaded.miss_m:.2g} mm from where the "
+        f"robot's table places them (base and tool fitted), and {1e3 * facts.unloaded.left_m:.2g} mm with "
         f"{_names(facts.moved)}."
     )
 
@@ -289,7 +289,7 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
     ),
     Finding.GAIN_UNCERTAIN: lambda facts: (
         f"{_names(facts.causes)} {'fits, but does' if len(facts.causes) == 1 else 'fit, but do'} "
-        "not predict left-out poses better for certain."
+        "not certainly reduce the cross-validation error."
     ),
     Finding.TWO_LAWS: lambda facts: (
         f"Joint {two_laws(facts)} turns by a law of its own: {_names(facts.causes)} describe it "
@@ -302,7 +302,7 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
         f"{facts.scale_ratio * facts.tracker_ratio:.2g} times as much as stated."
     ),
     Finding.BEYOND_CERTIFICATE: lambda _: (
-        "The residuals are larger than any certificate may be wrong."
+        "The residuals are larger than an error of any certificate would explain."
     ),
     Finding.OFF_THE_TABLE: _off_the_table,
     Finding.MISFIT: lambda facts: (

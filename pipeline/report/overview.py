@@ -74,7 +74,7 @@ def overview(answers: Sequence[Answer]) -> Report:
             *_not_compared(by_robot),
         ),
         sections=present(sections),
-        elsewhere="Each campaign's own page has the whole of its story.",
+        elsewhere="Details are on the page of each campaign.",
     )
 
 
@@ -116,7 +116,7 @@ def _campaigns(answers: Sequence[Answer]) -> Table | None:
         said("Verdict", lambda one: words.VERDICTS[one.diagnosis.verdict][0]),
         said("Identified causes", lambda one: ", ".join(map(_who, one.diagnosis.causes))),
         said("Model", words.values_of),
-        number("Error at poses left out [mm]", _left_out_mm),
+        number("Cross-validation error [mm]", _left_out_mm),
     ]
     return table_of("campaigns", "Every campaign with a result", columns, answers)
 

@@ -109,7 +109,7 @@ _CALIBRATED = (
 def _noise_table(found: Sequence[NoiseComponent]) -> Table | None:
     columns: list[Cells[NoiseComponent]] = [
         said("Noise of", lambda one: words.source(one.name)),
-        measured("Found over stated", lambda one: (one.found_over_stated, one.std)),
+        measured("Estimated over stated", lambda one: (one.found_over_stated, one.std)),
         number("p-value", lambda one: one.p_value, p_value),
     ]
     note = "Found from repeats, zeros read again and the effector's own triangle; 1 is as stated."
@@ -173,9 +173,7 @@ def reliability(tables: Tables) -> Section | None:
     if not has(tables, "reliability"):
         return None
     single = tables["reliability"].dropna(subset=["reading"])
-    return section_of(
-        "reliability", "How well the readings control each other", [_harm(single), _least(single)]
-    )
+    return section_of("reliability", "Reliability of the readings", [_harm(single), _least(single)])
 
 
 def _harm(single: pd.DataFrame) -> Text | None:
@@ -186,12 +184,10 @@ def _harm(single: pd.DataFrame) -> Text | None:
     who = f"{row.reading}{f' along {row.axis}' if known(row.axis) else ''}"
     size = words.size(row.smallest_visible, row.unit)
     if not known(row.moves_sigmas):
-        return Text(
-            f"No other reading controls {who}: whatever is wrong with it moves {row.moves_most}."
-        )
+        return Text(f"No other reading checks {who}: any error of it shifts {row.moves_most}.")
     return Text(
-        f"An error that goes unnoticed does most harm in {who}: up to {size} of it may stay unseen "
-        f"and move {row.moves_most} by {plain(row.moves_sigmas, 2)} standard uncertainties."
+        f"An undetected error does most harm in {who}: up to {size} of it may remain undetected "
+        f"and shift {row.moves_most} by {plain(row.moves_sigmas, 2)} standard uncertainties."
     )
 
 
@@ -202,19 +198,17 @@ def _least(single: pd.DataFrame) -> Table | None:
         said("Along", lambda row: row.axis),
         number("Redundancy", lambda row: row.r, roughly),
         number("w", lambda row: row.w, roughly),
-        said("Smallest visible error", lambda row: words.size(row.smallest_visible, row.unit)),
-        number("Moves by [σ]", lambda row: row.moves_sigmas, roughly),
+        said("Smallest detectable error", lambda row: words.size(row.smallest_visible, row.unit)),
+        number("Shifts by [σ]", lambda row: row.moves_sigmas, roughly),
         said("Which", lambda row: row.moves_most),
     ]
     rows = each_row(single.nsmallest(_LEAST, "r"))
     note = (
-        "Redundancy is the part of an error that the residuals show, 0 to 1. The smallest visible "
-        "error is found in 80 % of the cases at 0.1 % false alarms; the last two columns say what "
+        "Redundancy is the part of an error that the residuals show, 0 to 1. The smallest "
+        "detectable error is found in 80 % of the cases at 0.1 % false alarms; the last two columns say what "
         "one so large moves most, in standard uncertainties. All readings stand in 43_reliability."
     )
-    return table_of(
-        "reliability", "The readings that the others control least", columns, rows, note
-    )
+    return table_of("reliability", "Readings with the lowest redundancy", columns, rows, note)
 
 
 def rejected(answer: Answer) -> Section | None:

@@ -86,12 +86,12 @@ def blind_spots(spots: Sequence[BlindSpot]) -> Table | None:
     columns: list[Cells[list[BlindSpot]]] = [
         said("Effect", lambda group: words.cause(group[0].name, None)),
         said("Where", _places),
-        (Column("Smallest size seen", numeric=True), lambda group: entry(*_smallest(group))),
+        (Column("Smallest detectable size", numeric=True), lambda group: entry(*_smallest(group))),
         said("Why", lambda group: "; ".join(dict.fromkeys(map(_why, group)))),
         said("What would show it", lambda group: group[0].needs),
     ]
-    note = "These effects may be there without this campaign showing them."
-    title = "What these readings cannot see"
+    note = "These effects may be present without this campaign detecting them."
+    title = "Effects that these readings cannot detect"
     return table_of("blind-spots", title, columns, alike.values(), note)
 
 
@@ -104,7 +104,7 @@ def _smallest(group: Sequence[BlindSpot]) -> tuple[str, float | None]:
     """Smallest visible size of effects of one kind, as a range over their places."""
     sizes = sorted(s.smallest_visible for s in group if s.smallest_visible is not None)
     if not sizes:
-        return "never visible", None
+        return "never detectable", None
     unit = "" if group[0].unit == "1" else group[0].unit
     one_prefix = unit and sizes[-1] <= _WIDE * sizes[0]
     factor, letter = common_prefix(sizes) if one_prefix else (1.0, "")
