@@ -55,6 +55,7 @@ def told(combinations: Sequence[Combination]) -> list[str]:
     """Each combination in two sentences to act on."""
     return [
         f"{listed(one.of)} cannot be distinguished: of their compliances these poses determine "
-        f"{one.formula} = {bracketed(one.value, one.std)} {one.unit}. What would separate them best: {one.needs}."
+        f"{one.formula} = {bracketed(one.value, one.std)} {one.unit}. What "
+        f"would separate them best: {one.needs}."
         for one in combinations
     ]

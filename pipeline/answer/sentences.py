@@ -303,9 +303,10 @@ def _least_certain(stiffness: Sequence[Stiffness]) -> str:
     lost = [joint for joint in stiffness if joint.value is None]
     known = [joint for joint in stiffness if joint.relative_std is not None]
     worst = next(iter(lost), None) or max(known, key=lambda one: one.relative_std or 0.0)
+    pulls = capital(remarks.WORK[worst.joint_type])
+    if worst.value is None:
+        return f"{pulls}: {worst.called} is not determined."
     share = percent(worst.relative_std)
-    known_to = "is not determined" if worst.value is None else f"has an uncertainty of {share}"
     return (
-        f"Nothing is open. {capital(remarks.WORK[worst.joint_type])} would gain most: "
-        f"{worst.called} {known_to}."
+        f"Nothing is open. {pulls} would gain most: {worst.called} has an uncertainty of {share}."
     )

@@ -214,16 +214,16 @@ def _off_the_table(facts: Facts) -> str:
     names = " and ".join(effect.called for effect in facts.unloaded.effects)
     return (
         f"The unloaded reflectors stand {1e3 * facts.unloaded.miss_m:.2g} mm from where the "
-        f"robot's table places them, and adding {names}, nearest to it, would make the prediction of other "
-        "poses worse."
+        f"robot's table places them, and adding {names}, nearest to it, would make the "
+        "prediction of other poses worse."
     )
 
 
 def _stands_elsewhere(facts: Facts) -> str:
     return (
         f"The unloaded reflectors stand {1e3 * facts.unloaded.miss_m:.2g} mm from where the "
-        f"robot's table places them (base and tool fitted), and {1e3 * facts.unloaded.left_m:.2g} mm with "
-        f"{_names(facts.moved)}."
+        f"robot's table places them (base and tool fitted), and "
+        f"{1e3 * facts.unloaded.left_m:.2g} mm with {_names(facts.moved)}."
     )
 
 
