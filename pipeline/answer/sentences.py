@@ -149,13 +149,20 @@ def _to_do(found: Findings, stiffness: Sequence[Stiffness]) -> str:
     beside = [one.called for one in found.told.model.hypotheses[0].beside_springs]
     if beside and found.row.model == Which.AVERAGED and len(found.told.model.hypotheses) > 1:
         beside = ["any of the possible causes"]
-    said = DO[found.row.reason]
+    said = " ".join((DO[found.row.reason], *_unfit(found, stiffness)))
     if not beside or not found.row.reason.holds_for_its_readings:
         return said
     return (
         f"{said} A controller's table of joint stiffnesses has no entry for {listed(beside)}: "
         f"correct paths and programs with `pipeline compensate {found.campaign}`."
     )
+
+
+def _unfit(found: Findings, stiffness: Sequence[Stiffness]) -> Iterator[str]:
+    """Stiffnesses that are no number to enter, where the others are."""
+    half = [joint.called for joint in stiffness if joint.value and joint.ci95[1] is None]
+    if half and found.row.reason.holds_for_its_readings:
+        yield f"Enter no value for {listed(half)}: it may as well be rigid."
 
 
 def _model(found: Findings, stated: Stated) -> Iterator[str]:

@@ -80,7 +80,7 @@ def tip(model: Model, q: Array, force: Array, shown: Shown) -> Tip:
     found = model.at_load_point(q, force)
     size = np.linalg.norm(found.displacement, axis=1)
     along = found.displacement / np.maximum(size, np.finfo(float).tiny)[:, None]
-    lost: Bools = ~np.isfinite(found.std).all(axis=1)
+    lost: Bools = np.asarray(~np.isfinite(found.std).all(axis=1))
     cov = np.where(lost[:, None, None], 0.0, found.cov)
     stated = np.sqrt(np.einsum("mi,mij,mj->m", along, cov, along))
     std = np.where(lost, np.inf, np.maximum(stated, shown.floor(np.atleast_2d(force))))
