@@ -290,6 +290,26 @@ def test_the_first_screen_says_which_model_and_what_it_changes(told):
     assert "do not rely on the stated uncertainties" in warned
 
 
+def test_the_first_screen_says_what_to_do(campaign):
+    """Which numbers go into the controller, or that none does; what is wrong; what comes next."""
+    found, answer, _ = campaign
+    said = {line["about"]: line["text"] for line in answer["first_screen"]}
+
+    numbers = dict(re.findall(r"([AE]\d) (\S+) ±", said["numbers"]))
+    if found.name == "unexplained":
+        assert numbers == {}
+        assert "none of these stiffnesses" in said["to_do"]
+    else:
+        known = {e["axis"]: e["value"] for e in answer["stiffness"] if e["value"]}
+        assert numbers.keys() == known.keys()
+        assert float(numbers["A1"]) * 1e6 == pytest.approx(known["A1"], rel=0.01)
+    assert ("compensate" in said["to_do"]) == (found.name in ("explained", "ambiguous"))
+    assert ("Correct" in said["to_do"] or "correct the file" in said["to_do"]) == (
+        found.name == "bad_data"
+    )
+    assert {"wrong", "next", "test_pose"} <= said.keys()
+
+
 def test_json_on_the_terminal_is_result_json(told):
     """`--json` prints the very objects of result.json, one a line."""
     root, _ = told

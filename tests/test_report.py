@@ -19,7 +19,7 @@ from pipeline.answer.contract import Answer, Odd, Remark, Stiffness
 from pipeline.base import quantities as numbers
 from pipeline.report.figures.catalogue import CATALOGUE
 from pipeline.report.model import compose
-from pipeline.report.record import Figure, Table, Text
+from pipeline.report.record import Column, Entry, Figure, Report, Section, Table, Text
 from pipeline.report.render import pdf, render
 from pipeline.report.sections.stiffness import stiffness
 from pipeline.report.summaries import courses
@@ -120,7 +120,7 @@ def filled(page: pypdf.PdfPage) -> float:
 def broken(pages: Iterable[pypdf.PdfPage]) -> list[str]:
     """Lines at whose end or beginning a number parts from its uncertainty, power or unit."""
     text = "\n".join(page.extract_text() for page in pages).replace("\u200b", "")
-    parted = re.compile(r"\d ?[±×]$|± ?\d+\.$|^([±×]|mm\b)")
+    parted = re.compile(r"\d\s?[±×]$|±\s?\d+\.$|^([±×]|mm\b)")
     return [line for line in map(str.strip, text.splitlines()) if parted.search(line)]
 
 
@@ -389,9 +389,24 @@ def test_no_page_of_the_pdf_is_half_empty(reader):
 
 
 def test_a_number_and_its_uncertainty_stay_on_one_line(reader):
-    """Also in the cells of narrow tables."""
+    """Also in a table of more columns than fit at the usual size, which is set smaller."""
+    columns = tuple(Column(f"Value {k} [mm]", numeric=True) for k in range(9))
+    rows = (tuple(Entry("123.7747 ± 0.0065", 123.7747) for _ in columns),) * 4
+    wide = Section("wide", "Wide", (Table("wide", "Wide", columns, rows),))
+    report = Report("k", "h", "Joint stiffness of all", "Fits", "good", (), (wide,))
+    pages = pypdf.PdfReader(io.BytesIO(pdf(report, {}))).pages
+    right = [tm[4] for page in pages for tm in _places(page)]
+
     assert sum("±" in page.extract_text() for page in reader.pages) > 2
-    assert broken(reader.pages) == []
+    assert broken([*reader.pages, *pages]) == []
+    assert max(right) < float(pages[0].mediabox.width) - 2.5 * 28.35
+
+
+def _places(page):
+    """Where the texts of a page begin."""
+    found = []
+    page.extract_text(visitor_text=lambda said, cm, tm, *_: said.strip() and found.append(tm))
+    return found
 
 
 @pytest.mark.slow
