@@ -43,6 +43,7 @@ from pipeline.machine.robot import Robot
 from pipeline.machine.room import room_of
 from pipeline.prediction import handover
 from pipeline.prediction.model import Model
+from pipeline.prediction.tolerance import Shown, asked, judge
 from pipeline.prediction.validate import none as no_validation
 from pipeline.prediction.validate import validate
 from pipeline.prediction.workspace import none as no_workspace
@@ -193,6 +194,7 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
         return Answered(end.answer, end.shown, end.model, end.files)
     raw.settings.within_reach(raw.files[_LAST_RESORT].decode("utf-8", "replace"))
     case = ingested(raw, keep, step, plausible=False)
+    path = asked(raw.settings.tolerance, raw.files, case.robot, case.tool)
     case, reduced, pose = step(as_measured)(case, bring(case, keep, step))
     _enough(reduced.data, raw.robot)
     screened = step(screen)(case, reduced)
@@ -222,6 +224,9 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
     else:
         paper = told
     controls, carried = step(control)(values, where)
+    hardest_n = float(np.linalg.norm(right.data.pulls.force, axis=1).max())
+    shown_m = Shown(told.model.held_out_m, hardest_n)
+    most_m = 1e-3 * raw.settings.tolerance.deflection_mm if raw.settings.tolerance else np.inf
     found = Findings(
         campaign=name,
         raw=raw,
@@ -236,6 +241,7 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
         where=where,
         control=controls,
         carried=carried,
+        judged=step(judge)(told.model, where.q, where.force, shown_m, path, most_m),
         one_pose=pose,
     )
     shown = {**right.reduced.shown, "rejected": case.rejected, **_kept(found, keep, step)}
@@ -288,8 +294,15 @@ def _kept(found: Findings, keep: Keep, step: Step) -> dict[str, pd.DataFrame]:
         "separability": keep("52_separability", apart_table(said), tables.SEPARABILITY),
         "validation": keep("60_validation", checked, tables.VALIDATION),
         "workspace": keep("61_workspace", soft, tables.WORKSPACE),
+        **_path(found, keep),
         "workspace_joint_springs": keep("62_workspace_joint_springs", other, tables.WORKSPACE),
     }
+
+
+def _path(found: Findings, keep: Keep) -> dict[str, pd.DataFrame]:
+    """The machining path, where [tolerance] names one."""
+    path = found.judged.path
+    return {} if path is None else {"path": keep("63_path", path, tables.PATH)}
 
 
 def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosis:

@@ -388,6 +388,19 @@ CURVE_READINGS = _promise(
     _count("poses", "how many poses"),
 )
 """What the poses say of the curves of the joints, all else as identified."""
+PATH = _promise(
+    "path",
+    "point",
+    _count("point", "place in the path, from 1"),
+    _count("pose", "number of the point in the file"),
+    *_axes("{}_m", "m", "load point without load, F_b"),
+    *_axes("f{}_n", "N", "force at the load point, F_b"),
+    *_axes("d{}_m", "m", "predicted deflection of the load point, F_b"),
+    _number("deflection_m", "m", "its length d"),
+    _number("std_m", "m", "its standard uncertainty u; infinite: a spring is not determined"),
+    _text("decision", "pass, fail or undecided by ISO 14253-1"),
+)
+"""The machining path of [tolerance], point by point."""
 
 
 def positions(robot: Robot) -> pa.Schema:

@@ -103,6 +103,24 @@ def _content() -> dict[str, Any]:
             },
         },
         "test_pose_deflection": moved,
+        "test_pose": {
+            "deflection_mm": 0.4231,
+            "std_mm": 0.0331,
+            "axes": [{"name": "E1", "value": 8.5, "unit": "m"}],
+            "force_n": [-124.5, -175.4, -209.1],
+            "stated": True,
+        },
+        "tolerance": {"deflection_mm": 0.5, "test_pose": "pass", "path": _judged()},
+        "identity": {
+            "first": "2026-11-03T08:00:08",
+            "last": "2026-11-03T10:31:40",
+            "operator": None,
+            "temperature_c": 21.5,
+            "scale": {"serial": "S-17", "certificate": None, "calibrated": "2026-03-01"},
+            "poses": 16,
+            "pulls": 48,
+            "force_n": [1000.0, 3000.0],
+        },
         "registration": {
             "rms_mm": 0.041,
             "max_mm": 0.083,
@@ -135,6 +153,44 @@ def _content() -> dict[str, Any]:
         ],
         "versions": {"pipeline": "0.1.0", "numpy": "2.4.6"},
     }
+
+
+def _judged() -> dict[str, Any]:
+    """A path of six points, of which the first four pass and the last fails."""
+    stretches = [("pass", 1, 4, 0.41), ("undecided", 5, 5, 0.48), ("fail", 6, 6, 0.61)]
+    return {
+        "file": "part.csv",
+        "points": 6,
+        "decision": "fail",
+        "stretches": [
+            {
+                "deflection_mm": mm,
+                "std_mm": 0.0331,
+                "decision": decision,
+                "first": first,
+                "last": last,
+                "points": last - first + 1,
+                "at": last,
+            }
+            for decision, first, last, mm in stretches
+        ],
+    }
+
+
+def _path() -> pd.DataFrame:
+    at = np.arange(6)
+    return pd.DataFrame(
+        {
+            "point": at + 1,
+            "pose": at + 1,
+            "x_m": 1.0 + 0.1 * at,
+            "y_m": 8.0 + 0.2 * at,
+            "z_m": 1.2,
+            "deflection_m": 1e-3 * np.array([0.2, 0.3, 0.35, 0.41, 0.48, 0.61]),
+            "std_m": 3.31e-5,
+            "decision": ["pass"] * 4 + ["undecided", "fail"],
+        }
+    )
 
 
 def _joint(number: int, nominal: float) -> dict[str, Any]:
@@ -276,6 +332,7 @@ def tables(seed: int = 20261103, poses: int = 16) -> dict[str, pd.DataFrame]:
         ],
         "registration": _registration(rng),
         "validation": _validation(rng),
+        "path": _path(),
         "workspace": _workspace(),
         "workspace_joint_springs": _workspace().eval("worst_m_per_n = 1.1 * worst_m_per_n"),
         "examined": _examined(rows),

@@ -215,7 +215,7 @@ def test_a_campaign_says_what_changed_since_the_previous_one():
     before = result.model_copy(update={"campaign": "kr500-spring", "stiffness": joints})
 
     report = compose(result, tables, previous=before)
-    stiffness = report.sections[0]
+    stiffness = next(one for one in report.sections if one.key == "stiffness")
     table = next(b for b in stiffness.blocks if isinstance(b, Table))
     findings = [b.text for b in stiffness.blocks if getattr(b, "tone", "") == "finding"]
 
@@ -233,7 +233,7 @@ def test_the_overview_lists_all_and_flags_the_one_that_changed():
     page = render_overview(results).decode()
 
     assert report.tone == "attention"
-    assert "k_0 changed by more than chance explains" in report.sentences[-1]
+    assert "k_0 changed by more than chance explains" in report.first[-1].text
     assert len(report.sections[0].blocks[0].rows) == 7
     assert 'href="c3/index.html"' in page
     assert 'href="solo%20%3Cb%3E/index.html"' in page

@@ -128,7 +128,7 @@ def test_the_most_severe_finding_decides_and_all_are_told():
     both = replace(ROWS[Finding.RIVALS][0], drift=drift(undecided=False))
 
     assert verdict(both) is Verdict.AMBIGUOUS
-    assert why(both).index("base reflectors moved") < why(both).index("do not decide between")
+    assert why(both).index("base reflectors moved") < why(both).index("cannot distinguish between")
     assert verdict(replace(both, mistakes=(MISTAKE,))) is Verdict.BAD_DATA
     assert why(replace(both, mistakes=(MISTAKE,))).startswith("The data hold a mistake")
 

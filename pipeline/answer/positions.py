@@ -313,9 +313,9 @@ def _sentences(found: Study, robot: Robot) -> tuple[str, ...]:
         for before, now in steps
         if now.found is not before.found
     ]
-    out.append(f"Each step takes off the error: {', '.join(said)}.")
+    out.append(f"Each step of the model reduces the error: {', '.join(said)}.")
     if found.laws:
-        out.append(f"The largest law that nobody listed: {text_of(found.laws[0], robot)}.")
+        out.append(f"The largest law outside the catalogue: {text_of(found.laws[0], robot)}.")
     if Parting.SERIES in last.errors:
         out.append(
             f"Where a whole series is left out, {plain(1e3 * last.mean(Parting.SERIES), 2)} mm "
@@ -324,7 +324,7 @@ def _sentences(found: Study, robot: Robot) -> tuple[str, ...]:
     known = [s for s in stiffness_entries(last.found) if s.value is not None]
     if known:
         springs = ", ".join(f"{s.name} = {with_std(s.value, s.std)} {s.unit}" for s in known)
-        out.append(f"Springs under the arm's own weight: {springs}.")
+        out.append(f"Joint stiffnesses from the arm's own weight: {springs}.")
     return tuple(out)
 
 

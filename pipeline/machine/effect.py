@@ -149,12 +149,12 @@ _OWNED = ("payload_mass", "payload_center")
 """Causes of a thing and not at a place."""
 
 
-def in_place(where: int | str | None, name: str = "") -> str:
-    """` in joint 3`, ` in the forearm`, ` at P2`, ` of ballast`, or nothing."""
+def in_place(where: int | str | None, name: str = "", axis: str | None = None) -> str:
+    """` in joint 3 (A2)`, ` in the forearm`, ` at P2`, ` of ballast`, or nothing."""
     if where is None:
         return ""
     if isinstance(where, int):
-        return f" in joint {where}"
+        return f" in joint {where}{f' ({axis})' if axis else ''}"
     parts = {"upper_arm": " in the upper arm", "forearm": " in the forearm"}
     return parts.get(where, f" {'of' if name in _OWNED else 'at'} {where}")
 
@@ -184,6 +184,7 @@ class Effect:
         of: Kinds of load that it takes part in; with no load of these it can act on nothing.
         odds: How likely it is before the data speak, over any other cause [1].
         size: Its expected size over the typical one of its parameters [1].
+        axis: Axis of the controller that moves the joint of `where`, if one does.
     """
 
     name: str
@@ -201,6 +202,7 @@ class Effect:
     of: tuple[int, ...] = (PULLED, HUNG, MOUNTED)
     odds: float = 1.0
     size: float = 1.0
+    axis: str | None = field(default=None, compare=False)
 
     def everywhere(self, robot: Robot) -> tuple[Effect, ...]:
         """An entry of the catalogue: the effect, the same on any robot."""
@@ -218,8 +220,8 @@ class Effect:
 
     @property
     def called(self) -> str:
-        """`tilt of the bearing in joint 2`: in words, as it stands in any sentence."""
-        return self.noun + in_place(self.where, self.name)
+        """`tilt of the bearing in joint 2 (A1)`: in words, as it stands in any sentence."""
+        return self.noun + in_place(self.where, self.name, self.axis)
 
     @property
     def location(self) -> str:

@@ -7,14 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from pipeline.answer.contract import Answer
+from pipeline.answer.contract import About, Answer
+from pipeline.answer.words import ABOUT
 from pipeline.report import words
-from pipeline.report.record import Report, Section, present
+from pipeline.report.record import Item, Report, Section, present, unlabelled
 from pipeline.report.sections.cell import cell
 from pipeline.report.sections.diagnosis import diagnosis
 from pipeline.report.sections.enough import enough
 from pipeline.report.sections.files import files
 from pipeline.report.sections.geometry import geometry, laws, letters
+from pipeline.report.sections.identity import identity
 from pipeline.report.sections.method import method
 from pipeline.report.sections.prediction import test_pose, validation
 from pipeline.report.sections.readings import (
@@ -48,7 +50,7 @@ def compose(
         wear: What all campaigns of the robot say together; None where they are too few to.
     """
     title, tone = words.VERDICTS[answer.diagnosis.verdict]
-    sections = (
+    sections = [identity(answer)] + (
         _of_positions(answer, tables)
         if answer.position_steps
         else [
@@ -73,10 +75,20 @@ def compose(
         title=f"Joint stiffness of {answer.robot}: {answer.campaign}",
         verdict=title,
         tone=tone,
-        sentences=(*answer.verdict_sentence, *([wear] if wear else [])),
+        first=(*_first(answer), *([Item("Wear", wear)] if wear else [])),
         sections=present(sections),
         elsewhere="The same stands in index.html and report.pdf, the numbers in result.json.",
         run_time=None if run_time_s is None else f"{run_time_s:.1f} s",
+    )
+
+
+def _first(answer: Answer) -> tuple[Item, ...]:
+    """The lines of the first screen; the verdict needs no label under its own word."""
+    lines = answer.first_screen
+    if not lines:
+        return unlabelled(*answer.verdict_sentence)
+    return tuple(
+        Item("" if one.about is About.VERDICT else ABOUT[one.about], one.text) for one in lines
     )
 
 

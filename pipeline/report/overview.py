@@ -40,6 +40,7 @@ from pipeline.report.record import (
     Text,
     present,
     section_of,
+    unlabelled,
 )
 from pipeline.report.wear import alarm, changed_of, joints_table, robots_tables
 
@@ -76,14 +77,14 @@ def overview(answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> Report:
         title="Joint stiffness: all campaigns",
         verdict="A stiffness has changed" if moved else held,
         tone="attention" if moved else "good" if several else "neutral",
-        sentences=(
+        first=unlabelled(
             f"{_counted(len(answers), 'campaign')} on {_counted(len(by_robot), 'robot')}.",
             *(f"{name}: {words}" for name, words in alarms.items()),
             *_change_sentences(compared, several, bool(alarms)),
             *_not_compared(by_robot),
         ),
         sections=present(sections),
-        elsewhere="Each campaign's own page has the whole of its story.",
+        elsewhere="Details are on the page of each campaign.",
     )
 
 
@@ -127,7 +128,7 @@ def _campaigns(answers: Sequence[Answer]) -> Table | None:
         said("Verdict", lambda one: words.VERDICTS[one.diagnosis.verdict][0]),
         said("Identified causes", lambda one: ", ".join(map(_who, one.diagnosis.causes))),
         said("Model", words.values_of),
-        number("Error at poses left out [mm]", _left_out_mm),
+        number("Cross-validation error [mm]", _left_out_mm),
     ]
     return table_of("campaigns", "Every campaign with a result", columns, answers)
 
@@ -270,7 +271,7 @@ def comparison(
         title=f"Joint stiffness: {title}",
         verdict=verdict,
         tone=tone,
-        sentences=sentences if found else ("They have no joint in common.",),
+        first=unlabelled(*(sentences if found else ("They have no joint in common.",))),
         sections=present([section_of("joints", "Joint by joint", [table])]),
     )
 

@@ -6,7 +6,7 @@ import base64
 import hashlib
 import json
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from importlib.resources import files
 from types import MappingProxyType
 from typing import Any
@@ -18,9 +18,10 @@ from markupsafe import Markup
 from pipeline import __version__
 from pipeline.answer.contract import Answer
 from pipeline.answer.worn import Robot
+from pipeline.base.quantities import typeset
 from pipeline.report.model import compose
 from pipeline.report.overview import overview
-from pipeline.report.record import Report
+from pipeline.report.record import Block, Report, Table
 
 _HERE = files("pipeline.report")
 
@@ -91,7 +92,7 @@ def page(
     )
     safe = {name: Markup(svg) for name, svg in drawings.items()}
     return environment.from_string(_text("page.html.jinja")).render(
-        report=report,
+        report=_typeset(report),
         drawings=safe,
         turned=turned,
         style=Markup(_text("page.css")),
@@ -106,7 +107,7 @@ def pdf(report: Report, drawings: Mapping[str, str]) -> bytes:
     import matplotlib
     import typst
 
-    said = asdict(report) | {"version": __version__}
+    said = asdict(_typeset(report)) | {"version": __version__}
     fonts = f"{matplotlib.get_data_path()}/fonts/ttf"  # the face that the figures are set in
     compiled = typst.compile(  # type: ignore[call-overload]  # its own stub lacks bytes
         _text("page.typ").encode(),
@@ -117,6 +118,28 @@ def pdf(report: Report, drawings: Mapping[str, str]) -> bytes:
         timestamp=0,
     )
     return bytes(compiled)
+
+
+def _typeset(report: Report) -> Report:
+    """The report with the cells of its tables as they are printed."""
+    parts = [
+        replace(part, blocks=tuple(_block(block) for block in part.blocks))
+        for part in report.sections
+    ]
+    return replace(report, sections=tuple(parts))
+
+
+def _block(block: Block) -> Block:
+    if not isinstance(block, Table):
+        return block
+    rows = tuple(
+        tuple(
+            cell if column.code else replace(cell, text=typeset(cell.text))
+            for cell, column in zip(row, block.columns, strict=True)
+        )
+        for row in block.rows
+    )
+    return replace(block, rows=rows, note=typeset(block.note))
 
 
 def _text(name: str) -> str:

@@ -142,17 +142,18 @@ class Campaign:
     def _named(self, settings: Settings) -> list[str]:
         """Names of the files that campaign.toml names, relative to the folder."""
         own = None if settings.robot in SHIPPED else settings.robot
+        path = settings.tolerance.path if settings.tolerance else None
         if own is not None and not (own.endswith(".toml") and os.path.exists(self.folder / own)):
             raise no_robot(own, "campaign.toml")
         if settings.positions is not None:
-            return [*settings.positions.named, *filter(None, [own])]
+            return [*settings.positions.named, *filter(None, [own, path])]
         if settings.displacements is not None:
             given = settings.displacements
-            return [*filter(None, [given.file, given.forces, settings.joints.file, own])]
+            return [*filter(None, [given.file, given.forces, settings.joints.file, own, path])]
         assert settings.tracker is not None  # Settings sees to that
         names = self._matching(settings.tracker.files)
         settings.tracker.none_missing(names)
-        others = [settings.tracker.assignment, settings.loads_file, settings.joints.file, own]
+        others = [settings.tracker.assignment, settings.loads_file, settings.joints.file, own, path]
         return list(dict.fromkeys([*names, *filter(None, others)]))
 
     def _matching(self, patterns: Sequence[str]) -> list[str]:

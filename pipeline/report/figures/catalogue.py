@@ -19,6 +19,7 @@ from pipeline.report.figures import (
     residuals,
     scene,
     stiffness,
+    tolerance,
     workspace,
 )
 from pipeline.report.figures.plot import Plot
@@ -45,6 +46,7 @@ CATALOGUE: tuple[Plot, ...] = (
     residuals.WHITENED,
     places.ARROWS,
     scene.SCENE,
+    tolerance.PATH,
     workspace.WORKSPACE,
     workspace.WORKSPACE_JOINT_SPRINGS,
     places.REGISTRATION,
