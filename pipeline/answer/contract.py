@@ -946,6 +946,11 @@ class Answer(Values, Heading):
     versions: dict[str, str]
 
     @property
+    def of_positions(self) -> bool:
+        """Whether absolute positions were measured, and no displacements."""
+        return bool(self.position_steps)
+
+    @property
     def machine(self) -> str:
         """The machine, to find its other campaigns: its type, with its serial number if said."""
         serial = self.robot_unit and self.robot_unit.serial

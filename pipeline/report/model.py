@@ -52,7 +52,7 @@ def compose(
     title, tone = words.VERDICTS[answer.diagnosis.verdict]
     sections = [identity(answer)] + (
         _of_positions(answer, tables)
-        if answer.position_steps
+        if answer.of_positions
         else [
             stiffness(answer, previous, wear),
             diagnosis(answer, tables),
@@ -70,7 +70,7 @@ def compose(
     )
     sections += [files(beside, previous), method(answer)]
     return Report(
-        kicker=f"{_ABOUT[bool(answer.position_steps)]} · {answer.machine}",
+        kicker=f"{_ABOUT[bool(answer.of_positions)]} · {answer.machine}",
         heading=answer.campaign,
         title=f"Joint stiffness of {answer.robot}: {answer.campaign}",
         verdict=title,

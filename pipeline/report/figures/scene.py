@@ -147,7 +147,7 @@ def _legend(answer: Answer, moved: float, left: float) -> tuple[str, str]:
 
 def _names(answer: Answer) -> tuple[str, str]:
     """What the two vectors are."""
-    return ("off the nominal robot" if answer.geometry else "measured deflection", "residual")
+    return ("off the nominal robot" if answer.of_positions else "measured deflection", "residual")
 
 
 def _capsules(view: View, rows: pd.DataFrame) -> tuple[Array, list[Array]]:
@@ -290,7 +290,7 @@ def _did(vectors: pd.DataFrame, answer: Answer) -> str:
         return "No reflector was read."
     words = (
         ("Off the nominal robot by", "off the identified one by")
-        if answer.geometry
+        if answer.of_positions
         else ("Largest deflection", "largest residual")
     )
     parts = [_largest(vectors, columns) for columns in (_MOVED, _LEFT)]

@@ -29,13 +29,13 @@ def _poses(answer: Answer, tables: Tables) -> Table | None:
         number("Pulls", lambda one: one.pulls, str),
         number("Force [N]", lambda one: one.force_n),
     ]
-    names = ("Off the nominal robot", "Off the identified one") if answer.geometry else (
+    names = ("Off the nominal robot", "Off the identified one") if answer.of_positions else (
         "Deflection", "Residual"
     )  # fmt: skip
     columns: list[Cells[Any]] = [
         said("Pose", lambda one: one.label.removeprefix("Pose ")),
         said("Readings", readings_of),
-        *(() if answer.geometry else loads),
+        *(() if answer.of_positions else loads),
         *(_millimetres(name, k, did) for k, name in enumerate(names)),
     ]
     note = "Of each pose the largest force, and the reflector with the largest value."

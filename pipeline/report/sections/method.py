@@ -53,7 +53,7 @@ def method(answer: Answer) -> Section | None:
 
 
 def _told(answer: Answer) -> str:
-    if answer.position_steps:
+    if answer.of_positions:
         return OF_POSITIONS
     deformed = answer.model.equilibrium is Equilibrium.DEFORMED
     told = [
