@@ -57,7 +57,8 @@ def play(
     from bench.open_league.reply import read
 
     for one in played(games, [Entry.of(text) for text in entry]):
-        said = read(one.answer)[1] or "answered"
+        ended = "" if one.answer else f", exit code {one.exit_code}"
+        said = f"{read(one.answer)[1] or 'answered'}{ended}"
         typer.echo(f"{one.game} {one.entry}: {said}", err=True)
 
 

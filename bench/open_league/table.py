@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -64,6 +64,7 @@ def rows(entry: Sequence[Scored]) -> list[tuple[str, str]]:
     return [
         ("games, answered", f"{len(entry)}, {sum(g.score.answered for g in entry)}"),
         ("clean: a cause is named", share(sum(g.score.wrong > 0 for g in clean), len(clean))),
+        ("... a name, or any verdict but adequate", _games(clean, lambda s: s.noticed)),
         ("causes of the catalogue: right", share(sum(g.score.right for g in listed), causes)),
         ("... missed", share(sum(g.score.missed for g in listed), causes)),
         ("... games with a wrong name", _games(listed, lambda s: s.wrong > 0)),
@@ -193,18 +194,26 @@ def lines(all_: Mapping[str, Sequence[Scored]]) -> list[str]:
 
 
 def by_kind(all_: Mapping[str, Sequence[Scored]]) -> list[str]:
-    """Games with exactly the true names, by what was hidden and by noise."""
-    some = next(iter(all_.values()))
-    keys: Iterable[tuple[str, Callable[[Truth], str]]] = (
-        ("kind", lambda t: t.kind),
-        ("noise", lambda t: t.noise),
+    """What was named, and which intervals hold the truth, by what was hidden and by noise."""
+    cells = (
+        ("exactly the true names", lambda some: _games(some, lambda s: s.exact)),
+        (
+            "95 % intervals of the stiffnesses that hold the truth",
+            lambda some: median(some, _springs, _held, "{:.1f}", 100, True),
+        ),
     )
-    out = [" | ".join(["| exactly the true names", *all_]) + " |", "|---" * (len(all_) + 1) + "|"]
-    for _, of in keys:
+    return [line for what, of in cells for line in [*_sorted(all_, what, of), ""]][:-1]
+
+
+def _sorted(
+    all_: Mapping[str, Sequence[Scored]], what: str, cell: Callable[[Sequence[Scored]], str]
+) -> list[str]:
+    """A table of one number: a row for each kind and for each noise, a column for each entry."""
+    some = next(iter(all_.values()))
+    out = [" | ".join([f"| {what}", *all_]) + " |", "|---" * (len(all_) + 1) + "|"]
+    by: tuple[Callable[[Truth], str], ...] = (lambda t: t.kind, lambda t: t.noise)
+    for of in by:
         for word in dict.fromkeys(of(g.truth) for g in some):
-            cells = [
-                _games([g for g in one if of(g.truth) == word], lambda s: s.exact)
-                for one in all_.values()
-            ]
-            out.append(" | ".join([f"| {word}", *cells]) + " |")
+            mine = [[g for g in one if of(g.truth) == word] for one in all_.values()]
+            out.append(" | ".join([f"| {word}", *map(cell, mine)]) + " |")
     return out
