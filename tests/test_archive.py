@@ -365,3 +365,34 @@ def test_a_day_that_no_calendar_has_leaves_one_campaign_out(tmp_path):
 
     assert [one.campaign.name for one in finished(tmp_path, said.append)] == ["a"]
     assert said[0].startswith("b has a result of an earlier version")
+
+
+@pytest.mark.slow
+def test_wear_is_said_by_the_newest_report_and_on_the_terminal(project, tmp_path, capsys):
+    """In one sentence each; the page over all campaigns begins with it, and nothing is redrawn."""
+    root = shutil.copytree(project, tmp_path / "copy")
+    path = root / "reports" / "autumn" / "result.json"
+    content = json.loads(path.read_bytes())
+    for joint in content["stiffness"]:
+        softer = 1.5 if joint["joint"] == 3 else 1.0
+        joint["compliance"] *= softer
+        joint["value"] /= softer
+    path.write_text(json.dumps(content), "utf-8")
+    manifest = root / "data" / "processed" / "autumn" / "manifest.json"
+    manifest.write_text(json.dumps(json.loads(manifest.read_text()) | {"key": "softer"}), "utf-8")
+
+    page = pages.refresh(root)
+    said = capsys.readouterr().err
+    written = contents(root)
+
+    assert re.fullmatch(r"kr500_rail, serial number 4711: k_theta3.* softer by .*\n", said)
+    assert " softer by" in page.read_text("utf-8")
+    assert "inspect k_theta3" in page.read_text("utf-8")
+    newest, earlier = (
+        (root / "reports" / name / "index.html").read_text("utf-8") for name in ("autumn", "spring")
+    )
+    assert " softer by" in newest
+    assert " softer by" not in earlier
+    pages.refresh(root)
+    assert capsys.readouterr().err == ""
+    assert contents(root) == written

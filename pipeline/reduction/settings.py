@@ -360,7 +360,7 @@ class Unit(Strict):
 class Prior(Strict):
     """What other campaigns let expect of a cause; `pipeline priors` writes it.
 
-    The odds are bounded: of two causes that no pose tells apart none is ever certain.
+    The odds are bounded, so that no cause is certain by being common alone.
 
     Attributes:
         odds: How likely it is before the data, over any other cause.

@@ -97,7 +97,7 @@ class _Tried:
 
 
 def looks(machine: Machine, scatter: Scatter) -> tuple[Look, ...]:
-    """One at each day with a campaign since the last repair, from the third campaign on."""
+    """One at each day with a campaign since the last repair, from the second campaign on."""
     t, W = machine.t, machine.weights(scatter.variance)
     begin = int(np.argmax(machine.present.all(axis=1))) if machine.present[-1].all() else len(t)
     out, before = [], float(t[begin - 1]) if begin >= FEWEST else 0.0

@@ -11,8 +11,8 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 
-FEWEST = 3
-"""Campaigns from which a trend can be told from what differs day by day."""
+FEWEST = 2
+"""Campaigns from which a change can be told from the day-to-day scatter that is expected."""
 
 _FLAT = 10.0
 """Prior standard deviation of a relative compliance, and of its trend per year, where nothing is

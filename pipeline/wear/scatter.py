@@ -19,7 +19,7 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Locked
 from pipeline.wear.beside import beside, gaps, steps
-from pipeline.wear.machine import FEWEST, Machine, products
+from pipeline.wear.machine import Machine, products
 
 STATED = 0.01
 """Day-to-day scatter of a stiffness where campaigns do not tell it [1]."""
@@ -27,8 +27,12 @@ STATED = 0.01
 _COMMON = 0.003
 """The same of all joints alike [1]."""
 
-_WORTH, _WORTH_COMMON = 10.0, 4.0
-"""Degrees of freedom that the prior values count for."""
+_WORTH, _WORTH_TYPE, _WORTH_COMMON = 20.0, 10.0, 4.0
+"""Degrees of freedom that prior values count for: a joint's about its type's, that about the stated
+one, and that of all joints alike."""
+
+FEWEST = 3
+"""Campaigns of a robot from which they tell the scatter beside a trend."""
 
 _ROUNDS, _SETTLED = 60, 1e-3
 
@@ -73,7 +77,7 @@ def scatter(machines: Sequence[Machine], stated: float = STATED) -> Scatter:
     steady = [_without_steps(one, v) for one in telling]
     v = _settled(steady, v, stated)
     information = (_sums(steady, v)[2] + _worth(n) / v**2) / 2
-    free = sum(len(one.t) - 2 for one in telling)
+    free = sum(len(one.t) - FEWEST + 1 for one in telling)
     return Scatter(v, 1 / information, free)
 
 
@@ -107,7 +111,7 @@ def _without_steps(machine: Machine, v: Array) -> Machine:
 def _centre(v: Array, stated: float) -> float:
     """What the variances of the joints vary about: v_j ~ centre nu / chi2(nu), and so its own."""
     n = len(v)
-    return float((_WORTH * n + _WORTH) / (np.sum(_WORTH / v) + _WORTH / stated))
+    return float((_WORTH * n + _WORTH_TYPE) / (np.sum(_WORTH / v) + _WORTH_TYPE / stated))
 
 
 def _sums(machines: Sequence[Machine], v: Array) -> tuple[Array, Array, Array]:
