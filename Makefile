@@ -3,6 +3,7 @@
 #   make run      every new or changed campaign under data/raw, to its report
 #   make test     the tests                 make test ARGS='-k rail'
 #   make slow     the tests that take long: serving, killing, many campaigns
+#   make team     two workers of a pool on PostgreSQL, one killed      make team CAMPAIGNS=200
 #   make check    format, lint, types
 #   make bench    how good and how fast, side by side with the alternatives
 #   make league   every hidden cause against the diagnosis
@@ -20,11 +21,12 @@
 #   make clean    remove .venv and the caches; data and reports stay
 
 .DELETE_ON_ERROR:
-.PHONY: run test slow check bench league open-league reference worlds paper compare example picture schema docs wheel lock clean
+.PHONY: run test slow team check bench league open-league reference worlds paper compare example picture schema docs wheel lock clean
 
 PYTHON ?=
 ARGS ?=
 BASE ?=
+CAMPAIGNS ?= 200
 UPGRADE ?=
 PY := .venv/bin/python
 PIP := $(PY) -m pip -qq --disable-pip-version-check --no-input
@@ -45,6 +47,9 @@ test: .venv/.ready
 
 slow: .venv/.ready .venv/.docs
 	@$(TESTS) -m slow $(ARGS)
+
+team: .venv/.ready
+	@TEAM_CAMPAIGNS=$(CAMPAIGNS) $(TESTS) -m slow tests/test_teams.py -k killed $(ARGS)
 
 check: .venv/.ready
 	@$(PY) -m ruff format --check .

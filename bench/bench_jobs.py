@@ -1,37 +1,124 @@
-"""`pipeline run --jobs 2` beside one process: how much sooner are copies of the demo done?"""
+"""`pipeline run --jobs 2` beside one process: how much sooner are copies of the demo done?
 
+Each is measured in rounds, in turn, so that a machine that others use meanwhile favours neither.
+What is measured is kept in `KEPT`, and a run that was stopped goes on where it was; rows of other
+code or of another number of campaigns do not count.
+"""
+
+import hashlib
+import json
 import os
+import resource
 import shutil
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from bench.timing import seconds
 from pipeline.app.shell import run_all
 from pipeline.base.executor import Processes
+from pipeline.store.campaign import code_version
 
-DEMO = Path(__file__).parents[1] / "data" / "raw" / "kr500_demo"
+PROJECT = Path(__file__).parents[1]
+DEMO = PROJECT / "data" / "raw" / "kr500_demo"
+KEPT = PROJECT / "reports" / "bench-jobs.jsonl"
 CAMPAIGNS = int(os.environ.get("JOBS_CAMPAIGNS", "40"))
-"""How many; another number for a first look."""
+"""How many in all; another number for a first look."""
+ROUNDS = 4
+JOBS = (1, 2)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One round of one engine.
+
+    Attributes:
+        code: Of the package.
+        round: Which.
+        jobs: How many processes.
+        campaigns: How many copies of the demo.
+        wall_s: Until all were done, the start of the processes with it [s].
+        processor_s: Of all processes [s].
+        answers: Hash of what the copies say, their names apart.
+    """
+
+    code: str
+    round: int
+    jobs: int
+    campaigns: int
+    wall_s: float
+    processor_s: float
+    answers: str
 
 
 @contextmanager
-def project() -> Iterator[Path]:
+def project(count: int) -> Iterator[Path]:
     """A project with so many copies of the demo."""
     with tempfile.TemporaryDirectory() as name:
-        for k in range(CAMPAIGNS):
-            shutil.copytree(DEMO, Path(name) / "data" / "raw" / f"c{k:02d}")
+        for k in range(count):
+            shutil.copytree(DEMO, Path(name) / "data" / "raw" / f"c{k:03d}")
         yield Path(name)
 
 
 def run() -> Iterator[tuple[str, float, str]]:
-    """Time of one process over that of two; their start counts."""
-    took = [_seconds(Processes(number)) for number in (1, 2)]
-    said = f"{took[0]:.0f} s and {took[1]:.0f} s for {CAMPAIGNS} campaigns, {os.cpu_count()} cores"
-    yield "one process / --jobs 2, time", took[0] / took[1], f"at most 2; {said}"
+    """Time of one process over that of two, and whether they give the same answers."""
+    rows = {jobs: [_row(number, jobs) for number in range(ROUNDS)] for jobs in JOBS}
+    wall = {jobs: sum(row.wall_s for row in mine) for jobs, mine in rows.items()}
+    used = {jobs: sum(row.processor_s for row in mine) / wall[jobs] for jobs, mine in rows.items()}
+    said = f"{wall[1]:.0f} s and {wall[2]:.0f} s for {_each() * ROUNDS} campaigns"
+    cores = f"cores used {used[1]:.2f} and {used[2]:.2f} of {os.cpu_count()}"
+    yield "one process / --jobs 2, time", wall[1] / wall[2], f"at most 2; {said}; {cores}"
+    kinds = {row.answers for mine in rows.values() for row in mine}
+    yield "different answers", len(kinds) - 1, "of all copies, whoever computed them; 0 is right"
 
 
-def _seconds(executor: Processes) -> float:
-    with project() as root:
-        return seconds(lambda: list(run_all(root, [], "local", False, executor)))
+def _each() -> int:
+    return max(CAMPAIGNS // ROUNDS, 1)
+
+
+def _row(number: int, jobs: int) -> Row:
+    """A round of an engine, measured unless it is kept; those before it in turn come first."""
+    for before in range(number + 1):
+        for engine in JOBS:
+            if (before, engine) not in kept():
+                _keep(_measured(before, engine))
+            if (before, engine) == (number, jobs):
+                break
+    return kept()[number, jobs]
+
+
+def _measured(number: int, jobs: int) -> Row:
+    with project(_each()) as root:
+        began, used = time.perf_counter(), _processor_s()
+        done = list(run_all(root, [], "local", False, Processes(jobs)))
+        wall, used = time.perf_counter() - began, _processor_s() - used
+        said = {_answer(root, one.campaign) for one in done}
+    assert len(done) == _each()
+    digest = hashlib.sha256("\n".join(sorted(said)).encode()).hexdigest()
+    return Row(code_version(), number, jobs, _each(), wall, used, digest)
+
+
+def _answer(root: Path, name: str) -> str:
+    text = (root / "reports" / name / "result.json").read_text("utf-8")
+    return text.replace(f'"{name}"', '"c"')
+
+
+def _processor_s() -> float:
+    ended = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + ended.ru_utime + ended.ru_stime
+
+
+def _keep(row: Row) -> None:
+    KEPT.parent.mkdir(exist_ok=True)
+    with KEPT.open("a", encoding="utf-8") as file:
+        file.write(json.dumps(asdict(row)) + "\n")
+
+
+def kept() -> dict[tuple[int, int], Row]:
+    """Rows of this code; a line that was cut off is none."""
+    lines = KEPT.read_text("utf-8").splitlines() if KEPT.is_file() else []
+    whole = (Row(**json.loads(line)) for line in lines if line.endswith("}"))
+    now = (code_version(), _each())
+    return {(row.round, row.jobs): row for row in whole if (row.code, row.campaigns) == now}

@@ -11,6 +11,7 @@ from urllib.parse import unquote
 import pytest
 import report_sample
 
+from pipeline.answer import archive
 from pipeline.answer.archive import finished, read
 from pipeline.app import pages
 from pipeline.app.cli import _exit_code
@@ -81,6 +82,33 @@ def test_the_later_report_says_what_changed_since_the_earlier_one(project):
 
     assert "Change since spring [%]" in pages["autumn"]
     assert "Change since" not in pages["spring"]
+
+
+@pytest.mark.xdist_group("archive")
+def test_the_campaign_before_is_found_without_reading_all(project, tmp_path, monkeypatch):
+    """Of a machine with ten earlier days, and another machine of that type, one answer is read."""
+    root = shutil.copytree(project, tmp_path / "year")
+    spring, autumn = (find(root, name) for name in ("spring", "autumn"))
+    noted = json.loads((spring.processed / "manifest.json").read_text())
+    others = {f"day{k}": {"measured": f"2025-01-{k + 10}"} for k in range(10)}
+    others["neighbour"] = {"measured": "2026-05-01", "machine": "kr500_rail, serial number 4712"}
+    for name, said in others.items():
+        folder = shutil.copytree(spring.reports, root / "reports" / name)
+        result = json.loads((folder / "result.json").read_text())
+        measured = {"campaign": name, "measured": said["measured"]}
+        (folder / "result.json").write_text(json.dumps(result | measured))
+        kept = root / "data" / "processed" / name
+        kept.mkdir()
+        source = {"source": f"data/raw/{name}"}
+        (kept / "manifest.json").write_text(json.dumps(noted | source | said))
+    asked = []
+    monkeypatch.setattr(archive, "read", lambda one: asked.append(one.name) or read(one))
+
+    before = archive.earlier(autumn, read(autumn))
+
+    assert before is not None
+    assert before.campaign == "spring"
+    assert asked == ["spring"]
 
 
 def leads(page):

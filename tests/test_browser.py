@@ -10,6 +10,7 @@ from importlib.resources import files as package_files
 import pytest
 import report_sample
 from get_browser import browser_path
+from pdf_text import pages_of
 
 from pipeline.report.model import compose
 from pipeline.report.render import render, render_overview
@@ -276,11 +277,9 @@ def test_a_smuggled_script_does_not_run(browser, tmp_path):
 
 def test_it_prints_without_cutting_a_figure(opened, tmp_path):
     """On paper every figure stands whole on one page and no control is printed."""
-    import pypdf
-
     page = opened()
     page.pdf(path=tmp_path / "print.pdf", format="A4")
-    pages = [words(p.extract_text()) for p in pypdf.PdfReader(tmp_path / "print.pdf").pages]
+    pages = [words(text) for text in pages_of((tmp_path / "print.pdf").read_bytes())]
     joined = "".join(pages)
 
     assert 3 <= len(pages) <= 18

@@ -22,7 +22,16 @@ def answer_to(name, seed):
     return asked(run._files(cell, world, record, factor)).answer
 
 
-@pytest.mark.parametrize("world", ["normal", "student3", "wander10", "memory", "poses_as_points"])
+@pytest.mark.parametrize(
+    "world",
+    [
+        "normal",
+        "student3",
+        "wander10",
+        pytest.param("memory", marks=pytest.mark.slow),
+        "poses_as_points",
+    ],
+)
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_p_value_is_that_of_the_chi_square_beside_it(world, seed):
     """In each of the three fits of an answer, whatever the machine hides and the noise does."""

@@ -113,11 +113,11 @@ def test_an_innocent_machine_is_let_go():
     "sizes",
     [
         {"rail_backlash": 1.0},
-        {"joint_tilt_3": 2.5},
+        pytest.param({"joint_tilt_3": 2.5}, marks=pytest.mark.slow),
         pytest.param({"link_bending:forearm": 2.0}, marks=pytest.mark.slow),
         pytest.param({"joint_hardening_3": 3.0}, marks=pytest.mark.slow),
         pytest.param({"joint_lost_motion_3": 2.5}, marks=pytest.mark.slow),
-        {"joint_hysteresis_4": 2.0},
+        pytest.param({"joint_hysteresis_4": 2.0}, marks=pytest.mark.slow),
         pytest.param({"compensator": 2.0}, marks=pytest.mark.slow),
         pytest.param({"chain_offset": 2.0}, marks=pytest.mark.slow),
         {"rail_roll": 1.0, "joint_hysteresis_4": 2.0},
@@ -135,7 +135,7 @@ def test_a_secret_is_named(sizes):
 @pytest.mark.parametrize(
     "name",
     [
-        "rail_joint_rocks",
+        pytest.param("rail_joint_rocks", marks=pytest.mark.slow),
         "loose_nest",
         pytest.param("shoulder_elbow_coupling", marks=pytest.mark.slow),
         pytest.param("hertzian_rollers", marks=pytest.mark.slow),

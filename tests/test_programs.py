@@ -75,6 +75,10 @@ def standing(bending, made, letters, point, numbers, tool):
     return robot.controller_matrix @ np.array(given) + robot.controller_offset
 
 
+FEW, MORE = list(range(8)), range(8, 30)
+"""Programs of each maker in every run of the tests, and in the slow ones."""
+
+
 def decimals(text):
     """Decimals of a number; of its mantissa where it has an exponent."""
     return len(re.split("[eE]", text)[0].partition(".")[2])
@@ -88,7 +92,7 @@ def step(text, kind, k, letters):
     return last * (1.0 if letters == "vector" else 1e-3) if k < 3 else 0.0
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", FEW + [pytest.param(k, marks=pytest.mark.slow) for k in MORE])
 @pytest.mark.parametrize("maker", ROBOTS)
 def test_only_coordinates_differ_and_they_cancel_the_deflection(maker, seed, tmp_path):
     """Every other byte stays; on the bending robot the corrected program is where it was taught."""

@@ -12,6 +12,7 @@ import pandas as pd
 import pypdf
 import pytest
 import report_sample
+from pdf_text import pages_of
 from pydantic import BaseModel
 from pypdf.generic import DictionaryObject
 
@@ -104,9 +105,9 @@ def words(text: str) -> str:
     return re.sub(r"[\s\u200b\u00ad\u00a0-]", "", text)
 
 
-def pdf_words(reader: pypdf.PdfReader) -> str:
+def pdf_words(content: bytes) -> str:
     """All text of a PDF without the line at the foot of its pages, as `words` gives it."""
-    pages = (page.extract_text() for page in reader.pages)
+    pages = pages_of(content)
     return words("".join(text.rpartition("\nJoint stiffness of ")[0] or text for text in pages))
 
 
@@ -378,11 +379,11 @@ def test_suspects_are_ordered_by_their_evidence(sample):
 # --- page ----------------------------------------------------------------------------------
 
 
-def test_every_stiffness_stands_in_page_and_pdf(sample, html, reader):
+def test_every_stiffness_stands_in_page_and_pdf(sample, html, files):
     """Both renderings show every joint with the same digits."""
     section = part(compose(*sample), "stiffness")
     table = next(block for block in section.blocks if isinstance(block, Table))
-    spoken = pdf_words(reader)
+    spoken = pdf_words(files["report.pdf"])
 
     for row in table.rows:
         for cell in row:
@@ -429,11 +430,11 @@ def test_pages_are_full_whatever_the_verdict(effect):
     assert broken(pages) == []
 
 
-def test_page_and_pdf_say_the_same(sample, html, reader):
+def test_page_and_pdf_say_the_same(sample, html, files):
     """Every paragraph, caption and cell of the model is in both renderings."""
     import html as escaping
 
-    page, spoken = words(escaping.unescape(html)), pdf_words(reader)
+    page, spoken = words(escaping.unescape(html)), pdf_words(files["report.pdf"])
     said = []
     for section in compose(*sample).sections:
         said.append(section.title)
@@ -502,7 +503,7 @@ def test_hostile_names_stay_names(sample):
 
     made = render(result, tables)
     html = made["index.html"].decode()
-    spoken = pdf_words(pypdf.PdfReader(io.BytesIO(made["report.pdf"])))
+    spoken = pdf_words(made["report.pdf"])
 
     assert html.count("<script>") == 1
     assert html.count("&lt;script&gt;alert(1)") > 400
@@ -562,8 +563,7 @@ def test_nothing_short_is_cut_by_a_page(files, sample):
     for lines in range(0, 40, 8):
         more = tuple(f"finding {k}" for k in range(lines))
         report = compose(result.model_copy(update={"findings": more}), tables)
-        reader = pypdf.PdfReader(io.BytesIO(pdf(report, drawings)))
-        pages = [words(page.extract_text()) for page in reader.pages]
+        pages = [words(page) for page in pages_of(pdf(report, drawings))]
         for block in (block for section in report.sections for block in section.blocks):
             if isinstance(block, Figure):
                 ends = words(AXIS[block.name]), words(block.caption)[-40:]

@@ -169,7 +169,7 @@ def runs(ask, columns="name, state_type", order="1"):
     return ask(f"select {columns} from flow_run where {tagged} order by {order}")
 
 
-@pytest.mark.timeout(5400)
+@pytest.mark.timeout(max(5400, 90 * CAMPAIGNS))
 def test_two_workers_share_campaigns_and_one_is_killed(tmp_path, team, postgres):
     """Its machine goes down in the middle: each campaign has one run that ends, and a report."""
     root, settings = team

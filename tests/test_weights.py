@@ -322,11 +322,11 @@ def torques(files, q, repeats, seed=1, offset=3.0, noise=0.5, sense=-1.0, arm=20
 def test_joint_torques_weigh_a_payload(repeats):
     """Mass and centre with honest uncertainties, whatever the sense, the offsets, the arm."""
     z, p = [], []
+    files, _, _, q = hang(MOUNTED, more=payload_tables(), poses=12)
+    if not repeats:  # each pose has one payload
+        rows = [f"{k},1,{'heavy' if k % 2 else 'light'}" for k in range(1, 13)]
+        files["loads.csv"] = "\n".join(["pose,repeat,payload", *rows]).encode()
     for seed in range(12):
-        files, _, _, q = hang(MOUNTED, more=payload_tables(), poses=12)
-        if not repeats:  # each pose has one payload
-            rows = [f"{k},1,{'heavy' if k % 2 else 'light'}" for k in range(1, 13)]
-            files["loads.csv"] = "\n".join(["pose,repeat,payload", *rows]).encode()
         case = case_of(torques(files, q, repeats, seed, sense=(-1.0) ** seed))
         found = weighed_by_torques(case)
         for name, (mass, center) in PAYLOADS.items():

@@ -153,16 +153,30 @@ def _with_manifest(root: Path) -> Iterator[tuple[Campaign, dict[str, Any]]]:
 def earlier(campaign: Campaign, answer: Answer) -> Answer | None:
     """The answer of the same robot's campaign before this one, as far as it is finished.
 
-    Only campaigns are read that can be it by their manifests, not the hundreds of a whole plant.
+    Only campaigns are read that can be it by their manifests, the last day first, not the hundreds
+    of a whole plant.
     """
-    found = []
+    by_day: dict[str, list[Campaign]] = {}
     for other, manifest in _with_manifest(campaign.root):
-        if manifest.get("robot", answer.robot) == answer.robot and precedes(
-            manifest.get("measured", _LONG_AGO), answer.measured
-        ):
-            with contextlib.suppress(UsageError):
-                found.append(read(other))
+        day = manifest.get("measured", _LONG_AGO)
+        alike = all(manifest.get(key, said) == said for key, said in _machine(answer).items())
+        if alike and precedes(day, answer.measured):
+            by_day.setdefault(day, []).append(other)
+    found = _readable(by_day.pop(_LONG_AGO, []))
+    for day in sorted(by_day, reverse=True):
+        found += _readable(by_day[day])
+        last = previous(answer, found)
+        if last is not None and str(last.measured) >= day:
+            return last
     return previous(answer, found)
+
+
+def _readable(campaigns: list[Campaign]) -> list[Answer]:
+    found = []
+    for one in campaigns:
+        with contextlib.suppress(UsageError):
+            found.append(read(one))
+    return found
 
 
 _LONG_AGO = "0000"
@@ -171,7 +185,11 @@ _LONG_AGO = "0000"
 
 def about(answer: Answer) -> dict[str, str | None]:
     """What the manifest says of an answer, so that `earlier` need not read it."""
-    return {"robot": answer.robot, "measured": answer.measured}
+    return _machine(answer) | {"measured": answer.measured}
+
+
+def _machine(answer: Answer) -> dict[str, str | None]:
+    return {"robot": answer.robot, "machine": answer.machine}
 
 
 def mark(before: Answer | None) -> str | None:
