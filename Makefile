@@ -6,6 +6,8 @@
 #   make check    format, lint, types
 #   make bench    how good and how fast, side by side with the alternatives
 #   make league   every hidden cause against the diagnosis
+#   make open-league   games from any hand, played by any program      make open-league ARGS='seal games --truth truths'
+#   make reference     our answers against twelve certified ones
 #   make worlds   campaigns with other noise, blunders, loads, payloads and instruments
 #   make paper    the paper's tables and figures, computed again
 #   make compare  every number that differs from an earlier commit      make compare BASE=HEAD~1
@@ -18,7 +20,7 @@
 #   make clean    remove .venv and the caches; data and reports stay
 
 .DELETE_ON_ERROR:
-.PHONY: run test slow check bench league worlds paper compare example picture schema docs wheel lock clean
+.PHONY: run test slow check bench league open-league reference worlds paper compare example picture schema docs wheel lock clean
 
 PYTHON ?=
 ARGS ?=
@@ -31,13 +33,18 @@ run: .venv/.ready
 	@.venv/bin/pipeline run $(ARGS) || test $$? -eq 5    # 5: done, and rows were left out, told above
 
 # One BLAS thread per worker: two workers with all cores each are slower than either alone.
-# loadgroup, because tests that share a server carry an xdist_group and must meet in one worker.
+# loadgroup, because tests that share a server carry an xdist_group and must meet in one worker;
+# in the order of tests/conftest.py, which begins with the groups.
+# Compiled modules are kept, also where the environment says otherwise: some tests start the command.
+TESTS := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= \
+	$(PY) -m pytest -q -n 2 --dist loadgroup --no-loadscope-reorder
+
 test: .venv/.ready
 	@$(PY) tests/get_browser.py
-	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PY) -m pytest -q -n 2 --dist loadgroup $(ARGS)
+	@$(TESTS) $(ARGS)
 
 slow: .venv/.ready .venv/.docs
-	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PY) -m pytest -q -n 2 --dist loadgroup -m slow $(ARGS)
+	@$(TESTS) -m slow $(ARGS)
 
 check: .venv/.ready
 	@$(PY) -m ruff format --check .
@@ -52,6 +59,12 @@ paper: .venv/.ready
 
 league: .venv/.ready
 	@$(PY) -m bench.league --page docs/league.md $(ARGS)
+
+open-league: .venv/.ready
+	@$(PY) -m bench.open_league $(ARGS)
+
+reference: .venv/.ready
+	@$(PY) -m bench.reference $(ARGS)
 
 worlds: .venv/.ready
 	@$(PY) -m bench.worlds --page docs/worlds.md $(ARGS)

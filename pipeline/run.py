@@ -13,10 +13,11 @@ import numpy as np
 import pandas as pd
 
 from pipeline import tables
-from pipeline.answer import archive
+from pipeline.answer import archive, fleet
 from pipeline.answer.answer import answer as answer_of
 from pipeline.answer.contract import Answer, Which
 from pipeline.answer.findings import Findings, Told
+from pipeline.answer.pictures import pictured
 from pipeline.answer.recommended import Basis, Values, decide, identified, joint_springs, recommend
 from pipeline.answer.reliability import control
 from pipeline.answer.standing import stood
@@ -27,7 +28,7 @@ from pipeline.answer.tables import (
     residuals_table,
     system_table,
 )
-from pipeline.base.errors import InputError, at
+from pipeline.base.errors import InputError, at, listed
 from pipeline.diagnosis.diagnose import diagnose
 from pipeline.diagnosis.drift import drift
 from pipeline.diagnosis.facts import Diagnosis
@@ -35,12 +36,14 @@ from pipeline.diagnosis.tables import apart_table, clues_table, examined_table
 from pipeline.diagnosis.verdict import verdict
 from pipeline.faults.conventions import conventions
 from pipeline.faults.screen import Screened, acquit, screen, screen_again
+from pipeline.machine.effect import Effect
 from pipeline.machine.effects import catalogue
 from pipeline.machine.effects.tracker_drift import by_order
 from pipeline.machine.robot import Robot
 from pipeline.machine.room import room_of
 from pipeline.prediction import handover
 from pipeline.prediction.model import Model
+from pipeline.prediction.tolerance import Shown, asked, judge
 from pipeline.prediction.validate import none as no_validation
 from pipeline.prediction.validate import validate
 from pipeline.prediction.workspace import none as no_workspace
@@ -54,6 +57,7 @@ from pipeline.reduction.pose_of_interest import Where, place_of_interest
 from pipeline.reduction.register import timed
 from pipeline.report import workbook
 from pipeline.report.render import render
+from pipeline.report.wear import told
 from pipeline.store.campaign import Campaign, Raw, dump
 from pipeline.system import alarms
 from pipeline.system.fit import Fitted, fit
@@ -152,14 +156,16 @@ def _compute(campaign: Campaign, raw: Raw, step: Step) -> Answer:
         **found.files,
         **workbook.files(found.answer, found.shown),
     }
-    pages = step(render)(found.answer, found.shown, run_time_s, before, list(answers))
-    told = {
+    wear = told(found.answer, fleet.wear(campaign.root))  # as known before this campaign
+    pages = step(render)(found.answer, found.shown, run_time_s, before, list(answers), wear)
+    about = {
         "run_time_s": run_time_s,
         "previous": archive.mark(before),
+        "wear": wear,
         "verdict": str(found.answer.diagnosis.verdict),
         **archive.about(found.answer),
     }
-    campaign.finish(raw.key, answers | pages, told)
+    campaign.finish(raw.key, answers | pages, about)
     return found.answer
 
 
@@ -188,6 +194,7 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
         return Answered(end.answer, end.shown, end.model, end.files)
     raw.settings.within_reach(raw.files[_LAST_RESORT].decode("utf-8", "replace"))
     case = ingested(raw, keep, step, plausible=False)
+    path = asked(raw.settings.tolerance, raw.files, case.robot, case.tool)
     case, reduced, pose = step(as_measured)(case, bring(case, keep, step))
     _enough(reduced.data, raw.robot)
     screened = step(screen)(case, reduced)
@@ -217,6 +224,9 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
     else:
         paper = told
     controls, carried = step(control)(values, where)
+    hardest_n = float(np.linalg.norm(right.data.pulls.force, axis=1).max())
+    shown_m = Shown(told.model.held_out_m, hardest_n)
+    most_m = 1e-3 * raw.settings.tolerance.deflection_mm if raw.settings.tolerance else np.inf
     found = Findings(
         campaign=name,
         raw=raw,
@@ -231,6 +241,7 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
         where=where,
         control=controls,
         carried=carried,
+        judged=step(judge)(told.model, where.q, where.force, shown_m, path, most_m),
         one_pose=pose,
     )
     shown = {**right.reduced.shown, "rejected": case.rejected, **_kept(found, keep, step)}
@@ -275,7 +286,7 @@ def _kept(found: Findings, keep: Keep, step: Step) -> dict[str, pd.DataFrame]:
     soft = step(workspace)(mine, where)
     other = no_workspace() if found.mistakes or alone is mine else workspace(alone, where)
     checked = no_validation() if found.told.checked is None else found.told.checked
-    return {
+    return pictured(found, keep, step) | {
         "residuals": keep("42_residuals", residuals, tables.RESIDUALS),
         "reliability": keep("43_reliability", found.control, tables.RELIABILITY),
         "examined": keep("50_examined", examined, tables.examined(found.raw.robot)),
@@ -283,15 +294,22 @@ def _kept(found: Findings, keep: Keep, step: Step) -> dict[str, pd.DataFrame]:
         "separability": keep("52_separability", apart_table(said), tables.SEPARABILITY),
         "validation": keep("60_validation", checked, tables.VALIDATION),
         "workspace": keep("61_workspace", soft, tables.WORKSPACE),
+        **_path(found, keep),
         "workspace_joint_springs": keep("62_workspace_joint_springs", other, tables.WORKSPACE),
     }
+
+
+def _path(found: Findings, keep: Keep) -> dict[str, pd.DataFrame]:
+    """The machining path, where [tolerance] names one."""
+    path = found.judged.path
+    return {} if path is None else {"path": keep("63_path", path, tables.PATH)}
 
 
 def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosis:
     """What the model gets wrong; every diagnosis draws alike."""
     rng = np.random.default_rng(_SEED)
     cell, data = right.case.cell, right.data
-    scale, effects = float(right.noise.scale[0]), catalogue(cell.robot, data.pulls)
+    scale, effects = float(right.noise.scale[0]), _expected(right.case, data)
     if not timed(right.case.readings):
         effects = by_order(effects)
     wander = right.shape.wander
@@ -300,6 +318,28 @@ def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosis:
     room = room_of(cell.robot, cell.tool.named, right.case.settings, hardest_n)
     told = right.noise, right.shape, room
     return step(diagnose)(cell, data, right.estimate, where, rng, effects, moved, *told)
+
+
+def _expected(case: Case, data: Measured) -> tuple[Effect, ...]:
+    """The catalogue, with the odds and sizes that campaign.toml takes from other campaigns.
+
+    Raises:
+        InputError: It names a cause that this robot and these loads cannot have.
+    """
+    effects, priors = catalogue(case.robot, data.pulls), case.settings.priors
+    known = sorted({effect.name for effect in effects})
+    if strange := sorted(set(priors) - set(known)):
+        raise InputError(
+            f"[priors] has {listed(strange)}, which no cause here is called",
+            f"remove it, or use one of {listed(known, len(known))}",
+            file=_LAST_RESORT,
+        )
+    return tuple(
+        replace(one, odds=priors[one.name].odds, size=priors[one.name].size)
+        if one.name in priors
+        else one
+        for one in effects
+    )
 
 
 def _settled(right: Fitted, said: Diagnosis, where: Where, step: Step) -> tuple[Fitted, Diagnosis]:

@@ -289,6 +289,119 @@ WORKSPACE = _promise(
 )
 """How soft the robot is over the plane that its arm sweeps."""
 
+SCENE = _promise(
+    "scene",
+    "pose,part,name",
+    _count("pose", "pose as in `poses`, 0 for what stands still"),
+    _word("part", "base, carriage, arm, tool, tracker or reflector"),
+    _text("name", "joint that carries it, or name of the point"),
+    *_axes("from_{}_m", "m", "one end, F_b"),
+    *_axes("to_{}_m", "m", "other end, F_b; the same for a point"),
+    _number("radius_m", "m", "how thick it is, 0 for a point"),
+)
+"""What stands in the cell, as capsules (lines with a radius), at the poses that are drawn."""
+
+POSES = _promise(
+    "poses",
+    "pose",
+    _count("pose", "number in the picture; that of the pose where these are unique"),
+    _text("label", "what the pose is called"),
+    _text("file", "export that holds its readings, or table of displacements"),
+    _col("first_line", I64, "1", "its first line there, null when unknown", nullable=True),
+    _col("last_line", I64, "1", "its last line there, null when unknown", nullable=True),
+    _text("joints_file", "log that holds its joint values"),
+    _col("joints_line", I64, "1", "line there", nullable=True),
+    _count("pulls", "loads that it was measured under"),
+    _number("force_n", "N", "the largest of them, NaN for the arm's own weight alone"),
+)
+"""The poses of `scene`, and where their numbers come from."""
+
+VECTORS = _promise(
+    "vectors",
+    "pose,target",
+    _count("pose", "pose as in `poses`"),
+    _TARGET,
+    *_axes("{}_m", "m", "unloaded position, F_b; measured, or nominal where only moves are known"),
+    *_axes("moved_{}_m", "m", "displacement under the largest pull; of positions: off nominal"),
+    *_axes("left_{}_m", "m", "what the recommended model leaves of it"),
+    *_six("c{}_m2", "m^2", "covariance of {} and {} of the displacement, NaN when unknown"),
+)
+"""What the reflectors of `scene` did."""
+
+MODELS = _promise(
+    "models",
+    "row",
+    *_ROW,
+    _number("measured_m", "m", "displacement as measured, F_b"),
+    _number("nominal_m", "m", "with the stiffnesses of the robot file, NaN where it states none"),
+    _number("joint_springs_m", "m", "with the joint springs as identified"),
+    _number("recommended_m", "m", "with the model that the answer stands for"),
+)
+"""Every displacement as the models give it."""
+
+ENOUGH = _promise(
+    "enough",
+    "poses,parameter",
+    _count("poses", "how many, in the order of measuring; beyond those measured: all once more"),
+    _text("parameter", "name of the stiffness"),
+    _number("relative_std", "1", "its relative standard uncertainty; infinite: not determined"),
+)
+"""How uncertain each stiffness would be had fewer poses been measured, or all of them twice."""
+
+LAWS = _promise(
+    "laws",
+    "cause,part,pose,repeat",
+    _text("cause", "identified cause, name:where"),
+    _count("part", "which of its motions or parameters, from 1"),
+    *_PULL,
+    _text("of", "what `x` is: torque, force, load or time"),
+    _text("x_unit", "unit of x"),
+    _number("x", "see x_unit", "what the law is of"),
+    _text("is", "what `y` is: turn, shift, or the name of a parameter"),
+    _text("y_unit", "unit of y"),
+    _number("y", "see y_unit", "as this pull alone gives it, all else as identified"),
+    _number("y_std", "see y_unit", "its standard uncertainty from the scatter of the residuals"),
+    _number("law", "see y_unit", "as the law has it"),
+)
+"""Laws of identified causes beside what each pull says of them."""
+
+ARM = _promise(
+    "arm",
+    "joint",
+    _count("joint", "joint that carries this part"),
+    *[
+        _number(f"{end}_{what}_m", "m", f"{what} of one end in the arm's plane, test pose")
+        for end in ("from", "to")
+        for what in ("reach", "height")
+    ],
+    _number("radius_m", "m", "how thick it is"),
+)
+"""The arm at the test pose in the plane of `workspace`."""
+
+CURVE_READINGS = _promise(
+    "curve_readings",
+    "joint,q",
+    _count("joint", "number of the joint, from 1"),
+    _number("q", "m or rad", "joint value, mean of the poses together"),
+    _number("error", "m or rad", "how much more the joint moves than its encoder says, their mean"),
+    _number("error_std", "m or rad", "standard uncertainty of the mean, from their scatter"),
+    _count("poses", "how many poses"),
+)
+"""What the poses say of the curves of the joints, all else as identified."""
+PATH = _promise(
+    "path",
+    "point",
+    _count("point", "place in the path, from 1"),
+    _count("pose", "number of the point in the file"),
+    *_axes("{}_m", "m", "load point without load, F_b"),
+    *_axes("f{}_n", "N", "force at the load point, F_b"),
+    *_axes("d{}_m", "m", "predicted deflection of the load point, F_b"),
+    _number("deflection_m", "m", "its length d"),
+    _number("std_m", "m", "its standard uncertainty u; infinite: a spring is not determined"),
+    _text("decision", "pass, fail or undecided by ISO 14253-1"),
+)
+"""The machining path of [tolerance], point by point."""
+
 
 def positions(robot: Robot) -> pa.Schema:
     """Absolute positions as they were read, in the frame of the instrument."""

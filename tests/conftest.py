@@ -18,6 +18,27 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # a shell's background jo
 SEED = 20261103
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """What a module makes once is made in one worker, and such groups begin before single tests.
+
+    Without that each worker makes every fixture of a module, and a long group that begins last
+    keeps one worker busy while the other has nothing left.
+    """
+    if not hasattr(config, "workerinput"):
+        return
+    for item in items:
+        if item.get_closest_marker("xdist_group") is None and _shares(item):
+            item.add_marker(pytest.mark.xdist_group(item.path.stem))
+    items.sort(key=lambda item: item.get_closest_marker("xdist_group") is None)
+
+
+def _shares(item: pytest.Item) -> bool:
+    """Whether a test asks for a fixture that its module makes once."""
+    known = item._fixtureinfo.name2fixturedefs  # type: ignore[attr-defined]  # nothing public tells
+    return any(one.scope == "module" for found in known.values() for one in found)
+
+
 @pytest.fixture
 def unseen(monkeypatch: pytest.MonkeyPatch) -> None:
     """Runs in this process leave blank pages: drawing is two thirds of a run on a few poses."""

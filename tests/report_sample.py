@@ -103,6 +103,24 @@ def _content() -> dict[str, Any]:
             },
         },
         "test_pose_deflection": moved,
+        "test_pose": {
+            "deflection_mm": 0.4231,
+            "std_mm": 0.0331,
+            "axes": [{"name": "E1", "value": 8.5, "unit": "m"}],
+            "force_n": [-124.5, -175.4, -209.1],
+            "stated": True,
+        },
+        "tolerance": {"deflection_mm": 0.5, "test_pose": "pass", "path": _judged()},
+        "identity": {
+            "first": "2026-11-03T08:00:08",
+            "last": "2026-11-03T10:31:40",
+            "operator": None,
+            "temperature_c": 21.5,
+            "scale": {"serial": "S-17", "certificate": None, "calibrated": "2026-03-01"},
+            "poses": 16,
+            "pulls": 48,
+            "force_n": [1000.0, 3000.0],
+        },
         "registration": {
             "rms_mm": 0.041,
             "max_mm": 0.083,
@@ -135,6 +153,44 @@ def _content() -> dict[str, Any]:
         ],
         "versions": {"pipeline": "0.1.0", "numpy": "2.4.6"},
     }
+
+
+def _judged() -> dict[str, Any]:
+    """A path of six points, of which the first four pass and the last fails."""
+    stretches = [("pass", 1, 4, 0.41), ("undecided", 5, 5, 0.48), ("fail", 6, 6, 0.61)]
+    return {
+        "file": "part.csv",
+        "points": 6,
+        "decision": "fail",
+        "stretches": [
+            {
+                "deflection_mm": mm,
+                "std_mm": 0.0331,
+                "decision": decision,
+                "first": first,
+                "last": last,
+                "points": last - first + 1,
+                "at": last,
+            }
+            for decision, first, last, mm in stretches
+        ],
+    }
+
+
+def _path() -> pd.DataFrame:
+    at = np.arange(6)
+    return pd.DataFrame(
+        {
+            "point": at + 1,
+            "pose": at + 1,
+            "x_m": 1.0 + 0.1 * at,
+            "y_m": 8.0 + 0.2 * at,
+            "z_m": 1.2,
+            "deflection_m": 1e-3 * np.array([0.2, 0.3, 0.35, 0.41, 0.48, 0.61]),
+            "std_m": 3.31e-5,
+            "decision": ["pass"] * 4 + ["undecided", "fail"],
+        }
+    )
 
 
 def _joint(number: int, nominal: float) -> dict[str, Any]:
@@ -276,13 +332,105 @@ def tables(seed: int = 20261103, poses: int = 16) -> dict[str, pd.DataFrame]:
         ],
         "registration": _registration(rng),
         "validation": _validation(rng),
+        "path": _path(),
         "workspace": _workspace(),
         "workspace_joint_springs": _workspace().eval("worst_m_per_n = 1.1 * worst_m_per_n"),
         "examined": _examined(rows),
         "diagnosis": _suspects(),
         "separability": _separability(),
         "rejected": pd.DataFrame({"file": [], "line": [], "reason": []}),
+        "models": _models(rows),
+        "enough": _enough(),
+        "covariance": _covariance(),
+        "laws": _laws(rng, pulls),
+        "arm": _arm(),
+        **_cell(points, rows),
     }
+
+
+_XYZ = ("x", "y", "z")
+
+
+def _models(rows: pd.DataFrame) -> pd.DataFrame:
+    """The robot file is a tenth too stiff."""
+    moved = rows[["dx_m", "dy_m", "dz_m"]].to_numpy()[
+        np.arange(len(rows)), np.arange(len(rows)) % 3
+    ]
+    told = rows[["pose", "repeat", "target", "axis"]].assign(measured_m=moved)
+    return told.assign(
+        nominal_m=0.9 * moved,
+        joint_springs_m=moved - 2 * rows["residual_m"],
+        recommended_m=moved - rows["residual_m"],
+    )
+
+
+def _enough() -> pd.DataFrame:
+    """Twice the poses, a seventh less uncertain; joint 7 is not determined."""
+    counts = [2, 4, 8, 16, 32]
+    table = pd.MultiIndex.from_product([counts, range(1, 8)], names=["poses", "joint"])
+    out = table.to_frame(index=False)
+    out["parameter"] = ["k_r1" if j == 1 else f"k_theta{j}" for j in out["joint"]]
+    share = 0.02 * out["joint"] / np.sqrt(out["poses"])
+    out["relative_std"] = np.where(out["joint"] == 7, np.inf, share)
+    return out.drop(columns="joint")
+
+
+def _covariance() -> pd.DataFrame:
+    """Joints 3 and 4 go together; joint 7 is not determined."""
+    names = ["c_r1", *(f"c_theta{j}" for j in range(2, 8)), "c_roll"]
+    cov = 1e-16 * np.eye(8)
+    cov[2, 3] = cov[3, 2] = -0.8e-16
+    cov[6, 6] = np.inf
+    return pd.DataFrame(cov, columns=names).assign(parameter=names)
+
+
+def _laws(rng: np.random.Generator, pulls: pd.DataFrame) -> pd.DataFrame:
+    """A carriage that rolls in proportion to the torque."""
+    x = 2000 * rng.uniform(-1, 1, len(pulls))
+    law = 2.1e-8 * x
+    out = pulls[["pose", "repeat"]].assign(cause="rail_roll", part=1, x=x, law=law, y_std=3e-6)
+    out = out.assign(y=law + 3e-6 * rng.standard_normal(len(x)))
+    return out.assign(of="torque", x_unit="N m", y_unit="rad").assign(**{"is": "turn"})
+
+
+def _arm() -> pd.DataFrame:
+    ends = [(0.0, 1.0, 0.9, 1.9), (0.9, 1.9, 2.2, 1.6)]
+    names = ["from_reach_m", "from_height_m", "to_reach_m", "to_height_m"]
+    return pd.DataFrame(ends, columns=names).assign(joint=[2, 3], radius_m=[0.3, 0.2])
+
+
+def _cell(points: pd.DataFrame, rows: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """A rail, a tracker beside it, and an arm of two links that ends at its reflectors."""
+    left = rows.pivot_table(index=["pose", "repeat", "target"], columns="axis", values="residual_m")
+    kept = points[points["repeat"] == REPEATS].reset_index(drop=True)
+    last = left.xs(REPEATS, level="repeat").reset_index()
+    vectors = pd.DataFrame({"pose": kept["pose"], "target": kept["target"]})
+    for a in _XYZ:
+        vectors[f"{a}_m"], vectors[f"moved_{a}_m"] = kept[f"zero_{a}_m"], kept[f"d{a}_m"]
+        vectors[f"left_{a}_m"] = last[a].to_numpy()
+    for pair in ("xx", "xy", "xz", "yy", "yz", "zz"):
+        vectors[f"c{pair}_m2"] = 1e-9 if pair[0] == pair[1] else 0.0
+    bodies = [_body(0, "base", "base", (0, -0.5, -0.4), (0, 18.5, -0.4), 0.4)]
+    bodies.append(_body(0, "tracker", "tracker", (6.0, 9.0, 0.7), (6.0, 9.0, 0.7), 0.0))
+    bodies.append(_body(0, "reflector", "B1", (0.6, -0.5, -0.3), (0.6, -0.5, -0.3), 0.0))
+    for pose, group in vectors.groupby("pose"):
+        end = group[["x_m", "y_m", "z_m"]].mean().to_numpy()
+        foot, elbow = np.array([0, end[1], 0.3]), np.array([0.6, end[1], 1.6])
+        bodies.append(_body(pose, "arm", "theta2", foot, elbow, 0.3))
+        bodies.append(_body(pose, "arm", "theta3", elbow, end, 0.2))
+        bodies.append(_body(pose, "tool", "P1", end, group.iloc[0, 2:5], 0.03))
+    number = np.sort(vectors["pose"].unique())
+    poses = pd.DataFrame({"pose": number, "label": [f"Pose {n}" for n in number]})
+    first = 6 + 21 * np.arange(len(number))
+    poses = poses.assign(file="tracker.csv", first_line=first, last_line=first + 20)
+    poses = poses.assign(joints_file="joints.csv", joints_line=number + 1, pulls=3, force_n=3000.0)
+    return {"scene": pd.DataFrame(bodies), "poses": poses, "vectors": vectors}
+
+
+def _body(pose: Any, part: str, name: str, start: Any, end: Any, radius: float) -> dict[str, Any]:
+    ends = {"from": np.asarray(start, float), "to": np.asarray(end, float)}
+    at = {f"{key}_{a}_m": one[k] for key, one in ends.items() for k, a in enumerate(_XYZ)}
+    return {"pose": int(pose), "part": part, "name": name, **at, "radius_m": radius}
 
 
 def _registration(rng: np.random.Generator) -> pd.DataFrame:

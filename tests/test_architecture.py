@@ -1,12 +1,15 @@
 """The walls of the house, read from the code's own imports."""
 
 import ast
+import functools
 import graphlib
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+pytestmark = pytest.mark.xdist_group("architecture")  # every file is parsed once
 
 PACKAGE = Path(__file__).parents[1] / "pipeline"
 CORE = (
@@ -21,14 +24,21 @@ CORE = (
     "design",
     "simulate",
     "geometry",
+    "wear",
 )
 OUTSIDE = {"prefect", "typer", "matplotlib", "filelock", "jinja2", "typst"}
 LATE = ("pinocchio", "prefect", "matplotlib", "scipy", "pandas", "pyarrow", "numpy")
 
 
+@functools.cache
+def nodes(path):
+    """Everything that is written in a file."""
+    return tuple(ast.walk(ast.parse(path.read_text("utf-8"))))
+
+
 def imports(path):
     """Every module that a file imports, also inside functions."""
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+    for node in nodes(path):
         if isinstance(node, ast.Import):
             yield from (name.name for name in node.names)
         elif isinstance(node, ast.ImportFrom) and node.level == 0:
@@ -49,7 +59,7 @@ def test_the_core_does_not_open_files(path):
     """Bytes come in and go out as values; only robot and model files are found by path."""
     names = {
         node.func.id
-        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        for node in nodes(path)
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
     }
 
@@ -107,6 +117,7 @@ ORDER = (
     "reduction",
     "store",
     "system",
+    "wear",
     "geometry",
     "faults",
     "diagnosis",
@@ -135,8 +146,7 @@ def test_every_package_imports_only_those_below_it():
 
 def used(path):
     """Modules, and what may be one: `from pipeline import files` uses pipeline.files."""
-    tree = ast.parse(path.read_text("utf-8"))
-    froms = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and not node.level]
+    froms = [node for node in nodes(path) if isinstance(node, ast.ImportFrom) and not node.level]
     return {f"{node.module}.{name.name}" for node in froms for name in node.names} | set(
         imports(path)
     )

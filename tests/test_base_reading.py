@@ -11,7 +11,7 @@ from small_case import small
 from pipeline.faults import reading
 from pipeline.faults.base_reading import _when, base_outlier, shifts
 from pipeline.faults.base_reflector import _freed, base_target
-from pipeline.reduction.register import XYZ, _agreeing, register
+from pipeline.reduction.register import XYZ, agreeing, register
 from pipeline.system import alarms
 
 CORNERS = {"B1": [1, -0.5, -0.3], "B2": [1, 15, -0.3], "B3": [-1, 15, 0.2], "B4": [-1, -0.5, 0]}
@@ -233,7 +233,7 @@ def test_the_start_holds_with_fewer_than_half_of_the_readings_bad(rounds):
     bad = rng.permutation(len(points))[: max(len(points) // 2 - 2, 1)]
     points[bad] = rng.uniform(-10, 10, (len(bad), 3))
 
-    agree = _agreeing(points, nominal)
+    agree = agreeing(points, nominal)
 
     assert sorted(np.flatnonzero(~agree)) == sorted(bad)
 

@@ -224,6 +224,20 @@ def test_how_far_the_reflectors_miss_is_what_moves_within_a_pose():
     assert anchored_miss(replace(good(), settings=bare)) is None
 
 
+def test_a_base_reading_metres_off_turns_no_base_frame():
+    """One of all rounds: the frame is that of the others, and no place is wrong."""
+    case = good()
+    rows = case.readings
+    base = rows.index[rows["pose"].isna()]
+    off = rows.copy()
+    off.loc[base[1], XYZ] = rows.loc[base[1], XYZ].to_numpy(float) + np.array([3.0, -2, 2])
+    bad = replace(case, readings=off)
+
+    assert anchored_miss(bad) == pytest.approx(anchored_miss(case), abs=1e-4)
+    assert conventions(bad) == []
+    assert placement(bad) == []
+
+
 def turned_base(case):
     """[base_frame] measured along the other edge of the plate: a right angle and a metre off."""
     turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])

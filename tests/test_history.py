@@ -57,18 +57,6 @@ def test_campaigns_of_a_steady_robot_are_rarely_flagged():
     assert flagged <= 20  # 1 % of 1000 and 3 standard deviations
 
 
-def test_a_drift_is_flagged_at_its_joint_and_measured():
-    """A joint that softens by five standard uncertainties a year is named, with its rate."""
-    found = [trends(years(np.random.default_rng(seed), 5e-9)) for seed in range(100)]
-
-    assert sum(d[0].sure for d in found) >= 99
-    assert sum(any(d.sure for d in rest[1:]) for rest in found) <= 4
-    rates = np.array([(d[0].percent_a_year, d[0].percent_a_year_std) for d in found])
-    pull = (rates[:, 0] + 100 * 5e-9 / (2e-7 + 1.25 * 5e-9)) / rates[:, 1]
-    assert abs(pull.mean()) < 0.4
-    assert 0.8 < pull.std() < 1.25
-
-
 def test_a_step_without_a_trend_is_flagged_too():
     """One campaign that stands apart is seen, dated or not."""
     rng = np.random.default_rng(4)
@@ -80,7 +68,6 @@ def test_a_step_without_a_trend_is_flagged_too():
     found = trends(results)
 
     assert [d.sure for d in found] == [False, True, False]
-    assert found[1].percent_a_year is None
 
 
 def test_two_campaigns_differ_with_the_stated_frequency():
@@ -228,7 +215,7 @@ def test_a_campaign_says_what_changed_since_the_previous_one():
     before = result.model_copy(update={"campaign": "kr500-spring", "stiffness": joints})
 
     report = compose(result, tables, previous=before)
-    stiffness = report.sections[0]
+    stiffness = next(one for one in report.sections if one.key == "stiffness")
     table = next(b for b in stiffness.blocks if isinstance(b, Table))
     findings = [b.text for b in stiffness.blocks if getattr(b, "tone", "") == "finding"]
 
@@ -246,7 +233,7 @@ def test_the_overview_lists_all_and_flags_the_one_that_changed():
     page = render_overview(results).decode()
 
     assert report.tone == "attention"
-    assert "k_0 changed by more than chance explains" in report.sentences[-1]
+    assert "k_0 changed by more than chance explains" in report.first[-1].text
     assert len(report.sections[0].blocks[0].rows) == 7
     assert 'href="c3/index.html"' in page
     assert 'href="solo%20%3Cb%3E/index.html"' in page

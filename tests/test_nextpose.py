@@ -308,8 +308,9 @@ def test_a_candidate_is_pulled_after_all_that_was_measured(asked):
     assert set(among.pulls.approach) == {-1.0, 1.0}
 
 
-def series(sigmas, weight=(0.5,), far=None, rivals=True, most=4):
+def series(sigmas, weight=(0.5,), far=None, rivals=True, most=4, stand=None):
     """Poses chosen where products count candidates and squared sigmas add up."""
+    stand = np.arange(len(sigmas)) if stand is None else np.array(stand)
     gains = np.square(np.array(sigmas, float))  # by candidate and pair
     contest = SimpleNamespace(
         M=np.zeros(gains.shape[1]),
@@ -318,16 +319,22 @@ def series(sigmas, weight=(0.5,), far=None, rivals=True, most=4):
         leverage=lambda more: np.array(far or np.arange(len(more)), float),
         rivals=rivals,
     )
-    return _series(contest, gains, np.ones(gains.shape[1], bool), most)
+    return _series(contest, gains, stand, np.ones(gains.shape[1], bool), most)
 
 
 def test_poses_are_added_until_the_chance_of_a_wrong_name_is_small():
     """Counted from what is known: sqrt(p q) exp(-d^2 / 8) of two in a thousand."""
-    chosen, apart = series([[1.0], [6.0]])
-    assert chosen == [1, 1]
+    chosen, apart = series([[1.0], [6.0], [6.0]])
+    assert chosen == [1, 2]
     np.testing.assert_allclose(apart[:, 0], [0.0, 6.0, np.sqrt(72)])
-    assert len(series([[3.0]])[0]) == 4
-    assert len(series([[3.0]], most=2)[0]) == 2
+    assert len(series([[3.0]] * 6)[0]) == 4
+    assert len(series([[3.0]] * 6, most=2)[0]) == 2
+
+
+def test_no_pose_is_proposed_twice():
+    """Strong and weak pulls at one pose are two candidates, of which one is taken."""
+    assert series([[1.0], [6.0], [5.0]], stand=[0, 1, 1])[0] == [1, 0]
+    assert series([[3.0]])[0] == [0]
 
 
 def test_of_poses_that_are_enough_the_best_foretold_is_taken():

@@ -128,3 +128,30 @@ def test_positions_beside_a_tracker_are_two_ways_in(tmp_path):
 
     with pytest.raises(InputError, match="keep one way in"):
         find(tmp_path, "two").settings()
+
+
+def test_the_picture_shows_where_the_robot_stands(hall):
+    """Rods of the effector end at its target; the model takes off most of what is off nominal."""
+    root, _ = hall
+    read = {
+        name: pd.read_parquet(root / "data" / "processed" / "hall" / f"{name}.parquet")
+        for name in ("70_scene", "71_poses", "72_vectors", "50_curves", "51_curve_readings")
+    }
+    rods = read["70_scene"].query("part == 'tool'").drop_duplicates("pose").set_index("pose")
+    vectors = read["72_vectors"].set_index("pose")
+    axes = ["x_m", "y_m", "z_m"]
+    ends = rods.loc[vectors.index, [f"to_{a}" for a in axes]].to_numpy()
+    moved, left = (
+        np.linalg.norm(vectors[[f"{kind}_{a}" for a in axes]], axis=1) for kind in ("moved", "left")
+    )
+
+    assert np.abs(ends - vectors[axes].to_numpy()).max() < 0.01  # laws of joints: a milliradian
+    assert np.median(left) < 0.5 * np.median(moved)
+    for row in read["71_poses"].to_dict("records"):
+        line = (
+            (root / "data/raw/hall" / row["file"]).read_text().splitlines()[row["first_line"] - 1]
+        )
+        assert len(line.split(";")) == 12
+        assert "9000,0" not in line  # the pose that was left out is not drawn
+    assert (read["51_curve_readings"]["poses"] > 0).all()
+    assert set(read["51_curve_readings"]["joint"]) == set(read["50_curves"]["joint"])

@@ -117,6 +117,34 @@ def test_what_a_killed_run_or_somebody_took_away_is_made_again(lost, project):
     assert ask(project, question) == before
 
 
+def worn(root):
+    """The three campaigns half a year apart, the second joint's compliance growing by a third."""
+    for k, name in enumerate(NAMES):
+        stiffness = result(root, name)["stiffness"]
+        stiffness[1]["compliance"] *= 1 + k / 3
+        said = {"history": [{"date": "2026-06-01", "joints": [2], "what": "gearbox"}]}
+        unit = {"serial": "17", "certificate": None, "calibrated": None} | (said if k > 2 else {})
+        day = f"2026-0{1 + 3 * k}-05"
+        rewritten(root, name, measured=day, stiffness=stiffness, robot_unit=unit)
+
+
+def test_wear_is_made_of_the_answers(project):
+    """Of dated campaigns of one machine, with the covariance that their runs kept."""
+    worn(project)
+    rows = ask(project, "SELECT robot_serial, name, campaigns, percent_a_year, std, scatter_stated "
+                        "FROM wear ORDER BY joint").rows  # fmt: skip
+    said = {name: {j["name"]: j for j in result(project, name)["stiffness"]} for name in NAMES}
+
+    assert [row[:3] for row in rows] == [("17", f"k_theta{k}", 3) for k in range(1, 7)]
+    relative = said["first"]["k_theta2"]["compliance_std"] / said["b"]["k_theta2"]["compliance"]
+    assert rows[1][3] == pytest.approx(-101, abs=8)  # a third a quarter, over the mean of 4/3
+    assert rows[1][4] > 100 * relative
+    assert rows[5][3] is None, "joint 6 is not determined"
+    (one,) = fleet.wear(project)
+    assert (one.machine, one.campaign, one.followed) == (
+        "fanuc_r2000ic, serial number 17", "=c", True)  # fmt: skip
+
+
 def test_a_run_writes_its_rows(tmp_path):
     """The command `run`, before anybody asks; a partition of the robot, for other programs."""
     shutil.copytree(KEPT, tmp_path / "data" / "raw" / "a")
@@ -158,7 +186,8 @@ def test_the_questions_of_the_guide_are_answered(query, finished):
     found = ask(finished, query)
 
     asks_adequate = "'adequate'" in query or "nominal - value" in query
-    assert found.rows or asks_adequate
+    asks_dated = "FROM wear" in query
+    assert found.rows or asks_adequate or asks_dated
 
 
 def test_the_guide_has_every_column():
@@ -166,7 +195,7 @@ def test_the_guide_has_every_column():
     text = (HERE / "docs" / "query.md").read_text("utf-8")
 
     assert len(queries()) >= 10
-    for name, promise in fleet.PROMISED.items():
+    for name, promise in fleet.VIEWS.items():
         section = re.search(rf"^### `{name}`.*?\n\n(.*?)(?=^###|\Z)", text, re.S | re.M)[1]
         _, _, *rows = section.strip().splitlines()
         assert rows == [

@@ -4,6 +4,7 @@ import io
 import re
 import types
 import xml.etree.ElementTree as ET
+from collections.abc import Iterable
 from typing import Union, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -18,10 +19,13 @@ from pipeline.answer.contract import Answer, Odd, Remark, Stiffness
 from pipeline.base import quantities as numbers
 from pipeline.report.figures.catalogue import CATALOGUE
 from pipeline.report.model import compose
-from pipeline.report.record import Figure, Table, Text
+from pipeline.report.record import Column, Entry, Figure, Report, Section, Table, Text
 from pipeline.report.render import pdf, render
 from pipeline.report.sections.stiffness import stiffness
 from pipeline.report.summaries import courses
+from pipeline.run import answered
+from pipeline.simulate import Plan, simulate
+from pipeline.store.campaign import in_memory
 
 HOSTILE = (
     "<script>alert(1)</script> #panic(\"x\") $x$ *b* _i_ `c` @ref ]] \\u{41} 'q' &amp; {{ 7*7 }}"
@@ -53,18 +57,22 @@ def reader(files):
 
 
 ORDER = [
+    "identity",
     "stiffness",
     "diagnosis",
     "test-pose",
     "validation",
+    "cell",
     "residuals",
     "budget",
+    "enough",
     "registration",
     "rejected",
     "method",
 ]
 AXIS = {
     "stiffness": "Stiffness [% of nominal]",
+    "path": "Point of the path, in order",
     "prediction": "Relative error of the predicted deflection [%]",
     "measured": "Measured displacement [mm]",
     "pose-rms": "Pose",
@@ -78,7 +86,17 @@ AXIS = {
     "separability": "roll of the carriage about the rail",
     "workspace": "Reach from the shoulder axis [m]",
     "registration": "Reading of a base reflector, in order",
+    "models": "Measured minus predicted [mm]",
+    "laws": "Torque about its axis [N m]",
+    "enough": "Poses, in the order of measuring",
+    "correlation": "c_theta3",
+    "scene": "measured deflection, ",
 }
+
+
+def part(report, key):
+    """A section of a report."""
+    return next(one for one in report.sections if one.key == key)
 
 
 def words(text: str) -> str:
@@ -90,6 +108,27 @@ def pdf_words(reader: pypdf.PdfReader) -> str:
     """All text of a PDF without the line at the foot of its pages, as `words` gives it."""
     pages = (page.extract_text() for page in reader.pages)
     return words("".join(text.rpartition("\nJoint stiffness of ")[0] or text for text in pages))
+
+
+def filled(page: pypdf.PdfPage) -> float:
+    """Where the last line of a page ends, as a share of the height above its footer."""
+    heights = []
+
+    def note(said, cm, tm, *_):
+        if said.strip():
+            heights.append(tm[4] * cm[1] + tm[5] * cm[3] + cm[5])
+
+    page.extract_text(visitor_text=note)
+    top, foot = float(page.mediabox.height), min(heights)
+    body = [height for height in heights if height > foot + 20]
+    return (top - min(body)) / (top - foot) if body else 0.0
+
+
+def broken(pages: Iterable[pypdf.PdfPage]) -> list[str]:
+    """Lines at whose end or beginning a number parts from its uncertainty, power or unit."""
+    text = "\n".join(page.extract_text() for page in pages).replace("\u200b", "")
+    parted = re.compile(r"\d\s?[±×]$|±\s?\d+\.$|^([±×]|mm\b)")
+    return [line for line in map(str.strip, text.splitlines()) if parted.search(line)]
 
 
 # --- digits --------------------------------------------------------------------------------
@@ -167,16 +206,18 @@ def test_the_verdict_comes_first_and_the_method_last(sample):
 def test_a_joint_that_is_not_determined_gets_no_number(sample):
     """No stiffness is stated for a joint that the poses do not determine, and the way out is."""
     report = compose(*sample)
-    table = next(b for b in report.sections[0].blocks if isinstance(b, Table))
+    section = part(report, "stiffness")
+    table = next(b for b in section.blocks if isinstance(b, Table))
     row = [cell.text for cell in table.rows[6]]
 
     assert row[:3] == ["k_theta7", "not determined", numbers.MISSING]
-    assert any("load the effector" in getattr(b, "text", "") for b in report.sections[0].blocks)
+    assert any("load the effector" in getattr(b, "text", "") for b in section.blocks)
 
 
 def test_stiffness_is_shown_in_one_prefix_with_its_unit(sample):
     """All joints share a prefix, so that their numbers can be compared by eye."""
-    table = next(b for b in compose(*sample).sections[0].blocks if isinstance(b, Table))
+    section = part(compose(*sample), "stiffness")
+    table = next(b for b in section.blocks if isinstance(b, Table))
     shown = [(row[1].text, row[3].text) for row in table.rows[:2]]
 
     assert shown == [("77.92 ± 0.32", "MN/m"), ("3.751 ± 0.030", "MN·m/rad")]
@@ -207,7 +248,7 @@ def test_what_is_null_leaves_its_part_out_and_nothing_else(sample):
     report = compose(said, tables)
 
     keys = [section.key for section in report.sections]
-    assert keys == [key for key in ORDER if key not in ("validation", "budget")]
+    assert keys == [key for key in ORDER if key not in ("identity", "validation", "budget")]
     assert [row[1].text for row in report.sections[0].blocks[0].rows] == [
         "not determined" if not joint.identifiable else numbers.MISSING
         for joint in answer.stiffness
@@ -294,7 +335,7 @@ def test_a_sentence_of_the_answer_is_shown_to_the_letter(sample):
     report = compose(report_sample.revised(sample[0], say), sample[1])
     texts = [b.text for s in report.sections for b in s.blocks if hasattr(b, "text")]
 
-    assert report.sentences == ("With joint_tilt:3 in the model it fits.", "x")
+    assert [one.text for one in report.first] == ["With joint_tilt:3 in the model it fits.", "x"]
     assert why in texts
 
 
@@ -339,13 +380,53 @@ def test_suspects_are_ordered_by_their_evidence(sample):
 
 def test_every_stiffness_stands_in_page_and_pdf(sample, html, reader):
     """Both renderings show every joint with the same digits."""
-    table = next(b for b in compose(*sample).sections[0].blocks if isinstance(b, Table))
+    section = part(compose(*sample), "stiffness")
+    table = next(block for block in section.blocks if isinstance(block, Table))
     spoken = pdf_words(reader)
 
     for row in table.rows:
         for cell in row:
-            assert cell.text in html
+            assert numbers.typeset(cell.text) in html
             assert words(cell.text) in spoken
+
+
+def test_no_page_of_the_pdf_is_half_empty(reader):
+    """The last line of every page but the last stands below 60 % of its height."""
+    assert min(map(filled, reader.pages[:-1])) >= 0.6
+
+
+def test_a_number_and_its_uncertainty_stay_on_one_line(reader):
+    """Also in a table of more columns than fit at the usual size, which is set smaller."""
+    columns = tuple(Column(f"Value {k} [mm]", numeric=True) for k in range(9))
+    rows = (tuple(Entry("123.7747 ± 0.0065", 123.7747) for _ in columns),) * 4
+    wide = Section("wide", "Wide", (Table("wide", "Wide", columns, rows),))
+    report = Report("k", "h", "Joint stiffness of all", "Fits", "good", (), (wide,))
+    pages = pypdf.PdfReader(io.BytesIO(pdf(report, {}))).pages
+    right = [tm[4] for page in pages for tm in _places(page)]
+
+    assert sum("±" in page.extract_text() for page in reader.pages) > 2
+    assert broken([*reader.pages, *pages]) == []
+    assert max(right) < float(pages[0].mediabox.width) - 2.5 * 28.35
+
+
+def _places(page):
+    """Where the texts of a page begin."""
+    found = []
+    page.extract_text(visitor_text=lambda said, cm, tm, *_: said.strip() and found.append(tm))
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("effect", ["", "rail_roll=2x", "joint_tilt:6=2x", "label_swap"])
+def test_pages_are_full_whatever_the_verdict(effect):
+    """An adequate, an explained, an ambiguous and a bad-data campaign, run and printed."""
+    hidden = {"effects": [effect]} if effect else {}
+    plan = Plan(name="paper", seed=4, poses={"count": 16}, hidden=hidden)
+    found = answered("paper", in_memory(simulate(plan).files))
+    pages = pypdf.PdfReader(io.BytesIO(render(found.answer, found.shown)["report.pdf"])).pages
+
+    assert min(map(filled, pages[:-1])) >= 0.6
+    assert broken(pages) == []
 
 
 def test_page_and_pdf_say_the_same(sample, html, reader):
@@ -548,7 +629,7 @@ def test_what_is_true_of_several_stiffnesses_is_said_once(sample):
     section = stiffness(sample[0].model_copy(update={"stiffness": joints}), None)
     said = [block.text for block in section.blocks if isinstance(block, Text)]
 
-    rest = "which the data do not exclude; its interval holds for each."
+    rest = "which the data do not exclude; its interval covers each of them."
     tilt = "depends on whether the cause is tilt of the bearing in joint"
     assert f"Each of k_r1 and k_theta2 {tilt} 5 or tilt of the bearing in joint 6, {rest}" in said
     assert f"k_theta3 {tilt} 5 or bending of the link in the forearm, {rest}" in said

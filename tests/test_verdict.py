@@ -47,7 +47,9 @@ FOUND = Facts(detected=True, explains=True, causes=ROLL, gain=gain(0.5, 0.3), re
 STRANGE = Named(effect("rail_pitch"), 0.6)
 MISTAKE = SimpleNamespace(evidence="the reading a/P1 is 9 mm off")
 MISPLACED = replace(NOTHING, miss_m=2e-3, left_m=1e-4)
-USELESS = replace(MISPLACED, gain=gain(-0.1, -0.3))
+USELESS = replace(
+    MISPLACED, gain=gain(-0.1, -0.3), causes=(SimpleNamespace(effect=ROLL[0].effect),)
+)
 TILTS = (cause("joint_tilt:5", 0.6, rivals=(Named(effect("joint_tilt:6"), 0.4),)),)
 GEAR = (cause("joint_hardening:3"), cause("joint_lost_motion:3"))
 
@@ -126,7 +128,7 @@ def test_the_most_severe_finding_decides_and_all_are_told():
     both = replace(ROWS[Finding.RIVALS][0], drift=drift(undecided=False))
 
     assert verdict(both) is Verdict.AMBIGUOUS
-    assert why(both).index("base reflectors moved") < why(both).index("do not decide between")
+    assert why(both).index("base reflectors moved") < why(both).index("cannot distinguish between")
     assert verdict(replace(both, mistakes=(MISTAKE,))) is Verdict.BAD_DATA
     assert why(replace(both, mistakes=(MISTAKE,))).startswith("The data hold a mistake")
 

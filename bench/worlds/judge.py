@@ -147,6 +147,8 @@ class Judged:
         contradicted: Payloads that are said not to be what is stated.
         left_mm: What is left of each payload's rows with the springs of all others, rms.
         measures: What the instrument is said to measure.
+        positions_mm: How far unloaded reflectors are from the table, and those of left-out poses
+            from the table as estimated, rms per coordinate; empty where that is not said.
     """
 
     outcome: str
@@ -167,6 +169,13 @@ class Judged:
     contradicted: tuple[str, ...] = ()
     left_mm: tuple[float, ...] = ()
     measures: str = ""
+    positions_mm: tuple[float, ...] = ()
+
+
+def _positions(answer: Json) -> tuple[float, ...]:
+    held = (answer["validation"] or {}).get("held_out_position_mm")
+    before = answer["diagnosis"]["unloaded_off_mm"][0]
+    return () if held is None else (before, held["rms"] / float(np.sqrt(3.0)))
 
 
 def judged(truth: Truth, answer: Json) -> Judged:
@@ -196,6 +205,7 @@ def judged(truth: Truth, answer: Json) -> Judged:
         innocents=_innocents(accused, rejected, truth.spoilt),
         false_causes=tuple(label(c) for c in strange if c["name"] not in DATA),
         drift_said="tracker_drift" in names or any(one in MOVED for one in said["reasons"]),
+        positions_mm=_positions(answer),
         listed=set(truth.secrets) <= _listed(every),
         weighed=_weighed(answer, truth.payloads),
         contradicted=_contradicted(answer),

@@ -196,7 +196,7 @@ def played(fixture: Fixture) -> Played:
     world, seed = WORLDS[fixture.world], fixture.seed
     robot = load(world.robot)
     plan = world.plan(robot, seed)
-    hidden = world.secrets
+    hidden = world.hides(robot, seed)
     if fixture.cause:
         innocent = build(robot, plan, world.rules, seed)
         hidden = (_sized(innocent, world, seed),)
@@ -303,7 +303,8 @@ def _on_cause(
     answer = {**answer, "diagnosis": {**said, "causes": left}}
     score = league.score({"secrets": list(cell.amplitudes)}, answer, twins(cell.robot))
     secret, size = hidden
-    return replace(game, cause=secret.label, size=size, named=score.right, sizes=score.sizes)
+    right = score.right or any(secret.label in cause["twins"] for cause in left)
+    return replace(game, cause=secret.label, size=size, named=right, sizes=score.sizes)
 
 
 def _sized(cell: Cell, world: World, seed: int) -> tuple[Secret, float]:

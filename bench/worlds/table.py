@@ -12,6 +12,7 @@ from bench.league.table import share
 from bench.worlds.judge import Interval
 from bench.worlds.noise import SIGMA_M
 from bench.worlds.run import Played
+from bench.worlds.tables import ENTRIES
 from bench.worlds.worlds import EXAMS, WORLDS
 
 CLEARLY = 1.5
@@ -235,6 +236,38 @@ def _poses(games: Games) -> str:
     return share(g.judged.measures == "poses" for g in mine)
 
 
+def _wrong(games: Games) -> str:
+    """The entry that is off is named, and nothing else."""
+    return share(g.named for g in games if g.cause != "table")
+
+
+def _blamed(games: Games) -> str:
+    """An entry is named where all are a little off."""
+    return share(any(_is_entry(c) for c in g.judged.causes) for g in games if g.cause == "table")
+
+
+def _is_entry(label: str) -> bool:
+    return label.partition(":")[0] in {*ENTRIES, *ODD}
+
+
+def _far(games: Games) -> str:
+    """`adequate` with a stiffness that is off by more than five standard uncertainties."""
+    return share(
+        g.judged.verdict == "adequate" and any(abs(one.pull) > 5 for one in g.judged.springs)
+        for g in games
+    )
+
+
+def _nearer(games: Games) -> str:
+    """How much nearer left-out reflectors are to the estimated table than to the table: median."""
+    ratios = [before / after for g in games for before, after in [g.judged.positions_mm or (0, 1)]]
+    return f"{np.median(ratios):.1f}"
+
+
+ODD = ("axis_tilt", "link_turn")
+"""Entries that no world has wrong: Hayati's turn between parallel axes, the turn of the rail."""
+
+
 CAUSE: tuple[Column, ...] = (
     ("named, nothing else", _named),
     ("among causes and rivals", _listed),
@@ -296,6 +329,16 @@ COLUMNS: dict[str, tuple[Column, ...]] = {
         ("springs covered", _springs),
         ("further payload covered", _deflections),
         ("from the other, over noise", _from_others),
+        ("verdicts", _verdicts),
+        ("s", _seconds),
+    ),
+    "tables": (
+        ("entry named, nothing else", _wrong),
+        ("among causes and rivals", _listed),
+        ("entry blamed wrongly", _blamed),
+        ("springs covered", _springs),
+        ("adequate, a spring beyond 5 sigma", _far),
+        ("left-out reflectors nearer, times", _nearer),
         ("verdicts", _verdicts),
         ("s", _seconds),
     ),

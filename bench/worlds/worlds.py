@@ -17,6 +17,7 @@ from bench.worlds.cell import Cell, Manner, random_plan
 from bench.worlds.noise import Bursts, Noise, Student, Wander, White
 from bench.worlds.payloads import Carrying
 from bench.worlds.sixd import SIGMA_RAD, Poses
+from bench.worlds.tables import Table
 from pipeline.base.arrays import Array
 from pipeline.machine.robot import Robot
 
@@ -89,6 +90,10 @@ class World:
         """Where it is measured."""
         return random_plan(robot, self.rules, seed)
 
+    def hides(self, robot: Robot, seed: int) -> tuple[tuple[Secret, float], ...]:
+        """What one game hides."""
+        return self.secrets
+
     def errors(self, cell: Cell, rng: np.random.Generator) -> Array:
         """What the tracker adds to the points, its own frame, shape (r, 3) [m]."""
         for_noise, for_drift = rng.spawn(2)
@@ -124,6 +129,17 @@ class TwoJoints(World):
         q = np.where(robot.prismatic, q, np.deg2rad(np.round(np.rad2deg(q), 6)))
         approach = np.where(np.arange(p) % 2 == 0, 1.0, -1.0)
         return replace(first, q=q, anchor=np.repeat(first.anchor, p, axis=0), approach=approach)
+
+
+@dataclass(frozen=True)
+class OffTable(World):
+    """The robot is not as its table says."""
+
+    table: Table = field(default_factory=Table)
+
+    def hides(self, robot: Robot, seed: int) -> tuple[tuple[Secret, float], ...]:
+        """The table of one game, and what else is hidden."""
+        return (*self.secrets, *self.table.secrets(robot, seed))
 
 
 def tilting(joint: int, compliance: float) -> Secret:
@@ -370,7 +386,33 @@ INSTRUMENTS = (
     ),
 )
 
+
+def _table(name: str, says: str, table: Table) -> World:
+    return OffTable(name, "tables", says, table=table)
+
+
+TABLES = (
+    _table("length5", "a link 5 mm longer or shorter than its table", Table("link_length", 5e-3)),
+    _table("length20", "a link off by 20 mm", Table("link_length", 20e-3)),
+    _table("length50", "a link off by 50 mm", Table("link_length", 50e-3)),
+    _table("offset5", "an offset off by 5 mm", Table("link_offset", 5e-3)),
+    _table("twist5", "a twist off by 5 mrad", Table("link_twist", 5e-3)),
+    _table("zero3", "a joint's zero off by 3 mrad", Table("joint_offset", 3e-3)),
+    _table("sign", "a link length with the wrong sign", Table("link_length", np.nan)),
+    _table(
+        "rough",
+        "every entry off by 0.2 to 1 mm and mrad, joints that err by 0.1 to 0.3 mrad",
+        Table(rough=(0.2, 1.0), joints=(0.1, 0.3)),
+    ),
+    _table("rough_exact", "the same with joints that do not err", Table(rough=(0.2, 1.0))),
+    _table(
+        "rough_length20",
+        "a link off by 20 mm in a table rough by 0.2 to 0.5 mm and mrad, joints err by 0.1 mrad",
+        Table("link_length", 20e-3, (0.2, 0.5), (0.1, 0.1)),
+    ),
+)
+
 WORLDS: Mapping[str, World] = {
-    world.name: world for world in (*NOISE, *BLUNDERS, *LOADS, *PAYLOADS, *INSTRUMENTS)
+    world.name: world for world in (*NOISE, *BLUNDERS, *LOADS, *PAYLOADS, *INSTRUMENTS, *TABLES)
 }
 EXAMS = tuple(dict.fromkeys(world.exam for world in WORLDS.values()))

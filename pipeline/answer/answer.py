@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from pipeline.answer import contract
 from pipeline.answer.combinations import combination_entries, told
 from pipeline.answer.common_factor import common_factor, told_factor
 from pipeline.answer.contract import Answer
 from pipeline.answer.diagnosis import diagnosis_entry, noise_entry, placed
 from pipeline.answer.findings import Findings
+from pipeline.answer.geometry import estimated_table, with_positions
 from pipeline.answer.inputs import (
     assumptions,
     growth_findings,
+    identity_entry,
     input_entries,
     instrument_entry,
     limit_findings,
@@ -24,16 +28,18 @@ from pipeline.answer.inputs import (
     treated_findings,
     unit_entry,
 )
+from pipeline.answer.judged import pose_entry, tolerance_entry
 from pipeline.answer.overload import overload_entry, overloaded
 from pipeline.answer.recommended import Values
 from pipeline.answer.reliability import carried_entries, controlled_entries
 from pipeline.answer.remarks import contradicted
-from pipeline.answer.sentences import sentences
+from pipeline.answer.sentences import Stated, first_screen
 from pipeline.answer.stiffness import budget_entries
 from pipeline.answer.values import stated, values_entry
 from pipeline.answer.words import BECAUSE, enormous, hangs_on
 from pipeline.machine.effect import Observation
 from pipeline.machine.effects import catalogue
+from pipeline.reduction.days import days
 from pipeline.reduction.register import timed
 from pipeline.store.campaign import versions
 
@@ -42,6 +48,8 @@ def answer(found: Findings) -> Answer:
     """The answer to a campaign."""
     given, raw, where = found.given, found.raw, found.where
     values, springs = values_entry(found.told, where), values_entry(found.springs, where)
+    stood = found.diagnosis.facts.unloaded
+    values = with_positions(values, stood)
     base = found.right.reduced.registration
     fits = registration_entry(base)
     overload = overload_entry(raw.robot, found.right.reduced.data.pulls)
@@ -50,6 +58,11 @@ def answer(found: Findings) -> Answer:
     said += [*told_factor(factor), *filter(None, map(enormous, found.diagnosis.causes))]
     payloads = payload_entries(given.case)
     together = combination_entries(found.told.values)
+    diagnosis = diagnosis_entry(found)
+    pose = pose_entry(raw.robot, where, found.judged)
+    tolerance = tolerance_entry(raw.settings.tolerance, where, found.judged)
+    told_first = Stated(values, springs, together, diagnosis, pose, tolerance)
+    lines = (*first_screen(found, told_first), *_wrong(told_factor(factor)))
     carried = carried_entries(found.carried, found.told.values)
     of = {(effect.name, effect.where): effect for effect in found.told.values.first.effects}
     causes = [one for one in carried if one.name is not None]
@@ -60,7 +73,8 @@ def answer(found: Findings) -> Answer:
         name=raw.settings.name,
         robot=raw.robot.name,
         measured=measured_on(raw.settings, given.reduced.shown["readings"]),
-        verdict_sentence=(*sentences(found, values, springs, together), *told_factor(factor)),
+        verdict_sentence=tuple(line.text for line in lines),
+        first_screen=lines,
         recommended=contract.Recommended(
             model=found.row.model,
             data=found.row.data,
@@ -70,7 +84,11 @@ def answer(found: Findings) -> Answer:
         ),
         **dict(values),
         combinations=together,
-        diagnosis=diagnosis_entry(found),
+        test_pose=pose,
+        tolerance=tolerance,
+        identity=_identity(found),
+        day_to_day=_day_to_day(found),
+        diagnosis=diagnosis,
         joint_springs=springs,
         extended=_extended_entry(found),
         budget=budget_entries(values.stiffness),
@@ -95,14 +113,35 @@ def answer(found: Findings) -> Answer:
         instrument=instrument_entry(given.case.settings),
         robot_unit=unit_entry(given.case.settings),
         overload=overload,
+        geometry=estimated_table(stood),
         common_factor=factor,
         model=contract.Forward(
-            equilibrium=contract.Equilibrium(found.told.values.first.cell.equilibrium)
+            equilibrium=contract.Equilibrium(found.told.values.first.cell.equilibrium),
+            priors=tuple(sorted(raw.settings.priors)),
         ),
         assumptions=tuple(assumptions(raw, where, timed(given.case.readings))),
         inputs=input_entries(raw),
         versions=versions(),
     )
+
+
+def _wrong(sentences: Sequence[str]) -> tuple[contract.Line, ...]:
+    """Further lines of the first screen on what is wrong."""
+    return tuple(contract.Line(about=contract.About.WRONG, text=one) for one in sentences)
+
+
+def _identity(found: Findings) -> contract.Identity:
+    """What the report is filed by."""
+    readings, data = found.given.reduced.shown["readings"], found.right.data.pulls
+    return identity_entry(found.raw.settings, readings["time"], data.pose, data.force)
+
+
+def _day_to_day(found: Findings) -> contract.DayToDay | None:
+    """None where no pose was repeated on another day."""
+    seen = days(found.right.plain)
+    if seen is None:
+        return None
+    return contract.DayToDay(poses=seen.poses, relative_std=seen.relative, p_value=seen.p_value)
 
 
 def _tracker_drifts(found: Findings) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,23 +26,41 @@ _SHOWN = {
     "registration": "20_registration",
     "forces": "22_forces",
     "displacements": "23_displacements",
+    "covariance": "41_covariance",
     "residuals": "42_residuals",
+    "models": "46_models",
+    "enough": "47_enough",
     "examined": "50_examined",
+    "curves": "50_curves",
+    "curve_readings": "51_curve_readings",
     "diagnosis": "51_diagnosis",
     "separability": "52_separability",
+    "laws": "53_laws",
     "validation": "60_validation",
+    "held_out": "60_held_out",
     "workspace": "61_workspace",
     "workspace_joint_springs": "62_workspace_joint_springs",
+    "arm": "63_arm",
+    "scene": "70_scene",
+    "poses": "71_poses",
+    "vectors": "72_vectors",
 }
 """Tables that a report shows, and the files they are kept in."""
 
 
 @dataclass(frozen=True, eq=False)
 class Finished:
-    """A campaign with its answer."""
+    """A campaign with its answer.
+
+    Attributes:
+        campaign: Which.
+        answer: As its last finished run wrote it.
+        digest: SHA-256 of the result.json that the answer was read from.
+    """
 
     campaign: Campaign
     answer: Answer
+    digest: str
 
 
 def read(campaign: Campaign) -> Answer:
@@ -50,10 +69,21 @@ def read(campaign: Campaign) -> Answer:
     Raises:
         UsageError: There is none, or an earlier version wrote it without what is needed now.
     """
+    return with_digest(campaign).answer
+
+
+def with_digest(campaign: Campaign) -> Finished:
+    """A campaign with its answer, and what tells it from any other.
+
+    Raises:
+        UsageError: There is no answer, or an earlier version wrote it without what is needed now.
+    """
     try:
-        content = _brought_up_to_date(campaign.result())
+        written = campaign.result_text()
+        content = _brought_up_to_date(json.loads(written))
         # a key that only another version knows is left out
-        return Answer.model_validate(content, strict=False, extra="ignore")
+        answer = Answer.model_validate(content, strict=False, extra="ignore")
+        return Finished(campaign, answer, files.sha256(written))
     except (ValueError, LookupError, TypeError, AttributeError, OSError, RecursionError) as problem:
         raise UsageError(
             f"{campaign.name} has a result of an earlier version: run `pipeline run "
@@ -106,7 +136,7 @@ def finished(root: Path, tell: Callable[[str], object] = str) -> list[Finished]:
     out = []
     for campaign, _ in _with_manifest(root):
         try:
-            out.append(Finished(campaign, read(campaign)))
+            out.append(with_digest(campaign))
         except UsageError as problem:
             tell(str(problem))
     return out

@@ -54,7 +54,8 @@ def _needs(robot: Robot, motion: Motion) -> str:
 def told(combinations: Sequence[Combination]) -> list[str]:
     """Each combination in two sentences to act on."""
     return [
-        f"{listed(one.of)} act as one: of their compliances these poses determine {one.formula} = "
-        f"{bracketed(one.value, one.std)} {one.unit}. What would part them best: {one.needs}."
+        f"{listed(one.of)} cannot be distinguished: of their compliances these poses determine "
+        f"{one.formula} = {bracketed(one.value, one.std)} {one.unit}. What "
+        f"would separate them best: {one.needs}."
         for one in combinations
     ]

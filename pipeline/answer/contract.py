@@ -15,6 +15,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from pipeline.base.quantities import mix
 from pipeline.diagnosis.finding import Finding, Verdict
+from pipeline.prediction.decision import Decision
 
 
 def _known(said: Any, info: ValidationInfo) -> Any:
@@ -173,6 +174,11 @@ class Stiffness(Fact):
     ci95: Interval = Field(description="95 % interval; null is no limit")
     identifiable: bool = Field(description="whether the data determine it")
     joint_type: JointType
+    axis: str | None = Field(
+        default=None,
+        description="axis of the controller that moves this joint and no other, A1 or E1; null "
+        "where the robot file has none",
+    )
     compliance: Number = Field(description="the estimate itself")
     compliance_std: Number = Field(description="its standard uncertainty; null: undetermined")
     compliance_unit: str
@@ -181,6 +187,11 @@ class Stiffness(Fact):
     finding: str | None = Field(description="what to know of it, in a sentence")
     remarks: tuple[Remark, ...] = Field(default=(), description="the same, to be told apart")
     budget: tuple[BudgetPart, ...] = Field(description="where its uncertainty comes from")
+
+    @property
+    def called(self) -> str:
+        """`A1 (k_theta2)`, as controller and result.json name it; `k_theta2` without an axis."""
+        return self.name if self.axis is None else f"{self.axis} ({self.name})"
 
 
 class Combination(Fact):
@@ -253,7 +264,8 @@ class Validation(Drawn):
     held_out_position_mm: HeldOutPosition | None = Field(
         default=None,
         exclude_if=_nothing,
-        description="of absolute positions, every tenth pose left out; absent without positions",
+        description="of absolute positions: every tenth pose left out, or of unloaded reflectors "
+        "each pose in turn; absent without positions",
     )
 
 
@@ -295,6 +307,11 @@ class Placed(Fact):
 
     name: str = Field(description="a word of the list of causes")
     where: Where = Field(description="joint number, link, target, reading, or null")
+    axis: str | None = Field(
+        default=None,
+        exclude_if=_nothing,
+        description="axis of the controller that moves that joint; absent without one",
+    )
 
 
 class Believed(Placed):
@@ -432,7 +449,7 @@ class BlindSpot(Placed):
     """An effect that may be there unseen."""
 
     why: str
-    smallest_visible: Number = Field(description="null: never visible")
+    smallest_visible: Number = Field(description="null: never detectable")
     parameter: str
     unit: str
     typical: float
@@ -507,7 +524,7 @@ class Scatter(Fact):
 
 
 class Diagnosis(Fact):
-    """What the simulation gets wrong."""
+    """What the model misses."""
 
     verdict: Verdict
     why: str
@@ -520,8 +537,8 @@ class Diagnosis(Fact):
         description="what the likeliest causes do each as the only one"
     )
     unloaded_off_mm: tuple[Number, Number] = Field(
-        description="how far the unloaded reflectors stand from the robot's table, without and "
-        "with the causes"
+        description="how far the unloaded reflectors stand from the robot's table, and from the "
+        "table as estimated from them"
     )
     blind_spots: tuple[BlindSpot, ...]
     next_poses: tuple[NextPose, ...]
@@ -664,12 +681,13 @@ class CommonFactor(Fact):
 
 
 class Measuring(Fact):
-    """The instrument as campaign.toml has it; model, serial number and calibration not judged."""
+    """The instrument as campaign.toml has it; model, serial number and certificate not judged."""
 
     kind: Literal["laser_tracker", "camera", "arm", "unknown"]
     measures: Literal["points", "poses"] = Field(description="found where nobody says so")
     model: str | None
     serial: str | None
+    certificate: str | None = None
     calibrated: str | None
 
 
@@ -697,18 +715,135 @@ class PositionStep(Fact):
     series_mm: Number = Field(description="one series left out; null where there is one only")
 
 
+class Repaired(Fact):
+    """Work after which some joints are no longer what they were."""
+
+    date: Day
+    joints: tuple[int, ...] = Field(description="their numbers, from 1; empty: all")
+    what: str | None
+
+
 class Unit(Fact):
-    """The machine as campaign.toml has it."""
+    """A machine or a scale as campaign.toml has it."""
 
     serial: str | None
     certificate: str | None
     calibrated: str | None
+    history: tuple[Repaired, ...] = Field(
+        default=(), exclude_if=_nothing, description="its repairs; absent where none is named"
+    )
+
+
+class Identity(Fact):
+    """What a report is filed by; null is what campaign.toml does not state."""
+
+    first: Day | None = Field(description="first reading")
+    last: Day | None = Field(description="last reading")
+    operator: str | None
+    temperature_c: Number = Field(description="mean of rail and base frame")
+    scale: Unit | None
+    poses: int
+    pulls: int
+    force_n: tuple[float, float] | None = Field(description="smallest and largest load")
+
+
+class DayToDay(Fact):
+    """What poses that were repeated on another day show."""
+
+    poses: int = Field(description="pairs of the same pose on two days")
+    relative_std: float = Field(description="scatter of the displacements of a day, relative")
+    p_value: float = Field(description="of so much difference by the noise of the readings alone")
+
+
+class AxisValue(Fact):
+    """Where an axis of the controller stands; a joint where the robot file maps none."""
+
+    name: str
+    value: float
+    unit: Literal["m", "deg"]
+
+
+class Tip(Fact):
+    """Predicted deflection of the load point, where the force acts."""
+
+    deflection_mm: Number
+    std_mm: Number = Field(
+        description="standard uncertainty, never below the error at left-out poses; null: infinite"
+    )
+
+    @property
+    def expanded_mm(self) -> float | None:
+        """U (k = 2) [mm]."""
+        return None if self.std_mm is None else 2 * self.std_mm
+
+
+class TestPose(Tip):
+    """The pose that the user asked about."""
+
+    __test__ = False
+
+    axes: tuple[AxisValue, ...]
+    force_n: tuple[float, float, float] = Field(description="on the robot, F_b")
+    stated: bool = Field(description="false: the strongest pull stands in")
+
+
+class Stretch(Tip):
+    """Points of a path, one after the other, of which the same is decided; its worst point."""
+
+    decision: Decision
+    first: int = Field(description="pose of its first point, as the file numbers them")
+    last: int
+    points: int
+    at: int = Field(description="pose of the largest deflection, which the numbers are of")
+
+
+class JudgedPath(Fact):
+    """A machining path with forces."""
+
+    file: str
+    points: int
+    decision: Decision = Field(description="pass where every point does, fail where one fails")
+    stretches: tuple[Stretch, ...]
+
+
+class Tolerance(Fact):
+    """What [tolerance] of campaign.toml asks, decided by ISO 14253-1 with a guard band 1.65 u."""
+
+    deflection_mm: float = Field(description="T")
+    test_pose: Decision | None = Field(description="null where campaign.toml has no [test_pose]")
+    path: JudgedPath | None
+
+
+class About(StrEnum):
+    """What a line of the first screen is about."""
+
+    VERDICT = "verdict"
+    TO_DO = "to_do"
+    MODEL = "model"
+    NUMBERS = "numbers"
+    TOLERANCE = "tolerance"
+    TEST_POSE = "test_pose"
+    WRONG = "wrong"
+    NEXT = "next"
+
+
+class Line(Fact):
+    """One line of the first screen."""
+
+    about: About
+    text: str
 
 
 class Forward(Fact):
     """What the forward model takes into account."""
 
     equilibrium: Equilibrium
+    priors: tuple[str, ...] = Field(
+        default=(),
+        exclude_if=_nothing,
+        description="causes whose prior odds and sizes campaign.toml takes from other campaigns; "
+        "absent where all are guessed",
+    )
 
 
 class Input(Fact):
@@ -728,12 +863,32 @@ class Heading(Fact):
     robot: str
     measured: Day | None = Field(description="date, or date and time")
     verdict_sentence: tuple[str, ...] = Field(description="the first screen, most important first")
+    first_screen: tuple[Line, ...] = Field(
+        default=(), exclude_if=_nothing, description="the same, with what each line is about"
+    )
     recommended: Recommended = Field(description="which values stand at the top, and why")
 
 
 class Answer(Values, Heading):
     """result.json; the values at the top are those of the recommended model."""
 
+    test_pose: TestPose | None = Field(
+        default=None,
+        exclude_if=_nothing,
+        description="the pose asked about, its force and the deflection of the load point; absent "
+        "with positions",
+    )
+    tolerance: Tolerance | None = Field(
+        default=None, exclude_if=_nothing, description="absent without [tolerance]"
+    )
+    identity: Identity | None = Field(
+        default=None, exclude_if=_nothing, description="what the report is filed by"
+    )
+    day_to_day: DayToDay | None = Field(
+        default=None,
+        exclude_if=_nothing,
+        description="absent where no pose was repeated on another day",
+    )
     combinations: tuple[Combination, ...] = Field(
         default=(), description="what only several joints together are known by"
     )
@@ -770,7 +925,10 @@ class Answer(Values, Heading):
         description="a force that the robot would hardly hold; absent without one",
     )
     geometry: tuple[Letter, ...] = Field(
-        default=(), exclude_if=_nothing, description="the robot's table; absent without positions"
+        default=(),
+        exclude_if=_nothing,
+        description="the robot's table as absolute positions or unloaded reflectors show it; "
+        "absent without them",
     )
     position_steps: tuple[PositionStep, ...] = Field(
         default=(),

@@ -113,7 +113,12 @@ def _scatter(found: Scatter) -> contract.Scatter:
 
 def placed(effect: Effect) -> dict[str, Any]:
     """Name, place and law of an effect."""
-    return {"name": effect.name, "where": effect.where, "form": effect.form or None}
+    return _at(effect) | {"form": effect.form or None}
+
+
+def _at(effect: Effect) -> dict[str, Any]:
+    """Name and place of an effect."""
+    return {"name": effect.name, "where": effect.where, "axis": effect.axis}
 
 
 def _cause(cause: Cause) -> contract.Cause:
@@ -126,8 +131,7 @@ def _cause(cause: Cause) -> contract.Cause:
         p_value=cause.p_value,
         times_typical=cause.largest.times_typical,
         rivals=tuple(
-            contract.Rival(name=r.effect.name, where=r.effect.where, probability=r.probability)
-            for r in cause.rivals
+            contract.Rival(**_at(r.effect), probability=r.probability) for r in cause.rivals
         ),
         outside_catalogue=None if cause.unnamed is None else _unnamed(cause.unnamed, cause),
         twins=cause.twins,
@@ -150,8 +154,7 @@ def _amplitude(one: Amplitude) -> contract.Amplitude:
 def _unnamed(one: Named, cause: Cause) -> contract.Unnamed:
     as_good = tuple(
         contract.AsGood(
-            name=other.effect.name,
-            where=other.effect.where,
+            **_at(other.effect),
             reduction=other.reduction,
             ci95=other.ci95,
             times_typical=other.times_typical,
@@ -192,8 +195,7 @@ def _gain(cause: Cause) -> contract.Gain | None:
 def _blind(spot: BlindSpot) -> contract.BlindSpot:
     first = spot.effect.parameters[0]
     return contract.BlindSpot(
-        name=spot.effect.name,
-        where=spot.effect.where,
+        **_at(spot.effect),
         why=spot.why,
         smallest_visible=spot.smallest_visible,
         parameter=first.name,

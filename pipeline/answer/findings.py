@@ -12,6 +12,7 @@ from pipeline.diagnosis.finding import Verdict
 from pipeline.diagnosis.verdict import verdict
 from pipeline.faults.mistake import Mistake
 from pipeline.prediction import model as handover
+from pipeline.prediction.tolerance import Judged
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.store.campaign import Raw
 from pipeline.system.fit import Fitted
@@ -52,6 +53,7 @@ class Findings:
         where: The test pose.
         control: Table RELIABILITY of those values.
         carried: Table INFLUENCE of those values.
+        judged: What those values predict where the user asked for it.
         one_pose: What shows that targets were computed from one pose; None where nobody has to.
     """
 
@@ -68,6 +70,7 @@ class Findings:
     where: Where
     control: pd.DataFrame
     carried: pd.DataFrame
+    judged: Judged
     one_pose: OnePose | None = None
 
     @property

@@ -3,7 +3,8 @@
 Partitioned by robot as `<table>/robot=<robot>/<part>.parquet`; a part holds the campaigns whose
 name has its digit, so that few files are written for a new answer and few are opened for a query.
 Nothing here is first-hand: a part is made from result.json and the campaign's own tables, and what
-is missing, old or of a campaign that is gone is made anew.
+is missing, old or of a campaign that is gone is made anew. `wear` is made of the others, once for
+all robots of a type.
 """
 
 from __future__ import annotations
@@ -11,13 +12,13 @@ from __future__ import annotations
 import io
 import os
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
+from urllib.parse import quote, unquote
 
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -25,8 +26,9 @@ import pyarrow.parquet as pq
 from filelock import FileLock
 
 from pipeline import tables
-from pipeline.answer import archive
+from pipeline.answer import archive, worn
 from pipeline.answer.contract import Answer, Cause, Stiffness
+from pipeline.answer.worn import column
 from pipeline.base import files
 from pipeline.base.errors import UsageError
 from pipeline.store.campaign import FLEET, MANIFEST, Campaign, code_version, dump, recalled
@@ -35,74 +37,90 @@ _INDEX = "index.json"
 _F64, _STR = pa.float64(), pa.string()
 
 
-def _col(name: str, kind: pa.DataType, unit: str, meaning: str) -> pa.Field:
-    """One column; any may be null, where an answer does not have it."""
-    return pa.field(name, kind, True, {"unit": unit, "meaning": meaning})
-
-
-_CAMPAIGN = _col("campaign", _STR, "1", "name of the campaign")
+_CAMPAIGN = column("campaign", _STR, "1", "name of the campaign")
 
 CAMPAIGNS = pa.schema(
     [
         _CAMPAIGN,
-        _col("title", _STR, "1", "`name` in campaign.toml"),
-        _col("measured", pa.timestamp("us"), "UTC or local, as exported", "first reading"),
-        _col("verdict", _STR, "1", "adequate, explained, ambiguous, unexplained or bad_data"),
-        _col(
+        column("title", _STR, "1", "`name` in campaign.toml"),
+        column("measured", pa.timestamp("us"), "UTC or local, as exported", "first reading"),
+        column("verdict", _STR, "1", "adequate, explained, ambiguous, unexplained or bad_data"),
+        column(
             "model", _STR, "1", "whose values the answer gives: joint_springs, extended, averaged"
         ),
-        _col("data", _STR, "1", "as_given or corrected"),
-        _col("rms_mm", _F64, "mm", "residual, root mean square over coordinates"),
-        _col("chi2", _F64, "1", "weighted sum of squared residuals"),
-        _col("dof", pa.int64(), "1", "rows minus parameters"),
-        _col("p_value", _F64, "1", "of that sum; null where no noise is stated"),
-        _col("noise_from", _STR, "1", "stated, replicates or residuals"),
-        _col("held_out_rms_mm", _F64, "mm", "error at poses left out of the estimate, rms"),
-        _col("deflection_mm", _F64, "mm", "largest predicted deflection at the test pose"),
-        _col("causes", pa.int64(), "1", "how many the answer names"),
-        _col("rejected", pa.int64(), "1", "rows of the files that were left out"),
-        _col("instrument", _STR, "1", "model of what measured; null where nobody says"),
-        _col("serial", _STR, "1", "its serial number"),
-        _col("says", _STR, "1", "first sentence of the answer"),
+        column("data", _STR, "1", "as_given or corrected"),
+        column("rms_mm", _F64, "mm", "residual, root mean square over coordinates"),
+        column("chi2", _F64, "1", "weighted sum of squared residuals"),
+        column("dof", pa.int64(), "1", "rows minus parameters"),
+        column("p_value", _F64, "1", "of that sum; null where no noise is stated"),
+        column("noise_from", _STR, "1", "stated, replicates or residuals"),
+        column("held_out_rms_mm", _F64, "mm", "error at poses left out of the estimate, rms"),
+        column("deflection_mm", _F64, "mm", "largest predicted deflection at the test pose"),
+        column("causes", pa.int64(), "1", "how many the answer names"),
+        column("rejected", pa.int64(), "1", "rows of the files that were left out"),
+        column("instrument", _STR, "1", "model of what measured; null where nobody says"),
+        column("serial", _STR, "1", "its serial number"),
+        column("robot_serial", _STR, "1", "serial number of the robot; null where nobody says"),
+        column("says", _STR, "1", "first sentence of the answer"),
     ]
 )
 
 STIFFNESS = pa.schema(
     [
         _CAMPAIGN,
-        _col("model", _STR, "1", "recommended, joint_springs or extended"),
-        _col("joint", pa.int64(), "1", "number, from 1"),
-        _col("joint_name", _STR, "1", "in the robot file: r1, theta2, ..."),
-        _col("name", _STR, "1", "k_r1, k_theta2, ..."),
-        _col("unit", _STR, "1", "of value, std, low, high and nominal: N/m or N m/rad"),
-        _col("value", _F64, "see unit", "stiffness; null where the data give none"),
-        _col("std", _F64, "see unit", "standard uncertainty"),
-        _col("low", _F64, "see unit", "lower end of the 95 % interval; null: no limit"),
-        _col("high", _F64, "see unit", "upper end of it; null: no limit"),
-        _col("relative_std", _F64, "1", "std over value"),
-        _col("identifiable", pa.bool_(), "1", "whether the data determine it"),
-        _col("nominal", _F64, "see unit", "stiffness in the robot file"),
-        _col("compliance", _F64, "see compliance_unit", "the estimate itself"),
-        _col("compliance_std", _F64, "see compliance_unit", "its standard uncertainty"),
-        _col("compliance_unit", _STR, "1", "m/N or rad/(N m)"),
+        column("model", _STR, "1", "recommended, joint_springs or extended"),
+        column("joint", pa.int64(), "1", "number, from 1"),
+        column("joint_name", _STR, "1", "in the robot file: r1, theta2, ..."),
+        column("name", _STR, "1", "k_r1, k_theta2, ..."),
+        column("unit", _STR, "1", "of value, std, low, high and nominal: N/m or N m/rad"),
+        column("value", _F64, "see unit", "stiffness; null where the data give none"),
+        column("std", _F64, "see unit", "standard uncertainty"),
+        column("low", _F64, "see unit", "lower end of the 95 % interval; null: no limit"),
+        column("high", _F64, "see unit", "upper end of it; null: no limit"),
+        column("relative_std", _F64, "1", "std over value"),
+        column("identifiable", pa.bool_(), "1", "whether the data determine it"),
+        column("nominal", _F64, "see unit", "stiffness in the robot file"),
+        column("compliance", _F64, "see compliance_unit", "the estimate itself"),
+        column("compliance_std", _F64, "see compliance_unit", "its standard uncertainty"),
+        column("compliance_unit", _STR, "1", "m/N or rad/(N m)"),
+    ]
+)
+
+COVARIANCE = pa.schema(
+    [
+        _CAMPAIGN,
+        column("parameter", _STR, "1", "c_r1, c_theta2, ...: a compliance"),
+        column("other", _STR, "1", "as before"),
+        column("covariance", _F64, "product of both units", "of the two; infinite: undetermined"),
+    ]
+)
+
+REPAIRS = pa.schema(
+    [
+        _CAMPAIGN,
+        column("day", pa.date32(), "1", "of the repair: `history` of [robot_unit]"),
+        column("joint", pa.int64(), "1", "number, from 1; null: all joints"),
+        column("what", _STR, "1", "in words"),
     ]
 )
 
 CAUSES = pa.schema(
     [
         _CAMPAIGN,
-        _col("rank", pa.int64(), "1", "place in the answer, from 1"),
-        _col("name", _STR, "1", "rail_roll, joint_tilt, outlier, ..."),
-        _col("place", _STR, "1", "`where` of the answer: joint number, link, target, reading"),
-        _col("form", _STR, "1", "which of its laws"),
-        _col("probability", _F64, "1", "among the causes that could stand there"),
-        _col("p_value", _F64, "1", "chance of so much evidence without it"),
-        _col("times_typical", _F64, "1", "its largest parameter over the usual size of that"),
-        _col("reduction", _F64, "1", "part of the error at left-out poses that it takes away"),
-        _col("parameter", _STR, "1", "one row for each parameter; null for a mistake in the data"),
-        _col("value", _F64, "see unit", "its size"),
-        _col("std", _F64, "see unit", "standard uncertainty"),
-        _col("unit", _STR, "1", "of value and std"),
+        column("rank", pa.int64(), "1", "place in the answer, from 1"),
+        column("name", _STR, "1", "rail_roll, joint_tilt, outlier, ..."),
+        column("place", _STR, "1", "`where` of the answer: joint number, link, target, reading"),
+        column("form", _STR, "1", "which of its laws"),
+        column("probability", _F64, "1", "among the causes that could stand there"),
+        column("p_value", _F64, "1", "chance of so much evidence without it"),
+        column("times_typical", _F64, "1", "its largest parameter over the usual size of that"),
+        column("reduction", _F64, "1", "part of the error at left-out poses that it takes away"),
+        column(
+            "parameter", _STR, "1", "one row for each parameter; null for a mistake in the data"
+        ),
+        column("value", _F64, "see unit", "its size"),
+        column("std", _F64, "see unit", "standard uncertainty"),
+        column("unit", _STR, "1", "of value and std"),
     ]
 )
 
@@ -110,7 +128,7 @@ CAUSES = pa.schema(
 def _of(promise: pa.Schema) -> pa.Schema:
     """A campaign's own table with the campaign in front, its words written out."""
     columns = [
-        _col(field.name, _plain(field.type), *(field.metadata[k].decode() for k in _ABOUT))
+        column(field.name, _plain(field.type), *(field.metadata[k].decode() for k in _ABOUT))
         for field in promise
     ]
     return pa.schema([_CAMPAIGN, *columns])
@@ -126,11 +144,16 @@ def _plain(kind: pa.DataType) -> pa.DataType:
 PROMISED = {
     "campaigns": CAMPAIGNS,
     "stiffness": STIFFNESS,
+    "covariance": COVARIANCE,
     "causes": CAUSES,
+    "repairs": REPAIRS,
     "residuals": _of(tables.RESIDUALS),
     "reliability": _of(tables.RELIABILITY),
 }
 """The tables by name; every row has the `robot` of its partition besides."""
+
+VIEWS = PROMISED | {"wear": worn.WEAR}
+"""The same, with the one that is made of them."""
 
 _OWN = {"residuals": "42_residuals", "reliability": "43_reliability"}
 """Tables that a campaign keeps itself."""
@@ -149,19 +172,28 @@ class _Entry:
     robot: str
 
 
-def refresh(root: Path) -> None:
+def refresh(root: Path, scatter: float | None = None) -> bool:
     """Bring the tables up to date with the campaigns that are finished.
+
+    Args:
+        root: The project's root.
+        scatter: What a stiffness is expected to differ by from day to day [1], where stated.
+
+    Returns:
+        Whether anything was written.
 
     Raises:
         CannotWrite: The disk refuses.
     """
     place, there = folder(root), _marks(root)
-    if not _stale(_known(place), there):  # before any lock: a finished project may be read-only
-        return
+    known = _known(place, scatter)
+    if not _stale(known, there):  # before any lock: a finished project may be read-only
+        return False
     with files.writing(place):
         place.mkdir(parents=True, exist_ok=True)
         with FileLock(place / ".lock"):
-            _bring_up_to_date(place, there)
+            _bring_up_to_date(place, there, scatter)
+    return True
 
 
 def _marks(root: Path) -> dict[str, tuple[Campaign, str]]:
@@ -176,8 +208,10 @@ def _marks(root: Path) -> dict[str, tuple[Campaign, str]]:
     return found
 
 
-def _bring_up_to_date(place: Path, there: Mapping[str, tuple[Campaign, str]]) -> None:
-    known = _known(place)
+def _bring_up_to_date(
+    place: Path, there: Mapping[str, tuple[Campaign, str]], scatter: float | None
+) -> None:
+    known = _known(place, scatter)
     if not known:
         _clear(place)
     stale = _stale(known, there)
@@ -195,8 +229,39 @@ def _bring_up_to_date(place: Path, there: Mapping[str, tuple[Campaign, str]]) ->
         new.setdefault((answer.robot, _part(name)), []).append(_rows(campaign, answer))
     for (robot, part), rows in new.items():
         _write(place, robot, part, rows, stale)
+    for robot in sorted({robot for robot, _ in new}):
+        _write_wear(place, robot, scatter)
     content = {name: [entry.mark, entry.robot] for name, entry in sorted(entries.items())}
-    files.write(place / _INDEX, dump({"code": code_version(), "campaigns": content}))
+    index = {"code": code_version(), "scatter": scatter, "campaigns": content}
+    files.write(place / _INDEX, dump(index))
+
+
+def _write_wear(place: Path, robot: str, scatter: float | None) -> None:
+    """Wear of all robots of a type; no file where none has a campaign."""
+    path = _path(place, "wear", robot, "wear")
+    held = worn.History(*(_held(place, name, robot) for name in worn.READ))
+    if not held.campaigns:
+        path.unlink(missing_ok=True)
+        return
+    rows = worn.rows(held, scatter)
+    _keep(path, pa.Table.from_pylist(rows, worn.WEAR))
+
+
+def _held(place: Path, name: str, robot: str) -> list[dict[str, Any]]:
+    """All rows of one table of a type."""
+    paths = sorted(_path(place, name, robot, "x").parent.glob("*.parquet"))
+    parts = [pq.ParquetFile(io.BytesIO(path.read_bytes())).read() for path in paths]
+    return [row for part in parts for row in part.to_pylist()]
+
+
+def wear(root: Path) -> tuple[worn.Robot, ...]:
+    """What the table says of every robot, as it was left; nothing where there is none."""
+    place = folder(root)
+    found = []
+    for path in sorted((place / "wear").glob("robot=*/wear.parquet")):
+        rows = pq.ParquetFile(io.BytesIO(path.read_bytes())).read().to_pylist()
+        found += worn.robots(unquote(path.parent.name.removeprefix("robot=")), rows)
+    return tuple(found)
 
 
 def _stale(known: Mapping[str, _Entry], there: Mapping[str, tuple[Campaign, str]]) -> set[str]:
@@ -205,23 +270,25 @@ def _stale(known: Mapping[str, _Entry], there: Mapping[str, tuple[Campaign, str]
     return changed | (known.keys() - there.keys())
 
 
-def _known(place: Path) -> dict[str, _Entry]:
+def _known(place: Path, scatter: float | None) -> dict[str, _Entry]:
     """What the tables hold: nothing where other code wrote them, none of a part that is lost."""
     try:
         index = recalled(place / _INDEX)
         entries = {name: _Entry(*entry) for name, entry in index["campaigns"].items()}
-        known = entries if index["code"] == code_version() else {}
+        same = (index["code"], index["scatter"]) == (code_version(), scatter)
+        known = entries if same else {}
     except (TypeError, LookupError, AttributeError):
         return {}
     whole = {
         part: all(_path(place, table, *part).is_file() for table in PROMISED)
+        and _path(place, "wear", part[0], "wear").is_file()
         for part in {(entry.robot, _part(name)) for name, entry in known.items()}
     }
     return {name: one for name, one in known.items() if whole[one.robot, _part(name)]}
 
 
 def _clear(place: Path) -> None:
-    for name in PROMISED:
+    for name in VIEWS:
         shutil.rmtree(place / name, ignore_errors=True)
 
 
@@ -249,9 +316,13 @@ def _write(
             for other in PROMISED:  # the last campaign of this part is gone
                 _path(place, other, robot, part).unlink(missing_ok=True)
             return
-        sink = io.BytesIO()
-        pq.write_table(table, sink, compression="zstd")
-        files.write(path, sink.getvalue())
+        _keep(path, table)
+
+
+def _keep(path: Path, table: pa.Table) -> None:
+    sink = io.BytesIO()
+    pq.write_table(table, sink, compression="zstd")
+    files.write(path, sink.getvalue())
 
 
 def _rows(campaign: Campaign, answer: Answer) -> dict[str, pa.Table]:
@@ -259,8 +330,10 @@ def _rows(campaign: Campaign, answer: Answer) -> dict[str, pa.Table]:
     made = {
         "campaigns": [_campaign(answer)],
         "stiffness": _stiffness(answer),
+        "covariance": _covariance(campaign),
         "causes": [row for rank, one in enumerate(answer.diagnosis.causes, 1)
                    for row in _cause(rank, one)],
+        "repairs": list(_repairs(answer)),
     }  # fmt: skip
     found = {
         name: pa.Table.from_pylist(
@@ -300,8 +373,31 @@ def _campaign(answer: Answer) -> dict[str, Any]:
         "rejected": len(answer.rejected),
         "instrument": answer.instrument and answer.instrument.model,
         "serial": answer.instrument and answer.instrument.serial,
+        "robot_serial": answer.robot_unit and answer.robot_unit.serial,
         "says": answer.verdict_sentence[0],
     }
+
+
+def _covariance(campaign: Campaign) -> list[dict[str, Any]]:
+    """Of the compliances of the recommended model, row by row; nothing where a run kept none."""
+    path = campaign.processed / "41_covariance.parquet"
+    if not path.is_file():
+        return []
+    columns = pq.ParquetFile(io.BytesIO(path.read_bytes())).read().to_pydict()
+    names = columns.pop("parameter")
+    return [
+        {"parameter": name, "other": other, "covariance": value}
+        for other, values in columns.items()
+        if other in names
+        for name, value in zip(names, values, strict=True)
+    ]
+
+
+def _repairs(answer: Answer) -> Iterator[dict[str, Any]]:
+    for one in answer.robot_unit.history if answer.robot_unit else ():
+        day = date.fromisoformat(one.date)
+        for joint in one.joints or (None,):
+            yield {"day": day, "joint": joint, "what": one.what}
 
 
 def _moment(measured: str | None) -> datetime | None:

@@ -1,10 +1,9 @@
-"""One campaign beside another, and all campaigns of a robot over time; pure, from their answers."""
+"""One campaign beside another, and those of a robot that are too few or undated for its wear."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from datetime import date
 
 import numpy as np
 from scipy import special
@@ -15,8 +14,6 @@ from pipeline.base.arrays import Array
 
 _SURE = 0.01
 """Probability of a false alarm over all joints of a robot together."""
-
-_DAYS_A_YEAR = 365.25
 
 
 @dataclass(frozen=True)
@@ -52,8 +49,6 @@ class Trend:
         first_to_last: Change from the first to the last in percent of the first.
         first_to_last_std: Its standard uncertainty.
         p_value: Chance of as much scatter between the campaigns if nothing changed, chi-square.
-        percent_a_year: Slope in percent of the mean per year, None below three dated campaigns.
-        percent_a_year_std: Its standard uncertainty.
         sure: More than chance explains, all joints considered.
     """
 
@@ -62,8 +57,6 @@ class Trend:
     first_to_last: float | None
     first_to_last_std: float | None
     p_value: float | None
-    percent_a_year: float | None
-    percent_a_year_std: float | None
     sure: bool
 
 
@@ -176,13 +169,15 @@ def chance(chi2: float, dof: int) -> float | None:
 class _Point:
     """The compliance of one joint in one campaign, SI."""
 
-    day: str | None
     x: float
     std: float
 
 
 def trends(answers: Sequence[Answer]) -> list[Trend]:
-    """Every stiffness of one robot over its campaigns, which come in order; those trusted count."""
+    """Whether the campaigns of one robot, in order, agree on each stiffness; those trusted count.
+
+    This is for campaigns that are too few, or undated, for `pipeline.wear`.
+    """
     names = dict.fromkeys(joint.name for one in answers for joint in one.stiffness)
     counted = [one for one in answers if trusted(one)]
     series = {name: list(_series(counted, name)) for name in names}
@@ -196,17 +191,15 @@ def _series(answers: Sequence[Answer], name: str) -> Iterator[_Point]:
         for joint in one.stiffness:
             here = compliance(joint) if joint.name == name else None
             if here:
-                yield _Point(one.measured, *here)
+                yield _Point(*here)
 
 
 def _trend(name: str, points: Sequence[_Point], tested: int) -> Trend:
     if len(points) < 2:
-        return Trend(name, len(points), None, None, None, None, None, sure=False)
+        return Trend(name, len(points), None, None, None, sure=False)
     x, std = np.array([p.x for p in points]), np.array([p.std for p in points])
     mean = np.average(x, weights=std**-2)
     p_scatter = chance(float(np.sum(((x - mean) / std) ** 2)), len(x) - 1)
-    slope = _slope([p.day for p in points], x, std)
-    looks = [p for p in (p_scatter, slope and _chance_of(*slope)) if p is not None]
     first_to_last, first_to_last_std = _first_to_last(x, std)
     return Trend(
         name=name,
@@ -214,15 +207,8 @@ def _trend(name: str, points: Sequence[_Point], tested: int) -> Trend:
         first_to_last=first_to_last,
         first_to_last_std=first_to_last_std,
         p_value=p_scatter,
-        percent_a_year=-100 * slope[0] / mean if slope else None,
-        percent_a_year_std=abs(100 * slope[1] / mean) if slope else None,
-        sure=min(looks) < _SURE / 2 / tested,  # two looks at every joint
+        sure=p_scatter is not None and p_scatter < _SURE / tested,
     )
-
-
-def _chance_of(slope: float, std: float) -> float:
-    """Probability of a slope as steep as this or steeper, either way, if there is none."""
-    return float(2 * special.ndtr(-abs(slope) / std))
 
 
 def _first_to_last(x: Array, std: Array) -> tuple[float | None, float | None]:
@@ -231,15 +217,3 @@ def _first_to_last(x: Array, std: Array) -> tuple[float | None, float | None]:
         return None, None
     ratio = float(x[0] / x[-1])
     return 100 * (ratio - 1), 100 * ratio * float(np.hypot(*(std / x)[[0, -1]]))
-
-
-def _slope(dates: Sequence[str | None], x: Array, std: Array) -> tuple[float, float] | None:
-    """Weighted slope of the compliance per year and its standard uncertainty; None if too few."""
-    days = [date.fromisoformat(d[:10]).toordinal() for d in dates if d]
-    if len(days) < len(x) or len(set(days)) < 3:
-        return None
-    t = np.array(days) / _DAYS_A_YEAR
-    weight = std**-2
-    t = t - np.average(t, weights=weight)
-    size = float(np.sum(weight * t**2))
-    return float(np.sum(weight * t * x) / size), size**-0.5

@@ -12,7 +12,7 @@ from scipy import special
 from pipeline.answer import contract
 from pipeline.answer.contract import Input, Rejected
 from pipeline.base import files
-from pipeline.base.arrays import Array
+from pipeline.base.arrays import Array, Ints
 from pipeline.base.errors import listed
 from pipeline.base.linear import rms
 from pipeline.base.quantities import with_std
@@ -25,7 +25,7 @@ from pipeline.reduction.growth import REFERENCE_C, STEEL, Growth
 from pipeline.reduction.limits import beyond
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.reduction.register import Registration
-from pipeline.reduction.settings import Instrument, Settings, Unit
+from pipeline.reduction.settings import Instrument, Scale, Settings, Unit
 from pipeline.reduction.torques import Weighed, weighed
 from pipeline.store.campaign import Raw
 from pipeline.system.estimate import MISFIT_P
@@ -107,7 +107,7 @@ def growth_findings(told: contract.Registration | None) -> list[str]:
     if grown.expected is None:
         sure = "> 99.9" if grown.probability > 0.999 else f"{100 * grown.probability:.3g}"
         return [
-            "The base reflectors stand elsewhere than in [base_frame] by a common scale, longer by "
+            "The base reflectors differ from [base_frame] by a common scale factor, longer by "
             f"{seen}, as steel at {REFERENCE_C + grown.seen / STEEL:.1f} °C "
             f"(probability {sure} %): this is taken out; state temperature_c, or measure "
             "[base_frame] again."
@@ -165,17 +165,53 @@ def instrument_entry(settings: Settings) -> contract.Measuring | None:
         measures=said.measures,
         model=said.model,
         serial=said.serial,
+        certificate=said.certificate,
         calibrated=day,
     )
 
 
 def unit_entry(settings: Settings) -> contract.Unit | None:
     """Which machine of its type was measured; None where nothing is said."""
-    said = settings.robot_unit
-    if said == Unit():
+    return _unit(settings.robot_unit)
+
+
+def _unit(said: Unit | Scale) -> contract.Unit | None:
+    repairs = said.history if isinstance(said, Unit) else ()
+    if not (said.serial or said.certificate or said.calibrated or repairs):
         return None
     day = None if said.calibrated is None else said.calibrated.isoformat()
-    return contract.Unit(serial=said.serial, certificate=said.certificate, calibrated=day)
+    history = tuple(
+        contract.Repaired(date=one.date.isoformat(), joints=one.joints, what=one.what)
+        for one in repairs
+    )
+    return contract.Unit(
+        serial=said.serial, certificate=said.certificate, calibrated=day, history=history
+    )
+
+
+def identity_entry(
+    settings: Settings, times: pd.Series[pd.Timestamp] | None, pose: Ints, force: Array
+) -> contract.Identity:
+    """What a report is filed by.
+
+    Args:
+        settings: campaign.toml.
+        times: Of the readings; None where they have none.
+        pose: Pose of each pull, or of each reading of positions, shape (m,).
+        force: Of each pull [N], F_b, shape (m, 3), no rows without pulls.
+    """
+    known = None if times is None or times.dropna().empty else times.dropna()
+    size = np.linalg.norm(force, axis=1)
+    return contract.Identity(
+        first=None if known is None else known.min().isoformat(),
+        last=None if known is None else known.max().isoformat(),
+        operator=settings.operator,
+        temperature_c=settings.temperature_c,
+        scale=None if settings.scale is None else _unit(settings.scale),
+        poses=len(np.unique(pose)),
+        pulls=len(size),
+        force_n=(float(size.min()), float(size.max())) if len(size) else None,
+    )
 
 
 def payload_entries(case: Case) -> tuple[contract.Payload, ...]:
@@ -217,7 +253,7 @@ def limit_findings(case: Case) -> list[str]:
     worst = max(found, key=lambda one: one.over)
     poses = listed(str(pose) for pose in sorted({one.pose for one in found}))
     return [
-        f"The joint log has joints beyond the limits of the robot file, in pose {poses}; the "
+        f"The joint log exceeds the joint limits of the robot file in pose {poses}; the "
         f"farthest is {worst.file}:{worst.line}: {worst.said}. They are used: check the limits in "
         "the robot file."
     ]
@@ -289,6 +325,9 @@ def assumptions(raw: Raw, where: Where, has_times: bool = True) -> list[str]:
             "the readings have no times: the order of their rows is the clock, "
             f"and a table's seconds are {GROUP_S:.0f} to a group of them"
         )
+    if raw.settings.priors:
+        names = listed(sorted(raw.settings.priors), len(raw.settings.priors))
+        out.append(f"prior odds and sizes of {names} are learnt from other campaigns: [priors]")
     if not where.stated:
         out.append("campaign.toml has no [test_pose]: the strongest pull of the campaign stands in")
     out.append(

@@ -9,6 +9,7 @@ import pandas as pd
 
 from pipeline.answer import contract
 from pipeline.answer.contract import Answer, Data, JointType, NoiseFrom, Predicted, Reason, Which
+from pipeline.answer.geometry import KNOWN, table_entries
 from pipeline.answer.inputs import (
     input_entries,
     instrument_entry,
@@ -24,11 +25,7 @@ from pipeline.geometry.named import NamedLaw
 from pipeline.geometry.study import Stage, Step, Study
 from pipeline.geometry.worth import Parting
 from pipeline.machine.robot import Joint, Robot
-from pipeline.machine.robot.letters import nominal
 from pipeline.store.campaign import Raw, versions
-
-_KNOWN = 0.5
-"""Variance over that of the prior below which the readings alone know more than the prior does."""
 
 _QUANTILE = 1.959964
 """Of 95 % intervals: there are thousands of readings."""
@@ -135,7 +132,7 @@ def stiffness_entries(found: Identified) -> tuple[contract.Stiffness, ...]:
     value, var = found.solution.x[part], np.diag(found.solution.cov)[part]
     before = found.known.std[part] ** 2
     return tuple(
-        _stiffness(number, joint, float(x), float(np.sqrt(v)), bool(v < _KNOWN * b))
+        _stiffness(number, joint, float(x), float(np.sqrt(v)), bool(v < KNOWN * b))
         for number, (joint, x, v, b) in enumerate(
             zip(found.mechanism.table.joints, value, var, before, strict=True), 1
         )
@@ -180,23 +177,12 @@ def letter_entries(found: Identified) -> tuple[contract.Letter, ...]:
     """The robot's table as found."""
     mechanism, known = found.mechanism, found.known
     k = len(mechanism.values)
-    table = nominal(mechanism.table, mechanism.letters)
-    var = np.diag(found.solution.cov)[:k]
-    rough = [known.roughness(letter.turns) for letter in mechanism.letters]
-    return tuple(
-        contract.Letter(
-            name=letter.name,
-            where=letter.joint,
-            nominal=float(nominal_value),
-            value=float(nominal_value + off),
-            std=float(np.sqrt(v)),
-            prior_std=prior,
-            unit="rad" if letter.turns else "m",
-            identifiable=bool(v < _KNOWN * before**2),
-        )
-        for letter, nominal_value, off, v, prior, before in zip(
-            mechanism.letters, table, mechanism.values, var, rough, known.std[:k], strict=True
-        )
+    return table_entries(
+        mechanism.table,
+        mechanism.values,
+        np.diag(found.solution.cov)[:k],
+        np.array([known.roughness(letter.turns) for letter in mechanism.letters]),
+        known.std[:k],
     )
 
 
@@ -327,9 +313,9 @@ def _sentences(found: Study, robot: Robot) -> tuple[str, ...]:
         for before, now in steps
         if now.found is not before.found
     ]
-    out.append(f"Each step takes off the error: {', '.join(said)}.")
+    out.append(f"Each step of the model reduces the error: {', '.join(said)}.")
     if found.laws:
-        out.append(f"The largest law that nobody listed: {text_of(found.laws[0], robot)}.")
+        out.append(f"The largest law outside the catalogue: {text_of(found.laws[0], robot)}.")
     if Parting.SERIES in last.errors:
         out.append(
             f"Where a whole series is left out, {plain(1e3 * last.mean(Parting.SERIES), 2)} mm "
@@ -338,7 +324,7 @@ def _sentences(found: Study, robot: Robot) -> tuple[str, ...]:
     known = [s for s in stiffness_entries(last.found) if s.value is not None]
     if known:
         springs = ", ".join(f"{s.name} = {with_std(s.value, s.std)} {s.unit}" for s in known)
-        out.append(f"Springs under the arm's own weight: {springs}.")
+        out.append(f"Joint stiffnesses from the arm's own weight: {springs}.")
     return tuple(out)
 
 

@@ -1,4 +1,4 @@
-"""How well the readings control each other, by name and line of each; what each pull carries.
+"""Reliability of the readings, by name and line of each; what each pull carries.
 
 Quantities that people read stand for the estimate: the stiffnesses (to first order their
 compliances), the sizes of the causes, and the deflection at the test pose.

@@ -67,15 +67,15 @@ _SENTENCES = {
     "beside one of the possible causes it may be zero.",
     Odd.MAY_BE_ZERO: "{those} has no upper limit: its compliance of {compliance} may be zero; add "
     "{work}, or pull harder.",
-    Odd.LOST: "{those} is not identifiable: the data do not exclude {others} in the place of "
-    "{cause}, and beside it these poses do not tell it from the joint.",
+    Odd.LOST: "{those} is not identifiable: the data do not exclude {others} instead of {cause}, "
+    "and beside that these poses cannot distinguish it from the compliance of the joint.",
     Odd.SCATTERED: "{those} is not identifiable: how large it is depends on whether the cause is "
     "{cause} or {others}, which the data do not exclude.",
     Odd.DEPENDS: "{those} depends on whether the cause is {cause} or {others}, which the data do "
-    "not exclude; its interval holds for each.",
+    "not exclude; its interval covers each of them.",
 }
 
-_WORK = {
+WORK = {
     JointType.PRISMATIC: "pulls along the rail",
     JointType.REVOLUTE: "pulls with a lever about its axis",
 }
@@ -94,9 +94,9 @@ def _sentence(remark: Remark, joints: Sequence[Stiffness]) -> str:
     """One remark on one joint, or on several of which it holds alike."""
     first, each = joints[0], "Each of " if len(joints) > 1 else ""
     return _SENTENCES[remark.odd].format(
-        those=each + listed([joint.name for joint in joints]),
+        those=each + listed([joint.called for joint in joints]),
         joint=first.joint_name,
-        work=_WORK[first.joint_type],
+        work=WORK[first.joint_type],
         idle=_IDLE[first.joint_type],
         compliance=f"{with_std(first.compliance, first.compliance_std)} {first.compliance_unit}",
         cause=remark.cause,

@@ -1,17 +1,42 @@
-"""The first screen: the verdict, which model the values are of, why, and what that changes."""
+"""The first screen: the verdict, what to do, which model, and what is asked of it, line by line."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.answer.contract import Combination, Deflection, Stiffness, Values, Which
+from pipeline.answer import remarks
+from pipeline.answer.contract import (
+    About,
+    Combination,
+    Deflection,
+    Diagnosis,
+    Line,
+    NextPose,
+    Reason,
+    Stiffness,
+    TestPose,
+    Tolerance,
+    Values,
+    Which,
+)
 from pipeline.answer.findings import Findings
 from pipeline.answer.numbers import left_out_mm
-from pipeline.answer.words import BECAUSE, listed, why
-from pipeline.base.quantities import common_prefix, plain, prefixed, scaled, with_std
+from pipeline.answer.tolerated import expanded, tolerated
+from pipeline.answer.words import (
+    DO,
+    HOLDS,
+    capital,
+    counted,
+    listed,
+    mistaken,
+    wrong,
+)
+from pipeline.base.quantities import common_prefix, percent, plain, prefixed, scaled, with_std
+from pipeline.diagnosis.facts import APART
 from pipeline.system.estimate import fits
 from pipeline.system.system import Estimate
 
@@ -21,24 +46,48 @@ _FAR = 3.0
 _TOLD = 3
 """So many of them, those that move most."""
 
+_SPRINGS_ALONE, _AS_GIVEN = "joint springs alone", "the data as given"
 
-def sentences(
-    found: Findings, mine: Values, springs: Values, together: Sequence[Combination]
-) -> list[str]:
+
+@dataclass(frozen=True)
+class Stated:
+    """What the first screen is about.
+
+    Attributes:
+        mine: The values that the answer stands for.
+        springs: Those of the joint springs on the data as given.
+        together: Combinations of compliances that are determined.
+        diagnosis: What is wrong, and what to measure next.
+        pose: The test pose.
+        tolerance: What is decided by a tolerance; None without one.
+    """
+
+    mine: Values
+    springs: Values
+    together: Sequence[Combination]
+    diagnosis: Diagnosis
+    pose: TestPose
+    tolerance: Tolerance | None
+
+
+def first_screen(found: Findings, stated: Stated) -> tuple[Line, ...]:
     """What an engineer must know first, most important first.
 
     Args:
         found: All that was found out.
-        mine: The values that the answer stands for.
-        springs: Those of the joint springs on the data as given.
-        together: What is determined of several joints together.
+        stated: What the answer says.
     """
-    said = [_verdict(found)]
-    if other := _other(found, "joint springs alone", "the data as given"):
-        moves = _moved(mine.stiffness, springs.stiffness)
-        said += [f"Compared with {' and '.join(other)}, {move}." for move in moves]
-        said += _deflection(mine.test_pose_deflection, springs.test_pose_deflection, found)
-    return [*said, _rest(found, mine.stiffness, together)]
+    lines: list[tuple[About, str]] = [
+        (About.VERDICT, f"{_verdict(found)} {capital(_predicted(found))}."),
+        (About.TO_DO, _to_do(found, stated.mine.stiffness)),
+        (About.MODEL, " ".join(_model(found, stated))),
+        (About.NUMBERS, _numbers(found, stated.mine.stiffness, stated.together)),
+        (About.TOLERANCE, "" if stated.tolerance is None else tolerated(stated.tolerance)),
+        (About.TEST_POSE, " ".join(_test_pose(found, stated))),
+        (About.WRONG, wrong(found.facts, len(stated.diagnosis.blind_spots))),
+        (About.NEXT, _next(found, stated)),
+    ]
+    return tuple(Line(about=about, text=text) for about, text in lines if text)
 
 
 def _other(found: Findings, springs: str, data: str) -> list[str]:
@@ -48,31 +97,22 @@ def _other(found: Findings, springs: str, data: str) -> list[str]:
 
 
 def _verdict(found: Findings) -> str:
-    """What holds, and which model the values are from."""
-    said, values = why(found.facts), BECAUSE[found.row.reason]
+    """Whether the model holds."""
     fitted = found.told.values.fitted
     estimate, good = fitted.estimate, fits(fitted.estimate, fitted.data.tracked)
     if found.mistakes:
-        return f"{said} {values}"
+        return mistaken(found.facts)
     if not good and estimate.p_value is None and found.row.model == Which.JOINT_SPRINGS:
         left = 1e3 * estimate.residual_std_m
         return (
             f"The joint stiffness model does not fit as well as a tracker measures: {left:.3f} mm "
-            f"remain. {said}"
+            "remain."
         )
-    if found.verdict == "unexplained":
-        return (
-            "The joint stiffness model does not explain the measured deflections: do not rely on "
-            f"the stated uncertainties. {said}"
-        )
-    if found.verdict == "adequate" and estimate.dof < 1:
+    if found.row.reason != Reason.ADEQUATE:
+        return HOLDS[found.row.reason]
+    if estimate.dof < 1:
         return "These pulls leave nothing to test the joint stiffness model with."
-    if found.verdict == "adequate":
-        return (
-            "The joint stiffness model explains the measured deflections"
-            f"{'' if good else _larger_scatter(estimate)}."
-        )
-    return f"{values} {said}"
+    return f"Joint springs explain the readings{'' if good else _larger_scatter(estimate)}."
 
 
 def _larger_scatter(estimate: Estimate) -> str:
@@ -84,6 +124,60 @@ def _larger_scatter(estimate: Estimate) -> str:
         f", but for scatter {factor:.2f} times as large as the noise that is used "
         f"(p = {estimate.p_value:.0e}): take every uncertainty that many times larger"
     )
+
+
+def _predicted(found: Findings) -> str:
+    """The cross-validation error, also of the values beside the answer's."""
+    error, without = (left_out_mm(one.values.left_out_m) for one in (found.told, found.springs))
+    if error is None:
+        return "no pose can be predicted from the others"
+    told = f"cross-validation error {plain(error)} mm rms per axis"
+    if without is None or found.told.values is found.springs.values:
+        return told
+    return f"{told} ({plain(without)} mm {_instead(found)})"
+
+
+def _instead(found: Findings) -> str:
+    """How the other values beside the answer's were computed."""
+    return ", ".join(_other(found, f"with {_SPRINGS_ALONE}", f"from {_AS_GIVEN}"))
+
+
+def _to_do(found: Findings, stiffness: Sequence[Stiffness]) -> str:
+    """What to do with the values, and what of the model no controller takes."""
+    if not any(joint.value is not None for joint in stiffness):
+        return "Measure more before any stiffness is used: none is determined."
+    beside = [one.called for one in found.told.model.hypotheses[0].beside_springs]
+    if beside and found.row.model == Which.AVERAGED and len(found.told.model.hypotheses) > 1:
+        beside = ["any of the possible causes"]
+    said = " ".join((DO[found.row.reason], *_unfit(found, stiffness)))
+    if not beside or not found.row.reason.holds_for_its_readings:
+        return said
+    return (
+        f"{said} A controller's table of joint stiffnesses has no entry for {listed(beside)}: "
+        f"correct paths and programs with `pipeline compensate {found.campaign}`."
+    )
+
+
+def _unfit(found: Findings, stiffness: Sequence[Stiffness]) -> Iterator[str]:
+    """Stiffnesses that are no number to enter, where the others are."""
+    half = [joint.called for joint in stiffness if joint.value and joint.ci95[1] is None]
+    if half and found.row.reason.holds_for_its_readings:
+        yield f"Enter no value for {listed(half)}: it may as well be rigid."
+
+
+def _model(found: Findings, stated: Stated) -> Iterator[str]:
+    """Whose values they are, and what that moves."""
+    effects = [one.called for one in found.told.values.first.effects]
+    count = len(found.told.values.hypotheses)
+    whose = {
+        Which.JOINT_SPRINGS: "Joint springs alone, one linear spring for each joint",
+        Which.EXTENDED: f"Joint springs and {listed(effects or ['what was identified'])}",
+        Which.AVERAGED: f"The average over {count} models by their probability",
+    }[found.row.model]
+    yield f"{whose}, from the {'corrected data' if found.mistakes else 'data as given'}."
+    if other := _other(found, _SPRINGS_ALONE, _AS_GIVEN):
+        for move in _moved(stated.mine.stiffness, stated.springs.stiffness):
+            yield f"Compared with {' and '.join(other)}, {move}."
 
 
 def _moved(mine: Sequence[Stiffness], springs: Sequence[Stiffness]) -> Iterable[str]:
@@ -110,60 +204,116 @@ def _move(mine: Stiffness, springs: Stiffness) -> str:
     before, after = (
         with_std(scaled(one.value, factor), scaled(one.std, factor)) for one in (springs, mine)
     )
-    return f"{mine.name} moves from {before} to {after} {prefixed(mine.unit, letter)}"
+    return f"{mine.called} moves from {before} to {after} {prefixed(mine.unit, letter)}"
 
 
-def _deflection(
+def _numbers(
+    found: Findings, stiffness: Sequence[Stiffness], together: Sequence[Combination]
+) -> str:
+    """Every stiffness as the controller names its axis, and those that have no value."""
+    good = [joint for joint in stiffness if joint.value is not None]
+    if not good and together:
+        return (
+            f"These pulls determine no stiffness by itself, but {counted(together)} of compliances."
+        )
+    if not good:
+        return "These pulls determine no stiffness and no combination of stiffnesses."
+    if not found.row.reason.holds_for_its_readings:
+        return "None: the values below do not explain the readings."
+    lost = [joint.called for joint in stiffness if joint.value is None]
+    half = [joint.called for joint in good if joint.ci95[1] is None]
+    return " ".join(
+        (
+            f"{'; '.join(map(_number, good))} (± standard uncertainty).",
+            *([f"Not determined: {listed(lost)}."] if lost else []),
+            *([f"Without an upper limit: {listed(half)}."] if half else []),
+            *([f"Determined together: {counted(together)}."] if together else []),
+        )
+    )
+
+
+def _number(joint: Stiffness) -> str:
+    """`A1 3.800 ± 0.012 MN·m/rad`."""
+    factor, letter = common_prefix([joint.value])
+    value = with_std(scaled(joint.value, factor), scaled(joint.std, factor))
+    return f"{joint.axis or joint.name} {value} {prefixed(joint.unit, letter)}"
+
+
+def _test_pose(found: Findings, stated: Stated) -> Iterator[str]:
+    """The pose, its force and what that does; what the recommended model changes there."""
+    pose = stated.pose
+    x, y, z = (plain(part, 4) for part in pose.force_n)
+    axes = ", ".join(f"{one.name} {_at(one.value, one.unit)}" for one in pose.axes)
+    none = "" if pose.stated else " campaign.toml has no [test_pose]: the strongest pull stands in."
+    yield (
+        f"The load point deflects by {expanded(pose)}, at {axes} under ({x}, {y}, {z}) N in F_b "
+        f"({plain(math.hypot(*pose.force_n))} N).{none}"
+    )
+    yield from _changed(
+        stated.mine.test_pose_deflection, stated.springs.test_pose_deflection, found
+    )
+
+
+def _at(value: float, unit: str) -> str:
+    """Where an axis stands."""
+    return f"{plain(value, 4)} m" if unit == "m" else f"{plain(value, 4)}°"
+
+
+def _changed(
     mine: Sequence[Deflection], springs: Sequence[Deflection], found: Findings
-) -> Iterable[str]:
-    """What the model changes at the test pose, at the target that moves most."""
+) -> Iterator[str]:
+    """What the model changes at the target that moves most; nothing where it changes nothing."""
     sizes = [[one.size_mm for one in those if one.size_mm is not None] for those in (mine, springs)]
     if not sizes[0] or not len(sizes[0]) == len(sizes[1]) == len(mine):
         return
     k = int(np.argmax(sizes[0]))
-    where = "the test pose" if found.where.stated else "the pose of the strongest pull"
     now, before = (plain(size[k]) for size in sizes)
-    other = "the same" if now == before else f"{before} mm"
-    yield (
-        f"At {where}, {mine[k].target} is predicted to deflect by {now} mm "
-        f"({other} {_instead(found)})."
+    if now != before:
+        yield f"{mine[k].target} deflects by {now} mm ({before} mm {_instead(found)})."
+
+
+def _next(found: Findings, stated: Stated) -> str:
+    """What to measure next, and whether that would settle what is open."""
+    poses = stated.diagnosis.next_poses
+    if poses:
+        return _proposed(poses)
+    if found.mistakes:
+        return "The readings in question, if no record tells what is right."
+    if not found.row.reason.holds_for_its_readings:
+        return (
+            "The poses that are missed most, once more and on another day: this tells the machine "
+            "from the readings."
+        )
+    needs = [one.needs for one in stated.diagnosis.causes if one.needs and one.rivals]
+    if needs and found.row.model == Which.AVERAGED:
+        return f"No reachable pose tells the causes apart by pulls alone. What would: {needs[0]}."
+    return _least_certain(stated.mine.stiffness)
+
+
+def _proposed(poses: Sequence[NextPose]) -> str:
+    """Whether the proposed poses settle what is open."""
+    most = max(one.sigmas_after or 0.0 for one in poses)
+    count = "The pose" if len(poses) == 1 else f"The {len(poses)} poses"
+    if most >= APART:
+        return (
+            f"{count} below: the causes in question are then {plain(most, 2)} standard deviations "
+            f"apart, and {APART} are enough."
+        )
+    return (
+        f"{count} below will help but not settle it: the causes in question are then "
+        f"{plain(most, 2)} standard deviations apart, and {APART} are needed."
     )
 
 
-def _instead(found: Findings) -> str:
-    """How the other values beside the answer's were computed."""
-    return ", ".join(_other(found, "with joint springs alone", "from the data as given"))
-
-
-def _rest(found: Findings, stiffness: Sequence[Stiffness], together: Sequence[Combination]) -> str:
-    """How many stiffnesses have a value, and how well left-out poses are predicted."""
-    if any(joint.value is not None for joint in stiffness):
-        return f"{_estimated(stiffness, together)}, and {_predicted(found)}."
-    if together:
-        many = f"{len(together)} combination{'s' * (len(together) > 1)}"
-        return f"These pulls determine no stiffness by itself, but {many} of compliances."
-    return "These pulls determine no stiffness and no combination of stiffnesses."
-
-
-def _estimated(stiffness: Sequence[Stiffness], together: Sequence[Combination]) -> str:
-    good = [joint for joint in stiffness if joint.value is not None]
-    lost = [joint.name for joint in stiffness if joint.value is None]
-    half = [joint.name for joint in good if joint.ci95[1] is None]
-    some = f"{len(good)} of {len(stiffness)}" if lost else "All"
-    limits = f" (not {listed(lost)})" if lost else ""
-    limits += f", {', '.join(half)} without an upper limit" if half else ""
-    mixed = (
-        f", and {len(together)} combination{'s' * (len(together) > 1)} of them" if together else ""
+def _least_certain(stiffness: Sequence[Stiffness]) -> str:
+    """Which pulls would gain most."""
+    lost = [joint for joint in stiffness if joint.value is None]
+    known = [joint for joint in stiffness if joint.relative_std is not None]
+    worst = next(iter(lost), None) or max(known, key=lambda one: one.relative_std or 0.0)
+    pulls = capital(remarks.WORK[worst.joint_type])
+    if worst.value is None:
+        return f"{pulls}: {worst.called} is not determined."
+    share = percent(worst.relative_std)
+    return (
+        f"Nothing is open. {pulls} would gain most: {worst.called} has an uncertainty of {share}."
     )
-    return f"{some} stiffnesses are estimated{limits}{mixed}"
-
-
-def _predicted(found: Findings) -> str:
-    """How far poses that were left out are missed, also by the values beside the answer's."""
-    error, without = (left_out_mm(one.values.left_out_m) for one in (found.told, found.springs))
-    if error is None:
-        return "no pose can be predicted from the others"
-    told = f"poses left out of the estimate are predicted to {plain(error)} mm"
-    if without is None or found.told.values is found.springs.values:
-        return told
-    return f"{told} ({plain(without)} mm {_instead(found)})"

@@ -10,6 +10,8 @@ import pandas as pd
 from pipeline import tables
 from pipeline.answer import positions
 from pipeline.answer.contract import Answer
+from pipeline.answer.pictures import kept_scene
+from pipeline.answer.scene import scene_of_positions
 from pipeline.base.arrays import Array
 from pipeline.geometry.identify import Identified
 from pipeline.geometry.mechanism import layout
@@ -67,7 +69,11 @@ def stood(name: str, raw: Raw, keep: Keep, step: Step) -> Stood:
     shown = {
         "rejected": rejected,
         "curves": keep("50_curves", _curves(found.final), tables.CURVES),
+        "curve_readings": keep(
+            "51_curve_readings", _curve_readings(found.final), tables.CURVE_READINGS
+        ),
         "held_out": keep("60_held_out", _held_out(found), tables.HELD_OUT),
+        **kept_scene(step(scene_of_positions)(read, found), keep),
     }
     masses = [
         (one, body.mass_kg, np.array(body.center_m)) for one, body in raw.settings.payload.items()
@@ -115,6 +121,33 @@ def _curves(found: Identified) -> pd.DataFrame:
         at = part.stop
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=_CURVE)
 
+
+def _curve_readings(found: Identified) -> pd.DataFrame:
+    """What the poses say of each curve, `_TOGETHER` groups of poses with neighbouring joint values.
+
+    A pose says f(q) + Z'r / Z'Z, with Z how the joint moves its targets and r what is left.
+    """
+    shifts = np.tile([True] * 3 + [False] * 3, len(found.readings.targets))
+    left, parts = found.left[:, shifts], []
+    start = 0
+    for curve in found.mechanism.curves:
+        knots = found.mechanism.knots[start : (start := start + curve.count)]
+        Z, q = found.linear.Z[:, shifts, curve.joint], found.readings.q[:, curve.joint]
+        square = np.sum(Z**2, axis=1)
+        told = square > 0.05 * np.median(square)
+        said = curve.value(q[told], knots) + np.sum(Z * left, axis=1)[told] / square[told]
+        order = np.argsort(q[told], kind="stable")
+        for group in np.array_split(order, min(_TOGETHER, max(len(order) // 3, 1))):
+            error = said[group]
+            std = np.std(error, ddof=1) / np.sqrt(len(group)) if len(group) > 1 else np.nan
+            mean = q[told][group].mean()
+            parts.append((curve.joint + 1, mean, error.mean(), std, len(group)))
+    table = pd.DataFrame(parts, columns=_CURVE)
+    return table.astype({"joint": "i4", "poses": "i4"})
+
+
+_TOGETHER = 40
+"""Groups of poses over the range of a joint."""
 
 _CURVE = ["joint", "q", "error", "error_std", "poses"]
 

@@ -21,7 +21,7 @@ from pipeline.diagnosis.average import (
     together,
 )
 from pipeline.machine.cell import Cell
-from pipeline.machine.robot import Joint
+from pipeline.machine.robot import Joint, axes
 from pipeline.system.budget import budget
 
 _WHICH = "which_cause"
@@ -40,11 +40,12 @@ def stiffness_entries(cell: Cell, hypotheses: Sequence[Hypothesis]) -> tuple[Sti
     """
     found = springs(hypotheses)
     parts = _parts(hypotheses, cell.robot.n)
+    names = axes.alone(cell.robot)
     system, depends = hypotheses[0].system, dependences(hypotheses)
     odd = _Odd(found, linear.nothing(system.B * system.typical), _partners(hypotheses, found))
     out = []
     for k, joint in enumerate(cell.robot.joints):
-        silent = _stiffness(joint, found, k, _budget(found, parts, k))
+        silent = _stiffness(joint, found, k, _budget(found, parts, k), names[k])
         on = [one for one in depends if one.spring == k]
         said = tuple(_remarks(silent, odd.of(k), on, _called(cell, odd.partners[k])))
         told = silent.model_copy(update={"remarks": said})
@@ -87,7 +88,9 @@ def budget_entries(stiffness: Sequence[Stiffness]) -> tuple[dict[str, str | floa
     return tuple(rows.values())
 
 
-def _stiffness(joint: Joint, found: Springs, k: int, parts: tuple[BudgetPart, ...]) -> Stiffness:
+def _stiffness(
+    joint: Joint, found: Springs, k: int, parts: tuple[BudgetPart, ...], axis: str | None
+) -> Stiffness:
     """One joint with its numbers, and nothing said of them."""
     x, std = float(found.value[k]), float(found.std[k])
     low, high = float(found.low[k]), float(found.high[k])
@@ -103,6 +106,7 @@ def _stiffness(joint: Joint, found: Springs, k: int, parts: tuple[BudgetPart, ..
         ci95=(1 / high if 0 < high < np.inf else None, 1 / low if low > 0 else None),
         identifiable=identifiable,
         joint_type=JointType.PRISMATIC if joint.prismatic else JointType.REVOLUTE,
+        axis=axis,
         compliance=x if np.isfinite(std) else None,
         compliance_std=std,
         compliance_unit=joint.compliance_unit,

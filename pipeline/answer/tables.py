@@ -65,6 +65,23 @@ def residuals_table(system: System, estimate: Estimate, left_out_m: Array) -> pd
     )
 
 
+def models_table(springs: System, paper: Estimate, residual: Array, nominal: Array) -> pd.DataFrame:
+    """Table MODELS.
+
+    Args:
+        springs: The system of the joint springs.
+        paper: Its solution.
+        residual: What the recommended model leaves [m], shape (M,).
+        nominal: Compliances of the robot file, NaN where it states none, shape (n,).
+    """
+    return _rows_table(springs).assign(
+        measured_m=springs.c,
+        nominal_m=springs.B @ nominal,
+        joint_springs_m=springs.c - paper.residual,
+        recommended_m=springs.c - residual,
+    )
+
+
 def estimate_table(names: Sequence[Parameter], found: Estimate | Springs) -> pd.DataFrame:
     """Table ESTIMATE."""
     return pd.DataFrame(

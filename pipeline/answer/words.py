@@ -9,8 +9,15 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from pipeline.answer.contract import Carried, Reason
-from pipeline.base.quantities import common_prefix, percent, plain, prefixed, with_std
+from pipeline.answer.contract import About, Carried, Combination, Reason
+from pipeline.base.quantities import (
+    common_prefix,
+    percent,
+    plain,
+    prefixed,
+    probability,
+    with_std,
+)
 from pipeline.diagnosis.average import LIKELY
 from pipeline.diagnosis.facts import ROUGH, Cause, Drift, Facts
 from pipeline.diagnosis.finding import Finding
@@ -32,10 +39,8 @@ _RIVALS = 3
 
 def why(facts: Facts) -> str:
     """What the verdict rests on: every finding in a sentence, but for "nothing" beside others."""
-    found: list[Finding] = [row.finding for row in findings(facts)]
-    others: list[Finding] = [one for one in found if one not in (Finding.NOTHING, Finding.MISTAKE)]
-    told = " ".join(capital(_FINDINGS[one](facts)) for one in others or [Finding.NOTHING])
-    return f"{_mistake(facts)} With that corrected: {told}" if facts.mistakes else told
+    told = _told(facts) or _FINDINGS[Finding.NOTHING](facts)
+    return f"{mistaken(facts)} With that corrected: {told}" if facts.mistakes else told
 
 
 def capital(text: str) -> str:
@@ -49,21 +54,59 @@ def listed(words: Sequence[str]) -> str:
     return f"{', '.join(first)} and {last}" if first else last
 
 
-def _mistake(facts: Facts) -> str:
+def counted(combinations: Sequence[Combination]) -> str:
+    """`1 combination`, `2 combinations`."""
+    return f"{len(combinations)} combination{'s' * (len(combinations) > 1)}"
+
+
+def mistaken(facts: Facts) -> str:
+    """The first mistake in the data, and how many more there are."""
     first, *more = facts.mistakes
     were = "1 more mistake was" if len(more) == 1 else f"{len(more)} more mistakes were"
     others = f", and {were} found" if more else ""
     return f"The data hold a mistake: {first.evidence}{others}. Your files are unchanged."
 
 
+def wrong(facts: Facts, unseen: int) -> str:
+    """What is wrong, in a sentence, mistakes in the data apart, which the verdict tells.
+
+    Args:
+        facts: What was found.
+        unseen: How many causes would not have shown at their usual size.
+    """
+    others = _told(facts)
+    if others:
+        return f"With the data corrected: {others}" if facts.mistakes else others
+    also = (
+        f" {unseen} possible causes would have gone unnoticed at their usual size; they are listed "
+        "below."
+        if unseen
+        else ""
+    )
+    clear = "Nothing else." if facts.mistakes else "Nothing that these readings show."
+    return f"{clear}{also}"
+
+
+def _told(facts: Facts) -> str:
+    """Every finding but mistakes and "nothing", in sentences."""
+    found: list[Finding] = [row.finding for row in findings(facts)]
+    others = [one for one in found if one not in (Finding.NOTHING, Finding.MISTAKE)]
+    return " ".join(capital(_FINDINGS[one](facts)) for one in others)
+
+
 def _identified(facts: Facts) -> str:
     names, left = _names(facts.causes), facts.remainder
+    first = f"Beside the joint springs there {_is(facts)} {_likely(facts.causes)}"
     if left is None or left < _NOTICED:
-        return f"The model with {names} fits the readings to within their scatter."
+        return f"{first}; the model then fits the readings to within their scatter."
     return (
-        f"With {names} in the model, {left:.1f} times the scatter of the readings is left, no more "
-        "than the laws of the causes may be in error."
+        f"{first}. With {names} in the model, {left:.1f} times the scatter of the readings is "
+        "left, no more than the laws of the causes may be in error."
     )
+
+
+def _is(facts: Facts) -> str:
+    return "is" if len(facts.causes) == 1 else "are"
 
 
 def _predicts_worse(facts: Facts) -> str:
@@ -81,10 +124,10 @@ def _unconfirmed(facts: Facts) -> str:
     assert facts.gain is not None
     low, high = facts.gain.ci95
     return (
-        f"{_names(facts.causes)} come{_ending(facts)} nearest, but nobody knows how the readings "
-        "scatter, and left-out poses do not confirm it: their error falls by "
+        f"{_names(facts.causes)} come{_ending(facts)} nearest, but the scatter of the readings "
+        "is not known, and left-out poses do not confirm it: their error falls by "
         f"{percent(facts.gain.reduction)}, 95 % interval {percent(low)} to {percent(high)}, which "
-        "may be chance. Nothing is named."
+        "may be chance. No cause is identified."
     )
 
 
@@ -97,16 +140,16 @@ def _remainder(facts: Facts) -> str:
     if outside_likelier(facts):
         return f"{names} come{s} nearest, but {rest}, and {_looks_like(facts)}"
     if facts.gain is None or facts.gain.ci95[0] <= 0:
-        return f"{names} come{s} nearest, but {rest}: neither place nor law is certain."
+        return f"{names} come{s} nearest, but {rest}: neither location nor law is certain."
     if left > ROUGH:
-        return f"{names} explain{s} most, but {rest}: the place is likely, the law is another."
+        return f"{names} explain{s} most, but {rest}: the location is likely, its law is another."
     return f"Beside {names} something remains that no known cause explains."
 
 
 def _looks_like(facts: Facts) -> str:
     assert facts.outside is not None
     return (
-        "something that the catalogue has no name for explains more: it looks like "
+        "something that the catalogue has no name for explains more: it resembles "
         f"{facts.outside.effect.signature}."
     )
 
@@ -115,7 +158,7 @@ def _outside_possible(facts: Facts) -> str:
     assert facts.outside is not None
     return (
         f"The data cannot tell {_names(facts.causes)} from something that the catalogue has no "
-        f"name for, which looks like {facts.outside.effect.signature}."
+        f"name for, which resembles {facts.outside.effect.signature}."
     )
 
 
@@ -123,7 +166,7 @@ def _rivals(facts: Facts) -> str:
     sure = [cause for cause in facts.causes if certain(cause)]
     first = f"{_names(sure)} {'is' if len(sure) == 1 else 'are'} certain. " if sure else ""
     open_ = "; ".join(_or(cause) for cause in facts.causes if not certain(cause))
-    return f"{first}The data do not decide between {open_}."
+    return f"{first}The data cannot distinguish between {open_}."
 
 
 def enormous(cause: Cause) -> str | None:
@@ -161,26 +204,26 @@ def hangs_on(cause: Effect, most: Carried) -> str | None:
 
 def _or(cause: Cause) -> str:
     """A cause and what it could be instead, with their probabilities."""
-    mine = f"{cause.effect.called} ({100 * cause.probability:.0f} %)"
-    others = [f"{r.effect.called} ({100 * r.probability:.0f} %)" for r in cause.rivals[:_RIVALS]]
+    mine = f"{cause.effect.called}, {100 * cause.probability:.0f} %"
+    others = [f"{r.effect.called}, {100 * r.probability:.0f} %" for r in cause.rivals[:_RIVALS]]
     twin = "its twin, which no pull tells from it" if cause.twins else "what is like it"
-    return " and ".join([mine, *(others or [twin])])
+    return ", and ".join([mine, *(others or [twin])])
 
 
 def _off_the_table(facts: Facts) -> str:
     names = " and ".join(effect.called for effect in facts.unloaded.effects)
     return (
-        f"The unloaded reflectors stand {1e3 * facts.unloaded.miss_m:.2g} mm off where the robot's "
-        f"table puts them, and adding {names}, nearest to it, would make the prediction of other "
-        "poses worse."
+        f"The unloaded reflectors stand {1e3 * facts.unloaded.miss_m:.2g} mm from where the "
+        f"robot's table places them, and adding {names}, nearest to it, would make the "
+        "prediction of other poses worse."
     )
 
 
 def _stands_elsewhere(facts: Facts) -> str:
     return (
-        f"The unloaded reflectors stand {1e3 * facts.unloaded.miss_m:.2g} mm off where the robot's "
-        f"table puts them (base and tool fitted), and {1e3 * facts.unloaded.left_m:.2g} mm with "
-        f"{_names(facts.moved)}."
+        f"The unloaded reflectors stand {1e3 * facts.unloaded.miss_m:.2g} mm from where the "
+        f"robot's table places them (base and tool fitted), and "
+        f"{1e3 * facts.unloaded.left_m:.2g} mm with {_names(facts.moved)}."
     )
 
 
@@ -212,6 +255,13 @@ def _names(causes: Sequence[Cause]) -> str:
     return listed([cause.effect.called for cause in causes])
 
 
+def _likely(causes: Sequence[Cause]) -> str:
+    """The same with their probabilities."""
+    return listed(
+        [f"{one.effect.called} (probability {probability(one.probability)})" for one in causes]
+    )
+
+
 def _ending(facts: Facts) -> str:
     """Of the verb whose subject the causes are."""
     return "s" if len(facts.causes) == 1 else ""
@@ -239,7 +289,7 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
     ),
     Finding.GAIN_UNCERTAIN: lambda facts: (
         f"{_names(facts.causes)} {'fits, but does' if len(facts.causes) == 1 else 'fit, but do'} "
-        "not predict left-out poses better for certain."
+        "not certainly reduce the cross-validation error."
     ),
     Finding.TWO_LAWS: lambda facts: (
         f"Joint {two_laws(facts)} turns by a law of its own: {_names(facts.causes)} describe it "
@@ -252,7 +302,7 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
         f"{facts.scale_ratio * facts.tracker_ratio:.2g} times as much as stated."
     ),
     Finding.BEYOND_CERTIFICATE: lambda _: (
-        "The residuals are larger than any certificate may be wrong."
+        "The residuals are larger than an error of any certificate would explain."
     ),
     Finding.OFF_THE_TABLE: _off_the_table,
     Finding.MISFIT: lambda facts: (
@@ -288,8 +338,8 @@ BECAUSE: Mapping[Reason, str] = {
     ),
     Reason.MISTAKE: "All values are from the corrected data.",
     Reason.WEIGHED_ANEW: (
-        "The model is that of the joint springs; the values include what was identified of where "
-        "the robot stands or how much the scale scatters."
+        "Joint springs explain the deflections; the values rest on the robot's geometry, or on the "
+        "scatter of the scale, as it was identified."
     ),
     Reason.CAUSE_AND_RIVALS: (
         "Joint springs alone do not explain the readings; the values below include the "
@@ -316,3 +366,82 @@ BECAUSE: Mapping[Reason, str] = {
     ),
     Reason.ADEQUATE: "Joint springs explain the readings.",
 }
+
+HOLDS: Mapping[Reason, str] = {
+    Reason.WEIGHED_ANEW: (
+        "Joint springs explain the readings, with what was identified of where the robot stands "
+        "or how much the scale scatters."
+    ),
+    Reason.CAUSE_AND_RIVALS: (
+        "Joint springs alone do not explain the readings; with the identified cause the model does."
+    ),
+    Reason.CAUSE_IDENTIFIED: (
+        "Joint springs alone do not explain the readings; with the identified cause the model does."
+    ),
+    Reason.RIVALS: (
+        "Joint springs alone do not explain the readings, and more than one cause may be true."
+    ),
+    Reason.CAUSE_DOUBTFUL: (
+        "Joint springs alone do not explain the readings; with the likeliest cause the model does."
+    ),
+    Reason.SPRINGS_UNTOUCHED: (
+        "Joint springs explain the readings; what else was identified does not change them."
+    ),
+    Reason.UNEXPLAINED: (
+        "Joint springs do not explain the readings, and nothing known does: do not rely on the "
+        "stated uncertainties."
+    ),
+}
+"""Whether the model holds, where the data hold no mistake and there is something to say."""
+
+_CORRECT = (
+    "Look that reading up in the record of the measurement and correct the file, or measure it "
+    "again; then run the campaign once more. Until then"
+)
+
+DO: Mapping[Reason, str] = {
+    Reason.ADEQUATE: "Use these stiffnesses.",
+    Reason.SPRINGS_UNTOUCHED: "Use these stiffnesses.",
+    Reason.WEIGHED_ANEW: "Use these stiffnesses.",
+    Reason.CAUSE_IDENTIFIED: (
+        "Use the values that include the identified cause, not those of joint springs alone."
+    ),
+    Reason.CAUSE_AND_RIVALS: (
+        "Use the values that include the identified cause, not those of joint springs alone."
+    ),
+    Reason.RIVALS: (
+        "Use the averaged values with their intervals, which cover every cause with a probability "
+        f"above {100 * LIKELY:.0f} %, or find out first which cause it is."
+    ),
+    Reason.CAUSE_DOUBTFUL: (
+        "Use the values that include the likeliest cause, or find out first whether it is the one."
+    ),
+    Reason.UNEXPLAINED: (
+        "Enter none of these stiffnesses into a controller; find out first what the model misses."
+    ),
+    Reason.MISTAKE: f"{_CORRECT} use the values from the corrected data.",
+    Reason.MISTAKE_SPRINGS_UNTOUCHED: f"{_CORRECT} use the values from the corrected data.",
+    Reason.MISTAKE_AND_CAUSE: (
+        f"{_CORRECT} use the values from the corrected data, which include the identified cause."
+    ),
+    Reason.MISTAKE_AND_RIVALS: (
+        f"{_CORRECT} use the averaged values from the corrected data with their intervals."
+    ),
+    Reason.MISTAKE_AND_UNEXPLAINED: (
+        f"{_CORRECT} enter none of these stiffnesses into a controller: what the model misses is "
+        "not known."
+    ),
+}
+"""What to do with the values."""
+
+ABOUT: Mapping[About, str] = {
+    About.VERDICT: "Verdict",
+    About.TO_DO: "What to do",
+    About.MODEL: "Model to use",
+    About.NUMBERS: "For the controller",
+    About.TOLERANCE: "Tolerance",
+    About.TEST_POSE: "Test pose",
+    About.WRONG: "What is wrong",
+    About.NEXT: "What to measure next",
+}
+"""What a line of the first screen is about."""

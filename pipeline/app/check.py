@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -29,6 +29,7 @@ from pipeline.faults.survey import Clock, Distance, Stand, clock, distances, ove
 from pipeline.machine.effect import HUNG, MOUNTED
 from pipeline.machine.poses import in_log_units
 from pipeline.machine.robot import Robot
+from pipeline.prediction.tolerance import Path, asked
 from pipeline.reduction.bring import Reduced, bring, conformed, plain
 from pipeline.reduction.case import Case
 from pipeline.reduction.settings import Settings, line_of
@@ -56,12 +57,33 @@ def check(campaign: Campaign) -> Outcome:
         with at(TOML):
             case = ingested(raw, conformed, plain)
             reduced = bring(case)
+            path = asked(raw.settings.tolerance, raw.files, case.robot, case.tool)
     except InputError as problem:
         others = [] if wrong else mistaken(raw)
         if not wrong and not others:
             raise
         return _refused(campaign, wrong, others, problem)
-    return _told(campaign, raw, case, reduced, wrong)
+    return _with_tolerance(_told(campaign, raw, case, reduced, wrong), raw.settings, path)
+
+
+def _with_tolerance(told: Outcome, settings: Settings, path: Path | None) -> Outcome:
+    """The same with what [tolerance] asks, where there is one."""
+    tolerance = settings.tolerance
+    if tolerance is None:
+        return told
+    found: dict[str, Any] = {"deflection_mm": tolerance.deflection_mm}
+    line = f"  tolerance    {tolerance.deflection_mm:g} mm"
+    if path is not None:
+        size = np.linalg.norm(path.force, axis=1)
+        least, most = float(size.min()), float(size.max())
+        found |= {"file": tolerance.path, "points": len(size), "force_range_n": [least, most]}
+        line += f" along {tolerance.path}: {len(size)} points, {least:.0f} to {most:.0f} N"
+    *above, last = told.text.split("\n")
+    return replace(
+        told,
+        content=told.content | {"tolerance": found},
+        text="\n".join([*above, line, last]),
+    )
 
 
 def _refused(

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.answer.archive import Finished, finished, read
+from pipeline.answer.archive import Finished, finished, with_digest
 from pipeline.answer.contract import Answer, Data, Stiffness, Which
 from pipeline.answer.history import chance, changes, together, trusted
 from pipeline.app.outcome import Outcome
@@ -174,4 +174,4 @@ def _campaign_and_model(root: Path, name: str) -> tuple[Finished, str]:
             raise UsageError(f'there is no model "{model}": use {", ".join(_MODELS)}')
         return known[head], model
     campaign = find(root, name)
-    return Finished(campaign, read(campaign)), "recommended"
+    return with_digest(campaign), "recommended"

@@ -83,11 +83,11 @@ EARLIER = "of an earlier input or program"
 
 def _outcome(campaign: Campaign, compute: Compute) -> Outcome:
     name, answer = campaign.name, compute(campaign)
-    first, *more = answer.verdict_sentence
+    first, *more = _first_screen(answer)
     lines = [
         f"{name}: {first}",
         *(f"  {line}" for line in more),
-        *(f"  {joint.name:<10} {shown(joint)}" for joint in answer.stiffness),
+        *map(_stiffness, answer.stiffness),
         *(f"  {mixed(one)}" for one in answer.combinations),
         f"  {campaign.reports / 'index.html'}",
     ]
@@ -100,6 +100,24 @@ def _outcome(campaign: Campaign, compute: Compute) -> Outcome:
         complaints=[f"{name}: {line}" for line in sentences(answer.rejected)],
         verdict=str(answer.diagnosis.verdict),
     )
+
+
+def _stiffness(joint: Stiffness) -> str:
+    """`  A1   k_theta2   3.800 ± 0.012 MN·m/rad`."""
+    axis = "" if joint.axis is None else f"{joint.axis:<4} "
+    return f"  {axis}{joint.name:<10} {shown(joint)}"
+
+
+def _first_screen(answer: Answer) -> list[str]:
+    """Its lines, without the numbers, which are listed joint by joint."""
+    from pipeline.answer.contract import About
+    from pipeline.answer.words import ABOUT
+
+    if not answer.first_screen:
+        return list(answer.verdict_sentence)
+    first, *more = answer.first_screen
+    told = [one for one in more if one.about is not About.NUMBERS]
+    return [first.text, *(f"{ABOUT[one.about]}: {one.text}" for one in told)]
 
 
 def _all_determined(answer: Answer) -> bool:

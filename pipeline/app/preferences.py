@@ -98,12 +98,24 @@ class Storage(Strict):
     processed: _Address | None = None
 
 
+class Fleet(Strict):
+    """All robots together.
+
+    Attributes:
+        scatter: What a stiffness is expected to differ by from day to day beyond its uncertainty,
+            one standard deviation [1]; 0.01 where nobody says. Campaigns that tell it correct it.
+    """
+
+    scatter: Annotated[float, Field(ge=1e-4, le=0.5)] | None = None
+
+
 class Preferences(Strict):
     """A whole pipeline.toml; all of it may be missing."""
 
     service: Service = Service()
     notify: Notify = Notify()
     storage: Storage = Storage()
+    fleet: Fleet = Fleet()
 
 
 def load(root: Path, said: Mapping[str, Any] | None = None) -> Preferences:

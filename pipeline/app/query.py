@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.answer import fleet
+from pipeline.app import preferences
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite, UsageError
 from pipeline.base.shown import in_json, printable
@@ -45,7 +46,7 @@ def ask(root: Path, query: str) -> Found:
         UsageError: It is none, cannot be carried out, or there is nothing to ask.
     """
     try:
-        fleet.refresh(root)
+        fleet.refresh(root, preferences.load(root).fleet.scatter)
     except CannotWrite:  # a project that is only read: as its last run left them
         if not fleet.folder(root).is_dir():
             raise
@@ -76,7 +77,7 @@ def _duckdb() -> Any:
 
 def _prepare(base: Any, place: Path) -> None:
     """Views of the tables; then no other file can be read, and nothing of that changed."""
-    for name, promise in fleet.PROMISED.items():
+    for name, promise in fleet.VIEWS.items():
         columns = ", ".join(["robot", *(f'"{column}"' for column in promise.names)])
         source = _quoted(f"{place}/{name}/*/*.parquet")
         options = "hive_partitioning = true, hive_types = {'robot': varchar}"
@@ -199,7 +200,7 @@ def described() -> Found:
     robot = ("robot", "1", "the robot that was measured")
     rows = [
         (name, *about)
-        for name, promise in fleet.PROMISED.items()
+        for name, promise in fleet.VIEWS.items()
         for about in (robot, *((f.name, *_about(f)) for f in promise))
     ]
     return Found(["table", "column", "unit", "meaning"], rows)

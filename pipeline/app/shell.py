@@ -312,12 +312,14 @@ def report(root: Path, name: str | None, form: str) -> Path:
 
 def report_text(root: Path, name: str) -> str:
     """A campaign's report as plain text."""
-    from pipeline.answer import archive
+    from pipeline.answer import archive, fleet
     from pipeline.report.model import compose
     from pipeline.report.text import as_text
+    from pipeline.report.wear import told as wear_of
 
     report(root, name, "html")
     campaign = campaigns.find(root, name)
     answer = archive.read(campaign)
     before = archive.earlier(campaign, answer)
-    return as_text(compose(answer, archive.shown(campaign), previous=before))
+    wear = wear_of(answer, fleet.wear(root))
+    return as_text(compose(answer, archive.shown(campaign), previous=before, wear=wear))

@@ -16,9 +16,11 @@ _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n", -12: "p"
 _ROUNDING = 1e-15
 """Part of a double that is rounding [1]: nothing is known better."""
 
-_DIGIT = r"[\d⁰¹²³⁴⁵⁶⁷⁸⁹]"
+_DIGITS = r"\d⁰¹²³⁴⁵⁶⁷⁸⁹"
+_UNIT = r"%|°C|deg|σ|×|±|[pnµmkMG]?(?:N|m|rad|kg|g|s)(?:[·/][\w()·/]*)?"
 _BINDS = re.compile(
-    rf"(?<={_DIGIT}) (?=(?:%|mm|m|N|µm|µrad|σ|×|±)(?:\W|$))|(?<=[×±=<]) (?=\d)|(?<=\bp) (?=[=<])"
+    rf"(?<=[{_DIGITS})]) (?=(?:{_UNIT})(?:\W|$))|(?<=[×±=<]) (?=[\d(])|(?<=\b[pkU]) (?=[=<])"
+    r"|(?<=\b[AEJS]\d) (?=-?\d)|(?<=\d,) (?=-?[\d.]+[,)])"
 )
 """Spaces that belong inside a quantity or a relation."""
 
@@ -61,6 +63,14 @@ def with_std(value: float | None, std: float | None) -> str:
         return _scientific(value, std)
     place = _place_of(std)
     return f"{_at_place(value, place)} ± {_at_place(std, place)}"
+
+
+def with_uncertainty(value: float, expanded: float) -> tuple[str, str]:
+    """A value and its expanded uncertainty, each to the place of the latter's second digit."""
+    if not known(expanded) or expanded <= _ROUNDING * abs(value):
+        return plain(value), plain(expanded)
+    place = _place_of(expanded)
+    return _at_place(value, place), _at_place(expanded, place)
 
 
 def bracketed(value: float | None, std: float | None) -> str:

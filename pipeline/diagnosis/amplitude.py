@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from pipeline.base import linear
 from pipeline.base.arrays import Parameter
@@ -38,7 +38,7 @@ def amplitudes(case: Case, view: Whitened) -> list[tuple[Amplitude, ...]]:
     variance = np.diag(linear.covariance(view.M[np.ix_(base, base)]))
     scatter = max(rest / dof, ROUNDING) if dof > 0 else np.inf
     std = np.sqrt(variance * scatter)
-    quantile = float(stats.t.ppf(0.975, max(dof, 1)))
+    quantile = float(special.stdtrit(max(dof, 1), 0.975))
     out = []
     for suspect in view.model.accepted:
         at = [int(np.flatnonzero(base == c)[0]) for c in view.columns([suspect])]

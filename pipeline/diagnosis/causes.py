@@ -14,7 +14,6 @@ from pipeline.diagnosis.hypotheses import accepted
 from pipeline.diagnosis.identify import NAMELESS, Case, Found
 from pipeline.diagnosis.improvement import as_good
 from pipeline.diagnosis.isolability import Twins
-from pipeline.diagnosis.unloaded_fit import student
 from pipeline.machine.cell import predict
 from pipeline.machine.effect import Effect, Noise, Pulls
 from pipeline.machine.effects.nameless import mounting
@@ -98,16 +97,20 @@ def _unnamed(found: Found, place: int) -> Named | None:
 
 def of_unloaded(stood: Standing) -> tuple[Cause, ...]:
     """Causes that the unloaded positions call for."""
-    if stood.fit is None or stood.useless:
+    if stood.useless:
         return ()
-    quantile, out = student(stood.fit), []
-    for k, effect in enumerate(stood.effects):
-        sizes = _sizes(effect, *stood.fit.size(k), quantile)
-        odds = {one.label: probability for one, probability in stood.rivals[k]}
-        rivals = tuple(Named(one, odds[one.label]) for one, _ in stood.rivals[k] if one != effect)
-        p_value = stood.p_values[k]
-        out.append(Cause(effect, odds[effect.label], sizes, p_value, rivals, gain=stood.gain))
-    return tuple(out)
+    return tuple(
+        Cause(
+            effect=one.effect,
+            probability=one.probability,
+            amplitudes=_sizes(one.effect, one.value, one.std),
+            p_value=one.p_value,
+            rivals=one.rivals,
+            twins=one.twins,
+            gain=stood.gain,
+        )
+        for one in stood.causes
+    )
 
 
 def _sizes(

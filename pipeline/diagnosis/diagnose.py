@@ -77,9 +77,9 @@ def diagnose(
     known = twins(cell.robot)
     case, spread = case_of(cell, data, estimate, whole, known, noise)
     hung = as_stiff(cell, estimate)
-    stood = standing(hung, data, spread.tracker, whole, rng)
+    stood = standing(hung, data, spread.tracker, whole)
     if stood.believed:
-        data = corrected(hung, data, stood)
+        cell, data = corrected(cell, data, stood)
         case, spread = case_of(cell, data, estimate, whole, known, noise)
     case = replace(case, refuted=stood.visible, shape=shape, room=room)
     case, spread, found = _searched(case, spread, estimate.value, rng)

@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools
+from pipeline.base.tails import chi2_beyond
 from pipeline.diagnosis.blindspots import needed
 from pipeline.diagnosis.facts import Drift
 from pipeline.diagnosis.rounds import in_rounds
@@ -125,7 +125,7 @@ def _stated(
     left, dof, motion = float(laws.rest - laws.drop[best]), laws.dof - 6, laws.size[best]
     variance = max(TOLERATED**2, left / dof)
     p = float(laws.p(variance, np.inf)[best])
-    rigid = bool(stats.chi2.sf(left / TOLERATED**2, dof) > _FITS)
+    rigid = bool(chi2_beyond(left / TOLERATED**2, dof) > _FITS)
     typical = np.concatenate([[q.typical for q in effect.parameters], np.zeros(3)])
     shown = typical @ laws.N[best] @ typical / variance
     std = np.sqrt(np.diag(laws.cov[best]) * max(1.0, left / dof))

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
 
-from pipeline.base.arrays import Array, Bools, Locked, Parameter
+from pipeline.base.arrays import Array, Locked, Parameter
 from pipeline.base.linear import rms
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.faults.mistake import Mistake
+from pipeline.geometry.roughness import Cells
 from pipeline.machine.effect import Effect, Observation
 from pipeline.system.linearised import Linearised
 from pipeline.system.system import Estimate, Scatter
@@ -172,101 +172,6 @@ class Drift(Locked):
     visible: float
 
 
-@dataclass(frozen=True, eq=False)
-class Line(Locked):
-    """Where some causes put the reflectors, to first order about some values.
-
-    Attributes:
-        about: The values, shape (k,).
-        stands: Where the reflectors then are [m], shape (z, 3).
-        J: How they move with the parameters in typical sizes, shape (z, 3, k).
-    """
-
-    about: Array
-    stands: Array
-    J: Array
-
-    def only(self, kept: Bools) -> Line:
-        """The same for some of the zeros."""
-        return replace(self, stands=self.stands[kept], J=self.J[kept])
-
-
-@dataclass(frozen=True, eq=False)
-class Fit(Locked):
-    """Some causes, estimated from the unloaded positions.
-
-    Attributes:
-        effects: The causes.
-        values: Their parameters, shape (k,).
-        cov: Covariance of them, shape (k, k); larger where more than scatter is left.
-        known: What is estimated along, shape (n,).
-        chi2: Weighted sum of squares of what is left.
-        dof: Its degrees of freedom.
-        line: Where it was linearised last.
-    """
-
-    effects: tuple[Effect, ...]
-    values: Array
-    cov: Array
-    known: Array
-    chi2: float
-    dof: int
-    line: Line
-
-    @property
-    def p(self) -> float:
-        """Probability that chance leaves as much."""
-        return float(special.chdtrc(self.dof, self.chi2)) if self.dof > 0 else 1.0
-
-    def size(self, number: int) -> tuple[Array, Array]:
-        """Parameters of one cause and their standard uncertainties."""
-        ends = np.cumsum([len(effect.parameters) for effect in self.effects])
-        mine = slice(ends[number] - len(self.effects[number].parameters), ends[number])
-        return self.values[mine], np.sqrt(np.diag(self.cov))[mine]
-
-
-@dataclass(frozen=True, eq=False)
-class Standing(Locked):
-    """What the unloaded positions show.
-
-    Attributes:
-        miss_m: Their deviation from the table, tool and base estimated as well, rms [m]; NaN
-            where too few were read.
-        left_m: The same with the causes.
-        fit: The causes, None where none is accepted.
-        p_values: Of the misfit without each cause.
-        rivals: For each cause, others that would do as well with their probabilities.
-        gain: What the causes are worth at poses that were left out.
-        visible: Multiple of its typical size from which each cause would be tested, by label.
-    """
-
-    miss_m: float
-    left_m: float
-    visible: Mapping[str, float]
-    fit: Fit | None = None
-    p_values: tuple[float, ...] = ()
-    rivals: tuple[tuple[tuple[Effect, float], ...], ...] = ()
-    gain: Gain | None = None
-
-    @property
-    def useless(self) -> bool:
-        """The causes predict where the robot stands in left-out poses no better than none."""
-        return self.gain is not None and self.gain.reduction <= 0
-
-    @property
-    def believed(self) -> bool:
-        """Causes were found, and the robot stands where they put it."""
-        return bool(self.effects) and not self.useless
-
-    @property
-    def effects(self) -> tuple[Effect, ...]:
-        """The causes."""
-        return self.fit.effects if self.fit else ()
-
-
-NOTHING = Standing(np.nan, np.nan, {})
-
-
 @dataclass(frozen=True)
 class Amplitude:
     """One parameter of an identified cause.
@@ -308,6 +213,69 @@ class Named:
 
     effect: Effect
     probability: float
+
+
+@dataclass(frozen=True, eq=False)
+class Off(Locked):
+    """A cause that the unloaded positions call for.
+
+    Attributes:
+        effect: What it is.
+        value: Its parameters, SI, shape (k,).
+        std: Their standard uncertainties, shape (k,).
+        p_value: Chance of so much in a robot without, as many causes being looked for as are.
+        probability: Of it, or of a twin, against all that could stand in its place.
+        rivals: What else could, likeliest first.
+        twins: Labels of what makes the same robot: offsets along parallel axes.
+    """
+
+    effect: Effect
+    value: Array
+    std: Array
+    p_value: float
+    probability: float
+    rivals: tuple[Named, ...]
+    twins: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Standing(Locked):
+    """What the unloaded positions show.
+
+    Attributes:
+        miss_m: Their deviation from the table, tool and base estimated as well, rms [m]; NaN
+            where too few were read.
+        left_m: The same from the estimated table, with the causes.
+        visible: Multiple of its typical size from which each cause would be found, by label.
+        cells: The estimated table, None where too few positions were read.
+        causes: What is off by far more than the rest of the table.
+        gain: What the estimate is worth at poses that were left out, against the table as it is.
+    """
+
+    miss_m: float
+    left_m: float
+    visible: Mapping[str, float]
+    cells: Cells | None = None
+    causes: tuple[Off, ...] = ()
+    gain: Gain | None = None
+
+    @property
+    def useless(self) -> bool:
+        """The causes predict where the robot stands in left-out poses no better than none."""
+        return bool(self.causes) and self.gain is not None and self.gain.reduction <= 0
+
+    @property
+    def believed(self) -> bool:
+        """Causes were found, and the robot stands where they put it."""
+        return bool(self.causes) and not self.useless
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The causes."""
+        return tuple(one.effect for one in self.causes)
+
+
+NOTHING = Standing(np.nan, np.nan, {})
 
 
 @dataclass(frozen=True, eq=False)

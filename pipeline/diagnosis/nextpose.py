@@ -120,7 +120,8 @@ def propose(
 ) -> list[Proposal]:
     """Poses that separate the causes best, one after the other until all pairs are apart.
 
-    Pairs that no series of poses separates are left out.
+    No two of them are the same: what a repeated pose tells, and a systematic error of one pose
+    does not, is asked of another. Pairs that no series of poses separates are left out.
 
     Args:
         view: The campaign from the model with all accepted causes.
@@ -131,15 +132,16 @@ def propose(
     contest = _Contest.of(view, questions)
     more = contest.products(view, among)
     open_pairs = np.ones(len(contest.pairs), dtype=bool)
+    k = len(among.pulls.pose) // len(among.anchor)
+    stand = np.unique(among.pulls.q[::k], axis=0, return_inverse=True)[1].reshape(-1)
     for _ in range(2):
-        chosen, apart = _series(contest, more, open_pairs, most)
+        chosen, apart = _series(contest, more, stand, open_pairs, most)
         helped = apart[-1] >= 1.05 * apart[0] + 0.05
         if (helped >= open_pairs).all():
             break
         open_pairs &= helped
         if not open_pairs.any():
             return []
-    k = len(among.pulls.pose) // len(among.anchor)
     out = []
     for count, best in enumerate(chosen, 1):
         closest = int(np.argmin(np.where(open_pairs, apart[count], np.inf)))
@@ -161,20 +163,29 @@ def propose(
 
 
 def _series(
-    contest: _Contest, more: Array, open_pairs: Array, most: int
+    contest: _Contest, more: Array, stand: Ints, open_pairs: Array, most: int
 ) -> tuple[list[int], Array]:
-    """Poses one after the other; sigmas between all pairs before and after each, (s + 1, pairs)."""
-    M, chosen = contest.M, list[int]()
+    """Poses one after the other; sigmas between all pairs before and after each, (s + 1, pairs).
+
+    Args:
+        contest: The causes in question.
+        more: What each candidate adds to their normal equations.
+        stand: Where the robot stands in each candidate, by number.
+        open_pairs: Pairs that some series of poses separates.
+        most: So many poses at most.
+    """
+    M, chosen, free = contest.M, list[int](), np.ones(len(stand), dtype=bool)
     apart = [contest.apart(M)]
     weight = np.where(open_pairs, contest.weight, 0.0)
     far_fetched = contest.leverage(more)
-    while len(chosen) < most:
+    while len(chosen) < most and free.any():
         after = contest.apart(M + more)
         wrong = np.exp(-np.maximum(after**2 - apart[0] ** 2, 0.0) / 8) @ weight
         enough = (wrong <= _SETTLED) & contest.rivals
-        order = np.where(enough, far_fetched, np.inf) if enough.any() else wrong
-        best = int(np.argmin(order))
+        order = np.where(enough, far_fetched, np.inf) if (enough & free).any() else wrong
+        best = int(np.argmin(np.where(free, order, np.inf)))
         chosen.append(best)
+        free &= stand != stand[best]
         apart.append(after[best])
         M = M + more[best]
         if wrong[best] <= _SETTLED and (after[best][open_pairs] >= APART).all():

@@ -15,10 +15,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
-from scipy import stats
+from scipy import special
 
 from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.base.tails import chi2_beyond
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake
 from pipeline.faults.reading import bad_reading, smallest
@@ -97,7 +98,7 @@ class _Free:
     @property
     def certain(self) -> bool:
         """Whether the others agree, and no reading could be another one."""
-        agree = self.dof >= _REFLECTORS and stats.chi2.sf(self.rest, self.dof) > _AGREES
+        agree = self.dof >= _REFLECTORS and chi2_beyond(self.rest, self.dof) > _AGREES
         return bool(agree and self.decided)
 
 
@@ -117,7 +118,7 @@ def base_outlier(registration: Registration, scale: float) -> list[Mistake]:
         if near.all():
             return []
         scale = _scatter(seen, near)
-    limit = float(stats.chi2.isf(alarms.READING / count, 3))
+    limit = float(special.chdtri(3, alarms.READING / count))
     if near.all() and not _stands_out(next(_courses(seen, scale)), limit):
         return []
     if seen.table["group"].nunique() > _ROUNDS:
@@ -153,7 +154,7 @@ def _whole_reflector(table: pd.DataFrame, free: _Free) -> bool:
 
 def _findings(free: _Free, table: pd.DataFrame, scale: float) -> Iterator[Mistake]:
     for k in sorted(free.drop, key=lambda k: -free.drop[k]):
-        p = len(table) * float(stats.chi2.sf(free.drop[k], 3))
+        p = len(table) * float(chi2_beyond(free.drop[k], 3))
         if free.size[k] >= smallest(table, scale):
             sigmas = float(np.sqrt(free.drop[k]))
             others = "the other base reflectors"
@@ -192,7 +193,7 @@ def _courses(registration: Registration, scale: float) -> Iterator[_Readings]:
         moved = rigid[:, :, None, :some] * later[:, None, :, None]
         X = np.concatenate([rigid, moved.reshape(len(y), 3, -1)], axis=2)
         dof = some * later.shape[1]
-        yield _Readings(X, y, white, float(stats.chi2.isf(alarms.DRIFT, dof)))
+        yield _Readings(X, y, white, float(special.chdtri(dof, alarms.DRIFT)))
 
 
 def _scatter(registration: Registration, near: Bools) -> float:

@@ -7,11 +7,11 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError
+from pipeline.base.tails import chi2_beyond
 from pipeline.faults.base_reading import shifts
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, apart, outlying
@@ -44,7 +44,7 @@ def base_target(case: Case, registration: Registration, scale: float) -> list[Mi
     which, names = pd.factorize(table["target"], sort=True)
     if chi2 is None or len(names) < _FEWEST:
         return []
-    if stats.chi2.sf(chi2 / scale**2, registration.dof) > alarms.READING:
+    if chi2_beyond(chi2 / scale**2, registration.dof) > alarms.READING:
         return []
     off = shifts(agreed(registration)[0], scale, which)
     left = np.where(off.rank == 3, off.rest - off.drop, np.inf)
@@ -56,9 +56,9 @@ def base_target(case: Case, registration: Registration, scale: float) -> list[Mi
         return []
     rest, shift, dof = free[0] / scale**2, free[1], registration.dof - 3
     drop, size = chi2 / scale**2 - rest, float(np.linalg.norm(shift))
-    p = len(names) * float(stats.chi2.sf(drop, 3))
-    fits = stats.chi2.sf(rest, dof) > _AGREE
-    alone = stats.chi2.sf(left[rival], dof) < alarms.READING
+    p = len(names) * float(chi2_beyond(drop, 3))
+    fits = chi2_beyond(rest, dof) > _AGREE
+    alone = chi2_beyond(left[rival], dof) < alarms.READING
     if not (fits and alone) or p > alarms.READING or size < smallest(table, scale):
         return []
     sigmas, after = float(np.sqrt(drop)), float(np.sqrt(max(rest, 0)))

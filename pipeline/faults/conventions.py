@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base import covariance
-from pipeline.base.arrays import Array, Ints, Strings
+from pipeline.base.arrays import Array, Bools, Ints, Strings
 from pipeline.base.linear import rigid
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake
@@ -26,7 +26,7 @@ from pipeline.machine.robot import SHIPPED, Robot, configure, load
 from pipeline.machine.robot.variants import alike, differing, variants
 from pipeline.readers.known import BETTER, GROSS_M
 from pipeline.reduction.case import Case
-from pipeline.reduction.register import XYZ
+from pipeline.reduction.register import XYZ, agreeing
 
 GROSS_ANCHORED_M = 0.3
 """Nor this far from it in a base frame, however poor its reflectors."""
@@ -174,7 +174,19 @@ def anchored(case: Case) -> tuple[Array, Array] | None:
     if base["target"].nunique() < _BASE:
         return None
     points = np.array([nominal[name] for name in base["target"]])
-    return rigid(base[XYZ].to_numpy(float), points)
+    seen = base[XYZ].to_numpy(float)
+    kept = _not_alone(agreeing(seen, points), pd.factorize(base["target"])[0])
+    return rigid(seen[kept], points[kept])
+
+
+def _not_alone(agree: Bools, reflector: Ints) -> Bools:
+    """Readings but for those that disagree where another of the same reflector agrees.
+
+    One that is metres off would turn the frame by degrees. A reflector of which all readings
+    disagree has the wrong name or place, which is asked elsewhere.
+    """
+    known = np.bincount(reflector, agree) > 0
+    return np.asarray(agree | ~known[reflector])
 
 
 def unloaded(case: Case) -> pd.DataFrame:

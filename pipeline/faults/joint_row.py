@@ -14,12 +14,13 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
-from scipy import optimize, stats
+from scipy import optimize
 from scipy.spatial.transform import Rotation
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.linear import rigid, rms
+from pipeline.base.tails import chi2_beyond
 from pipeline.faults.conventions import unloaded
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, outlying
@@ -189,7 +190,7 @@ def _knocked(case: Case, read: _Stand, wrong: Sequence[int]) -> bool:
     if case.settings.base_frame is None or not wrong:
         return False
     placed = register(case.settings, case.readings)
-    if placed.chi2 is None or stats.chi2.sf(placed.chi2, placed.dof) > alarms.READING:
+    if placed.chi2 is None or chi2_beyond(placed.chi2, placed.dof) > alarms.READING:
         return False
     begun = np.array([np.flatnonzero(read.pose == k)[0] for k in range(len(read.poses))])
     return set(np.argsort(begun)[-len(wrong) :].tolist()) == set(wrong)

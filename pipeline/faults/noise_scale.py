@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from pipeline.machine.cell import Cell
 from pipeline.reduction.measured import Measured
@@ -28,7 +28,7 @@ def noise_scale(
     if len(contrasts.rows) < 12:
         return 1.0, max(estimate.dof, 1)
     w = whitener(contrasts.errors, contrasts.rows.pose).by_pose(contrasts.c)
-    scale = float(np.median(np.abs(w)) / stats.norm.ppf(0.75))
+    scale = float(np.median(np.abs(w)) / special.ndtri(0.75))
     for _ in range(5):
         inside = w[np.abs(w) < 3 * scale]
         scale = float(np.sqrt(np.mean(inside**2) / 0.9733))  # variance of a normal cut at 3 sigma

@@ -15,7 +15,7 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
-from scipy import stats
+from scipy import special
 
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.faults.fault import Fault
@@ -155,7 +155,7 @@ def outlier(
         variance, known_from = left, dof
         if system.noise_stated:
             variance = max(left, 1.0)  # a certificate may be modest, chance no outlier
-            if stats.f.sf(left / scale**2, dof, contrasts) < _FITS:
+            if special.fdtrc(dof, contrasts, left / scale**2) < _FITS:
                 if must_fit:
                     continue
                 variance, known_from = _DOMINANT * left, contrasts

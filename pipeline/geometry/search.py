@@ -17,7 +17,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
@@ -233,6 +232,8 @@ def clues(
     each = np.concatenate(T)
     z = _standard(each)
     most = z[:, 1:].max(axis=0)
+    from scipy import stats  # half a second to import, and laws of joints alone need it
+
     place, scale = stats.gumbel_r.fit(most)
     rank = (1 + (most >= z[:, :1]).sum(axis=1)) / (1 + len(most))
     p = np.where(rank > 1 / len(most), rank, stats.gumbel_r.sf(z[:, 0], place, scale))

@@ -11,7 +11,7 @@ from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.geometry import leftout
@@ -159,7 +159,7 @@ def _without_blunders(data: Data, found: Identified) -> tuple[Data, list[Bad]]:
     """
     e = found.rows.y - found.rows.along(found.solution.x)
     square, k = np.sum(e**2, axis=1), found.linear.read.sum(axis=1)
-    limit = _TAILS * stats.chi2.isf(_BLUNDER / len(e), k)
+    limit = _TAILS * special.chdtri(k, _BLUNDER / len(e))
     bad = square > limit
     off = np.nanmax(leftout.distances(found.left, found.readings.read), axis=1)
     return data.without(bad), _listed(data.readings, bad, off)

@@ -22,6 +22,7 @@ from pipeline.machine.effect import (
     Observation,
     Pulls,
     Reflectors,
+    Table,
     Wrench,
 )
 from pipeline.machine.robot import Configuration, Robot, configure
@@ -154,11 +155,14 @@ def paper_cell(robot: Robot, tool: Tool) -> Cell:
 def load(cell: Cell, pulls: Pulls, values: Array) -> Loaded:
     """Compute the kinematics and apply the wrench: geometry first, then the force chain."""
     parts = cell.split(values)
-    q = pulls.q
+    robot, q = cell.robot, pulls.q
     for effect, part in parts:
         if isinstance(effect, Geometry) and part.any():
             q = q + (effect.geometry(cell.robot, pulls, part) - pulls.q)
-    configuration = _as_logged(cell.robot, pulls) if q is pulls.q else configure(cell.robot, q)
+        elif isinstance(effect, Table) and part.any():
+            robot = effect.true(robot, part)
+    as_logged = q is pulls.q and robot is cell.robot
+    configuration = _as_logged(robot, pulls) if as_logged else configure(robot, q)
     points = configuration.points(np.vstack([cell.tool.load_point, cell.tool.points]))
     loaded = Loaded(
         pulls=pulls,

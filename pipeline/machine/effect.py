@@ -13,6 +13,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Ints, Locked, Parameter, Strings
 from pipeline.machine.robot import Configuration, Robot
+from pipeline.machine.robot.letters import Letter, changed
 
 PULLED, HUNG, MOUNTED = 0, 1, 2
 """What loads the robot: a chain with a scale, a weight at the load point, a payload on the flange;
@@ -148,12 +149,12 @@ _OWNED = ("payload_mass", "payload_center")
 """Causes of a thing and not at a place."""
 
 
-def in_place(where: int | str | None, name: str = "") -> str:
-    """` in joint 3`, ` in the forearm`, ` at P2`, ` of ballast`, or nothing."""
+def in_place(where: int | str | None, name: str = "", axis: str | None = None) -> str:
+    """` in joint 3 (A2)`, ` in the forearm`, ` at P2`, ` of ballast`, or nothing."""
     if where is None:
         return ""
     if isinstance(where, int):
-        return f" in joint {where}"
+        return f" in joint {where}{f' ({axis})' if axis else ''}"
     parts = {"upper_arm": " in the upper arm", "forearm": " in the forearm"}
     return parts.get(where, f" {'of' if name in _OWNED else 'at'} {where}")
 
@@ -181,6 +182,9 @@ class Effect:
             one thing. Empty where it is alone.
         shows_unloaded: It moves the unloaded reflectors by far more than it changes displacements.
         of: Kinds of load that it takes part in; with no load of these it can act on nothing.
+        odds: How likely it is before the data speak, over any other cause [1].
+        size: Its expected size over the typical one of its parameters [1].
+        axis: Axis of the controller that moves the joint of `where`, if one does.
     """
 
     name: str
@@ -196,6 +200,9 @@ class Effect:
     element: str = ""
     shows_unloaded: bool = False
     of: tuple[int, ...] = (PULLED, HUNG, MOUNTED)
+    odds: float = 1.0
+    size: float = 1.0
+    axis: str | None = field(default=None, compare=False)
 
     def everywhere(self, robot: Robot) -> tuple[Effect, ...]:
         """An entry of the catalogue: the effect, the same on any robot."""
@@ -213,8 +220,8 @@ class Effect:
 
     @property
     def called(self) -> str:
-        """`tilt of the bearing in joint 2`: in words, as it stands in any sentence."""
-        return self.noun + in_place(self.where, self.name)
+        """`tilt of the bearing in joint 2 (A1)`: in words, as it stands in any sentence."""
+        return self.noun + in_place(self.where, self.name, self.axis)
 
     @property
     def location(self) -> str:
@@ -301,6 +308,21 @@ class Geometry(Effect):
     """
 
     geometry: Callable[[Robot, Pulls, Array], Array]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table(Effect):
+    """An entry of the robot's table is not that of the robot.
+
+    Attributes:
+        letter: Which.
+    """
+
+    letter: Letter
+
+    def true(self, robot: Robot, values: Array) -> Robot:
+        """The robot as it is, one value (1,) [m] or [rad] beside its table."""
+        return changed(robot, (self.letter,), values)
 
 
 @dataclass(frozen=True, kw_only=True)

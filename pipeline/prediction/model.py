@@ -233,15 +233,28 @@ class Model(Locked):
         Returns:
             Displacements [m], F_b, and standard uncertainties per axis [m], both shape (t, 3).
         """
-        pulls, moved = Pulls.at(q, force), []
-        for one in self.hypotheses:
-            flat = one.moved(one.cell, pulls)
-            bent = forward(replace(one.cell, equilibrium="deformed"), pulls, one.value)
-            more = bent.displacement[0] - flat.displacement
+        found = self._with_left_out([one.cell for one in self.hypotheses], Pulls.at(q, force))
+        return found.displacement, found.std
+
+    def at_load_point(self, q: Array, force: Array) -> Deflection:
+        """The same of the load point alone, where the force acts, under many pulls.
+
+        Args:
+            q: Joint values [m] or [rad], shape (m, n) or (n,).
+            force: Force on the robot [N], F_b, shape (m, 3) or (3,).
+        """
+        return self._with_left_out([one.at() for one in self.hypotheses], Pulls.at(q, force))
+
+    def _with_left_out(self, cells: Sequence[Cell], pulls: Pulls) -> Deflection:
+        """Deflections of the targets of cells; what undeformed geometry leaves out is an error."""
+        moved = []
+        for one, cell in zip(self.hypotheses, cells, strict=True):
+            flat = one.moved(cell, pulls)
+            bent = forward(replace(cell, equilibrium="deformed"), pulls, one.value).displacement
+            more = bent.reshape(-1, 3) - flat.displacement
             left_out = more[:, :, None] * np.eye(3) * more[:, None, :]
             moved.append(replace(flat, cov=flat.cov + left_out))
-        found = self._mixed(moved)
-        return found.displacement, found.std
+        return self._mixed(moved)
 
     def positions(self, q: Array, force: Array, points: Array) -> Prediction:
         """Points of the tool unloaded and loaded, the force acting at the first of them.

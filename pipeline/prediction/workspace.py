@@ -10,12 +10,13 @@ import pandas as pd
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools
+from pipeline.machine.bodies import links
 from pipeline.machine.cell import Cell, jacobian, predict
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.prediction.model import Hypothesis
 from pipeline.reduction.pose_of_interest import Where
-from pipeline.tables import WORKSPACE, frame
+from pipeline.tables import ARM, WORKSPACE, frame
 
 _STEPS = 25
 """Values of each of the two joints that move the arm."""
@@ -83,13 +84,41 @@ def _seen(here: Configuration, cell: Cell, pair: tuple[int, int]) -> tuple[Bools
     point = here.points(cell.tool.load_point[None])[:, 0]
     axis, from_shoulder = here.axes[:, shoulder, :, 2], point - here.origin[:, shoulder]
     bend = np.einsum("mi,mi->m", axis, np.cross(from_shoulder, point - here.origin[:, elbow]))
-    up = UP - axis[0] * (axis[0] @ UP)
-    up = up / np.linalg.norm(up) if np.linalg.norm(up) > 1e-6 else here.axes[0, shoulder, :, 0]
-    reach = np.cross(up, axis[0])
-    reach = reach * (np.sign(from_shoulder[0] @ reach) or 1.0)
+    reach, up = _plane(here, shoulder, from_shoulder[0])
     inside = bend * (bend[0] or 1.0) > 0  # a stretched arm may bend either way
     inside[0] = True
     return inside, np.stack([from_shoulder @ reach, point @ up], axis=1)
+
+
+def _plane(here: Configuration, shoulder: int, outwards: Array) -> tuple[Array, Array]:
+    """Unit vectors of the first row's plane in F_b: away from the shoulder, and up, (3,) each."""
+    axis = here.axes[0, shoulder, :, 2]
+    up = UP - axis * (axis @ UP)
+    up = up / np.linalg.norm(up) if np.linalg.norm(up) > 1e-6 else here.axes[0, shoulder, :, 0]
+    reach = np.cross(up, axis)
+    return reach * (np.sign(outwards @ reach) or 1.0), up
+
+
+def arm_in_plane(cell: Cell, test: Where) -> pd.DataFrame:
+    """The arm at the test pose in the plane of `workspace`, table ARM; empty without a plane.
+
+    Reach is counted from the shoulder's axis, height from F_b, as in WORKSPACE.
+    """
+    pair = arm_joints(cell.robot, test.q)
+    if pair is None:
+        return frame(ARM.empty_table())
+    here = configure(cell.robot, test.q[None])
+    shoulder, point = here.origin[0, pair[0]], here.points(cell.tool.load_point[None])[0, 0]
+    reach, up = _plane(here, pair[0], point - shoulder)
+    arm = links(cell.robot, here)[2]
+    number = {joint.name: k for k, joint in enumerate(cell.robot.joints, 1)} | {"flange": 0}
+    rod = np.stack([here.flange_origin[0], point])[None]
+    ends = np.concatenate([arm.ends[0], rod])
+    found = np.stack([(ends - shoulder) @ reach, ends @ up], axis=2).reshape(-1, 4)
+    table = pd.DataFrame(found, columns=ARM.names[1:5])
+    carried = [*(number[name] for name in arm.names), 0]
+    thick = arm.radius[-1] if len(arm.radius) else 0.0
+    return table.assign(joint=carried, radius_m=[*arm.radius, 0.35 * thick])
 
 
 def _softest(hypotheses: Sequence[Hypothesis], q: Array) -> tuple[Array, Array, Array]:

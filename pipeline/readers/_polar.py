@@ -11,10 +11,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.errors import InputError
+from pipeline.base.tails import chi2_beyond
 from pipeline.readers._cells import shown
 from pipeline.readers._coordinates import (
     PACKED,
@@ -333,7 +333,7 @@ def only_along(numbers: Array, names: Sequence[str], way: Polar) -> bool:
     if not found or np.median(found) > chance ** (1 / 2):
         return False
     statistic = -2.0 * float(np.sum(np.log(np.maximum(found, _BY_CHANCE / _DIGITS))))
-    return bool(stats.chi2.sf(statistic, 2 * len(found)) < chance)
+    return bool(chi2_beyond(statistic, 2 * len(found)) < chance)
 
 
 def _along(numbers: Array, names: Sequence[str], way: Polar) -> Iterator[float]:

@@ -11,6 +11,7 @@ import pyarrow as pa
 
 from pipeline import tables
 from pipeline.reduction.case import Case
+from pipeline.reduction.days import with_days
 from pipeline.reduction.displacements import displacements
 from pipeline.reduction.forces import forces
 from pipeline.reduction.measured import Measured, measured
@@ -87,6 +88,7 @@ def bring(case: Case, keep: Keep = conformed, step: Step = plain) -> Reduced:
     got = to_displacements(case, keep, step)
     tables = case.joints, got.forces, got.displacements
     data = measured(case.settings, case.robot, got.registration, *tables, got.placed)
+    data = with_days(data)
     shown = {
         "readings": case.readings,
         "rejected": case.rejected,

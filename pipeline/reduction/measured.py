@@ -62,6 +62,11 @@ class Measured(Locked):
             of them is then smaller than their noise, but in what a model explains it is not.
         poses: What was read is a position and a rotation of the effector, targets 0 and 1.
         paper: The stated noise is that of Eq. (18), whose tails are heavier than normal.
+        length_rel: Relative standard uncertainty of the instrument's lengths [1], from its
+            certificate.
+        day: Day of each pull, counted from 0, shape (m,); empty where no pose was repeated on
+            another day.
+        day_rel: Relative standard uncertainty of all displacements of a day [1], see `days`.
     """
 
     pulls: Pulls
@@ -92,6 +97,9 @@ class Measured(Locked):
     heavy: float = 0.0
     poses: bool = False
     tracked: bool = True
+    length_rel: float = 0.0
+    day: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
+    day_rel: float = 0.0
 
     def __post_init__(self) -> None:
         """Pulls of which nothing else is said have no weight."""
@@ -199,6 +207,7 @@ def measured(
         zero_times=_zero_times(placed, pulls["pose"].to_numpy()),
         paper=placed is not None and bool((placed["covariance_from"] == "paper").any()),
         tracked=settings.instrument.kind == "laser_tracker",
+        length_rel=settings.instrument.length_sigma_rel,
     )
     effector = tool(settings)
     return in_poses(data, robot, effector, settings.instrument) if effector.six else data

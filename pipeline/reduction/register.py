@@ -168,7 +168,7 @@ def agreed(registration: Registration) -> tuple[Registration, Bools]:
     nominal = placed - table[_OFF].to_numpy(float)
     grown = 1 + registration.growth.value
     points = (grown * placed - registration.t) @ registration.R
-    agree = _agreeing(points, grown * nominal)
+    agree = agreeing(points, grown * nominal)
     if agree.all():
         return registration, agree
     C = covariance.weighing(table)
@@ -177,8 +177,13 @@ def agreed(registration: Registration) -> tuple[Registration, Bools]:
     return replace(found, table=_with_residuals(table, found.placed(points), nominal)), agree
 
 
-def _agreeing(points: Array, nominal: Array) -> Bools:
-    """Which readings are near their reflectors by the best triple of them, shape (m,)."""
+def agreeing(points: Array, nominal: Array) -> Bools:
+    """Which readings are near their reflectors by the best triple of them, shape (m,).
+
+    Args:
+        points: As read, in the frame of the tracker [m], shape (m, 3).
+        nominal: Where their reflectors are [m], F_b, shape (m, 3).
+    """
     m = len(points)
     every: Any = combinations(range(m), 3)
     if m > _FEW:

@@ -147,7 +147,10 @@ class Naming(Strict):
 
 
 class Scale(LogForm):
-    """The spring scale: its log, which holds weights and payloads too, and its uncertainty."""
+    """The spring scale: its log, which holds weights and payloads too, and its uncertainty.
+
+    Serial number, certificate (ISO 376) and its date are kept and shown, not judged.
+    """
 
     file: FileName = "loads.csv"
     sigma_n: ForceUncertainty = 0.0
@@ -155,6 +158,9 @@ class Scale(LogForm):
     gain_sigma: Uncertainty = 0.0
     zero_sigma_n: ForceUncertainty = 0.0
     mass_sigma_kg: MassUncertainty = 0.0
+    serial: Name | None = None
+    certificate: Name | None = None
+    calibrated: datetime.date | None = None
 
 
 class Gravity(Strict):
@@ -278,6 +284,19 @@ class TestPose(Strict):
                 )
 
 
+class Tolerance(Strict):
+    """How far the point where the force acts may deflect, and where that is asked.
+
+    Attributes:
+        deflection_mm: Largest admissible deflection [mm], T of ISO 14253-1.
+        path: A machining path with forces, as `pipeline compensate` reads it; the test pose alone
+            where not given.
+    """
+
+    deflection_mm: Annotated[float, Field(gt=0, le=1e4)]
+    path: FileName | None = None
+
+
 class Instrument(Strict):
     """What measured the effector: its kind, which says what is plausible, and what it measures.
 
@@ -286,14 +305,18 @@ class Instrument(Strict):
             stated; any other kind is judged by the data alone.
         measures: `points`, each target by itself, or `poses`: targets computed from one 6D pose.
         sigma_rad: Standard uncertainty per axis of a pose's rotation, beside [tracker] sigma_m.
-        model: Kept and shown, not judged, as are serial number and date of calibration.
+        length_sigma_rel: Relative standard uncertainty of its lengths, from the certificate (ISO
+            10360-10); one error for the whole campaign.
+        model: Kept and shown, not judged, as are serial number, certificate and its date.
     """
 
     kind: Literal["laser_tracker", "camera", "arm", "unknown"] = "laser_tracker"
     measures: Literal["points", "poses"] = "points"
     sigma_rad: Scatter | None = None
+    length_sigma_rel: Uncertainty = 0.0
     model: Name | None = None
     serial: Name | None = None
+    certificate: Name | None = None
     calibrated: datetime.date | None = None
 
     @model_validator(mode="after")
@@ -304,6 +327,20 @@ class Instrument(Strict):
         return self
 
 
+class Repaired(Strict):
+    """Work on a machine after which some of its joints are no longer what they were.
+
+    Attributes:
+        date: The day; campaigns of that day and later ones come after it.
+        joints: Numbers of the joints, from 1; all where none is named.
+        what: In words.
+    """
+
+    date: datetime.date
+    joints: tuple[Annotated[int, Field(ge=1, le=50)], ...] = ()
+    what: Name | None = None
+
+
 class Unit(Strict):
     """One machine among those of its type; kept and shown, and campaigns of others are no history.
 
@@ -311,11 +348,27 @@ class Unit(Strict):
         serial: Its serial number.
         certificate: Of its last calibration.
         calibrated: The day of that.
+        history: Repairs, which are no wear; one campaign of the machine that names them is enough.
     """
 
     serial: Name | None = None
     certificate: Name | None = None
     calibrated: datetime.date | None = None
+    history: tuple[Repaired, ...] = ()
+
+
+class Prior(Strict):
+    """What other campaigns let expect of a cause; `pipeline priors` writes it.
+
+    The odds are bounded: of two causes that no pose tells apart none is ever certain.
+
+    Attributes:
+        odds: How likely it is before the data, over any other cause.
+        size: Its expected size over the typical one.
+    """
+
+    odds: Annotated[float, Field(ge=0.25, le=4.0)] = 1.0
+    size: Annotated[float, Field(ge=1 / 3, le=3.0)] = 1.0
 
 
 class Model(Strict):
@@ -331,6 +384,7 @@ class Settings(Surrounded):
     name: Name
     robot: FileName
     date: datetime.date | None = None
+    operator: Name | None = None
     temperature_c: Temperature | None = None
     tracker: Tracker | None = None
     naming: Naming = Naming()
@@ -346,7 +400,9 @@ class Settings(Surrounded):
     tool: dict[Name, Point] = Field(default_factory=dict)
     tool_uncertainty: ToolUncertainty = ToolUncertainty()
     test_pose: TestPose | None = None
+    tolerance: Tolerance | None = None
     model: Model = Model()
+    priors: dict[Name, Prior] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def raw_or_reduced(self) -> Settings:
@@ -371,6 +427,22 @@ class Settings(Surrounded):
         if lacking and self.positions is None:
             raise ValueError(f"[tool] lacks {', '.join(lacking)}")
         self.accepts_only(self.measured)
+        return self
+
+    @model_validator(mode="after")
+    def a_tolerance_is_asked_somewhere(self) -> Settings:
+        """A tolerance holds at a test pose or along a path, of what deflects under a force."""
+        if self.tolerance is None:
+            return self
+        if self.positions is not None:
+            raise ValueError(
+                "has [tolerance] beside [positions], which has no forces to predict a deflection "
+                "from; remove one of the two"
+            )
+        if self.test_pose is None and self.tolerance.path is None:
+            raise ValueError(
+                "has [tolerance] and says not where: give [test_pose], or path in [tolerance]"
+            )
         return self
 
     @model_validator(mode="after")

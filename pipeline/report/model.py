@@ -7,12 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from pipeline.answer.contract import Answer
+from pipeline.answer.contract import About, Answer
+from pipeline.answer.words import ABOUT
 from pipeline.report import words
-from pipeline.report.record import Report, Section, present
+from pipeline.report.record import Item, Report, Section, present, unlabelled
+from pipeline.report.sections.cell import cell
 from pipeline.report.sections.diagnosis import diagnosis
+from pipeline.report.sections.enough import enough
 from pipeline.report.sections.files import files
 from pipeline.report.sections.geometry import geometry, laws, letters
+from pipeline.report.sections.identity import identity
 from pipeline.report.sections.method import method
 from pipeline.report.sections.prediction import test_pose, validation
 from pipeline.report.sections.readings import (
@@ -32,6 +36,7 @@ def compose(
     run_time_s: float | None = None,
     previous: Answer | None = None,
     beside: Collection[str] = (),
+    wear: str | None = None,
 ) -> Report:
     """Everything the report says about a campaign.
 
@@ -42,34 +47,48 @@ def compose(
         run_time_s: How long the run took [s].
         previous: The answer to the robot's previous campaign, to say what has changed.
         beside: Names of the files that lie in the page's folder, to lead there.
+        wear: What all campaigns of the robot say together; None where they are too few to.
     """
     title, tone = words.VERDICTS[answer.diagnosis.verdict]
-    sections = (
+    sections = [identity(answer)] + (
         _of_positions(answer, tables)
-        if answer.geometry
+        if answer.position_steps
         else [
-            stiffness(answer, previous),
+            stiffness(answer, previous, wear),
             diagnosis(answer, tables),
             test_pose(answer, tables),
             validation(answer, tables),
+            cell(answer, tables),
             residuals(answer, tables),
             budget(answer),
+            enough(answer, tables),
             registration(answer, tables),
             reliability(tables),
+            letters(answer),
             rejected(answer),
         ]
     )
     sections += [files(beside, previous), method(answer)]
     return Report(
-        kicker=f"{_ABOUT[bool(answer.geometry)]} · {answer.machine}",
+        kicker=f"{_ABOUT[bool(answer.position_steps)]} · {answer.machine}",
         heading=answer.campaign,
         title=f"Joint stiffness of {answer.robot}: {answer.campaign}",
         verdict=title,
         tone=tone,
-        sentences=answer.verdict_sentence,
+        first=(*_first(answer), *([Item("Wear", wear)] if wear else [])),
         sections=present(sections),
         elsewhere="The same stands in index.html and report.pdf, the numbers in result.json.",
         run_time=None if run_time_s is None else f"{run_time_s:.1f} s",
+    )
+
+
+def _first(answer: Answer) -> tuple[Item, ...]:
+    """The lines of the first screen; the verdict needs no label under its own word."""
+    lines = answer.first_screen
+    if not lines:
+        return unlabelled(*answer.verdict_sentence)
+    return tuple(
+        Item("" if one.about is About.VERDICT else ABOUT[one.about], one.text) for one in lines
     )
 
 
@@ -82,6 +101,7 @@ def _of_positions(answer: Answer, tables: Tables) -> list[Section | None]:
     return [
         geometry(answer, tables),
         laws(answer, tables),
+        cell(answer, tables),
         stiffness(answer, None),
         letters(answer),
         rejected(answer),

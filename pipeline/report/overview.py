@@ -17,6 +17,7 @@ from pipeline.answer.history import (
     trends,
     trusted,
 )
+from pipeline.answer.worn import Robot
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import (
     MISSING,
@@ -39,27 +40,36 @@ from pipeline.report.record import (
     Text,
     present,
     section_of,
+    unlabelled,
 )
+from pipeline.report.wear import alarm, changed_of, joints_table, robots_tables
 
 # --- all campaigns -------------------------------------------------------------------------
 
 
-def overview(answers: Sequence[Answer]) -> Report:
-    """The page over all campaigns: their verdicts, and each stiffness over time.
+def overview(answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> Report:
+    """The page over all campaigns: what needs action, their verdicts, each stiffness over time.
 
     Args:
         answers: Those of every finished campaign.
+        wear: Every robot over its campaigns; one that is not followed has its campaigns compared.
     """
     by_robot = robots(answers)
-    changed = {name: [t.name for t in trends(own) if t.sure] for name, own in by_robot.items()}
+    followed = {one.machine: one for one in wear if one.followed}
+    changed = {name: changed_of(own, followed.get(name)) for name, own in by_robot.items()}
+    places = {name: place for place, name in enumerate(by_robot)}
+    last = {name: own[-1] for name, own in by_robot.items()}
     sections = [
+        section_of("robots", "Robots", robots_tables(wear, places, last) if followed else []),
         section_of("campaigns", "Campaigns", [_campaigns(ordered(answers))]),
         *(
-            section_of(f"robot-{place}", name, _robot(place, name, own))
+            section_of(f"robot-{place}", name, _robot(place, name, own, followed.get(name)))
             for place, (name, own) in enumerate(by_robot.items())
         ),
     ]
-    moved, several = any(changed.values()), _several(by_robot)
+    alarms = {name: alarm(one) for name, one in followed.items() if one.alarm}
+    compared = {name: names for name, names in changed.items() if name not in followed}
+    moved, several = bool(alarms) or any(compared.values()), _several(by_robot)
     held = "No stiffness has changed" if several else "Nothing to compare yet"
     return Report(
         kicker="Joint stiffness",
@@ -67,13 +77,14 @@ def overview(answers: Sequence[Answer]) -> Report:
         title="Joint stiffness: all campaigns",
         verdict="A stiffness has changed" if moved else held,
         tone="attention" if moved else "good" if several else "neutral",
-        sentences=(
+        first=unlabelled(
             f"{_counted(len(answers), 'campaign')} on {_counted(len(by_robot), 'robot')}.",
-            *_change_sentences(changed, several),
+            *(f"{name}: {words}" for name, words in alarms.items()),
+            *_change_sentences(compared, several, bool(alarms)),
             *_not_compared(by_robot),
         ),
         sections=present(sections),
-        elsewhere="Each campaign's own page has the whole of its story.",
+        elsewhere="Details are on the page of each campaign.",
     )
 
 
@@ -86,8 +97,8 @@ def _counted(number: int, noun: str) -> str:
     return f"1 {noun}" if number == 1 else f"{number} {noun}s"
 
 
-def _change_sentences(changed: Mapping[str, list[str]], several: bool) -> list[str]:
-    """What has changed, robot by robot, or that nothing has."""
+def _change_sentences(changed: Mapping[str, list[str]], several: bool, alarms: bool) -> list[str]:
+    """What has changed, robot by robot, or that nothing has; nothing more where alarms say it."""
     if any(changed.values()):
         return [
             f"{robot}: {', '.join(names)} changed by more than chance explains; "
@@ -95,6 +106,8 @@ def _change_sentences(changed: Mapping[str, list[str]], several: bool) -> list[s
             for robot, names in changed.items()
             if names
         ]
+    if alarms:
+        return []
     if several:
         return ["Between campaigns of one robot every stiffness agrees within its uncertainty."]
     return ["A robot's second campaign will show here whether its stiffnesses hold."]
@@ -115,7 +128,7 @@ def _campaigns(answers: Sequence[Answer]) -> Table | None:
         said("Verdict", lambda one: words.VERDICTS[one.diagnosis.verdict][0]),
         said("Identified causes", lambda one: ", ".join(map(_who, one.diagnosis.causes))),
         said("Model", words.values_of),
-        number("Error at poses left out [mm]", _left_out_mm),
+        number("Cross-validation error [mm]", _left_out_mm),
     ]
     return table_of("campaigns", "Every campaign with a result", columns, answers)
 
@@ -134,7 +147,13 @@ def _who(cause: Cause) -> str:
     return " or ".join(map(words.placed, (cause, *rivals)))
 
 
-def _robot(place: int, name: str, answers: Sequence[Answer]) -> Sequence[Block | None]:
+def _robot(
+    place: int, name: str, answers: Sequence[Answer], wear: Robot | None
+) -> Sequence[Block | None]:
+    if wear is not None:
+        says = [Text(alarm(wear), "finding")] if wear.alarm else []
+        names = changed_of(answers, wear)
+        return (*says, joints_table(place, wear), _history_figure(place, name, answers, names))
     if len(answers) < 2:
         return (Text(f"One campaign so far, {answers[0].campaign}."),)
     if sum(map(trusted, answers)) < 2:
@@ -143,7 +162,8 @@ def _robot(place: int, name: str, answers: Sequence[Answer]) -> Sequence[Block |
     surely = [
         Text(f"{t.name} changed by more than chance explains.", "finding") for t in found if t.sure
     ]
-    return (*surely, _trend_table(place, found), _history_figure(place, name, answers, found))
+    names = changed_of(answers, None)
+    return (*surely, _trend_table(place, found), _history_figure(place, name, answers, names))
 
 
 def _trend_table(place: int, found: Sequence[Trend]) -> Table | None:
@@ -151,7 +171,6 @@ def _trend_table(place: int, found: Sequence[Trend]) -> Table | None:
         said("Joint", lambda t: t.name),
         number("Campaigns", lambda t: t.campaigns, str),
         measured("First to last [%]", lambda t: (t.first_to_last, t.first_to_last_std)),
-        measured("Per year [%]", lambda t: (t.percent_a_year, t.percent_a_year_std)),
         number("Chance of such scatter", lambda t: t.p_value, _chance),
         said("Result", _held),
     ]
@@ -173,9 +192,8 @@ def _held(trend: Trend) -> str:
 
 
 def _history_figure(
-    place: int, name: str, answers: Sequence[Answer], found: Sequence[Trend]
+    place: int, name: str, answers: Sequence[Answer], changed: Sequence[str]
 ) -> Figure:
-    changed = [t.name for t in found if t.sure]
     told = f"{len(answers)} campaigns of {name}. " + (
         f"Changed: {', '.join(changed)} in another colour." if changed else "No joint stands out."
     )
@@ -253,7 +271,7 @@ def comparison(
         title=f"Joint stiffness: {title}",
         verdict=verdict,
         tone=tone,
-        sentences=sentences if found else ("They have no joint in common.",),
+        first=unlabelled(*(sentences if found else ("They have no joint in common.",))),
         sections=present([section_of("joints", "Joint by joint", [table])]),
     )
 

@@ -38,6 +38,7 @@ from pipeline.report.record import (
     entry,
     present,
     section_of,
+    unlabelled,
 )
 
 MM = 1e3
@@ -85,7 +86,7 @@ def sheet(proposal: Proposal, extras: Extras, seconds: float) -> Report:
         title=f"Measurement sheet {name} for {problem.robot.name}",
         verdict=f"{problem.spec.plan.readings} readings in {len(measurement.q)} poses",
         tone="good" if proposal.certificate is not None else "attention",
-        sentences=(worth(proposal), _visibility(extras.sights)),
+        first=unlabelled(worth(proposal), _visibility(extras.sights)),
         sections=present(
             [
                 _setting_up(problem, measurement),

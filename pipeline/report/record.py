@@ -112,6 +112,23 @@ def section_of(key: str, title: str, blocks: Iterable[Block | None]) -> Section 
 
 
 @dataclass(frozen=True)
+class Item:
+    """One line of the first screen: what it is about, if that is said, and what it says."""
+
+    label: str
+    text: str
+
+    def __post_init__(self) -> None:
+        """Set numbers and units as they are printed."""
+        object.__setattr__(self, "text", typeset(self.text))
+
+
+def unlabelled(*texts: str) -> tuple[Item, ...]:
+    """Lines that need no label."""
+    return tuple(Item("", text) for text in texts)
+
+
+@dataclass(frozen=True)
 class Report:
     """Everything that is said on one page.
 
@@ -121,7 +138,7 @@ class Report:
         title: Title of page and PDF, complete in itself.
         verdict: The verdict in a few words.
         tone: `good`, `attention`, `bad` or `neutral`.
-        sentences: The verdict in two sentences to act on.
+        first: The first screen, line by line, the verdict first.
         sections: The rest, in order of use.
         elsewhere: Where else to find what stands here.
         run_time: How long the run took, or None.
@@ -132,7 +149,7 @@ class Report:
     title: str
     verdict: str
     tone: str
-    sentences: tuple[str, ...]
+    first: tuple[Item, ...]
     sections: tuple[Section, ...]
     elsewhere: str = ""
     run_time: str | None = None

@@ -6,8 +6,10 @@ import base64
 import hashlib
 import json
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from importlib.resources import files
+from types import MappingProxyType
+from typing import Any
 
 import jinja2
 import pandas as pd
@@ -15,9 +17,11 @@ from markupsafe import Markup
 
 from pipeline import __version__
 from pipeline.answer.contract import Answer
+from pipeline.answer.worn import Robot
+from pipeline.base.quantities import typeset
 from pipeline.report.model import compose
 from pipeline.report.overview import overview
-from pipeline.report.record import Report
+from pipeline.report.record import Block, Report, Table
 
 _HERE = files("pipeline.report")
 
@@ -28,6 +32,7 @@ def render(
     run_time_s: float | None = None,
     previous: Answer | None = None,
     beside: Collection[str] = (),
+    wear: str | None = None,
 ) -> dict[str, bytes]:
     """Every file of a campaign's report.
 
@@ -37,46 +42,59 @@ def render(
         run_time_s: How long the run took [s]; the only thing here that may differ between two runs.
         previous: The answer to the robot's previous campaign, to say what has changed.
         beside: Names of further files that lie in its folder, for the page to lead there.
+        wear: What all campaigns of the robot say together, of `report.wear.told`.
 
     Returns:
         Content by path below the report's folder: index.html, report.pdf, figures/*.svg.
     """
-    from pipeline.report.figures.catalogue import draw  # matplotlib takes half a second to import
+    from pipeline.report.figures.catalogue import (
+        draw,
+        live,
+    )  # matplotlib takes half a second to import
 
     there = {*beside, "report.pdf"} if beside else ()
-    report = compose(answer, tables, run_time_s, previous, there)
+    report = compose(answer, tables, run_time_s, previous, there, wear)
     drawings = {figure.name: draw(figure.name, answer, tables) for figure in report.figures}
+    turned = {name: live(name, answer, tables) for name in drawings}
     return {
-        "index.html": page(report, {n: d.inline for n, d in drawings.items()}).encode(),
+        "index.html": page(report, {n: d.inline for n, d in drawings.items()}, turned).encode(),
         "report.pdf": pdf(report, {n: d.svg for n, d in drawings.items()}),
         **{f"figures/{n}.svg": d.svg.encode() for n, d in drawings.items()},
     }
 
 
-def render_overview(answers: Sequence[Answer]) -> bytes:
-    """The page over all campaigns, from their answers."""
+def render_overview(answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> bytes:
+    """The page over all campaigns, from their answers and from what robots' campaigns say."""
     from pipeline.report.figures.catalogue import draw_robot
 
-    report = overview(answers)
-    drawings = {figure.name: draw_robot(figure.name, answers) for figure in report.figures}
+    report = overview(answers, wear)
+    drawings = {figure.name: draw_robot(figure.name, answers, wear) for figure in report.figures}
     return page(report, {name: drawing.inline for name, drawing in drawings.items()}).encode()
 
 
-def page(report: Report, drawings: Mapping[str, str]) -> str:
+def page(
+    report: Report, drawings: Mapping[str, str], turned: Mapping[str, Any] = MappingProxyType({})
+) -> str:
     """The report as one HTML page that needs no other file.
+
+    Args:
+        report: What it says.
+        drawings: Its figures by name.
+        turned: Numbers of those that the page draws anew as its reader turns them, by name.
 
     The page forbids every script but its own by hash, so a name that got through the escaping
     still could not run.
     """
-    script = _text("page.js")
+    script = _text("page.js") + (_text("scene.js") if any(turned.values()) else "")
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     safe = {name: Markup(svg) for name, svg in drawings.items()}
     return environment.from_string(_text("page.html.jinja")).render(
-        report=report,
+        report=_typeset(report),
         drawings=safe,
+        turned=turned,
         style=Markup(_text("page.css")),
         script=Markup(script),
         script_hash=digest,
@@ -89,7 +107,7 @@ def pdf(report: Report, drawings: Mapping[str, str]) -> bytes:
     import matplotlib
     import typst
 
-    said = asdict(report) | {"version": __version__}
+    said = asdict(_typeset(report)) | {"version": __version__}
     fonts = f"{matplotlib.get_data_path()}/fonts/ttf"  # the face that the figures are set in
     compiled = typst.compile(  # type: ignore[call-overload]  # its own stub lacks bytes
         _text("page.typ").encode(),
@@ -100,6 +118,28 @@ def pdf(report: Report, drawings: Mapping[str, str]) -> bytes:
         timestamp=0,
     )
     return bytes(compiled)
+
+
+def _typeset(report: Report) -> Report:
+    """The report with the cells of its tables as they are printed."""
+    parts = [
+        replace(part, blocks=tuple(_block(block) for block in part.blocks))
+        for part in report.sections
+    ]
+    return replace(report, sections=tuple(parts))
+
+
+def _block(block: Block) -> Block:
+    if not isinstance(block, Table):
+        return block
+    rows = tuple(
+        tuple(
+            cell if column.code else replace(cell, text=typeset(cell.text))
+            for cell, column in zip(row, block.columns, strict=True)
+        )
+        for row in block.rows
+    )
+    return replace(block, rows=rows, note=typeset(block.note))
 
 
 def _text(name: str) -> str:

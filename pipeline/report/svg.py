@@ -15,6 +15,9 @@ from matplotlib.figure import Figure as Canvas
 
 INK, MUTED, GRID = "#1a1c21", "#5b6270", "#d4d8de"
 BLUE, RED, GREEN, PURPLE = "#0072b2", "#c8500a", "#00785a", "#8a4f7e"
+BODY, EDGE = "#b9c3d1", "#4a5568"
+"""What a robot is drawn in: its links and their outline."""
+
 SERIES = (BLUE, RED, GREEN, PURPLE)
 """After Okabe and Ito, darkened so that each has a contrast of 3:1 on white."""
 
@@ -23,11 +26,17 @@ SHADES = tuple(
 )
 """Nine steps of cividis: brightness alone tells them apart."""
 
+APART_SHADES = ("#7a1f00", "#b5480f", "#dc8c55", "#eac8ab", "#f1e6dc")
+"""From strong to faint: what stands out is what to act on, on dark paper, too."""
+
 _VARIABLES = {
     **{shade: f"--shade-{step}" for step, shade in enumerate(SHADES)},
+    **{shade: f"--apart-{step}" for step, shade in enumerate(APART_SHADES)},
     INK: "--fig-ink",
     MUTED: "--fig-muted",
     GRID: "--fig-grid",
+    BODY: "--fig-body",
+    EDGE: "--fig-edge",
     **{colour: f"--fig-{place}" for place, colour in enumerate(SERIES, 1)},
 }
 """The page's own variable for each colour, so that it can be dark."""
@@ -104,8 +113,10 @@ def _inline(svg: str, tips: Mapping[str, Sequence[str]]) -> str:
         for key in list(element.attrib):
             if key.startswith("{"):
                 element.set(key.rpartition("}")[2], element.attrib.pop(key))
+    _, _, width, _ = root.attrib["viewBox"].split()
     for key in ("width", "height", "version"):
         root.attrib.pop(key, None)
+    root.set("style", f"min-width: {1.06 * float(width):.0f}px")  # a point is a pixel at least
     text = ET.tostring(root, encoding="unicode")
     used = {a or b for a, b in re.findall(r'href="#([^"]*)"|url\(#([^)]*)\)', text)}
     text = re.sub(r' id="([^"]*)"', lambda m: m[0] if m[1] in used else "", text)

@@ -17,8 +17,8 @@ def as_text(report: Report) -> str:
 
 def _lines(report: Report) -> Iterator[str]:
     yield from (report.title, "=" * len(report.title), "", report.verdict)
-    for sentence in report.sentences:
-        yield from textwrap.wrap(sentence, _WIDTH)
+    for one in report.first:
+        yield from textwrap.wrap(f"{one.label}: {one.text}" if one.label else one.text, _WIDTH)
     for section in report.sections:
         yield from ("", section.title, "-" * len(section.title))
         for block in section.blocks:

@@ -13,23 +13,27 @@ from pipeline.machine.effect import in_place
 def nouns() -> dict[str, str]:
     """Each cause as a noun, so that it fits into any sentence."""
     from pipeline.faults import FAULTS
-    from pipeline.machine.effects import catalogue, payload
+    from pipeline.machine.effects import catalogue, payload, table
     from pipeline.machine.robot import SHIPPED, load
 
     known = {e.name: e.noun for robot in SHIPPED for e in catalogue(load(robot))}
-    return known | payload.NOUNS | {fault.name: fault.noun for fault in FAULTS}
+    return known | payload.NOUNS | table.NOUNS | {fault.name: fault.noun for fault in FAULTS}
 
 
 SOURCES = {
     "tracker": "tracker readings",
-    "zero": "zero of each pose",
+    "zero": "unloaded readings of each pose",
     "force_reading": "scale readings",
-    "force_gain": "gain of the scale",
+    "force_gain": "calibration of the scale (ISO 376)",
     "force_zero": "zero of the scale",
     "payload_mass": "mass of weights and payloads",
-    "payload_center": "centre of the payloads",
-    "law": "law of the identified causes",
+    "payload_center": "centre of mass of the payloads",
+    "law": "laws of the identified causes",
     "second_order": "deflected geometry, which c = B x leaves out",
+    "tracker_scale": "calibration of the tracker (ISO 10360-10)",
+    "day": "day-to-day scatter",
+    "wander": "slow drift common to all targets",
+    "which_cause": "which cause is true",
     "direction": "direction of the chain",
     "registration": "registration into the base frame",
     "geometry": "geometry of robot and tool",
@@ -41,9 +45,9 @@ _SHOWN_IN = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "N": (1.0, "N"), "1": (1.0,
 
 VERDICTS = {
     "adequate": ("The model fits", "good"),
-    "explained": ("A cause is identified", "attention"),
-    "ambiguous": ("Causes cannot be told apart yet", "attention"),
-    "unexplained": ("Something unknown is missing", "bad"),
+    "explained": ("A cause beside the joint springs is identified", "attention"),
+    "ambiguous": ("Causes cannot be distinguished yet", "attention"),
+    "unexplained": ("The model misses something unknown", "bad"),
     "bad_data": ("The data need attention", "bad"),
 }
 
@@ -55,14 +59,14 @@ MODELS = {
 """Whose values the answer gives."""
 
 
-def cause(name: str, where: int | str | None) -> str:
+def cause(name: str, where: int | str | None, axis: str | None = None) -> str:
     """A cause in plain words with its place."""
-    return nouns().get(name, name.replace("_", " ")) + in_place(where, name)
+    return nouns().get(name, name.replace("_", " ")) + in_place(where, name, axis)
 
 
 def placed(one: Placed) -> str:
     """The same of a cause of the answer."""
-    return cause(one.name, one.where)
+    return cause(one.name, one.where, one.axis)
 
 
 def label(one: Placed) -> str:

@@ -169,7 +169,7 @@ _COMBINATIONS = (
     _number("95 % from", lambda one: one.ci95[0]),
     _number("95 % to", lambda one: one.ci95[1]),
     _Column("unit", lambda one: one.unit),
-    _Column("told apart by", lambda one: one.needs),
+    _Column("distinguished by", lambda one: one.needs),
 )
 
 _CAUSES = (
@@ -223,8 +223,10 @@ _VALIDATION = (
     _Column("target", lambda row: row.of),
     _number("relative error around the test pose [1]", _mean("test_pose", "")),
     _number("relative error in the workspace [1]", _mean("global_", "")),
-    _number("around the test pose, Eq. (23) [1]", _mean("test_pose", "independent")),
-    _number("in the workspace, Eq. (23) [1]", _mean("global_", "independent")),
+    _number(
+        "around the test pose, each stiffness by itself [1]", _mean("test_pose", "independent")
+    ),
+    _number("in the workspace, each by itself [1]", _mean("global_", "independent")),
 )
 
 

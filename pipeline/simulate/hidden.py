@@ -9,7 +9,7 @@ from difflib import get_close_matches
 from pipeline.base.arrays import Array, Locked
 from pipeline.base.errors import UsageError
 from pipeline.machine.effect import Effect
-from pipeline.machine.effects import catalogue
+from pipeline.machine.effects import catalogue, table
 from pipeline.machine.robot import Robot
 from pipeline.simulate._words import amounts, parts
 from pipeline.simulate.blunders import BLUNDERS, Committed, commit
@@ -45,7 +45,7 @@ def plant(text: str, robot: Robot) -> Planted | Committed:
     if words.partition(":")[0] in BLUNDERS:
         return commit(text)
     known: dict[str, Effect] = {}
-    for effect in catalogue(robot):
+    for effect in (*catalogue(robot), *table.effects(robot)):
         known.setdefault(effect.label, effect)
         if effect.form:
             known[f"{effect.label}({effect.form})"] = effect

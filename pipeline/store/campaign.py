@@ -117,8 +117,10 @@ class Campaign:
                 its folder has a name that none can have.
         """
         self.fit()
-        names = ["campaign.toml", *self._named(self.settings())]
-        return in_memory({name: self.content(name) for name in names})
+        said = self.content("campaign.toml")
+        settings = _settings(said)
+        others = {name: self.content(name) for name in self._named(settings)}
+        return _raw(settings, {"campaign.toml": said, **others})
 
     def fit(self) -> None:
         """Its folder is one that something can be made of.
@@ -140,17 +142,18 @@ class Campaign:
     def _named(self, settings: Settings) -> list[str]:
         """Names of the files that campaign.toml names, relative to the folder."""
         own = None if settings.robot in SHIPPED else settings.robot
+        path = settings.tolerance.path if settings.tolerance else None
         if own is not None and not (own.endswith(".toml") and os.path.exists(self.folder / own)):
             raise no_robot(own, "campaign.toml")
         if settings.positions is not None:
-            return [*settings.positions.named, *filter(None, [own])]
+            return [*settings.positions.named, *filter(None, [own, path])]
         if settings.displacements is not None:
             given = settings.displacements
-            return [*filter(None, [given.file, given.forces, settings.joints.file, own])]
+            return [*filter(None, [given.file, given.forces, settings.joints.file, own, path])]
         assert settings.tracker is not None  # Settings sees to that
         names = self._matching(settings.tracker.files)
         settings.tracker.none_missing(names)
-        others = [settings.tracker.assignment, settings.loads_file, settings.joints.file, own]
+        others = [settings.tracker.assignment, settings.loads_file, settings.joints.file, own, path]
         return list(dict.fromkeys([*names, *filter(None, others)]))
 
     def _matching(self, patterns: Sequence[str]) -> list[str]:
@@ -316,11 +319,19 @@ class Campaign:
 
     def result(self) -> dict[str, Any]:
         """Its result.json."""
+        found: dict[str, Any] = json.loads(self.result_text())
+        return found
+
+    def result_text(self) -> bytes:
+        """Its result.json, byte for byte.
+
+        Raises:
+            UsageError: It has none.
+        """
         path = self.reports / "result.json"
         if not path.is_file():
             raise UsageError(f"{self.name} has no result: run `pipeline run {self.name}` first")
-        found: dict[str, Any] = json.loads(path.read_bytes())
-        return found
+        return path.read_bytes()
 
     def finish(self, key: str, answers: Mapping[str, bytes], about: Mapping[str, Any]) -> None:
         """Write the answers, then the manifest that makes them count, with `about` in it."""
@@ -365,7 +376,10 @@ def recalled(path: Path) -> Any:
 
 def in_memory(content: Mapping[str, bytes]) -> Raw:
     """A campaign from the bytes of its files, its own robot's among them."""
-    settings = _settings(content["campaign.toml"])
+    return _raw(_settings(content["campaign.toml"]), content)
+
+
+def _raw(settings: Settings, content: Mapping[str, bytes]) -> Raw:
     if settings.robot in content:
         robot = parse_robot(files.text(content[settings.robot], settings.robot), settings.robot)
     else:

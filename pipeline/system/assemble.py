@@ -62,7 +62,7 @@ def _rows(data: Measured) -> Rows:
 
 
 def errors(cell: Cell, data: Measured, values: Array) -> Errors:
-    """G of c = B x + G e: tracker, shared zero, wander, force, weights, frame, geometry.
+    """G of c = B x + G e: tracker, shared zero, wander, force, weights, scale, frame, geometry.
 
     Column j is (dc/dv_j) u(v_j) for an independent input v_j, or (dc/dv) L with L L' = cov(v), so
     that G G' is the law of propagation J cov(v) J' (GUM, JCGM 100:2008, and JCGM 102:2011). A force
@@ -88,13 +88,33 @@ def errors(cell: Cell, data: Measured, values: Array) -> Errors:
         pose = np.unique(data.pulls.pose, return_inverse=True)[1][data.pull]
         feels = by_axis(data.wander[data.pull] * data.shifts[:, None])
         blocks.append(_Block("wander", False, feels, pose, int(pose.max()) + 1))
-    once = {"registration": _turned(cell, data, values, turn)} | pulled
+    scaled = _scaled(cell, data, values)
+    if data.day_rel:
+        day = data.day[data.pull]
+        blocks.append(_Block("day", True, data.day_rel * scaled, day, int(day.max()) + 1))
+    once = {
+        "tracker_scale": data.length_rel * scaled,
+        "registration": _turned(cell, data, values, turn),
+    } | pulled
+    once["registration"] = _turned(cell, data, values, turn)
     once["payload_center"] = _centers(cell, data, values)
     once["geometry"] = _geometry(cell, data, values)
     if data.bends and cell.equilibrium == "undeformed":
         once["second_order"] = second_order(cell, data, values)[..., None]
     blocks += [_Block(source, True, part, np.zeros(d, int), 1) for source, part in once.items()]
     return _together(blocks)
+
+
+def _scaled(cell: Cell, data: Measured, values: Array) -> Array:
+    """What a relative error of all displacements moves, per unit, shape (d, 3, 1) [m].
+
+    Of the model's displacements: with those that were read, small ones would count as more certain
+    and the estimate be too stiff (Peelle's pertinent puzzle).
+    """
+    if not (data.day_rel or data.length_rel):
+        return np.zeros((len(data.pull), 3, 1))
+    moved = predict(cell, data.pulls, values).displacement[data.pull, data.target]
+    return np.asarray((moved * data.shifts[:, None])[..., None])
 
 
 def by_axis(factor: Array) -> Array:

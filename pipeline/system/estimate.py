@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy import special  # scipy.stats takes a second to import
+from scipy import special
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools

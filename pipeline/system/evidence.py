@@ -40,26 +40,41 @@ class Scores(Beside):
 
     Attributes:
         bounds: What physics allows of each parameter, in typical sizes, shape (2, n, k).
+        log_odds: Natural log of how likely each is before the data, over any other, shape (n,).
+        expected: Expected size of each in typical sizes, shape (n,).
     """
 
     bounds: Array | None = None
+    log_odds: Array | float = 0.0
+    expected: Array | float = 1.0
 
     @cached_property
     def log_evidence(self) -> Array:
         """Natural log of the evidence for each suspect, over the base alone, shape (n,).
 
+        With the prior odds of the suspects, which are all alike where nothing was learnt.
         Directions that the base explains are left out of N and g, as N N^+ N and N N^+ g.
         """
         assert self.bounds is not None  # groups of suspects have none
         N, g = self.N @ self.cov @ self.N, np.einsum("nij,nj->ni", self.N, self.size)
-        return _evidence(N, g, self.rest, self.dof, *self.bounds)
+        lower, upper = self.bounds
+        found = _evidence(N, g, self.rest, self.dof, lower, upper, self.expected)
+        return np.asarray(found + self.log_odds)
 
 
-def _evidence(G: Array, h: Array, rest: float, dof: int, lower: Array, upper: Array) -> Array:
+def _evidence(
+    G: Array,
+    h: Array,
+    rest: float,
+    dof: int,
+    lower: Array,
+    upper: Array,
+    expected: Array | float = 1.0,
+) -> Array:
     """Log of p(y | M_j) / p(y | base), shape (n,).
 
     Priors: p(b) flat, p(s) ~ 1/s, z | s ~ N(0, s^2 w^2 I) between the physical bounds, averaged
-    over w in `WIDTHS`. The ratio is
+    over w in `WIDTHS` times the expected size. The ratio is
 
         mean over w of |I + w^2 G|^(-1/2) (1 - q / rest)^(-dof / 2) prod_i (post_i / prior_i),
         q = h' (G + I / w^2)^-1 h.
@@ -69,7 +84,7 @@ def _evidence(G: Array, h: Array, rest: float, dof: int, lower: Array, upper: Ar
     Neural Computation 4 (1992) 415; unknown s: Zellner, Bayesian Inference in Econometrics (1971).
     """
     k, rest = G.shape[-1], max(rest, _LEAST)
-    width = WIDTHS[:, None, None]
+    width = WIDTHS[:, None, None] * np.asarray(expected)[..., None]
     inverse = linear.inverse(G + np.eye(k) / width[..., None] ** 2)  # (widths, n, k, k)
     mean = np.einsum("wnij,nj->wni", inverse, h)
     q = np.minimum(np.einsum("nj,wnj->wn", h, mean), rest * (1 - 1e-12))

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import scipy.sparse
-from scipy import stats
 
+from pipeline.base.tails import chi2_beyond
 from pipeline.system import alarms
 from pipeline.system.beside import Base
 from pipeline.system.restricted import Blocks
@@ -58,7 +58,7 @@ def scatter(view: Whitened, system: System, known: tuple[float, float]) -> Scatt
         tracker = float(np.sqrt(Base.of(view.A[:, view.base], view.A[:, -1]).rest / dof))
     stated = system.noise_stated
     tracker = max(tracker, _LEAST if stated else _LEAST_M)
-    p = float(stats.chi2.sf(dof * (tracker / TOLERATED) ** 2, dof)) if stated else 1.0
+    p = float(chi2_beyond(dof * (tracker / TOLERATED) ** 2, dof)) if stated else 1.0
     force, force_std, force_p = _force(view, system, tracker) if source == "contrasts" else _AS_SAID
     return Scatter(tracker, tracker / float(np.sqrt(2 * dof)), p, force, force_std, force_p, source)
 
@@ -88,7 +88,7 @@ def _force(view: Whitened, system: System, tracker: float) -> tuple[float, float
     wide = replace(errors, G=scipy.sparse.csr_array(errors.G @ scipy.sparse.diags_array(own)))
     loss = Blocks.of(replace(system, errors=wide), X, [("force_reading",)]).whole
     losses = [loss(np.array([t])) for t in np.log(_TRIED)]
-    p = float(stats.chi2.sf(losses[0] - min(losses), 1) / 2)
+    p = float(chi2_beyond(losses[0] - min(losses), 1) / 2)
     if p >= alarms.SCATTER:
         return _AS_SAID
     from scipy import optimize  # slow to import, and seldom needed

@@ -10,10 +10,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Locked
+from pipeline.base.tails import chi2_beyond
 from pipeline.system.blocks import Blocks as Rows
 from pipeline.system.system import System
 
@@ -142,7 +142,7 @@ def maximum(blocks: Blocks, told: Bools) -> tuple[Array, Array, Array]:
         others = told & (np.arange(len(told)) != k)
         as_stated = blocks.of_scales(others)
         worse = _total(as_stated, lowest(as_stated, np.delete(x, i))) - best
-        tail = 0.5 * stats.chi2.sf(max(worse, 0.0) / longer[i], 1)
+        tail = 0.5 * chi2_beyond(max(worse, 0.0) / longer[i], 1)
         p[i] = tail if x[i] > 0 else 1 - tail
     return x, np.sqrt(information * longer), p
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import scipy.sparse
-from scipy import special, stats
+from scipy import special
 
 from pipeline.base.arrays import Array, Bools, Locked, Strings
 from pipeline.machine.cell import Cell
@@ -182,7 +182,7 @@ def resting_on(estimate: Estimate, found: Components) -> Estimate:
         estimate,
         goodness=Goodness.beyond(estimate.chi2, estimate.dof, part, nu),
         noise_from="replicates",
-        quantile=float(stats.t.ppf(0.975, nu)),
+        quantile=float(special.stdtrit(nu, 0.975)),
     )
 
 

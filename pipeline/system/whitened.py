@@ -148,7 +148,11 @@ class Whitened(Locked):
         dof = self.dof(base) - fewer
         at = self.at if among is None else among
         found = by_products(self.M if M is None else M, base, at, dof, self.least)
-        return Scores(**vars(found), bounds=self.bounds if among is None else None)
+        if among is not None:
+            return Scores(**vars(found))
+        odds = np.array([effect.odds for effect in self.suspects])
+        expected = np.array([effect.size for effect in self.suspects])
+        return Scores(**vars(found), bounds=self.bounds, log_odds=np.log(odds), expected=expected)
 
     @cached_property
     def at(self) -> Ints:

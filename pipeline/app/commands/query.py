@@ -52,3 +52,16 @@ def _format(form: str | None, output: Path | None, known: tuple[str, ...]) -> st
     if wanted == "xlsx" and output is None:
         raise UsageError("a workbook needs a file: add --output FILE.xlsx")
     return wanted
+
+
+@app.command(short_help="What all campaigns teach: how common causes are, and how large.")
+def priors(
+    robot: Annotated[
+        str, Option(help="A robot that ships, whose causes are meant.")
+    ] = "kr500_rail",
+    root: Root = Path(),
+) -> None:
+    """Say how common causes are and how large, learnt from all campaigns, for campaign.toml."""
+    from pipeline.app import priors as learning
+
+    typer.echo(learning.toml(learning.learnt(root, robot)), nl=False)

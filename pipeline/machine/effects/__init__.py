@@ -1,6 +1,7 @@
 """The catalogue of physics: one file per effect, one line each below."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from pipeline.machine.effect import HUNG, MOUNTED, PULLED, Effect, Pulls
 from pipeline.machine.effects import (
@@ -33,7 +34,7 @@ from pipeline.machine.effects import (
     tracker_noise,
     wrist_coupling,
 )
-from pipeline.machine.robot import Robot
+from pipeline.machine.robot import Robot, axes
 
 CATALOGUE: tuple[Callable[[Robot], tuple[Effect, ...]], ...] = (
     rail_lateral.effects,
@@ -75,7 +76,15 @@ def catalogue(robot: Robot, pulls: Pulls | None = None) -> tuple[Effect, ...]:
         pulls: The loads of a campaign, which leave out what cannot act on any of them; all kinds
             when not given.
     """
-    every = (effect for entry in CATALOGUE for effect in entry(robot))
+    names = axes.alone(robot)
+    every = (_named(effect, names) for entry in CATALOGUE for effect in entry(robot))
     loads = {PULLED, HUNG, MOUNTED} if pulls is None else set(pulls.by.tolist())
     known = tuple(effect for effect in every if loads.intersection(effect.of))
     return known if pulls is None else known + payload.effects(pulls)
+
+
+def _named(effect: Effect, names: Sequence[str | None]) -> Effect:
+    """The effect with the controller's name of its joint."""
+    if not isinstance(effect.where, int):
+        return effect
+    return replace(effect, axis=names[effect.where - 1])

@@ -44,6 +44,12 @@ def _seats(robot: Robot, joint: int) -> dict[str, float]:
     return _SEAT if in_the_base else {"": 0.0}
 
 
+_AT_THE_WRIST = (
+    "reflectors on the links before and behind the joint; pulls at the effector do not distinguish "
+    "it from the next joint of the wrist"
+)
+
+
 def _effect(robot: Robot, joint: int, form: str, below: float) -> Elastic:
     c = compliance(robot, joint)
 
@@ -64,7 +70,7 @@ def _effect(robot: Robot, joint: int, form: str, below: float) -> Elastic:
         ),
         signature=f"everything behind joint {joint} turns about axes across it, "
         "that turn with the joint",
-        needs="poses that differ in this joint alone; at the wrist three reflectors on the flange",
+        needs=_AT_THE_WRIST if joint > robot.n - 3 else "poses that differ in this joint alone",
         source="moment rigidity of RV reducers is five to seven times their torsional stiffness; "
         "full joint compliance after Klimchik et al., Complete stiffness model (2014)",
         carrier=(joint, joint),

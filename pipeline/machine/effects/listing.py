@@ -7,14 +7,14 @@ from dataclasses import asdict
 from typing import Any
 
 from pipeline.machine.effect import Effect
-from pipeline.machine.effects import catalogue
+from pipeline.machine.effects import catalogue, table
 from pipeline.machine.robot import Robot
 
 
 def _entries(robot: Robot) -> list[dict[str, Any]]:
     """One entry per cause and place, its forms together."""
     out: dict[str, dict[str, Any]] = {}
-    for effect in catalogue(robot):
+    for effect in (*catalogue(robot), *table.effects(robot)):
         entry = out.setdefault(effect.label, _entry(effect))
         if effect.form:
             entry["forms"].append(effect.form)

@@ -7,7 +7,7 @@ from pipeline.machine.effects._carriage import ACROSS, spring, translation
 
 effects = spring(
     name="rail_lateral",
-    noun="sideways give of the carriage",
+    noun="lateral compliance of the carriage",
     parameter=Parameter("c_lateral", "m/N", 5e-09, 0.0, 2e-07),
     screw=partial(translation, axis=ACROSS),
     signature="all reflectors move alike across the rail in proportion to the lateral "

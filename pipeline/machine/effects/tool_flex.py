@@ -21,7 +21,7 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
     return (
         Elastic(
             name="tool_flex",
-            noun="give of the tool or its flange",
+            noun="compliance of the tool or its flange",
             place="tool",
             parameters=tuple(
                 Parameter(f"c_tool_{axis}", "rad/(N m)", c / 6, 0.0, 5 * c) for axis in "xy"

@@ -59,3 +59,18 @@ def joints(robot: Robot) -> Axes:
     """The joints of the robot as axes."""
     names = tuple(joint.name for joint in robot.joints)
     return Axes(names, robot.prismatic, np.eye(robot.n), np.zeros(robot.n))
+
+
+def alone(robot: Robot) -> tuple[str | None, ...]:
+    """The controller's axis of each joint, A1 or E1, that moves it alone and as far.
+
+    None where no axis does, as behind a parallel link, or the robot file maps none.
+    """
+    if not robot.controller:
+        return (None,) * robot.n
+    mapped, out = of(robot), []
+    for joint in range(robot.n):
+        found = mapped.alone(joint)
+        as_far = found is not None and bool(np.isclose(abs(found[1]), 1.0))
+        out.append(mapped.names[found[0]] if found is not None and as_far else None)
+    return tuple(out)

@@ -49,7 +49,10 @@ def _with_row(robot: Robot, file: RobotFile, j: int, change: dict[str, float]) -
 
 def _as(robot: Robot, file: RobotFile) -> Robot:
     placement, flange = placements(file)
-    return replace(robot, placement=placement, flange=flange)
+    told = {"convention": file.convention}
+    rows = {"joint": [row.model_dump(exclude_none=True) for row in file.joint]}
+    text = toml.dumps(toml.loads(robot.text, robot.name) | told | rows)
+    return replace(robot, placement=placement, flange=flange, text=text)
 
 
 def _other_convention(file: RobotFile) -> tuple[RobotFile, str]:

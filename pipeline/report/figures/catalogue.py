@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from pipeline.answer.contract import Answer
 from pipeline.answer.history import robots
+from pipeline.answer.worn import Robot
 from pipeline.report.figures import (
     causes,
+    enough,
     geometry,
+    laws,
+    models,
     places,
     prediction,
     residuals,
+    scene,
     stiffness,
+    tolerance,
     workspace,
 )
 from pipeline.report.figures.plot import Plot
@@ -20,19 +27,26 @@ from pipeline.report.figures.stiffness import draw_history
 from pipeline.report.record import Figure, present
 from pipeline.report.summaries import Tables, has
 from pipeline.report.svg import Drawing, drawn
+from pipeline.report.wear import changed_of, of
 
 CATALOGUE: tuple[Plot, ...] = (
     stiffness.STIFFNESS,
     prediction.PREDICTION,
     prediction.MEASURED,
+    models.MODELS,
     causes.GAIN,
     causes.EVIDENCE,
     causes.SEPARABILITY,
+    laws.LAWS,
+    enough.ENOUGH,
+    enough.CORRELATION,
     residuals.POSE_RMS,
     residuals.RESIDUAL_FORCE,
     residuals.RESIDUAL_COURSE,
     residuals.WHITENED,
     places.ARROWS,
+    scene.SCENE,
+    tolerance.PATH,
     workspace.WORKSPACE,
     workspace.WORKSPACE_JOINT_SPRINGS,
     places.REGISTRATION,
@@ -53,7 +67,14 @@ def draw(name: str, answer: Answer, tables: Tables) -> Drawing:
     return drawn(name, lambda canvas: _PLOTS[name].draw(canvas, answer, tables))
 
 
-def draw_robot(name: str, answers: Sequence[Answer]) -> Drawing:
+def live(name: str, answer: Answer, tables: Tables) -> dict[str, Any] | None:
+    """The numbers of a figure that the page itself draws; None for a still."""
+    of = _PLOTS[name].live
+    return of and of(answer, tables)
+
+
+def draw_robot(name: str, answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> Drawing:
     """Draw the history of one robot: `history-0` is that of the first of `robots`."""
-    own = list(robots(answers).values())[int(name.rpartition("-")[2])]
-    return drawn(name, lambda canvas: draw_history(canvas, own))
+    machine, own = list(robots(answers).items())[int(name.rpartition("-")[2])]
+    changed = changed_of(own, of(machine, wear))
+    return drawn(name, lambda canvas: draw_history(canvas, own, changed))

@@ -15,11 +15,11 @@ from pipeline.report.figures.marks import Tips, dots, integer_ticks, legend_abov
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure
 from pipeline.report.summaries import Tables, gain, separability, suspects
-from pipeline.report.svg import BLUE, MUTED, RED, SHADES
+from pipeline.report.svg import APART_SHADES, BLUE, MUTED, RED
 
 _APART_STEPS = (1.0, 2.0, APART, 10.0)
-_APART_SHADES = SHADES[::2]
-"""Dark where two causes are alike."""
+_SQUARE = 0.14
+"""Side of a square [in], with room for a line of words."""
 
 
 def _draw_evidence(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
@@ -45,14 +45,15 @@ def _draw_separability(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """A triangle of squares, dark where two causes are alike."""
     apart = separability(tables["separability"])
     names, n = [words.from_label(label) for label in apart.index], len(apart)
-    canvas.set_size_inches(5.6, 0.5 + 0.13 * n + 0.038 * max(map(len, names)))
+    beside = 0.062 * max(map(len, names))
+    canvas.set_size_inches(max(5.6, 0.4 + _SQUARE * n + beside), 0.6 + _SQUARE * n + beside)
     axes = canvas.subplots()
     rows, columns = np.tril_indices(n, -1)
     sigmas = apart.to_numpy()[rows, columns]
     steps = np.searchsorted(_APART_STEPS, sigmas, "right")
-    size = min(0.13, 3.4 / n) * 72  # of a square, in points
+    size = 72 * _SQUARE
     tips: Tips = {}
-    for step, shade in enumerate(_APART_SHADES):
+    for step, shade in enumerate(APART_SHADES):
         here = np.flatnonzero(steps == step)
         low, high = [0, *_APART_STEPS][step], [*_APART_STEPS, None][step]
         label = f"{low:g} to {high:g} σ" if high else f"above {low:g} σ"
@@ -60,8 +61,8 @@ def _draw_separability(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
         pairs = zip(rows[here], columns[here], sigmas[here], strict=True)
         said = [f"{names[i]} or {names[j]}: {plain(apart, 2)} σ" for i, j, apart in pairs]
         tips |= dots(axes, f"apart-{step}", columns[here], rows[here], said, label=label, **style)
-    axes.set_yticks(range(1, n), names[1:], fontsize=6)
-    axes.set_xticks(range(n - 1), names[:-1], fontsize=6, rotation=90)
+    axes.set_yticks(range(1, n), names[1:], fontsize=8)
+    axes.set_xticks(range(n - 1), names[:-1], fontsize=8, rotation=90)
     axes.set(xlim=(-0.6, n - 1.4), ylim=(n - 0.4, 0.4))
     axes.grid(visible=False)
     axes.legend(loc="upper right", title="Apart by")
@@ -156,9 +157,9 @@ def _write_separability(answer: Answer, tables: Tables) -> Figure | None:
     return Figure(
         "separability",
         "Which causes these readings can tell apart",
-        f"{said} Each square is what one cause of typical size leaves when the other is fitted in "
-        f"its place; dark is alike, and from {APART} on the right one of two is found in 95 % of "
-        f"the cases. A pair in a dark square needs another pose or another sensor.",
+        f"{said} Each square compares two possible causes. Faint: this campaign can tell them "
+        f"apart. Strong: it cannot, and the pair needs another pose or another sensor. Above "
+        f"{APART} standard deviations the right one is chosen in 95 % of cases.",
         f"Triangular map of the distances between {len(apart)} causes. {said}",
     )
 

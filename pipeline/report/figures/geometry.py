@@ -10,10 +10,17 @@ from matplotlib.figure import Figure as Canvas
 
 from pipeline.answer.contract import Answer
 from pipeline.base.quantities import plain
-from pipeline.report.figures.marks import Tips, cumulative, cumulative_axes, title
+from pipeline.report.figures.marks import (
+    Tips,
+    cumulative,
+    cumulative_axes,
+    dots,
+    each_row,
+    title,
+)
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure
-from pipeline.report.summaries import MM, Tables
+from pipeline.report.summaries import MM, Tables, finite, has
 from pipeline.report.svg import GRID, SERIES
 
 _BETWEEN = "every tenth pose"
@@ -65,6 +72,7 @@ def _write_steps(answer: Answer, tables: Tables) -> Figure:
 def _draw_curves(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """Each joint's error over its value, with two standard uncertainties."""
     curves = tables["curves"]
+    tips: Tips = {}
     joints = list(dict.fromkeys(curves["joint"]))
     for axes, joint in zip(_grid(canvas, len(joints)), joints, strict=True):
         mine = curves[curves["joint"] == joint]
@@ -73,17 +81,38 @@ def _draw_curves(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
         f, u = MM * mine["error"].to_numpy(float), 2 * MM * mine["error_std"].to_numpy(float)
         axes.fill_between(q, f - u, f + u, color=SERIES[0], alpha=0.2, linewidth=0)
         axes.plot(q, f, color=SERIES[0], linewidth=0.9)
+        tips |= _readings(axes, joint, tables, 1.0 if slides else np.rad2deg(1.0))
         title(axes, f"joint {joint} [{'mm' if slides else 'mrad'}]")
         axes.set_xlabel("place [m]" if slides else "angle [deg]")
         top = 1.3 * float(np.abs(f).max())
         axes.set_ylim(-top, top)
         axes.grid(color=GRID, linewidth=0.6)
-    return {}
+    return tips
+
+
+def _readings(axes: Axes, joint: int, tables: Tables, shown: float) -> Tips:
+    """What poses with neighbouring joint values say of a curve, with its standard uncertainty."""
+    if not has(tables, "curve_readings"):
+        return {}
+    rows = tables["curve_readings"]
+    rows = finite(rows[rows["joint"] == joint], "q", "error")
+    q, y = shown * rows["q"].to_numpy(float), MM * rows["error"].to_numpy(float)
+    u = MM * np.nan_to_num(rows["error_std"].to_numpy(float))
+    axes.vlines(q, y - u, y + u, color=SERIES[1], linewidth=0.7, alpha=0.6)
+    said = [
+        f"joint {joint}, {r.poses} poses at {plain(at)}: {plain(mm)} ± {plain(std, 2)}"
+        for r, at, mm, std in zip(each_row(rows), q, y, u, strict=True)
+    ]
+    return dots(axes, f"curve-{joint}", q, y, said, s=7, color=SERIES[1], linewidths=0, zorder=3)
 
 
 def _grid(canvas: Canvas, count: int) -> list[Axes]:
     """Plots, two in a row."""
-    return list(canvas.subplots((count + 1) // 2, 2, squeeze=False).flat)[:count]
+    canvas.set_size_inches(5.6, 0.3 + 1.3 * ((count + 1) // 2))
+    every = list(canvas.subplots((count + 1) // 2, 2, squeeze=False).flat)
+    for spare in every[count:]:
+        spare.set_axis_off()
+    return every[:count]
 
 
 def _write_curves(answer: Answer, tables: Tables) -> Figure:
@@ -96,8 +125,9 @@ def _write_curves(answer: Answer, tables: Tables) -> Figure:
     return Figure(
         "curves",
         "What joints turn more than their encoders say",
-        f"{said}The band has two standard uncertainties; where no pose was measured it is as wide "
-        "as the curves are high.",
+        f"{said}Each dot is the mean of poses with neighbouring joint values, all else as "
+        "identified, with its standard uncertainty. The band has two standard uncertainties; where "
+        "no pose was measured it is as wide as the curves are high.",
         f"Transmission error of each joint over its own angle. {said}",
     )
 

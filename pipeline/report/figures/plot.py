@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from matplotlib.figure import Figure as Canvas
 
@@ -23,9 +24,11 @@ class Plot:
         write: Title, caption and alternative text with the numbers of a campaign in them; None
             where the campaign has no data for it.
         draw: Draws it, and gives what its marks say, by the name of their group.
+        live: Numbers from which the page draws it anew as its reader turns it; None for a still.
     """
 
     name: str
     needs: tuple[str, ...]
     write: Callable[[Answer, Tables], Figure | None]
     draw: Callable[[Canvas, Answer, Tables], Tips]
+    live: Callable[[Answer, Tables], dict[str, Any]] | None = None

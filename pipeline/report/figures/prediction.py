@@ -123,8 +123,8 @@ def _write_prediction(answer: Answer, tables: Tables) -> Figure:
         "prediction",
         "Relative error of the predicted deflection",
         f"{said} The further left a curve, the better; dashed curves draw each stiffness "
-        f"by itself, as the paper does.",
-        f"Cumulative curves of the relative prediction error of Eq. (22). {said}",
+        f"by itself.",
+        f"Cumulative curves of the relative error of the predicted deflection. {said}",
     )
 
 

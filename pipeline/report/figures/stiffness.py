@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,7 +10,7 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator
 
 from pipeline.answer.contract import Answer, Stiffness
-from pipeline.answer.history import trends, trusted
+from pipeline.answer.history import trusted
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import common_prefix, percent, plain, prefixed
 from pipeline.report import words
@@ -128,16 +128,16 @@ _Points = Sequence[tuple[int, Answer, Stiffness]]
 """One joint in the campaigns that give it a value, with the number of each campaign."""
 
 
-def draw_history(canvas: Canvas, answers: Sequence[Answer]) -> Tips:
-    """One row per joint: its stiffness in each campaign."""
-    found = trends(answers)
+def draw_history(canvas: Canvas, answers: Sequence[Answer], changed: Collection[str]) -> Tips:
+    """One row per joint: its stiffness in each campaign; those that changed in another colour."""
+    found = list(dict.fromkeys(joint.name for one in answers for joint in one.stiffness))
     canvas.set_size_inches(5.6, 0.7 + 0.85 * len(found))
     views = canvas.subplots(len(found), 1, sharex=True, squeeze=False)[:, 0]
     tips: Tips = {}
-    for index, (view, joint) in enumerate(zip(views, found, strict=True)):
-        key, points = f"history-{index}", _points(answers, joint.name)
-        colour = RED if joint.sure else BLUE
-        tips[key] = _draw_course(view, joint.name, points, colour, key)
+    for index, (view, name) in enumerate(zip(views, found, strict=True)):
+        key, points = f"history-{index}", _points(answers, name)
+        colour = RED if name in changed else BLUE
+        tips[key] = _draw_course(view, name, points, colour, key)
     _name_campaigns(views[-1], answers)
     return tips
 

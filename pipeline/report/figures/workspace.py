@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
@@ -19,7 +21,7 @@ from pipeline.report.figures.marks import Tips, each_row
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure
 from pipeline.report.summaries import Tables, has
-from pipeline.report.svg import GRID, INK, RED, SHADES
+from pipeline.report.svg import BODY, EDGE, GRID, INK, RED, SHADES
 
 
 def _levels_of(tables: Tables) -> Array:
@@ -30,7 +32,7 @@ def _levels_of(tables: Tables) -> Array:
     return np.array(ticks.tick_values(size.min(), size.max()))
 
 
-def _map(canvas: Canvas, soft: pd.DataFrame, levels: Array) -> Tips:
+def _map(canvas: Canvas, soft: pd.DataFrame, levels: Array, arm: pd.DataFrame | None) -> Tips:
     swept, here = soft[soft["row"] >= 0].reset_index(drop=True), soft.iloc[0]
     canvas.set_size_inches(5.6, 3.9)
     axes, beside = canvas.subplots(1, 2, width_ratios=(1, 0.05))
@@ -43,12 +45,24 @@ def _map(canvas: Canvas, soft: pd.DataFrame, levels: Array) -> Tips:
     axes.scatter(
         here["reach_m"], here["height_m"], s=60, marker="X", color=RED, edgecolors=INK, gid="here"
     )
+    if arm is not None:
+        _draw_arm(axes, arm)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set(xlabel="Reach from the shoulder axis [m]", ylabel="Height [m]")
     return {
         "soft": [_softness(r) for r in each_row(swept)],
         "here": ["test pose: " + _softness(here)],
     }
+
+
+def _draw_arm(axes: Axes, arm: pd.DataFrame) -> None:
+    """Outline of the arm at the test pose: a wide line for each part, a narrower one on it."""
+    ends = arm[["from_reach_m", "from_height_m", "to_reach_m", "to_height_m"]].to_numpy(float)
+    lines = list(ends.reshape(-1, 2, 2))
+    width = 4 + 5 * arm["radius_m"].to_numpy(float) / max(arm["radius_m"].max(), 1e-9)
+    round_ends: Any = {"capstyle": "round"}
+    axes.add_collection(LineCollection(lines, linewidths=width, colors=EDGE, **round_ends))
+    axes.add_collection(LineCollection(lines, linewidths=width - 2, colors=BODY, **round_ends))
 
 
 def _softness(row: Any) -> str:
@@ -88,7 +102,8 @@ def _told(name: str, model: str | None, soft: pd.DataFrame) -> Figure | None:
         name,
         f"Deflection per newton over the arm's plane, {model}",
         f"{said} Shoulder and elbow go through their ranges, the other joints stay as in the test "
-        f"pose; bright is soft.",
+        f"pose, in which the arm is drawn; "
+        f"bright is soft.",
         f"Map of the deflection per newton of load over reach and height, {model}. {said}",
     )
 
@@ -105,7 +120,9 @@ def _plot(name: str, model: Callable[[Answer], str | None]) -> Plot:
         name,
         (table,),
         lambda answer, tables: _told(name, model(answer), tables[table]),
-        lambda canvas, _, tables: _map(canvas, tables[table], _levels_of(tables)),
+        lambda canvas, _, tables: _map(
+            canvas, tables[table], _levels_of(tables), tables.get("arm")
+        ),
     )
 
 

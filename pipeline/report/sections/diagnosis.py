@@ -1,4 +1,4 @@
-"""What the simulation gets wrong: causes, rivals and gain."""
+"""What the model misses: causes, rivals and gain."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from pipeline.answer.contract import (
 )
 from pipeline.answer.words import capital, listed
 from pipeline.base.quantities import bracketed, p_value, percent, plain, probability
+from pipeline.diagnosis.finding import Verdict
 from pipeline.report import words
 from pipeline.report.columns import Cells, number, said, table_of
 from pipeline.report.figures.catalogue import figures
@@ -27,6 +28,14 @@ from pipeline.report.summaries import Tables
 
 _WORTH_SAYING = 0.01
 """Probability from which it is said that a cause may be none of the known ones."""
+
+_TITLES = {
+    Verdict.ADEQUATE: "What this campaign shows and cannot show",
+    Verdict.EXPLAINED: "What joint springs alone leave out",
+    Verdict.AMBIGUOUS: "What joint springs alone leave out",
+    Verdict.UNEXPLAINED: "What the model misses",
+    Verdict.BAD_DATA: "What is wrong with the data",
+}
 
 _ALIKE = 3
 """So many of what does as well in the place of a cause are told."""
@@ -42,12 +51,12 @@ def diagnosis(answer: Answer, tables: Tables) -> Section | None:
     blocks += [
         _alone(found.alone),
         Text(shared) if shared else None,
-        *figures(("gain", "evidence", "separability"), answer, tables),
+        *figures(("laws", "gain", "evidence", "separability"), answer, tables),
         next_poses(found.next_poses, found.next_poses_in),
         next_joint_values(found.next_poses, answer.stiffness),
         blind_spots(found.blind_spots),
     ]
-    return section_of("diagnosis", "What the simulation gets wrong", blocks)
+    return section_of("diagnosis", _TITLES[found.verdict], blocks)
 
 
 def _shared_gain(causes: Sequence[Cause]) -> str:
@@ -59,7 +68,7 @@ def _shared_gain(causes: Sequence[Cause]) -> str:
 def _cause(place: int, one: Cause, with_gain: bool) -> list[Block | None]:
     facts = [
         _evidence_sentences(one.evidence) if one.evidence else "",
-        f"It shows like this: {one.signature}." if one.signature else "",
+        f"Signature: {one.signature}." if one.signature else "",
         _probability_sentence(one),
         _unnamed_sentence(one.outside_catalogue) if one.outside_catalogue else "",
         _size_sentence(one.parameters),
@@ -82,7 +91,8 @@ def _alone(single: Sequence[Alone]) -> Table | None:
         number("Cross-validation error falls by", lambda one: one.reduction, percent),
         said("95 % interval", lambda one: " to ".join(map(percent, one.ci95))),
     ]
-    return table_of("alone", "If it is one cause alone", columns, single)
+    better = [one for one in single if one.reduction is None or one.reduction > 0]
+    return table_of("alone", "Each cause by itself", columns, better)
 
 
 def _unnamed_sentence(other: Unnamed) -> str:
@@ -91,17 +101,20 @@ def _unnamed_sentence(other: Unnamed) -> str:
     if other.probability >= _WORTH_SAYING:
         looks = words.cause(other.looks_like, other.where)
         chance = probability(other.probability)
-        said.append(f"That it is none of the known causes has {chance}; it would be: {looks}.")
+        said.append(
+            f"The probability that it is none of the known causes is {chance}; it resembles "
+            f"{looks}."
+        )
     if other.as_good:
         alike = listed([_as_good(one) for one in other.as_good[:_ALIKE]])
-        said.append(f"Outside the catalogue this predicts as well in its place: {alike}.")
+        said.append(f"Laws outside the catalogue that predict as well in its place: {alike}.")
     return " ".join(said)
 
 
 def _as_good(one: AsGood) -> str:
     low, high = map(percent, one.ci95)
     return (
-        f"{words.placed(one)} (error at left-out poses {percent(one.reduction)} less, {low} to "
+        f"{words.placed(one)} (cross-validation error {percent(one.reduction)} less, {low} to "
         f"{high}; at {plain(one.times_typical, 2)} times a usual size)"
     )
 
@@ -112,7 +125,7 @@ def _evidence_sentences(evidence: Evidence) -> str:
 
 
 def _probability_sentence(one: Cause) -> str:
-    alone = f"; without it, chance makes such readings with {p_value(one.p_value)}"
+    alone = f"; without it, such readings would occur by chance with {p_value(one.p_value)}"
     chance = probability(one.probability)
     known = "" if one.p_value is None else alone
     return f"Its probability among the known causes is {chance}{known}."
@@ -140,7 +153,7 @@ def _error_falls(how: str, gain: Gain) -> Iterator[str]:
         return
     of = " of the unloaded positions" if gain.of is Predicted.UNLOADED_POSITIONS else ""
     yield (
-        f"With {how} the error{of} at poses that were left out falls from {plain(before)} mm to "
+        f"With {how} the cross-validation error{of} falls from {plain(before)} mm to "
         f"{plain(after)} mm{_share(gain)}."
     )
 
@@ -162,8 +175,8 @@ def _test_pose_changes(gain: Gain) -> Iterator[str]:
 
 def _rivals(place: int, rivals: Sequence[Rival]) -> Table | None:
     columns: list[Cells[Rival]] = [
-        said("Rival", words.placed),
+        said("Alternative", words.placed),
         said("Name", words.label),
         number("Probability", lambda one: one.probability, probability),
     ]
-    return table_of(f"rivals-{place}", f"What else cause {place} could be", columns, rivals)
+    return table_of(f"rivals-{place}", f"Alternatives to cause {place}", columns, rivals)

@@ -71,10 +71,10 @@ def _laws(answer: Answer) -> Table | None:
         said("Law", lambda one: one.law.text.capitalize() if one.law else one.name),
         measured("Amplitude [mrad or mm]", _amplitude),
         said("p", lambda one: p_value(one.p_value)),
-        said("Takes off the error of left-out poses", lambda one: _gain(one)),
+        said("Reduces the cross-validation error by", lambda one: _gain(one)),
     ]
     found = [one for one in answer.diagnosis.causes if one.law is not None]
-    return table_of("laws", "Laws that nobody listed", columns, found)
+    return table_of("laws", "Laws outside the catalogue", columns, found)
 
 
 def _amplitude(one: Cause) -> tuple[float | None, float | None]:
@@ -98,7 +98,7 @@ def _letters(answer: Answer) -> Table | None:
         said("Parameter", lambda one: _NAMES.get(one.name, one.name)),
         number("As delivered [mm or deg]", lambda one: _scaled(one, one.nominal), plain),
         measured(
-            "Found minus delivered [mm or mrad]",
+            "Identified minus delivered [mm or mrad]",
             lambda one: (1e3 * (one.value - one.nominal), 1e3 * one.std),
         ),
         said("Determined", lambda one: "yes" if one.identifiable else "no"),

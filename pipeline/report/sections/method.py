@@ -13,8 +13,10 @@ _LEFT_OUT = (
 )
 
 _METHOD = (
-    "Loaded minus unloaded reflector positions c, Eq. (20), are explained by one linear spring per "
-    "joint, c = B x with the compliances x, Eqs. (6), (7), (19). The compliances come from "
+    "Loaded minus unloaded reflector positions c are explained by one linear spring per joint, c = "
+    "B x with the compliances x: the elastostatic model of Guérin, Caro, Garnier and Girin, "
+    '"Optimal Measurement Pose Selection for Joint Stiffness Identification of an Industrial Robot '
+    'Mounted on a Rail". The compliances come from '
     "generalised least squares with the full covariance of c: tracker noise per reading, the zero "
     "shared by all pulls of a pose, {load} and the registration. {force} Validation leaves out one "
     "pose with all its pulls at a time."
@@ -33,7 +35,7 @@ OF_POSITIONS = (
 _PULLED = {
     "load": "the force reading that moves all coordinates of a pull together, the direction of "
     "the chain",
-    "force": "The force acts along the chain, Eqs. (10), (11).",
+    "force": "The force acts along the chain, between its two reflectors.",
 }
 _WEIGHED = {
     "load": "the mass that moves all coordinates of a pull together, its centre",
@@ -51,7 +53,7 @@ def method(answer: Answer) -> Section | None:
 
 
 def _told(answer: Answer) -> str:
-    if answer.geometry:
+    if answer.position_steps:
         return OF_POSITIONS
     deformed = answer.model.equilibrium is Equilibrium.DEFORMED
     told = [

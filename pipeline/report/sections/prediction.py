@@ -4,10 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pipeline.answer.contract import Answer, Deflection, PerTarget, Validation
+from pipeline.answer.contract import (
+    Answer,
+    Deflection,
+    PerTarget,
+    Stretch,
+    TestPose,
+    Tolerance,
+    Validation,
+)
+from pipeline.answer.tolerated import DECIDED, expanded
 from pipeline.base.quantities import percent, plain
 from pipeline.report import words
-from pipeline.report.columns import Cells, measured, number, said, table_of
+from pipeline.report.columns import Cells, measured, number, roughly, said, table_of
 from pipeline.report.figures.catalogue import figures
 from pipeline.report.record import Section, Table, Text, section_of
 from pipeline.report.summaries import Tables
@@ -20,11 +29,46 @@ def test_pose(answer: Answer, tables: Tables) -> Section | None:
         "test-pose",
         "Deflection under load",
         [
+            _asked(answer.test_pose),
+            _tolerance(answer.tolerance),
+            *figures(("path",), answer, tables),
             _deflections("deflection", title, answer.test_pose_deflection),
             _beside(answer),
             *figures(("workspace", "workspace-joint-springs"), answer, tables),
         ],
     )
+
+
+def _asked(pose: TestPose | None) -> Text | None:
+    """What U holds."""
+    if pose is None:
+        return None
+    return Text(
+        f"At the load point, where the force acts: {expanded(pose)}. U holds the uncertainty of "
+        "the model, and is never below twice the error at poses that were left out of the "
+        "estimate, noise of the readings included."
+    )
+
+
+def _tolerance(asked: Tolerance | None) -> Table | None:
+    """Stretch by stretch, what is decided of the path."""
+    if asked is None or asked.path is None:
+        return None
+    columns: list[Cells[Stretch]] = [
+        number("First pose", lambda one: one.first, str),
+        number("Last pose", lambda one: one.last, str),
+        number("Points", lambda one: one.points, str),
+        said("Decision", lambda one: DECIDED[one.decision]),
+        number("Largest deflection [mm]", lambda one: one.deflection_mm, plain),
+        number("U (k = 2) [mm]", lambda one: one.expanded_mm, roughly),
+        number("At pose", lambda one: one.at, str),
+    ]
+    note = (
+        f"T = {asked.deflection_mm:g} mm. ISO 14253-1: pass where d + 1.65 u is at most T, fail "
+        "where d - 1.65 u is above T, undecided between; d is the deflection, u = U/2."
+    )
+    title = f"Stretches of {asked.path.file}"
+    return table_of("stretches", title, columns, asked.path.stretches, note)
 
 
 def _beside(answer: Answer) -> Table | None:
@@ -59,7 +103,11 @@ def validation(answer: Answer, tables: Tables) -> Section | None:
     return section_of(
         "validation",
         "How far predictions can be trusted",
-        [_held_out(given), _mu_table(given), *figures(("measured", "prediction"), answer, tables)],
+        [
+            _held_out(given),
+            _mu_table(given),
+            *figures(("models", "measured", "prediction"), answer, tables),
+        ],
     )
 
 
@@ -67,14 +115,14 @@ def _held_out(given: Validation) -> Text | None:
     if given.held_out_rms_mm is None:
         return None
     return Text(
-        f"At poses that were left out of the estimate, the model misses the readings by "
-        f"{plain(given.held_out_rms_mm)} mm rms per coordinate."
+        f"Cross-validation error: {plain(given.held_out_rms_mm)} mm rms per coordinate, each pose "
+        "predicted from all the others; the noise of its readings is in it."
     )
 
 
 def _mu_table(given: Validation) -> Table | None:
     near, far = "around the test pose", "over the workspace"
-    full, alone = "full covariance", "independent, Eq. (23)"
+    full, alone = "full covariance", "each stiffness by itself"
     kinds = [
         (near, full, given.test_pose),
         (far, full, given.global_),
@@ -87,10 +135,11 @@ def _mu_table(given: Validation) -> Table | None:
         *(_of_target(target) for target in given.test_pose),
     ]
     note = (
-        f"Mean over {given.poses} poses each. The paper draws the stiffnesses independently; the "
-        "estimate has correlations, so the rows with the full covariance are the ones to rely on."
+        f"Mean over {given.poses} poses each of |predicted - true| / |true|, the stiffnesses drawn "
+        "from their uncertainty. The estimate has correlations, so the rows with the full "
+        "covariance are the ones to rely on; Guérin et al. draw each stiffness by itself."
     )
-    title = "Error of the predicted deflection from the uncertain stiffnesses, Eq. (22)"
+    title = "Relative error of the predicted deflection from the uncertain stiffnesses"
     return table_of("prediction-error", title, columns, kinds, note)
 
 

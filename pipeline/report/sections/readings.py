@@ -16,7 +16,7 @@ from pipeline.answer.contract import (
     Rejected,
     Stiffness,
 )
-from pipeline.base.quantities import known, p_value, plain, with_std
+from pipeline.base.quantities import known, p_value, percent, plain, with_std
 from pipeline.report import words
 from pipeline.report.columns import Cells, measured, number, roughly, said, table_of
 from pipeline.report.figures.catalogue import figures
@@ -42,7 +42,11 @@ def budget(answer: Answer) -> Section | None:
     return section_of(
         "budget",
         "Uncertainty budget",
-        [_budget_table(answer.stiffness), _noise_table(answer.noise.components)],
+        [
+            _budget_table(answer.stiffness),
+            _calibrations(answer),
+            _noise_table(answer.noise.components),
+        ],
     )
 
 
@@ -52,7 +56,10 @@ def _budget_table(joints: Sequence[Stiffness]) -> Table | None:
         *(_shares_of(joint) for joint in joints if joint.budget),
     ]
     sources = dict.fromkeys(part.source for joint in joints for part in joint.budget)
-    note = "Shares of the variance of each stiffness; the largest is where better measuring pays."
+    note = (
+        "Shares of the variance of each stiffness. A calibration of which campaign.toml states no "
+        "uncertainty has no line."
+    )
     return table_of("budget", "Where the uncertainty comes from", columns, sources, note)
 
 
@@ -65,11 +72,45 @@ def _percent(share: float | None) -> str:
     return "below 0.1" if share is not None and share < 0.1 else roughly(share)
 
 
+def _calibrations(answer: Answer) -> Text | None:
+    """What the budget holds of calibrations and of days; None without a budget."""
+    sources = {part.source for joint in answer.stiffness for part in joint.budget}
+    if not sources:
+        return None
+    said = [
+        f"{name}: {'in the budget' if source in sources else missing}."
+        for source, name, missing in _CALIBRATED
+    ]
+    seen = answer.day_to_day
+    days = (
+        "Day-to-day scatter: not known, no pose was repeated on another day."
+        if seen is None
+        else f"Day-to-day scatter: {percent(seen.relative_std)} of the displacements, from "
+        f"{seen.poses} poses repeated on another day ({p_value(seen.p_value)})."
+    )
+    return Text(" ".join((*said, days)))
+
+
+_CALIBRATED = (
+    (
+        "force_gain",
+        "Calibration of the scale (ISO 376)",
+        "not stated; give gain_sigma in [scale] of campaign.toml",
+    ),
+    (
+        "tracker_scale",
+        "Calibration of the tracker (ISO 10360-10)",
+        "not stated; give length_sigma_rel in [instrument] of campaign.toml",
+    ),
+)
+"""Sources of error that a certificate states, and what to do where none does."""
+
+
 def _noise_table(found: Sequence[NoiseComponent]) -> Table | None:
     columns: list[Cells[NoiseComponent]] = [
         said("Noise of", lambda one: words.source(one.name)),
-        measured("Found over stated", lambda one: (one.found_over_stated, one.std)),
-        number("Chance of as much or more", lambda one: one.p_value, p_value),
+        measured("Estimated over stated", lambda one: (one.found_over_stated, one.std)),
+        number("p-value", lambda one: one.p_value, p_value),
     ]
     note = "Found from repeats, zeros read again and the effector's own triangle; 1 is as stated."
     title = "Noise in the readings beside the stated noise"
@@ -132,9 +173,7 @@ def reliability(tables: Tables) -> Section | None:
     if not has(tables, "reliability"):
         return None
     single = tables["reliability"].dropna(subset=["reading"])
-    return section_of(
-        "reliability", "How well the readings control each other", [_harm(single), _least(single)]
-    )
+    return section_of("reliability", "Reliability of the readings", [_harm(single), _least(single)])
 
 
 def _harm(single: pd.DataFrame) -> Text | None:
@@ -145,12 +184,10 @@ def _harm(single: pd.DataFrame) -> Text | None:
     who = f"{row.reading}{f' along {row.axis}' if known(row.axis) else ''}"
     size = words.size(row.smallest_visible, row.unit)
     if not known(row.moves_sigmas):
-        return Text(
-            f"No other reading controls {who}: whatever is wrong with it moves {row.moves_most}."
-        )
+        return Text(f"No other reading checks {who}: any error of it shifts {row.moves_most}.")
     return Text(
-        f"An error that goes unnoticed does most harm in {who}: up to {size} of it may stay unseen "
-        f"and move {row.moves_most} by {plain(row.moves_sigmas, 2)} standard uncertainties."
+        f"An undetected error does most harm in {who}: up to {size} of it may remain undetected "
+        f"and shift {row.moves_most} by {plain(row.moves_sigmas, 2)} standard uncertainties."
     )
 
 
@@ -161,19 +198,18 @@ def _least(single: pd.DataFrame) -> Table | None:
         said("Along", lambda row: row.axis),
         number("Redundancy", lambda row: row.r, roughly),
         number("w", lambda row: row.w, roughly),
-        said("Smallest visible error", lambda row: words.size(row.smallest_visible, row.unit)),
-        number("Moves by [σ]", lambda row: row.moves_sigmas, roughly),
+        said("Smallest detectable error", lambda row: words.size(row.smallest_visible, row.unit)),
+        number("Shifts by [σ]", lambda row: row.moves_sigmas, roughly),
         said("Which", lambda row: row.moves_most),
     ]
     rows = each_row(single.nsmallest(_LEAST, "r"))
     note = (
-        "Redundancy is the part of an error that the residuals show, 0 to 1. The smallest visible "
-        "error is found in 80 % of the cases at 0.1 % false alarms; the last two columns say what "
-        "one so large moves most, in standard uncertainties. All readings stand in 43_reliability."
+        "Redundancy is the part of an error that the residuals show, 0 to 1. The smallest "
+        "detectable error is found in 80 % of the cases at 0.1 % false alarms; the last two "
+        "columns say what one so large moves most, in standard uncertainties. All readings "
+        "stand in 43_reliability."
     )
-    return table_of(
-        "reliability", "The readings that the others control least", columns, rows, note
-    )
+    return table_of("reliability", "Readings with the lowest redundancy", columns, rows, note)
 
 
 def rejected(answer: Answer) -> Section | None:

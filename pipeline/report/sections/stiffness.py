@@ -35,15 +35,19 @@ from pipeline.report.record import (
 )
 
 
-def stiffness(answer: Answer, previous: Answer | None) -> Section | None:
-    """The table of stiffnesses with what is odd about them."""
+def stiffness(answer: Answer, previous: Answer | None, wear: str | None = None) -> Section | None:
+    """The table of stiffnesses with what is odd about them.
+
+    A change since the campaign before is no finding where all campaigns together say what has
+    changed (`wear`): days differ by more than a campaign's own uncertainty.
+    """
     since, before = _since(answer, previous), previous.campaign if previous else ""
     return section_of(
         "stiffness",
         "Joint stiffnesses",
         [
             *(Text(finding, "finding") for finding in _findings(answer)),
-            *(_changed(change, before) for change in since if change.sure),
+            *(_changed(change, before) for change in since if change.sure and wear is None),
             _stiffness_table(answer, since, before),
             _combinations_table(answer.combinations),
             _hypotheses_table(answer.recommended.hypotheses),
@@ -82,6 +86,7 @@ def _changed(change: Change, campaign: str) -> Text:
 def _stiffness_table(answer: Answer, since: Sequence[Change], before: str) -> Table | None:
     factor, letter = common_prefix(joint.value for joint in answer.stiffness)
     columns = [
+        *_axis_columns(answer.stiffness),
         *_value_columns(factor, letter),
         *_nominal_columns(answer.stiffness, factor),
         *_beside_columns(answer, factor),
@@ -89,13 +94,20 @@ def _stiffness_table(answer: Answer, since: Sequence[Change], before: str) -> Ta
     ]
     note = (
         "Stiffness is one over the estimated compliance; its interval is that of the compliance, "
-        "turned over, and therefore not symmetric."
+        "inverted, and therefore not symmetric."
     )
     title = f"Stiffness of each joint, {words.values_of(answer)}"
     return table_of("stiffness", title, columns, answer.stiffness, note)
 
 
 _JOINT: Cells[Stiffness] = (Column("Joint"), lambda j: text_entry(j.name, sort=j.joint))
+
+
+def _axis_columns(joints: Sequence[Stiffness]) -> list[Cells[Stiffness]]:
+    """The controller's axes; nothing where the robot file has none."""
+    if all(joint.axis is None for joint in joints):
+        return []
+    return [said("Axis", lambda joint: joint.axis)]
 
 
 def _value_columns(factor: float, letter: str) -> list[Cells[Stiffness]]:
@@ -161,13 +173,13 @@ def _combinations_table(combinations: Sequence[Combination]) -> Table | None:
         measured("Value ± standard uncertainty", lambda one: (one.value, one.std)),
         (Column("95 % interval", numeric=True), _ends),
         said("Unit", lambda one: prefixed(one.unit, "")),
-        said("What would part them best", lambda one: one.needs),
+        said("What would separate them best", lambda one: one.needs),
     ]
     note = (
         "The joints of a row act as one in the poses measured: c is the compliance of a joint, and "
         "only this sum of them is known, whatever each of them is."
     )
-    title = "What is determined of several joints together"
+    title = "Combinations of compliances that are determined"
     return table_of("combinations", title, columns, combinations, note)
 
 
@@ -188,7 +200,7 @@ def _hypotheses_table(hypotheses: Sequence[Weighed]) -> Table | None:
 
 def _believed(cause: Believed) -> str:
     name = words.placed(cause) + (f" ({cause.form})" if cause.form else "")
-    return name if cause.in_catalogue else f"something without a name like {name}"
+    return name if cause.in_catalogue else f"an effect outside the catalogue that resembles {name}"
 
 
 def _compliance_table(joints: Sequence[Stiffness]) -> Table | None:

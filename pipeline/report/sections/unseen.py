@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from pipeline.answer.contract import BlindSpot, Cell, JointType, NextPose, Stiffness
 from pipeline.base.quantities import common_prefix, plain, prefixed
+from pipeline.diagnosis.facts import APART
 from pipeline.report import words
 from pipeline.report.columns import Cells, number, roughly, said, table_of
 from pipeline.report.record import Column, Table, entry
@@ -22,7 +23,7 @@ def next_poses(poses: Sequence[NextPose], cell: Cell | None) -> Table | None:
     """The proposed poses and what each of them would tell apart; None without any."""
     columns: list[Cells[_Numbered]] = [
         number("Pose", lambda one: one[0], str),
-        said("Tells apart", lambda one: " / ".join(map(words.from_label, one[1].separates))),
+        said("Distinguishes", lambda one: " / ".join(map(words.from_label, one[1].separates))),
         number("Pull up to [N]", lambda one: one[1].force_n),
         said("How", lambda one: _how(one[1])),
         number("Separation now [σ]", lambda one: one[1].sigmas_before, roughly),
@@ -30,9 +31,18 @@ def next_poses(poses: Sequence[NextPose], cell: Cell | None) -> Table | None:
     ]
     note = (
         "To be pulled in the usual load steps. The two causes are those that stay closest with "
-        f"this pose and those above it; below 4.6 σ two are not told apart reliably. {_fits(cell)}"
+        f"this pose and those above it; below {APART} σ two cannot be distinguished reliably. "
+        f"{_settles(poses)}{_fits(cell)}"
     )
     return table_of("next-poses", "What to measure next", columns, enumerate(poses, 1), note)
+
+
+def _settles(poses: Sequence[NextPose]) -> str:
+    """That the poses will not settle it, where they will not."""
+    most = max((one.sigmas_after or 0.0 for one in poses), default=0.0)
+    return (
+        "" if most >= APART else f"These poses will not settle it: they reach {roughly(most)} σ. "
+    )
 
 
 def _fits(cell: Cell | None) -> str:
@@ -76,12 +86,12 @@ def blind_spots(spots: Sequence[BlindSpot]) -> Table | None:
     columns: list[Cells[list[BlindSpot]]] = [
         said("Effect", lambda group: words.cause(group[0].name, None)),
         said("Where", _places),
-        (Column("Smallest size seen", numeric=True), lambda group: entry(*_smallest(group))),
+        (Column("Smallest detectable size", numeric=True), lambda group: entry(*_smallest(group))),
         said("Why", lambda group: "; ".join(dict.fromkeys(map(_why, group)))),
         said("What would show it", lambda group: group[0].needs),
     ]
-    note = "These effects may be there without this campaign showing them."
-    title = "What these readings cannot see"
+    note = "These effects may be present without this campaign detecting them."
+    title = "Effects that these readings cannot detect"
     return table_of("blind-spots", title, columns, alike.values(), note)
 
 
@@ -94,7 +104,7 @@ def _smallest(group: Sequence[BlindSpot]) -> tuple[str, float | None]:
     """Smallest visible size of effects of one kind, as a range over their places."""
     sizes = sorted(s.smallest_visible for s in group if s.smallest_visible is not None)
     if not sizes:
-        return "never visible", None
+        return "never detectable", None
     unit = "" if group[0].unit == "1" else group[0].unit
     one_prefix = unit and sizes[-1] <= _WIDE * sizes[0]
     factor, letter = common_prefix(sizes) if one_prefix else (1.0, "")
@@ -106,4 +116,4 @@ def _why(spot: BlindSpot) -> str:
     """Why it is not seen; how far a usual size stays below what would be seen, once per group."""
     if spot.smallest_visible is None:
         return spot.why
-    return "a usual size stays below what these readings can show"
+    return "at its usual size it stays below what these readings can show"

@@ -1,0 +1,1 @@
+"""Simulated fleets, in which robots wear, scatter, are repaired, and are watched by detectors."""

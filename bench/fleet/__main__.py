@@ -1,0 +1,42 @@
+"""`python -m bench.fleet`: which detector finds wear, after how many campaigns, at which cost."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pipeline.app import cli
+from pipeline.app.commands._shared import Root
+
+command = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None)
+
+BEGIN = "<!-- python -m bench.fleet writes from here -->"
+
+
+@command.command()
+def fleet(
+    worn: Annotated[int, typer.Option(min=0, help="Fleets in which something wears.")] = 200,
+    others: Annotated[int, typer.Option(min=0, help="Fleets of each other kind.")] = 40,
+    log: Annotated[
+        Path | None, typer.Option(help="Where finished fleets are kept, one JSON line each.")
+    ] = None,
+    page: Annotated[Path | None, typer.Option(help="Markdown page of the results.")] = None,
+    root: Root = Path(),
+) -> None:
+    """Watch simulated fleets campaign by campaign with three detectors side by side."""
+    from bench.fleet.run import code, contest, wanted
+    from bench.fleet.table import lines
+    from bench.league.page import between
+    from pipeline.base import files
+
+    watched = list(contest(wanted(worn, others), log or root / "reports" / "fleet.jsonl", code()))
+    said = lines(watched)
+    typer.echo("\n".join(said))
+    if page is not None:
+        files.write(page, between(page.read_text("utf-8"), BEGIN, "\n".join(said)).encode())
+
+
+if __name__ == "__main__":
+    cli.main(app=command, name="python -m bench.fleet")

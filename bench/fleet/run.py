@@ -1,0 +1,101 @@
+"""Fleets are watched campaign by campaign, and kept as they end."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from bench.fleet.detectors import DETECTORS
+from bench.fleet.world import CAMPAIGNS, KINDS, YEAR, Robot, fleet
+from pipeline.base import files
+
+SEEDS = Path(__file__).with_name("seeds.txt")
+"""One whole number per fleet; fleet k of every kind has the k-th."""
+
+
+@dataclass(frozen=True)
+class Watched:
+    """What became of one robot under one detector.
+
+    Attributes:
+        kind: Of fleet.
+        number: Of the fleet.
+        detector: Its name.
+        worn: Something has changed.
+        found: Campaign that raised the alarm, from 1; None where none did.
+        years: From the first campaign to the alarm, or to the last one.
+    """
+
+    kind: str
+    number: int
+    detector: str
+    worn: bool
+    found: int | None
+    years: float
+
+
+def watch(kind: str, number: int) -> list[Watched]:
+    """All robots of one fleet under all detectors."""
+    seed = int(SEEDS.read_text("utf-8").split()[number])
+    robots = fleet(KINDS[kind], seed)
+    out = []
+    for name, detector in DETECTORS.items():
+        alarms = [detector(robots, count) for count in range(1, CAMPAIGNS + 1)]
+        for k, robot in enumerate(robots):
+            found = next((c for c, one in enumerate(alarms, 1) if one[k]), None)
+            out.append(Watched(kind, number, name, robot.worn, found, _years(robot, found)))
+    return out
+
+
+def _years(robot: Robot, found: int | None) -> float:
+    return float(robot.day[(found or CAMPAIGNS) - 1] - robot.day[0]) / YEAR
+
+
+def contest(wanted: Iterable[tuple[str, int]], log: Path, code: str) -> Iterator[Watched]:
+    """Those that are kept of this code, and the others as they are watched.
+
+    Args:
+        wanted: Kinds and numbers of fleets.
+        log: One JSON line for each fleet.
+        code: Version of the code.
+    """
+    kept = {}
+    if log.is_file():
+        for line in log.read_text("utf-8").splitlines():
+            one = json.loads(line)
+            kept[one["code"], one["kind"], one["number"]] = one["robots"]
+    for kind, number in wanted:
+        robots = kept.get((code, kind, number))
+        if robots is None:
+            began = time.process_time()
+            robots = [asdict(one) for one in watch(kind, number)]
+            seconds = round(time.process_time() - began, 2)
+            log.parent.mkdir(parents=True, exist_ok=True)
+            line = {"code": code, "kind": kind, "number": number, "seconds": seconds}
+            with log.open("a", encoding="utf-8") as file:
+                file.write(json.dumps({**line, "robots": robots}) + "\n")
+        yield from (Watched(**one) for one in robots)
+
+
+def wanted(worn: int, others: int) -> list[tuple[str, int]]:
+    """Wear in one joint, two and all in turn, then so many fleets of every other kind."""
+    thirds = ("one", "two", "all")
+    rest = [kind for kind in KINDS if kind not in thirds]
+    return [(thirds[k % 3], k) for k in range(worn)] + [
+        (kind, k) for kind in rest for k in range(others)
+    ]
+
+
+def code() -> str:
+    """Version of what watches and of what is watched."""
+    here = Path(__file__)
+    wear = [here.parents[2] / "pipeline" / "wear" / f"{name}.py" for name in _WATCHES]
+    mine = [here.with_name(f"{name}.py") for name in ("world", "detectors", "run")]
+    return files.sha256(b"".join(path.read_bytes() for path in (*mine, *wear)))[:12]
+
+
+_WATCHES = ("machine", "beside", "scatter", "alarm")
+"""Files of pipeline/wear that raise alarms."""

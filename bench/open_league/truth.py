@@ -1,0 +1,114 @@
+"""truth.json: what was true of a campaign, as whoever made it seals it; docs/open-league.md."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
+
+from pipeline.base import files
+from pipeline.base.errors import InputError, first_wrong
+
+Three = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Cause(_Strict):
+    """Something that the joint springs leave out.
+
+    Attributes:
+        name: A word of "Names of causes" in docs/campaign.md where `listed`, else any.
+        where: Joint number or part, as there.
+        accept: Further labels that count as right (`joint_tilt:6`), as twins do.
+        listed: The catalogue has it; no name is right for one that it has not.
+        amplitudes: True parameters under the catalogue's names, SI.
+    """
+
+    name: str
+    where: int | str | None = None
+    accept: tuple[str, ...] = ()
+    listed: bool = True
+    amplitudes: dict[str, FiniteFloat] = {}
+
+    @property
+    def labels(self) -> frozenset[str]:
+        """Every label that names it, none where it is not listed."""
+        own = self.name if self.where is None else f"{self.name}:{self.where}"
+        return frozenset((own, *self.accept)) if self.listed else frozenset(self.accept)
+
+
+class Stiffness(_Strict):
+    """True stiffness of one joint [N/m] or [N m/rad], name as in result.json (`k_theta2`)."""
+
+    name: str
+    value: Annotated[FiniteFloat, Field(gt=0)]
+
+
+class Prediction(_Strict):
+    """A load that is not in the campaign, and what it truly does.
+
+    Attributes:
+        name: `test_pose` for the one that campaign.toml states.
+        q: Joint values [m] or [deg].
+        force_n: Force at the load point, F_b [N].
+        deflection_m: By target, loaded minus unloaded, F_b [m].
+    """
+
+    name: str
+    q: tuple[FiniteFloat, ...]
+    force_n: Three
+    deflection_m: dict[str, Three]
+
+
+class Truth(_Strict):
+    """The sealed truth of one campaign.
+
+    Attributes:
+        format: 1.
+        salt: 32 hexadecimal digits drawn at random, so that nobody finds the truth by trying.
+        kind: What the tables sort games by: `clean`, `one cause`, ...
+        noise: Likewise, how the readings scatter.
+        stiffness: Of the joints; what a robot has no such thing for is left out.
+        causes: What is hidden; empty where the joint springs are the whole truth.
+        predictions: Loads that nobody measured.
+    """
+
+    format: Literal[1] = 1
+    salt: Annotated[str, Field(pattern=r"^[0-9a-f]{32,}$")]
+    kind: str
+    noise: str = ""
+    stiffness: tuple[Stiffness, ...]
+    causes: tuple[Cause, ...]
+    predictions: tuple[Prediction, ...] = ()
+
+
+def read(path: Path) -> Truth:
+    """A truth.
+
+    Raises:
+        InputError: The file is none.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as problem:
+        raise InputError(
+            f"the truth cannot be read ({problem.strerror})", "put it there", file=str(path)
+        ) from problem
+    try:
+        return Truth.model_validate_json(data)
+    except ValidationError as problem:
+        words, what = first_wrong(problem)
+        raise InputError(
+            f"{'.'.join(words) or 'the file'}: {what}",
+            "docs/open-league.md has the format",
+            file=str(path),
+        ) from problem
+
+
+def write(path: Path, truth: Truth) -> None:
+    """Keep a truth; its bytes are what is hashed."""
+    files.write(path, (truth.model_dump_json(indent=1) + "\n").encode())

@@ -1,0 +1,94 @@
+"""What is predicted where the user asked for it, and what ISO 14253-1 decides of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from pipeline.answer import contract
+from pipeline.answer.contract import AxisValue, JudgedPath, Stretch, TestPose
+from pipeline.base.arrays import Array
+from pipeline.machine.robot import Robot, axes
+from pipeline.prediction.decision import Decision
+from pipeline.prediction.tolerance import Judged, stretches
+from pipeline.reduction import settings
+from pipeline.reduction.pose_of_interest import Where
+
+MM = 1e3
+
+
+def pose_entry(robot: Robot, where: Where, found: Judged) -> TestPose:
+    """The test pose with its force and the deflection of the load point."""
+    x, y, z = where.force.tolist()
+    return TestPose(
+        deflection_mm=MM * float(found.at.size[0]),
+        std_mm=MM * float(found.at.std[0]),
+        axes=_axes(robot, where.q),
+        force_n=(x, y, z),
+        stated=where.stated,
+    )
+
+
+def _axes(robot: Robot, q: Array) -> tuple[AxisValue, ...]:
+    """Where the controller's axes stand, or the joints where the robot file maps none."""
+    of = axes.of(robot)
+    values = of.values(q[None])[0]
+    return tuple(
+        AxisValue(
+            name=name,
+            value=round(float(value if slides else np.rad2deg(value)), 9),
+            unit="m" if slides else "deg",
+        )
+        for name, slides, value in zip(of.names, of.slides, values, strict=True)
+    )
+
+
+def tolerance_entry(
+    asked: settings.Tolerance | None, where: Where, found: Judged
+) -> contract.Tolerance | None:
+    """What is decided; None where campaign.toml has no tolerance."""
+    if asked is None:
+        return None
+    here = found.at.decisions(asked.deflection_mm / MM)[0]
+    path = None
+    if asked.path is not None and found.path is not None:
+        path = _path(asked.path, found.path)
+    return contract.Tolerance(
+        deflection_mm=asked.deflection_mm, test_pose=here if where.stated else None, path=path
+    )
+
+
+def _path(file: str, rows: pd.DataFrame) -> JudgedPath:
+    found = tuple(
+        _stretch(rows.iloc[one.first : one.last + 1], one.decision)
+        for one in stretches(rows["decision"].to_numpy(object))
+    )
+    return JudgedPath(
+        file=file,
+        points=len(rows),
+        decision=_worst([one.decision for one in found]),
+        stretches=found,
+    )
+
+
+def _stretch(rows: pd.DataFrame, decision: Decision) -> Stretch:
+    """Points of which the same is decided; the numbers are those of the largest deflection."""
+    worst = rows.iloc[int(rows["deflection_m"].argmax())]
+    pose = rows["pose"].tolist()
+    return Stretch(
+        deflection_mm=MM * float(worst["deflection_m"]),
+        std_mm=MM * float(worst["std_m"]),
+        decision=decision,
+        first=pose[0],
+        last=pose[-1],
+        points=len(rows),
+        at=int(worst["pose"]),
+    )
+
+
+def _worst(decisions: Sequence[Decision]) -> Decision:
+    """Of a whole path: it fails where a point does, and passes where every point does."""
+    order = (Decision.FAIL, Decision.UNDECIDED, Decision.PASS)
+    return next(one for one in order if one in decisions)

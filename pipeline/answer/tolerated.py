@@ -1,0 +1,70 @@
+"""What is decided by a tolerance, in one line."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+
+from pipeline.answer.contract import JudgedPath, Stretch, Tip, Tolerance
+from pipeline.answer.words import listed
+from pipeline.base.quantities import plain, with_uncertainty
+from pipeline.prediction.decision import Decision
+
+DECIDED = {
+    Decision.PASS: "pass",
+    Decision.FAIL: "fail",
+    Decision.UNDECIDED: "undecided",
+}
+"""What is decided, in one word."""
+
+_MOST = 4
+"""So many stretches of a path are told one by one."""
+
+
+def expanded(one: Tip) -> str:
+    """`0.614 mm, U = 0.075 mm (k = 2)`; without U where a stiffness is not determined."""
+    if one.deflection_mm is None:
+        return "an unknown amount"
+    if one.expanded_mm is None:
+        return (
+            f"{plain(one.deflection_mm)} mm, with an uncertainty that nobody knows: a stiffness "
+            "that acts there is not determined"
+        )
+    value, u = with_uncertainty(one.deflection_mm, one.expanded_mm)
+    return f"{value} mm, U = {u} mm (k = 2)"
+
+
+def tolerated(asked: Tolerance) -> str:
+    """The tolerance and what is decided, at the test pose and along the path."""
+    decided = " ".join(_decided(asked))
+    return f"At most {asked.deflection_mm:g} mm (ISO 14253-1). {decided}"
+
+
+def _decided(asked: Tolerance) -> Iterator[str]:
+    if asked.test_pose is not None:
+        yield f"Test pose: {DECIDED[asked.test_pose]}."
+    if asked.path is not None:
+        yield f"{asked.path.file}: {_along(asked.path)}; {_largest(asked.path)}."
+
+
+def _along(path: JudgedPath) -> str:
+    """Which stretches are what, or how many points where they are many."""
+    if len(path.stretches) == 1:
+        return f"{DECIDED[path.decision]} at all {path.points} points"
+    if len(path.stretches) <= _MOST:
+        return listed([_stretch(one) for one in path.stretches])
+    count: Counter[Decision] = Counter()
+    for one in path.stretches:
+        count[one.decision] += one.points
+    found = listed([f"{count[one]} {DECIDED[one]}" for one in Decision if count[one]])
+    return f"of {path.points} points {found}"
+
+
+def _stretch(one: Stretch) -> str:
+    points = f"pose {one.first}" if one.points == 1 else f"poses {one.first} to {one.last}"
+    return f"{points} {DECIDED[one.decision]}"
+
+
+def _largest(path: JudgedPath) -> str:
+    worst = max(path.stretches, key=lambda one: one.deflection_mm or 0.0)
+    return f"up to {expanded(worst)}, at pose {worst.at}"

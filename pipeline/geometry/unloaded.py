@@ -1,0 +1,298 @@
+"""Unloaded reflectors of a campaign of pulls: where the table puts them, and what moves them.
+
+To first order in everything small a reflector of pose i stands, in F_b, where the robot's table
+puts it plus
+
+    s + w x p + R_i dl + sum_k L_ik x_k + Z_i G_i m + Z_i e_i + noise
+
+with s and w the place and turn of F_b, dl its point of the tool, x_k the errors of the geometric
+parameters of the table with their unit twists L_ik, m the masses of the arm, whose weight turns the
+joints by G_i m, and e_i an error of each joint at each pose that no table holds (transmission,
+repeatability).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.base.linear import rms
+from pipeline.geometry.mechanism import reach
+from pipeline.geometry.scatter import START
+from pipeline.machine.cell import Tool
+from pipeline.machine.effect import Geometry, Pulls
+from pipeline.machine.robot import Robot, configure
+from pipeline.machine.robot.letters import Letter, changed, letters, twists
+from pipeline.reduction.measured import Measured
+
+USUAL = (2e-4, 2e-4)
+"""Standard deviation of lengths [m] and angles [rad] of a table as delivered, where the robot file
+does not state them. Nubiola and Bonev (Robotics and Computer-Integrated Manufacturing 29, 2013)
+found 0.1 to 2 mm and mrad on one robot; a reflector then stands some 0.3 to 3 mm off."""
+
+_TOOL_M = 5e-3
+"""Standard deviation of the tool's points as given: they are measured anew by the campaign."""
+
+_ANYWHERE_M = 10.0
+"""Standard deviation of where F_b stands: its base reflectors are no part of the robot."""
+
+HELD = 1e-8
+"""Standard deviation of what is not estimated [m], [rad]; a thousand times as much for masses."""
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Where the unknowns stand in their vector.
+
+    Attributes:
+        shift: Place of F_b [m], from where the table fits best.
+        turn: Its turn within what is stated of the registration, in units of that.
+        tool: Three of each target [m].
+        table: Geometric parameters.
+        loose: Turn of F_b beyond what is stated [rad].
+        masses: Of the arm, in units of their usual sizes.
+    """
+
+    shift: slice
+    turn: slice
+    tool: slice
+    table: slice
+    loose: slice
+    masses: slice
+
+    @property
+    def count(self) -> int:
+        """Number of unknowns."""
+        return int(self.masses.stop)
+
+
+@dataclass(frozen=True, eq=False)
+class Unloaded(Locked):
+    """Unloaded positions as the tracker read them.
+
+    Attributes:
+        robot: With its table as delivered.
+        tool: With its points as given.
+        sag: What the arm's own weight does to the joints of the robot as stiff as identified, or
+            None.
+        pulls: One for each zero, shape (z,).
+        pose: Pose of each zero, 0..p-1, shape (z,).
+        target: Its target in the tool, shape (z,).
+        at: Where it stands [m], F_b, shape (z, 3).
+        cov: Covariance of that [m^2], shape (z, 3, 3).
+        rotation: Factor of the covariance of the registration's rotation [rad], shape (3, 3).
+        joint_std: Standard uncertainty of the joints' zeros as stated [m] or [rad], shape (n,).
+        tool_std: The same of points of the tool [m], 0 where nothing is stated.
+        place: Where F_b stands if the table is right [m], shape (3,): metres of it would cost the
+            likelihoods, which are differences of squares, their digits.
+    """
+
+    robot: Robot
+    tool: Tool
+    sag: Geometry | None
+    pulls: Pulls
+    pose: Ints
+    target: Ints
+    at: Array
+    cov: Array
+    rotation: Array
+    joint_std: Array
+    tool_std: float = 0.0
+    place: Array = field(default_factory=lambda: np.zeros(3))
+
+    @cached_property
+    def letters(self) -> tuple[Letter, ...]:
+        """Geometric parameters that move a reflector in a way of their own."""
+        return letters(self.robot)
+
+    @cached_property
+    def turns(self) -> Bools:
+        """Which of them are angles, shape (k,)."""
+        return np.array([letter.turns for letter in self.letters], dtype=bool)
+
+    @cached_property
+    def columns(self) -> Columns:
+        """Where the unknowns stand."""
+        masses = len(self.sag.parameters) if self.sag else 0
+        sizes = (3, 3, 3 * len(self.tool.points), len(self.letters), 3, masses)
+        ends = np.cumsum([0, *sizes]).tolist()
+        return Columns(*(slice(a, b) for a, b in pairwise(ends)))
+
+    @property
+    def poses(self) -> int:
+        """Number of poses p."""
+        return int(self.pose.max()) + 1
+
+    def usual(self) -> Array:
+        """Standard deviation of each geometric parameter as delivered and stated, shape (k,)."""
+        stated = self.robot.roughness
+        length, angle = (u if np.isnan(s) else s for u, s in zip(USUAL, stated, strict=True))
+        return np.hypot(np.where(self.turns, angle, length), self.stated)
+
+    @cached_property
+    def stated(self) -> Array:
+        """What campaign.toml states of the joints' zeros, for each geometric parameter, (k,)."""
+        known = len(self.joint_std) == self.robot.n
+        std = self.joint_std if known else np.zeros(self.robot.n)
+        zero = [letter.name == "joint_offset" for letter in self.letters]
+        return np.where(zero, std[[letter.joint - 1 for letter in self.letters]], 0.0)
+
+    def held(self) -> Array:
+        """Standard deviations with nothing wrong but place, stated turn and tool, shape (K,)."""
+        std, where = np.full(self.columns.count, HELD), self.columns
+        std[where.shift], std[where.turn] = _ANYWHERE_M, 1.0
+        std[where.tool], std[where.masses] = max(_TOOL_M, self.tool_std), 1e3 * HELD
+        return std
+
+    def masses(self, x: Array) -> Array:
+        """Masses of the arm [kg]."""
+        if self.sag is None:
+            return np.zeros(0)
+        typical = np.array([parameter.typical for parameter in self.sag.parameters])
+        return np.asarray(typical * x[self.columns.masses])
+
+    def where_it_is(self, x: Array) -> tuple[Robot, Pulls]:
+        """The robot with its table corrected, and pulls with the joints where the arm's weight is.
+
+        Args:
+            x: The unknowns, shape (K,).
+        """
+        robot = changed(self.robot, self.letters, x[self.columns.table])
+        if self.sag is None or not x[self.columns.masses].any():
+            return robot, self.pulls
+        q = self.sag.geometry(self.robot, self.pulls, self.masses(x))
+        return robot, replace(self.pulls, q=q)
+
+    def turned(self, x: Array) -> Array:
+        """Turn of F_b against the base reflectors [rad], shape (3,)."""
+        return np.asarray(self.rotation @ x[self.columns.turn] + x[self.columns.loose])
+
+    def about(self, x: Array) -> Rows:
+        """The readings linearised about some unknowns, absolute: y = D x where all is explained."""
+        robot, pulls = self.where_it_is(x)
+        here, where, z = configure(robot, pulls.q), self.columns, np.arange(len(self.target))
+        points = (self.tool.points + x[where.tool].reshape(-1, 3))[self.target]
+        p = here.flange_origin + np.einsum("zij,zj->zi", here.flange_axes, points)
+        R = Rotation.from_rotvec(self.turned(x)).as_matrix()
+        stands = p @ R.T + self.place + x[where.shift]
+        D = np.zeros((len(z), 3, where.count))
+        D[:, :, where.shift] = np.eye(3)
+        cross = np.stack([np.cross(axis, p @ R.T) for axis in np.eye(3)], axis=2)
+        D[:, :, where.turn], D[:, :, where.loose] = cross @ self.rotation, cross
+        tool = np.zeros((len(z), 3, len(self.tool.points), 3))
+        tool[z, :, self.target] = R @ here.flange_axes
+        D[:, :, where.tool] = tool.reshape(len(z), 3, -1)
+        Z = R @ reach(here.twists, p[:, None])[:, :3]
+        D[:, :, where.table] = R @ reach(twists(here, self.letters), p[:, None])[:, :3]
+        if self.sag is not None:
+            D[:, :, where.masses] = Z @ self._sagging()
+        return _by_pose(self, self.at - stands + D @ x, D, Z)
+
+    def _sagging(self) -> Array:
+        """How far each of the masses, at its usual size, turns the joints, shape (z, n, masses)."""
+        assert self.sag is not None
+        typical = np.diag([parameter.typical for parameter in self.sag.parameters])
+        each = [self.sag.geometry(self.robot, self.pulls, one) - self.pulls.q for one in typical]
+        return np.stack(each, axis=2)
+
+    def seen(self, x: Array) -> Array:
+        """What unknowns leave of the positions [m], without the joints' errors, shape (z, 3)."""
+        rows = self.about(x)
+        return np.asarray((rows.y - rows.D @ x)[rows.place])
+
+
+@dataclass(frozen=True, eq=False)
+class Rows(Locked):
+    """Readings pose by pose; rows of a pose that has fewer than others are zero.
+
+    Attributes:
+        y: Shape (p, r) [m].
+        D: Derivatives by the unknowns, shape (p, r, K).
+        Z: Derivatives by the joints, shape (p, r, n).
+        N: Covariance of the readings [m^2], 1 where there is none, shape (p, r, r).
+        place: Pose and rows of each zero: y[place] has shape (z, 3).
+        slides: Joints that slide, shape (n,).
+    """
+
+    y: Array
+    D: Array
+    Z: Array
+    N: Array
+    place: tuple[Ints, Ints]
+    slides: Bools
+
+    def cov(self, transmission: float) -> Array:
+        """Covariance of the rows of each pose, shape (p, r, r).
+
+        Args:
+            transmission: Error of the joints at a pose, over what it usually is.
+        """
+        usual = np.where(self.slides, START[True], START[False])
+        ZS = self.Z * (transmission * usual)
+        return np.asarray(self.N + ZS @ np.swapaxes(ZS, 1, 2))
+
+
+def _by_pose(zeros: Unloaded, y: Array, D: Array, Z: Array) -> Rows:
+    first = np.searchsorted(np.sort(zeros.pose), zeros.pose)
+    order = np.argsort(zeros.pose, kind="stable")
+    slot = np.empty(len(order), dtype=np.int64)
+    slot[order] = np.arange(len(order)) - first[order]
+    most, p = int(slot.max()) + 1, zeros.poses
+    place = zeros.pose[:, None], 3 * slot[:, None] + np.arange(3)
+
+    def rows(part: Array) -> Array:
+        out = np.zeros((p, 3 * most, *part.shape[2:]))
+        out[place] = part
+        return out
+
+    N = np.tile(np.eye(3 * most), (p, 1, 1))
+    N[place[0][:, :, None], place[1][:, :, None], place[1][:, None, :]] = zeros.cov
+    return Rows(rows(y), rows(D), rows(Z), N, place, zeros.robot.prismatic)
+
+
+def unloaded(
+    robot: Robot, tool: Tool, sag: Geometry | None, data: Measured, scale: float
+) -> Unloaded | None:
+    """The unloaded positions; None where too few poses were read unloaded.
+
+    Args:
+        robot: With its table as delivered.
+        tool: With its points as given.
+        sag: What the arm's own weight does to its joints, or None.
+        data: The measurements; `unloaded` may be NaN.
+        scale: Scatter of the tracker over its stated standard uncertainty.
+    """
+    _, first = np.unique(data.zero, return_index=True)
+    first = first[np.isfinite(data.unloaded[first]).all(axis=1)]
+    poses, pose = np.unique(data.pulls.pose[data.pull[first]], return_inverse=True)
+    if len(poses) < _FEWEST or not np.isfinite(scale):
+        return None
+    found = Unloaded(
+        robot=robot,
+        tool=tool,
+        sag=sag,
+        pulls=data.pulls.part(data.pull[first]),
+        pose=pose.astype(np.int64),
+        target=data.target[first],
+        at=data.unloaded[first],
+        cov=data.zero_cov[first] * scale**2,
+        rotation=linear.factor(data.rotation_cov),
+        joint_std=data.joint_std,
+        tool_std=data.tool_std,
+    )
+    return replace(found, place=found.seen(np.zeros(found.columns.count)).mean(axis=0))
+
+
+_FEWEST = 4
+"""Poses: with fewer, place, turn and tool explain everything."""
+
+
+def off(zeros: Unloaded, x: Array) -> float:
+    """What unknowns leave of the positions, rms over coordinates [m]."""
+    return rms(zeros.seen(x))

@@ -1,0 +1,107 @@
+"""What stands in a cell as capsules in F_b: base, arm, tool and reflectors at each pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.base.arrays import Array, Bools, Locked, Strings
+from pipeline.machine.cell import Tool
+from pipeline.machine.robot import Configuration, Robot
+from pipeline.machine.robot.capsules import Capsules
+
+BASE, CARRIAGE, ARM, TOOL = "base", "carriage", "arm", "tool"
+TRACKER, REFLECTOR = "tracker", "reflector"
+
+_THICK = 0.04
+"""Radius of a link of which no shape is known, over the length of the arm."""
+
+_SHORT_M = 1e-3
+"""Origins of joint frames nearer than this have nothing between them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bodies(Locked):
+    """Capsules of one kind at m poses, c of them.
+
+    Attributes:
+        part: `BASE`, `CARRIAGE`, `ARM`, `TOOL`, `TRACKER` or `REFLECTOR`.
+        names: Of each, shape (c,).
+        ends: Both ends in F_b [m], shape (m, c, 2, 3); the same for a point.
+        radius: [m], shape (c,).
+    """
+
+    part: str
+    names: Strings
+    ends: Array
+    radius: Array
+
+
+def links(robot: Robot, here: Configuration) -> tuple[Bodies, Bodies, Bodies]:
+    """Base, carriage and arm of a robot; straight lines where it has no capsules."""
+    known = robot.capsules
+    if not len(known):
+        return _straight(robot, here)
+    ends = here.placed(known).transpose(3, 2, 0, 1)
+    slides = np.concatenate([[False], robot.prismatic])[known.carrier]
+    still = known.carrier == 0
+    base, carriage, arm = (
+        Bodies(part, _called(robot, known, which), ends[:, which], known.radius[which])
+        for part, which in ((BASE, still), (CARRIAGE, slides), (ARM, ~still & ~slides))
+    )
+    return base, carriage, arm
+
+
+def _called(robot: Robot, known: Capsules, which: Bools) -> Strings:
+    names = np.array(["base", *(joint.name for joint in robot.joints)], dtype=object)
+    return np.asarray(names[known.carrier[which]], dtype=object)
+
+
+def _straight(robot: Robot, here: Configuration) -> tuple[Bodies, Bodies, Bodies]:
+    """Lines between the origins of the joint frames, the first from F_b."""
+    origin = np.concatenate([here.origin, here.flange_origin[:, None]], axis=1)
+    first = np.zeros_like(origin[:, :1])
+    if robot.joints[0].prismatic:  # the carriage comes along its rail, not out of F_b
+        first = origin[:, :1]
+    lines = np.stack([np.concatenate([first, origin[:, :-1]], axis=1), origin], axis=2)
+    length = np.linalg.norm(lines[:, :, 1] - lines[:, :, 0], axis=-1).max(axis=0)
+    there = length > _SHORT_M
+    names = np.array([*(joint.name for joint in robot.joints), "flange"], dtype=object)
+    thick = np.full(int(there.sum()), _THICK * length.sum())
+    arm = Bodies(ARM, names[there], lines[:, there], thick)
+    return _bed(robot, here, thick[:1]), _none(CARRIAGE, len(here.q)), arm
+
+
+def _none(part: str, m: int) -> Bodies:
+    return Bodies(part, np.zeros(0, object), np.zeros((m, 0, 2, 3)), np.zeros(0))
+
+
+def _bed(robot: Robot, here: Configuration, thick: Array) -> Bodies:
+    """The rail over the joint's range where it is known, else over the poses; none without one."""
+    if not robot.joints[0].prismatic:
+        return _none(BASE, len(here.q))
+    q, along = here.q[:, 0], here.axes[0, 0, :, 2]
+    low, high = (
+        end if np.isfinite(end) else seen
+        for end, seen in ((robot.lower[0], q.min()), (robot.upper[0], q.max()))
+    )
+    zero = here.origin[0, 0] - q[0] * along
+    ends = np.stack([zero + low * along, zero + high * along])
+    return Bodies(BASE, np.array(["base"], object), np.tile(ends, (len(q), 1, 1, 1)), thick)
+
+
+def effector(here: Configuration, tool: Tool, thick: float) -> Bodies:
+    """From the flange to load point and targets."""
+    named = {name: at for name, at in tool.named.items() if np.isfinite(at).all()}
+    ends = here.points(np.array(list(named.values())))
+    start = np.broadcast_to(here.flange_origin[:, None], ends.shape)
+    both = np.stack([start, ends], axis=2)
+    return Bodies(TOOL, np.array(list(named), dtype=object), both, np.full(len(named), thick))
+
+
+def points(part: str, named: dict[str, Array]) -> Bodies:
+    """Points that stand still."""
+    at = np.array(list(named.values()), dtype=float).reshape(1, -1, 1, 3)
+    both = np.repeat(at, 2, axis=2)
+    return Bodies(part, np.array(list(named), dtype=object), both, np.zeros(len(named)))

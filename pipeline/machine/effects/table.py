@@ -1,0 +1,48 @@
+"""A geometric parameter of the robot's table is wrong, by far more than the others.
+
+It moves the unloaded reflectors by millimetres, and changes the displacements through B alone.
+"""
+
+from __future__ import annotations
+
+from pipeline.base.arrays import Parameter
+from pipeline.machine.effect import Table
+from pipeline.machine.robot import Robot
+from pipeline.machine.robot.letters import Letter, letters
+
+NOUNS = {
+    "link_length": "wrong link length",
+    "link_offset": "wrong link offset",
+    "link_twist": "wrong link twist",
+    "axis_tilt": "wrong tilt of the axis",
+    "link_turn": "wrong turn of the link",
+}
+
+_TYPICAL = 1e-3
+"""A millimetre, a milliradian: what a robot that was never calibrated is off by."""
+
+_MOST = 0.5
+"""Beyond half a metre, half a radian it is another robot."""
+
+
+def effects(robot: Robot) -> tuple[Table, ...]:
+    """Every geometric parameter that unloaded reflectors can show, but for the joints' zeros."""
+    return tuple(_effect(letter) for letter in letters(robot) if letter.name in NOUNS)
+
+
+def _effect(letter: Letter) -> Table:
+    symbol = letter.key.rsplit("_", 1)[0]
+    return Table(
+        name=letter.name,
+        noun=NOUNS[letter.name],
+        place="metrology",
+        where=letter.joint,
+        shows_unloaded=True,
+        parameters=(Parameter(f"{symbol}_{letter.joint}", letter.unit, _TYPICAL, -_MOST, _MOST),),
+        signature=f"the unloaded reflectors stand off as {symbol} of joint {letter.joint} in the "
+        "robot's table would move them; the displacements hardly show it",
+        needs="the unloaded absolute positions, in F_b, with the tool's coordinates known",
+        source="derivative of Eqs. (2), (4) by the entry; Hayati and Mirmirani, J. Robotic Systems "
+        "2 (1985), for parallel axes",
+        letter=letter,
+    )

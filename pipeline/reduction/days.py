@@ -1,0 +1,135 @@
+"""Day-to-day scatter: by how much a pose deflects otherwise when it is measured on another day.
+
+What changes from day to day (clamping of the chain, temperature of gears, the set-up of the
+instrument) is common to all pulls of a day and shows in no repeat within it. It is taken as a
+relative error s e_k of all displacements of day k, e_k independent with unit variance. For a pose
+measured on days i and j
+
+    g = sum delta_i . (f delta_j - delta_i) / sum |delta_i|^2,       var g = u^2 + 2 s^2,
+
+over its targets and pulls of like force, f the ratio of the forces and u^2 what the readings
+scatter. The estimate of s is that of moments (DerSimonian and Laird, Controlled Clinical Trials 7
+(1986) 177), and its test is that of homogeneity, sum g^2 / u^2 against chi-squared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import special
+from scipy.spatial import cKDTree
+
+from pipeline.base.arrays import Array, Ints, Locked
+from pipeline.reduction.measured import Measured
+
+_GAP_S = 6 * 3600.0
+"""A longer pause between two pulls [s] begins another day: shifts are shorter, nights longer."""
+
+_SAME_POSE = 2e-3
+"""Joint values that differ by less are one pose [m] or [rad]: controllers repeat far better."""
+
+_SAME_FORCE, _SAME_WAY = 0.03, 5e-3
+"""Relative difference and angle [rad] of forces up to which two pulls are alike."""
+
+
+@dataclass(frozen=True, eq=False)
+class Days(Locked):
+    """What repeated poses show of the days.
+
+    Attributes:
+        day: Day of each pull, counted from 0, shape (m,).
+        poses: Pairs of poses that were measured on two days.
+        relative: Standard uncertainty of the displacements of a day, relative [1].
+        p_value: Chance of so much difference by the noise of the readings alone.
+    """
+
+    day: Ints
+    poses: int
+    relative: float
+    p_value: float
+
+
+def days(data: Measured) -> Days | None:
+    """The day-to-day scatter; None where no pose was repeated on another day, or no noise is known.
+
+    Args:
+        data: The campaign; its noise in metres.
+    """
+    if not (data.noise_stated or data.found_m) or not np.isfinite(data.pulls.time).all():
+        return None
+    day = _numbered(data.pulls.time)
+    if not day.any():
+        return None
+    found = [one for pair in _pairs(data, day) if (one := _gain(data, *pair)) is not None]
+    if not found:
+        return None
+    g, variance = np.array(found).T
+    chi2 = float(np.sum(g**2 / variance))
+    weight = 1 / variance
+    excess = (chi2 - len(g)) / float(weight.sum())
+    relative = float(np.sqrt(max(excess, 0.0) / 2))
+    return Days(day, len(g), relative, float(special.chdtrc(len(g), chi2)))
+
+
+def with_days(data: Measured) -> Measured:
+    """The campaign with its day-to-day scatter as a source of error, where it is seen."""
+    found = days(data)
+    return data if found is None else replace(data, day=found.day, day_rel=found.relative)
+
+
+def _numbered(time: Array) -> Ints:
+    """Day of each pull, by the pauses between them."""
+    order = np.argsort(time, kind="stable")
+    later = np.concatenate([[False], np.diff(time[order]) > _GAP_S])
+    day = np.empty(len(time), np.int64)
+    day[order] = np.cumsum(later)
+    return day
+
+
+def _pairs(data: Measured, day: Ints) -> Iterator[tuple[int, int]]:
+    """Poses by number that are the same on two days."""
+    poses, first = np.unique(data.pulls.pose, return_index=True)
+    near = cKDTree(data.pulls.q[first]).query_pairs(_SAME_POSE, p=np.inf)
+    for a, b in sorted(near):
+        if day[first[a]] != day[first[b]]:
+            yield int(poses[a]), int(poses[b])
+
+
+def _gain(data: Measured, one: int, other: int) -> tuple[float, float] | None:
+    """G of a pose on two days and its variance u^2; None without pulls of like force."""
+    above = below = variance = 0.0
+    for i, j in _alike(data, one, other):
+        ratio = float(np.linalg.norm(data.pulls.force[i]) / np.linalg.norm(data.pulls.force[j]))
+        mine, theirs = (_by_target(data, pull) for pull in (i, j))
+        for target in mine.keys() & theirs.keys():
+            (a, cov_a), (b, cov_b) = mine[target], theirs[target]
+            above += float(a @ (ratio * b - a))
+            below += float(a @ a)
+            variance += float(a @ (cov_a + ratio**2 * cov_b) @ a)
+        scale = float(np.sum([a @ a for a, _ in mine.values()]))
+        read = sum((data.reading_std[k] / np.linalg.norm(data.pulls.force[k])) ** 2 for k in (i, j))
+        variance += scale**2 * float(read)
+    return None if below <= 0 or variance <= 0 else (above / below, variance / below**2)
+
+
+def _alike(data: Measured, one: int, other: int) -> Iterator[tuple[int, int]]:
+    """Pulls of two poses with as strong a force in the same direction."""
+    force = data.pulls.force
+    for i in np.flatnonzero(data.pulls.pose == one).tolist():
+        for j in np.flatnonzero(data.pulls.pose == other).tolist():
+            sizes = np.linalg.norm(force[[i, j]], axis=1)
+            turn = np.linalg.norm(force[i] / sizes[0] - force[j] / sizes[1])
+            if abs(sizes[0] / sizes[1] - 1) < _SAME_FORCE and turn < _SAME_WAY:
+                yield i, j
+                break
+
+
+def _by_target(data: Measured, pull: int) -> dict[int, tuple[Array, Array]]:
+    """Displacement [m] and covariance [m^2] of each target of a pull."""
+    rows = np.flatnonzero(data.pull == pull)
+    return {
+        int(data.target[row]): (data.delta[row], data.loaded_cov[row] + data.zero_cov[row])
+        for row in rows
+    }

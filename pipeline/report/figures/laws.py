@@ -1,0 +1,108 @@
+"""The law of each identified cause, beside what every pull says of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure as Canvas
+
+from pipeline.answer.contract import Answer
+from pipeline.answer.words import capital
+from pipeline.base.quantities import common_prefix, percent, plain, prefixed
+from pipeline.report import words
+from pipeline.report.figures.marks import Tips, dots, each_row, legend_below, title
+from pipeline.report.figures.plot import Plot
+from pipeline.report.record import Figure
+from pipeline.report.summaries import MOST, Tables, thinned
+from pipeline.report.svg import BLUE, MUTED, RED
+
+_MOST_LAWS = 4
+"""Laws in one picture."""
+
+_NAMES = {"torque": "torque about its axis", "force": "force along it", "load": "size of the load"}
+_NAMES |= {"time": "time after the first reading", "turn": "turn", "shift": "shift"}
+
+
+def _laws(tables: Tables) -> list[pd.DataFrame]:
+    """The pulls of each law, one table for each."""
+    of = tables["laws"].groupby(["cause", "part"], sort=False)
+    return [rows.reset_index(drop=True) for _, rows in of][:_MOST_LAWS]
+
+
+def _explained(rows: pd.DataFrame) -> float:
+    """Part of the weighted sum of squares of what the pulls say that the law explains."""
+    w = rows["y_std"].to_numpy(float) ** -2
+    y, law = rows["y"].to_numpy(float), rows["law"].to_numpy(float)
+    return max(float(1 - np.sum(w * (y - law) ** 2) / np.sum(w * y**2)), 0.0)
+
+
+def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
+    """One plot for each law: what pulls say with its uncertainty, and the law itself."""
+    told = _laws(tables)
+    canvas.set_size_inches(5.6, 0.5 + 2.2 * len(told))
+    views = canvas.subplots(len(told), 1, squeeze=False)[:, 0]
+    tips: Tips = {}
+    for k, (view, rows) in enumerate(zip(views, told, strict=True)):
+        first = rows.iloc[0]
+        factor, letter = common_prefix(rows["y"]) if first["y_unit"] else (1.0, "")
+        unit = prefixed(first["y_unit"], letter)
+        shown = thinned(rows, (rows["y"] - rows["law"]).to_numpy(float), MOST // 4)
+        x, y, law, u = (shown[c].to_numpy(float) for c in ("x", "y", "law", "y_std"))
+        view.axhline(0, color=MUTED, linewidth=0.8)
+        view.vlines(x, (y - u) / factor, (y + u) / factor, color=BLUE, linewidth=0.7, alpha=0.5)
+        said = [
+            f"pose {r.pose}, pull {r.repeat}: {plain(r.y / factor)} {unit} "
+            f"at {plain(r.x)} {r.x_unit}"
+            for r in each_row(shown)
+        ]
+        style = {"linewidths": 0, "zorder": 3}
+        label = "each pull ± standard uncertainty"
+        tips |= dots(
+            view, f"law-{k}-pulls", x, y / factor, said, s=12, color=BLUE, label=label, **style
+        )
+        said = [
+            f"law: {plain(v / factor)} {unit} at {plain(a)} {first['x_unit']}"
+            for a, v in zip(x, law, strict=True)
+        ]
+        tips |= dots(
+            view,
+            f"law-{k}",
+            x,
+            law / factor,
+            said,
+            s=9,
+            color=RED,
+            marker="D",
+            label="law",
+            **style,
+        )
+        reach = 1.3 * float(np.max(np.abs([*np.quantile(y, (0.02, 0.98)), *law]))) / factor
+        low = -reach if (np.minimum(y, law) < 0).any() else -0.05 * reach
+        view.set_ylim(low, reach)
+        name = capital(_NAMES[first["is"]]) if first["is"] in _NAMES else first["is"]
+        view.set(xlabel=f"{capital(_NAMES[first['of']])} [{first['x_unit']}]")
+        view.set_ylabel(f"{name} [{unit}]" if unit else name)
+        title(view, words.from_label(str(first["cause"])))
+    legend_below(canvas)
+    return tips
+
+
+def _write(answer: Answer, tables: Tables) -> Figure | None:
+    told = [rows for rows in _laws(tables) if len(rows) > 1]
+    if not told:
+        return None
+    parts = [
+        f"{words.from_label(str(rows['cause'].iloc[0]))} explains {percent(_explained(rows))}"
+        for rows in told
+    ]
+    said = f"Of what the pulls say by themselves {', '.join(parts)}."
+    return Figure(
+        "laws",
+        "Laws of the identified causes",
+        f"{said} Each pull gives the motion or parameter by itself, everything else as identified. "
+        "Dots that bend away from the law belong to a cause of another form.",
+        f"What each pull says of {len(told)} laws, over what they depend on. {said}",
+    )
+
+
+LAWS = Plot("laws", ("laws",), _write, _draw)

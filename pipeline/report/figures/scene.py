@@ -1,0 +1,343 @@
+"""The cell in three dimensions: what stands in it, its poses, what the reflectors did.
+
+A still picture for paper and for a page without scripts; the page turns the same numbers itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure as Canvas
+from matplotlib.lines import Line2D
+
+from pipeline.answer.contract import Answer
+from pipeline.answer.scene import MOST
+from pipeline.base.arrays import Array
+from pipeline.base.quantities import known, plain, typeset
+from pipeline.report.figures.marks import Tips, each_row
+from pipeline.report.figures.plot import Plot
+from pipeline.report.record import Figure
+from pipeline.report.summaries import MM, Tables
+from pipeline.report.svg import BLUE, BODY, EDGE, GRID, INK, RED
+
+_ASIDE, _PITCH = np.deg2rad(-28.0), np.deg2rad(22.0)
+"""From where the still is seen, and the page at first: aside of what is long, from above."""
+
+_FAR = 3.0
+"""Distance of the eye over the size of the cell."""
+
+_REACH = 0.12
+"""How long the usual deflection vector is drawn, over the height of the arm's space."""
+
+_WIDE_IN = 5.6
+"""Width of the still."""
+
+_SLIM = 0.55
+"""Links are drawn thinner than they are, so that poses beside each other can be told apart."""
+
+_LEAST_M = 0.006
+"""Nothing is drawn thinner."""
+
+_FROM, _TO = ([f"{end}_{a}_m" for a in "xyz"] for end in ("from", "to"))
+_AT, _MOVED, _LEFT = ([f"{name}{a}_m" for a in "xyz"] for name in ("", "moved_", "left_"))
+_COV = [f"c{pair}_m2" for pair in ("xx", "xy", "xz", "yy", "yz", "zz")]
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """Where the cell is seen from: the eye circles about its middle and keeps z upright.
+
+    Attributes:
+        middle: What it circles about [m], shape (3,).
+        size: Radius of what is to be seen [m].
+        yaw: Direction of the eye from x of F_b about z [rad].
+    """
+
+    middle: Array
+    size: float
+    yaw: float
+
+    def __call__(self, points: Array) -> tuple[Array, Array, Array]:
+        """Points in F_b [m], (..., 3), as seen: to the right, upwards, and scale by nearness."""
+        c, s = np.cos(self.yaw), np.sin(self.yaw)
+        d = points - self.middle
+        right = c * d[..., 1] - s * d[..., 0]
+        ahead = -(c * d[..., 0] + s * d[..., 1])
+        up = np.cos(_PITCH) * d[..., 2] + np.sin(_PITCH) * ahead
+        depth = np.cos(_PITCH) * ahead - np.sin(_PITCH) * d[..., 2]
+        scale = 1 / (1 + depth / (_FAR * self.size))
+        return scale * right, scale * up, scale
+
+
+def _view(tables: Tables) -> View:
+    """About arm, rail and reflectors; an instrument far off is not waited for."""
+    rows = tables["scene"]
+    seen = rows[rows["part"] != "tracker"]
+    ends = np.concatenate([seen[_FROM].to_numpy(float), seen[_TO].to_numpy(float)])
+    low, high = ends.min(axis=0), ends.max(axis=0)
+    across = 0.0 if high[1] - low[1] >= high[0] - low[0] else -np.pi / 2
+    size = float(np.linalg.norm(high - low)) / 2
+    return View((low + high) / 2, size, float(across + _ASIDE))
+
+
+def magnified(tables: Tables) -> tuple[float, float]:
+    """By how much deflections and residuals are magnified, 1, 2 or 5 times a power of ten each."""
+    vectors = tables["vectors"]
+    arm = tables["scene"].query("part == 'arm'")
+    height = np.ptp(arm[[_FROM[2], _TO[2]]].to_numpy(float)) or 1.0
+    return tuple(
+        _round(_REACH * height / max(float(np.median(_size(vectors, columns))), 1e-9))
+        for columns in (_MOVED, _LEFT)
+    )  # type: ignore[return-value]  # two of them, which no generator says
+
+
+def _round(value: float) -> float:
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(max(step for step in (1, 2, 5) if step * power <= value * (1 + 1e-12)) * power)
+
+
+def _size(vectors: pd.DataFrame, columns: Sequence[str]) -> Array:
+    return np.asarray(np.linalg.norm(vectors[list(columns)].to_numpy(float), axis=1))
+
+
+# --- the still ------------------------------------------------------------------------------------
+
+
+def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
+    """The cell in perspective, what is nearer over what is behind."""
+    view, rows = _view(tables), tables["scene"]
+    axes = canvas.subplots()
+    axes.set_axis_off()
+    axes.set_aspect("equal")
+    solid = rows[rows["part"].isin(("base", "carriage", "arm", "tool"))]
+    near, shapes = _capsules(view, solid)
+    order = np.argsort(near, kind="stable")
+    fill = np.where(solid["part"] == "base", GRID, BODY)[order].tolist()
+    shapes = [shapes[k] for k in order]
+    axes.add_collection(
+        PolyCollection(shapes, facecolors=fill, edgecolors=EDGE, linewidths=0.4, zorder=1)
+    )
+    _points(axes, view, rows)
+    moved, left = magnified(tables)
+    for columns, scale, colour in ((_MOVED, moved, BLUE), (_LEFT, left, RED)):
+        _arrows(axes, view, tables["vectors"], columns, scale, colour)
+    axes.autoscale_view()
+    canvas.set_size_inches(_WIDE_IN, _height(axes))
+    said = _legend(answer, moved, left)
+    handles = [Line2D([], [], color=colour, lw=1.6) for colour in (BLUE, RED)]
+    axes.legend(handles, said, loc="lower left", bbox_to_anchor=(0, 1), ncols=1, borderaxespad=0)
+    return {}
+
+
+def _height(axes: Any) -> float:
+    """Height of the still without empty margins [in], its legend included."""
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    return float(np.clip(0.45 + _WIDE_IN * (high - low) / (right - left), 1.8, 4.2))
+
+
+def _legend(answer: Answer, moved: float, left: float) -> tuple[str, str]:
+    first, second = _names(answer)
+    return f"{first}, {moved:,.0f} times", f"{second}, {left:,.0f} times"
+
+
+def _names(answer: Answer) -> tuple[str, str]:
+    """What the two vectors are."""
+    return ("off the nominal robot" if answer.geometry else "measured deflection", "residual")
+
+
+def _capsules(view: View, rows: pd.DataFrame) -> tuple[Array, list[Array]]:
+    """Nearness and outline of capsules: two circles and what lies between them."""
+    x, y, scale = view(np.stack([rows[_FROM].to_numpy(float), rows[_TO].to_numpy(float)]))
+    r = scale * np.maximum(_slim(rows), _LEAST_M)
+    along = np.arctan2(y[1] - y[0], x[1] - x[0])
+    apart = np.maximum(np.hypot(x[1] - x[0], y[1] - y[0]), 1e-9)
+    half = np.arccos(np.clip((r[0] - r[1]) / apart, -1, 1))
+    turn = np.linspace(0, 1, 7)[:, None]
+    back = along + half + turn * (2 * np.pi - 2 * half)
+    front = along - half + turn * 2 * half
+    parts = [
+        np.stack([x[k] + r[k] * np.cos(angle), y[k] + r[k] * np.sin(angle)], axis=-1)
+        for k, angle in ((0, back), (1, front))
+    ]
+    outline = np.concatenate(parts).transpose(1, 0, 2)
+    return scale.mean(axis=0), list(outline)
+
+
+def _slim(rows: pd.DataFrame) -> Array:
+    """Radius as drawn [m]."""
+    moves = rows["part"].isin(("arm", "tool")).to_numpy()
+    return np.asarray(np.where(moves, _SLIM, 1.0) * rows["radius_m"].to_numpy(float))
+
+
+def _points(axes: Any, view: View, rows: pd.DataFrame) -> None:
+    """Base reflectors as dots; an instrument that stands near, with its name."""
+    fixed = rows[rows["part"] == "reflector"]
+    x, y, _ = view(fixed[_FROM].to_numpy(float))
+    axes.scatter(x, y, s=10, color=INK, linewidths=0, zorder=2)
+    for one in each_row(rows[rows["part"] == "tracker"]):
+        at = np.array([one.from_x_m, one.from_y_m, one.from_z_m])
+        if np.linalg.norm(at - view.middle) < 1.6 * view.size:
+            x, y, _ = view(at)
+            axes.scatter(x, y, s=26, marker="^", color=INK, linewidths=0, zorder=2)
+            axes.annotate(one.name, (x, y), (5, 3), textcoords="offset points", fontsize=8)
+
+
+def _arrows(
+    axes: Any, view: View, vectors: pd.DataFrame, columns: Sequence[str], scale: float, colour: str
+) -> None:
+    at = vectors[_AT].to_numpy(float)
+    tip = at + scale * vectors[list(columns)].to_numpy(float)
+    lines = [np.stack(view(end)[:2], axis=-1) for end in (at, tip)]
+    axes.add_collection(
+        LineCollection(list(np.stack(lines, axis=1)), colors=colour, linewidths=0.9, zorder=3)
+    )
+    axes.scatter(*lines[1].T, s=3, color=colour, linewidths=0, zorder=3)
+
+
+# --- what the page turns --------------------------------------------------------------------------
+
+
+def _live(answer: Answer, tables: Tables) -> dict[str, Any]:
+    """The numbers of the picture as JSON: metres and radians, vectors not magnified."""
+    rows, view, (moved, left) = tables["scene"], _view(tables), magnified(tables)
+    by_pose = dict(list(rows.groupby("pose")))
+    vectors = dict(list(tables["vectors"].groupby("pose")))
+    return {
+        "view": {
+            "yaw": view.yaw,
+            "pitch": float(_PITCH),
+            "middle": _numbers(view.middle),
+            "size": view.size,
+        },
+        "magnify": {"moved": moved, "left": left},
+        "names": _names(answer),
+        "still": _parts(by_pose.get(0, rows.iloc[:0])),
+        "poses": [
+            {
+                "pose": one.pose,
+                "label": one.label,
+                "says": told(one, vectors.get(one.pose, tables["vectors"].iloc[:0]), answer),
+                "parts": _parts(by_pose.get(one.pose, rows.iloc[:0])),
+                "points": _reflectors(vectors.get(one.pose, tables["vectors"].iloc[:0])),
+            }
+            for one in each_row(tables["poses"])
+        ],
+    }
+
+
+def _parts(rows: pd.DataFrame) -> list[list[Any]]:
+    """Part, name, both ends and radius of each capsule, 0 for points."""
+    numbers = rows.assign(slim=_slim(rows))[[*_FROM, *_TO, "slim"]].to_numpy(float)
+    words = rows[["part", "name"]].to_numpy(object)
+    return [[*said, *_numbers(row)] for said, row in zip(words, numbers, strict=True)]
+
+
+def _reflectors(vectors: pd.DataFrame) -> list[list[Any]]:
+    """Name, place, displacement, residual and covariance of each reflector."""
+    numbers = vectors[[*_AT, *_MOVED, *_LEFT, *_COV]].to_numpy(float)
+    names = vectors["target"].to_numpy(object)
+    return [[str(name), *_numbers(row)] for name, row in zip(names, numbers, strict=True)]
+
+
+def _numbers(values: Array) -> list[float | None]:
+    """Five digits: a tenth of a millimetre of what is drawn, a thousandth of a vector."""
+    return [float(f"{v:.5g}") if np.isfinite(v) else None for v in values]
+
+
+def told(pose: Any, vectors: pd.DataFrame, answer: Answer) -> str:
+    """A pose in a line: its files, its pulls, what its reflectors did."""
+    known_of_it = "; ".join(part for part in (source(pose), _pulls(pose)) if part)
+    return typeset(f"{pose.label}: {known_of_it}. {_did(vectors, answer)}")
+
+
+def source(pose: Any) -> str:
+    """Where a pose's readings and joint values stand."""
+    places = dict.fromkeys((readings_of(pose), joints_of(pose)))
+    return ", ".join(place for place in places if place)
+
+
+def readings_of(pose: Any) -> str:
+    """File and lines of the readings; nothing where only displacements are known."""
+    return f"{pose.file} {_lines(pose.first_line, pose.last_line)}".strip() if pose.file else ""
+
+
+def joints_of(pose: Any) -> str:
+    """File and line of the joint values."""
+    return f"{pose.joints_file} {_lines(pose.joints_line, None)}".strip()
+
+
+def _lines(first: object, last: object) -> str:
+    if not known(first):
+        return ""
+    several = known(last) and last != first
+    return f"lines {int(first)}–{int(str(last))}" if several else f"line {int(first)}"
+
+
+def _pulls(pose: Any) -> str:
+    if not pose.pulls:
+        return ""
+    count = f"{pose.pulls} pulls up to" if pose.pulls > 1 else "1 pull of"
+    return f"{count} {plain(pose.force_n)} N"
+
+
+def _did(vectors: pd.DataFrame, answer: Answer) -> str:
+    if vectors.empty:
+        return "No reflector was read."
+    words = (
+        ("Off the nominal robot by", "off the identified one by")
+        if answer.geometry
+        else ("Largest deflection", "largest residual")
+    )
+    parts = [_largest(vectors, columns) for columns in (_MOVED, _LEFT)]
+    said = [f"{name} {plain(mm)} mm at {at}" for name, (at, mm) in zip(words, parts, strict=True)]
+    return f"{', '.join(said)}."
+
+
+def _largest(vectors: pd.DataFrame, columns: Sequence[str]) -> tuple[str, float]:
+    """At which reflector, and how much [mm]."""
+    size = _size(vectors, columns)
+    return str(vectors["target"].iloc[int(size.argmax())]), MM * float(size.max())
+
+
+def largest(tables: Tables, pose: int) -> tuple[float, float]:
+    """Largest deflection and residual of a pose [mm]."""
+    mine = tables["vectors"][tables["vectors"]["pose"] == pose]
+    return (_largest(mine, _MOVED)[1], _largest(mine, _LEFT)[1]) if len(mine) else (np.nan, np.nan)
+
+
+# --- what is said ---------------------------------------------------------------------------------
+
+
+def _write(answer: Answer, tables: Tables) -> Figure:
+    moved, left = magnified(tables)
+    poses, vectors = tables["poses"], tables["vectors"]
+    at = vectors.iloc[int(_size(vectors, _LEFT).argmax())]
+    label = poses.set_index("pose").loc[at["pose"], "label"]
+    first = _names(answer)[0]
+    said = (
+        f"{len(poses)} poses{_of_all(poses)}. Blue: {first}, {moved:,.0f} times magnified; "
+        f"orange: residual, {left:,.0f} times. The largest residual is "
+        f"{plain(MM * _size(vectors, _LEFT).max())} mm, at {at['target']} in "
+        f"{label[0].lower()}{label[1:]}."
+    )
+    return Figure(
+        "scene",
+        "The cell and its measured poses",
+        f"{said} Residuals that all point one way, or turn with the rail, are an effect that the "
+        "model does not have.",
+        f"Picture of the cell in perspective: robot, reflectors and vectors. {said} The table "
+        "below has the same, pose by pose.",
+    )
+
+
+def _of_all(poses: pd.DataFrame) -> str:
+    """How the poses were chosen, where not all are drawn."""
+    return "" if len(poses) < MOST else ", those with the largest residuals and an even choice"
+
+
+SCENE = Plot("scene", ("scene", "poses", "vectors"), _write, _draw, _live)

@@ -1,0 +1,63 @@
+"""How uncertain each parameter would be with fewer poses, or with all of them once more."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Ints
+from pipeline.system.system import System
+from pipeline.system.whiten import Whitener, whitener
+
+_STEPS = 14
+"""Numbers of poses that are tried, at most."""
+
+
+def enough(
+    system: System, size: Array, names: list[str], order: Ints, ratio: float = 1.0
+) -> pd.DataFrame:
+    """Relative standard uncertainty of parameters over the number of poses.
+
+    u_j(n) = s sqrt([(sum_(p <= n) X_p' X_p + P)^-1]_jj) / |x_j| with X_p the whitened rows of the
+    p-th pose and P the priors of the errors common to poses, which more poses average out only as
+    far as these tell them. s is `ratio`. The last row has every pose twice.
+
+    Args:
+        system: c = B x + G e about the estimate.
+        size: |x_j|, in the order of the system's first parameters, shape (k,).
+        names: Of them.
+        order: Poses in the order of measuring, (p,).
+        ratio: Scatter found over stated that the estimate's uncertainties hold.
+
+    Returns:
+        Table ENOUGH.
+    """
+    white = whitener(system.errors, system.rows.pose)
+    X = np.hstack([white.with_priors(system.B * system.typical), white.columns])
+    rank = _ranks(system, white, order)
+    parts = []
+    for count, weight in [*((n, 1.0) for n in _counts(len(order))), (2 * len(order), np.sqrt(2.0))]:
+        rows = X[rank < count] * np.where(rank[rank < count] < 0, 1.0, weight)[:, None]
+        var = np.diag(linear.pseudoinverse(rows).cov)[: len(size)]
+        std = ratio * np.sqrt(var) * system.typical[: len(size)]
+        parts.append(_part(count, names, std, size))
+    return pd.concat(parts, ignore_index=True)
+
+
+def _ranks(system: System, white: Whitener, order: Ints) -> Ints:
+    """Place of the pose of each row in the order of measuring; -1 for priors."""
+    place = {pose: k for k, pose in enumerate(order.tolist())}
+    own = [place[pose] for pose in system.rows.pose.tolist()]
+    return np.array(own + [-1] * white.common.shape[1], dtype=np.int64)
+
+
+def _counts(poses: int) -> list[int]:
+    """Numbers of poses, in equal ratios from two to all."""
+    steps = np.geomspace(min(2, poses), poses, _STEPS).round().astype(int)
+    return [int(n) for n in np.unique(steps)]
+
+
+def _part(count: int, names: list[str], std: Array, size: Array) -> pd.DataFrame:
+    share = np.divide(std, size, out=np.full(len(size), np.inf), where=size > 0)
+    return pd.DataFrame({"poses": count, "parameter": names, "relative_std": share})

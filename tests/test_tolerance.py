@@ -1,0 +1,225 @@
+"""A tolerance is decided by ISO 14253-1, at the test pose and along a path, and said first."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.app.check import check
+from pipeline.base.errors import InputError
+from pipeline.machine.robot import load
+from pipeline.prediction.decision import Decision, decide
+from pipeline.prediction.model import Model
+from pipeline.prediction.tolerance import Path, Shown, nominal, stretches, table, tip
+from pipeline.reduction.case import tool
+from pipeline.reduction.settings import parse
+from pipeline.run import answered
+from pipeline.simulate import Plan, simulate
+from pipeline.store.campaign import Campaign, in_memory
+
+PLAN = Plan(name="part", seed=5, poses={"count": 9}, pulls={"steps_n": [1500.0, 3000.0]})
+HEAD = "pose,r1_m,theta2_deg,theta3_deg,theta4_deg,theta5_deg,theta6_deg,theta7_deg,fx_n,fy_n,fz_n"
+AT = "8.5,-10,35,39,81,22,-10"
+
+
+def path(*forces):
+    """A path at one pose under such forces along -z [N]."""
+    return "\n".join([HEAD, *(f"{k},{AT},0,0,{-f}" for k, f in enumerate(forces, 11))]).encode()
+
+
+@pytest.fixture(scope="module")
+def files():
+    """A campaign with a test pose, without a tolerance."""
+    made = dict(simulate(PLAN).files)
+    text = made["campaign.toml"].decode()
+    pose = f"\n[test_pose]\nq = [{AT}]\nforce_n = [0.0, 0.0, -1000.0]\n"
+    return made | {"campaign.toml": (text + pose).encode()}
+
+
+def asked(files, said, **more):
+    """The same with more in campaign.toml, and more files."""
+    text = files["campaign.toml"] + f"\n[tolerance]\n{said}\n".encode()
+    return files | {"campaign.toml": text} | more
+
+
+@pytest.fixture(scope="module")
+def found(files):
+    """The answer to it, with a path of which the load grows."""
+    forces = (50, 1000, 1010, 2900, 100)
+    case = simulate(PLAN)  # whose stiffnesses are nominal
+    settings = parse(case.files["campaign.toml"].decode())
+    known = nominal(load("kr500_rail"), tool(settings))
+    mm = 1e3 * float(np.linalg.norm(known.at_load_point(*_pose(1000.0)).displacement))
+    said = f'deflection_mm = {mm:.4f}\npath = "part.csv"'
+    return answered("part", in_memory(asked(files, said, **{"part.csv": path(*forces)}))), mm
+
+
+def _pose(newton):
+    q = np.array([8.5, *np.deg2rad([-10, 35, 39, 81, 22, -10])])
+    return q, np.array([0.0, 0.0, -newton])
+
+
+@pytest.mark.parametrize(
+    ("d", "u", "said"),
+    [
+        (0.70, 0.18, "pass"),
+        (0.70, 0.19, "undecided"),
+        (1.00, 0.0, "pass"),
+        (1.33, 0.2, "undecided"),
+        (1.34, 0.2, "fail"),
+        (9.99, np.inf, "undecided"),
+    ],
+)
+def test_what_is_close_to_the_limit_is_undecided(d, u, said):
+    """With T = 1: 0.70 + 1.65 x 0.18 = 0.997 passes, 1.34 - 1.65 x 0.2 = 1.01 fails."""
+    assert decide(d, u, 1.0) == said
+
+
+def test_a_path_passes_and_fails_by_stretches(found):
+    """Five points, the light ones first and last: pass, undecided, fail, pass; poses as filed."""
+    answer, mm = found[0].answer, found[1]
+    judged = answer.tolerance.path
+
+    assert answer.tolerance.test_pose is Decision.UNDECIDED
+    assert [(one.decision.value, one.first, one.last) for one in judged.stretches] == [
+        ("pass", 11, 11),
+        ("undecided", 12, 13),
+        ("fail", 14, 14),
+        ("pass", 15, 15),
+    ]
+    assert judged.decision is Decision.FAIL
+    worst = judged.stretches[2]
+    assert worst.deflection_mm == pytest.approx(2.9 * mm, rel=0.02)
+
+
+def test_u_is_never_below_what_left_out_poses_were_missed_by(found):
+    """The model's own word is far smaller here, so that the error at left-out poses decides."""
+    answer, model = found[0].answer, found[0].model
+    q, force = _pose(1000.0)
+    shown = Shown(model.held_out_m, 3000.0)
+    beyond = tip(model, q[None], 3 * force[None], Shown(model.held_out_m, 1500.0))
+
+    assert model.predict(q, force).std.max() < 0.5 * model.held_out_m
+    assert answer.test_pose.std_mm == pytest.approx(answer.validation.held_out_rms_mm)
+    assert tip(model, q[None], force[None], shown).std[0] == model.held_out_m
+    assert beyond.std[0] == pytest.approx(2 * model.held_out_m)
+
+
+def test_without_left_out_poses_the_model_is_taken_at_its_word(found):
+    """Standard uncertainty along the deflection, from 300 draws of the stiffnesses."""
+    model = found[0].model
+    q, force = _pose(1000.0)
+    here = tip(model, q[None], force[None], Shown(None, 3000.0))
+    one = model.hypotheses[0]
+    rng = np.random.default_rng(1)
+    drawn = rng.multivariate_normal(one.value, one.cov, 300)
+    moved = [np.linalg.norm(_with(model, x).predict(q, force).displacement) for x in drawn]
+
+    assert here.std[0] == pytest.approx(np.std(moved), rel=0.1)
+
+
+def _with(model, value):
+    one = replace(model.hypotheses[0], value=value)
+    return Model(model.campaign, model.verdict, model.recommended, (one,))
+
+
+def test_a_stiffness_that_nobody_knows_leaves_it_undecided(found):
+    """However large the tolerance is."""
+    model = found[0].model
+    cov = model.hypotheses[0].cov.copy()
+    cov[1, 1] = np.inf
+    lost = Model("", "", {}, (replace(model.hypotheses[0], cov=cov),))
+    q, force = _pose(1000.0)
+    sideways = force[[2, 0, 1]]
+
+    here = tip(lost, q[None], sideways[None], Shown(1e-5, 3000.0))
+    assert here.decisions(1e3) == [Decision.UNDECIDED]
+    rows = table(lost, Path(np.array([1]), q[None], sideways[None]), here, 1.0)
+    assert [one.decision for one in stretches(rows["decision"].to_numpy(object))] == ["undecided"]
+
+
+def test_a_cartesian_path_is_judged_as_its_joint_values_are(files, found):
+    """The same point as x, y, z and KUKA's angles of the load point."""
+    from pipeline.machine.robot import configure
+    from pipeline.prediction.tolerance import read
+
+    model = found[0].model
+    q, force = _pose(1000.0)
+    here = configure(model.robot, q[None])
+    x, y, z = 1e3 * here.points(model.tool.load_point[None])[0, 0]
+    R = here.flange_axes[0]
+    a, b = np.arctan2(R[1, 0], R[0, 0]), np.arcsin(-R[2, 0])
+    c = np.arctan2(R[2, 1], R[2, 2])
+    A, B, C = np.rad2deg([a, b, c])
+    text = (
+        "pose,E1_m,A1_deg,A2_deg,A3_deg,A4_deg,A5_deg,A6_deg,x_mm,y_mm,z_mm,A_deg,B_deg,C_deg,"
+        f"fx_n,fy_n,fz_n\n1,8.5,10,-35,51,-81,-22,10,{x:.6f},{y:.6f},{z:.6f},{A:.8f},{B:.8f},"
+        f"{C:.8f},0,0,-1000\n"
+    )
+
+    got = read("part.csv", text.encode(), model)
+    np.testing.assert_allclose(got.q[0], q, atol=1e-6)
+    np.testing.assert_array_equal(got.force[0], force)
+
+
+@pytest.mark.parametrize(
+    ("said", "why"),
+    [
+        ("deflection_mm = 0", "tolerance.deflection_mm"),
+        ('path = "part.csv"', "tolerance.deflection_mm"),
+        ("deflection_mm = 1\nlimit = 2", "tolerance.limit"),
+        ('deflection_mm = 1\npath = "../part.csv"', "tolerance.path"),
+    ],
+)
+def test_a_tolerance_that_makes_no_sense_is_refused_in_its_line(files, said, why):
+    """The error names the key."""
+    with pytest.raises(InputError, match=re.escape(why)) as refused:
+        parse(asked(files, said)["campaign.toml"].decode())
+    assert refused.value.line
+
+
+def test_a_tolerance_needs_a_place(files):
+    """Neither test pose nor path: nobody could say where it holds."""
+    text = files["campaign.toml"].decode().split("\n[test_pose]")[0]
+    with pytest.raises(InputError, match="says not where"):
+        parse(text + "\n[tolerance]\ndeflection_mm = 1.0\n")
+
+
+def test_check_reads_the_path(files, tmp_path):
+    """A row with a hole is said with its line before anything is computed; a good path counted."""
+    folder = tmp_path / "data" / "raw" / "part"
+    folder.mkdir(parents=True)
+    good = asked(files, 'deflection_mm = 1.0\npath = "part.csv"', **{"part.csv": path(100, 200)})
+    for name, data in good.items():
+        (folder / name).write_bytes(data)
+
+    assert check(Campaign(tmp_path, folder)).content["tolerance"] == {
+        "deflection_mm": 1.0,
+        "file": "part.csv",
+        "points": 2,
+        "force_range_n": [100.0, 200.0],
+    }
+    (folder / "part.csv").write_bytes(path(100).replace(b"-100", b"x"))
+    with pytest.raises(InputError) as refused:
+        check(Campaign(tmp_path, folder))
+    assert (refused.value.file, refused.value.line) == ("part.csv", 2)
+
+
+def test_the_first_screen_says_it(found):
+    """T, what is decided at the test pose and along the path, d and U in the digits of U."""
+    lines = {line.about: line.text for line in found[0].answer.first_screen}
+    said, pose = lines["tolerance"], lines["test_pose"]
+    u = 2 * found[0].answer.test_pose.std_mm
+
+    assert f"At most {found[1]:.4f}".rstrip("0") in said
+    assert "ISO 14253-1" in said
+    assert "Test pose: undecided." in said
+    assert "pose 14 fail" in said
+    assert "A1 10.00°" in pose
+    assert re.search(r"deflects by \d\.\d{3} mm, U = 0\.\d{3} mm \(k = 2\)", pose)
+    assert f"U = {u:.3f} mm" in pose
+    json.dumps(found[0].answer.as_json(), allow_nan=False)

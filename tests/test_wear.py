@@ -1,0 +1,309 @@
+"""Robots over their campaigns: wear found by all joints together, and nothing else taken for it."""
+
+from __future__ import annotations
+
+from datetime import date, datetime
+
+import numpy as np
+import pytest
+from test_history import campaign, unit
+
+from pipeline.answer import worn
+from pipeline.report.overview import overview
+from pipeline.report.render import render_overview
+from pipeline.report.wear import alarm, told
+from pipeline.wear.alarm import A_YEAR, Kind, looks
+from pipeline.wear.hierarchy import hierarchy
+from pipeline.wear.machine import Machine, Repair, Visit
+from pipeline.wear.scatter import scatter
+from pipeline.wear.standing import fleet
+from pipeline.wear.trend import trends
+
+NEW = np.array([2e-7, 1.5e-7, 2.5e-7, 1.8e-6])
+
+
+def robot(rng, lost=0.0, joint=0, years=6, own=0.01, error=0.005, mix=None, steps=()):
+    """Visits twice a year of a robot that loses a part of one stiffness every year."""
+    n, visits = len(NEW), []
+    L = error * np.diag(NEW) @ (np.eye(n) if mix is None else mix)
+    part = rng.lognormal(0, 0.1, n)
+    for k in range(2 * years):
+        year = 2000 + k / 2 + rng.uniform(0, 0.1)
+        stiffness = part / NEW
+        stiffness[joint] *= (1 - lost) ** (year - 2000)
+        for at, which, by in steps:
+            stiffness[which] *= by if year >= at else 1.0
+        stiffness = stiffness * rng.lognormal(0, own, n)
+        x = 1 / stiffness + L @ rng.standard_normal(n)
+        visits.append(Visit(f"c{k}", year, x, L @ L.T))
+    return visits
+
+
+def robots(rng, count=6, **what):
+    return [Machine.of(str(k), robot(rng, **what)) for k in range(count)]
+
+
+def test_trends_are_those_of_all_rows_at_once():
+    """Value and covariance are the generalised least squares of every row in one matrix."""
+    rng = np.random.default_rng(1)
+    mix = np.eye(4) + 0.6 * rng.standard_normal((4, 4))
+    visits = robot(rng, 0.03, mix=mix)
+    visits[3] = Visit("c3", visits[3].year, np.append(np.nan, visits[3].x[1:]), visits[3].cov)
+    machine = Machine.of("", visits)
+    found = scatter([machine])
+    rows, design, block = [], [], []
+    for visit in visits:
+        use = np.flatnonzero(np.isfinite(visit.x))
+        rows.append(visit.x[use] / machine.reference[use] - 1)
+        eye = np.eye(4)[use]
+        design.append(np.hstack([eye, eye * (visit.year - visits[0].year)]))
+        relative = visit.cov / np.outer(machine.reference, machine.reference)
+        daily = np.diag(found.variance[:4]) + found.variance[4]
+        block.append((relative + daily)[np.ix_(use, use)])
+    size = sum(map(len, rows))
+    V, at = np.zeros((size, size)), 0
+    for one in block:
+        V[at : at + len(one), at : at + len(one)] = one
+        at += len(one)
+    X, y = np.vstack(design), np.concatenate(rows)
+    cov = np.linalg.inv(X.T @ np.linalg.solve(V, X))
+    expected = (cov @ X.T @ np.linalg.solve(V, y))[4:]
+
+    got = trends(machine, found)
+
+    assert np.allclose(got.value, expected, atol=2e-6)
+    assert np.allclose(got.cov, cov[4:, 4:], rtol=1e-3, atol=1e-9)
+
+
+def test_intervals_hold_the_wear_and_the_scatter_is_found():
+    """95 % intervals of every joint cover it as often, with another scatter than the stated one."""
+    rng, inside, scatters = np.random.default_rng(2), [], []
+    for _ in range(6):
+        machines = robots(rng, 8, lost=0.04, joint=1, own=0.02, years=4)
+        found = scatter(machines)
+        scatters.append(found.std[:4])
+        for machine in machines:
+            one = trends(machine, found)
+            true = np.array([0.0, -np.log(0.96), 0.0, 0.0])
+            # a compliance that grows by a part of itself grows by more of its mean
+            bend = np.array([0.0, 0.002, 0.0, 0.0])
+            inside.append(np.abs(one.value - true) < one.half + bend)
+
+    assert 0.91 < np.mean(inside) < 0.985
+    assert np.mean(scatters) == pytest.approx(0.02, abs=0.0025)
+
+
+def test_steady_robots_rarely_raise_an_alarm():
+    """Less than one in a hundred robot-years, though each is looked at twice a year."""
+    rng, raised, years = np.random.default_rng(3), 0, 0.0
+    for _ in range(12):
+        machines = robots(rng, 8)
+        found = scatter(machines)
+        for machine in machines:
+            raised += any(look.alarm for look in looks(machine, found))
+            years += machine.t[-1]
+
+    assert years > 500
+    assert raised <= 12  # 5 are expected of 1 % a year, with a chance of 0.2 % for more than 12
+
+
+def test_errors_that_joints_share_cancel():
+    """What a joint loses shows although errors as large are common to it and another joint."""
+    rng = np.random.default_rng(4)
+    mix = np.array([[1, 0, 0, 0], [0.99, 0.1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
+    visits = robot(rng, 0.015, error=0.04, own=0.003, years=4, mix=mix)
+    alone = [Visit(v.campaign, v.year, v.x, np.diag(np.diag(v.cov))) for v in visits]
+    whole, apart = (Machine.of("", one) for one in (visits, alone))
+    stated = scatter([whole], stated=0.003)
+
+    assert looks(whole, stated)[-1].alarm
+    assert looks(whole, stated)[-1].joints == (0,)
+    assert looks(whole, stated)[-1].p_value < 1e-3 * looks(apart, stated)[-1].p_value
+
+
+def test_a_repair_that_is_told_is_no_wear():
+    """The joint begins anew; untold, the same is a step with the campaign after which it came."""
+    rng = np.random.default_rng(5)
+    visits = robot(rng, steps=[(2003.0, 2, 1.3)], years=5)
+    knows = Machine.of("", visits, [Repair(2002.9, (2,))])
+    knows_not = Machine.of("", visits)
+    found = scatter(robots(rng, 3))
+    steps = [look for look in looks(knows_not, found) if look.alarm]
+
+    assert not any(look.alarm for look in looks(knows, found))
+    assert len(looks(knows, found)) == 4, "looks begin again with the repair"
+    assert steps[0].campaign == "c6"
+    assert (steps[0].kind, steps[0].after, steps[0].joints) == (Kind.STEP, "c5", (2,))
+    assert trends(knows, found).std[2] > 2 * trends(knows_not, found).std[2]
+
+
+def test_campaigns_of_one_day_are_looked_at_once():
+    """A false alarm is not drawn for twice where two campaigns are of one day."""
+    visits = robot(np.random.default_rng(6), years=3)
+    again = Visit("again", visits[-1].year, visits[-1].x, visits[-1].cov)
+
+    seen = looks(Machine.of("", [*visits, again]), scatter([Machine.of("", visits)]))
+
+    assert len(seen) == len(visits) - 2
+    # of the years since the campaign before, which may all be spent
+    assert sum(look.allowed for look in seen) <= A_YEAR * (visits[-1].year - visits[0].year + 1e-9)
+
+
+def test_a_type_says_how_its_robots_differ_and_wear():
+    """Mean and spread of levels and trends come out, and pull in a robot that knows little."""
+    rng = np.random.default_rng(7)
+    machines = robots(rng, 30, lost=0.02, joint=3, years=4)
+    short = Machine.of("short", robot(rng, lost=0.02, joint=3, years=1)[:2])
+    found = hierarchy([*machines, short], scatter(machines))
+
+    assert found.mean[4 + 3] == pytest.approx(-np.log(0.98), abs=0.003)
+    assert np.abs(found.mean[4:7]).max() < 0.003
+    assert np.sqrt(np.diag(found.between)[:4]) == pytest.approx(np.full(4, 0.1), abs=0.035)
+    assert found.values[-1, 7] == pytest.approx(0.02, abs=0.015)
+    assert np.sqrt(found.covs[-1, 7, 7]) < 0.02
+    assert not found.guessed
+    assert hierarchy(machines[:2], scatter(machines)).guessed
+
+
+# --- from tables to words ------------------------------------------------------------------
+
+
+def tables(serials=("1",), years=4, **what):
+    """Rows of the tables that `wear` is made of."""
+    rng = np.random.default_rng(8)
+    campaigns, stiffness, covariance = [], [], []
+    for serial in serials:
+        lost = what if serial == serials[0] else {}
+        for k, visit in enumerate(robot(rng, years=years, **lost)):
+            name = f"r{serial}-{k}"
+            day = datetime(2020 + k // 2, 1 + 6 * (k % 2), 3, 8)
+            campaigns.append(
+                {"campaign": name, "verdict": "adequate", "measured": day, "robot_serial": serial}
+            )
+            for j, x in enumerate(visit.x):
+                about = {"campaign": name, "model": "recommended", "identifiable": True}
+                stiffness.append(about | {"joint": j + 1, "name": f"k_{j}", "compliance": x})
+                covariance += [
+                    {"campaign": name, "parameter": f"c_{j}", "other": f"c_{i}", "covariance": c}
+                    for i, c in enumerate(visit.cov[j])
+                ]
+    return worn.History(campaigns, stiffness, covariance, [])
+
+
+def standing(history, scatter=None):
+    return worn.robots("kr500_rail", worn.rows(history, scatter))
+
+
+def test_a_worn_joint_is_told_in_one_sentence():
+    """With its size; the table has every robot, the one that needs action first."""
+    wear = standing(tables(("3", "7"), lost=0.05, joint=2))
+    words = alarm(wear[0])
+    answers = [
+        campaign(f"r{one.serial}-{k}", [2e-7] * 4, measured=f"202{k}-01-01").model_copy(
+            update={"robot_unit": unit(one.serial)}
+        )
+        for one in wear
+        for k in range(3)
+    ]
+    report = overview(answers, wear)
+    table = report.sections[0].blocks[0]
+
+    assert words.startswith("k_2 grows softer by (5.")
+    assert words.endswith(").")
+    assert wear[1].alarm is None
+    assert report.verdict == "A stiffness has changed"
+    assert any(words in sentence for sentence in report.sentences)
+    assert [row[0].text for row in table.rows] == ["3", "7"]
+    assert [row[1].text for row in table.rows] == ["inspect k_2", "nothing"]
+    assert all(low < j.percent_a_year < high for j in wear[0].joints
+               for low, high in [(j.low, j.high)])  # fmt: skip
+    page = render_overview(answers, wear).decode()
+    assert 'href="#robot-1"' in page
+    assert words.replace("%", "%").split(" by ")[0] in page
+
+
+def test_only_the_newest_campaign_tells_the_alarm():
+    """Earlier ones say nothing of it; with too few campaigns each compares with the one before."""
+    wear = standing(tables(lost=0.05, joint=2))
+    few = standing(tables(years=1, lost=0.05))
+    serial = {"robot_unit": unit("1")}
+    newest, earlier = (
+        campaign(name, [2e-7] * 4).model_copy(update=serial) for name in ("r1-7", "r1-6")
+    )
+
+    assert told(newest, wear) == alarm(wear[0]) != ""
+    assert told(earlier, wear) == ""
+    assert told(campaign("r1-1", [2e-7]).model_copy(update=serial), few) is None
+    assert told(newest, ()) is None
+
+
+@pytest.mark.parametrize("verdict", ["bad_data", "unexplained"])
+def test_what_is_not_trusted_does_not_count(verdict):
+    """A campaign with bad data or without an explanation moves nothing."""
+    history = tables()
+    before = worn.rows(history)
+    spoilt = [dict(row) for row in history.stiffness]
+    for row in spoilt:
+        row["compliance"] *= 2.0 if row["campaign"] == "r1-4" else 1.0
+    campaigns = [
+        row | ({"verdict": verdict} if row["campaign"] == "r1-4" else {})
+        for row in history.campaigns
+    ]
+    without = [row for row in history.campaigns if row["campaign"] != "r1-4"]
+
+    def rows(campaigns):
+        return worn.rows(worn.History(campaigns, spoilt, history.covariance, ()))
+
+    assert rows(campaigns) == rows(without)
+    assert rows(campaigns)[0]["campaigns"] == before[0]["campaigns"] - 1
+    assert rows(history.campaigns)[0]["scatter_common"] > 5 * before[0]["scatter_common"]
+
+
+def test_the_same_readings_computed_twice_count_once():
+    """A copy of a campaign under another name begins at the same second."""
+    history = tables()
+    copied = worn.History(
+        [*history.campaigns, history.campaigns[3] | {"campaign": "copy"}],
+        [*history.stiffness, *({**row, "campaign": "copy"} for row in history.stiffness
+                               if row["campaign"] == "r1-3")],
+        [*history.covariance, *({**row, "campaign": "copy"} for row in history.covariance
+                                if row["campaign"] == "r1-3")],
+        (),
+    )  # fmt: skip
+
+    assert worn.rows(copied)[0]["campaigns"] == worn.rows(history)[0]["campaigns"]
+    assert worn.rows(copied)[1]["std"] == pytest.approx(worn.rows(history)[1]["std"], rel=1e-9)
+
+
+def test_a_repair_in_any_campaign_holds_for_the_robot():
+    """Told once, also in a campaign that does not count, it begins a new life of the joint."""
+    history = tables(("1", "2", "3", "4"), steps=[(2002.0, 1, 1.3)])
+    repair = {"campaign": "r1-7", "day": date(2021, 12, 1), "joint": 2, "what": "gearbox"}
+    knows = worn.History(history.campaigns, history.stiffness, history.covariance, [repair])
+
+    assert worn.rows(history)[0]["alarm"] == "step"
+    assert worn.rows(knows)[0]["alarm"] is None
+
+
+def test_a_joint_that_nobody_can_size_has_no_percentage():
+    """A compliance that may be zero is no hundred per cent of anything."""
+    history = tables()
+    loose = [
+        row | ({"covariance": 1.0} if row["parameter"] == row["other"] == "c_0" else {})
+        for row in history.covariance
+    ]
+
+    first, second, *_ = worn.rows(worn.History(history.campaigns, history.stiffness, loose, ()))
+
+    assert first["percent_a_year"] is None
+    assert second["percent_a_year"] is not None
+
+
+def test_a_stated_scatter_counts_until_campaigns_tell_it():
+    """Where there are too few, it is the stated one; then it follows the campaigns."""
+    few, many = tables(years=1), tables(years=6)
+
+    assert worn.rows(few, 0.03)[1]["scatter"] == pytest.approx(3.0, rel=1e-3)
+    assert worn.rows(few, 0.03)[1]["scatter_stated"]
+    assert worn.rows(many, 0.03)[1]["scatter"] < 2.0
+    assert fleet([Machine.of("", robot(np.random.default_rng(9)))], 0.01).robots[0].look
