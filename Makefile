@@ -16,6 +16,7 @@
 #   make schema   the keys of result.json in docs/, from their types
 #   make wheel    the package as a wheel, in dist/
 #   make docs     the documentation site, build/site, from docs/ and the docstrings
+#                 make docs ARGS='-D nb_execution_mode=cache'    tutorials run only if their text changed
 #   make lock     write requirements.lock anew from pyproject.toml      make lock UPGRADE=--upgrade
 #   make clean    remove .venv and the caches; data and reports stay
 
@@ -84,7 +85,7 @@ picture: .venv/.ready
 	@$(PY) -m bench.picture docs/figures/packages.svg
 
 docs: .venv/.ready .venv/.docs
-	@$(PY) -m sphinx -q -W --keep-going -b html -d build/doctrees docs build/site
+	@$(PY) -m sphinx -q -W --keep-going -b html -d build/doctrees $(ARGS) docs build/site
 	@echo build/site/index.html
 
 wheel: .venv/.ready
