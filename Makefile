@@ -11,7 +11,7 @@
 #   make worlds   campaigns with other noise, blunders, loads, payloads and instruments
 #   make paper    the paper's tables and figures, computed again
 #   make compare  every number that differs from an earlier commit      make compare BASE=HEAD~1
-#   make example  the report and the picture that the README shows, from the demo campaign
+#   make example  the report and the pictures that the README shows, from the demo campaign
 #   make picture  the picture of the code in docs/code.md
 #   make schema   the keys of result.json in docs/, from their types
 #   make wheel    the package as a wheel, in dist/
@@ -77,6 +77,7 @@ example: .venv/.ready
 	@.venv/bin/pipeline run kr500_demo --engine local
 	@mkdir -p docs/example
 	@cp reports/kr500_demo/report.pdf reports/kr500_demo/figures/workspace.svg docs/example/
+	@$(PY) -m bench.screenshot reports/kr500_demo/index.html docs/example/report.png
 
 schema: .venv/.ready
 	@$(PY) -m bench.schema
