@@ -12,11 +12,12 @@
 #   make worlds   campaigns with other noise, blunders, loads, payloads and instruments
 #   make paper    the paper's tables and figures, computed again
 #   make compare  every number that differs from an earlier commit      make compare BASE=HEAD~1
-#   make example  the report and the picture that the README shows, from the demo campaign
+#   make example  the report and the pictures that the README shows, from the demo campaign
 #   make picture  the picture of the code in docs/code.md
 #   make schema   the keys of result.json in docs/, from their types
 #   make wheel    the package as a wheel, in dist/
 #   make docs     the documentation site, build/site, from docs/ and the docstrings
+#                 make docs ARGS='-D nb_execution_mode=cache'    tutorials run only if their text changed
 #   make lock     write requirements.lock anew from pyproject.toml      make lock UPGRADE=--upgrade
 #   make clean    remove .venv and the caches; data and reports stay
 
@@ -81,6 +82,7 @@ example: .venv/.ready
 	@.venv/bin/pipeline run kr500_demo --engine local
 	@mkdir -p docs/example
 	@cp reports/kr500_demo/report.pdf reports/kr500_demo/figures/workspace.svg docs/example/
+	@$(PY) -m bench.screenshot reports/kr500_demo/index.html docs/example/report.png
 
 schema: .venv/.ready
 	@$(PY) -m bench.schema
@@ -89,7 +91,7 @@ picture: .venv/.ready
 	@$(PY) -m bench.picture docs/figures/packages.svg
 
 docs: .venv/.ready .venv/.docs
-	@$(PY) -m sphinx -q -W --keep-going -b html -d build/doctrees docs build/site
+	@$(PY) -m sphinx -q -W --keep-going -b html -d build/doctrees $(ARGS) docs build/site
 	@echo build/site/index.html
 
 wheel: .venv/.ready

@@ -23,7 +23,7 @@ html_copy_source = False
 
 myst_heading_anchors = 4
 myst_enable_extensions = ["colon_fence"]
-nb_execution_mode = "cache"
+nb_execution_mode = "force"  # what a page shows is what the code of today says
 nb_execution_raise_on_error = True
 nb_execution_timeout = 300
 nb_merge_streams = True

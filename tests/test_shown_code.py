@@ -1,5 +1,6 @@
 """What README and docs show runs: their blocks, in a folder of their own, on real data."""
 
+import json
 import os
 import re
 import shutil
@@ -24,7 +25,7 @@ def test_every_block_is_found():
 
     assert len(re.findall(r"(?m)^```(?!$)", text)) <= len(ALL)
     assert len(marks) == sum(len(block.marks) for block in ALL)
-    assert {block.kind for block in ALL} == {"python", "sh", "toml", "sql", ""}
+    assert {block.kind for block in ALL} == {"python", "sh", "toml", "json", "sql", ""}
 
 
 def test_what_does_not_run_has_a_reason_and_is_rare():
@@ -42,11 +43,13 @@ def test_what_does_not_run_has_a_reason_and_is_rare():
 
 @pytest.mark.parametrize("block", ALL, ids=lambda block: block.at)
 def test_a_block_can_be_read(block):
-    """Python compiles, TOML parses, and a shell's commands of ours are there."""
+    """Python compiles, TOML and JSON parse, and a shell's commands of ours are there."""
     if block.kind == "python":
         compile(block.code, block.at, "exec")
     elif block.kind == "toml" and not re.search(r"(?m)\?$|\.\.\.", block.code):
         tomllib.loads(block.code)
+    elif block.kind == "json":
+        json.loads(block.code)
     known = {one.name or one.callback.__name__ for one in everything.registered_commands}
     for word in re.findall(r"(?m)^(?:\$ )?pipeline ([a-z]+)", block.code):
         assert word in known, block.at

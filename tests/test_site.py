@@ -83,3 +83,15 @@ def test_every_public_name_is_on_the_page_of_the_library(site):
     pages, _ = site
 
     assert {f"pipeline.{name}" for name in pipeline.__all__} <= pages["library.html"].ids
+
+
+def test_the_site_is_built_beside_the_locked_libraries():
+    """What both locks pin is the same version: installing the second changes none of the first."""
+    locks = [(ROOT / name).read_text("utf-8") for name in ("requirements.lock",
+                                                           "docs/requirements.lock")]  # fmt: skip
+    ours, site = (dict(re.findall(r"(?m)^([a-z0-9._-]+)==([^ ;\\]+)", lock)) for lock in locks)
+
+    assert {"sphinx", "furo", "myst-nb"} <= set(site)
+    assert {name: site[name] for name in site.keys() & ours} == {
+        name: ours[name] for name in site.keys() & ours
+    }

@@ -53,6 +53,7 @@ def test_every_file_of_the_package_is_in_the_wheel(wheel):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(2400)  # two minutes of processor time, most of it pip's
 def test_the_wheel_runs_a_campaign_by_itself(wheel, tmp_path):
     """Installed beside the locked libraries only, it simulates, runs and is imported."""
     run(sys.executable, "-m", "venv", "venv", cwd=tmp_path)
