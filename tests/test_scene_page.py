@@ -211,6 +211,7 @@ def test_a_list_picks_and_a_slider_magnifies(opened):
     assert moved > 5
     assert left < 0.2
     page.locator("input[name=others]").uncheck()
+    dots(page)  # drawn with the next frame
     assert page.locator(".live .arm:visible").count() == 2
 
 

@@ -69,7 +69,7 @@
     };
     const everything = () => [
       ...shapes.flatMap((shape) => [shape.from, shape.to]),
-      ...marks.filter((mark) => mark.kind !== "tracker").map((mark) => mark.at),
+      ...marks.map((mark) => mark.at).filter((at) => Math.hypot(...add(at, view.middle, -1)) < view.beside),
     ];
     const fit = (from, points = everything(), share = 0.86) => {
       const flat = { ...from, scale: 1, x: 0, y: 0 }, seen = points.map((p) => project(p, flat));

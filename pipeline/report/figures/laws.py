@@ -91,9 +91,10 @@ def _write(answer: Answer, tables: Tables) -> Figure | None:
     told = [rows for rows in _laws(tables) if len(rows) > 1]
     if not told:
         return None
+    causes = pd.concat(told).groupby("cause", sort=False)
     parts = [
-        f"{words.from_label(str(rows['cause'].iloc[0]))} explains {percent(_explained(rows))}"
-        for rows in told
+        f"{words.from_label(str(label))} explains {percent(_explained(rows))}"
+        for label, rows in causes
     ]
     said = f"Of what the pulls say by themselves {', '.join(parts)}."
     return Figure(

@@ -34,6 +34,11 @@ _FAR = 3.0
 _REACH = 0.12
 """How long the usual deflection vector is drawn, over the height of the arm's space."""
 
+_SOLID = ("base", "carriage", "arm", "tool")
+
+_BESIDE = 1.6
+"""What stands within so many sizes of the robot's space is in the still."""
+
 _WIDE_IN = 5.6
 """Width of the still."""
 
@@ -75,9 +80,9 @@ class View:
 
 
 def _view(tables: Tables) -> View:
-    """About arm, rail and reflectors; an instrument far off is not waited for."""
+    """About the robot at all its poses; what stands far off does not make it small."""
     rows = tables["scene"]
-    seen = rows[rows["part"] != "tracker"]
+    seen = rows[rows["part"].isin(_SOLID)]
     ends = np.concatenate([seen[_FROM].to_numpy(float), seen[_TO].to_numpy(float)])
     low, high = ends.min(axis=0), ends.max(axis=0)
     across = 0.0 if high[1] - low[1] >= high[0] - low[0] else -np.pi / 2
@@ -114,7 +119,7 @@ def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     axes = canvas.subplots()
     axes.set_axis_off()
     axes.set_aspect("equal")
-    solid = rows[rows["part"].isin(("base", "carriage", "arm", "tool"))]
+    solid = rows[rows["part"].isin(_SOLID)]
     near, shapes = _capsules(view, solid)
     order = np.argsort(near, kind="stable")
     fill = np.where(solid["part"] == "base", GRID, BODY)[order].tolist()
@@ -175,16 +180,15 @@ def _slim(rows: pd.DataFrame) -> Array:
 
 
 def _points(axes: Any, view: View, rows: pd.DataFrame) -> None:
-    """Base reflectors as dots; an instrument that stands near, with its name."""
-    fixed = rows[rows["part"] == "reflector"]
-    x, y, _ = view(fixed[_FROM].to_numpy(float))
+    """Base reflectors as dots and the instrument as a triangle with its name, those near by."""
+    at = rows[_FROM].to_numpy(float)
+    near = rows[np.linalg.norm(at - view.middle, axis=1) < _BESIDE * view.size]
+    x, y, _ = view(near[near["part"] == "reflector"][_FROM].to_numpy(float))
     axes.scatter(x, y, s=10, color=INK, linewidths=0, zorder=2)
-    for one in each_row(rows[rows["part"] == "tracker"]):
-        at = np.array([one.from_x_m, one.from_y_m, one.from_z_m])
-        if np.linalg.norm(at - view.middle) < 1.6 * view.size:
-            x, y, _ = view(at)
-            axes.scatter(x, y, s=26, marker="^", color=INK, linewidths=0, zorder=2)
-            axes.annotate(one.name, (x, y), (5, 3), textcoords="offset points", fontsize=8)
+    for one in each_row(near[near["part"] == "tracker"]):
+        x, y, _ = view(np.array([one.from_x_m, one.from_y_m, one.from_z_m]))
+        axes.scatter(x, y, s=26, marker="^", color=INK, linewidths=0, zorder=2)
+        axes.annotate(one.name, (x, y), (5, 3), textcoords="offset points", fontsize=8)
 
 
 def _arrows(
@@ -209,6 +213,7 @@ def _live(answer: Answer, tables: Tables) -> dict[str, Any]:
     vectors = dict(list(tables["vectors"].groupby("pose")))
     return {
         "view": {
+            "beside": _BESIDE * view.size,
             "yaw": view.yaw,
             "pitch": float(_PITCH),
             "middle": _numbers(view.middle),
