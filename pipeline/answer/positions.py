@@ -11,10 +11,12 @@ from pipeline.answer import contract
 from pipeline.answer.contract import Answer, Data, JointType, NoiseFrom, Predicted, Reason, Which
 from pipeline.answer.geometry import KNOWN, table_entries
 from pipeline.answer.inputs import (
+    identity_entry,
     input_entries,
     instrument_entry,
     measured_on,
     rejected_entries,
+    unit_entry,
 )
 from pipeline.base.linear import rms
 from pipeline.base.quantities import percent, plain, with_std
@@ -83,6 +85,10 @@ def answer(campaign: str, raw: Raw, found: Study, rejected: pd.DataFrame) -> Ans
         findings=(),
         registration=None,
         instrument=instrument_entry(raw.settings),
+        robot_unit=unit_entry(raw.settings),
+        identity=identity_entry(
+            raw.settings, None, np.arange(len(shown.found.readings)), np.zeros((0, 3))
+        ),
         geometry=letter_entries(shown.found),
         position_steps=tuple(_step(one) for one in found.stages),
         model=contract.Forward(equilibrium=contract.Equilibrium.UNDEFORMED),

@@ -385,7 +385,7 @@ def _publish(campaign: Campaign, answer: Answer) -> None:
     artifacts.create_table_artifact(
         key=f"{key}-stiffness",
         table=[{"joint": joint.name, "stiffness": shown(joint)} for joint in answer.stiffness],
-        description=" ".join(answer.verdict_sentence),
+        description=" ".join(answer.verdict_sentence[:2]),
     )
     artifacts.create_link_artifact(key=f"{key}-report", link=_link(campaign))
 

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from filelock import FileLock, Timeout
 from pydantic import ValidationError
@@ -309,7 +309,12 @@ def verdict_of(made: Outcome) -> str:
 def said_of(made: Outcome) -> str:
     """What became of a campaign, in words: its verdict, or why there is none."""
     error = made.content.get("error")
-    return str(error["message"]) if error else " ".join(made.content.get("verdict_sentence", []))
+    return str(error["message"]) if error else _brief(made.content)
+
+
+def _brief(content: Mapping[str, Any]) -> str:
+    """The verdict and what to do, of all that the first screen says."""
+    return " ".join(content.get("verdict_sentence", [])[:2])
 
 
 def _tell(campaign: Campaign, whom: Notify) -> None:

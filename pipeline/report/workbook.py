@@ -17,6 +17,7 @@ import pandas as pd
 import pyarrow as pa
 
 from pipeline.answer.contract import Answer, Cause, Deflection
+from pipeline.answer.words import ABOUT
 from pipeline.base.shown import printable
 from pipeline.report import words
 from pipeline.tables import F64, STR, as_csv
@@ -105,8 +106,11 @@ def _summary(answer: Answer) -> Iterator[_Fact]:
     yield _Fact("robot", answer.machine)
     yield _Fact("measured", answer.measured)
     yield _Fact("verdict", words.VERDICTS[verdict][0])
-    for sentence in answer.verdict_sentence:
-        yield _Fact("in words", sentence)
+    if answer.first_screen:
+        yield from (_Fact(ABOUT[one.about].lower(), one.text) for one in answer.first_screen)
+    else:
+        yield from (_Fact("in words", sentence) for sentence in answer.verdict_sentence)
+    yield from _asked(answer)
     yield _Fact("values of", words.values_of(answer))
     yield _Fact("because", answer.recommended.why)
     yield _Fact("residuals, root mean square", None, fit.rms_mm, "mm")
@@ -116,8 +120,21 @@ def _summary(answer: Answer) -> Iterator[_Fact]:
     yield _Fact("noise known from", fit.noise_from)
     if answer.validation:
         error = answer.validation.held_out_rms_mm
-        yield _Fact("error at poses left out, root mean square", None, error, "mm")
+        yield _Fact("cross-validation error, root mean square", None, error, "mm")
     yield from (_Fact("finding", finding) for finding in answer.findings)
+
+
+def _asked(answer: Answer) -> Iterator[_Fact]:
+    """Deflection of the load point at the test pose, and what a tolerance decides of it."""
+    pose, asked = answer.test_pose, answer.tolerance
+    if pose is not None:
+        yield _Fact("deflection at the test pose", None, pose.deflection_mm, "mm")
+        yield _Fact("its expanded uncertainty, k = 2", None, pose.expanded_mm, "mm")
+    if asked is not None:
+        yield _Fact("tolerance", None, asked.deflection_mm, "mm")
+        yield _Fact("decision at the test pose", asked.test_pose)
+    if asked is not None and asked.path is not None:
+        yield _Fact(f"decision along {asked.path.file}", asked.path.decision)
 
 
 @dataclass(frozen=True)
@@ -133,6 +150,7 @@ def _of(name: str) -> Callable[[Any], Any]:
 
 
 _STIFFNESS = (
+    _Column("axis", _of("axis")),
     _Column("joint", _of("joint_name")),
     _Column("stiffness", _of("name")),
     _number("value", _of("value")),

@@ -1,0 +1,95 @@
+"""Lines of the first screen and the block that a report is filed by, from records alone."""
+
+from __future__ import annotations
+
+import report_sample
+
+from pipeline.answer.contract import JudgedPath, NextPose, Stretch, Tip, Tolerance
+from pipeline.answer.sentences import _proposed
+from pipeline.answer.tolerated import expanded, tolerated
+from pipeline.prediction.decision import Decision
+from pipeline.report.model import compose
+from pipeline.report.sections.unseen import next_poses
+
+
+def pose(before, after):
+    """A proposed pose."""
+    return NextPose(
+        separates=("joint_tilt:5", "link_bending:forearm"),
+        q=(1.0,) * 7,
+        q_unit=("m", *["deg"] * 6),
+        anchor_m=(1.0, 2.0, 0.0),
+        force_n=3000.0,
+        approach=None,
+        sigmas_before=before,
+        sigmas_after=after,
+        pose=1,
+    )
+
+
+def path(*parts):
+    """A path of stretches: decision, first and last pose, largest deflection [mm]."""
+    stretches = tuple(
+        Stretch(
+            deflection_mm=mm,
+            std_mm=0.02,
+            decision=decision,
+            first=first,
+            last=last,
+            points=last - first + 1,
+            at=last,
+        )
+        for decision, first, last, mm in parts
+    )
+    points = sum(one.points for one in stretches)
+    return JudgedPath(file="part.csv", points=points, decision=Decision.FAIL, stretches=stretches)
+
+
+def test_poses_that_will_not_settle_it_are_said_not_to():
+    """On the first screen and below the table; 4.6 standard deviations are enough."""
+    weak, strong = [pose(0.3, 1.0), pose(0.3, 2.1)], [pose(0.3, 12.0)]
+
+    assert "help but not settle it" in _proposed(weak)
+    assert "2.1 standard deviations" in _proposed(weak)
+    assert "These poses will not settle it: they reach 2.1 σ." in next_poses(weak, None).note
+    assert "4.6 are enough" in _proposed(strong)
+    assert "not settle" not in next_poses(strong, None).note
+
+
+def test_few_stretches_are_told_and_many_are_counted():
+    """An engineer reads four stretches; of forty the numbers of points."""
+    good, bad = Decision.PASS, Decision.FAIL
+    few = path((good, 1, 4, 0.1), (bad, 5, 5, 0.41))
+    many = path(*((bad if k % 2 else good, 2 * k, 2 * k + 1, 0.1 * k) for k in range(6)))
+
+    said = tolerated(Tolerance(deflection_mm=0.25, test_pose=good, path=few))
+    assert said == (
+        "At most 0.25 mm (ISO 14253-1). Test pose: pass. part.csv: poses 1 to 4 pass and pose 5 "
+        "fail; up to 0.410 mm, U = 0.040 mm (k = 2), at pose 5."
+    )
+    said = tolerated(Tolerance(deflection_mm=0.25, test_pose=None, path=many))
+    assert "Test pose" not in said
+    assert "of 12 points 6 pass and 6 fail" in said
+
+
+def test_what_nobody_knows_has_no_expanded_uncertainty():
+    """A stiffness that is not determined acts there."""
+    said = expanded(Tip(deflection_mm=0.4, std_mm=None))
+
+    assert said.startswith("0.400 mm, with an uncertainty that nobody knows")
+    assert expanded(Tip(deflection_mm=0.4231, std_mm=0.0331)) == "0.423 mm, U = 0.066 mm (k = 2)"
+
+
+def test_the_report_says_what_it_is_filed_by():
+    """Dates, serial numbers and counts as stated; what is blank is not stated."""
+    report = compose(report_sample.answer(), {})
+    first = report.sections[0]
+    told = {row[0].text: row[1].text for row in first.blocks[0].rows}
+
+    assert first.key == "identity"
+    assert told["Measured"] == "2026-11-03 08:00 to 10:31"
+    assert told["Operator"] == "not stated"
+    assert told["Scale"] == ("serial number S-17, certificate not stated, calibrated 2026-03-01")
+    assert told["Poses and pulls"] == "16 poses, 48 pulls of 1000 N to 3000 N"
+    assert told["Temperature of rail and base"] == "21.5 °C"
+    assert told["Software"] == "pipeline 0.1.0"
