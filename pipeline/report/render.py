@@ -15,8 +15,6 @@ from markupsafe import Markup
 
 from pipeline import __version__
 from pipeline.answer.contract import Answer
-from pipeline.report.model import compose
-from pipeline.report.overview import overview
 from pipeline.report.record import Report
 
 _HERE = files("pipeline.report")
@@ -42,6 +40,7 @@ def render(
         Content by path below the report's folder: index.html, report.pdf, figures/*.svg.
     """
     from pipeline.report.figures.catalogue import draw  # matplotlib takes half a second to import
+    from pipeline.report.model import compose
 
     there = {*beside, "report.pdf"} if beside else ()
     report = compose(answer, tables, run_time_s, previous, there)
@@ -56,6 +55,7 @@ def render(
 def render_overview(answers: Sequence[Answer]) -> bytes:
     """The page over all campaigns, from their answers."""
     from pipeline.report.figures.catalogue import draw_robot
+    from pipeline.report.overview import overview
 
     report = overview(answers)
     drawings = {figure.name: draw_robot(figure.name, answers) for figure in report.figures}
