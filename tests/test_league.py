@@ -3,6 +3,7 @@
 The generator writes raw files and keeps the truth; the diagnosis sees the files only.
 """
 
+import functools
 import os
 import re
 import signal
@@ -170,46 +171,51 @@ HIDDEN = {
 
 @pytest.fixture(scope="module")
 def blind(tmp_path_factory):
-    """Scores of games whose generator, pipeline and judge meet on disk only.
+    """Score of a game whose generator, pipeline and judge meet on disk only.
 
     Generator and pipeline are processes of their own; the truth lies where the pipeline is never
     sent, and nothing of it is in what the pipeline reads.
     """
-    root, sealed = tmp_path_factory.mktemp("project"), tmp_path_factory.mktemp("sealed")
-    code = (
-        "import sys; from pathlib import Path; from bench.league.contest import seal\n"
-        + "\n".join(
-            f"seal({sizes!r}, {51 + k}, Path(sys.argv[1]), Path(sys.argv[2]), {name!r})"
-            for k, (name, sizes) in enumerate(HIDDEN.items())
+
+    @functools.cache
+    def played(name):
+        root, sealed = tmp_path_factory.mktemp("project"), tmp_path_factory.mktemp("sealed")
+        code = (
+            "import sys; from pathlib import Path; from bench.league.contest import seal\n"
+            f"seal({HIDDEN[name]!r}, {51 + list(HIDDEN).index(name)}, "
+            f"Path(sys.argv[1]), Path(sys.argv[2]), {name!r})"
         )
-    )
-    subprocess.run([sys.executable, "-c", code, root / "data" / "raw", sealed], check=True)
-    told = b"".join(path.read_bytes() for path in (root / "data").rglob("*.*"))
-    assert not [label for sizes in HIDDEN.values() for label in sizes if label.encode() in told]
-    answers = contest.answers(root, HIDDEN)
-    return {name: score(contest.opened(sealed, name), answers[name], TWINS) for name in HIDDEN}
+        subprocess.run([sys.executable, "-c", code, root / "data" / "raw", sealed], check=True)
+        told = b"".join(path.read_bytes() for path in (root / "data").rglob("*.*"))
+        assert not [label for label in HIDDEN[name] if label.encode() in told]
+        answers = contest.answers(root, [name])
+        return score(contest.opened(sealed, name), answers[name], TWINS)
+
+    return played
 
 
+@pytest.mark.slow
 @pytest.mark.xdist_group("league")
 def test_through_real_files_an_innocent_machine_is_let_go(blind):
     """The command says so on raw files alone."""
-    assert blind["innocent"].verdict == "adequate"
+    assert blind("innocent").verdict == "adequate"
 
 
 @pytest.mark.xdist_group("league")
 def test_through_real_files_a_secret_is_named(blind):
     """With a gain that is certain."""
-    one = blind["guilty"]
+    one = blind("guilty")
 
     assert one.confident
     assert one.right
     assert one.gain[1] > 0
 
 
+@pytest.mark.slow
 @pytest.mark.xdist_group("league")
 def test_through_real_files_what_nobody_knows_gets_no_name(blind):
     """It is noticed all the same."""
-    one = blind["unheard_of"]
+    one = blind("unheard_of")
 
     assert one.detected
     assert not one.confident
@@ -220,7 +226,7 @@ def test_the_files_in_memory_and_the_command_give_one_answer(blind):
     """What the league plays in memory is what the command says, to the last digit."""
     game = measured(52, HIDDEN["guilty"])
 
-    assert score(game.truth, answer_of(game.files), TWINS) == blind["guilty"]
+    assert score(game.truth, answer_of(game.files), TWINS) == blind("guilty")
 
 
 def test_the_files_are_those_of_the_measurement_not_of_the_truth():

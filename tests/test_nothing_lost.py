@@ -82,6 +82,7 @@ def test_a_full_disk_leaves_the_old_answer(tmp_path):
 
 
 @pytest.mark.usefixtures("folder")
+@pytest.mark.slow  # test_shell has one that waits
 def test_two_runs_at_once_agree(tmp_path):
     """The second waits for the first and finds its work done."""
     command = [*COMMAND, "run", "killed", "--engine", "local", "--json", "--root", str(tmp_path)]

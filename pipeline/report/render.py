@@ -19,8 +19,6 @@ from pipeline import __version__
 from pipeline.answer.contract import Answer
 from pipeline.answer.worn import Robot
 from pipeline.base.quantities import typeset
-from pipeline.report.model import compose
-from pipeline.report.overview import overview
 from pipeline.report.record import Block, Report, Table
 
 _HERE = files("pipeline.report")
@@ -47,10 +45,9 @@ def render(
     Returns:
         Content by path below the report's folder: index.html, report.pdf, figures/*.svg.
     """
-    from pipeline.report.figures.catalogue import (
-        draw,
-        live,
-    )  # matplotlib takes half a second to import
+    from pipeline.report.figures.catalogue import draw, live  # matplotlib imports for half a second
+    from pipeline.report.model import compose
+
 
     there = {*beside, "report.pdf"} if beside else ()
     report = compose(answer, tables, run_time_s, previous, there, wear)
@@ -66,6 +63,7 @@ def render(
 def render_overview(answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> bytes:
     """The page over all campaigns, from their answers and from what robots' campaigns say."""
     from pipeline.report.figures.catalogue import draw_robot
+    from pipeline.report.overview import overview
 
     report = overview(answers, wear)
     drawings = {figure.name: draw_robot(figure.name, answers, wear) for figure in report.figures}
