@@ -98,6 +98,7 @@ def run(words, folder, at, wanted=0):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(3600)
 @pytest.mark.parametrize("page", RUN)
 def test_the_blocks_of_a_page_run(page, project):
     """One behind the other, as somebody would type them who reads from top to bottom."""

@@ -13,6 +13,8 @@ import pipeline
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 
+pytestmark = pytest.mark.timeout(2400)  # the tutorials take a minute of processor time
+
 
 class Page(HTMLParser):
     """What a page has that can be pointed at, and where it points or loads from."""
