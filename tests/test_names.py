@@ -474,10 +474,10 @@ def test_the_overview_is_drawn_of_what_is_there_at_last(finished, monkeypatch):
     both = archive.finished(finished)
     drawn = []
     monkeypatch.setattr(
-        "pipeline.report.render.render_overview", lambda all_: drawn.append(len(all_)) or b""
+        "pipeline.report.render.render_overview", lambda all_, wear: drawn.append(len(all_)) or b""
     )
 
-    pages._index(finished, both[:1])
+    pages._index(finished, both[:1], ())
 
     assert drawn == [2]
 

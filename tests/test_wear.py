@@ -309,3 +309,13 @@ def test_a_stated_scatter_counts_until_campaigns_tell_it():
     assert worn.rows(few, 0.03)[1]["scatter_stated"]
     assert worn.rows(many, 0.03)[1]["scatter"] < 2.0
     assert fleet([Machine.of("", robot(np.random.default_rng(9)))], 0.01).robots[0].look
+
+
+def test_only_the_newest_campaigns_are_followed(monkeypatch):
+    """What is older says nothing of today, and costs."""
+    history = tables(years=4)
+    monkeypatch.setattr(worn, "_MOST", 5)
+    newest = replace(history, campaigns=history.campaigns[-5:])
+
+    assert worn.rows(history) == worn.rows(newest)
+    assert worn.rows(history)[0]["campaigns"] == 5

@@ -28,7 +28,7 @@ from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
 
 SEED = 20261124
-TEACHING, GAMES, PLANS = 24, 30, 6
+TEACHING, GAMES, PLANS = 22, 20, 4
 COMMON = ("rail_roll", "tool_flex", "joint_tilt:3", "scale_zero", "link_bending:forearm")
 """Causes that the fleet has mostly."""
 

@@ -24,6 +24,9 @@ from pipeline.wear.standing import fleet as fleet_of
 
 _F64, _STR, _INT = pa.float64(), pa.string(), pa.int64()
 _COUNTS = (Verdict.ADEQUATE, Verdict.EXPLAINED, Verdict.AMBIGUOUS)
+_MOST = 60
+"""Newest campaigns of a robot that are followed."""
+
 _EPOCH = date(1970, 1, 1)
 _YEAR = 365.25
 
@@ -199,6 +202,7 @@ def rows(history: History, scatter: float | None = None) -> list[dict[str, Any]]
             own[_readings(row)] = row
     if not by_serial:
         return []
+    by_serial = {serial: _newest(own) for serial, own in by_serial.items()}
     repairs = _repairs(history)
     machines = [
         known.machine(serial, list(own.values()), repairs.get(serial, ()))
@@ -210,6 +214,11 @@ def rows(history: History, scatter: float | None = None) -> list[dict[str, Any]]
         for own, machine, one in zip(by_serial.values(), machines, found.robots, strict=True)
         for row in _of_robot(names, own.values(), machine, one, found)
     ]
+
+
+def _newest(own: Mapping[object, Mapping[str, Any]]) -> dict[object, Mapping[str, Any]]:
+    """Those of a robot that are followed; the cost grows with the square of their number."""
+    return dict(sorted(own.items(), key=lambda item: item[1]["measured"])[-_MOST:])
 
 
 def _readings(row: Mapping[str, Any]) -> object:

@@ -196,7 +196,8 @@ def joints_table(place: int, robot: Robot) -> Table | None:
         f"stiffness differs by from day to day beyond its uncertainty. An error that all campaigns "
         f"share, such as the scale's gain, cancels here and is not seen."
     )
-    return table_of(f"wear-{place}", "Wear of each joint", columns, robot.joints, note)
+    title = f"Wear of each joint of {robot.serial or robot.robot}"
+    return table_of(f"wear-{place}", title, columns, robot.joints, note)
 
 
 def _interval(joint: Joint) -> Entry:
