@@ -18,7 +18,7 @@ from pypdf.generic import DictionaryObject
 
 from pipeline.answer.contract import Answer, Odd, Remark, Stiffness
 from pipeline.base import quantities as numbers
-from pipeline.report.figures.catalogue import CATALOGUE
+from pipeline.report.figures.catalogue import CATALOGUE, draw
 from pipeline.report.model import compose
 from pipeline.report.record import Column, Entry, Figure, Report, Section, Table, Text
 from pipeline.report.render import pdf, render
@@ -484,6 +484,19 @@ def test_every_value_of_a_figure_can_be_read(html, sample):
     tips = re.findall(r'data-tip="(pose \d+, pull \d+, P\d [xyz]: [^"]* mm at [^"]* N)"', html)
 
     assert len(tips) == len(set(tips)) == len(sample[1]["residuals"])
+
+
+@pytest.mark.parametrize("far", [1e-2, -1e-2])
+def test_a_pull_far_off_its_law_keeps_its_mark(sample, far):
+    """Marks beyond the sheet are drawn at its edge: each says its own value, none is lost."""
+    laws = sample[1]["laws"].copy()
+    laws.loc[3, "y"] = far
+
+    drawn = draw("laws", sample[0], dict(sample[1], laws=laws)).inline
+
+    tips = re.findall(r'data-tip="(pose \d+, pull \d+: [^"]*)"', drawn)
+    assert len(tips) == len(laws)
+    assert "10000" in tips[3]
 
 
 def test_hostile_names_stay_names(sample):

@@ -48,7 +48,6 @@ def render(
     from pipeline.report.figures.catalogue import draw, live  # matplotlib imports for half a second
     from pipeline.report.model import compose
 
-
     there = {*beside, "report.pdf"} if beside else ()
     report = compose(answer, tables, run_time_s, previous, there, wear)
     drawings = {figure.name: draw(figure.name, answer, tables) for figure in report.figures}

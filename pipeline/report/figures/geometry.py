@@ -81,11 +81,11 @@ def _draw_curves(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
         f, u = MM * mine["error"].to_numpy(float), 2 * MM * mine["error_std"].to_numpy(float)
         axes.fill_between(q, f - u, f + u, color=SERIES[0], alpha=0.2, linewidth=0)
         axes.plot(q, f, color=SERIES[0], linewidth=0.9)
-        tips |= _readings(axes, joint, tables, 1.0 if slides else np.rad2deg(1.0))
         title(axes, f"joint {joint} [{'mm' if slides else 'mrad'}]")
         axes.set_xlabel("place [m]" if slides else "angle [deg]")
         top = 1.3 * float(np.abs(f).max())
         axes.set_ylim(-top, top)
+        tips |= _readings(axes, joint, tables, 1.0 if slides else np.rad2deg(1.0))
         axes.grid(color=GRID, linewidth=0.6)
     return tips
 
@@ -103,6 +103,7 @@ def _readings(axes: Axes, joint: int, tables: Tables, shown: float) -> Tips:
         f"joint {joint}, {r.poses} poses at {plain(at)}: {plain(mm)} ± {plain(std, 2)}"
         for r, at, mm, std in zip(each_row(rows), q, y, u, strict=True)
     ]
+    y = np.clip(y, *axes.get_ylim())  # a mark off the sheet is lost, and its tip with it
     return dots(axes, f"curve-{joint}", q, y, said, s=7, color=SERIES[1], linewidths=0, zorder=3)
 
 

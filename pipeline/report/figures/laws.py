@@ -48,6 +48,9 @@ def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
         unit = prefixed(first["y_unit"], letter)
         shown = thinned(rows, (rows["y"] - rows["law"]).to_numpy(float), MOST // 4)
         x, y, law, u = (shown[c].to_numpy(float) for c in ("x", "y", "law", "y_std"))
+        usual = np.abs([*np.quantile(y, (0.02, 0.98)), *law])
+        reach = 1.3 * float(np.max(usual)) / factor or 1.0
+        low = -reach if (np.minimum(y, law) < 0).any() else -0.05 * reach
         view.axhline(0, color=MUTED, linewidth=0.8)
         view.vlines(x, (y - u) / factor, (y + u) / factor, color=BLUE, linewidth=0.7, alpha=0.5)
         said = [
@@ -58,7 +61,15 @@ def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
         style = {"linewidths": 0, "zorder": 3}
         label = "each pull ± standard uncertainty"
         tips |= dots(
-            view, f"law-{k}-pulls", x, y / factor, said, s=12, color=BLUE, label=label, **style
+            view,
+            f"law-{k}-pulls",
+            x,
+            np.clip(y / factor, low, reach),  # a mark off the sheet is lost, and its tip with it
+            said,
+            s=12,
+            color=BLUE,
+            label=label,
+            **style,
         )
         said = [
             f"law: {plain(v / factor)} {unit} at {plain(a)} {first['x_unit']}"
@@ -76,8 +87,6 @@ def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
             label="law",
             **style,
         )
-        reach = 1.3 * float(np.max(np.abs([*np.quantile(y, (0.02, 0.98)), *law]))) / factor
-        low = -reach if (np.minimum(y, law) < 0).any() else -0.05 * reach
         view.set_ylim(low, reach)
         name = capital(_NAMES[first["is"]]) if first["is"] in _NAMES else first["is"]
         view.set(xlabel=f"{capital(_NAMES[first['of']])} [{first['x_unit']}]")
