@@ -293,14 +293,14 @@ def _next(found: Findings, stated: Stated) -> str:
 def _proposed(poses: Sequence[NextPose]) -> str:
     """Whether the proposed poses settle what is open."""
     most = max(one.sigmas_after or 0.0 for one in poses)
-    count = "The pose" if len(poses) == 1 else f"The {len(poses)} poses"
+    count = "The proposed pose" if len(poses) == 1 else f"The {len(poses)} proposed poses"
     if most >= APART:
         return (
-            f"{count} below: the causes in question are then {plain(most, 2)} standard deviations "
+            f"{count}: the causes in question are then {plain(most, 2)} standard deviations "
             f"apart, and {APART} are enough."
         )
     return (
-        f"{count} below will help but not settle it: the causes in question are then "
+        f"{count} will help but not settle it: the causes in question are then "
         f"{plain(most, 2)} standard deviations apart, and {APART} are needed."
     )
 

@@ -79,7 +79,7 @@ def wrong(facts: Facts, unseen: int) -> str:
         return f"With the data corrected: {others}" if facts.mistakes else others
     also = (
         f" {unseen} possible causes would have gone unnoticed at their usual size; they are listed "
-        "below."
+        "in the report."
         if unseen
         else ""
     )

@@ -87,7 +87,7 @@ def _outcome(campaign: Campaign, compute: Compute) -> Outcome:
     lines = [
         f"{name}: {first}",
         *(f"  {line}" for line in more),
-        *map(_stiffness, answer.stiffness),
+        *_stiffnesses(answer.stiffness),
         *(f"  {mixed(one)}" for one in answer.combinations),
         f"  {campaign.reports / 'index.html'}",
     ]
@@ -102,10 +102,10 @@ def _outcome(campaign: Campaign, compute: Compute) -> Outcome:
     )
 
 
-def _stiffness(joint: Stiffness) -> str:
-    """`  A1   k_theta2   3.800 ± 0.012 MN·m/rad`."""
-    axis = "" if joint.axis is None else f"{joint.axis:<4} "
-    return f"  {axis}{joint.name:<10} {shown(joint)}"
+def _stiffnesses(joints: Sequence[Stiffness]) -> list[str]:
+    """`  A1   k_theta2   3.800 ± 0.012 MN·m/rad`; without axes where the robot file has none."""
+    width = max((len(joint.axis) + 3 for joint in joints if joint.axis), default=0)
+    return [f"  {joint.axis or '':<{width}}{joint.name:<10} {shown(joint)}" for joint in joints]
 
 
 def _first_screen(answer: Answer) -> list[str]:
