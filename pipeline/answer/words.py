@@ -223,8 +223,23 @@ def _stands_elsewhere(facts: Facts) -> str:
     return (
         f"The unloaded reflectors stand {1e3 * facts.unloaded.miss_m:.2g} mm from where the "
         f"robot's table places them (base and tool fitted), and "
-        f"{1e3 * facts.unloaded.left_m:.2g} mm with {_names(facts.moved)}."
+        f"{1e3 * facts.unloaded.left_m:.2g} mm with {listed([_sized(one) for one in facts.moved])}."
     )
+
+
+_THOUSANDTHS = {"m": (1e3, "mm"), "rad": (1e3, "mrad")}
+"""In which unit the size of an error of the geometry is read."""
+
+
+def _sized(cause: Cause) -> str:
+    """A cause with its size, and where else it may be without another robot."""
+    sizes = []
+    for one in cause.amplitudes:
+        factor, unit = _THOUSANDTHS.get(one.parameter.unit, (1.0, one.parameter.unit))
+        sizes.append(f"{with_std(factor * one.value, factor * one.std)} {unit}")
+    same = [f"joint {label.partition(':')[2]}" for label in cause.twins]
+    also = f"; in {listed(same)} it would make the same robot" if same else ""
+    return f"{cause.effect.called} ({', '.join(sizes)}{also})"
 
 
 def _tracker_moved(facts: Facts) -> str:
