@@ -32,7 +32,13 @@ def suspect(label: str, *bounds: tuple[float, float], location: str = "", typica
         for k, (low, high) in enumerate(bounds)
     )
     return SimpleNamespace(
-        label=label, parameters=parameters, location=location or label, tolerance=0.0, called=label
+        label=label,
+        parameters=parameters,
+        location=location or label,
+        tolerance=0.0,
+        called=label,
+        odds=1.0,
+        size=1.0,
     )
 
 

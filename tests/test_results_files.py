@@ -104,7 +104,7 @@ def test_causes_predictions_and_validation_are_those_of_the_answer(written, answ
     for target, value in answer.validation.global_.items():
         assert errors[target]["relative error in the workspace [1]"] == value
     for target, value in answer.validation.independent.test_pose.items():
-        assert errors[target]["around the test pose, Eq. (23) [1]"] == value
+        assert errors[target]["around the test pose, each stiffness by itself [1]"] == value
     assert (mixed["value"], mixed["compliances"]) == (8.5e-5, "c_theta2 + 0.580 c_theta4")
 
 

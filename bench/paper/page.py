@@ -7,7 +7,17 @@ from collections.abc import Sequence
 from bench.paper.tables import ASSUMPTIONS, MISPRINTS, Entry, Reproduction
 from pipeline.base.quantities import plain
 from pipeline.report.figures.plan import anchor_curve, size_curves
-from pipeline.report.record import Block, Column, Figure, Report, Section, Table, entry, text_entry
+from pipeline.report.record import (
+    Block,
+    Column,
+    Figure,
+    Report,
+    Section,
+    Table,
+    entry,
+    text_entry,
+    unlabelled,
+)
 from pipeline.report.record import Entry as Cell
 from pipeline.report.render import page, pdf
 from pipeline.report.svg import Drawing
@@ -53,7 +63,7 @@ def _report(parts: Sequence[Reproduction], seconds: float) -> Report:
         title="The paper's tables, computed again",
         verdict=f"Table II within {100 * max(abs(r - 1) for r in known):.1f} %",
         tone="neutral",
-        sentences=(
+        first=unlabelled(
             f"{missing} entries cannot be reproduced from what is printed; each says why.",
             f"With the same pull, limits and number of readings, another choice of poses has "
             f"{plain(100 * found, 3)} % of the published plan's criterion.",

@@ -67,9 +67,9 @@ def overview(answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> Report:
             for place, (name, own) in enumerate(by_robot.items())
         ),
     ]
-    alarms = {name: alarm(one) for name, one in followed.items() if one.alarm}
+    raised = {name: alarm(one) for name, one in followed.items() if one.alarm}
     compared = {name: names for name, names in changed.items() if name not in followed}
-    moved, several = bool(alarms) or any(compared.values()), _several(by_robot)
+    moved, several = bool(raised) or any(compared.values()), _several(by_robot)
     held = "No stiffness has changed" if several else "Nothing to compare yet"
     return Report(
         kicker="Joint stiffness",
@@ -79,8 +79,8 @@ def overview(answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> Report:
         tone="attention" if moved else "good" if several else "neutral",
         first=unlabelled(
             f"{_counted(len(answers), 'campaign')} on {_counted(len(by_robot), 'robot')}.",
-            *(f"{name}: {words}" for name, words in alarms.items()),
-            *_change_sentences(compared, several, bool(alarms)),
+            *(f"{name}: {words}" for name, words in raised.items()),
+            *_change_sentences(compared, several, bool(raised)),
             *_not_compared(by_robot),
         ),
         sections=present(sections),
