@@ -10,6 +10,7 @@ import pytest
 from test_history import campaign, unit
 
 from pipeline.answer import worn
+from pipeline.base.quantities import typeset
 from pipeline.report.overview import overview
 from pipeline.report.render import render_overview
 from pipeline.report.wear import alarm, told
@@ -213,7 +214,7 @@ def test_a_worn_joint_is_told_in_one_sentence():
     assert words.endswith(").")
     assert wear[1].alarm is None
     assert report.verdict == "A stiffness has changed"
-    assert any(words in one.text for one in report.first)
+    assert any(typeset(words) in one.text for one in report.first)
     assert [row[0].text for row in table.rows] == ["3", "7"]
     assert [row[1].text for row in table.rows] == ["inspect k_2", "nothing"]
     assert all(low < j.percent_a_year < high for j in wear[0].joints
