@@ -19,6 +19,7 @@ BEGIN = "<!-- python -m bench.fleet writes from here -->"
 def fleet(
     worn: Annotated[int, typer.Option(min=0, help="Fleets in which something wears.")] = 200,
     others: Annotated[int, typer.Option(min=0, help="Fleets of each other kind.")] = 40,
+    first: Annotated[int, typer.Option(min=0, help="Number of the first fleet.")] = 0,
     log: Annotated[
         Path | None, typer.Option(help="Where finished fleets are kept, one JSON line each.")
     ] = None,
@@ -31,7 +32,9 @@ def fleet(
     from bench.league.page import between
     from pipeline.base import files
 
-    watched = list(contest(wanted(worn, others), log or root / "reports" / "fleet.jsonl", code()))
+    watched = list(
+        contest(wanted(worn, others, first), log or root / "reports" / "fleet.jsonl", code())
+    )
     said = lines(watched)
     typer.echo("\n".join(said))
     if page is not None:

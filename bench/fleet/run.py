@@ -80,12 +80,18 @@ def contest(wanted: Iterable[tuple[str, int]], log: Path, code: str) -> Iterator
         yield from (Watched(**one) for one in robots)
 
 
-def wanted(worn: int, others: int) -> list[tuple[str, int]]:
-    """Wear in one joint, two and all in turn, then so many fleets of every other kind."""
+def wanted(worn: int, others: int, first: int = 0) -> list[tuple[str, int]]:
+    """Wear in one joint, two and all in turn, then so many fleets of every other kind.
+
+    Args:
+        worn: How many in which something wears.
+        others: How many of each other kind.
+        first: Number of the first of each.
+    """
     thirds = ("one", "two", "all")
     rest = [kind for kind in KINDS if kind not in thirds]
-    return [(thirds[k % 3], k) for k in range(worn)] + [
-        (kind, k) for kind in rest for k in range(others)
+    return [(thirds[k % 3], first + k) for k in range(worn)] + [
+        (kind, first + k) for kind in rest for k in range(others)
     ]
 
 
