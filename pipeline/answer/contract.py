@@ -813,6 +813,13 @@ class Tolerance(Fact):
     test_pose: Decision | None = Field(description="null where campaign.toml has no [test_pose]")
     path: JudgedPath | None
 
+    @property
+    def worst(self) -> Decision | None:
+        """The least favourable of what is decided: fail, undecided, pass."""
+        found = {self.test_pose, self.path and self.path.decision}
+        order = (Decision.FAIL, Decision.UNDECIDED, Decision.PASS)
+        return next((one for one in order if one in found), None)
+
 
 class About(StrEnum):
     """What a line of the first screen is about."""

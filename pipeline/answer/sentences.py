@@ -37,6 +37,7 @@ from pipeline.answer.words import (
 )
 from pipeline.base.quantities import common_prefix, percent, plain, prefixed, scaled, with_std
 from pipeline.diagnosis.facts import APART
+from pipeline.prediction.decision import Decision
 from pipeline.system.estimate import fits
 from pipeline.system.system import Estimate
 
@@ -79,7 +80,7 @@ def first_screen(found: Findings, stated: Stated) -> tuple[Line, ...]:
     """
     lines: list[tuple[About, str]] = [
         (About.VERDICT, f"{_verdict(found)} {capital(_predicted(found))}."),
-        (About.TO_DO, _to_do(found, stated.mine.stiffness)),
+        (About.TO_DO, " ".join((*_out(stated.tolerance), _to_do(found, stated.mine.stiffness)))),
         (About.MODEL, " ".join(_model(found, stated))),
         (About.NUMBERS, _numbers(found, stated.mine.stiffness, stated.together)),
         (About.TOLERANCE, "" if stated.tolerance is None else tolerated(stated.tolerance)),
@@ -108,6 +109,8 @@ def _verdict(found: Findings) -> str:
             f"The joint stiffness model does not fit as well as a tracker measures: {left:.3f} mm "
             "remain."
         )
+    if found.row.reason == Reason.WEIGHED_ANEW and found.facts.moved:
+        return "Joint springs explain the readings on a robot that is not as its file says."
     if found.row.reason != Reason.ADEQUATE:
         return HOLDS[found.row.reason]
     if estimate.dof < 1:
@@ -142,6 +145,21 @@ def _instead(found: Findings) -> str:
     return ", ".join(_other(found, f"with {_SPRINGS_ALONE}", f"from {_AS_GIVEN}"))
 
 
+def _out(asked: Tolerance | None) -> Iterator[str]:
+    """What a tolerance that is not kept asks for, before all else."""
+    worst = None if asked is None else asked.worst
+    if worst is Decision.FAIL:
+        yield (
+            "Out of tolerance without compensation: reduce the force, choose other poses, or "
+            "compensate the path."
+        )
+    elif worst is Decision.UNDECIDED:
+        yield (
+            "Within the uncertainty of the tolerance: reduce the force, compensate the path, or "
+            "measure more."
+        )
+
+
 def _to_do(found: Findings, stiffness: Sequence[Stiffness]) -> str:
     """What to do with the values, and what of the model no controller takes."""
     if not any(joint.value is not None for joint in stiffness):
@@ -149,7 +167,7 @@ def _to_do(found: Findings, stiffness: Sequence[Stiffness]) -> str:
     beside = [one.called for one in found.told.model.hypotheses[0].beside_springs]
     if beside and found.row.model == Which.AVERAGED and len(found.told.model.hypotheses) > 1:
         beside = ["any of the possible causes"]
-    said = " ".join((DO[found.row.reason], *_unfit(found, stiffness)))
+    said = " ".join((_do(found), *_unfit(found, stiffness)))
     if not beside or not found.row.reason.holds_for_its_readings:
         return said
     return (
@@ -158,11 +176,21 @@ def _to_do(found: Findings, stiffness: Sequence[Stiffness]) -> str:
     )
 
 
+def _do(found: Findings) -> str:
+    """What to do with the values."""
+    if found.row.reason == Reason.WEIGHED_ANEW and found.facts.moved:
+        return (
+            "Check type and file of the robot first. The stiffnesses belong to the corrected "
+            "geometry, which model.toml holds; correct the robot file."
+        )
+    return DO[found.row.reason]
+
+
 def _unfit(found: Findings, stiffness: Sequence[Stiffness]) -> Iterator[str]:
     """Stiffnesses that are no number to enter, where the others are."""
     half = [joint.called for joint in stiffness if joint.value and joint.ci95[1] is None]
     if half and found.row.reason.holds_for_its_readings:
-        yield f"Enter no value for {listed(half)}: it may as well be rigid."
+        yield f"Enter no value for {listed(half)}: these pulls do not tell it from rigid."
 
 
 def _model(found: Findings, stated: Stated) -> Iterator[str]:
@@ -221,15 +249,26 @@ def _numbers(
     if not found.row.reason.holds_for_its_readings:
         return "None: the values below do not explain the readings."
     lost = [joint.called for joint in stiffness if joint.value is None]
-    half = [joint.called for joint in good if joint.ci95[1] is None]
+    half = [joint for joint in good if joint.ci95[1] is None]
+    whole = [joint for joint in good if joint.ci95[1] is not None]
     return " ".join(
         (
-            f"{'; '.join(map(_number, good))} (± standard uncertainty).",
+            *([f"{'; '.join(map(_number, whole))} (± standard uncertainty)."] if whole else []),
             *([f"Not determined: {listed(lost)}."] if lost else []),
-            *([f"Without an upper limit: {listed(half)}."] if half else []),
+            *([f"No value: {listed([_stiffer(one) for one in half])}."] if half else []),
             *([f"Determined together: {counted(together)}."] if together else []),
         )
     )
+
+
+def _stiffer(joint: Stiffness) -> str:
+    """`E1, stiffer than 58 MN/m`."""
+    least = joint.ci95[0]
+    if not least:
+        return str(joint.axis or joint.name)
+    factor, letter = common_prefix([least])
+    size = f"{plain(scaled(least, factor), 2)} {prefixed(joint.unit, letter)}"
+    return f"{joint.axis or joint.name}, stiffer than {size}"
 
 
 def _number(joint: Stiffness) -> str:
@@ -244,13 +283,22 @@ def _test_pose(found: Findings, stated: Stated) -> Iterator[str]:
     pose = stated.pose
     x, y, z = (plain(part, 4) for part in pose.force_n)
     axes = ", ".join(f"{one.name} {_at(one.value, one.unit)}" for one in pose.axes)
-    none = "" if pose.stated else " campaign.toml has no [test_pose]: the strongest pull stands in."
+    none = "" if pose.stated else _stands_in(found)
     yield (
         f"The load point deflects by {expanded(pose)}, at {axes} under ({x}, {y}, {z}) N in F_b "
         f"({plain(math.hypot(*pose.force_n))} N).{none}"
     )
     yield from _changed(
         stated.mine.test_pose_deflection, stated.springs.test_pose_deflection, found
+    )
+
+
+def _stands_in(found: Findings) -> str:
+    """Which pose it is where campaign.toml has none, as [test_pose] wants it."""
+    q = np.where(found.right.case.robot.prismatic, found.where.q, np.rad2deg(found.where.q))
+    return (
+        " campaign.toml has no [test_pose]: the strongest pull stands in (q, the joints of the "
+        f"robot file, not the controller's axes: {', '.join(f'{one:.5g}' for one in q)})."
     )
 
 

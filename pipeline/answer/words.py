@@ -22,7 +22,7 @@ from pipeline.diagnosis.average import LIKELY
 from pipeline.diagnosis.facts import ROUGH, Cause, Drift, Facts
 from pipeline.diagnosis.finding import Finding
 from pipeline.diagnosis.verdict import certain, findings, outside_likelier, two_laws
-from pipeline.machine.effect import Effect
+from pipeline.machine.effect import Effect, Table
 from pipeline.machine.effects.tracker_drift import GROUP_S, HOUR_S, PER_GROUP
 
 _NOTICED = 1.15
@@ -221,22 +221,32 @@ def _off_the_table(facts: Facts) -> str:
 
 def _stands_elsewhere(facts: Facts) -> str:
     return (
-        f"The unloaded reflectors stand {1e3 * facts.unloaded.miss_m:.2g} mm from where the "
+        f"The unloaded reflectors are {1e3 * facts.unloaded.miss_m:.2g} mm rms from where the "
         f"robot's table places them (base and tool fitted), and "
         f"{1e3 * facts.unloaded.left_m:.2g} mm with {listed([_sized(one) for one in facts.moved])}."
     )
 
 
 _THOUSANDTHS = {"m": (1e3, "mm"), "rad": (1e3, "mrad")}
-"""In which unit the size of an error of the geometry is read."""
+"""In which unit the size of an error of the geometry is read..."""
+
+_ENTRIES = {"m": (1e3, "mm"), "rad": (180 / np.pi, "°")}
+"""... and in which an entry of a robot's table."""
 
 
 def _sized(cause: Cause) -> str:
     """A cause with its size, and where else it may be without another robot."""
     sizes = []
     for one in cause.amplitudes:
-        factor, unit = _THOUSANDTHS.get(one.parameter.unit, (1.0, one.parameter.unit))
-        sizes.append(f"{with_std(factor * one.value, factor * one.std)} {unit}")
+        unit = one.parameter.unit
+        if isinstance(cause.effect, Table):
+            factor, letter = _ENTRIES[unit]
+            stands = with_std(factor * (cause.effect.nominal + one.value), factor * one.std)
+            stated = plain(factor * cause.effect.nominal)
+            sizes.append(f"{one.parameter.name} = {stands} {letter}, not {stated} {letter}")
+            continue
+        factor, letter = _THOUSANDTHS.get(unit, (1.0, unit))
+        sizes.append(f"{with_std(factor * one.value, factor * one.std)} {letter}")
     same = [f"joint {label.partition(':')[2]}" for label in cause.twins]
     also = f"; in {listed(same)} it would make the same robot" if same else ""
     return f"{cause.effect.called} ({', '.join(sizes)}{also})"
@@ -384,8 +394,8 @@ BECAUSE: Mapping[Reason, str] = {
 
 HOLDS: Mapping[Reason, str] = {
     Reason.WEIGHED_ANEW: (
-        "Joint springs explain the readings, with what was identified of where the robot stands "
-        "or how much the scale scatters."
+        "Joint springs explain the readings, once the geometry of the robot, or the scatter of the "
+        "scale, is as it was identified."
     ),
     Reason.CAUSE_AND_RIVALS: (
         "Joint springs alone do not explain the readings; with the identified cause the model does."
@@ -417,7 +427,7 @@ _CORRECT = (
 DO: Mapping[Reason, str] = {
     Reason.ADEQUATE: "Use these stiffnesses.",
     Reason.SPRINGS_UNTOUCHED: "Use these stiffnesses.",
-    Reason.WEIGHED_ANEW: "Use these stiffnesses.",
+    Reason.WEIGHED_ANEW: "Use these stiffnesses with what was identified beside them.",
     Reason.CAUSE_IDENTIFIED: (
         "Use the values that include the identified cause, not those of joint springs alone."
     ),

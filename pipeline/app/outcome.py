@@ -29,7 +29,8 @@ class Outcome:
         content: What --json prints.
         text: What is printed otherwise, one or more lines.
         exit_code: 0 done, 1 internal, 3 not written, 5 rejected in whole or in part, 6 given up.
-        misfit: The model does not fit, or leaves a stiffness undetermined.
+        misfit: The model does not fit, leaves a stiffness undetermined, or the tolerance is not
+            certainly kept.
         complaints: Sentences for stderr.
         verdict: Of its diagnosis; None without a result.
         passing: What went wrong may heal by itself.
@@ -96,7 +97,9 @@ def _outcome(campaign: Campaign, compute: Compute) -> Outcome:
         content=answer.as_json(),
         text="\n".join(lines),
         exit_code=InputError.exit_code if answer.rejected else 0,
-        misfit=answer.diagnosis.verdict != "adequate" or not _all_determined(answer),
+        misfit=answer.diagnosis.verdict != "adequate"
+        or not _all_determined(answer)
+        or not _within(answer),
         complaints=[f"{name}: {line}" for line in sentences(answer.rejected)],
         verdict=str(answer.diagnosis.verdict),
     )
@@ -122,6 +125,12 @@ def _first_screen(answer: Answer) -> list[str]:
 
 def _all_determined(answer: Answer) -> bool:
     return all(joint.identifiable for joint in answer.stiffness)
+
+
+def _within(answer: Answer) -> bool:
+    """Whether a tolerance, where there is one, is certainly kept."""
+    worst = None if answer.tolerance is None else answer.tolerance.worst
+    return worst in (None, "pass")
 
 
 def shown(joint: Stiffness) -> str:

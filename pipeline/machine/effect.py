@@ -316,9 +316,11 @@ class Table(Effect):
 
     Attributes:
         letter: Which.
+        nominal: What the table has [m] or [rad].
     """
 
     letter: Letter
+    nominal: float = 0.0
 
     def true(self, robot: Robot, values: Array) -> Robot:
         """The robot as it is, one value (1,) [m] or [rad] beside its table."""

@@ -366,7 +366,7 @@ def run(
     on: On = None,
     force: Annotated[bool, Option("--force", help="Compute even if nothing changed.")] = False,
     strict: Annotated[
-        bool, Option("--strict", help="Exit 4 when the model does not fit or a joint is open.")
+        bool, Option("--strict", help="Exit 4 when model or tolerance fails or a joint is open.")
     ] = False,
     root: Root = Path(),
 ) -> None:

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from pipeline.base.arrays import Parameter
 from pipeline.machine.effect import Table
-from pipeline.machine.robot import Robot
-from pipeline.machine.robot.letters import Letter, letters
+from pipeline.machine.robot import Robot, axes
+from pipeline.machine.robot.letters import Letter, letters, nominal
 
 NOUNS = {
     "link_length": "wrong link length",
@@ -27,10 +27,15 @@ _MOST = 0.5
 
 def effects(robot: Robot) -> tuple[Table, ...]:
     """Every geometric parameter that unloaded reflectors can show, but for the joints' zeros."""
-    return tuple(_effect(letter) for letter in letters(robot) if letter.name in NOUNS)
+    every, names = letters(robot), axes.alone(robot)
+    return tuple(
+        _effect(letter, float(value), names[letter.joint - 1])
+        for letter, value in zip(every, nominal(robot, every), strict=True)
+        if letter.name in NOUNS
+    )
 
 
-def _effect(letter: Letter) -> Table:
+def _effect(letter: Letter, value: float, axis: str | None) -> Table:
     symbol = letter.key.rsplit("_", 1)[0]
     return Table(
         name=letter.name,
@@ -45,4 +50,6 @@ def _effect(letter: Letter) -> Table:
         source="derivative of Eqs. (2), (4) by the entry; Hayati and Mirmirani, J. Robotic Systems "
         "2 (1985), for parallel axes",
         letter=letter,
+        nominal=value,
+        axis=axis,
     )

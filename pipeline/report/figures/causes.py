@@ -100,7 +100,8 @@ def _cause_in_words(suspect: Any) -> str:
 
 def _write_gain(answer: Answer, tables: Tables) -> Figure | None:
     poses = gain(tables["examined"])
-    if poses.empty or not answer.diagnosis.causes:
+    same = poses.empty or (poses["after"] == poses["before"]).all()
+    if same or not answer.diagnosis.causes:
         return None
     better = int((poses["after"] < poses["before"]).sum())
     worst = poses.iloc[int(poses["before"].argmax())]
