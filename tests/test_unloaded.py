@@ -134,6 +134,8 @@ def by_hand(data, rough, transmission, pose=None):
         points = POINTS + e * np.eye(9)[k].reshape(3, 3)
         columns.append((stands(poses(), None, points).ravel() - here) / e)
     std += [5e-3] * 9
+    columns += list(turned.T)  # how the rail lies in F_b is an angle of the table
+    std += [rough[1]] * 3
     for letter in LETTERS:
         ahead, behind = (stands(poses(), {letter.label: s * e}).ravel() for s in (1, -1))
         columns.append((ahead - behind) / (2 * e))
@@ -161,7 +163,7 @@ def by_hand(data, rough, transmission, pose=None):
     inverse = np.linalg.inv(total)
     x, cov = P @ X.T @ inverse @ y, P - P @ X.T @ inverse @ X @ P
     log = -0.5 * (y @ inverse @ y + np.linalg.slogdet(total)[1])
-    return x[15:], cov[15:, 15:], log
+    return x[18:], cov[18:, 18:], log
 
 
 def cell_of(found, rough_mm, rough_mrad, transmission):

@@ -82,7 +82,7 @@ def first_screen(found: Findings, stated: Stated) -> tuple[Line, ...]:
         (About.VERDICT, f"{_verdict(found)} {capital(_predicted(found))}."),
         (About.TO_DO, " ".join((*_out(stated.tolerance), _to_do(found, stated.mine.stiffness)))),
         (About.MODEL, " ".join(_model(found, stated))),
-        (About.NUMBERS, _numbers(found, stated.mine.stiffness, stated.together)),
+        (About.NUMBERS, _for_controller(found, stated)),
         (About.TOLERANCE, "" if stated.tolerance is None else tolerated(stated.tolerance)),
         (About.TEST_POSE, " ".join(_test_pose(found, stated))),
         (About.WRONG, wrong(found.facts, len(stated.diagnosis.blind_spots))),
@@ -233,6 +233,20 @@ def _move(mine: Stiffness, springs: Stiffness) -> str:
         with_std(scaled(one.value, factor), scaled(one.std, factor)) for one in (springs, mine)
     )
     return f"{mine.called} moves from {before} to {after} {prefixed(mine.unit, letter)}"
+
+
+def _for_controller(found: Findings, stated: Stated) -> str:
+    """What a controller takes: joint springs, which alone make up for a cause as far as they can.
+
+    Values that were estimated beside a cause are too stiff without it.
+    """
+    holds = found.row.reason.holds_for_its_readings and not found.mistakes
+    if not holds or not found.told.model.hypotheses[0].beside_springs:
+        return _numbers(found, stated.mine.stiffness, stated.together)
+    error = left_out_mm(found.springs.values.left_out_m)
+    left = "" if error is None else f" They leave {plain(error)} mm rms at poses left out."
+    said = _numbers(found, stated.springs.stiffness, ())
+    return f"Effective values, those of joint springs alone: {said}{left}"
 
 
 def _numbers(

@@ -180,7 +180,9 @@ class _Search:
         """Chance of so much, as many being asked about as are."""
         at = np.array(one.columns) - self.zeros.columns.table.start
         beside = np.zeros((len(self.found.log), len(at)))
-        if at[0] < len(self.zeros.letters) and at[0] >= 0:
+        if one.columns[0] == self.zeros.columns.loose.start:
+            beside = np.repeat(self.found.rough[:, 1:], len(at), axis=1)
+        elif at[0] < len(self.zeros.letters):
             own = np.hypot(self.found.rough[:, int(self.zeros.turns[at[0]])], self.zeros.stated[at])
             beside = own[:, None]
         return min(1.0, len(self.asked) * self.found.p_value(one, beside))

@@ -195,6 +195,7 @@ def straight(zeros: Unloaded, sums: Products) -> Cells:
 def _std(zeros: Unloaded, rough: Array, free: Iterable[Suspect]) -> Array:
     std = np.tile(zeros.held(), (len(rough), 1))
     std[:, zeros.columns.table] = np.hypot(rough[:, zeros.turns.astype(int)], zeros.stated)
+    std[:, zeros.columns.loose] = rough[:, 1:]  # how the rail lies in F_b is an angle like others
     for one in free:
         std[:, list(one.columns)] = one.wide
     return std

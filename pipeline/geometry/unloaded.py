@@ -55,7 +55,7 @@ class Columns:
         turn: Its turn within what is stated of the registration, in units of that.
         tool: Three of each target [m].
         table: Geometric parameters.
-        loose: Turn of F_b beyond what is stated [rad].
+        loose: Turn of F_b beyond what is stated, or of the rail in it [rad].
         masses: Of the arm, in units of their usual sizes.
     """
 
