@@ -299,8 +299,12 @@ def test_the_first_screen_says_what_to_do(campaign):
         assert numbers == {}
         assert "none of these stiffnesses" in said["to_do"]
     else:
-        known = {e["axis"]: e["value"] for e in answer["stiffness"] if e["value"]}
+        # a controller knows no cause: its numbers are those that make up for one
+        alone = found.name in ("explained", "ambiguous")
+        mine = (answer["joint_springs"] if alone else answer)["stiffness"]
+        known = {e["axis"]: e["value"] for e in mine if e["value"] and e["ci95"][1]}
         assert numbers.keys() == known.keys()
+        assert ("Effective values" in said["numbers"]) == alone
         assert float(numbers["A1"]) * 1e6 == pytest.approx(known["A1"], rel=0.01)
     assert ("compensate" in said["to_do"]) == (found.name in ("explained", "ambiguous", "bad_data"))
     assert ("Correct" in said["to_do"] or "correct the file" in said["to_do"]) == (

@@ -187,7 +187,9 @@ def judged(truth: Truth, answer: Json) -> Judged:
     found = bool(names & set(truth.allowed)) or bool({*map(label, every)} & set(truth.secrets))
     excused = found and said["verdict"] in ("explained", "ambiguous")
     hidden = set(truth.secrets)
-    strange = [c for c in every if c["name"] not in right and not hidden & {label(c), *c["twins"]}]
+    strange = [
+        c for c in every if c["name"] not in right and not hidden & {label(c), *c.get("twins", ())}
+    ]
     accused = [c for c in strange if c["name"] in DATA]
     rejected = {(row["file"], row["line"]) for row in answer["rejected"]}
     return Judged(
