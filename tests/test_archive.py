@@ -15,9 +15,10 @@ from pipeline.answer import archive
 from pipeline.answer.archive import finished, read
 from pipeline.app import pages
 from pipeline.app.cli import _exit_code
-from pipeline.app.preferences import Preferences
-from pipeline.app.shell import plainly, run_all, status
-from pipeline.app.watch import scan
+from pipeline.app.guard import Guard
+from pipeline.app.preferences import Preferences, Service
+from pipeline.app.shell import run_all, status
+from pipeline.app.watch import Clock, scan
 from pipeline.base.errors import UsageError
 from pipeline.run import run
 from pipeline.simulate import simulate
@@ -213,7 +214,9 @@ def test_a_campaign_that_arrives_by_itself_joins_the_page(project, tmp_path, sma
     shutil.copytree(project, tmp_path / "copy")
     raw(tmp_path / "copy", "winter", "2026-12-01", simulate(small_plan))
 
-    found = [o.campaign for o in scan(tmp_path / "copy", Preferences(), plainly, lambda _: None)]
+    at_once = Clock(pause=lambda _: None)
+    with Guard(tmp_path / "copy", "local", Service()) as work:
+        found = [o.campaign for o in scan(tmp_path / "copy", Preferences(), work, at_once)]
 
     page = (tmp_path / "copy" / "reports" / "index.html").read_text("utf-8")
     assert "winter" in found
