@@ -199,20 +199,32 @@ def _evidence(found: Cells, one: Suspect) -> float:
     return float(special.logsumexp(found.freed(one)))
 
 
-def _size(found: Cells, one: Suspect) -> float:
-    """How often a cause is what the rest of the table, or a usual one, is off by.
+def _rest(found: Cells, one: Suspect) -> float:
+    """What the rest of the table, or a usual one, is off by: in the unit of a cause [m] or [rad].
 
     What the weight of the arm moves is compared with lengths, as it moves reflectors.
     """
-    zeros, x = found.zeros, found.mean[list(one.columns)]
-    table_at = zeros.columns.table
-    if table_at.start <= one.columns[0] < table_at.stop:
-        k = one.columns[0] - table_at.start
-        return float(abs(x[0]) / max(zeros.usual()[k], found.per_letter[k]))
-    if one.columns[0] == zeros.columns.loose.start:
-        return float(np.linalg.norm(x) / max(USUAL[1], found.roughness[1], rms(zeros.rotation)))
-    moved = zeros.about(found.mean).D[:, :, list(one.columns)] @ x
-    return rms(moved) / max(USUAL[0], float(found.roughness[0]))
+    zeros, first = found.zeros, one.columns[0]
+    where = zeros.columns
+    if where.table.start <= first < where.table.stop:
+        k = first - where.table.start
+        return max(float(zeros.usual()[k]), float(found.per_letter[k]))
+    if first == where.loose.start:
+        return max(USUAL[1], float(found.roughness[1]), rms(zeros.rotation))
+    return max(USUAL[0], float(found.roughness[0]))
+
+
+def _size(found: Cells, one: Suspect) -> float:
+    """How often a cause is what the rest is off by."""
+    x = found.mean[list(one.columns)]
+    if one.label != "gravity_sag":
+        return float(np.linalg.norm(x)) / _rest(found, one)
+    return rms(_moves(found, one) @ x) / _rest(found, one)
+
+
+def _moves(found: Cells, one: Suspect) -> Array:
+    """What one unit of each of its unknowns moves, shape (p, r, columns) [m]."""
+    return np.asarray(found.zeros.about(found.mean).D[:, :, list(one.columns)])
 
 
 def _visible(found: Cells, asked: Sequence[_Suspect]) -> dict[str, float]:
@@ -235,14 +247,9 @@ def _visible(found: Cells, asked: Sequence[_Suspect]) -> dict[str, float]:
 def _least(found: Cells, one: _Suspect) -> float:
     """BEYOND, as a multiple of the typical size."""
     typical = one.effect.parameters[0].typical
-    table_at = found.zeros.columns.table
-    if table_at.start <= one.columns[0] < table_at.stop:
-        k = one.columns[0] - table_at.start
-        return BEYOND * max(found.zeros.usual()[k], float(found.per_letter[k])) / typical
-    if one.columns[0] == found.zeros.columns.loose.start:
-        return BEYOND * max(USUAL[1], float(found.roughness[1])) / typical
-    moved = rms(found.zeros.about(found.mean).D[:, :, list(one.columns)].sum(axis=2))
-    return BEYOND * max(USUAL[0], float(found.roughness[0])) / max(moved, 1e-12)
+    if one.label == "gravity_sag":
+        typical = max(rms(_moves(found, one).sum(axis=2)), 1e-12)
+    return BEYOND * _rest(found, one) / typical
 
 
 def _off(search: _Search, number: int) -> Off:
