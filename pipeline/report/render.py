@@ -15,10 +15,10 @@ import jinja2
 import pandas as pd
 from markupsafe import Markup
 
-from pipeline import __version__
 from pipeline.answer.contract import Answer
 from pipeline.answer.worn import Robot
 from pipeline.base.quantities import typeset
+from pipeline.base.version import __version__
 from pipeline.report.record import Block, Report, Table
 
 _HERE = files("pipeline.report")

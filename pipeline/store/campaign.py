@@ -498,7 +498,7 @@ def _within(folder: Path, deepest: int) -> Iterator[str]:
 @cache
 def versions() -> dict[str, str]:
     """Versions of the libraries that numbers and pages depend on."""
-    from pipeline import __version__
+    from pipeline.base.version import __version__
 
     return {"pipeline": __version__} | {name: metadata.version(name) for name in _LIBRARIES}
 
