@@ -18,7 +18,15 @@ from pipeline.answer.answer import answer as answer_of
 from pipeline.answer.contract import Answer, Which
 from pipeline.answer.findings import Findings, Told
 from pipeline.answer.pictures import pictured
-from pipeline.answer.recommended import Basis, Values, decide, identified, joint_springs, recommend
+from pipeline.answer.recommended import (
+    Basis,
+    Values,
+    decide,
+    identified,
+    joint_springs,
+    recommend,
+    standing,
+)
 from pipeline.answer.reliability import control
 from pipeline.answer.standing import stood
 from pipeline.answer.tables import (
@@ -216,9 +224,10 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
     facts = replace(diagnosis.facts, mistakes=screened.findings)
     word = verdict(facts)
     row = decide(Basis.of(facts, diagnosis))
-    values = recommend(row, given, right, diagnosis)
+    stands = standing(right, diagnosis)
+    values = recommend(row, stands, diagnosis)
     told = _told(values.model(name, word, row), values, where, step)
-    if row.model != Which.JOINT_SPRINGS or facts.mistakes:
+    if row.model != Which.JOINT_SPRINGS or stands is not given:
         springs = joint_springs(given)
         paper = _told(springs.model(name, word, row), springs, where, step)
     else:
@@ -237,7 +246,7 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
         row=row,
         told=told,
         springs=paper,
-        extended=identified(right, diagnosis),
+        extended=identified(stands, diagnosis),
         where=where,
         control=controls,
         carried=carried,

@@ -78,6 +78,7 @@ def answer(found: Findings) -> Answer:
         recommended=contract.Recommended(
             model=found.row.model,
             data=found.row.data,
+            table=contract.Table.ESTIMATED if stood.corrects else contract.Table.AS_DELIVERED,
             reason=found.row.reason,
             why=BECAUSE[found.row.reason],
             hypotheses=_hypothesis_entries(found.told.values),

@@ -57,6 +57,13 @@ class Data(StrEnum):
     CORRECTED = "corrected"
 
 
+class Table(StrEnum):
+    """Which table of the robot's geometry they rest on."""
+
+    AS_DELIVERED = "as_delivered"
+    ESTIMATED = "estimated"
+
+
 class Reason(StrEnum):
     """Why these values."""
 
@@ -333,6 +340,11 @@ class Recommended(Fact):
 
     model: Which
     data: Data
+    table: Table = Field(
+        default=Table.AS_DELIVERED,
+        description="geometry of the robot that the values rest on: estimated where unloaded "
+        "reflectors prove the delivered one wrong, see `geometry`",
+    )
     reason: Reason
     why: str
     hypotheses: tuple[Weighed, ...] = Field(description="what the values are averaged over")

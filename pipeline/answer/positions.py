@@ -63,6 +63,7 @@ def answer(campaign: str, raw: Raw, found: Study, rejected: pd.DataFrame) -> Ans
         recommended=contract.Recommended(
             model=model,
             data=Data.AS_GIVEN,
+            table=contract.Table.ESTIMATED,
             reason=reason,
             why=_WHY[bool(causes)],
             hypotheses=(

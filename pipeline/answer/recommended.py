@@ -17,6 +17,7 @@ from pipeline.base.arrays import Array, Parameter
 from pipeline.diagnosis.average import Hypothesis, Springs, springs
 from pipeline.diagnosis.facts import Diagnosis, Facts
 from pipeline.diagnosis.finding import Verdict
+from pipeline.diagnosis.unloaded_geometry import corrected
 from pipeline.diagnosis.verdict import verdict
 from pipeline.prediction import model as handover
 from pipeline.system.estimate import left_out
@@ -181,19 +182,26 @@ def identified(fitted: Fitted, diagnosis: Diagnosis) -> Values | None:
     return Values(fitted, (own,), _left_out(diagnosis))
 
 
-def recommend(row: Row, given: Fitted, right: Fitted, diagnosis: Diagnosis) -> Values:
+def standing(fitted: Fitted, diagnosis: Diagnosis) -> Fitted:
+    """The joint springs of the robot as its unloaded reflectors prove it to stand."""
+    stood, cell = diagnosis.facts.unloaded, fitted.case.cell
+    if not stood.corrects:
+        return fitted
+    robot = corrected(cell, fitted.data, stood)[0].robot
+    return fitted.standing(robot, lambda data: corrected(cell, data, stood)[1])
+
+
+def recommend(row: Row, stands: Fitted, diagnosis: Diagnosis) -> Values:
     """The values that the answer gives.
 
     Args:
         row: What decides.
-        given: The joint springs from the data as given.
-        right: The joint springs from the data without mistakes; the same where there are none.
-        diagnosis: Of the data without mistakes.
+        stands: The joint springs of the robot as it stands, from the data without mistakes.
+        diagnosis: Of these data.
     """
-    fitted = right if row.data == _CORRECTED else given
     if row.model == _SPRINGS:
-        return joint_springs(fitted)
-    return Values(fitted, diagnosis.hypotheses, _left_out(diagnosis))
+        return joint_springs(stands)
+    return Values(stands, diagnosis.hypotheses, _left_out(diagnosis))
 
 
 def _left_out(diagnosis: Diagnosis) -> Array:

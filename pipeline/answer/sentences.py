@@ -203,9 +203,21 @@ def _model(found: Findings, stated: Stated) -> Iterator[str]:
         Which.AVERAGED: f"The average over {count} models by their probability",
     }[found.row.model]
     yield f"{whose}, from the {'corrected data' if found.mistakes else 'data as given'}."
+    yield from _table(found.facts)
     if other := _other(found, _SPRINGS_ALONE, _AS_GIVEN):
         for move in _moved(stated.mine.stiffness, stated.springs.stiffness):
             yield f"Compared with {' and '.join(other)}, {move}."
+
+
+def _table(facts: Facts) -> Iterator[str]:
+    """That the robot is off its table, where no entry of it is a cause."""
+    gain = facts.unloaded.gain
+    if facts.unloaded.corrects and gain is not None and not facts.moved:
+        yield (
+            "They rest on the robot's table as the unloaded reflectors show it: at poses left out "
+            f"these stand {plain(1e3 * gain.rms_after_m)} mm rms per axis from where it places "
+            f"them, {plain(1e3 * gain.rms_before_m)} mm from where the table as delivered does."
+        )
 
 
 def _moved(mine: Sequence[Stiffness], springs: Sequence[Stiffness]) -> Iterable[str]:

@@ -78,7 +78,7 @@ def diagnose(
     case, spread = case_of(cell, data, estimate, whole, known, noise)
     hung = as_stiff(cell, estimate)
     stood = standing(hung, data, spread.tracker, whole)
-    if stood.believed:
+    if stood.corrects:
         cell, data = corrected(cell, data, stood)
         case, spread = case_of(cell, data, estimate, whole, known, noise)
     case = replace(case, refuted=stood.visible, shape=shape, room=room)

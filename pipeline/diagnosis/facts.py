@@ -270,6 +270,12 @@ class Standing(Locked):
         return bool(self.causes) and not self.useless
 
     @property
+    def corrects(self) -> bool:
+        """Displacements are analysed on the estimated table: causes are believed, or it predicts
+        where the robot stands in left-out poses better than the delivered one, beyond chance."""
+        return self.believed or (self.gain is not None and self.gain.ci95[0] > 0)
+
+    @property
     def effects(self) -> tuple[Effect, ...]:
         """The causes."""
         return tuple(one.effect for one in self.causes)

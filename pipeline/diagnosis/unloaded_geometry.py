@@ -21,7 +21,7 @@ from pipeline.geometry.roughness import Cells, Suspect, cells, left_out, product
 from pipeline.geometry.unloaded import USUAL, Rows, Unloaded, off, unloaded
 from pipeline.machine.cell import Cell, load
 from pipeline.machine.effect import Effect, Geometry, Observation
-from pipeline.machine.effects import table
+from pipeline.machine.effects import base_rotation, table
 from pipeline.machine.robot.letters import changed
 from pipeline.reduction.measured import Measured
 from pipeline.system.system import Estimate
@@ -306,7 +306,10 @@ def as_stiff(cell: Cell, estimate: Estimate) -> Cell:
 
 
 def corrected(cell: Cell, data: Measured, found: Standing) -> tuple[Cell, Measured]:
-    """The cell with its table, and the measurements with the robot where it was found to be."""
+    """The cell with its table, and the measurements with the robot where it was found to be.
+
+    What was read in F_b is turned back by the turn of F_b that was found, loads with it.
+    """
     assert found.cells is not None
     zeros, x = found.cells.zeros, found.cells.mean
     robot = changed(cell.robot, zeros.letters, x[zeros.columns.table])
@@ -315,13 +318,12 @@ def corrected(cell: Cell, data: Measured, found: Standing) -> tuple[Cell, Measur
         for facet in one.effect.facets:
             if isinstance(facet, Geometry) and one.effect.name == "gravity_sag":
                 q = facet.geometry(zeros.robot, data.pulls, one.value)
-    pulls, turned = replace(data.pulls, q=q), cell
-    for one in found.causes:
-        if one.effect.name == "base_rotation":
-            turned = replace(cell, effects=(one.effect,))
-            loaded = load(turned, pulls, one.value)
-            pulls = replace(pulls, force=loaded.force)
-            for facet in one.effect.facets:
-                if isinstance(facet, Observation):
-                    delta = facet.observe(loaded, delta, pulls.time, -one.value)
+    pulls = replace(data.pulls, q=q)
+    turn = x[zeros.columns.loose]
+    for effect in base_rotation.effects(cell.robot):
+        loaded = load(replace(cell, effects=(effect,)), pulls, turn)
+        pulls = replace(pulls, force=loaded.force)
+        for facet in effect.facets:
+            if isinstance(facet, Observation):
+                delta = facet.observe(loaded, delta, pulls.time, -turn)
     return replace(cell, robot=robot), replace(data, pulls=pulls, delta=delta[:, 0])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from pipeline.machine.cell import Cell
 from pipeline.machine.effect import Noise
 from pipeline.machine.effects import catalogue
 from pipeline.machine.effects.nameless import nameless
+from pipeline.machine.robot import Robot
 from pipeline.reduction.bring import Reduced
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import Measured
@@ -57,6 +59,18 @@ class Fitted:
         """The same campaign weighed by another shape of the noise."""
         near = self.estimate.value
         return _shaped(self.case, self.reduced, self.plain, self.noise, found, near)
+
+    def standing(self, robot: Robot, moved: Callable[[Measured], Measured]) -> Fitted:
+        """The same campaign with its robot as it stands.
+
+        Args:
+            robot: With the table that holds.
+            moved: Measurements with that robot where it was.
+        """
+        case = replace(self.case, robot=robot)
+        reduced = replace(self.reduced, data=moved(self.reduced.data))
+        near = self.estimate.value
+        return _shaped(case, reduced, moved(self.plain), self.noise, self.shape, near)
 
 
 def fit(case: Case, reduced: Reduced, taken: bool = False) -> Fitted:
