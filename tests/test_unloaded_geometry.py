@@ -5,15 +5,28 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from small_case import asked, small
+from small_case import PLAN, asked, small
 
+from pipeline.answer.contract import Table
 from pipeline.diagnosis.facts import NOTHING, Off
+from pipeline.diagnosis.finding import Verdict
 from pipeline.diagnosis.unloaded_geometry import BEYOND, as_stiff, corrected, standing
 from pipeline.geometry.unloaded import USUAL
 from pipeline.machine.cell import predict
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import configure
-from pipeline.machine.robot.letters import changed, letters
+from pipeline.machine.robot.letters import changed, letters, nominal
+from pipeline.run import answered
+from pipeline.simulate import revised, simulate
+from pipeline.store.campaign import in_memory
+
+
+ROUGH = [
+    f"{name}:{joint}={size}x"
+    for joint, size in ((2, 0.6), (3, -0.8), (4, 0.5), (5, -0.4))
+    for name in ("link_length", "joint_offset")
+]
+"""A table off by half a millimetre and milliradian in many places."""
 
 
 @pytest.fixture(scope="module")
@@ -100,9 +113,7 @@ def test_a_turned_base_turns_forces_and_displacements_back(off, causes, stood):
 
 def test_a_table_that_is_rough_everywhere_is_corrected_and_not_accused(causes):
     """Every entry a little off: no cause, but left-out poses prove the estimated table better."""
-    off = [f"{name}:{joint}={size}x" for joint, size in ((2, 0.6), (3, -0.8), (4, 0.5), (5, -0.4))
-           for name in ("link_length", "joint_offset")]  # fmt: skip
-    rough = asked(small(3, poses={"count": 16}, hidden={"effects": off}))
+    rough = asked(small(3, poses={"count": 16}, hidden={"effects": ROUGH}))
 
     found = standing(rough.cell, rough.reduced.data, 1.0, causes)
 
@@ -111,6 +122,26 @@ def test_a_table_that_is_rough_everywhere_is_corrected_and_not_accused(causes):
     assert found.gain.ci95[0] > 0
     assert found.corrects
     assert not replace(found, gain=replace(found.gain, ci95=(-0.01, 0.5))).corrects
+
+
+def test_stiffnesses_rest_on_the_table_that_is_proven():
+    """Off a little everywhere: the answer is that of the estimated table, the table as delivered
+    stands beside it, and the machine that is handed over is the estimated one."""
+    plan = revised(PLAN, {"poses": {"count": 16}, "hidden": {"effects": ROUGH}})
+    raw = in_memory(simulate(plan, np.random.default_rng(5)).files)
+
+    found = answered("rough", raw)
+
+    said = found.answer
+    assert said.diagnosis.verdict == Verdict.ADEQUATE
+    assert said.recommended.table == Table.ESTIMATED
+    assert "table as the unloaded reflectors show it" in " ".join(said.verdict_sentence)
+    assert said.stiffness != said.joint_springs.stiffness
+    assert said.fit.chi2 < said.joint_springs.fit.chi2
+    cell = found.model.hypotheses[0].cell
+    off = [one.value - one.nominal for one in said.geometry]
+    np.testing.assert_allclose(nominal(cell.robot, letters(cell.robot)) - nominal(
+        raw.robot, letters(raw.robot)), off, atol=1e-12)  # fmt: skip
 
 
 def _off(effect, value):

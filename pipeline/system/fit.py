@@ -69,8 +69,8 @@ class Fitted:
         """
         case = replace(self.case, robot=robot)
         reduced = replace(self.reduced, data=moved(self.reduced.data))
-        near = self.estimate.value
-        return _shaped(case, reduced, moved(self.plain), self.noise, self.shape, near)
+        plain, data, near = moved(self.plain), moved(self.data), self.estimate.value
+        return _weighed(case, reduced, plain, data, self.noise, self.shape, near)
 
 
 def fit(case: Case, reduced: Reduced, taken: bool = False) -> Fitted:
@@ -112,8 +112,20 @@ def beside_everything(cell: Cell, data: Measured, values: Array) -> Linearised:
 def _shaped(
     case: Case, reduced: Reduced, plain: Measured, found: Components, of: Shape, near: Array
 ) -> Fitted:
-    data, start = of.on(plain), case.robot.nominal_compliance
-    system, estimate = identify(case.cell, data, start, near)
+    return _weighed(case, reduced, plain, of.on(plain), found, of, near)
+
+
+def _weighed(
+    case: Case,
+    reduced: Reduced,
+    plain: Measured,
+    data: Measured,
+    found: Components,
+    of: Shape,
+    near: Array,
+) -> Fitted:
+    """The joint springs of measurements with their weights, tested in the shape of the noise."""
+    system, estimate = identify(case.cell, data, case.robot.nominal_compliance, near)
     if estimate.p_value is not None:
         alike = assemble(case.cell, replace(plain, wander=data.wander), estimate.value)
         left = goodness(alike, of, np.random.default_rng(_SEED))
