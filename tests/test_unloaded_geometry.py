@@ -20,7 +20,6 @@ from pipeline.run import answered
 from pipeline.simulate import revised, simulate
 from pipeline.store.campaign import in_memory
 
-
 ROUGH = [
     f"{name}:{joint}={size}x"
     for joint, size in ((2, 0.6), (3, -0.8), (4, 0.5), (5, -0.4))
@@ -125,8 +124,10 @@ def test_a_table_that_is_rough_everywhere_is_corrected_and_not_accused(causes):
 
 
 def test_stiffnesses_rest_on_the_table_that_is_proven():
-    """Off a little everywhere: the answer is that of the estimated table, the table as delivered
-    stands beside it, and the machine that is handed over is the estimated one."""
+    """Off a little everywhere: the answer and the machine handed over have the estimated table.
+
+    The joint springs beside them have the delivered one.
+    """
     plan = revised(PLAN, {"poses": {"count": 16}, "hidden": {"effects": ROUGH}})
     raw = in_memory(simulate(plan, np.random.default_rng(5)).files)
 

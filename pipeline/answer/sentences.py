@@ -36,7 +36,7 @@ from pipeline.answer.words import (
     wrong,
 )
 from pipeline.base.quantities import common_prefix, percent, plain, prefixed, scaled, with_std
-from pipeline.diagnosis.facts import APART
+from pipeline.diagnosis.facts import APART, Facts
 from pipeline.prediction.decision import Decision
 from pipeline.system.estimate import fits
 from pipeline.system.system import Estimate

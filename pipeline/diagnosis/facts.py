@@ -271,8 +271,11 @@ class Standing(Locked):
 
     @property
     def corrects(self) -> bool:
-        """Displacements are analysed on the estimated table: causes are believed, or it predicts
-        where the robot stands in left-out poses better than the delivered one, beyond chance."""
+        """Whether displacements are analysed on the estimated table.
+
+        They are where causes are believed, or where it predicts better than the delivered one, and
+        beyond chance, where the robot stands in left-out poses.
+        """
         return self.believed or (self.gain is not None and self.gain.ci95[0] > 0)
 
     @property
