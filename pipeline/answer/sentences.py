@@ -79,11 +79,11 @@ def first_screen(found: Findings, stated: Stated) -> tuple[Line, ...]:
         stated: What the answer says.
     """
     lines: list[tuple[About, str]] = [
+        (About.TOLERANCE, "" if stated.tolerance is None else tolerated(stated.tolerance)),
         (About.VERDICT, f"{_verdict(found)} {capital(_predicted(found))}."),
         (About.TO_DO, " ".join((*_out(stated.tolerance), _to_do(found, stated.mine.stiffness)))),
         (About.MODEL, " ".join(_model(found, stated))),
         (About.NUMBERS, _for_controller(found, stated)),
-        (About.TOLERANCE, "" if stated.tolerance is None else tolerated(stated.tolerance)),
         (About.TEST_POSE, " ".join(_test_pose(found, stated))),
         (About.WRONG, wrong(found.facts, len(stated.diagnosis.blind_spots))),
         (About.NEXT, _next(found, stated)),
@@ -155,8 +155,8 @@ def _out(asked: Tolerance | None) -> Iterator[str]:
         )
     elif worst is Decision.UNDECIDED:
         yield (
-            "Within the uncertainty of the tolerance: reduce the force, compensate the path, or "
-            "measure more."
+            "Neither in nor out of tolerance for certain: reduce the force, compensate the path, "
+            "or measure more."
         )
 
 
@@ -232,7 +232,7 @@ def _move(mine: Stiffness, springs: Stiffness) -> str:
     before, after = (
         with_std(scaled(one.value, factor), scaled(one.std, factor)) for one in (springs, mine)
     )
-    return f"{mine.called} moves from {before} to {after} {prefixed(mine.unit, letter)}"
+    return f"{mine.called} changes from {before} to {after} {prefixed(mine.unit, letter)}"
 
 
 def _for_controller(found: Findings, stated: Stated) -> str:

@@ -7,6 +7,7 @@ from functools import cache
 from pipeline.answer.contract import Answer, Data, Placed, Values, Which
 from pipeline.base.quantities import known, plain
 from pipeline.machine.effect import in_place
+from pipeline.prediction.decision import Decision
 
 
 @cache
@@ -50,6 +51,17 @@ VERDICTS = {
     "unexplained": ("The model misses something unknown", "bad"),
     "bad_data": ("The data need attention", "bad"),
 }
+
+_OUT = ("Out of tolerance", "bad")
+_OPEN = ("Neither in nor out of tolerance for certain", "attention")
+
+JUDGED = {
+    (Decision.PASS, False): ("Within tolerance", "good"),
+    (Decision.PASS, True): ("Within tolerance only if the model below holds", "attention"),
+    **{(Decision.UNDECIDED, doubtful): _OPEN for doubtful in (False, True)},
+    **{(Decision.FAIL, doubtful): _OUT for doubtful in (False, True)},
+}
+"""What a tolerance decides, and its tone; second whether the verdict on data or model is bad."""
 
 MODELS = {
     "joint_springs": "joint springs",
