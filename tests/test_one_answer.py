@@ -186,7 +186,7 @@ def test_only_what_the_answer_stands_for_is_tested(campaign):
 
 def test_what_to_type_is_shown_without_marks_of_ours(campaign, told):
     """On the terminal, the page and the PDF; result.json keeps them for programs."""
-    found, answer, root = campaign
+    found, answer, _ = campaign
     page = (found.reports / "index.html").read_text("utf-8").partition("<script>")[0]
     spoken = "".join(pages_of((found.reports / "report.pdf").read_bytes()))
 

@@ -37,6 +37,10 @@ _RIVALS = 3
 """So many rivals of one cause are listed in a sentence."""
 
 
+_PLACES = 4
+"""So many further wrong rows are told by file and line in a sentence."""
+
+
 def why(facts: Facts) -> str:
     """What the verdict rests on: every finding in a sentence, but for "nothing" beside others."""
     told = _told(facts) or _FINDINGS[Finding.NOTHING](facts)
@@ -63,8 +67,17 @@ def mistaken(facts: Facts) -> str:
     """The first mistake in the data, and how many more there are."""
     first, *more = facts.mistakes
     were = "1 more mistake was" if len(more) == 1 else f"{len(more)} more mistakes were"
-    others = f", and {were} found" if more else ""
+    at = [place for one in more for place in one.at]
+    where = f" ({_some(at)})" if at else ""
+    others = f", and {were} found{where}" if more else ""
     return f"The data hold a mistake: {first.evidence}{others}. Your files are unchanged."
+
+
+def _some(places: Sequence[str]) -> str:
+    """The first of them, and how many more there are."""
+    more = len(places) - _PLACES
+    rest = [f"{more} more"] if more > 0 else []
+    return listed([*places[:_PLACES], *rest])
 
 
 def wrong(facts: Facts, unseen: int) -> str:
