@@ -69,9 +69,9 @@ def test_poses_that_will_not_settle_it_are_said_not_to():
 
     assert "help but not settle it" in _proposed(weak)
     assert "2.1 standard deviations" in _proposed(weak)
-    assert "These poses will not settle it: they reach 2.1 σ." in next_poses(weak, None).note
+    assert "These poses will not settle it: they reach 2.1 σ." in next_poses(weak, None, {}).note
     assert "4.6 are enough" in _proposed(strong)
-    assert "not settle" not in next_poses(strong, None).note
+    assert "not settle" not in next_poses(strong, None, {}).note
 
 
 def test_few_stretches_are_told_and_many_are_counted():

@@ -262,6 +262,12 @@ def _numbers(
         return "These pulls determine no stiffness and no combination of stiffnesses."
     if not found.row.reason.holds_for_its_readings:
         return "None: the values below do not explain the readings."
+    return entered(stiffness, together)
+
+
+def entered(stiffness: Sequence[Stiffness], together: Sequence[Combination]) -> str:
+    """Stiffnesses to enter, those that are not determined, and those without an upper limit."""
+    good = [joint for joint in stiffness if joint.value is not None]
     lost = [joint.called for joint in stiffness if joint.value is None]
     half = [joint for joint in good if joint.ci95[1] is None]
     whole = [joint for joint in good if joint.ci95[1] is not None]

@@ -22,7 +22,7 @@ from pipeline.diagnosis.average import LIKELY
 from pipeline.diagnosis.facts import ROUGH, Cause, Drift, Facts
 from pipeline.diagnosis.finding import Finding
 from pipeline.diagnosis.verdict import certain, findings, outside_likelier, two_laws
-from pipeline.machine.effect import Effect, Table
+from pipeline.machine.effect import Effect, Table, in_place
 from pipeline.machine.effects.tracker_drift import GROUP_S, HOUR_S, PER_GROUP
 
 _NOTICED = 1.15
@@ -90,14 +90,15 @@ def wrong(facts: Facts, unseen: int) -> str:
     others = _told(facts)
     if others:
         return f"With the data corrected: {others}" if facts.mistakes else others
-    also = (
-        f" {unseen} possible causes would have gone unnoticed at their usual size; they are listed "
-        "in the report."
-        if unseen
-        else ""
-    )
+    also = f" {unnoticed(unseen)}; they are listed in the report." if unseen else ""
     clear = "Nothing else." if facts.mistakes else "Nothing that these readings show."
     return f"{clear}{also}"
+
+
+def unnoticed(count: int) -> str:
+    """How many causes would not have shown at their usual size."""
+    causes = "1 possible cause" if count == 1 else f"{count} possible causes"
+    return f"{causes} would have gone unnoticed at {'its' if count == 1 else 'their'} usual size"
 
 
 def _told(facts: Facts) -> str:
@@ -289,6 +290,12 @@ def _turn(drift: Drift) -> str:
     return f"{turn * times:.2g}{unit}"
 
 
+def _joint(facts: Facts, where: int | str | None) -> str:
+    """`Joint 3 (A2)`, of which causes are."""
+    cause = next(cause.effect for cause in facts.causes if cause.effect.where == where)
+    return capital(in_place(where, axis=cause.axis).removeprefix(" in "))
+
+
 def _names(causes: Sequence[Cause]) -> str:
     return listed([cause.effect.called for cause in causes])
 
@@ -330,8 +337,8 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
         "not certainly reduce the cross-validation error."
     ),
     Finding.TWO_LAWS: lambda facts: (
-        f"Joint {two_laws(facts)} turns by a law of its own: {_names(facts.causes)} describe it "
-        "only together."
+        f"{_joint(facts, two_laws(facts))} turns by a law of its own: {_names(facts.causes)} "
+        "describe it only together."
     ),
     Finding.RIVALS: _rivals,
     Finding.OUTSIDE_CATALOGUE_POSSIBLE: _outside_possible,

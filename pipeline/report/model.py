@@ -64,7 +64,7 @@ def compose(
             budget(answer),
             enough(answer, tables),
             registration(answer, tables),
-            reliability(tables),
+            reliability(answer, tables),
             letters(answer),
             rejected(answer),
         ]
