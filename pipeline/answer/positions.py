@@ -39,7 +39,9 @@ from pipeline.geometry.mechanism import layout
 from pipeline.geometry.named import NamedLaw
 from pipeline.geometry.study import Stage, Step, Study
 from pipeline.geometry.worth import Parting
+from pipeline.machine.effect import in_place
 from pipeline.machine.robot import Joint, Robot
+from pipeline.machine.robot.axes import alone
 from pipeline.store.campaign import Raw, versions
 
 _QUANTILE = 1.959964
@@ -148,18 +150,20 @@ def _extended(stage: Stage) -> contract.Extended:
 
 def stiffness_entries(found: Identified) -> tuple[contract.Stiffness, ...]:
     """One record per joint, from what the arm's own weight does to it."""
-    part = layout(found.mechanism).compliance
+    part, robot = layout(found.mechanism).compliance, found.mechanism.table
     value, var = found.solution.x[part], np.diag(found.solution.cov)[part]
     before = found.known.std[part] ** 2
     return tuple(
-        _stiffness(number, joint, float(x), float(np.sqrt(v)), bool(v < KNOWN * b))
-        for number, (joint, x, v, b) in enumerate(
-            zip(found.mechanism.table.joints, value, var, before, strict=True), 1
+        _stiffness(number, joint, axis, float(x), float(np.sqrt(v)), bool(v < KNOWN * b))
+        for number, (joint, axis, x, v, b) in enumerate(
+            zip(robot.joints, alone(robot), value, var, before, strict=True), 1
         )
     )
 
 
-def _stiffness(number: int, joint: Joint, x: float, std: float, known: bool) -> contract.Stiffness:
+def _stiffness(
+    number: int, joint: Joint, axis: str | None, x: float, std: float, known: bool
+) -> contract.Stiffness:
     has_value = known and x > 0
     low, high = x - _QUANTILE * std, x + _QUANTILE * std
     return contract.Stiffness(
@@ -172,6 +176,7 @@ def _stiffness(number: int, joint: Joint, x: float, std: float, known: bool) -> 
         ci95=(1 / high if known and high > 0 else None, 1 / low if known and low > 0 else None),
         identifiable=known,
         joint_type=JointType.PRISMATIC if joint.prismatic else JointType.REVOLUTE,
+        axis=axis,
         compliance=x if known else None,
         compliance_std=std if known else None,
         compliance_unit=joint.compliance_unit,
@@ -301,15 +306,21 @@ def text_of(law: NamedLaw, robot: Robot) -> str:
     slides = bool(robot.prismatic[law.joint - 1])
     size = f"{plain(1e3 * law.amplitude, 2)} {'mm' if slides else 'mrad'}"
     turn = "per metre" if slides else "per turn"
-    moves = f"joint {law.joint} {'slides' if slides else 'turns'}"
+    moves = f"{_called(robot, law.joint)} {'slides' if slides else 'turns'}"
     if law.kind == "periodic":
         return f"{moves} with a ripple of {plain(law.order, 3)} {turn}, {size}"
     if law.kind == "coupling":
-        return f"{moves} with joint {law.source}, {plain(law.order, 2)} {turn} of that, {size}"
+        other = _called(robot, law.source or law.joint)
+        return f"{moves} with {other}, {plain(law.order, 2)} {turn} of that, {size}"
     if law.variable == "angle":
         way = "its place" if slides else "its angle"
         return f"{moves} by a smooth error over {way}, {size} in amplitude"
     return f"{moves} with {_OF[law.variable]}, {size}"
+
+
+def _called(robot: Robot, joint: int) -> str:
+    """`joint 3 (A2)`."""
+    return in_place(joint, axis=alone(robot)[joint - 1]).removeprefix(" in ")
 
 
 _OF = {
