@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
+
+import pytest
 import report_sample
+from pdf_text import pages_of
 
 from pipeline.answer.contract import JudgedPath, NextPose, Stretch, Tip, Tolerance
 from pipeline.answer.sentences import _proposed
 from pipeline.answer.tolerated import expanded, tolerated
 from pipeline.prediction.decision import Decision
 from pipeline.report.model import compose
+from pipeline.report.record import Figure
+from pipeline.report.render import page, pdf
 from pipeline.report.sections.unseen import next_poses
+from pipeline.report.text import as_text
+from pipeline.report.words import VERDICTS
 
 
 def pose(before, after):
@@ -45,15 +54,24 @@ def path(*parts):
     return JudgedPath(file="part.csv", points=points, decision=Decision.FAIL, stretches=stretches)
 
 
+def without_figures(report):
+    """What a report says in words and tables."""
+    parts = [
+        replace(part, blocks=tuple(one for one in part.blocks if not isinstance(one, Figure)))
+        for part in report.sections
+    ]
+    return replace(report, sections=tuple(parts))
+
+
 def test_poses_that_will_not_settle_it_are_said_not_to():
     """On the first screen and below the table; 4.6 standard deviations are enough."""
     weak, strong = [pose(0.3, 1.0), pose(0.3, 2.1)], [pose(0.3, 12.0)]
 
     assert "help but not settle it" in _proposed(weak)
     assert "2.1 standard deviations" in _proposed(weak)
-    assert "These poses will not settle it: they reach 2.1 σ." in next_poses(weak, None).note
+    assert "These poses will not settle it: they reach 2.1 σ." in next_poses(weak, None, {}).note
     assert "4.6 are enough" in _proposed(strong)
-    assert "not settle" not in next_poses(strong, None).note
+    assert "not settle" not in next_poses(strong, None, {}).note
 
 
 def test_few_stretches_are_told_and_many_are_counted():
@@ -64,12 +82,70 @@ def test_few_stretches_are_told_and_many_are_counted():
 
     said = tolerated(Tolerance(deflection_mm=0.25, test_pose=good, path=few))
     assert said == (
-        "At most 0.25 mm (ISO 14253-1). Test pose: pass. part.csv: poses 1 to 4 pass and pose 5 "
-        "fail; up to 0.410 mm, U = 0.040 mm (k = 2), at pose 5."
+        "At most 0.25 mm is allowed (ISO 14253-1). Test pose: pass. part.csv: pass at poses 1 to 4 "
+        "and fail at pose 5; up to 0.410 mm, U = 0.040 mm (k = 2), at pose 5."
     )
     said = tolerated(Tolerance(deflection_mm=0.25, test_pose=None, path=many))
     assert "Test pose" not in said
     assert "of 12 points 6 pass and 6 fail" in said
+
+
+@pytest.mark.parametrize(
+    ("decision", "verdict", "word", "worst"),
+    [
+        ("pass", "adequate", "Within tolerance", "good"),
+        ("pass", "explained", "Within tolerance", "attention"),
+        ("pass", "unexplained", "Within tolerance only if the model below holds", "bad"),
+        ("undecided", "adequate", "Neither in nor out of tolerance for certain", "attention"),
+        ("fail", "adequate", "Out of tolerance", "bad"),
+        (None, "adequate", None, "good"),
+    ],
+)
+def test_whether_it_may_machine_is_said_first_and_no_colour_promises_more(
+    decision, verdict, word, worst
+):
+    """A tolerance that is not kept stands above the verdict, under no green."""
+    asked = decision and {"deflection_mm": 0.25, "test_pose": decision, "path": None}
+
+    def state(content):
+        content["tolerance"] = asked
+        content["diagnosis"]["verdict"] = verdict
+        about = ("tolerance", "At most 0.25 mm"), ("verdict", "The model."), ("to_do", "Do.")
+        content["first_screen"] = [{"about": a, "text": t} for a, t in about]
+
+    answer = report_sample.revised(report_sample.answer(), state)
+    report = without_figures(compose(answer, {}))
+    html, text = page(report, {}), as_text(report)
+    box = re.search(r'<section class="verdict (\w+)".*?</section>', html, re.DOTALL)
+
+    assert box is not None
+    assert (report.judged and report.judged.word) == word
+    assert box[1] == report.worst == worst
+    said = re.findall(r'<p class="word">(.*?)</p>', box[0])
+    assert said == [*([word] if word else []), VERDICTS[verdict][0]]
+    assert "At most 0.25\N{NBSP}mm" in box[0]
+    assert word is None or text.index(word) < text.index(VERDICTS[verdict][0])
+
+
+def test_what_to_type_is_shown_as_such_and_a_name_as_it_is():
+    """Page and PDF set it as code, the terminal quotes it; no mark of ours is left."""
+    said = "Correct it with `pipeline compensate spring`, not with `rm` of part`s.csv."
+
+    def state(content):
+        content["first_screen"] = []
+        content["verdict_sentence"] = [said]
+        content["diagnosis"]["why"] = said
+
+    answer = report_sample.revised(report_sample.answer(), state)
+    report = without_figures(compose(answer, {}))
+    html, text = page(report, {}), as_text(report)
+    spoken = "".join(pages_of(pdf(report, {})))
+
+    assert html.count("<code>pipeline compensate spring</code>, not with `rm`") == 2
+    assert text.count("'pipeline compensate spring', not with `rm`") == 2
+    assert "`pipeline" not in spoken
+    assert spoken.count("pipeline compensate spring") == 2
+    assert spoken.count("`rm`") == 2
 
 
 def test_what_nobody_knows_has_no_expanded_uncertainty():

@@ -1,5 +1,6 @@
 """Names that two reflectors of one state carry for each other: planted, found and put back."""
 
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -65,6 +66,12 @@ def test_names_exchanged_in_one_state_are_found_and_put_back(group, names):
     assert (right["target"].astype(str) == good().readings["target"].astype(str)).all()
     assert found.before > found.after
     assert all(name in found.evidence for name in names)
+    raw = simulate(PLAN).files["tracker.csv"].decode().splitlines()
+    told = [raw[int(at.removeprefix("tracker.csv:")) - 1] for at in found.at]
+    assert len(told) == len(names)
+    assert all(group in line for line in told)
+    assert {name for name in names for line in told if name in re.split(r"\W+", line)} == {*names}
+    assert f"({', '.join(found.at)})" in found.evidence
 
 
 def test_good_names_are_left_alone():

@@ -184,6 +184,20 @@ def test_only_what_the_answer_stands_for_is_tested(campaign):
         assert any(found.name in one.text for one in report.first)
 
 
+def test_what_to_type_is_shown_without_marks_of_ours(campaign, told):
+    """On the terminal, the page and the PDF; result.json keeps them for programs."""
+    found, answer, _ = campaign
+    page = (found.reports / "index.html").read_text("utf-8").partition("<script>")[0]
+    spoken = "".join(pages_of((found.reports / "report.pdf").read_bytes()))
+
+    assert "`" not in page + spoken + told[1]
+    if found.name == "explained":
+        said = f"pipeline compensate {found.name}"
+        assert f"`{said}`" in answer["first_screen"][1]["text"]
+        assert f"<code>{said}</code>" in page
+        assert f"'{said}'" in told[1]
+
+
 def test_what_explains_nothing_is_no_earlier_campaign_to_compare_with(told):
     """The previous campaign is the last one whose values hold."""
     root, _ = told
@@ -281,7 +295,7 @@ def test_the_first_screen_says_which_model_and_what_it_changes(told):
     assert "roll of the carriage" in first["model"]
     assert "roll of the carriage" in first["wrong"]
     far = sorted((name for name in off if off[name] > 3), key=lambda name: -share[name])[:3]
-    assert re.findall(r"(k_\w+)\) moves", first["model"]) == far != []
+    assert re.findall(r"(k_\w+)\) changes", first["model"]) == far != []
     assert "mm with joint springs alone" in first["test_pose"]
     for model in (answer, answer["joint_springs"]):
         assert f"{plain(model['validation']['held_out_rms_mm'])} mm" in first["verdict"]

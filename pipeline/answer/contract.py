@@ -468,6 +468,14 @@ class BlindSpot(Placed):
     needs: str
 
 
+class AxisValue(Fact):
+    """Where an axis of the controller stands; a joint where the robot file maps none."""
+
+    name: str
+    value: float
+    unit: Literal["m", "deg"]
+
+
 class NextPose(Fact):
     """A pose that would decide what is open, pulled in the usual load steps up to `force_n`."""
 
@@ -480,6 +488,9 @@ class NextPose(Fact):
     sigmas_before: Number
     sigmas_after: Number
     pose: int = Field(description="its number")
+    axes: tuple[AxisValue, ...] = Field(
+        default=(), exclude_if=_nothing, description="where the controller's axes stand there"
+    )
 
 
 class Cell(Fact):
@@ -767,14 +778,6 @@ class DayToDay(Fact):
     p_value: float = Field(description="of so much difference by the noise of the readings alone")
 
 
-class AxisValue(Fact):
-    """Where an axis of the controller stands; a joint where the robot file maps none."""
-
-    name: str
-    value: float
-    unit: Literal["m", "deg"]
-
-
 class Tip(Fact):
     """Predicted deflection of the load point, where the force acts."""
 
@@ -968,6 +971,11 @@ class Answer(Values, Heading):
     def of_positions(self) -> bool:
         """Whether absolute positions were measured, and no displacements."""
         return bool(self.position_steps)
+
+    @property
+    def axes(self) -> dict[int, str]:
+        """Axis of the controller by number of the joint that it moves alone."""
+        return {joint.joint: joint.axis for joint in self.stiffness if joint.axis}
 
     @property
     def machine(self) -> str:

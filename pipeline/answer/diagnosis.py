@@ -10,6 +10,7 @@ import numpy as np
 from pipeline.answer import contract
 from pipeline.answer.contract import Equilibrium, NoiseFrom, Predicted
 from pipeline.answer.findings import Findings
+from pipeline.answer.judged import axis_values
 from pipeline.answer.numbers import left_out_mm
 from pipeline.answer.words import why
 from pipeline.diagnosis.facts import (
@@ -218,6 +219,7 @@ def _pose(proposal: Proposal, robot: Robot) -> contract.NextPose:
         sigmas_before=proposal.before,
         sigmas_after=proposal.after,
         pose=proposal.poses,
+        axes=axis_values(robot, np.asarray(proposal.q, float)) if robot.controller else (),
     )
 
 

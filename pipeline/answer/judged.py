@@ -25,13 +25,13 @@ def pose_entry(robot: Robot, where: Where, found: Judged) -> TestPose:
     return TestPose(
         deflection_mm=MM * float(found.at.size[0]),
         std_mm=MM * float(found.at.std[0]),
-        axes=_axes(robot, where.q),
+        axes=axis_values(robot, where.q),
         force_n=(x, y, z),
         stated=where.stated,
     )
 
 
-def _axes(robot: Robot, q: Array) -> tuple[AxisValue, ...]:
+def axis_values(robot: Robot, q: Array) -> tuple[AxisValue, ...]:
     """Where the controller's axes stand, or the joints where the robot file maps none."""
     of = axes.of(robot)
     values = of.values(q[None])[0]

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
 import pandas as pd
 
 from pipeline.answer import contract
-from pipeline.answer.contract import Answer, Data, JointType, NoiseFrom, Predicted, Reason, Which
+from pipeline.answer.contract import (
+    About,
+    Answer,
+    Data,
+    JointType,
+    Line,
+    NoiseFrom,
+    Predicted,
+    Reason,
+    Which,
+)
 from pipeline.answer.geometry import KNOWN, table_entries
 from pipeline.answer.inputs import (
     identity_entry,
@@ -18,15 +29,19 @@ from pipeline.answer.inputs import (
     rejected_entries,
     unit_entry,
 )
+from pipeline.answer.sentences import entered
+from pipeline.answer.words import capital
 from pipeline.base.linear import rms
-from pipeline.base.quantities import percent, plain, with_std
+from pipeline.base.quantities import percent, plain
 from pipeline.diagnosis.finding import Finding, Verdict
 from pipeline.geometry.identify import Identified
 from pipeline.geometry.mechanism import layout
 from pipeline.geometry.named import NamedLaw
 from pipeline.geometry.study import Stage, Step, Study
 from pipeline.geometry.worth import Parting
+from pipeline.machine.effect import in_place
 from pipeline.machine.robot import Joint, Robot
+from pipeline.machine.robot.axes import alone
 from pipeline.store.campaign import Raw, versions
 
 _QUANTILE = 1.959964
@@ -49,7 +64,7 @@ def answer(campaign: str, raw: Raw, found: Study, rejected: pd.DataFrame) -> Ans
     verdict = Verdict.EXPLAINED if causes else Verdict.ADEQUATE
     model = Which.EXTENDED if causes else Which.JOINT_SPRINGS
     reason = Reason.CAUSE_IDENTIFIED if causes else Reason.ADEQUATE
-    sentences = _sentences(found, raw.robot)
+    lines = tuple(_first_screen(campaign, found, raw.robot, len(rejected)))
     shown = last if causes else springs
     values = _values(shown)
     known = contract.Believed
@@ -59,7 +74,8 @@ def answer(campaign: str, raw: Raw, found: Study, rejected: pd.DataFrame) -> Ans
         name=raw.settings.name,
         robot=raw.robot.name,
         measured=measured_on(raw.settings, None),
-        verdict_sentence=sentences,
+        verdict_sentence=tuple(line.text for line in lines),
+        first_screen=lines,
         recommended=contract.Recommended(
             model=model,
             data=Data.AS_GIVEN,
@@ -77,7 +93,7 @@ def answer(campaign: str, raw: Raw, found: Study, rejected: pd.DataFrame) -> Ans
             ),
         ),
         **dict(values),
-        diagnosis=_diagnosis(found, verdict, causes, sentences),
+        diagnosis=_diagnosis(found, verdict, causes, lines[0].text),
         joint_springs=_values(springs),
         extended=_extended(last) if causes else None,
         budget=(),
@@ -135,18 +151,20 @@ def _extended(stage: Stage) -> contract.Extended:
 
 def stiffness_entries(found: Identified) -> tuple[contract.Stiffness, ...]:
     """One record per joint, from what the arm's own weight does to it."""
-    part = layout(found.mechanism).compliance
+    part, robot = layout(found.mechanism).compliance, found.mechanism.table
     value, var = found.solution.x[part], np.diag(found.solution.cov)[part]
     before = found.known.std[part] ** 2
     return tuple(
-        _stiffness(number, joint, float(x), float(np.sqrt(v)), bool(v < KNOWN * b))
-        for number, (joint, x, v, b) in enumerate(
-            zip(found.mechanism.table.joints, value, var, before, strict=True), 1
+        _stiffness(number, joint, axis, float(x), float(np.sqrt(v)), bool(v < KNOWN * b))
+        for number, (joint, axis, x, v, b) in enumerate(
+            zip(robot.joints, alone(robot), value, var, before, strict=True), 1
         )
     )
 
 
-def _stiffness(number: int, joint: Joint, x: float, std: float, known: bool) -> contract.Stiffness:
+def _stiffness(
+    number: int, joint: Joint, axis: str | None, x: float, std: float, known: bool
+) -> contract.Stiffness:
     has_value = known and x > 0
     low, high = x - _QUANTILE * std, x + _QUANTILE * std
     return contract.Stiffness(
@@ -159,6 +177,7 @@ def _stiffness(number: int, joint: Joint, x: float, std: float, known: bool) -> 
         ci95=(1 / high if known and high > 0 else None, 1 / low if known and low > 0 else None),
         identifiable=known,
         joint_type=JointType.PRISMATIC if joint.prismatic else JointType.REVOLUTE,
+        axis=axis,
         compliance=x if known else None,
         compliance_std=std if known else None,
         compliance_unit=joint.compliance_unit,
@@ -288,15 +307,21 @@ def text_of(law: NamedLaw, robot: Robot) -> str:
     slides = bool(robot.prismatic[law.joint - 1])
     size = f"{plain(1e3 * law.amplitude, 2)} {'mm' if slides else 'mrad'}"
     turn = "per metre" if slides else "per turn"
-    moves = f"joint {law.joint} {'slides' if slides else 'turns'}"
+    moves = f"{_called(robot, law.joint)} {'slides' if slides else 'turns'}"
     if law.kind == "periodic":
         return f"{moves} with a ripple of {plain(law.order, 3)} {turn}, {size}"
     if law.kind == "coupling":
-        return f"{moves} with joint {law.source}, {plain(law.order, 2)} {turn} of that, {size}"
+        other = _called(robot, law.source or law.joint)
+        return f"{moves} with {other}, {plain(law.order, 2)} {turn} of that, {size}"
     if law.variable == "angle":
         way = "its place" if slides else "its angle"
         return f"{moves} by a smooth error over {way}, {size} in amplitude"
     return f"{moves} with {_OF[law.variable]}, {size}"
+
+
+def _called(robot: Robot, joint: int) -> str:
+    """`joint 3 (A2)`."""
+    return in_place(joint, axis=alone(robot)[joint - 1]).removeprefix(" in ")
 
 
 _OF = {
@@ -306,43 +331,106 @@ _OF = {
 }
 
 
-def _sentences(found: Study, robot: Robot) -> tuple[str, ...]:
-    """The first screen."""
-    first, last = found.stages[0], found.stages[-1]
-    mm = [1e3 * one.mean(Parting.BETWEEN) for one in (first, last)]
-    out = [
-        f"Poses left out are predicted to {plain(mm[1], 2)} mm on average, with the robot's table "
-        f"as delivered to {plain(mm[0], 2)} mm."
-    ]
-    steps = zip(found.stages, found.stages[1:], strict=False)
+def _first_screen(campaign: str, found: Study, robot: Robot, left_out: int) -> Iterator[Line]:
+    """The first screen, line by line as for a campaign of pulls.
+
+    Args:
+        campaign: Its name.
+        found: What was identified.
+        robot: As delivered.
+        left_out: How many rows were rejected.
+    """
+    stiffness = stiffness_entries(found.stages[-1].found)
+    lines = (
+        (About.VERDICT, _predicted(found)),
+        (About.TO_DO, _to_do(campaign, bool(found.laws))),
+        (About.MODEL, _model(found)),
+        (About.NUMBERS, f"{entered(stiffness, ())} They come from the arm's own weight."),
+        (About.TOLERANCE, _NOT_JUDGED),
+        (About.WRONG, " ".join(_wrong(found, robot, left_out))),
+        (About.NEXT, " ".join(_next(found, stiffness))),
+    )
+    return (Line(about=about, text=text) for about, text in lines)
+
+
+def _predicted(found: Study) -> str:
+    first, last = (1e3 * found.stages[k].mean(Parting.BETWEEN) for k in (0, -1))
+    return (
+        f"Targets of poses left out are predicted to {plain(last, 2)} mm on average, and to "
+        f"{plain(first, 2)} mm with the robot's table as delivered."
+    )
+
+
+def _to_do(campaign: str, laws: bool) -> str:
+    """What to do with the values, and what of them no controller takes."""
+    said = (
+        "Use table, springs and laws together"
+        if laws
+        else "Use the identified table with its springs"
+    )
+    beside = " A controller's table has no entry for the laws." if laws else ""
+    return (
+        f"{said}: predict where targets stand at other joint values with `pipeline predict "
+        f"{campaign} poses.csv`.{beside}"
+    )
+
+
+def _model(found: Study) -> str:
+    """What the model holds, and what each part of it is worth."""
+    steps = list(pairwise(found.stages))
     said = [
         f"{now.step.value} {percent(1 - now.mean(Parting.BETWEEN) / before.mean(Parting.BETWEEN))}"
         for before, now in steps
         if now.found is not before.found
     ]
-    out.append(f"Each step of the model reduces the error: {', '.join(said)}.")
+    parts = "table, springs under the arm's weight"
+    whose = f"{parts} and laws of the joints" if found.laws else parts.replace(", ", " and ")
+    return (
+        f"{capital(whose)}, from the data as given. Each part reduces the cross-validation error "
+        f"of the model before it: {', '.join(said)}."
+    )
+
+
+_NOT_JUDGED = (
+    "Not judged: nothing was pulled, so these readings do not say how far the robot deflects under "
+    "the forces of machining."
+)
+
+
+def _wrong(found: Study, robot: Robot, left_out: int) -> Iterator[str]:
     if found.laws:
-        out.append(f"The largest law outside the catalogue: {text_of(found.laws[0], robot)}.")
-    if Parting.SERIES in last.errors:
-        out.append(
-            f"Where a whole series is left out, {plain(1e3 * last.mean(Parting.SERIES), 2)} mm "
-            "remain: expect as much in joint angles that were not measured."
+        count = "1 law" if len(found.laws) == 1 else f"{len(found.laws)} laws"
+        yield (
+            f"Joints do not turn as their encoders say: {count} outside the catalogue, the largest "
+            f"that {text_of(found.laws[0], robot)}."
         )
-    known = [s for s in stiffness_entries(last.found) if s.value is not None]
-    if known:
-        springs = ", ".join(f"{s.name} = {with_std(s.value, s.std)} {s.unit}" for s in known)
-        out.append(f"Joint stiffnesses from the arm's own weight: {springs}.")
-    return tuple(out)
+    elif not left_out:
+        yield "Nothing that these readings show."
+    if left_out:
+        rows = "1 row of the files was" if left_out == 1 else f"{left_out} rows of the files were"
+        yield f"{rows} left out; file and line of each stand under Rejected rows."
+
+
+def _next(found: Study, stiffness: Sequence[contract.Stiffness]) -> Iterator[str]:
+    last = found.stages[-1]
+    apart = Parting.SERIES if Parting.SERIES in last.errors else Parting.SPACE
+    of = {Parting.SERIES: "a whole series", Parting.SPACE: "a tenth of joint space"}[apart]
+    yield (
+        f"Poses at the joint angles that you will use: where {of} is left out, the error is "
+        f"{plain(1e3 * last.mean(apart), 2)} mm; expect as much where nothing was measured."
+    )
+    if any(joint.value is None for joint in stiffness):
+        yield "Known loads on the flange determine the stiffnesses that the arm's weight does not."
 
 
 def _diagnosis(
-    found: Study, verdict: Verdict, causes: Sequence[contract.Cause], why: Sequence[str]
+    found: Study, verdict: Verdict, causes: Sequence[contract.Cause], why: str
 ) -> contract.Diagnosis:
     first, last = found.stages[0], found.stages[-1]
     none = contract.PosesPulls(poses=None, pulls=None)
     return contract.Diagnosis(
         verdict=verdict,
-        why=why[0],
+        why=why,
         reasons=(Finding.CAUSE_IDENTIFIED if causes else Finding.NOTHING,),
         causes=tuple(causes),
         alone=(),

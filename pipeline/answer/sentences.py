@@ -79,11 +79,11 @@ def first_screen(found: Findings, stated: Stated) -> tuple[Line, ...]:
         stated: What the answer says.
     """
     lines: list[tuple[About, str]] = [
+        (About.TOLERANCE, "" if stated.tolerance is None else tolerated(stated.tolerance)),
         (About.VERDICT, f"{_verdict(found)} {capital(_predicted(found))}."),
         (About.TO_DO, " ".join((*_out(stated.tolerance), _to_do(found, stated.mine.stiffness)))),
         (About.MODEL, " ".join(_model(found, stated))),
         (About.NUMBERS, _for_controller(found, stated)),
-        (About.TOLERANCE, "" if stated.tolerance is None else tolerated(stated.tolerance)),
         (About.TEST_POSE, " ".join(_test_pose(found, stated))),
         (About.WRONG, wrong(found.facts, len(stated.diagnosis.blind_spots))),
         (About.NEXT, _next(found, stated)),
@@ -155,8 +155,8 @@ def _out(asked: Tolerance | None) -> Iterator[str]:
         )
     elif worst is Decision.UNDECIDED:
         yield (
-            "Within the uncertainty of the tolerance: reduce the force, compensate the path, or "
-            "measure more."
+            "Neither in nor out of tolerance for certain: reduce the force, compensate the path, "
+            "or measure more."
         )
 
 
@@ -244,7 +244,7 @@ def _move(mine: Stiffness, springs: Stiffness) -> str:
     before, after = (
         with_std(scaled(one.value, factor), scaled(one.std, factor)) for one in (springs, mine)
     )
-    return f"{mine.called} moves from {before} to {after} {prefixed(mine.unit, letter)}"
+    return f"{mine.called} changes from {before} to {after} {prefixed(mine.unit, letter)}"
 
 
 def _for_controller(found: Findings, stated: Stated) -> str:
@@ -274,6 +274,12 @@ def _numbers(
         return "These pulls determine no stiffness and no combination of stiffnesses."
     if not found.row.reason.holds_for_its_readings:
         return "None: the values below do not explain the readings."
+    return entered(stiffness, together)
+
+
+def entered(stiffness: Sequence[Stiffness], together: Sequence[Combination]) -> str:
+    """Stiffnesses to enter, those that are not determined, and those without an upper limit."""
+    good = [joint for joint in stiffness if joint.value is not None]
     lost = [joint.called for joint in stiffness if joint.value is None]
     half = [joint for joint in good if joint.ci95[1] is None]
     whole = [joint for joint in good if joint.ci95[1] is not None]

@@ -37,7 +37,7 @@ def expanded(one: Tip) -> str:
 def tolerated(asked: Tolerance) -> str:
     """The tolerance and what is decided, at the test pose and along the path."""
     decided = " ".join(_decided(asked))
-    return f"At most {asked.deflection_mm:g} mm (ISO 14253-1). {decided}"
+    return f"At most {asked.deflection_mm:g} mm is allowed (ISO 14253-1). {decided}"
 
 
 def _decided(asked: Tolerance) -> Iterator[str]:
@@ -62,7 +62,7 @@ def _along(path: JudgedPath) -> str:
 
 def _stretch(one: Stretch) -> str:
     points = f"pose {one.first}" if one.points == 1 else f"poses {one.first} to {one.last}"
-    return f"{points} {DECIDED[one.decision]}"
+    return f"{DECIDED[one.decision]} at {points}"
 
 
 def _largest(path: JudgedPath) -> str:

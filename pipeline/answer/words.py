@@ -22,7 +22,7 @@ from pipeline.diagnosis.average import LIKELY
 from pipeline.diagnosis.facts import ROUGH, Cause, Drift, Facts
 from pipeline.diagnosis.finding import Finding
 from pipeline.diagnosis.verdict import certain, findings, outside_likelier, two_laws
-from pipeline.machine.effect import Effect, Table
+from pipeline.machine.effect import Effect, Table, in_place
 from pipeline.machine.effects.tracker_drift import GROUP_S, HOUR_S, PER_GROUP
 
 _NOTICED = 1.15
@@ -35,6 +35,10 @@ pull it is elsewhere than was stated (Cook, Technometrics 19, 1977)."""
 
 _RIVALS = 3
 """So many rivals of one cause are listed in a sentence."""
+
+
+_PLACES = 4
+"""So many further wrong rows are told by file and line in a sentence."""
 
 
 def why(facts: Facts) -> str:
@@ -63,8 +67,17 @@ def mistaken(facts: Facts) -> str:
     """The first mistake in the data, and how many more there are."""
     first, *more = facts.mistakes
     were = "1 more mistake was" if len(more) == 1 else f"{len(more)} more mistakes were"
-    others = f", and {were} found" if more else ""
+    at = [place for one in more for place in one.at]
+    where = f" ({_some(at)})" if at else ""
+    others = f", and {were} found{where}" if more else ""
     return f"The data hold a mistake: {first.evidence}{others}. Your files are unchanged."
+
+
+def _some(places: Sequence[str]) -> str:
+    """The first of them, and how many more there are."""
+    more = len(places) - _PLACES
+    rest = [f"{more} more"] if more > 0 else []
+    return listed([*places[:_PLACES], *rest])
 
 
 def wrong(facts: Facts, unseen: int) -> str:
@@ -77,14 +90,15 @@ def wrong(facts: Facts, unseen: int) -> str:
     others = _told(facts)
     if others:
         return f"With the data corrected: {others}" if facts.mistakes else others
-    also = (
-        f" {unseen} possible causes would have gone unnoticed at their usual size; they are listed "
-        "in the report."
-        if unseen
-        else ""
-    )
+    also = f" {unnoticed(unseen)}; they are listed in the report." if unseen else ""
     clear = "Nothing else." if facts.mistakes else "Nothing that these readings show."
     return f"{clear}{also}"
+
+
+def unnoticed(count: int) -> str:
+    """How many causes would not have shown at their usual size."""
+    causes = "1 possible cause" if count == 1 else f"{count} possible causes"
+    return f"{causes} would have gone unnoticed at {'its' if count == 1 else 'their'} usual size"
 
 
 def _told(facts: Facts) -> str:
@@ -276,6 +290,12 @@ def _turn(drift: Drift) -> str:
     return f"{turn * times:.2g}{unit}"
 
 
+def _joint(facts: Facts, where: int | str | None) -> str:
+    """`Joint 3 (A2)`, of which causes are."""
+    cause = next(cause.effect for cause in facts.causes if cause.effect.where == where)
+    return capital(in_place(where, axis=cause.axis).removeprefix(" in "))
+
+
 def _names(causes: Sequence[Cause]) -> str:
     return listed([cause.effect.called for cause in causes])
 
@@ -317,8 +337,8 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
         "not certainly reduce the cross-validation error."
     ),
     Finding.TWO_LAWS: lambda facts: (
-        f"Joint {two_laws(facts)} turns by a law of its own: {_names(facts.causes)} describe it "
-        "only together."
+        f"{_joint(facts, two_laws(facts))} turns by a law of its own: {_names(facts.causes)} "
+        "describe it only together."
     ),
     Finding.RIVALS: _rivals,
     Finding.OUTSIDE_CATALOGUE_POSSIBLE: _outside_possible,

@@ -1,12 +1,14 @@
 """Text of others as we show it and write it: nothing in it may steer a terminal or break a file.
 
 One way each: `printable` for what people read, `in_json`, `in_toml` and `in_xml` for files.
+Sentences of ours put what to type between backticks; `runs` and `quoted` show it without them.
 """
 
 from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterator
 
 _ODD = re.compile(
     "[\x00-\x1f\x7f-\x9f\xad\u0600-\u0605\u061c\u06dd\u070f\u180e\u200b-\u200f\u2028-\u202e"
@@ -45,6 +47,22 @@ _SHORT = {"\n": "\\n", "\r": "\\r", "\t": "\\t"}
 def is_printable(text: str) -> bool:
     """Whether it can be shown as it is."""
     return _ODD.search(text) is None
+
+
+_TYPED = re.compile(r"`((?:pipeline|xacro|dask)\b[^`]*)`")
+"""What to type; a backtick in a name of somebody else's stays one."""
+
+
+def runs(text: str) -> Iterator[tuple[str, bool]]:
+    """The text in pieces, and of each whether it is to be typed as it stands."""
+    for place, piece in enumerate(_TYPED.split(text)):
+        if piece:
+            yield piece, bool(place % 2)
+
+
+def quoted(text: str) -> str:
+    """The text for a terminal: what to type stands in single quotes."""
+    return "".join(f"'{piece}'" if typed else piece for piece, typed in runs(text))
 
 
 def lines(text: str) -> str:

@@ -19,7 +19,7 @@ from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
 from pipeline.faults.fault import Fault
 from pipeline.faults.labels import GROSS_M, unlike
-from pipeline.faults.mistake import Mistake, apart, outlying
+from pipeline.faults.mistake import Mistake, apart, of_group, outlying
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 from pipeline.system import alarms
@@ -91,7 +91,7 @@ def chain_outlier(case: Case) -> list[Mistake]:
             f"{names[0]} and {names[1]} are {1e3 * off.size:.2f} mm farther apart or nearer than "
             f"in the other pulls, {apart(off.sigmas)}"
         )
-        return [_finding(chain, off, names, told, off.size, _end(chain, off.pull))]
+        return [_finding(case, chain, off, names, told, off.size, _end(chain, off.pull))]
     off = _direction(chain)
     if off is not None:
         told = (
@@ -99,7 +99,7 @@ def chain_outlier(case: Case) -> list[Mistake]:
             f"pose put it, {apart(off.sigmas)}"
         )
         size = off.size * float(np.median(_length(chain)))
-        return [_finding(chain, off, names, told, size, _end(chain, off.pull))]
+        return [_finding(case, chain, off, names, told, size, _end(chain, off.pull))]
     return []
 
 
@@ -123,8 +123,10 @@ def chain_gross(case: Case) -> list[Mistake]:
     off = _Off(best, sigmas, float(away[best]), None)
     miss = _misses(chain, best) or (0.0, 0.0)
     if min(miss) > GROSS_M:
-        return [_finding(chain, off, names, told, size, (k, size)) for k, size in enumerate(miss)]
-    return [_finding(chain, off, names, told, off.size, _end(chain, best))]
+        return [
+            _finding(case, chain, off, names, told, size, (k, size)) for k, size in enumerate(miss)
+        ]
+    return [_finding(case, chain, off, names, told, off.size, _end(chain, best))]
 
 
 def _read(case: Case) -> _Chain:
@@ -276,6 +278,7 @@ def _unlike(X: Array, at: Array, others: Bools, pull: int) -> float:
 
 
 def _finding(
+    case: Case,
     chain: _Chain,
     off: _Off,
     names: Sequence[str],
@@ -287,14 +290,16 @@ def _finding(
     if end is not None:
         which, size = names[end[0]], end[1]
         told = f"{told}: {which} is {1e3 * size:.2f} mm off"
+    at = of_group(case, group, names if end is None else {which})
     return outlying(
         f"{group}/{which}",
-        f"in {group} {told}",
+        f"in {group} ({', '.join(at)}) {told}",
         f"computed again without the pull of {group}",
         before=off.sigmas,
         size=size,
         p_value=off.p_value,
         correct=partial(_without_group, group=group),
+        at=at,
     )
 
 

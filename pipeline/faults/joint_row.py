@@ -245,6 +245,7 @@ def _finding(case: Case, read: _Stand, laid: _Laid, k: int) -> Mistake:
         unit="mm",
         size=size,
         correct=partial(_without_pose, pose=int(read.poses[k])),
+        at=(f"{row['file']}:{row['line']}",),
     )
 
 

@@ -13,7 +13,7 @@ from pipeline.base.arrays import Array
 from pipeline.base.linear import rigid
 from pipeline.faults.conventions import FEWEST_POSES, pairs, unloaded
 from pipeline.faults.fault import Fault
-from pipeline.faults.mistake import Mistake
+from pipeline.faults.mistake import Mistake, of_group
 from pipeline.machine.robot import configure
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
@@ -68,7 +68,7 @@ def _measured(case: Case, R: Array, t: Array) -> Iterator[Mistake]:
         state = case.readings[case.readings["group"] == group]
         swaps = list(_swaps(wrong[wrong["group"] == group], state, places, 3 * usual))
         if swaps:
-            yield _finding(str(group), swaps, off, rows)
+            yield _finding(case, str(group), swaps, off, rows)
 
 
 def _swaps(
@@ -84,22 +84,26 @@ def _swaps(
             yield str(name), other
 
 
-def _finding(group: str, swaps: list[tuple[str, str]], off: Array, rows: pd.DataFrame) -> Mistake:
+def _finding(
+    case: Case, group: str, swaps: list[tuple[str, str]], off: Array, rows: pd.DataFrame
+) -> Mistake:
     names = dict(swaps)
     names |= {b: a for a, b in swaps if b not in names}
     before = 1e3 * float(off[(rows["group"] == group).to_numpy()].max())
     after = 1e3 * float(np.median(off))
     said = " and ".join(sorted(set(names)))
+    at = of_group(case, group, set(names))
     return Mistake(
         name="label_swap",
         where=group,
-        evidence=f"in {group} the names {said} are exchanged: as given a reflector stands "
-        f"{before:.0f} mm from where it should be, where the other one is",
+        evidence=f"in {group} the names {said} ({', '.join(at)}) are exchanged: as given a "
+        f"reflector stands {before:.0f} mm from where it should be, where the other one is",
         correction=f"computed again with {said} of {group} exchanged",
         before=before,
         after=after,
         unit="mm",
         correct=partial(_exchanged, groups=[group], true=names),
+        at=at,
     )
 
 
@@ -168,16 +172,19 @@ def _chain(case: Case, R: Array, t: Array) -> Iterator[Mistake]:
     reversed_ = reversed_ & ~unlike(case)["gross"].reindex(table["group"]).to_numpy(bool)
     near, far = case.settings.naming.chain
     for group, a, b in table[reversed_].itertuples(index=False, name=None):
+        at = of_group(case, str(group), (near, far))
         yield Mistake(
             name="label_swap",
             where=str(group),
-            evidence=f"in {group} the names {near} and {far} are exchanged: {near} is "
-            f"{1e3 * a:.0f} mm from the load point and {far} {1e3 * b:.0f} mm, against all others",
+            evidence=f"in {group} the names {near} and {far} ({', '.join(at)}) are exchanged: "
+            f"{near} is {1e3 * a:.0f} mm from the load point and {far} {1e3 * b:.0f} mm, against "
+            "all others",
             correction=f"computed again with {near} and {far} of {group} exchanged",
             before=1e3 * a,
             after=1e3 * b,
             unit="mm",
             correct=partial(_exchanged, groups=[str(group)], true={near: far, far: near}),
+            at=at,
         )
 
 

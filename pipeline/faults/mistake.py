@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +27,7 @@ class Mistake:
         beside_model: The evidence is a residual of the joint springs, which a richer model may
             explain.
         correct: The corrected campaign.
+        at: Where what is accused stands, `file:line`; nothing where it is no single row.
     """
 
     name: str
@@ -41,6 +42,7 @@ class Mistake:
     size_unit: str = "1"
     p_value: float | None = None
     beside_model: bool = False
+    at: tuple[str, ...] = ()
 
     @property
     def of_reading(self) -> bool:
@@ -51,6 +53,13 @@ class Mistake:
     def may_be_noise(self) -> bool:
         """Whether it does so by a probability, which heavy tails change."""
         return self.of_reading and self.unit == "sigma" and self.p_value is not None
+
+
+def of_group(case: Case, group: str, targets: Collection[str]) -> tuple[str, ...]:
+    """Where the readings of some targets of a group stand: `file:line`."""
+    rows = case.readings
+    rows = rows[(rows["group"] == group) & rows["target"].isin(targets)]
+    return tuple(f"{file}:{line}" for file, line in zip(rows["file"], rows["line"], strict=True))
 
 
 _FAR = 1000.0

@@ -282,6 +282,7 @@ def bad_reading(
         p_value=p,
         beside_model=beside_model,
         correct=partial(without, file=str(row["file"]), line=int(row["line"])),
+        at=(f"{row['file']}:{row['line']}",),
     )
 
 

@@ -179,6 +179,7 @@ def _finding(
         p_value=p,
         beside_model=True,
         correct=partial(_without, pose=pose, repeat=repeat),
+        at=(f"{row['file']}:{row['line']}",),
     )
 
 

@@ -24,6 +24,7 @@ def stale(case: Case) -> list[Mistake]:
             before=0.0,
             unit="mm",
             correct=lambda case: case,
+            at=(f"{one.file}:{one.line}",),
         )
         for one in case.stale
         if (one.file, one.line) not in used

@@ -8,9 +8,10 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from pipeline.answer.contract import About, Answer
+from pipeline.answer.tolerated import tolerated
 from pipeline.answer.words import ABOUT
 from pipeline.report import words
-from pipeline.report.record import Item, Report, Section, present, unlabelled
+from pipeline.report.record import Headline, Item, Report, Section, present, unlabelled
 from pipeline.report.sections.cell import cell
 from pipeline.report.sections.diagnosis import diagnosis
 from pipeline.report.sections.enough import enough
@@ -63,7 +64,7 @@ def compose(
             budget(answer),
             enough(answer, tables),
             registration(answer, tables),
-            reliability(tables),
+            reliability(answer, tables),
             letters(answer),
             rejected(answer),
         ]
@@ -77,6 +78,7 @@ def compose(
         tone=tone,
         first=(*_first(answer), *([Item("Wear", wear)] if wear else [])),
         sections=present(sections),
+        judged=_judged(answer),
         elsewhere="The same stands in index.html and report.pdf, the numbers in result.json.",
         run_time=None if run_time_s is None else f"{run_time_s:.1f} s",
     )
@@ -88,8 +90,20 @@ def _first(answer: Answer) -> tuple[Item, ...]:
     if not lines:
         return unlabelled(*answer.verdict_sentence)
     return tuple(
-        Item("" if one.about is About.VERDICT else ABOUT[one.about], one.text) for one in lines
+        Item("" if one.about is About.VERDICT else ABOUT[one.about], one.text)
+        for one in lines
+        if answer.tolerance is None or one.about is not About.TOLERANCE
     )
+
+
+def _judged(answer: Answer) -> Headline | None:
+    """Whether the robot may machine, which is asked before what its model is worth."""
+    worst = None if answer.tolerance is None else answer.tolerance.worst
+    if answer.tolerance is None or worst is None:
+        return None
+    doubtful = words.VERDICTS[answer.diagnosis.verdict][1] == "bad"
+    word, tone = words.JUDGED[worst, doubtful]
+    return Headline(word, tone, tolerated(answer.tolerance))
 
 
 _ABOUT = {False: "Joint stiffness", True: "Where the robot stands"}

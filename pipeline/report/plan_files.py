@@ -7,6 +7,7 @@ import numpy as np
 from pipeline.design.control import controls
 from pipeline.design.curves import ByAnchor, BySize, by_anchor, by_size
 from pipeline.design.propose import Proposal
+from pipeline.report import words
 from pipeline.report.figures.plan import anchor_curve, pose_picture, sight_chart, size_curves
 from pipeline.report.plan_sheet import MM, Extras, sheet
 from pipeline.report.render import page, pdf
@@ -65,7 +66,7 @@ def _drawn(proposal: Proposal, extras: Extras) -> dict[str, Drawing]:
         f"pose-{number + 1}": pose_picture(problem, measurement, number)
         for number in range(len(measurement.q))
     }
-    out["sights"] = sight_chart(extras.sights)
+    out["sights"] = sight_chart(extras.sights, words.axes_of(proposal.problem.robot))
     scale, unit = (MM, " [mm]") if problem.criterion.unit == "m" else (1.0, "")
     label = f"{problem.criterion.meaning[0].upper()}{problem.criterion.meaning[1:]}{unit}"
     if extras.sizes is not None:

@@ -93,7 +93,7 @@ def sheet(proposal: Proposal, extras: Extras, seconds: float) -> Report:
                 _driving(problem, measurement),
                 *_pulling(problem, measurement),
                 _telling(proposal, extras),
-                _seeing(extras.sights),
+                _seeing(extras.sights, words.axes_of(problem.robot)),
                 _controlling(problem, extras.controls),
                 _assumptions(problem),
             ]
@@ -335,12 +335,12 @@ def _curves(proposal: Proposal, extras: Extras) -> list[Block]:
     return out
 
 
-def _seeing(sights: list[Sight]) -> Section | None:
+def _seeing(sights: list[Sight], axes: words.Axes) -> Section | None:
     columns: list[Cells[Sight]] = [
-        said("Cause", lambda sight: words.from_twins(sight.name)),
+        said("Cause", lambda sight: words.from_twins(sight.name, axes)),
         (Column("Noticed from", numeric=True), lambda sight: _times(sight.detected_from)),
         (Column("Named from", numeric=True), lambda sight: _times(sight.named_from)),
-        said("Hardest to tell from", lambda sight: words.from_twins(sight.rival)),
+        said("Hardest to tell from", lambda sight: words.from_twins(sight.rival, axes)),
         said("What would settle it", lambda sight: "" if sight.named_from <= 1 else sight.needs),
     ]
     table = table_of(

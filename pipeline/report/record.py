@@ -128,6 +128,29 @@ def unlabelled(*texts: str) -> tuple[Item, ...]:
     return tuple(Item("", text) for text in texts)
 
 
+TONES = ("good", "neutral", "attention", "bad")
+"""From the best to the worst."""
+
+
+@dataclass(frozen=True)
+class Headline:
+    """What is decided, in a few words, and what it rests on.
+
+    Attributes:
+        word: In a few words.
+        tone: One of `TONES`.
+        text: What it rests on.
+    """
+
+    word: str
+    tone: str
+    text: str
+
+    def __post_init__(self) -> None:
+        """Set numbers and units as they are printed."""
+        object.__setattr__(self, "text", typeset(self.text))
+
+
 @dataclass(frozen=True)
 class Report:
     """Everything that is said on one page.
@@ -137,11 +160,12 @@ class Report:
         heading: Its heading, a campaign's name.
         title: Title of page and PDF, complete in itself.
         verdict: The verdict in a few words.
-        tone: `good`, `attention`, `bad` or `neutral`.
+        tone: Of the verdict, one of `TONES`.
         first: The first screen, line by line, the verdict first.
         sections: The rest, in order of use.
         elsewhere: Where else to find what stands here.
         run_time: How long the run took, or None.
+        judged: What a tolerance decides, told before the verdict; None without one.
     """
 
     kicker: str
@@ -153,6 +177,13 @@ class Report:
     sections: tuple[Section, ...]
     elsewhere: str = ""
     run_time: str | None = None
+    judged: Headline | None = None
+
+    @property
+    def worst(self) -> str:
+        """The worst tone of what the first screen begins with: no colour promises more."""
+        tones = (self.tone, *([self.judged.tone] if self.judged else []))
+        return max(tones, key=TONES.index)
 
     @property
     def figures(self) -> tuple[Figure, ...]:

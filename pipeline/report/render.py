@@ -18,6 +18,7 @@ from markupsafe import Markup
 from pipeline.answer.contract import Answer
 from pipeline.answer.worn import Robot
 from pipeline.base.quantities import typeset
+from pipeline.base.shown import runs
 from pipeline.base.version import __version__
 from pipeline.report.record import Block, Report, Table
 
@@ -87,6 +88,7 @@ def page(
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
+    environment.filters["words"] = _words
     safe = {name: Markup(svg) for name, svg in drawings.items()}
     return environment.from_string(_text("page.html.jinja")).render(
         report=_typeset(report),
@@ -99,12 +101,18 @@ def page(
     )
 
 
+def _words(text: str) -> Markup:
+    """A sentence in HTML, what to type as code."""
+    code = Markup("<code>{}</code>")
+    return Markup().join(code.format(one) if typed else one for one, typed in runs(text))
+
+
 def pdf(report: Report, drawings: Mapping[str, str]) -> bytes:
     """The report as tagged PDF (PDF/UA-1); all words travel as data, none as markup."""
     import matplotlib
     import typst
 
-    said = asdict(_typeset(report)) | {"version": __version__}
+    said = asdict(_typeset(report)) | {"version": __version__, "worst": report.worst}
     fonts = f"{matplotlib.get_data_path()}/fonts/ttf"  # the face that the figures are set in
     compiled = typst.compile(  # type: ignore[call-overload]  # its own stub lacks bytes
         _text("page.typ").encode(),

@@ -85,10 +85,11 @@ class Course:
     by_chance: float
 
 
-def courses(tables: Tables) -> tuple[pd.DataFrame, list[Course]]:
+def courses(tables: Tables, axes: Mapping[int, str]) -> tuple[pd.DataFrame, list[Course]]:
     """Residuals [mm] beside rail position, torque and time, as far as the campaign has them.
 
-    The torque is that of the joint in which the suspect with the most evidence sits.
+    The torque is that of the joint in which the suspect with the most evidence sits; `axes` has the
+    controller's names of the joints, by number.
 
     Returns:
         Rows with `mm` (joint springs) and `mm_extended` (identified causes), and what to hold them
@@ -104,7 +105,9 @@ def courses(tables: Tables) -> tuple[pd.DataFrame, list[Course]]:
     best = known.get("where", pd.Series(dtype=str)).astype(str)
     number = next((int(where) for where in best if where.isdigit()), 0)
     if 0 < number <= len(joints):
-        against.append((joints[number - 1], f"torque about {joints[number - 1][4:]}", "N m"))
+        name = joints[number - 1]
+        about = f"{axes[number]} ({name[4:]})" if number in axes else name[4:]
+        against.append((name, f"torque about {about}", "N m"))
     against.append(("time_s", "time", "s"))
     told = [_course(rows, *one) for one in against if one[0] in rows and _varies(rows[one[0]])]
     return rows, told

@@ -5,6 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator
 
+from pipeline.base.shown import quoted
 from pipeline.report.record import Figure, Report, Table, Text
 
 _WIDTH = 96
@@ -12,11 +13,14 @@ _WIDTH = 96
 
 def as_text(report: Report) -> str:
     """The words and tables of a report; of figures, what they show."""
-    return "\n".join(_lines(report)) + "\n"
+    return quoted("\n".join(_lines(report)) + "\n")
 
 
 def _lines(report: Report) -> Iterator[str]:
-    yield from (report.title, "=" * len(report.title), "", report.verdict)
+    yield from (report.title, "=" * len(report.title), "")
+    if report.judged is not None:
+        yield from (report.judged.word, *textwrap.wrap(report.judged.text, _WIDTH))
+    yield report.verdict
     for one in report.first:
         yield from textwrap.wrap(f"{one.label}: {one.text}" if one.label else one.text, _WIDTH)
     for section in report.sections:

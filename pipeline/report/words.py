@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 
 from pipeline.answer.contract import Answer, Data, Placed, Values, Which
 from pipeline.base.quantities import known, plain
 from pipeline.machine.effect import in_place
+from pipeline.machine.robot import Robot
+from pipeline.machine.robot.axes import alone
+from pipeline.prediction.decision import Decision
 
 
 @cache
@@ -51,6 +55,17 @@ VERDICTS = {
     "bad_data": ("The data need attention", "bad"),
 }
 
+_OUT = ("Out of tolerance", "bad")
+_OPEN = ("Neither in nor out of tolerance for certain", "attention")
+
+JUDGED = {
+    (Decision.PASS, False): ("Within tolerance", "good"),
+    (Decision.PASS, True): ("Within tolerance only if the model below holds", "attention"),
+    **{(Decision.UNDECIDED, doubtful): _OPEN for doubtful in (False, True)},
+    **{(Decision.FAIL, doubtful): _OUT for doubtful in (False, True)},
+}
+"""What a tolerance decides, and its tone; second whether the verdict on data or model is bad."""
+
 MODELS = {
     "joint_springs": "joint springs",
     "extended": "with the identified causes",
@@ -74,15 +89,36 @@ def label(one: Placed) -> str:
     return one.name if one.where is None else f"{one.name} {one.where}"
 
 
-def from_label(text: str) -> str:
+Axes = Mapping[int, str]
+"""Axis of the controller by number of the joint; empty where the robot file maps none."""
+
+
+def axes_of(robot: Robot) -> Axes:
+    """Those of a robot that no answer is about yet."""
+    return {joint: axis for joint, axis in enumerate(alone(robot), 1) if axis}
+
+
+def from_label(text: str, axes: Axes) -> str:
     """A cause in words from its label, `joint_tilt:2` or `joint_tilt`."""
     name, _, where = text.partition(":")
-    return cause(name, int(where) if where.isdigit() else where or None)
+    return at(name, int(where) if where.isdigit() else where or None, axes)
 
 
-def from_twins(text: str) -> str:
+def at(name: str, where: int | str | None, axes: Axes) -> str:
+    """A cause in words with its place, which has the controller's name where there is one."""
+    return cause(name, where, axes.get(where) if isinstance(where, int) else None)
+
+
+def from_twins(text: str, axes: Axes) -> str:
     """Causes that nothing tells apart, `joint_tilt:7 = tool_flex`, in words."""
-    return " = ".join(from_label(label) for label in text.split(" = "))
+    return " = ".join(from_label(label, axes) for label in text.split(" = "))
+
+
+def parameter(answer: Answer, name: str) -> str:
+    """`A1 (k_theta2)` for `k_theta2`, `A1 (c_theta2)` for `c_theta2`; others as they are."""
+    _, _, joint = name.partition("_")
+    axis = next((one.axis for one in answer.stiffness if one.joint_name == joint), None)
+    return f"{axis} ({name})" if axis else name
 
 
 def source(name: str) -> str:

@@ -13,7 +13,7 @@ import typer
 from typer import Argument, Option
 
 from pipeline.base.errors import UsageError
-from pipeline.base.shown import lines
+from pipeline.base.shown import lines, quoted
 
 if TYPE_CHECKING:
     from pipeline.app.outcome import Outcome
@@ -75,7 +75,7 @@ def show(outcome: Outcome, as_json: bool) -> None:
 
 def fitted(text: str, stream: TextIO) -> str:
     """What can be shown, with long lines broken between words on a terminal only."""
-    text = lines(text)
+    text = quoted(lines(text))
     if not stream.isatty():
         return text
     width = max(40, shutil.get_terminal_size().columns)

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure as Canvas
 
 from pipeline.answer.contract import Answer
 from pipeline.base.quantities import plain
-from pipeline.diagnosis.facts import APART
+from pipeline.diagnosis.facts import APART, DETECTED
 from pipeline.report import words
 from pipeline.report.figures.marks import Tips, dots, integer_ticks, legend_above
 from pipeline.report.figures.plot import Plot
@@ -32,7 +32,7 @@ def _draw_evidence(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     size = best["log_evidence"].to_numpy(float)
     axes.barh(at, size, color=np.where(named, RED, BLUE).tolist(), height=0.7, gid="evidence")
     axes.axvline(3, color=MUTED, linewidth=1, linestyle="--")
-    said = [_cause_in_words(row) for _, row in best.iterrows()]
+    said = [_cause_in_words(row, answer) for _, row in best.iterrows()]
     axes.set_yticks(at, [f"{s} (identified)" if n else s for s, n in zip(said, named, strict=True)])
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
@@ -44,7 +44,7 @@ def _draw_evidence(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
 def _draw_separability(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """A triangle of squares, dark where two causes are alike."""
     apart = separability(tables["separability"])
-    names, n = [words.from_label(label) for label in apart.index], len(apart)
+    names, n = [words.from_label(label, answer.axes) for label in apart.index], len(apart)
     beside = 0.062 * max(map(len, names))
     canvas.set_size_inches(max(5.6, 0.4 + _SQUARE * n + beside), 0.6 + _SQUARE * n + beside)
     axes = canvas.subplots()
@@ -93,9 +93,9 @@ def _draw_gain(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     return tips
 
 
-def _cause_in_words(suspect: Any) -> str:
+def _cause_in_words(suspect: Any, answer: Answer) -> str:
     """A row of table DIAGNOSIS in words."""
-    return words.from_label(f"{suspect['name']}:{suspect['where']}")
+    return words.from_label(f"{suspect['name']}:{suspect['where']}", answer.axes)
 
 
 def _write_gain(answer: Answer, tables: Tables) -> Figure | None:
@@ -124,7 +124,7 @@ def _write_evidence(answer: Answer, tables: Tables) -> Figure | None:
         return None
     first = best.iloc[0]
     said = (
-        f"By itself {_cause_in_words(first)} has the most evidence, "
+        f"By itself {_cause_in_words(first, answer)} has the most evidence, "
         f"{plain(first['log_evidence'], 2)}; {int((best['log_evidence'] > 3).sum())} of "
         f"{len(tables['diagnosis'])} suspects lie above 3."
     )
@@ -143,24 +143,28 @@ def _apart(sigmas: float) -> str:
 
 
 def _write_separability(answer: Answer, tables: Tables) -> Figure | None:
-    apart, whole = separability(tables["separability"]), tables["separability"]["cause"].nunique()
+    apart = separability(tables["separability"])
     if len(apart) < 2:
         return None
     rows, columns = np.tril_indices(len(apart), -1)
     sigmas = apart.to_numpy()[rows, columns]
     close, order = int((sigmas < APART).sum()), np.argsort(sigmas, kind="stable")
-    first, second = (words.from_label(apart.index[at[order[0]]]) for at in (rows, columns))
+    first, second = (
+        words.from_label(apart.index[at[order[0]]], answer.axes) for at in (rows, columns)
+    )
     said = (
-        f"{len(apart)} of {whole} causes would show at their typical size. Of their {len(sigmas)} "
-        f"pairs {close} could then not be told apart by these readings; the closest are {first} "
-        f"and {second}, {_apart(sigmas[order[0]])} standard deviations from each other."
+        f"Of the {len(sigmas)} pairs of the {len(apart)} causes compared, {close} could not be "
+        f"distinguished by these readings; the closest are {first} and {second}, "
+        f"{_apart(sigmas[order[0]])} standard deviations apart."
     )
     return Figure(
         "separability",
-        "Which causes these readings can tell apart",
-        f"{said} Each square compares two possible causes. Faint: this campaign can tell them "
-        f"apart. Strong: it cannot, and the pair needs another pose or another sensor. Above "
-        f"{APART} standard deviations the right one is chosen in 95 % of cases.",
+        "Which causes these readings can distinguish",
+        f"{said} Compared are the causes that at their usual size are at least {DETECTED:g} "
+        f"standard deviations above the scatter, so that they are almost certainly detected. Each "
+        f"square is one pair. Pale: this campaign distinguishes the two. Dark: it does not, and "
+        f"the pair needs another pose or another sensor. Above {APART} standard deviations the "
+        f"right one is chosen in 95 % of the cases.",
         f"Triangular map of the distances between {len(apart)} causes. {said}",
     )
 

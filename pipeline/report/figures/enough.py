@@ -9,6 +9,7 @@ from matplotlib.figure import Figure as Canvas
 from pipeline.answer.contract import Answer
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import percent, plain
+from pipeline.report import words
 from pipeline.report.figures.marks import MARKERS, Tips, dots, legend_above
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure
@@ -19,17 +20,17 @@ _ALIKE = 0.7
 """Correlation from which two estimates are told as going together."""
 
 
-def _curves(tables: Tables) -> pd.DataFrame:
+def _curves(answer: Answer, tables: Tables) -> pd.DataFrame:
     """Relative standard uncertainty, a row per number of poses; parameters with a value only."""
     wide = tables["enough"].pivot(index="poses", columns="parameter", values="relative_std")
     names = dict.fromkeys(tables["enough"]["parameter"])
     known = [name for name in names if np.isfinite(wide[name].to_numpy(float)).any()]
-    return wide[known]
+    return wide[known].rename(columns=lambda name: words.parameter(answer, str(name)))
 
 
 def _draw_enough(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """A falling curve for each stiffness; its last step, dashed, is every pose once more."""
-    curves = _curves(tables)
+    curves = _curves(answer, tables)
     axes = canvas.subplots()
     counts = curves.index.to_numpy(float)
     tips: Tips = {}
@@ -57,7 +58,7 @@ def _draw_enough(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
 
 
 def _write_enough(answer: Answer, tables: Tables) -> Figure | None:
-    curves = _curves(tables)
+    curves = _curves(answer, tables)
     if curves.empty or len(curves) < 3:
         return None
     half, now, twice = (curves.iloc[_row(curves, share)] for share in (0.5, 1.0, 2.0))
@@ -87,19 +88,19 @@ def _known(share: float) -> str:
     return percent(share) if np.isfinite(share) else "no value"
 
 
-def _correlation(tables: Tables) -> tuple[list[str], Array]:
+def _correlation(answer: Answer, tables: Tables) -> tuple[list[str], Array]:
     """Names of the parameters that are determined, and their correlation, (k, k)."""
     table = tables["covariance"]
     cov = table[list(table["parameter"])].to_numpy(float)
     std = np.sqrt(np.diag(cov))
     kept = np.flatnonzero(np.isfinite(std) & (std > 0))
-    names = [str(table["parameter"].iloc[k]) for k in kept]
+    names = [words.parameter(answer, str(table["parameter"].iloc[k])) for k in kept]
     return names, np.asarray(cov[np.ix_(kept, kept)] / np.outer(std[kept], std[kept]))
 
 
 def _draw_correlation(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """A square for each pair, as large as its correlation."""
-    names, r = _correlation(tables)
+    names, r = _correlation(answer, tables)
     n = len(names)
     canvas.set_size_inches(5.6, 1.3 + 0.28 * n)
     axes = canvas.subplots()
@@ -127,7 +128,7 @@ def _draw_correlation(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
 
 
 def _write_correlation(answer: Answer, tables: Tables) -> Figure | None:
-    names, r = _correlation(tables)
+    names, r = _correlation(answer, tables)
     if len(names) < 2:
         return None
     rows, columns = np.tril_indices(len(names), -1)

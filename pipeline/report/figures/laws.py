@@ -91,7 +91,7 @@ def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
         name = capital(_NAMES[first["is"]]) if first["is"] in _NAMES else first["is"]
         view.set(xlabel=f"{capital(_NAMES[first['of']])} [{first['x_unit']}]")
         view.set_ylabel(f"{name} [{unit}]" if unit else name)
-        title(view, words.from_label(str(first["cause"])))
+        title(view, words.from_label(str(first["cause"]), answer.axes))
     legend_below(canvas)
     return tips
 
@@ -102,7 +102,7 @@ def _write(answer: Answer, tables: Tables) -> Figure | None:
         return None
     causes = pd.concat(told).groupby("cause", sort=False)
     parts = [
-        f"{words.from_label(str(label))} explains {percent(_explained(rows))}"
+        f"{words.from_label(str(label), answer.axes)} explains {percent(_explained(rows))}"
         for label, rows in causes
     ]
     said = f"Of what the pulls say by themselves {', '.join(parts)}."

@@ -109,10 +109,10 @@ def anchor_curve(curve: ByAnchor, scale: float, label: str, name: str = "anchor"
     return drawn(name, draw)
 
 
-def sight_chart(sights: list[Sight], name: str = "sights") -> Drawing:
+def sight_chart(sights: list[Sight], axes_of: words.Axes, name: str = "sights") -> Drawing:
     """From which size on each cause is noticed and named, in multiples of its typical size."""
     shown = sorted(sights, key=lambda sight: -min(sight.named_from, 1e6))
-    names = [words.from_twins(sight.name) for sight in shown]
+    names = [words.from_twins(sight.name, axes_of) for sight in shown]
 
     def draw(canvas: Canvas) -> Tips:
         canvas.set_size_inches(5.6, 0.9 + 0.15 * len(shown))

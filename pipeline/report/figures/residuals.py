@@ -75,7 +75,7 @@ def _coordinate(row: Any) -> str:
 
 def _draw_residual_course(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """Every residual coordinate over rail position, torque and time."""
-    rows, told = courses(tables)
+    rows, told = courses(tables, answer.axes)
     canvas.set_size_inches(5.6, 0.5 + 1.5 * len(told))
     views = canvas.subplots(len(told), 1, sharey=True, squeeze=False)[:, 0]
     kinds = [("mm", "o", 10, BLUE, "joint springs")]
@@ -158,7 +158,7 @@ def _write_residual_force(answer: Answer, tables: Tables) -> Figure | None:
 def _write_residual_course(answer: Answer, tables: Tables) -> Figure | None:
     if "residual_extended_m" not in tables["examined"]:
         return None
-    _, told = courses(tables)
+    _, told = courses(tables, answer.axes)
     if not told:
         return None
     said = "Steps of " + ", ".join(

@@ -63,12 +63,12 @@ def _draw_stiffness(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     near = np.abs(other - shown.mean()) < np.ptp(shown)  # a wrong unit would squeeze all others
     axes.scatter(other[near], at[near], facecolors="none", edgecolors=MUTED, s=34, zorder=2)
     axes.scatter(share[~beyond], at[~beyond], color=BLUE, s=26, gid="share", zorder=3)
-    axes.set_yticks(at, [joint.name for joint in joints])
+    axes.set_yticks(at, [joint.called for joint in joints])
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("Stiffness [% of nominal]")
     said = [
-        f"{joint.name}: {plain(s)} % of nominal, "
+        f"{joint.called}: {plain(s)} % of nominal, "
         + (f"{plain(a)} % to {plain(b)} %" if np.isfinite(b) else f"above {plain(a)} %")
         for joint, s, a, b in zip(joints, share, low, high, strict=True)
     ]
@@ -91,9 +91,9 @@ def _of_nominal(value: float | None, joint: Stiffness) -> float:
 
 def _extremes(joints: Sequence[Stiffness]) -> str:
     """Who is furthest from nominal, and who is known least, those without a limit apart."""
-    off = {joint.name: _of_nominal(joint.value, joint) for joint in joints}
-    std = {joint.name: _of_nominal(joint.std, joint) for joint in joints}
-    endless = [joint.name for joint in joints if joint.ci95[1] is None]
+    off = {joint.called: _of_nominal(joint.value, joint) for joint in joints}
+    std = {joint.called: _of_nominal(joint.std, joint) for joint in joints}
+    endless = [joint.called for joint in joints if joint.ci95[1] is None]
     compared = [name for name in off if name not in endless] or list(off)
     softest, stiffest = min(compared, key=off.__getitem__), max(compared, key=off.__getitem__)
     widest = max(compared, key=std.__getitem__)

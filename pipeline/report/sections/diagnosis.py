@@ -47,14 +47,14 @@ def diagnosis(answer: Answer, tables: Tables) -> Section | None:
     shared = _shared_gain(found.causes)
     blocks: list[Block | None] = [Text(found.why)]
     for place, one in enumerate(found.causes, 1):
-        blocks += _cause(place, one, with_gain=not shared)
+        blocks += _cause(place, one, answer.axes, with_gain=not shared)
     blocks += [
         _alone(found.alone),
         Text(shared) if shared else None,
         *figures(("laws", "gain", "evidence", "separability"), answer, tables),
-        next_poses(found.next_poses, found.next_poses_in),
+        next_poses(found.next_poses, found.next_poses_in, answer.axes),
         next_joint_values(found.next_poses, answer.stiffness),
-        blind_spots(found.blind_spots),
+        *blind_spots(found.blind_spots),
     ]
     return section_of("diagnosis", _TITLES[found.verdict], blocks)
 
@@ -65,12 +65,12 @@ def _shared_gain(causes: Sequence[Cause]) -> str:
     return _gain_sentences("all causes", causes[0]) if len(causes) > 1 and len(worth) == 1 else ""
 
 
-def _cause(place: int, one: Cause, with_gain: bool) -> list[Block | None]:
+def _cause(place: int, one: Cause, axes: words.Axes, with_gain: bool) -> list[Block | None]:
     facts = [
         _evidence_sentences(one.evidence) if one.evidence else "",
         f"Signature: {one.signature}." if one.signature else "",
         _probability_sentence(one),
-        _unnamed_sentence(one.outside_catalogue) if one.outside_catalogue else "",
+        _unnamed_sentence(one.outside_catalogue, axes) if one.outside_catalogue else "",
         _size_sentence(one.parameters),
         _gain_sentences("it", one) if with_gain else "",
         f"What would settle it: {one.needs}." if one.needs else "",
@@ -95,11 +95,11 @@ def _alone(single: Sequence[Alone]) -> Table | None:
     return table_of("alone", "Each cause by itself", columns, better)
 
 
-def _unnamed_sentence(other: Unnamed) -> str:
+def _unnamed_sentence(other: Unnamed, axes: words.Axes) -> str:
     """How likely it is none of the known causes, and which of those do as well."""
     said = []
     if other.probability >= _WORTH_SAYING:
-        looks = words.cause(other.looks_like, other.where)
+        looks = words.at(other.looks_like, other.where, axes)
         chance = probability(other.probability)
         said.append(
             f"The probability that it is none of the known causes is {chance}; it resembles "

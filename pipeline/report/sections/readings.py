@@ -65,7 +65,7 @@ def _budget_table(joints: Sequence[Stiffness]) -> Table | None:
 
 def _shares_of(joint: Stiffness) -> Cells[str]:
     shares = {part.source: 100 * part.share for part in joint.budget}
-    return number(f"{joint.name} [%]", shares.get, _percent)
+    return number(f"{joint.axis or joint.name} [%]", shares.get, _percent)
 
 
 def _percent(share: float | None) -> str:
@@ -168,11 +168,13 @@ def _growth_text(grown: Growth | None) -> str:
     return f" A metre of the base frame is longer by {size} mm, by {from_what}."
 
 
-def reliability(tables: Tables) -> Section | None:
+def reliability(answer: Answer, tables: Tables) -> Section | None:
     """Which readings the others control least, and the harm that one of them may do unnoticed."""
     if not has(tables, "reliability"):
         return None
     single = tables["reliability"].dropna(subset=["reading"])
+    most = [words.parameter(answer, str(name)) for name in single["moves_most"]]
+    single = single.assign(moves_most=most)
     return section_of("reliability", "Reliability of the readings", [_harm(single), _least(single)])
 
 

@@ -205,6 +205,7 @@ def _believed(cause: Believed) -> str:
 
 def _compliance_table(joints: Sequence[Stiffness]) -> Table | None:
     columns: list[Cells[Stiffness]] = [
+        *_axis_columns(joints),
         _JOINT,
         measured("Compliance ± standard uncertainty", lambda j: (j.compliance, j.compliance_std)),
         said("Unit", lambda joint: prefixed(joint.compliance_unit, "")),

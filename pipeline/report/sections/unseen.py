@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 
-from pipeline.answer.contract import BlindSpot, Cell, JointType, NextPose, Stiffness
+from pipeline.answer.contract import AxisValue, BlindSpot, Cell, JointType, NextPose, Stiffness
+from pipeline.answer.words import unnoticed
 from pipeline.base.quantities import common_prefix, plain, prefixed
 from pipeline.diagnosis.facts import APART
 from pipeline.report import words
 from pipeline.report.columns import Cells, number, roughly, said, table_of
-from pipeline.report.record import Column, Table, entry
+from pipeline.report.record import Block, Column, Table, Text, entry, present
 
 _ARRIVES = {1.0: "carriage arrives with r rising", -1.0: "carriage arrives with r falling"}
 
@@ -19,11 +20,11 @@ _WIDE = 300.0
 _Numbered = tuple[int, NextPose]
 
 
-def next_poses(poses: Sequence[NextPose], cell: Cell | None) -> Table | None:
+def next_poses(poses: Sequence[NextPose], cell: Cell | None, axes: words.Axes) -> Table | None:
     """The proposed poses and what each of them would tell apart; None without any."""
     columns: list[Cells[_Numbered]] = [
         number("Pose", lambda one: one[0], str),
-        said("Distinguishes", lambda one: " / ".join(map(words.from_label, one[1].separates))),
+        said("Distinguishes", lambda one: _pair(one[1], axes)),
         number("Pull up to [N]", lambda one: one[1].force_n),
         said("How", lambda one: _how(one[1])),
         number("Separation now [σ]", lambda one: one[1].sigmas_before, roughly),
@@ -35,6 +36,10 @@ def next_poses(poses: Sequence[NextPose], cell: Cell | None) -> Table | None:
         f"{_settles(poses)}{_fits(cell)}"
     )
     return table_of("next-poses", "What to measure next", columns, enumerate(poses, 1), note)
+
+
+def _pair(pose: NextPose, axes: words.Axes) -> str:
+    return " / ".join(words.from_label(label, axes) for label in pose.separates)
 
 
 def _settles(poses: Sequence[NextPose]) -> str:
@@ -63,57 +68,100 @@ def _how(pose: NextPose) -> str:
 
 
 def next_joint_values(poses: Sequence[NextPose], joints: Sequence[Stiffness]) -> Table | None:
-    """Their joint values [m] and [deg]; None without any."""
+    """Where axes or joints stand in them [m] and [deg]; None without any."""
+    first = poses[0].axes if poses else ()
+    places = range(len(first or joints))
     columns: list[Cells[_Numbered]] = [
         number("Pose", lambda one: one[0], str),
-        *(_coordinate(joint, place) for place, joint in enumerate(joints)),
+        *(_of_axis(first[k], k) if first else _of_joint(joints[k], k) for k in places),
     ]
-    return table_of("next-joints", "Joint values of these poses", columns, enumerate(poses, 1))
+    title = "Axis values of these poses" if first else "Joint values of these poses"
+    return table_of("next-joints", title, columns, enumerate(poses, 1))
 
 
-def _coordinate(joint: Stiffness, place: int) -> Cells[_Numbered]:
+def _of_axis(axis: AxisValue, place: int) -> Cells[_Numbered]:
+    title = f"{axis.name} [{'m' if axis.unit == 'm' else '°'}]"
+    return number(title, lambda one: one[1].axes[place].value, lambda value: plain(value, 4))
+
+
+def _of_joint(joint: Stiffness, place: int) -> Cells[_Numbered]:
     unit = "m" if joint.joint_type is JointType.PRISMATIC else "°"
     title = f"{joint.joint_name} [{unit}]"
     return number(title, lambda one: one[1].q[place], lambda value: plain(value, 4))
 
 
-def blind_spots(spots: Sequence[BlindSpot]) -> Table | None:
-    """Effects that may be there unseen, those of one kind in one row; None without any."""
-    alike: dict[tuple[str, str, str, bool], list[BlindSpot]] = {}
-    for spot in spots:
-        key = (spot.name, spot.unit, spot.needs, spot.smallest_visible is None)
-        alike.setdefault(key, []).append(spot)
-    columns: list[Cells[list[BlindSpot]]] = [
-        said("Effect", lambda group: words.cause(group[0].name, None)),
-        said("Where", _places),
-        (Column("Smallest detectable size", numeric=True), lambda group: entry(*_smallest(group))),
-        said("Why", lambda group: "; ".join(dict.fromkeys(map(_why, group)))),
+def blind_spots(spots: Sequence[BlindSpot]) -> list[Block]:
+    """Effects that may be there unseen, those of one kind in one row; nothing without any.
+
+    How many there are is the sentence of the first screen.
+    """
+    if not spots:
+        return []
+    never = [spot for spot in spots if spot.smallest_visible is None]
+    small = [spot for spot in spots if spot.smallest_visible is not None]
+    return list(present([Text(f"{unnoticed(len(spots))}."), _never(never), _small(small)]))
+
+
+_Group = list[BlindSpot]
+
+
+def _never(spots: Sequence[BlindSpot]) -> Table | None:
+    columns: list[Cells[_Group]] = [
+        *_who(),
+        said("Why", lambda group: "; ".join(dict.fromkeys(spot.why for spot in group))),
         said("What would show it", lambda group: group[0].needs),
     ]
-    note = "These effects may be present without this campaign detecting them."
-    title = "Effects that these readings cannot detect"
-    return table_of("blind-spots", title, columns, alike.values(), note)
+    title = "Effects that these readings do not show at any size"
+    return table_of("blind-spots-never", title, columns, _alike(spots))
 
 
-def _places(group: Sequence[BlindSpot]) -> str:
-    places = [str(spot.where).replace("_", " ") for spot in group if spot.where is not None]
-    return ", ".join(sorted(places, key=lambda place: (len(place), place)))
+def _small(spots: Sequence[BlindSpot]) -> Table | None:
+    columns: list[Cells[_Group]] = [
+        *_who(),
+        _sizes("Usual size", lambda spot: spot.typical),
+        _sizes("Smallest detectable size", lambda spot: spot.smallest_visible),
+        said("What would show it", lambda group: group[0].needs),
+    ]
+    title = "Effects that these readings show only beyond their usual size"
+    note = "An effect of the smallest detectable size is detected in 80 % of the cases."
+    return table_of("blind-spots", title, columns, _alike(spots), note)
 
 
-def _smallest(group: Sequence[BlindSpot]) -> tuple[str, float | None]:
-    """Smallest visible size of effects of one kind, as a range over their places."""
-    sizes = sorted(s.smallest_visible for s in group if s.smallest_visible is not None)
-    if not sizes:
-        return "never detectable", None
+def _alike(spots: Sequence[BlindSpot]) -> Iterable[_Group]:
+    alike: dict[tuple[str, str, str], _Group] = {}
+    for spot in spots:
+        alike.setdefault((spot.name, spot.unit, spot.needs), []).append(spot)
+    return alike.values()
+
+
+def _who() -> list[Cells[_Group]]:
+    return [
+        said("Effect", lambda group: words.cause(group[0].name, None)),
+        said("Where", lambda group: ", ".join(map(_place, sorted(group, key=_order)))),
+    ]
+
+
+def _place(spot: BlindSpot) -> str:
+    """`A5`, `joint 6` where no axis is mapped, `upper arm`, or nothing."""
+    if isinstance(spot.where, int):
+        return spot.axis or f"joint {spot.where}"
+    return (spot.where or "").replace("_", " ")
+
+
+def _order(spot: BlindSpot) -> tuple[int, str]:
+    place = str(spot.where)
+    return len(place), place
+
+
+def _sizes(title: str, size: Callable[[BlindSpot], float | None]) -> Cells[_Group]:
+    """A column of sizes, those of one kind as a range over their places."""
+    return Column(title, numeric=True), lambda group: entry(*_range(group, size))
+
+
+def _range(group: _Group, size: Callable[[BlindSpot], float | None]) -> tuple[str, float | None]:
+    sizes = sorted(one for one in map(size, group) if one is not None)
     unit = "" if group[0].unit == "1" else group[0].unit
     one_prefix = unit and sizes[-1] <= _WIDE * sizes[0]
     factor, letter = common_prefix(sizes) if one_prefix else (1.0, "")
-    shown = dict.fromkeys(plain(size / factor, 2) for size in (sizes[0], sizes[-1]))
+    shown = dict.fromkeys(plain(value / factor, 2) for value in (sizes[0], sizes[-1]))
     return f"{' to '.join(shown)} {prefixed(unit, letter)}".rstrip(), sizes[0]
-
-
-def _why(spot: BlindSpot) -> str:
-    """Why it is not seen; how far a usual size stays below what would be seen, once per group."""
-    if spot.smallest_visible is None:
-        return spot.why
-    return "at its usual size it stays below what these readings can show"
