@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 
 import numpy as np
 import pandas as pd
@@ -186,9 +187,13 @@ class Answered:
     files: dict[str, bytes] = field(default_factory=dict)
 
 
-@at(_LAST_RESORT)
 def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) -> Answered:
     """To stiffnesses and what is wrong with data or model."""
+    with raw.placing():
+        return _answered(name, raw, keep, step)
+
+
+def _answered(name: str, raw: Raw, keep: Keep, step: Step) -> Answered:
     if raw.settings.positions is not None:
         end = stood(name, raw, keep, step)
         return Answered(end.answer, end.shown, end.model, end.files)
@@ -309,7 +314,7 @@ def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosis:
     """What the model gets wrong; every diagnosis draws alike."""
     rng = np.random.default_rng(_SEED)
     cell, data = right.case.cell, right.data
-    scale, effects = float(right.noise.scale[0]), _expected(right.case, data)
+    scale, effects = float(right.noise.scale[0]), expected(right.case, data)
     if not timed(right.case.readings):
         effects = by_order(effects)
     wander = right.shape.wander
@@ -320,7 +325,7 @@ def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosis:
     return step(diagnose)(cell, data, right.estimate, where, rng, effects, moved, *told)
 
 
-def _expected(case: Case, data: Measured) -> tuple[Effect, ...]:
+def expected(case: Case, data: Measured) -> tuple[Effect, ...]:
     """The catalogue, with the odds and sizes that campaign.toml takes from other campaigns.
 
     Raises:
@@ -331,8 +336,11 @@ def _expected(case: Case, data: Measured) -> tuple[Effect, ...]:
     if strange := sorted(set(priors) - set(known)):
         raise InputError(
             f"[priors] has {listed(strange)}, which no cause here is called",
-            f"remove it, or use one of {listed(known, len(known))}",
+            f"did you mean {near[0]}?"
+            if (near := get_close_matches(strange[0], known, 1))
+            else f"remove it, or use one of {listed(known, len(known))}",
             file=_LAST_RESORT,
+            key=["priors", strange[0]],
         )
     return tuple(
         replace(one, odds=priors[one.name].odds, size=priors[one.name].size)

@@ -21,8 +21,9 @@ from pipeline.answer.overload import overload_entry, overloaded
 from pipeline.app.check_positions import of_positions
 from pipeline.app.outcome import Outcome, sentences
 from pipeline.app.wrong_lines import TOML, Wrong, mistaken, text_of, wrong_lines
-from pipeline.base.errors import InputError, at, listed
+from pipeline.base.errors import InputError, listed
 from pipeline.base.quantities import plain as in_digits
+from pipeline.base.toml import line_of
 from pipeline.faults.conventions import conventions
 from pipeline.faults.placement import placement
 from pipeline.faults.survey import Clock, Distance, Stand, clock, distances, over_nominal, stands
@@ -32,8 +33,8 @@ from pipeline.machine.robot import Robot
 from pipeline.prediction.tolerance import Path, asked
 from pipeline.reduction.bring import Reduced, bring, conformed, plain
 from pipeline.reduction.case import Case
-from pipeline.reduction.settings import Settings, line_of
-from pipeline.run import ingested
+from pipeline.reduction.settings import Settings
+from pipeline.run import expected, ingested
 from pipeline.store.campaign import Campaign, Raw
 
 _MOST_LINES = 40
@@ -54,9 +55,10 @@ def check(campaign: Campaign) -> Outcome:
         return of_positions(campaign.name, raw)
     wrong = wrong_lines(raw)
     try:
-        with at(TOML):
+        with raw.placing():
             case = ingested(raw, conformed, plain)
             reduced = bring(case)
+            expected(case, reduced.data)
             path = asked(raw.settings.tolerance, raw.files, case.robot, case.tool)
     except InputError as problem:
         others = [] if wrong else mistaken(raw)
