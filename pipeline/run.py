@@ -229,8 +229,7 @@ def _answered(name: str, raw: Raw, keep: Keep, step: Step) -> Answered:
     else:
         paper = told
     controls, carried = step(control)(values, where)
-    hardest_n = float(np.linalg.norm(right.data.pulls.force, axis=1).max())
-    shown_m = Shown(told.model.held_out_m, hardest_n)
+    shown_m = Shown(told.model.held_out_m, right.data.pulls.range_n[1])
     most_m = 1e-3 * raw.settings.tolerance.deflection_mm if raw.settings.tolerance else np.inf
     found = Findings(
         campaign=name,
@@ -319,8 +318,7 @@ def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosis:
         effects = by_order(effects)
     wander = right.shape.wander
     moved = drift(right.reduced.registration, scale, data.unloaded, effects, wander)
-    hardest_n = float(np.linalg.norm(data.pulls.force, axis=1).max())
-    room = room_of(cell.robot, cell.tool.named, right.case.settings, hardest_n)
+    room = room_of(cell.robot, cell.tool.named, right.case.settings, data.pulls.range_n[1])
     told = right.noise, right.shape, room
     return step(diagnose)(cell, data, right.estimate, where, rng, effects, moved, *told)
 

@@ -30,6 +30,7 @@ from pipeline.faults.survey import Clock, Distance, Stand, clock, distances, ove
 from pipeline.machine.effect import HUNG, MOUNTED
 from pipeline.machine.poses import in_log_units
 from pipeline.machine.robot import Robot
+from pipeline.prediction.compensate import beside_pulls
 from pipeline.prediction.tolerance import Path, asked
 from pipeline.reduction.bring import Reduced, bring, conformed, plain
 from pipeline.reduction.case import Case
@@ -65,25 +66,31 @@ def check(campaign: Campaign) -> Outcome:
         if not wrong and not others:
             raise
         return _refused(campaign, wrong, others, problem)
-    return _with_tolerance(_told(campaign, raw, case, reduced, wrong), raw.settings, path)
+    told = _told(campaign, raw, case, reduced, wrong)
+    return _with_tolerance(told, raw.settings, path, reduced.data.pulls.range_n)
 
 
-def _with_tolerance(told: Outcome, settings: Settings, path: Path | None) -> Outcome:
-    """The same with what [tolerance] asks, where there is one."""
+def _with_tolerance(
+    told: Outcome, settings: Settings, path: Path | None, pulled: tuple[float, float]
+) -> Outcome:
+    """The same with what [tolerance] asks, where there is one, beside the pulls [N]."""
     tolerance = settings.tolerance
     if tolerance is None:
         return told
     found: dict[str, Any] = {"deflection_mm": tolerance.deflection_mm}
     line = f"  tolerance    {tolerance.deflection_mm:g} mm"
+    notes: list[str] = []
     if path is not None:
         size = np.linalg.norm(path.force, axis=1)
         least, most = float(size.min()), float(size.max())
         found |= {"file": tolerance.path, "points": len(size), "force_range_n": [least, most]}
         line += f" along {tolerance.path}: {len(size)} points, {least:.0f} to {most:.0f} N"
+        notes += [f"{tolerance.path}: {one}" for one in beside_pulls(size, pulled)]
     *above, last = told.text.split("\n")
     return replace(
         told,
-        content=told.content | {"tolerance": found},
+        content=told.content | {"tolerance": found, "notes": [*told.content["notes"], *notes]},
+        complaints=[*told.complaints, *(f"{told.campaign}: {one}" for one in notes)],
         text="\n".join([*above, line, last]),
     )
 

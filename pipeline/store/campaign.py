@@ -426,6 +426,21 @@ def _at(root: Path, folder: Path) -> Campaign:
     return Campaign(root, folder if here and not real.is_relative_to(raw) else real)
 
 
+def outside_raw(root: Path, output: Path) -> Path:
+    """A file that somebody asks us to write, which is no measurement.
+
+    Raises:
+        UsageError: It would lie under data/raw.
+    """
+    raw = os.path.realpath(root / "data" / "raw")
+    if Path(os.path.realpath(output)).is_relative_to(raw):
+        raise UsageError(
+            f"{output} lies under data/raw, where measurements stay as they came: choose another "
+            "--output"
+        )
+    return output
+
+
 def label(name: str) -> str:
     """The name of the folder that somebody means by a name or a path, there or not."""
     return os.path.basename(os.path.realpath(name.replace("\0", ""))) if name.strip() else name
