@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 
 import numpy as np
 import pandas as pd
@@ -194,9 +195,13 @@ class Answered:
     files: dict[str, bytes] = field(default_factory=dict)
 
 
-@at(_LAST_RESORT)
 def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) -> Answered:
     """To stiffnesses and what is wrong with data or model."""
+    with raw.placing():
+        return _answered(name, raw, keep, step)
+
+
+def _answered(name: str, raw: Raw, keep: Keep, step: Step) -> Answered:
     if raw.settings.positions is not None:
         end = stood(name, raw, keep, step)
         return Answered(end.answer, end.shown, end.model, end.files)
@@ -233,8 +238,7 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
     else:
         paper = told
     controls, carried = step(control)(values, where)
-    hardest_n = float(np.linalg.norm(right.data.pulls.force, axis=1).max())
-    shown_m = Shown(told.model.held_out_m, hardest_n)
+    shown_m = Shown(told.model.held_out_m, right.data.pulls.range_n[1])
     most_m = 1e-3 * raw.settings.tolerance.deflection_mm if raw.settings.tolerance else np.inf
     found = Findings(
         campaign=name,
@@ -318,18 +322,17 @@ def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosis:
     """What the model gets wrong; every diagnosis draws alike."""
     rng = np.random.default_rng(_SEED)
     cell, data = right.case.cell, right.data
-    scale, effects = float(right.noise.scale[0]), _expected(right.case, data)
+    scale, effects = float(right.noise.scale[0]), expected(right.case, data)
     if not timed(right.case.readings):
         effects = by_order(effects)
     wander = right.shape.wander
     moved = drift(right.reduced.registration, scale, data.unloaded, effects, wander)
-    hardest_n = float(np.linalg.norm(data.pulls.force, axis=1).max())
-    room = room_of(cell.robot, cell.tool.named, right.case.settings, hardest_n)
+    room = room_of(cell.robot, cell.tool.named, right.case.settings, data.pulls.range_n[1])
     told = right.noise, right.shape, room
     return step(diagnose)(cell, data, right.estimate, where, rng, effects, moved, *told)
 
 
-def _expected(case: Case, data: Measured) -> tuple[Effect, ...]:
+def expected(case: Case, data: Measured) -> tuple[Effect, ...]:
     """The catalogue, with the odds and sizes that campaign.toml takes from other campaigns.
 
     Raises:
@@ -340,8 +343,11 @@ def _expected(case: Case, data: Measured) -> tuple[Effect, ...]:
     if strange := sorted(set(priors) - set(known)):
         raise InputError(
             f"[priors] has {listed(strange)}, which no cause here is called",
-            f"remove it, or use one of {listed(known, len(known))}",
+            f"did you mean {near[0]}?"
+            if (near := get_close_matches(strange[0], known, 1))
+            else f"remove it, or use one of {listed(known, len(known))}",
             file=_LAST_RESORT,
+            key=["priors", strange[0]],
         )
     return tuple(
         replace(one, odds=priors[one.name].odds, size=priors[one.name].size)

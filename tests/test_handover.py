@@ -4,6 +4,7 @@ Truth here is Pinocchio's: springs of the true stiffness turn the joints until t
 where the robot then is.
 """
 
+import re
 import shutil
 import tomllib
 from dataclasses import replace
@@ -18,7 +19,7 @@ from made_programs import Kuka
 from test_programs import off
 
 from pipeline.app.corrected import Given, program, write
-from pipeline.base.errors import InputError
+from pipeline.base.errors import InputError, UsageError
 from pipeline.machine.cell import paper_cell
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
@@ -148,6 +149,34 @@ def test_a_corrected_program_is_where_it_was_taught_on_the_bending_robot(demo, t
 
 def path_rows(path, rows):
     return compensate.Path(path.pose[rows], path.q[rows], path.force[rows], path.controller)
+
+
+def test_measurements_are_never_written_beside(demo):
+    """A path that lies in data/raw is answered in the campaign's reports, and nowhere in there."""
+    raw = demo / "data" / "raw"
+    path = raw / "kr500_demo" / "part.csv"
+    path.write_bytes(DEMO_PATH.read_bytes())
+    before = sorted(raw.rglob("*"))
+    written, _ = write(demo, "kr500_demo", path)
+
+    assert written == demo / "reports" / "kr500_demo" / "part-compensation.csv"
+    with pytest.raises(UsageError, match="lies under data/raw"):
+        write(demo, "kr500_demo", path, output=raw / "kr500_demo" / "out.csv")
+    assert sorted(raw.rglob("*")) == before
+    path.unlink()
+
+
+def test_beyond_the_hardest_pull_one_counts_on_less(demo, path):
+    """Three times the force is three times the error at left-out poses, where that decides."""
+    model = Model.load(demo / "reports" / "kr500_demo" / "model.toml")
+    hardest = np.linalg.norm(path.force, axis=1).max()
+    harder = replace(path, force=path.force * 3 * model.pulled_n[1] / hardest)
+    usual, beyond = (compensate.compensate(model, one) for one in (path, harder))
+    count_on = [float(re.search("count on ±(.*) mm", one.summary)[1]) for one in (usual, beyond)]
+
+    assert usual.remarks == [usual.summary]
+    assert "the campaign pulled with" in beyond.remarks[1]
+    assert count_on[1] == pytest.approx(3 * count_on[0], rel=0.02)
 
 
 def test_compensate_writes_the_offsets_that_the_demo_path_needs(demo, path, true, tmp_path):

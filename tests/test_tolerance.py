@@ -11,7 +11,8 @@ import pytest
 
 from pipeline.app.check import check
 from pipeline.base.errors import InputError
-from pipeline.machine.robot import load
+from pipeline.machine.robot import load, rating
+from pipeline.machine.robot.mdh import parse as robot_of
 from pipeline.prediction.decision import Decision, decide
 from pipeline.prediction.model import Model
 from pipeline.prediction.tolerance import Path, Shown, nominal, stretches, table, tip
@@ -223,3 +224,43 @@ def test_the_first_screen_says_it(found):
     assert re.search(r"deflects by \d\.\d{3} mm, U = 0\.\d{3} mm \(k = 2\)", pose)
     assert f"U = {u:.3f} mm" in pose
     json.dumps(found[0].answer.as_json(), allow_nan=False)
+
+
+def test_a_force_that_no_robot_holds_is_refused_with_its_line(files):
+    """Newtons written as thousandths: the KR500 carries 480 kg, three times that is 14.1 kN."""
+    said = 'deflection_mm = 1.0\npath = "part.csv"'
+    raw = in_memory(asked(files, said, **{"part.csv": path(50, 14000, 15000, 9e5)}))
+
+    with pytest.raises(InputError, match=r"^part.csv:4: a force of 15000 N .* about 14100 N"):
+        answered("part", raw)
+
+
+def test_forces_unlike_the_pulls_are_said(files):
+    """Pulled with 1.5 and 3 kN: 3.5 kN is beyond, 1.2 N may be kilonewtons, 2 kN is fine."""
+    said = 'deflection_mm = 1.0\npath = "part.csv"'
+    about = {
+        force: answered("part", in_memory(asked(files, said, **{"part.csv": path(1, force)})))
+        for force in (1.2, 2000, 3500)
+    }
+    told = {
+        force: [one for one in found.answer.findings if "The forces reach" in one]
+        for force, found in about.items()
+    }
+
+    assert told[2000] == []
+    assert "1.20 N; the campaign pulled with" in told[1.2][0]
+    assert told[1.2][0].endswith("check their unit.")
+    assert "3500 N" in told[3500][0]
+    assert about[3500].model.pulled_n == pytest.approx((1500, 3000), rel=0.03)
+
+
+def test_a_robot_of_unknown_payload_is_held_by_its_joints():
+    """10 mrad of the softest lever: 3.8 MN m/rad, turned by a force at 2 m or so, 10 to 40 kN."""
+    text = load("kr500_rail").text
+    silent = robot_of(re.sub(r"(?m)^payload_kg.*$", "", text), "arm.toml")
+    q, force = _pose(1000.0)
+    point = np.array([0.15, 0.0, 0.25])
+
+    rating.refuse_unheld(silent, q[None], 5 * force[None], point, "part.csv", [2])
+    with pytest.raises(InputError, match=r"^part.csv:2: .* by more than 10 mrad"):
+        rating.refuse_unheld(silent, q[None], 100 * force[None], point, "part.csv", [2])

@@ -57,7 +57,7 @@ def test_a_slip_gets_one_sentence(tmp_path, monkeypatch, capsys, words, code, sa
 
 
 def test_a_word_that_campaign_toml_lacks_is_said_to_be_missing(tmp_path, capsys):
-    """And one that it should not have is no word that is known."""
+    """And one that it should not have is unknown, with its line."""
     folder = tmp_path / "data" / "raw" / "a"
     folder.mkdir(parents=True)
     (folder / "campaign.toml").write_text("")
@@ -68,7 +68,7 @@ def test_a_word_that_campaign_toml_lacks_is_said_to_be_missing(tmp_path, capsys)
         'format = 1\nname = "a"\nrobot = "b"\n[tracker]\nfiles = ["a"]\ncolour = 3\n'
     )
     assert _exit_code(["check", "a", "--root", str(tmp_path)]) == 5
-    assert "colour: is no word that is known here;" in capsys.readouterr().err
+    assert "campaign.toml:6: tracker.colour: unknown key;" in capsys.readouterr().err
 
 
 def test_the_version_is_that_of_the_package(capsys):

@@ -28,7 +28,7 @@ from pipeline.answer.inputs import (
     treated_findings,
     unit_entry,
 )
-from pipeline.answer.judged import pose_entry, tolerance_entry
+from pipeline.answer.judged import path_findings, pose_entry, tolerance_entry
 from pipeline.answer.overload import overload_entry, overloaded
 from pipeline.answer.recommended import Values
 from pipeline.answer.reliability import carried_entries, controlled_entries
@@ -104,6 +104,7 @@ def answer(found: Findings) -> Answer:
             *pose_findings(found.one_pose),
             *contradicted(payloads),
             *overloaded(overload),
+            *path_findings(tolerance, found.right.data.pulls.range_n),
             *said,
             *told(together),
         ),

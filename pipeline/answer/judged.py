@@ -11,6 +11,7 @@ from pipeline.answer import contract
 from pipeline.answer.contract import AxisValue, JudgedPath, Stretch, TestPose
 from pipeline.base.arrays import Array
 from pipeline.machine.robot import Robot, axes
+from pipeline.prediction.compensate import beside_pulls
 from pipeline.prediction.decision import Decision
 from pipeline.prediction.tolerance import Judged, stretches
 from pipeline.reduction import settings
@@ -60,7 +61,14 @@ def tolerance_entry(
     )
 
 
+def path_findings(asked: contract.Tolerance | None, pulled: tuple[float, float]) -> list[str]:
+    """A sentence where a path asks for other forces [N] than the campaign pulled with."""
+    path = None if asked is None else asked.path
+    return [] if path is None else beside_pulls(np.array(path.force_n), pulled)
+
+
 def _path(file: str, rows: pd.DataFrame) -> JudgedPath:
+    size = np.linalg.norm(rows[["fx_n", "fy_n", "fz_n"]].to_numpy(), axis=1)
     found = tuple(
         _stretch(rows.iloc[one.first : one.last + 1], one.decision)
         for one in stretches(rows["decision"].to_numpy(object))
@@ -68,6 +76,7 @@ def _path(file: str, rows: pd.DataFrame) -> JudgedPath:
     return JudgedPath(
         file=file,
         points=len(rows),
+        force_n=(float(size.min()), float(size.max())),
         decision=_worst([one.decision for one in found]),
         stretches=found,
     )

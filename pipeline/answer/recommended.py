@@ -165,6 +165,7 @@ class Values:
             ),
             self.found.identifiable[: self.fitted.case.robot.n],
             left_out_m(self.left_out_m),
+            self.fitted.data.pulls.range_n,
         )
 
 

@@ -21,19 +21,21 @@ from pipeline.answer.overload import overload_entry, overloaded
 from pipeline.app.check_positions import of_positions
 from pipeline.app.outcome import Outcome, sentences
 from pipeline.app.wrong_lines import TOML, Wrong, mistaken, text_of, wrong_lines
-from pipeline.base.errors import InputError, at, listed
+from pipeline.base.errors import InputError, listed
 from pipeline.base.quantities import plain as in_digits
+from pipeline.base.toml import line_of
 from pipeline.faults.conventions import conventions
 from pipeline.faults.placement import placement
 from pipeline.faults.survey import Clock, Distance, Stand, clock, distances, over_nominal, stands
 from pipeline.machine.effect import HUNG, MOUNTED
 from pipeline.machine.poses import in_log_units
 from pipeline.machine.robot import Robot
+from pipeline.prediction.compensate import beside_pulls
 from pipeline.prediction.tolerance import Path, asked
 from pipeline.reduction.bring import Reduced, bring, conformed, plain
 from pipeline.reduction.case import Case
-from pipeline.reduction.settings import Settings, line_of
-from pipeline.run import ingested
+from pipeline.reduction.settings import Settings
+from pipeline.run import expected, ingested
 from pipeline.store.campaign import Campaign, Raw
 
 _MOST_LINES = 40
@@ -54,34 +56,41 @@ def check(campaign: Campaign) -> Outcome:
         return of_positions(campaign.name, raw)
     wrong = wrong_lines(raw)
     try:
-        with at(TOML):
+        with raw.placing():
             case = ingested(raw, conformed, plain)
             reduced = bring(case)
+            expected(case, reduced.data)
             path = asked(raw.settings.tolerance, raw.files, case.robot, case.tool)
     except InputError as problem:
         others = [] if wrong else mistaken(raw)
         if not wrong and not others:
             raise
         return _refused(campaign, wrong, others, problem)
-    return _with_tolerance(_told(campaign, raw, case, reduced, wrong), raw.settings, path)
+    told = _told(campaign, raw, case, reduced, wrong)
+    return _with_tolerance(told, raw.settings, path, reduced.data.pulls.range_n)
 
 
-def _with_tolerance(told: Outcome, settings: Settings, path: Path | None) -> Outcome:
-    """The same with what [tolerance] asks, where there is one."""
+def _with_tolerance(
+    told: Outcome, settings: Settings, path: Path | None, pulled: tuple[float, float]
+) -> Outcome:
+    """The same with what [tolerance] asks, where there is one, beside the pulls [N]."""
     tolerance = settings.tolerance
     if tolerance is None:
         return told
     found: dict[str, Any] = {"deflection_mm": tolerance.deflection_mm}
     line = f"  tolerance    {tolerance.deflection_mm:g} mm"
+    notes: list[str] = []
     if path is not None:
         size = np.linalg.norm(path.force, axis=1)
         least, most = float(size.min()), float(size.max())
         found |= {"file": tolerance.path, "points": len(size), "force_range_n": [least, most]}
         line += f" along {tolerance.path}: {len(size)} points, {least:.0f} to {most:.0f} N"
+        notes += [f"{tolerance.path}: {one}" for one in beside_pulls(size, pulled)]
     *above, last = told.text.split("\n")
     return replace(
         told,
-        content=told.content | {"tolerance": found},
+        content=told.content | {"tolerance": found, "notes": [*told.content["notes"], *notes]},
+        complaints=[*told.complaints, *(f"{told.campaign}: {one}" for one in notes)],
         text="\n".join([*above, line, last]),
     )
 

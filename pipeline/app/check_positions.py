@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.answer.inputs import rejected_entries
 from pipeline.app.outcome import Outcome
-from pipeline.base.errors import InputError, at, listed
+from pipeline.base.errors import InputError, listed
 from pipeline.geometry.begin import begin
 from pipeline.geometry.leftout import distances
 from pipeline.geometry.mechanism import linearised
@@ -20,7 +20,7 @@ convention is wrong: tables are off by millimetres."""
 
 def of_positions(name: str, raw: Raw) -> Outcome:
     """What a campaign of positions holds, and how far it is from the robot's table."""
-    with at("campaign.toml"):
+    with raw.placing():
         read = positioned(raw.settings, raw.robot, raw.files)
     readings = read.readings
     points = {target: np.array(point) for target, point in raw.settings.tool.items()}

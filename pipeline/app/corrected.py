@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -71,6 +71,7 @@ def write(
         InputError: The path cannot be read, or a pose of it cannot be reached.
     """
     from pipeline.prediction import cartesian
+    from pipeline.store import campaign as campaigns
 
     model, data = _model(root, name), _content(path)
     given = Given(tip=tip) if given is None else given
@@ -79,8 +80,8 @@ def write(
         answer, remarks = _joints(model, path, data, given)
     else:
         answer, remarks = _poses(model, path, data, given, letters)
-    written = output or path.with_name(f"{path.stem}-compensation.csv")
-    files.write(written, answer)
+    written = output or campaigns.find(root, name).reports / f"{path.stem}-compensation.csv"
+    files.write(campaigns.outside_raw(root, written), answer)
     return written, remarks + _misfit(model)
 
 
@@ -112,7 +113,7 @@ def program(root: Path, name: str, path: Path, given: Given) -> tuple[bytes, lis
 
 def _remarks(program: Program, found: Corrected) -> list[str]:
     """What to know about a corrected program."""
-    remarks = [found.found.summary]
+    remarks = found.found.remarks
     if found.rounding > _FINE_M:
         remarks.append(f"The digits of the program leave up to {1e3 * found.rounding:.4f} mm.")
     remarks += listed_lines(
@@ -184,9 +185,9 @@ def _joints(model: Model, path: Path, data: bytes, given: Given) -> tuple[bytes,
     tip = tool[:3, 3] if given.tool else None
     if given.frame == Frame.TOOL:
         turned = offsets.in_base(model.robot, wanted.q, tool, wanted.force)
-        wanted = offsets.Path(wanted.pose, wanted.q, turned, wanted.controller)
+        wanted = replace(wanted, force=turned)
     found = offsets.compensate(model, wanted, tip if setting.tip is None else setting.tip)
-    return offsets.table(model.robot, wanted, found), [found.summary]
+    return offsets.table(model.robot, wanted, found), found.remarks
 
 
 def _poses(
@@ -204,7 +205,7 @@ def _poses(
     found, values = corrected(
         model, wanted.notation, wanted.targets, aimed, wanted.force, setting.in_tool
     )
-    return cartesian.table(model.robot, wanted, values, found), [found.summary]
+    return cartesian.table(model.robot, wanted, values, found), found.remarks
 
 
 def _force(given: Given) -> Array | None:

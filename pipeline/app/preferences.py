@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Annotated, Any
 from urllib.parse import urlsplit
 
-from pydantic import AfterValidator, Field, ValidationError
+from pydantic import AfterValidator, Field
 
 from pipeline.base import files, toml
-from pipeline.base.errors import InputError, UsageError, first_wrong
-from pipeline.base.strict import Strict
+from pipeline.base.errors import InputError, UsageError
+from pipeline.base.strict import Strict, checked
 
 FILE = "pipeline.toml"
 
@@ -132,7 +132,7 @@ def load(root: Path, said: Mapping[str, Any] | None = None) -> Preferences:
     path = root / FILE
     text = files.words(path, FILE, toml.LARGEST) if os.path.lexists(path) else ""
     content = toml.loads(text, FILE)
-    _validated(content)  # before the command line outdoes it, so that each gets its own blame
+    _validated(content, text)  # before the command line outdoes it, so that each gets its own blame
     content["service"] = {**content.get("service", {}), **(said or {})}
     try:
         return _validated(content)
@@ -140,14 +140,6 @@ def load(root: Path, said: Mapping[str, Any] | None = None) -> Preferences:
         raise UsageError(f"--{problem.thing.partition('.')[2].replace('_s:', ':')}") from problem
 
 
-def _validated(content: dict[str, Any]) -> Preferences:
-    try:
-        return Preferences.model_validate(content)
-    except ValidationError as problem:
-        words, message = first_wrong(problem)
-        where = ".".join(words)
-        raise InputError(
-            f"{where}: {message}",
-            "correct it as docs/serve.md or docs/object-storage.md describes",
-            file=FILE,
-        ) from problem
+def _validated(content: dict[str, Any], text: str = "") -> Preferences:
+    way_out = "correct it as docs/serve.md or docs/object-storage.md describes"
+    return checked(Preferences, content, FILE, "", way_out, text)

@@ -7,11 +7,12 @@ from functools import partial
 
 from pipeline.base.errors import InputError, place
 from pipeline.base.quantities import plain as in_digits
+from pipeline.base.toml import line_of
 from pipeline.faults.conventions import conventions
 from pipeline.faults.entries import Entry, wrong_entries
 from pipeline.faults.export_words import Word, wrong_word
 from pipeline.reduction.case import Case
-from pipeline.reduction.settings import Settings, line_of
+from pipeline.reduction.settings import Settings
 from pipeline.run import as_read
 from pipeline.store.campaign import Raw
 

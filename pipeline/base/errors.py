@@ -5,7 +5,7 @@ The core raises these; only the command line turns them into a sentence and an e
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,7 @@ from pipeline.base.shown import printable
 
 if TYPE_CHECKING:
     from pydantic import ValidationError
+    from pydantic_core import ErrorDetails
 
 _PART, _SENTENCE = 500, 1600
 """Letters of a message at most: of its file, thing and way out, and in all."""
@@ -50,8 +51,9 @@ class InputError(PipelineError):
         file: File name relative to the campaign folder, or None.
         line: Line in that file counted from 1, or None.
         thing: What is wrong there.
-        way_out: What to do about it.
+        way_out: What to do about it, or a question that says so.
         passing: True when trying again a little later may help.
+        key: Which entry of a TOML file it is about, as a path; its line is that of the file.
     """
 
     exit_code = 5
@@ -64,12 +66,13 @@ class InputError(PipelineError):
         file: str | None = None,
         line: int | None = None,
         passing: bool = False,
+        key: Sequence[str | int] = (),
     ) -> None:
         """Compose the one sentence from its parts."""
         self.file = None if file is None else printable(file, _PART)
         self.thing, self.way_out = printable(thing, _PART), printable(way_out, _PART)
-        self.line, self.passing = line, passing
-        super().__init__(f"{place(self.file, line)}{self.thing}; {self.way_out}.")
+        self.line, self.passing, self.key = line, passing, list(key)
+        super().__init__(f"{place(self.file, line)}{self.thing}; {self.way_out}")
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Between processes it travels as its parts."""
@@ -131,15 +134,15 @@ def ended(sentence: str) -> str:
 
 def first_wrong(problem: ValidationError) -> tuple[list[str], str]:
     """The first word of a file that cannot be as it is: its path, and what is wrong with it."""
-    first = problem.errors()[0]
-    path = [printable(str(part), _VALUE) for part in first["loc"]]
+    first = decisive(problem)
+    path = [printable(str(part), _VALUE) for part in first["loc"] if part != "[key]"]
     value, said = first.get("input"), first["msg"]
     shown = f'"{printable(value, _VALUE)}"' if isinstance(value, str) else value
     simple = isinstance(value, str | int | float)
     if first["type"] == "missing":
         said = "is missing"
     elif first["type"] == "extra_forbidden":
-        said = "is no word that is known here"
+        said = "unknown key"
     elif first["type"] in ("too_short", "too_long"):
         limits = first["ctx"]
         bound = f"at least {limits['min_length']}" if "min_length" in limits else (
@@ -148,6 +151,12 @@ def first_wrong(problem: ValidationError) -> tuple[list[str], str]:
     elif simple and said.startswith("Input should be "):
         said = f"{shown} should be {said.removeprefix('Input should be ')}"
     return path, said.removeprefix("Value error, ")
+
+
+def decisive(problem: ValidationError) -> ErrorDetails:
+    """The first error, or an unknown key: a key that is missing may stand there misspelt."""
+    every = problem.errors()
+    return next((one for one in every if one["type"] == "extra_forbidden"), every[0])
 
 
 def worst(codes: Iterable[int]) -> int:

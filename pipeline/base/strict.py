@@ -7,14 +7,15 @@ them stay numbers, which those of 1e160 do not.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from difflib import get_close_matches
 from pathlib import PurePosixPath
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar, get_args, get_origin
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, AliasChoices, BaseModel, ConfigDict, Field, ValidationError
 
-from pipeline.base import patterns
-from pipeline.base.errors import InputError, first_wrong
+from pipeline.base import patterns, toml
+from pipeline.base.errors import InputError, decisive, first_wrong
 from pipeline.base.shown import is_printable, printable
 
 
@@ -123,11 +124,30 @@ class Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-_Record = TypeVar("_Record", bound=Strict)
+class Misplaced(ValueError):
+    """Something wrong with one entry, found where the whole file is seen.
+
+    Attributes:
+        key: Its path in the file.
+        way_out: What to do about it; empty for what is usual in that file.
+    """
+
+    def __init__(self, said: str, key: Sequence[str | int], way_out: str = "") -> None:
+        """Keep the path."""
+        self.key, self.way_out = key, way_out
+        super().__init__(said)
+
+
+_Record = TypeVar("_Record", bound=BaseModel)
 
 
 def checked(
-    kind: type[_Record], content: Mapping[str, Any], file: str, whole: str, way_out: str
+    kind: type[_Record],
+    content: Mapping[str, Any],
+    file: str,
+    whole: str,
+    way_out: str,
+    text: str = "",
 ) -> _Record:
     """The content of a file as a record.
 
@@ -135,8 +155,9 @@ def checked(
         kind: Of the record.
         content: What the file says.
         file: Its name, for the message.
-        whole: What it is called where no word of it alone is wrong.
+        whole: What it is called where no word of it alone is wrong; empty for nothing.
         way_out: What to do about it.
+        text: The file, for the line; empty where it is none.
 
     Raises:
         InputError: An unknown word, a missing table or a value of the wrong kind.
@@ -145,4 +166,65 @@ def checked(
         return kind.model_validate(content)
     except ValidationError as problem:
         words, message = first_wrong(problem)
-        raise InputError(f"{'.'.join(words) or whole}: {message}", way_out, file=file) from problem
+        first = decisive(problem)
+        cause = first.get("ctx", {}).get("error")
+        key = [part for one in first["loc"] for part in _apart(one)]
+        if isinstance(cause, Misplaced):
+            key, way_out = list(cause.key), cause.way_out or way_out
+        line = toml.line_of(text, key)
+        if first["type"] == "extra_forbidden":
+            way_out = _meant(kind, key) or way_out
+        if first["type"] == "too_long":  # a decimal comma makes two numbers of one
+            way_out = toml.remedy(text, line, way_out)
+        where = ".".join(words) or whole
+        said = f"{where}: {message}" if where else message
+        raise InputError(said, way_out, file=file, line=line) from problem
+
+
+def _apart(word: str | int) -> list[str | int]:
+    """`tool.capsules` is a table within another one."""
+    inner = isinstance(word, str) and word.startswith("tool.")
+    return [*str(word).split(".", 1)] if inner else [word]
+
+
+def _meant(kind: type[BaseModel], key: Sequence[str | int]) -> str | None:
+    """What an unknown key may be: one of its table that is written alike, or one of another."""
+    *table, last = (one for one in key if isinstance(one, str))
+    every = list(_known(kind))
+    here = {name.lower(): name for where, name in every if _same(where, table)}
+    if near := get_close_matches(last.lower(), here, 1):
+        return f"did you mean {here[near[0]]}?"
+    homes = sorted({where for where, name in every if name == last})
+    named = [f"[{'.'.join(one)}]" if one else "the top of the file" for one in homes]
+    return f"it belongs to {' or '.join(named)}" if named else None
+
+
+def _same(where: Sequence[str], table: Sequence[str]) -> bool:
+    """Whether a table is one of those at a place, whatever name of its own it has."""
+    pairs = zip(where, table, strict=False)
+    return len(where) == len(table) and all(a in (b, _ANY) for a, b in pairs)
+
+
+_ANY = "NAME"
+"""Stands for the name that a table is given by who writes the file."""
+
+
+def _known(
+    kind: type[BaseModel], path: Sequence[str] = ()
+) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Every key of a file with the table that it stands in."""
+    for field, info in kind.model_fields.items():
+        spelt = info.validation_alias
+        first = spelt.choices[0] if isinstance(spelt, AliasChoices) else spelt
+        *above, name = map(str, _apart(first if isinstance(first, str) else field))
+        yield (*path, *above), name
+        for inner, called in _records(info.annotation):
+            yield from _known(inner, (*path, *above, name, *[_ANY] * called))
+
+
+def _records(annotation: object, called: bool = False) -> Iterator[tuple[type[BaseModel], bool]]:
+    """Records that a type holds, and whether each has a name of its own."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation, called
+    for one in get_args(annotation):
+        yield from _records(one, called or get_origin(annotation) is dict)

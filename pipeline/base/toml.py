@@ -10,7 +10,8 @@ import json
 import math
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from pipeline.base.errors import InputError
@@ -154,3 +155,97 @@ def _list(values: Sequence[Any]) -> str:
 def quoted(text: str) -> str:
     """A basic string of TOML."""
     return in_toml(text)
+
+
+_PART = re.compile(r""""((?:\\.|[^"\\])*)"|'([^']*)'|([\w-]+)""")
+"""One part of a key, bare or in quotes."""
+_KEYS = r"""((?:[\w-]++|"[^"]*"|'[^']*')(?:[ \t]*\.[ \t]*(?:[\w-]++|"[^"]*"|'[^']*'))*)"""
+_HEADER = re.compile(rf"\s*(\[{{1,2}})\s*{_KEYS}\s*\]")
+_ENTRY = re.compile(rf"\s*{_KEYS}\s*=")
+
+
+def line_of(text: str, path: Sequence[str | int]) -> int | None:
+    """The line on which an entry stands, or the innermost table around it that is written out.
+
+    Args:
+        text: TOML that can be read.
+        path: Keys from the outermost inwards; numbers from 0 count the tables of a `[[list]]`.
+    """
+    best, line = 0, None
+    for number, found, value in _entries(text):
+        if list(path[: len(found)]) != found:
+            continue
+        depth = len(found) + _within(value, path[len(found) :])
+        if depth > best:
+            best, line = depth, number
+    return line
+
+
+@contextmanager
+def placed(file: str, text: str) -> Iterator[None]:
+    """Errors about an entry of a TOML file get its line; those that name no file get this one."""
+    try:
+        yield
+    except InputError as wrong:
+        line = line_of(text, wrong.key) if wrong.line is None and wrong.key else wrong.line
+        if wrong.file not in (None, file) or (wrong.file, wrong.line) == (file, line):
+            raise
+        raise InputError(**wrong.parts | {"file": file, "line": line}) from wrong
+
+
+def _entries(text: str) -> Iterator[tuple[int, list[str | int], str]]:
+    """Every header and key: its line, its whole path, and what stands behind it in that line."""
+    counts: dict[tuple[str | int, ...], int] = {}
+    table: list[str | int] = []
+    within: list[str | int] = []
+    depth = 0
+    for number, line in enumerate(_STRINGS.sub(_blank, text).split("\n"), 1):
+        if depth <= 0 and (header := _HEADER.match(line)):
+            table = within = _counted(_parts(header[2]), counts, several=len(header[1]) == 2)
+            yield number, table, ""
+            continue
+        entry = _ENTRY.match(line) if depth <= 0 else None
+        if entry:
+            within = [*table, *_parts(entry[1])]
+        value = line[entry.end() :] if entry else line
+        bare = _STRINGS.sub("", value)
+        depth += sum(map(bare.count, "[{")) - sum(map(bare.count, "]}"))
+        yield number, within, value
+
+
+def _blank(found: re.Match[str]) -> str:
+    """A string on one line as it is; of other strings and comments the line ends."""
+    several = found[0].startswith(('"""', "'''", "#"))
+    return "\n" * found[0].count("\n") if several else found[0]
+
+
+def _parts(key: str) -> list[str]:
+    return [one[1] or one[2] or one[3] or "" for one in _PART.finditer(key)]
+
+
+def _counted(
+    parts: Sequence[str], counts: dict[tuple[str | int, ...], int], several: bool
+) -> list[str | int]:
+    """The path of a header, in which tables of a list have their number."""
+    path: list[str | int] = []
+    for k, part in enumerate(parts, 1):
+        path.append(part)
+        here = tuple(path)
+        if several and k == len(parts):
+            counts[here] = counts.get(here, -1) + 1
+        if here in counts:
+            path.append(counts[here])
+    return path
+
+
+def _within(value: str, path: Sequence[str | int]) -> int:
+    """How many keys of a path stand in an inline table, the first of them at least."""
+    at = 0
+    for count, part in enumerate(path):
+        if isinstance(part, int):
+            continue
+        found = re.compile(rf"""(?<![\w-])["\']?{re.escape(part)}["\']?\s*=""").search(value, at)
+        if found is None:
+            return count
+        at = found.end()
+    return len(path)

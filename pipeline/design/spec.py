@@ -231,13 +231,13 @@ def parse(text: str, file: str = "problem.toml") -> ProblemFile:
             "leave out one of them",
             file=file,
         )
-    return validated(content, file)
+    return validated(content, file, text)
 
 
 _WAY_OUT = "correct it as docs/design.md describes"
 
 
-def validated(content: dict[str, Any], file: str = "problem.toml") -> ProblemFile:
+def validated(content: dict[str, Any], file: str = "problem.toml", text: str = "") -> ProblemFile:
     """The content of a problem file, checked.
 
     Raises:
@@ -245,7 +245,7 @@ def validated(content: dict[str, Any], file: str = "problem.toml") -> ProblemFil
     """
     if "design" in content:
         content = _in_time(content, file)
-    return checked(ProblemFile, content, file, "the problem", _WAY_OUT)
+    return checked(ProblemFile, content, file, "the problem", _WAY_OUT, text)
 
 
 def _in_time(content: dict[str, Any], file: str) -> dict[str, Any]:

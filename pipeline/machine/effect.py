@@ -92,6 +92,12 @@ class Pulls(Locked):
         """1 for pulls by a chain with a scale, 0 for weights and payloads, shape (m, 1)."""
         return (self.by == PULLED)[:, None].astype(float)
 
+    @property
+    def range_n(self) -> tuple[float, float]:
+        """The gentlest and the hardest of them [N]."""
+        size = np.linalg.norm(self.force, axis=1)
+        return float(size.min()), float(size.max())
+
     def part(self, which: slice | Ints) -> Pulls:
         """Some of the pulls."""
         return Pulls(**{one.name: getattr(self, one.name)[which] for one in fields(self)})

@@ -167,6 +167,7 @@ def turns(robot: Robot, said: Surrounded) -> tuple[Array, Array]:
             raise InputError(
                 f'[cell] max_turn_deg has "{name}", and {robot.name} has no such joint that turns',
                 f"its joints that turn are {listed(names)}",
+                key=["cell", "max_turn_deg", name],
             )
         k = [joint.name for joint in robot.joints].index(name)
         most_rad = float(np.deg2rad(most))
@@ -175,6 +176,7 @@ def turns(robot: Robot, said: Surrounded) -> tuple[Array, Array]:
                 f"[cell] max_turn_deg.{name} = {most:g} leaves nothing of the limits "
                 f"{np.rad2deg(lower[k]):g} to {np.rad2deg(upper[k]):g} deg of that joint",
                 "allow a larger turn, or correct the robot file",
+                key=["cell", "max_turn_deg", name],
             )
         lower[k], upper[k] = max(lower[k], -most_rad), min(upper[k], most_rad)
     return lower, upper

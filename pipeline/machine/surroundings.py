@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import AliasChoices, ConfigDict, Field, field_validator, model_validator
 
 from pipeline.base.errors import listed
-from pipeline.base.strict import Length, Name, Positive, Strict
+from pipeline.base.strict import Length, Misplaced, Name, Positive, Strict
 
 _Point = tuple[Length, Length, Length]
 
@@ -59,6 +59,12 @@ class EffectorCapsule(Strict):
     radius: Positive = Field(validation_alias=AliasChoices("radius", "radius_m"))
 
 
+def _is_table(value: object) -> bool:
+    """Whether it is a table or a list of tables, as no point is."""
+    first = next(iter(value), None) if isinstance(value, list) else value
+    return isinstance(first, Mapping)
+
+
 def _nothing(value: object) -> bool:
     """Said by nobody."""
     return not value
@@ -90,7 +96,7 @@ class Surrounded(Strict):
         tool = content.get("tool") if isinstance(content, Mapping) else None
         if not isinstance(tool, Mapping):
             return content
-        inner = {f"tool.{key}": tool[key] for key in ("acceptance", "capsules") if key in tool}
+        inner = {f"tool.{key}": value for key, value in tool.items() if _is_table(value)}
         points = {key: value for key, value in tool.items() if f"tool.{key}" not in inner}
         return {**content, **inner, "tool": points}
 
@@ -111,8 +117,9 @@ class Surrounded(Strict):
             ValueError: Another name has one.
         """
         if unknown := sorted(set(self.tool_acceptance) - set(targets)):
-            raise ValueError(
-                f"tool.acceptance has {listed(unknown)}, the reflectors are {listed(targets)}"
+            raise Misplaced(
+                f"tool.acceptance has {listed(unknown)}, the reflectors are {listed(targets)}",
+                ["tool", "acceptance", unknown[0]],
             )
 
 

@@ -11,7 +11,8 @@ import pandas as pd
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.errors import InputError
-from pipeline.machine.robot import Robot, axes, configure
+from pipeline.base.quantities import plain
+from pipeline.machine.robot import Robot, axes, configure, rating
 from pipeline.machine.robot.configuration import velocity
 from pipeline.prediction.model import Model
 from pipeline.readers import logs
@@ -19,10 +20,9 @@ from pipeline.readers import logs
 _ARM_M = 0.3
 """Turning the tool by an angle counts as moving a point this far from its tip."""
 
-_FURTHEST = 1e-2
-"""[rad]: no spring of a joint gives way by more; gears twist by 1 to 10 mrad under the largest
-torque of their drives. A motion of the tool for which joints would have to turn further is left:
-the arm is at a singularity."""
+_FURTHEST = rating.TWIST_RAD
+"""A motion of the tool for which joints would have to turn further is left: the arm is at a
+singularity."""
 
 _ROUNDING = 1e-9
 """Motion of the tool in a direction, over that in the best one, that is rounding [1]."""
@@ -37,12 +37,16 @@ class Path(Locked):
         q: Joint values [m] or [rad], shape (m, n).
         force: Force on the robot at the tip [N], F_b, shape (m, 3).
         controller: The file has the controller's axes instead of the model's joints.
+        file: Its name.
+        line: Of each point in it; none where they stand in no line.
     """
 
     pose: Ints
     q: Array
     force: Array
     controller: bool
+    file: str = ""
+    line: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +62,9 @@ class Compensation(Locked):
         std: Standard uncertainty of the predicted deflection per axis [m], F_b, shape (m, 3).
         held_out: By how much the model missed poses that were left out, rms per axis [m]; None
             where the campaign does not say.
+        force: Size of the forces [N], shape (m,).
+        pulled: The gentlest and the hardest pull that the model is from [N]; None where it does
+            not say.
     """
 
     joints: Array
@@ -66,7 +73,9 @@ class Compensation(Locked):
     deflection: Array
     left: Array
     std: Array
+    force: Array
     held_out: float | None = None
+    pulled: tuple[float, float] | None = None
 
     def part(self, rows: Sequence[int] | Ints) -> Compensation:
         """That of some of the points, in this order."""
@@ -91,6 +100,11 @@ class Compensation(Locked):
         )
 
     @property
+    def remarks(self) -> list[str]:
+        """The summary, and how the forces compare with those that the model is from."""
+        return [self.summary, *beside_pulls(self.force, self.pulled)]
+
+    @property
     def _known(self) -> str:
         """How well that is known: by the model's own word, and by what left-out poses showed."""
         lost = int(np.sum(~np.isfinite(self.std).all(axis=1)))
@@ -99,7 +113,9 @@ class Compensation(Locked):
         known = f"known to ±{2e3 * self.std.max():.3f} mm per axis (95 %)"
         if self.held_out is None:
             return f"{known} by its own word alone: no pose was left out to test it"
-        count_on = 2e3 * max(self.std.max(), self.held_out)
+        hardest = self.pulled[1] if self.pulled else np.inf
+        least = self.held_out * np.maximum(1.0, self.force / hardest)
+        count_on = 2e3 * np.maximum(self.std.max(axis=1), least).max()
         return (
             f"{known} by its own word; poses that were left out of its estimate were missed by "
             f"{1e3 * self.held_out:.3f} mm rms per axis, noise of the readings included: count on "
@@ -126,7 +142,24 @@ def read(name: str, data: bytes, robot: Robot, constant: Array | None = None) ->
         q=logs.joint_values(log, robot),
         force=forces(name, data, len(log.line), constant),
         controller=not own & set(logs.columns(name, data)),
+        file=name,
+        line=tuple(log.line.tolist()),
     )
+
+
+def beside_pulls(force_n: Array, pulled: tuple[float, float] | None) -> list[str]:
+    """A sentence where forces [N], shape (m,), are all gentler or some harder than any pull.
+
+    A model is known where it was pulled: beyond the hardest pull its error grows with the force,
+    and a path without a force as large as the gentlest pull may be in another unit.
+    """
+    if pulled is None or pulled[0] <= (hardest := float(force_n.max())) <= pulled[1]:
+        return []
+    least, most = (plain(one) for one in pulled)
+    told = f"The forces reach {plain(hardest)} N; the campaign pulled with {least} to {most} N"
+    if hardest < pulled[0]:
+        return [f"{told}: check their unit."]
+    return [f"{told}: beyond that its model was not tested, and its error grows with the force."]
 
 
 def whole(log: logs.Log) -> logs.Log:
@@ -182,6 +215,7 @@ def compensate(
     """
     tip = model.tool.load_point if tip is None else np.asarray(tip, float)
     points = tip + _ARM_M * np.vstack([np.zeros(3), np.eye(3)])
+    rating.refuse_unheld(model.robot, path.q, path.force, tip, path.file, path.line)
     before = model.positions(path.q, path.force, points)
     offset = np.zeros_like(path.q)
     soft = np.sqrt(model.robot.nominal_compliance)
@@ -199,6 +233,8 @@ def compensate(
         left=np.linalg.norm(left[:, 0], axis=1),
         std=model.predict(path.q, path.force, tip).std,
         held_out=model.held_out_m,
+        force=np.linalg.norm(path.force, axis=1),
+        pulled=model.pulled_n,
     )
 
 

@@ -97,21 +97,23 @@ def corrected(
     """
     if in_tool:
         force = in_base(model.robot, aimed.q, aimed.tool, force)
-    found = _held(model, aimed, force)
+    found = _held(model, targets, aimed, force)
     wrong = _refused(model.robot, targets, aimed, found)
     if wrong:
         raise Refused(wrong)
     return found, _moved(model.robot, notation, targets, aimed, found)
 
 
-def _held(model: Model, aimed: Aimed, force: Array) -> Compensation:
+def _held(model: Model, targets: Sequence[Target], aimed: Aimed, force: Array) -> Compensation:
     """Offsets that leave the sliding joints where they are; forces (m, 3) in F_b."""
     tips, which = np.unique(aimed.tip, axis=0, return_inverse=True)
     which = which.ravel()
     parts, order = [], []
     for k, tip in enumerate(tips):
         rows = np.flatnonzero(which == k)
-        path = Path(rows, aimed.q[rows], force[rows], controller=True)
+        lines = tuple(targets[row].line for row in rows.tolist())
+        file = targets[rows[0]].file
+        path = Path(rows, aimed.q[rows], force[rows], True, file, lines)
         parts.append(compensate(model, path, tip, model.robot.prismatic))
         order.append(rows)
     return Compensation.joined(parts).part(np.argsort(np.concatenate(order)))

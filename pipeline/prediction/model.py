@@ -130,6 +130,7 @@ class Model(Locked):
         stated: Joints whose stiffness result.json states, shape (n,); all where not given.
         held_out_m: By how much poses that were left out with all their pulls were missed, rms per
             coordinate [m], noise of the readings included; None where nothing predicts them.
+        pulled_n: The gentlest and the hardest pull of the campaign [N]; None where nobody says.
     """
 
     campaign: str
@@ -138,6 +139,7 @@ class Model(Locked):
     hypotheses: tuple[Hypothesis, ...]
     stated: Bools | None = None
     held_out_m: float | None = None
+    pulled_n: tuple[float, float] | None = None
 
     @staticmethod
     def load(path: Path | str) -> Model:
@@ -329,6 +331,7 @@ def dumps(handed: Model) -> str:
         "robot_name": robot.name,
         "verdict": handed.verdict,
         **({} if handed.held_out_m is None else {"held_out_rms_m": handed.held_out_m}),
+        **({} if handed.pulled_n is None else {"pulled_n": list(handed.pulled_n)}),
         "covariance": handed.cov.tolist(),
         "recommended": dict(handed.recommended),
         "parameter": [
@@ -395,6 +398,7 @@ class _File(BaseModel):
     verdict: str
     recommended: dict[str, str]
     held_out_rms_m: float | None = None
+    pulled_n: tuple[float, float] | None = None
     parameter: list[_Parameter]
     hypothesis: Annotated[list[_Hypothesis], Field(min_length=1)]
     tool: dict[str, tuple[float, float, float]]
@@ -421,6 +425,7 @@ def parse(text: str, file: str = "model.toml") -> Model:
         tuple(_read(one, springs, file) for one in content.hypothesis),
         np.array([entry.stiffness is not None for entry in content.parameter]),
         content.held_out_rms_m,
+        content.pulled_n,
     )
 
 

@@ -6,7 +6,7 @@ left-out poses were missed by (docs/decisions/0030).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +14,7 @@ import pandas as pd
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
 from pipeline.machine.cell import Tool, paper_cell
-from pipeline.machine.robot import Robot
+from pipeline.machine.robot import Robot, rating
 from pipeline.prediction import cartesian, compensate
 from pipeline.prediction.aim import Setting, aim
 from pipeline.prediction.decision import Decision, decide
@@ -116,12 +116,20 @@ def read(name: str, data: bytes, model: Model) -> Path:
     letters = cartesian.form(name, data)
     if letters is None:
         found = compensate.read(name, data, model.robot)
-        return Path(found.pose, found.q, found.force)
+        return _held(model, Path(found.pose, found.q, found.force), name, found.line)
     poses = cartesian.read(name, data, model.robot, letters)
     tool = np.eye(4)
     tool[:3, 3] = model.tool.load_point
     aimed = aim(model, poses.notation, poses.targets, Setting({"": tool}, {"": np.eye(4)}))
-    return Path(poses.pose, aimed.q, poses.force)
+    lines = [target.line for target in poses.targets]
+    return _held(model, Path(poses.pose, aimed.q, poses.force), name, lines)
+
+
+def _held(model: Model, path: Path, name: str, line: Sequence[int]) -> Path:
+    """A path with forces that the robot holds."""
+    point = model.tool.load_point
+    rating.refuse_unheld(model.robot, path.q, path.force, point, name, line)
+    return path
 
 
 def table(model: Model, path: Path, found: Tip, tolerance_m: float) -> pd.DataFrame:

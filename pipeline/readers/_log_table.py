@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -135,8 +136,11 @@ def known_columns(said: LogForm, where: str, quantities: Sequence[Quantity]) -> 
         if ours.lower() not in {name.lower() for name in names}:
             raise InputError(
                 f'[{where}.columns] calls "{title}" {ours}, which is no column of ours',
-                f"there are {listed(names, most=40)}",
+                f"did you mean {near[0]}?"
+                if (near := get_close_matches(ours, names, 1))
+                else f"there are {listed(names, most=40)}",
                 file="campaign.toml",
+                key=[where, "columns", title],
             )
 
 

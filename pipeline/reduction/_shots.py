@@ -271,6 +271,7 @@ def _no_state(name: str, parts: Mapping[str, str], said: Mapping[str, str]) -> I
         f'naming.group reads {read} from group "{shown(name)}"',
         f"let it find whole numbers and one of {listed(said)}{add}",
         file="campaign.toml",
+        key=["naming", "group"],
     )
 
 

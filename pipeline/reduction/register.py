@@ -290,6 +290,7 @@ def _enough(base: pd.DataFrame, nominal: Array) -> None:
             f"only {len(names)} base reflectors were measured ({', '.join(names) or 'none'})",
             f"measure at least {BASE_REFLECTORS} that stand in [base_frame]",
             file="campaign.toml",
+            key=["base_frame"],
         )
     spread = linear.extent(nominal)
     if spread[0] <= _REFLECTOR_M:
@@ -297,12 +298,14 @@ def _enough(base: pd.DataFrame, nominal: Array) -> None:
             f"the base reflectors {', '.join(names)} are all in one place",
             "give each its own nominal coordinates in [base_frame], in metres",
             file="campaign.toml",
+            key=["base_frame"],
         )
     if spread[1] <= _ONE_LINE * spread[0]:
         raise InputError(
             f"the base reflectors {', '.join(names)} lie on one line",
             "add one beside that line, or the tracker's roll about it stays unknown",
             file="campaign.toml",
+            key=["base_frame"],
         )
 
 

@@ -5,14 +5,15 @@ from __future__ import annotations
 import datetime
 import re
 from collections.abc import Sequence
+from difflib import get_close_matches
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import AfterValidator, Field, ValidationError, field_validator, model_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from pipeline.base import toml
 from pipeline.base.arrays import Array
-from pipeline.base.errors import InputError, first_wrong, listed
+from pipeline.base.errors import InputError, listed
 from pipeline.base.linear import extent
 from pipeline.base.patterns import is_glob
 from pipeline.base.strict import (
@@ -26,11 +27,13 @@ from pipeline.base.strict import (
     Length,
     Mass,
     MassUncertainty,
+    Misplaced,
     Name,
     Scatter,
     Strict,
     Temperature,
     Uncertainty,
+    checked,
     with_parts,
 )
 from pipeline.machine.instrument import InstrumentNoise
@@ -263,6 +266,7 @@ class TestPose(Strict):
                 f"test_pose.q has {len(self.q)} values, the robot {robot.n} joints",
                 f"give one value per joint: {', '.join(joint.name for joint in robot.joints)}",
                 file="campaign.toml",
+                key=["test_pose", "q"],
             )
         return from_log_units(robot, np.array(self.q))
 
@@ -281,6 +285,7 @@ class TestPose(Strict):
                     f"{one * joint.lower:g} to {one * joint.upper:g} {unit}",
                     "give a pose that the robot can take, in m and degrees",
                     file="campaign.toml",
+                    key=["test_pose", "q"],
                 )
 
 
@@ -425,7 +430,10 @@ class Settings(Surrounded):
         """The load point and every measured target need nominal coordinates."""
         lacking = [name for name in ("load_point", *self.measured) if name not in self.tool]
         if lacking and self.positions is None:
-            raise ValueError(f"[tool] lacks {', '.join(lacking)}")
+            spare = [name for name in self.tool if name not in ("load_point", *self.measured)]
+            near = get_close_matches(lacking[0], spare, 1)
+            way_out = f"is it {near[0]}? Then rename that" if near else ""
+            raise Misplaced(f"[tool] lacks {', '.join(lacking)}", ["tool", *near], way_out)
         self.accepts_only(self.measured)
         return self
 
@@ -492,7 +500,7 @@ class Settings(Surrounded):
                 _on_the_effector(point)
             except ValueError as wrong:
                 thing, _, way_out = str(wrong).partition("; ")
-                line = line_of(text, ["tool", name])
+                line = toml.line_of(text, ["tool", name])
                 raise InputError(f"[tool] {name}: {thing}", way_out, line=line) from wrong
 
     @property
@@ -539,19 +547,8 @@ def parse(text: str) -> Settings:
     """
     content = toml.loads(text, "campaign.toml")
     _filled_in(text)
-    try:
-        return Settings.model_validate(content)
-    except ValidationError as problem:
-        words, message = first_wrong(problem)
-        where = ".".join(words)
-        lines = (line_of(text, words[:k]) for k in range(len(words), 0, -1))
-        line = next(filter(None, lines), None)
-        raise InputError(
-            f"{where}: {message}" if where else message,
-            toml.remedy(text, line, "correct it as docs/campaign.md describes"),
-            file="campaign.toml",
-            line=line,
-        ) from problem
+    way_out = "correct it as docs/campaign.md describes"
+    return checked(Settings, content, "campaign.toml", "", way_out, text)
 
 
 def unfilled(text: str) -> dict[int, str]:
@@ -574,23 +571,3 @@ def _filled_in(text: str) -> None:
             file="campaign.toml",
             line=min(left),
         )
-
-
-def line_of(text: str, path: list[str]) -> int | None:
-    """The line on which the last known word of a path stands, as good as text search can tell."""
-    table = None
-    for number, line in enumerate(text.splitlines(), 1):
-        header = re.match(r"\s*\[([^\]]+)\]", line)
-        if header:
-            table = header[1].strip()
-            if path == [table]:
-                return number
-        key = re.match(r'\s*(?:"([^"]*)"|([^"=\s]+))\s*=', line)
-        if (
-            key
-            and path
-            and (key[1] or key[2]) == path[-1]
-            and (len(path) == 1 or table == ".".join(path[:-1]))
-        ):
-            return number
-    return None

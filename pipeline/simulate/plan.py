@@ -301,7 +301,7 @@ def parse(text: str, file: str = "plan.toml") -> Plan:
     Raises:
         InputError: Not TOML, an unknown word or a value out of range; names the place.
     """
-    return _validated(loads(text, file), file)
+    return _validated(loads(text, file), file, text)
 
 
 def fitted(plan: Plan, robot: Robot) -> Plan:
@@ -387,5 +387,5 @@ def revised(plan: Plan, changes: dict[str, Any]) -> Plan:
     return _validated(merged(plan.model_dump(exclude_unset=True), changes), "plan")
 
 
-def _validated(content: dict[str, Any], file: str) -> Plan:
-    return checked(Plan, content, file, "the plan", "correct the plan")
+def _validated(content: dict[str, Any], file: str, text: str = "") -> Plan:
+    return checked(Plan, content, file, "the plan", "correct the plan", text)

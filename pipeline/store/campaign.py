@@ -13,7 +13,7 @@ import os
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
 from importlib import metadata
@@ -63,6 +63,11 @@ class Raw:
     robot: Robot
     files: Mapping[str, bytes]
     key: str
+
+    def placing(self) -> AbstractContextManager[None]:
+        """Errors about an entry of campaign.toml get its line; those of no file are about it."""
+        said = self.files["campaign.toml"].decode("utf-8", "replace")
+        return toml.placed("campaign.toml", said)
 
 
 @dataclass(frozen=True)
@@ -119,7 +124,8 @@ class Campaign:
         self.fit()
         said = self.content("campaign.toml")
         settings = _settings(said)
-        others = {name: self.content(name) for name in self._named(settings)}
+        with toml.placed("campaign.toml", said.decode("utf-8", "replace")):
+            others = {name: self.content(name) for name in self._named(settings)}
         return _raw(settings, {"campaign.toml": said, **others})
 
     def fit(self) -> None:
@@ -418,6 +424,21 @@ def _at(root: Path, folder: Path) -> Campaign:
     real, raw = Path(os.path.realpath(folder)), Path(os.path.realpath(root / "data" / "raw"))
     here = Path(os.path.realpath(folder.parent)) == raw
     return Campaign(root, folder if here and not real.is_relative_to(raw) else real)
+
+
+def outside_raw(root: Path, output: Path) -> Path:
+    """A file that somebody asks us to write, which is no measurement.
+
+    Raises:
+        UsageError: It would lie under data/raw.
+    """
+    raw = os.path.realpath(root / "data" / "raw")
+    if Path(os.path.realpath(output)).is_relative_to(raw):
+        raise UsageError(
+            f"{output} lies under data/raw, where measurements stay as they came: choose another "
+            "--output"
+        )
+    return output
 
 
 def label(name: str) -> str:

@@ -62,7 +62,10 @@ def compensate(
     ] = None,
     output: Annotated[
         Path | None,
-        Option(help="Where to; else PATH-compensation.csv beside a path, stdout for a program."),
+        Option(
+            help="Where to; else the folder of the report for a path, stdout for a program. Never "
+            "under data/raw."
+        ),
     ] = None,
     root: Root = Path(),
 ) -> None:
@@ -74,6 +77,7 @@ def compensate(
     """
     from pipeline.prediction.aim import Refused
     from pipeline.programs import dialect
+    from pipeline.store.campaign import outside_raw
 
     given = Given(tip, force, force_frame, tool or (), base or (), world, flange, start)
     try:
@@ -82,7 +86,7 @@ def compensate(
             typer.echo(written)
         else:
             data, remarks = program(root, campaign, path, given)
-            _put(data, output)
+            _put(data, None if output is None else outside_raw(root, output))
     except Refused as wrong:
         for one in listed_lines([str(one) for one in wrong.others]):
             typer.secho(fitted(one, sys.stderr), err=True, fg="red")

@@ -38,7 +38,9 @@ def predict(
     if output is None:
         typer.echo(table, nl=False)
     else:
-        files.write(output, table.encode())
+        from pipeline.store.campaign import outside_raw
+
+        files.write(outside_raw(root, output), table.encode())
         typer.echo(output)
 
 

@@ -33,7 +33,9 @@ def query(
     wanted = _format(form, output, asking.FORMATS)
     found = asking.described() if sql is None else asking.ask(root, sql)
     if output is not None:
-        asking.save(found, wanted, output)
+        from pipeline.store.campaign import outside_raw
+
+        asking.save(found, wanted, outside_raw(root, output))
         typer.echo(output)
     elif wanted == "table":
         asking.show(found)

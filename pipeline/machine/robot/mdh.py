@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from difflib import get_close_matches
 from functools import cache, cached_property
 from importlib import resources
 from pathlib import Path
@@ -15,11 +16,11 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field, model_validator
 
 from pipeline.base import files, toml
 from pipeline.base.arrays import Array, Bools, Locked
-from pipeline.base.errors import InputError, first_wrong, listed
+from pipeline.base.errors import InputError, listed
 from pipeline.base.strict import (
     Degrees,
     Length,
@@ -29,6 +30,7 @@ from pipeline.base.strict import (
     Positive,
     Prose,
     Stiffness,
+    checked,
 )
 from pipeline.machine.robot.capsules import BASE, Capsule, Capsules, capsules
 from pipeline.machine.robot.steps import Fixed, screw_x, screw_z, turn_y
@@ -342,14 +344,10 @@ def parse(text: str, file: str) -> Robot:
     Raises:
         InputError: The text is not TOML or not a robot; says where and what is expected.
     """
-    table = toml.loads(text, file)
+    table, way_out = toml.loads(text, file), "correct the robot file"
+    content = checked(RobotFile, table, file, "the robot", way_out, text)
     try:
-        content = RobotFile.model_validate(table)
         placement, flange = placements(content)
-    except ValidationError as problem:
-        words, message = first_wrong(problem)
-        where = ".".join(words) or "the robot"
-        raise InputError(f"{where}: {message}", "correct the robot file", file=file) from problem
     except ValueError as problem:
         raise InputError(str(problem), "correct the row or the convention", file=file) from problem
     names = [joint.name for joint in content.joint]
@@ -414,10 +412,13 @@ def load(name: str, folder: Path | None = None) -> Robot:
 
 def no_robot(name: str, file: str | None) -> InputError:
     """What to say where a robot neither ships nor has a file."""
+    near = get_close_matches(name, SHIPPED, 1)
+    meant = f"did you mean {near[0]}? If not, " if near else ""
     return InputError(
         f'there is no robot "{name}"',
-        f"use one of {listed(SHIPPED)}, or the path of a robot file ending in .toml",
+        f"{meant}use one of {listed(SHIPPED)}, or the path of a robot file ending in .toml",
         file=file,
+        key=["robot"],
     )
 
 
