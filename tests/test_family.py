@@ -98,3 +98,39 @@ def test_tails_of_the_paper_are_not_heavier_than_stated():
 
     assert family(told, True)[0].p_value > 0.01
     assert family(told, False)[0].p_value < 1e-3
+
+
+def student(nu, core, rng):
+    """Student's noise whose middle is `core` wide, not its variance."""
+    return core * np.sqrt(nu / (nu - 2)) * errors(nu, 300, rng)
+
+
+def bursts(core, rng):
+    """One reading in twenty four times wider."""
+    return core * np.where(rng.random((300, 1)) < 0.05, 4.0, 1.0) * rng.standard_normal((300, 3))
+
+
+WIDTHS = [
+    (lambda rng: 1.4 * rng.standard_normal((300, 3)), 1.4, True),
+    (lambda rng: student(3.0, 0.85, rng), 0.85, False),
+    (lambda rng: student(3.0, 1.0, rng), 1.0, False),
+    (lambda rng: bursts(1.0, rng), 1.0, False),
+    (lambda rng: student(3.0, 1.7, rng), 1.7, True),
+    (lambda rng: bursts(1.7, rng), 1.7, True),
+]
+
+
+@pytest.mark.parametrize(("drawn", "core", "wider"), WIDTHS)
+def test_what_the_tails_explain_is_no_wider_core(drawn, core, wider):
+    """The readings' own variance is in use, which holds core and tails; the core is told apart."""
+    found = []
+    for rng in map(np.random.default_rng, range(40, 50)):
+        e = drawn(rng)
+        used = np.sqrt(np.mean(e**2))
+        found.append(family(seen(e / used, 0.6, rng), False)[0].core(used))
+
+    told = sum(one.p_value < 0.003 for one in found)
+    assert told >= 9 if wider else told == 0
+    assert np.median([one.scale for one in found]) == pytest.approx(core, rel=0.1)
+    spread = np.std([np.log(one.scale) for one in found])
+    assert 0.4 * spread < np.median([one.std for one in found]) < 2.5 * spread

@@ -28,7 +28,6 @@ from pipeline.faults.mistake import Mistake
 from pipeline.machine.effect import Effect
 from pipeline.machine.robot import Robot
 from pipeline.machine.room import room_of, unchecked
-from pipeline.system import alarms
 from pipeline.system.estimate import left_out
 from pipeline.system.shape import Shape
 from pipeline.system.system import Estimate, Scatter
@@ -42,7 +41,7 @@ def diagnosis_entry(found: Findings) -> contract.Diagnosis:
     """
     said = entry(found.diagnosis, found.right.case.robot, found.facts)
     named = {cause.name for cause in said.causes}
-    noise = found.right.noise
+    noise = found.right.excess
     larger = np.flatnonzero(noise.larger).tolist()
     noisy = [_noisy(noise, i) for i in larger if NAMES[noise.name[i]] not in named]
     noisy += _shaped(found.right.shape)
@@ -278,8 +277,6 @@ def noise_entry(found: Components, estimate: Estimate) -> contract.Noise:
 
 def _shaped(found: Shape) -> list[contract.Cause]:
     """Tails heavier than stated, and a wander of the instrument, beside a model that fits."""
-    if not found.weighed:
-        return []
     family, wander = found.family, found.wander
     freedom = contract.Amplitude(
         name="degrees_of_freedom", value=family.freedom, std=None, unit="1"
@@ -287,12 +284,10 @@ def _shaped(found: Shape) -> list[contract.Cause]:
     size = contract.Amplitude(name="s_wander", value=wander.size, std=wander.std, unit="m")
     time = contract.Amplitude(name="correlation_time", value=wander.time_s, std=None, unit="s")
     seen = (
-        ("heavy_tails", family.p_value, (freedom,)),
-        ("tracker_wander", wander.p_value, (size, time)),
+        (found.tailed, "heavy_tails", family.p_value, (freedom,)),
+        (found.wanders, "tracker_wander", wander.p_value, (size, time)),
     )
-    return [
-        _noise_cause(name, p, parameters) for name, p, parameters in seen if p < alarms.COMPONENT
-    ]
+    return [_noise_cause(name, p, parameters) for there, name, p, parameters in seen if there]
 
 
 def _noisy(found: Components, i: int) -> contract.Cause:

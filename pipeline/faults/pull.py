@@ -14,16 +14,14 @@ from pipeline.faults.labels import aligned, chain_distances
 from pipeline.faults.mistake import Mistake
 from pipeline.readers.logs import FORCE
 from pipeline.reduction.case import Case
+from pipeline.system.specimen import SURE, Common, common, told
 from pipeline.system.system import Estimate
 
 _CLEAR = 4.0
 """Standard uncertainties from zero at which the sign of a compliance is clear."""
 
-_NEAR = 0.35
-"""Logarithm by which the typical stiffness of a machine may be off from its nominal one."""
-
-_SPREAD = 0.6
-"""Logarithm by which single joints may scatter about that."""
+_FEWEST = 3
+"""Fewer joints tell no unit from what single joints have of their own."""
 
 
 def reversed_pull(case: Case, estimate: Estimate) -> list[Mistake]:
@@ -99,20 +97,29 @@ _OTHERWISE = [(sign, unit) for unit in FORCE if unit != "n" for sign in (1, -1)]
 def force_unit(case: Case, estimate: Estimate) -> list[Mistake]:
     """The scale's numbers are in another unit: all stiffnesses are off by its factor.
 
-    Only a robot with nominal stiffnesses can tell; a machine is not 4.4 times softer than its
-    kind in all joints alike.
+    Only a robot of known stiffnesses can tell. What all joints are off by in common (see
+    `system.specimen`) must be more than specimens of one type differ by as the numbers stand, and
+    no more in one other unit alone, each with a probability of `SURE`.
     """
-    nominal = np.array([joint.stiffness or np.nan for joint in case.robot.joints])
-    k = len(nominal)
+    joints, k = case.robot.joints, len(case.robot.joints)
     x, std = estimate.value[:k], estimate.std[:k]
-    known = np.isfinite(nominal) & np.isfinite(std) & (x > 3 * std)
-    if known.sum() < 3 or _hangs(case):  # a mass is in no unit of force
+    known = np.isfinite(std) & (x > 3 * std) & np.array([told(joint) for joint in joints])
+    if known.sum() < _FEWEST or _hangs(case):  # a mass is in no unit of force
         return []
-    softer = np.log(x[known] * nominal[known])
-    middle = float(np.median(softer))
-    off, sign, unit = min((abs(middle - s * np.log(FORCE[u])), s, u) for s, u in _OTHERWISE)
-    if off > _NEAR or np.median(np.abs(softer - middle)) > _SPREAD:
+    which = [joint for joint, of in zip(joints, known, strict=True) if of]
+    stiff, relative = 1 / x[known], std[known] / x[known]
+
+    def off(factor: float) -> Common:
+        return common(factor * stiff, factor * stiff * relative, which)
+
+    given = off(1.0)
+    if given.beyond < SURE:
         return []
+    right = {(s, u): off(FORCE[u] ** s) for s, u in _OTHERWISE}
+    second, best = sorted(right, key=lambda one: right[one].within)[-2:]
+    if right[best].within < SURE or right[second].within > 1 - SURE:
+        return []
+    sign, unit = best
     factor = float(FORCE[unit] ** sign)
     said, where, size = {
         1: (f"are {unit} and were read as N", unit, "small"),
@@ -123,11 +130,11 @@ def force_unit(case: Case, estimate: Estimate) -> list[Mistake]:
             name="unit_mixup",
             where=where,
             evidence=f"the numbers of the scale {said}: all stiffnesses come out "
-            f"{np.exp(abs(middle)):.2g} times too {size} "
+            f"{np.exp(abs(given.g)):.2g} times too {size} "
             f"against the robot's nominal ones, and {unit} is {FORCE[unit]:.4g} N",
             correction=f"computed again with all forces times {factor:.4g}",
-            before=float(np.exp(middle)),
-            after=float(np.exp(middle - sign * np.log(FORCE[unit]))),
+            before=float(np.exp(-given.g)),
+            after=float(np.exp(-right[best].g)),
             unit="1",
             correct=times(factor),
         )

@@ -51,6 +51,11 @@ class Fitted:
     noise: Components
     shape: Shape
 
+    @property
+    def excess(self) -> Components:
+        """Noise beyond the stated one, each part of it once: what the tails are is no size."""
+        return self.noise.beside(self.shape.family) if self.shape.tailed else self.noise
+
     def as_noisy(self, data: Measured) -> Measured:
         """Measurements of the same campaign with the size of the noise that is used."""
         return rescaled(data, self.noise) if self.noise.used else data

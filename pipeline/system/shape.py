@@ -14,6 +14,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Locked
 from pipeline.reduction.measured import Measured
+from pipeline.system import alarms
 from pipeline.system.assemble import errors
 from pipeline.system.beyond import Beyond, Readings, columns, estimates, free
 from pipeline.system.family import LIKELY, Family, family, likelihood
@@ -76,6 +77,16 @@ class Shape(Locked):
     def likely(self) -> bool:
         """Whether there rather is heavier noise, or a wander, than not."""
         return self.family.likely_heavy or self.wander.probability > LIKELY
+
+    @property
+    def tailed(self) -> bool:
+        """Whether tails heavier than stated are carried and beyond chance."""
+        return self.weighed and self.family.p_value < alarms.COMPONENT
+
+    @property
+    def wanders(self) -> bool:
+        """Whether a wander is carried and beyond chance."""
+        return self.weighed and self.wander.p_value < alarms.COMPONENT
 
     def on(self, data: Measured) -> Measured:
         """The measurements with all of it in their covariances."""
@@ -152,7 +163,8 @@ def tails(
     for turn in range(rounds):
         square, spread, good = estimates(beyond.base, readings)
         told, mean = family(likelihood(square, spread, variance)[good], data.paper)
-        found = told if turn == 0 else replace(told, p_value=found.p_value)
+        first = found if turn else told
+        found = replace(told, p_value=first.p_value, profile=first.profile)
         before, variance = variance, np.ones(len(variance))
         variance[good] = mean
         beyond = Beyond.of(seen, X, errors(flat, readings.scaled(data, variance), values))

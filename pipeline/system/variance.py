@@ -25,6 +25,7 @@ from pipeline.reduction.settings import Settings
 from pipeline.system import alarms
 from pipeline.system.assemble import TRACKED
 from pipeline.system.contrasts import ZEROS, pure_error, repeated_zeros
+from pipeline.system.family import Family
 from pipeline.system.restricted import Blocks, maximum
 from pipeline.system.system import Estimate, Goodness, System
 from pipeline.system.whiten import whitener
@@ -102,6 +103,22 @@ class Components(Locked):
     def of(self, name: str) -> float:
         """Scale of one component."""
         return float(self.scale[list(self.name).index(name)])
+
+    def beside(self, family: Family) -> Components:
+        """The same with the tracker's that of the core of its noise, beside the tails of a family.
+
+        A variance holds core and tails: of an excess that the tails explain nothing is left.
+        """
+        mine = self.name == "tracker"
+        if not (mine & self.larger).any():
+            return self
+        core = family.core(float(self.scale[mine][0]))
+        return replace(
+            self,
+            scale=np.where(mine, core.scale, self.scale),
+            std=np.where(mine, core.std, self.std),
+            p_value=np.where(mine, np.maximum(self.p_value, core.p_value), self.p_value),
+        )
 
 
 def variance_components(
