@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from pipeline.base.arrays import Array, Ints, Locked, Parameter, Strings
+from pipeline.machine.law import Law
 from pipeline.machine.robot import Configuration, Robot
 from pipeline.machine.robot.letters import Letter, changed
 
@@ -185,6 +186,7 @@ class Effect:
         odds: How likely it is before the data speak, over any other cause [1].
         size: Its expected size over the typical one of its parameters [1].
         axis: Axis of the controller that moves the joint of `where`, if one does.
+        law: What it is of, where nobody listed it.
     """
 
     name: str
@@ -203,6 +205,7 @@ class Effect:
     odds: float = 1.0
     size: float = 1.0
     axis: str | None = field(default=None, compare=False)
+    law: Law | None = None
 
     def everywhere(self, robot: Robot) -> tuple[Effect, ...]:
         """An entry of the catalogue: the effect, the same on any robot."""
