@@ -110,7 +110,7 @@ def _beside(
     first = len(accepted)
     evidence, p = now.log_evidence[first:], now.p()[first:]
     limit = threshold(view, view.base, now.dof, rng, _DRAWS)
-    by_scatter = -np.expm1(limit.independent * np.log1p(-p))
+    by_scatter = -np.expm1(limit.independent * np.log1p(-np.minimum(p, 1 - 1e-15)))
     able = (evidence > WORTH) & (by_scatter < ALPHA)
     if not able.any():
         return []

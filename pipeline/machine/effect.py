@@ -150,6 +150,10 @@ _OWNED = ("payload_mass", "payload_center")
 """Causes of a thing and not at a place."""
 
 
+_WHOLE = ("rail", "scale", "tracker")
+"""Where a law that nobody listed sits, if not in a joint."""
+
+
 def in_place(where: int | str | None, name: str = "", axis: str | None = None) -> str:
     """` in joint 3 (A2)`, ` in the forearm`, ` at P2`, ` of ballast`, or nothing."""
     if where is None:
@@ -157,6 +161,7 @@ def in_place(where: int | str | None, name: str = "", axis: str | None = None) -
     if isinstance(where, int):
         return f" in joint {where}{f' ({axis})' if axis else ''}"
     parts = {"upper_arm": " in the upper arm", "forearm": " in the forearm"}
+    parts |= {name: f" at the {name}" for name in _WHOLE}
     return parts.get(where, f" {'of' if name in _OWNED else 'at'} {where}")
 
 
@@ -229,7 +234,7 @@ class Effect:
     @property
     def location(self) -> str:
         """Where in the cell it sits: `rail`, `joint 3`, `upper_arm`, `force`, `metrology` ..."""
-        if self.where is None or self.place == "metrology":
+        if self.where is None or self.place == "metrology" or self.where in _WHOLE:
             return self.place
         return f"joint {self.where}" if self.place == "joint" else str(self.where)
 

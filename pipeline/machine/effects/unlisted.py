@@ -43,7 +43,7 @@ _COUPLED = (1, 2, 3)
 _PER_RAIL = (1, 2, 3, 4, 5, 6)
 """Periods over the length of the rail that the poses span: supports, joints of the rails."""
 
-_STEPS = 6
+_STEPS = 12
 """So many places of a step are tried."""
 
 _SIDES = 3
@@ -245,7 +245,7 @@ def _said(law: Law, place: str, names: int, unit: str, typical: float) -> dict[s
     return {
         "name": NAME,
         "where": law.where,
-        "noun": "law outside the catalogue",
+        "noun": noun(law),
         "place": place,
         "form": law.form,
         "parameters": tuple(
@@ -257,6 +257,68 @@ def _said(law: Law, place: str, names: int, unit: str, typical: float) -> dict[s
         "tolerance": 0.1,
         "law": law,
     }
+
+
+def noun(law: Law) -> str:
+    """What the law is, without its place."""
+    if law.part in _NOUNS:
+        return _NOUNS[law.part].format(axis=law.part[-1], source=law.source)
+    thing = _THINGS.get(law.part, "stiffness")
+    if law.kind == "coupling":
+        return f"{thing} that follows the angle of joint {law.source}, {law.order:g} per turn"
+    if law.kind == "periodic":
+        per = "turn" if law.variable == "angle" else "metre of the rail"
+        return f"{thing} that varies {float(f'{law.order:.2g}'):g} times per {per}"
+    if law.kind == "step":
+        return f"{thing} that jumps at {_at(law)}"
+    return f"{thing} that {_SMOOTH[law.variable]}"
+
+
+def _at(law: Law) -> str:
+    """Where a step is, in the unit that people read it in."""
+    if law.variable == "angle":
+        return f"{np.rad2deg(law.at):.0f}° of the joint"
+    if law.variable == "time":
+        return f"{law.at / HOUR_S:.2g} h of the campaign"
+    return f"{law.at:.2g} m of the rail" if law.variable == "position" else f"{law.at:.2g} N"
+
+
+_NOUNS = {
+    "knee": "stiffness that changes at a torque",
+    "knees": "stiffness with three slopes over the torque",
+    "jump": "turn that sets in with the torque",
+    "tips": "play of the bearing",
+    "creep": "creep under load",
+    "sinks": "sinking after the unloaded reading",
+    "grows": "growth of the link after the unloaded reading",
+    "pair": "compliance shared with joint {source}",
+    "bearing_x": "compliance of the bearing along its {axis} axis",
+    "bearing_y": "compliance of the bearing along its {axis} axis",
+    "bearing_z": "compliance of the bearing along its {axis} axis",
+    "place": "drift that is not steady",
+}
+"""Laws that their part says all of."""
+
+_THINGS = {
+    "drive": "stiffness of the drive",
+    "lateral": "lateral compliance of the carriage",
+    "vertical": "vertical compliance of the carriage",
+    "roll": "roll of the carriage",
+    "pitch": "pitch of the carriage",
+    "friction": "friction",
+    "play": "lost motion",
+    "reading": "factor of the force",
+}
+"""What follows a law, where it is not the stiffness of a joint."""
+
+_SMOOTH = {
+    "angle": "varies smoothly with the angle",
+    "torque": "changes with the torque",
+    "position": "varies smoothly along the rail",
+    "direction": "depends on the direction of the force",
+    "time": "changes with time",
+    "force": "changes with the force",
+}
 
 
 _Response = Callable[[Loaded, Array], Array]
@@ -407,7 +469,9 @@ def _of_guide(robot: Robot, law: Law) -> Effect:
 
     def response(loaded: Loaded, load: Array) -> Array:
         if law.variable == "force":
-            return np.asarray(np.sign(load) * np.abs(load) ** law.order * _LARGE[unit] ** (1 - law.order))
+            return np.asarray(
+                np.sign(load) * np.abs(load) ** law.order * _LARGE[unit] ** (1 - law.order)
+            )
         g = basis(law, variable(law, loaded))
         return np.asarray(load * (g if k == g.shape[1] else np.insert(g, 0, 1.0, axis=1)))
 
@@ -483,6 +547,31 @@ def basis(law: Law, v: Array) -> Array:
     middle, half = (law.low + law.high) / 2, max((law.high - law.low) / 2, 1e-12)
     u = ((v - middle) / half).clip(-1.0, 1.0)
     return np.stack([u**power for power in range(1, int(law.order) + 1)], axis=1)
+
+
+def height(law: Law, values: Array, cov: Array) -> tuple[float, float]:
+    """Amplitude and its standard uncertainty, by propagation.
+
+    Half the height of sum_k b_k g_k(v) over the range where it was taught; what the law itself is
+    where it has no function of a variable, over all its axes.
+
+    Args:
+        law: The law.
+        values: Its parameters b, SI, shape (k,).
+        cov: Their covariance, shape (k, k).
+    """
+    slope = values / max(float(np.linalg.norm(values)), 1e-300)
+    if law.part not in _NOUNS and law.variable not in ("direction", "torque"):
+        v = np.linspace(law.low, law.high, _GRID)
+        g = basis(law, v)
+        f = g @ values[len(values) - g.shape[1] :]
+        slope = np.zeros(len(values))
+        slope[len(values) - g.shape[1] :] = (g[np.argmax(f)] - g[np.argmin(f)]) / 2
+    return float(slope @ values), float(np.sqrt(slope @ cov @ slope))
+
+
+_GRID = 1001
+"""Places of a law that are compared for its height: fifty to a wave of the highest order."""
 
 
 def _width(law: Law, guide: bool) -> int:
