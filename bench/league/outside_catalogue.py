@@ -243,7 +243,7 @@ STRANGE: tuple[Secret, ...] = (
     ),
     Secret("bilinear_gear", "joint 4", False, _bilinear, Hidden((4,), (("smooth", "torque"),))),
     Secret("tooth_stiffness", "joint 2", False, _teeth, Hidden((2,), (("periodic", "angle"),), 6)),
-    Secret("axial_bearing", "joint 3", False, _bearing, Hidden((3,), (("smooth", "force"),))),
+    Secret("axial_bearing", "joint 3", False, _bearing, Hidden((3, 4), (("smooth", "force"),))),
     Secret("chain_rubs", "force", False, _rubs),
     Secret("carriage_walks", "rail", False, _walks),
     Secret("tripod_step", "metrology", False, _tripod),

@@ -19,12 +19,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array
 from pipeline.base.bootstrap import interval
 from pipeline.diagnosis.identify import NAMELESS, WORTH, Case, Found, search
+from pipeline.diagnosis.verdict import CERTAIN
 from pipeline.machine.cell import load
 from pipeline.machine.effect import Effect
 from pipeline.machine.effects import unlisted
+from pipeline.machine.effects.nameless import nameless
 from pipeline.system.beside import Base
 from pipeline.system.detect import threshold
 from pipeline.system.evidence import Scores
@@ -51,9 +54,6 @@ _MOST = 6
 _SEED = 20261123
 """Of draws of its own, so that campaigns without such laws draw what they drew."""
 
-_ROUNDS = 2
-"""Searches: beside the springs, then beside what that has found."""
-
 
 def beyond(case: Case, found: Found, start: Array) -> tuple[Case, Found]:
     """The case and what is found in it, with laws that nobody listed among the suspects.
@@ -67,25 +67,46 @@ def beyond(case: Case, found: Found, start: Array) -> tuple[Case, Found]:
         start: Compliances to begin with.
     """
     rng = np.random.default_rng(_SEED)
-    for _ in range(_ROUNDS):
-        if not open_(found):
-            break
-        laws = _likely(case, found, rng)
-        if not laws:
-            break
-        wider = replace(case, suspects=case.suspects + laws, nameless=())
-        other = search(wider, start, rng)
-        if not _named(wider, other) - _named(case, found) or not _carries(wider, other, rng):
-            break
-        case, found = wider, other
+    if open_(found, rng):
+        case, found = _searched(case, found, (), start, rng)
+        if found.accepted and open_(found, rng):
+            case, found = _searched(case, found, found.accepted, start, rng)
     return case, found
 
 
-def open_(found: Found) -> bool:
-    """Whether the catalogue leaves something to explain, or something nameless explains more."""
+def _searched(
+    case: Case, found: Found, beside: tuple[int, ...], start: Array, rng: np.random.Generator
+) -> tuple[Case, Found]:
+    """With laws among the suspects, where one is accepted and carries over to other poses."""
+    laws = _likely(case, found, beside, rng)
+    if not laws:
+        return case, found
+    wider = replace(case, suspects=case.suspects + laws, nameless=())
+    other = search(wider, start, rng)
+    new = _named(wider, other) - _named(case, found)
+    return (wider, other) if new and _carries(wider, other, rng) else (case, found)
+
+
+def open_(found: Found, rng: np.random.Generator) -> bool:
+    """Whether something was detected that the catalogue does not certainly explain.
+
+    It leaves something, something nameless may stand there, or left-out poses are not certainly
+    predicted better.
+    """
     if not found.detected:
         return False
-    return not found.explains or bool(found.stranger and found.stranger.probability > 0.5)
+    stranger = found.stranger.probability if found.stranger else 0.0
+    return not found.explains or stranger > 1 - CERTAIN or _gain(found.plain, (), rng) <= 0
+
+
+def _gain(view: Whitened, kept: tuple[int, ...], rng: np.random.Generator) -> float:
+    """Lower end of the 95 % interval of what a model gains over some of its causes.
+
+    By the cross-validation error, all estimated without each pose, poses drawn with replacement.
+    """
+    base = np.concatenate([np.arange(view.first), view.columns(kept)])
+    before, after = view.left_out(base), view.left_out(view.base)
+    return interval(before, after, view.pose[: len(view.rows)], rng)[1][0]
 
 
 def _named(case: Case, found: Found) -> set[tuple[str, str]]:
@@ -93,18 +114,10 @@ def _named(case: Case, found: Found) -> set[tuple[str, str]]:
     return {(one.label, one.form) for one in effects if one.law is not None}
 
 
-def _likely(case: Case, found: Found, rng: np.random.Generator) -> tuple[Effect, ...]:
-    """Laws that chance does not make, beside the springs and beside the accepted causes."""
-    chosen: dict[str, Effect] = {}
-    for accepted in dict.fromkeys([(), found.accepted]):
-        for one in _beside(case, found, accepted, rng):
-            chosen.setdefault(one.label + one.form, one)
-    return tuple(chosen.values())
-
-
-def _beside(
+def _likely(
     case: Case, found: Found, accepted: tuple[int, ...], rng: np.random.Generator
-) -> list[Effect]:
+) -> tuple[Effect, ...]:
+    """Laws that chance does not make beside some causes, the likeliest first."""
     view, laws = _view(case, found, accepted)
     now = view.beside(view.base)
     first = len(accepted)
@@ -113,17 +126,17 @@ def _beside(
     by_scatter = -np.expm1(limit.independent * np.log1p(-np.minimum(p, 1 - 1e-15)))
     able = (evidence > WORTH) & (by_scatter < ALPHA)
     if not able.any():
-        return []
+        return ()
     able &= _by_structure(view, now, rng)[first:] < ALPHA
     if not able.any():
-        return []
+        return ()
     best = evidence[able].max()
     out: list[Effect] = []
     for i in np.argsort(-evidence, kind="stable"):
         same = sum(one.label == laws[i].label for one in out)
         if able[i] and evidence[i] > best - _WITHIN and same < _FORMS and len(out) < _MOST:
             out.append(laws[i])
-    return out
+    return tuple(out)
 
 
 def _view(
@@ -134,9 +147,11 @@ def _view(
     near = found.seen if accepted else found.first.seen
     model = few.model(tuple(range(len(accepted))), near.model.values)
     seen = few.linearised(model, near)
+    unnamed = nameless(case.cell.robot)
     loaded = load(model.cell, case.data.pulls, model.values)
     laws = tuple(
-        replace(one, odds=NAMELESS * one.odds) for one in unlisted.effects(case.cell.robot, loaded)
+        replace(one, odds=NAMELESS * len(unnamed) * one.odds)
+        for one in unlisted.effects(case.cell.robot, loaded)
     )
     return few.whitened(seen.beside(laws)), laws
 
@@ -154,16 +169,23 @@ def _by_structure(view: Whitened, now: Scores, rng: np.random.Generator) -> Arra
     np.add.at(parts, view.pose, D * left[:, None])  # priors, -1, are the last
     signs = rng.choice([-1.0, 1.0], (_FLIPS, len(parts)))
     at = view.at
-    g = (signs @ parts)[:, np.maximum(at - view.first, 0)] * (at >= 0)
-    T = np.einsum("fni,fni->fn", g, np.einsum("fni,nij->fnj", g, now.cov))
+    size, axes = linear.directions(now.cov)
+    g = parts[:, np.maximum(at - view.first, 0)] * (at >= 0)
+    half = np.einsum("pni,nij->pnj", g, axes) * np.sqrt(np.maximum(size, 0.0))
+    most = np.full(_FLIPS, -np.inf)
+    for rank in np.unique(now.rank[now.rank > 0]):
+        mine = half[:, now.rank == rank]
+        drop = np.sum(
+            (signs @ mine.reshape(len(parts), -1)).reshape(_FLIPS, -1, at.shape[1]) ** 2, axis=2
+        )
+        most = np.maximum(most, _likelihood(drop.max(axis=1), rank, now))
+    own = _likelihood(now.drop, now.rank, now)
+    return np.asarray((1 + (most[:, None] >= own * (1 - 1e-9)).sum(axis=0)) / (1 + _FLIPS))
 
-    def statistic(drop: Array) -> Array:
-        share = np.clip(drop / now.rest, 0.0, 1 - 1e-12)
-        return np.asarray(-0.5 * now.dof * np.log1p(-share) - 0.5 * now.rank * np.log(now.dof))
 
-    most = statistic(T).max(axis=1)
-    own = statistic(now.drop)
-    return np.asarray((1 + (most[:, None] >= own * (1 - 1e-9)).sum(axis=0)) / (1 + len(most)))
+def _likelihood(drop: Array, rank: Array, now: Scores) -> Array:
+    share = np.clip(drop / now.rest, 0.0, 1 - 1e-12)
+    return np.asarray(-0.5 * now.dof * np.log1p(-share) - 0.5 * rank * np.log(now.dof))
 
 
 def _carries(case: Case, found: Found, rng: np.random.Generator) -> bool:
@@ -171,13 +193,6 @@ def _carries(case: Case, found: Found, rng: np.random.Generator) -> bool:
 
     At 95 %, poses drawn with replacement, beside all else that is accepted.
     """
-    view = found.plain
-    accepted, pose = found.accepted, view.pose[: len(view.rows)]
-    after = view.left_out(view.base)
-    for law in (i for i in accepted if case.suspects[i].law is not None):
-        rest = view.columns([i for i in accepted if i != law])
-        before = view.left_out(np.concatenate([np.arange(view.first), rest]))
-        _, (low, _) = interval(before, after, pose, rng)
-        if low <= 0:
-            return False
-    return True
+    laws = [i for i in found.accepted if case.suspects[i].law is not None]
+    rest = [tuple(i for i in found.accepted if i != law) for law in laws]
+    return all(_gain(found.plain, kept, rng) > 0 for kept in rest)

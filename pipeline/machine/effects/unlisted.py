@@ -74,17 +74,14 @@ _MOST = 20.0
 
 
 def effects(robot: Robot, loaded: Loaded) -> tuple[Effect, ...]:
-    """Every law that these pulls could show, each with its share of the odds of its place.
+    """Every law that these pulls could show, each with its share of odds that add up to one.
 
-    All places are alike beforehand, so are the families of laws of one place, and the members of
-    one family.
+    All families of laws are alike beforehand, and so are the members of a family.
     """
     laws = list(_laws(robot, loaded))
     members = Counter(law.family for law in laws)
-    families = Counter(family[0] for family in members)
     return tuple(
-        replace(effect(robot, law), odds=1.0 / (members[law.family] * families[law.where]))
-        for law in laws
+        replace(effect(robot, law), odds=1.0 / (members[law.family] * len(members))) for law in laws
     )
 
 
