@@ -70,7 +70,7 @@ def _teeth(s: Setup, size: float, course: Course) -> None:
 
 
 def _bearing(s: Setup, size: float, course: Course) -> None:
-    """The bearing of joint 3 gives way along its own axis."""
+    """The bearing of joint 3 gives way along its own axis, across the arm like that of joint 4."""
     s.machine.springs.append(Spring("bearing", 3, (0, 0, 1), True, straight(3.0e-8 * size)))
 
 
@@ -243,7 +243,7 @@ STRANGE: tuple[Secret, ...] = (
     ),
     Secret("bilinear_gear", "joint 4", False, _bilinear, Hidden((4,), (("smooth", "torque"),))),
     Secret("tooth_stiffness", "joint 2", False, _teeth, Hidden((2,), (("periodic", "angle"),), 6)),
-    Secret("axial_bearing", "joint 3", False, _bearing, Hidden((3, 4), (("smooth", "force"),))),
+    Secret("axial_bearing", "joint 3", False, _bearing, Hidden((2, 3, 4), (("smooth", "force"),))),
     Secret("chain_rubs", "force", False, _rubs),
     Secret("carriage_walks", "rail", False, _walks),
     Secret("tripod_step", "metrology", False, _tripod),
